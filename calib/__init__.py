@@ -1,0 +1,1 @@
+"""Camera calibration with the targets that `designer` makes."""

@@ -1,0 +1,209 @@
+"""The command `design`."""
+
+import inspect
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, get_args, get_type_hints
+
+import typer
+
+from designer.errors import InputError
+from designer.spec import BoardSpec
+from designer.spec_file import (
+    BoardFile,
+    CommonFile,
+    IcoFile,
+    PrintingFile,
+    RawValue,
+    parse_printing,
+    parse_spec,
+    read_spec_file,
+)
+
+app = typer.Typer(
+    name="design",
+    help="Design camera-calibration targets: from one size to files that print in two filaments.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+Option = str | bool | None
+FOLDER_HELP = "folder to write into (default: exports/NAME)"
+
+
+def main() -> None:
+    """Run the command line; bad input ends in one line on standard error and exit code 2."""
+    try:
+        code = app(standalone_mode=False)
+    except typer.TyperException as error:
+        _complain(" ".join(error.format_message().split()))
+        code = 2
+    except InputError as error:
+        _complain(str(error))
+        code = 2
+    except (typer.Abort, KeyboardInterrupt):
+        _complain("stopped; nothing was written")
+        code = 130
+    sys.exit(code or 0)
+
+
+def _complain(message: str) -> None:
+    print(f"error: {message}", file=sys.stderr)
+
+
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def _option(name: str, model: type[PrintingFile]) -> inspect.Parameter:
+    """The command-line option of a spec's field."""
+    help_text = model.model_fields[name].description
+    is_switch = get_args(get_type_hints(model)[name])[:1] == (bool,)
+    flags = [f"{_flag(name)}/--no-{name.replace('_', '-')}"] if is_switch else [_flag(name)]
+    if "colour" in name:
+        flags.append(_flag(name.replace("colour", "color")))
+    if is_switch:
+        annotation: object = Annotated[bool | None, typer.Option(*flags, help=help_text)]
+    else:
+        annotation = Annotated[str | None, typer.Option(*flags, help=help_text, metavar="VALUE")]
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+
+
+def _takes(
+    *models: type[PrintingFile],
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options of the models' fields, in place of its `**options`."""
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        named = [p for p in inspect.signature(command).parameters.values() if p.kind != p.VAR_KEYWORD]
+        fields = {name: model for model in models for name in model.model_fields if name != "kind"}
+        own_first = sorted(fields, key=lambda name: name in CommonFile.model_fields)
+        options = [_option(name, fields[name]) for name in own_first]
+        command.__signature__ = inspect.Signature(named + options)  # type: ignore[attr-defined]  # what inspect reads
+        return command
+
+    return decorate
+
+
+def _given(options: dict[str, Option]) -> dict[str, RawValue]:
+    """The options that were used."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+Folder = Annotated[Path | None, typer.Option("--out", "-o", help=FOLDER_HELP)]
+MustFit = Annotated[bool, typer.Option("--must-fit", help="refuse a part that is larger than the printer's bed")]
+
+
+@app.command()
+@_takes(IcoFile)
+def ico(*, out: Folder = None, must_fit: MustFit = False, **options: Option) -> None:
+    """Design an icosahedron with rings on its 20 faces."""
+    _design({"kind": "ico", **_given(options)}, "", out, must_fit)
+
+
+@app.command()
+@_takes(BoardFile)
+def board(*, out: Folder = None, must_fit: MustFit = False, **options: Option) -> None:
+    """Design a board with rings on one face."""
+    _design({"kind": "board", **_given(options)}, "", out, must_fit)
+
+
+@app.command()
+@_takes(IcoFile, BoardFile)
+def make(
+    spec: Annotated[str, typer.Argument(help="a template's name (see `design templates`) or a TOML file")],
+    *,
+    out: Folder = None,
+    must_fit: MustFit = False,
+    **options: Option,
+) -> None:
+    """Make a template or a TOML file.
+
+    Options replace the file's values.
+    """
+    from designer.presets import preset_or_file
+
+    path = preset_or_file("targets", spec)
+    values = {"name": path.stem, **read_spec_file(path), **_given(options)}
+    _design(values, str(path) if path == Path(spec) else spec, out, must_fit)
+
+
+def _design(values: dict[str, RawValue], origin: str, out: Path | None, must_fit: bool) -> None:
+    """Size, check, make and write a target, and say what was done."""
+    from designer.export.folder import write_folder
+    from designer.printability import check_printability
+    from designer.produce import Design, make_files
+    from designer.sizing import size_job
+    from designer.summary import print_design, progress
+
+    sized = size_job(parse_spec(values, origin))
+    design = Design(sized.job)
+    check = check_printability(design.target, sized.job.printing, bed_is_rule=must_fit)
+    for finding in check.violations:
+        if finding.rule == "bed":
+            raise InputError(finding.text)
+    folder = out if out is not None else Path("exports") / sized.job.name
+    with progress() as on_stage:
+        files = make_files(design, on_stage)
+        write_folder(folder, files)
+    print_design(design, sized.remarks, check, folder, files)
+
+
+@app.command()
+def templates() -> None:
+    """List the templates for targets and printers."""
+    from designer.layout import lay_out
+    from designer.presets import preset_names, preset_or_file, printer_profile
+    from designer.sizing import size_job
+    from designer.summary import print_templates
+
+    targets = []
+    for name in preset_names("targets"):
+        job = size_job(parse_spec(read_spec_file(preset_or_file("targets", name)), name)).job
+        targets.append((name, job, lay_out(job.target)))
+    printers = [
+        printer_profile(name, nozzle_mm=None, line_width_mm=None, layer_height_mm=None, bed_mm=None)
+        for name in preset_names("printers")
+    ]
+    print_templates(targets, printers)
+
+
+@app.command()
+@_takes(PrintingFile)
+def check(
+    file: Annotated[Path, typer.Argument(help="a spec (TOML) or a target file (NAME.target.json)")], **options: Option
+) -> None:
+    """Check a design against a printer's rules.
+
+    The exit code is 1 if a rule is violated.
+    """
+    from designer.layout import lay_out
+    from designer.presets import preset_or_file
+    from designer.printability import border_width_mm, check_printability
+    from designer.sizing import size_job, size_printing
+    from designer.summary import print_check
+    from designer.target import load_target
+
+    if file.suffix.lower() == ".json":
+        target = load_target(file)
+        printing, _ = size_printing(
+            parse_printing(_given(options)),
+            kind="ico" if target.face_count > 1 else "board",
+            border_mm=border_width_mm(target),
+            thickness_mm=target.spec.thickness_mm if isinstance(target.spec, BoardSpec) else math.inf,
+        )
+    else:
+        path = preset_or_file("targets", str(file))
+        job = size_job(parse_spec({**read_spec_file(path), **_given(options)}, str(file))).job
+        target, printing = lay_out(job.target), job.printing
+    result = check_printability(target, printing, bed_is_rule=True)
+    print_check(str(file), target, printing, result)
+    if result.violations:
+        raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    main()

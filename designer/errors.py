@@ -1,0 +1,8 @@
+"""The one exception that stands for bad input."""
+
+
+class InputError(ValueError):
+    """A person's input breaks a rule. The message is one line: the value, the rule, the remedy.
+
+    The command line prints it as it is and exits with code 2.
+    """

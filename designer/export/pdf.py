@@ -1,0 +1,81 @@
+"""Pages as PDF: vector shapes at exact size."""
+
+import io
+import math
+
+from reportlab.pdfgen.canvas import FILL_EVEN_ODD, Canvas
+
+from designer.sheets import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Page, Text
+
+POINTS_PER_MM = 72 / 25.4
+FONT = "Helvetica"
+
+
+def pdf_bytes(pages: tuple[Page, ...]) -> bytes:
+    """The pages as a PDF file; the same pages give the same bytes.
+
+    Circles become four Bezier curves each, which stray from the circle by 0.03 % of the radius; the centre is
+    exact. Viewers are asked to print without scaling.
+    """
+    buffer = io.BytesIO()
+    canvas = Canvas(buffer, invariant=True, pdfVersion=(1, 6))
+    canvas.setTitle(_encodable(pages[0].title))
+    canvas.setCreator("ringforge")
+    canvas.setViewerPreference("PrintScaling", "None")
+    for page in pages:
+        canvas.setPageSize((page.width_mm * POINTS_PER_MM, page.height_mm * POINTS_PER_MM))
+        _draw(canvas, page)
+        canvas.showPage()
+    canvas.save()
+    return buffer.getvalue()
+
+
+def _draw(canvas: Canvas, page: Page) -> None:
+    """Draw a page in millimetres."""
+    canvas.scale(POINTS_PER_MM, POINTS_PER_MM)
+    for area in page.drawing.areas:
+        _fill(canvas, area)
+    canvas.setLineWidth(LINE_MM)
+    canvas.setStrokeColor(CUT_COLOUR)
+    for cut in page.drawing.cuts:
+        path = canvas.beginPath()
+        path.moveTo(*cut[0])
+        for point in cut[1:]:
+            path.lineTo(*point)
+        path.close()
+        canvas.drawPath(path)
+    canvas.setStrokeColor(MARK_COLOUR)
+    for start, end in page.drawing.marks:
+        canvas.line(*start, *end)
+    canvas.setFillColor(MARK_COLOUR)
+    for text in page.drawing.texts:
+        _write(canvas, text)
+
+
+def _fill(canvas: Canvas, area: Area) -> None:
+    """Fill one area under the even-odd rule."""
+    path = canvas.beginPath()
+    for circle in area.circles:
+        path.circle(*circle.centre_mm, circle.radius_mm)
+    for polygon in area.polygons:
+        path.moveTo(*polygon[0])
+        for point in polygon[1:]:
+            path.lineTo(*point)
+        path.close()
+    canvas.setFillColor(area.colour)
+    canvas.drawPath(path, stroke=0, fill=1, fillMode=FILL_EVEN_ODD)
+
+
+def _write(canvas: Canvas, text: Text) -> None:
+    canvas.saveState()
+    canvas.translate(*text.position_mm)
+    canvas.rotate(math.degrees(text.angle_rad))
+    canvas.setFont(FONT, text.size_mm)
+    draw = canvas.drawCentredString if text.centred else canvas.drawString
+    draw(0, 0, _encodable(text.text))
+    canvas.restoreState()
+
+
+def _encodable(text: str) -> str:
+    """The text with a question mark for each letter that the standard fonts lack."""
+    return text.encode("cp1252", "replace").decode("cp1252")

@@ -1,0 +1,213 @@
+"""3MF packages that slicers open as one object in two filaments: the body in the first, the ink in the second.
+
+PrusaSlicer wants one mesh and reads the filaments from triangle ranges; Bambu Studio, OrcaSlicer and Cura want
+one mesh a part, joined as components. Each layout falls apart in the other's slicer, hence two files.
+The packages are written with `zipfile` because lib3mf renames the prefix of `slic3rpe:Version3mf`, which
+PrusaSlicer knows by its text.
+"""
+
+import io
+import zipfile
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from designer.errors import InputError
+from designer.mesh import Mesh, Part
+from designer.spec import PrintSpec
+
+_FIRST_DATE = (1980, 1, 1, 0, 0, 0)
+_ZIP_LEVEL = 1
+"""Higher levels take three times as long for files a third smaller."""
+
+_CONTENT_TYPES = """<?xml version="1.0" encoding="UTF-8"?>
+<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
+ <Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
+ <Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>
+ <Default Extension="config" ContentType="application/xml"/>
+</Types>
+"""
+_RELATIONSHIPS = """<?xml version="1.0" encoding="UTF-8"?>
+<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
+ <Relationship Id="model" Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
+</Relationships>
+"""
+_MODEL_START = """<?xml version="1.0" encoding="UTF-8"?>
+<model unit="millimeter" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+ xmlns:m="http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
+ xmlns:slic3rpe="http://schemas.slic3r.org/3mf/2017/06"
+ xmlns:cura="http://software.ultimaker.com/xml/cura/3mf/2015/10">
+"""
+
+# Resource ids in the model files. OrcaSlicer keeps one colour of a colour group, so each has its own.
+_BODY_COLOUR, _INK_COLOUR, _BODY, _INK, _TARGET = 1, 2, 3, 4, 5
+
+
+@dataclass(frozen=True)
+class ThreeMfFiles:
+    """The same part twice, as zip packages."""
+
+    prusa: bytes  # PrusaSlicer
+    bambu: bytes  # Bambu Studio, OrcaSlicer; Cura
+
+
+def threemf_files(part: Part, printing: PrintSpec, name: str, bed_from_target: NDArray[np.float64]) -> ThreeMfFiles:
+    """Write a part in two filaments. The same input gives the same bytes.
+
+    Args:
+        part: body and ink in the target frame.
+        printing: gives the two colours.
+        name: what slicers show.
+        bed_from_target: rigid motion that lays the part on the bed.  # (4, 4)
+
+    Raises:
+        InputError: a name that XML cannot hold.
+        ValueError: a part without ink.
+    """
+    if part.ink is None:
+        raise ValueError("a part without ink is no two-filament print")
+    if not name.isprintable():
+        raise InputError(f"name {name!r} holds a control character; use printable letters")
+    text = _PartText(
+        name=quoteattr(name),
+        colours=_colour_group(_BODY_COLOUR, printing.body_colour) + _colour_group(_INK_COLOUR, printing.ink_colour),
+        build=_build(bed_from_target),
+        body_vertices=_vertices(part.body),
+        ink_vertices=_vertices(part.ink),
+        body_triangles=_triangles(part.body.triangles),
+    )
+    # zlib lets other threads run, so one package is compressed while the other is put together.
+    with ThreadPoolExecutor(2) as pool:
+        prusa = pool.submit(_prusa_package, text, part.body, part.ink)
+        bambu = pool.submit(_bambu_package, text, part.ink)
+        return ThreeMfFiles(prusa.result(), bambu.result())
+
+
+@dataclass(frozen=True)
+class _PartText:
+    """The XML both packages share."""
+
+    name: str  # escaped, in its quotes
+    colours: str
+    build: str
+    body_vertices: str
+    ink_vertices: str
+    body_triangles: str
+
+
+def _prusa_package(text: _PartText, body: Mesh, ink: Mesh) -> bytes:
+    """One mesh of both shells; PrusaSlicer cuts it at the triangle ranges of its own file."""
+    ink_triangles = _triangles(ink.triangles + len(body.vertices_mm), f' pid="{_INK_COLOUR}" p1="0"')
+    model = (
+        _MODEL_START,
+        ' <metadata name="slic3rpe:Version3mf">1</metadata>\n',
+        f" <resources>\n{text.colours}",
+        f'  <object id="{_TARGET}" type="model" name={text.name} pid="{_BODY_COLOUR}" pindex="0">\n   <mesh>\n',
+        f"    <vertices>\n{text.body_vertices}{text.ink_vertices}    </vertices>\n",
+        f"    <triangles>\n{text.body_triangles}{ink_triangles}    </triangles>\n",
+        "   </mesh>\n  </object>\n </resources>\n",
+        text.build,
+    )
+    first_ink = len(body.triangles)
+    config = (
+        f'<?xml version="1.0" encoding="UTF-8"?>\n<config>\n <object id="{_TARGET}" instances_count="1">\n'
+        f'  <metadata type="object" key="name" value={text.name}/>\n'
+        + _prusa_volume("body", 1, 0, first_ink - 1)
+        + _prusa_volume("ink", 2, first_ink, first_ink + len(ink.triangles) - 1)
+        + " </object>\n</config>\n"
+    )
+    return _package(model, "Metadata/Slic3r_PE_model.config", config)
+
+
+def _prusa_volume(name: str, filament: int, first: int, last: int) -> str:
+    """The triangles `first` to `last` as a part of its own."""
+    return (
+        f'  <volume firstid="{first}" lastid="{last}">\n'
+        f'   <metadata type="volume" key="name" value="{name}"/>\n'
+        f'   <metadata type="volume" key="volume_type" value="ModelPart"/>\n'
+        f'   <metadata type="volume" key="extruder" value="{filament}"/>\n'
+        "  </volume>\n"
+    )
+
+
+def _bambu_package(text: _PartText, ink: Mesh) -> bytes:
+    """One mesh a part, joined as components of the object that is built."""
+    components = "".join(f'    <component objectid="{leaf}"/>\n' for leaf in (_BODY, _INK))
+    model = (
+        _MODEL_START,
+        f" <resources>\n{text.colours}",
+        *_leaf("body", _BODY, _BODY_COLOUR, 0, text.body_vertices, text.body_triangles),
+        *_leaf("ink", _INK, _INK_COLOUR, 1, text.ink_vertices, _triangles(ink.triangles)),
+        f'  <object id="{_TARGET}" type="model" name={text.name}>\n   <components>\n{components}   </components>\n',
+        "  </object>\n </resources>\n",
+        text.build,
+    )
+    config = (
+        f'<?xml version="1.0" encoding="UTF-8"?>\n<config>\n <object id="{_TARGET}">\n'
+        f'  <metadata key="name" value={text.name}/>\n  <metadata key="extruder" value="1"/>\n'
+        + _bambu_part("body", _BODY, 1)
+        + _bambu_part("ink", _INK, 2)
+        + " </object>\n</config>\n"
+    )
+    return _package(model, "Metadata/model_settings.config", config)
+
+
+def _leaf(name: str, number: int, colour: int, cura_extruder: int, vertices: str, triangles: str) -> tuple[str, ...]:
+    """A part's mesh object."""
+    return (
+        f'  <object id="{number}" type="model" name="{name}" pid="{colour}" pindex="0">\n   <metadatagroup>\n',
+        f'    <metadata name="cura:extruder_nr" type="xs:string" preserve="true">{cura_extruder}</metadata>\n',
+        f"   </metadatagroup>\n   <mesh>\n    <vertices>\n{vertices}    </vertices>\n",
+        f"    <triangles>\n{triangles}    </triangles>\n   </mesh>\n  </object>\n",
+    )
+
+
+def _bambu_part(name: str, number: int, filament: int) -> str:
+    return (
+        f'  <part id="{number}" subtype="normal_part">\n'
+        f'   <metadata key="name" value="{name}"/>\n'
+        f'   <metadata key="extruder" value="{filament}"/>\n'
+        "  </part>\n"
+    )
+
+
+def _colour_group(number: int, colour: str) -> str:
+    return f'  <m:colorgroup id="{number}">\n   <m:color color={quoteattr(colour.upper())}/>\n  </m:colorgroup>\n'
+
+
+def _build(bed_from_target: NDArray[np.float64]) -> str:
+    # 3MF multiplies row vectors: the transform is written column by column.
+    transform = " ".join(f"{value:.9f}" for value in bed_from_target[:3].T.ravel())
+    return f' <build>\n  <item objectid="{_TARGET}" transform="{transform}"/>\n </build>\n</model>\n'
+
+
+def _vertices(mesh: Mesh) -> str:
+    """To 10 nm: finer than single precision holds at a bed's size."""
+    line = '<vertex x="%.5f" y="%.5f" z="%.5f"/>\n'
+    return line * len(mesh.vertices_mm) % tuple(mesh.vertices_mm.ravel().tolist())
+
+
+def _triangles(triangles: NDArray[np.int32], properties: str = "") -> str:
+    line = f'<triangle v1="%d" v2="%d" v3="%d"{properties}/>\n'
+    return line * len(triangles) % tuple(triangles.ravel().tolist())
+
+
+def _package(model: Iterable[str], config_path: str, config: str) -> bytes:
+    """Zip a model and a slicer's settings."""
+    members = {
+        "[Content_Types].xml": _CONTENT_TYPES,
+        "_rels/.rels": _RELATIONSHIPS,
+        "3D/3dmodel.model": "".join(model),
+        config_path: config,
+    }
+    package = io.BytesIO()
+    with zipfile.ZipFile(package, "w") as archive:
+        for path, text in members.items():
+            entry = zipfile.ZipInfo(path, _FIRST_DATE)
+            entry.create_system = 3  # Unix; else the byte depends on the system that writes
+            archive.writestr(entry, text.encode(), zipfile.ZIP_DEFLATED, _ZIP_LEVEL)
+    return package.getvalue()

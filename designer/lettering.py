@@ -1,0 +1,141 @@
+"""Face numbers and the target id, as stencil letters that no border following can take for a ring.
+
+A closed loop of ink (0, 8, A) around white would be a ring to the detector, so every loop has a gap. Letters
+stand on a grid of strokes: 5 wide, 7 high, 1 apart; b and d are small letters, as on a seven-segment display.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from designer.polyhedron import INSET_PER_DEPTH
+from designer.spec import PrintSpec
+from designer.target import TargetGeometry
+
+WIDTH, HEIGHT, GAP = 5, 7, 1  # in strokes
+MAX_STROKE_MM = 0.6
+PAPER_STROKE_MM = 0.15
+"""Thinnest letter stroke that an office printer holds."""
+
+# Each glyph as filled cells, row by row from the top.
+_CELLS: dict[str, tuple[str, ...]] = {
+    "0": ("##.##", "#...#", "#...#", "#...#", "#...#", "#...#", "##.##"),
+    "1": ("..#..", ".##..", "..#..", "..#..", "..#..", "..#..", ".###."),
+    "2": ("#####", "....#", "....#", "#####", "#....", "#....", "#####"),
+    "3": ("#####", "....#", "....#", ".####", "....#", "....#", "#####"),
+    "4": ("#...#", "#...#", "#...#", "#####", "....#", "....#", "....#"),
+    "5": ("#####", "#....", "#....", "#####", "....#", "....#", "#####"),
+    "6": ("#####", "#....", "#....", "#####", "#...#", "#...#", "##.##"),
+    "7": ("#####", "....#", "....#", "....#", "....#", "....#", "....#"),
+    "8": ("##.##", "#...#", "#...#", "##.##", "#...#", "#...#", "##.##"),
+    "9": ("##.##", "#...#", "#...#", "#####", "....#", "....#", "#####"),
+    "A": ("##.##", "#...#", "#...#", "#####", "#...#", "#...#", "#...#"),
+    "B": ("#....", "#....", "#....", "#####", "#...#", "#...#", "##.##"),
+    "C": ("#####", "#....", "#....", "#....", "#....", "#....", "#####"),
+    "D": ("....#", "....#", "....#", "#####", "#...#", "#...#", "##.##"),
+    "E": ("#####", "#....", "#....", "####.", "#....", "#....", "#####"),
+    "F": ("#####", "#....", "#....", "####.", "#....", "#....", "#...."),
+}
+
+
+@dataclass(frozen=True)
+class Lettering:
+    """The letters of each face as counter-clockwise contours, and a line for the person about them."""
+
+    contours: tuple[tuple[NDArray[np.float64], ...], ...]  # per face
+    remark: str
+
+
+def letter_faces(target: TargetGeometry, printing: PrintSpec) -> Lettering:
+    """Write the face number and the target id on every face, where they fit.
+
+    On a face with a border they stand white in the border's strip along the lowest side; on a plain board, dark
+    between the rings and the lower edge, a quarter of a ring's diameter away from the rings.
+    """
+    nothing: tuple[tuple[NDArray[np.float64], ...], ...] = ((),) * target.face_count
+    if not printing.labels:
+        return Lettering(nothing, "labels: off")
+    finest = printing.printer.line_width_mm if printing.is_two_filament else PAPER_STROKE_MM
+    low, high = _strip(target, printing, finest)
+    stroke = min((high - low) / HEIGHT, MAX_STROKE_MM)
+    if stroke < finest:
+        return Lettering(
+            nothing,
+            f"labels: left out, there is room for {max(high - low, 0.0):.2f}mm; they are {HEIGHT * finest:.2f}mm high",
+        )
+    baseline = (low + high - HEIGHT * stroke) / 2
+    room = float(np.ptp(target.outline_mm[0][:, 0])) - 4 * abs(baseline - target.outline_mm[0][:, 1].min())
+    target_id = target.geometry_id[:8].upper()
+    faces = []
+    for face in range(target.face_count):
+        number = str(face)
+        choices = [target_id] if target.face_count == 1 else [f"{number} {target_id}", number]
+        fitting = [text for text in choices if text_width(text) * stroke <= room]
+        faces.append(text_contours(fitting[0], stroke, baseline) if fitting else ())
+    if not any(faces):
+        return Lettering(nothing, f"labels: left out, {room:.1f}mm is too short a line")
+    what = f"target id {target_id}" if target.face_count == 1 else "face numbers"
+    return Lettering(tuple(faces), f"labels: {what}, {HEIGHT * stroke:.1f}mm high")
+
+
+def _strip(target: TargetGeometry, printing: PrintSpec, clear_mm: float) -> tuple[float, float]:
+    """From which y to which y letters may stand on every face, in the face frame."""
+    edge = float(target.outline_mm[:, :, 1].min())
+    border_top = float(target.window_mm[:, :, 1].min())
+    if border_top > edge:
+        mitre = INSET_PER_DEPTH * printing.inlay_mm if target.face_count > 1 else 0.0
+        return edge + mitre + clear_mm, border_top - clear_mm - max(0.0, -printing.ink_offset_mm)
+    lowest = float((target.center_in_face_mm[:, 1] - 1.5 * target.radius_outer_mm).min())
+    return edge + 2 * clear_mm, lowest
+
+
+def text_width(text: str) -> int:
+    """Width of a line in strokes."""
+    return len(text) * (WIDTH + GAP) - GAP
+
+
+def text_contours(text: str, stroke_mm: float, baseline_mm: float) -> tuple[NDArray[np.float64], ...]:
+    """A line of text, centred on x = 0, as counter-clockwise contours."""
+    left = -text_width(text) / 2
+    contours = []
+    for place, letter in enumerate(text):
+        for outline in glyph_outlines(letter):
+            corner = outline + np.array([left + place * (WIDTH + GAP), 0.0])
+            contours.append(corner * stroke_mm + np.array([0.0, baseline_mm]))
+    return tuple(contours)
+
+
+def glyph_outlines(letter: str) -> tuple[NDArray[np.float64], ...]:
+    """The letter's contours in strokes, lower left at (0, 0); a blank has none."""
+    if letter == " ":
+        return ()
+    rows = _CELLS[letter]
+    filled = {(x, HEIGHT - 1 - y) for y, row in enumerate(rows) for x, cell in enumerate(row) if cell == "#"}
+    edges: dict[tuple[int, int], tuple[int, int]] = {}
+    for x, y in filled:
+        # The sides of a cell that no neighbour shares, counter-clockwise.
+        if (x, y - 1) not in filled:
+            edges[x, y] = (x + 1, y)
+        if (x + 1, y) not in filled:
+            edges[x + 1, y] = (x + 1, y + 1)
+        if (x, y + 1) not in filled:
+            edges[x + 1, y + 1] = (x, y + 1)
+        if (x - 1, y) not in filled:
+            edges[x, y + 1] = (x, y)
+    return tuple(_chains(edges))
+
+
+def _chains(edges: dict[tuple[int, int], tuple[int, int]]) -> list[NDArray[np.float64]]:
+    """Follow unit edges into closed contours, keeping only the corners."""
+    chains = []
+    while edges:
+        start = min(edges)
+        chain = [start]
+        while (after := edges.pop(chain[-1])) != start:
+            chain.append(after)
+        points = np.array(chain, dtype=float)
+        step, step_before = np.roll(points, -1, axis=0) - points, points - np.roll(points, 1, axis=0)
+        turns = step[:, 0] * step_before[:, 1] != step[:, 1] * step_before[:, 0]
+        chains.append(points[turns])
+    return chains

@@ -1,0 +1,257 @@
+"""From the pattern to closed triangle meshes of the body and of the ink set into it.
+
+Body and ink share every vertex of their common walls, so they fill the solid exactly. Where two faces of the
+icosahedron meet, the tops of their borders share the polyhedron's edge and the floors share the edge of a
+smaller icosahedron at the inlay's depth; no wall stands between them, and the whole border is one closed shell.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from manifold3d import triangulate
+from numpy.typing import NDArray
+
+from designer.errors import InputError
+from designer.pattern import Contour, FacePattern, Pattern, Stamp
+from designer.polyhedron import INRADIUS, INSET_PER_DEPTH, icosahedron_faces, icosahedron_vertices
+
+Ids = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A closed surface; triangles are counter-clockwise seen from outside."""
+
+    vertices_mm: NDArray[np.float64]  # (V, 3)
+    triangles: NDArray[np.int32]  # (T, 3)
+
+    @property
+    def volume_mm3(self) -> float:
+        """The enclosed volume, by the divergence theorem."""
+        a, b, c = (self.vertices_mm[self.triangles[:, k]] for k in range(3))
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+@dataclass(frozen=True)
+class Part:
+    """What is printed: a body, and the ink set into it (None where the pattern is paper or sheet)."""
+
+    body: Mesh
+    ink: Mesh | None
+
+
+@dataclass(frozen=True)
+class Hull:
+    """The solid around the faces: what the face patterns are set into.
+
+    `top` and `floor` are each face's outline at the surface and at the inlay's depth, as rows of `vertices_mm`;
+    both are counter-clockwise from outside. `body_skin` closes the body beside the faces, `rim` closes the ink
+    of a border there; both are empty where faces meet.
+    """
+
+    vertices_mm: NDArray[np.float64]  # (H, 3)
+    top: Ids  # (F, K)
+    floor: Ids  # (F, K)
+    floor_outline_mm: NDArray[np.float64]  # (F, K, 2) the outline at the inlay's depth, in the face frame
+    body_skin: Ids  # (T, 3)
+    rim: Ids  # (T, 3)
+
+
+def icosahedron_hull(pattern: Pattern, edge_mm: float, inlay_mm: float) -> Hull:
+    """The icosahedron, and the smaller one on which the border's floor lies.
+
+    Raises:
+        InputError: the border is too narrow for the inlay's depth.
+    """
+    inset = INSET_PER_DEPTH * inlay_mm
+    for face in pattern.faces:
+        if face.window is None:
+            raise InputError("an icosahedron needs a border; use one of at least two line widths")
+        border = float(face.window[:, 1].min() - face.outline[:, 1].min())
+        if border <= inset:
+            raise InputError(
+                f"border {border:.3g}mm is too narrow for an inlay {inlay_mm:g}mm deep, whose floor moves in by "
+                f"{inset:.3g}mm; use an inlay of at most {0.9 * border / INSET_PER_DEPTH:.2g}mm or a wider border"
+            )
+    vertices = icosahedron_vertices()
+    outer, inner = edge_mm * vertices, (edge_mm - inlay_mm / INRADIUS) * vertices
+    # Face frames put the code corner first: find the vertex at each outline corner.
+    frame = pattern.target_from_face
+    outline = np.stack([face.outline for face in pattern.faces])
+    corner = np.einsum("fij,fkj->fki", frame[:, :3, :2], outline) + frame[:, None, :3, 3]
+    top = np.argmax(np.einsum("fki,vi->fkv", corner, vertices), axis=2)
+    nothing = np.empty((0, 3), dtype=np.int64)
+    floor_outline = outline * (1 - inlay_mm / (INRADIUS * edge_mm))
+    return Hull(np.concatenate([outer, inner]), top, top + len(vertices), floor_outline, nothing, nothing)
+
+
+def board_hull(pattern: Pattern, thickness_mm: float, inlay_mm: float) -> Hull:
+    """The plate behind a single face.
+
+    Raises:
+        InputError: the inlay goes through the plate.
+    """
+    if inlay_mm >= thickness_mm:
+        raise InputError(
+            f"inlay {inlay_mm:g}mm goes through a board {thickness_mm:g}mm thick; use at most {thickness_mm / 2:g}mm"
+        )
+    face = pattern.faces[0]
+    corners = len(face.outline)
+    heights = (0.0, -inlay_mm, -thickness_mm)
+    vertices = np.concatenate([np.column_stack([face.outline, np.full(corners, z)]) for z in heights])
+    top, floor, bottom = np.arange(3 * corners).reshape(3, corners)
+    skin_from = top if face.window is None else floor
+    sides = _walls(skin_from, bottom)
+    underside = triangulate([face.outline])[:, ::-1] + 2 * corners
+    rim = _walls(top, floor) if face.window is not None else np.empty((0, 3), dtype=np.int64)
+    return Hull(vertices, top[None], floor[None], face.outline[None], np.concatenate([sides, underside]), rim)
+
+
+def inlaid(pattern: Pattern, hull: Hull, inlay_mm: float) -> Part:
+    """Set the pattern into the hull, `inlay_mm` deep."""
+    vertices, body, ink = [hull.vertices_mm], [hull.body_skin], [hull.rim]
+    count = len(hull.vertices_mm)
+    flat = _Triangulator()
+    for number, face in enumerate(pattern.faces):
+        surfaces = _cut_face(face, hull.floor_outline_mm[number], pattern.stamps, flat)
+        frame = pattern.target_from_face[number]
+        at_top = surfaces.points_mm @ frame[:3, :2].T + frame[:3, 3]
+        vertices += [at_top, at_top - inlay_mm * frame[:3, 2]]
+        own = count + np.arange(len(at_top))
+        top = np.concatenate([hull.top[number], own])
+        floor = np.concatenate([hull.floor[number], own + len(own)])
+        walls = _walls(top, floor, surfaces.edges)
+        body += [top[surfaces.white], floor[surfaces.ink_floor], walls[:, ::-1]]
+        ink += [top[surfaces.ink], floor[surfaces.ink_floor][:, ::-1], walls]
+        count += 2 * len(own)
+    everything = np.concatenate(vertices)
+    return Part(_compact(everything, np.concatenate(body)), _compact(everything, np.concatenate(ink)))
+
+
+def plain_icosahedron(edge_mm: float) -> Mesh:
+    """The bare solid, centred at the origin."""
+    return Mesh(edge_mm * icosahedron_vertices(), icosahedron_faces().astype(np.int32))
+
+
+def plain_board(outline_mm: Contour, thickness_mm: float) -> Mesh:
+    """The bare plate, its face at z = 0."""
+    corners = len(outline_mm)
+    vertices = np.concatenate([np.column_stack([outline_mm, np.full(corners, z)]) for z in (0.0, -thickness_mm)])
+    top, bottom = np.arange(2 * corners).reshape(2, corners)
+    cap = triangulate([outline_mm])
+    return Mesh(vertices, np.concatenate([cap, cap[:, ::-1] + corners, _walls(top, bottom)]).astype(np.int32))
+
+
+@dataclass(frozen=True)
+class _Surfaces:
+    """A face cut into ink and white; numbers count the outline's corners first, then `points_mm`."""
+
+    points_mm: NDArray[np.float64]  # (N, 2)
+    ink: Ids  # (T, 3)
+    ink_floor: Ids  # (T, 3) the same area at the inlay's depth, where the outline has moved in
+    white: Ids  # (T, 3)
+    edges: Ids  # (E, 2) of all contours but the outline, the ink on their left
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """A contour and the numbers of its points."""
+
+    points: Contour  # (N, 2)
+    ids: Ids  # (N,)
+
+    def reversed(self) -> "_Loop":
+        return _Loop(self.points[::-1], self.ids[::-1])
+
+    @property
+    def edges(self) -> Ids:
+        return np.stack([self.ids, np.roll(self.ids, -1)], axis=1)
+
+
+class _Triangulator:
+    """Triangulates areas; an area that recurs, as the white around the rings does, is done once."""
+
+    def __init__(self) -> None:
+        self._done: dict[bytes, Ids] = {}
+
+    def __call__(self, loops: list[_Loop]) -> Ids:
+        """Triangles over the area on the left of all loops.  # (T, 3)"""
+        key = b"|".join(loop.points.tobytes() for loop in loops)
+        if key not in self._done:
+            self._done[key] = triangulate([loop.points for loop in loops]).astype(np.int64)
+        ids: Ids = np.concatenate([loop.ids for loop in loops])
+        return ids[self._done[key]]
+
+
+def _cut_face(face: FacePattern, floor_outline: Contour, stamps: tuple[Stamp, ...], flat: _Triangulator) -> _Surfaces:
+    """Cut one face into ink and white."""
+    count = len(face.outline)
+    outline = _Loop(face.outline, np.arange(count))
+    points: list[Contour] = []
+
+    def add(contour: Contour) -> _Loop:
+        nonlocal count
+        points.append(contour)
+        count += len(contour)
+        return _Loop(contour, np.arange(count - len(contour), count))
+
+    window = None if face.window is None else add(face.window)
+    dark, light = [add(c) for c in face.dark_text], [add(c) for c in face.light_text]
+    ink = [flat([loop]) for loop in dark]
+    white = [flat([loop.reversed()]) for loop in light]
+    edges = [loop.edges for loop in (*([window] if window else []), *dark, *light)]
+    rims: list[_Loop] = []
+    for row, stamp in enumerate(stamps):
+        at = face.position_mm[face.stamp == row]
+        copies = _stamp_surfaces(stamp, flat)
+        # Every copy is the first one, moved by its position and numbered on by its size.
+        first = count + np.arange(len(at)) * len(copies.points_mm)
+        placed = add((at[:, None] + copies.points_mm).reshape(-1, 2))
+        ink.append((copies.ink + first[:, None, None]).reshape(-1, 3))
+        white.append((copies.white + first[:, None, None]).reshape(-1, 3))
+        edges.append((copies.edges + first[:, None, None]).reshape(-1, 2))
+        rim = len(stamp.rim)
+        by_copy = placed.points.reshape(len(at), -1, 2), placed.ids.reshape(len(at), -1)
+        rims += [_Loop(p[:rim], i[:rim]) for p, i in zip(*by_copy, strict=True)]
+    ink_floor = list(ink)
+    if window is not None:
+        ink.append(flat([outline, window, *light]))
+        ink_floor.append(flat([_Loop(floor_outline, outline.ids), window, *light]))
+    field = outline if window is None else window.reversed()
+    white.append(flat([field, *(loop.reversed() for loop in (*dark, *rims))]))
+    ids = (np.concatenate(part) for part in (ink, ink_floor, white, edges))
+    return _Surfaces(np.concatenate(points), *ids)
+
+
+def _stamp_surfaces(stamp: Stamp, flat: _Triangulator) -> _Surfaces:
+    """One ring or dot about the origin, numbered from 0."""
+    rim = _Loop(stamp.rim, np.arange(len(stamp.rim)))
+    if stamp.hole is None:
+        ink = flat([rim])
+        return _Surfaces(stamp.rim, ink, ink, np.empty((0, 3), dtype=np.int64), rim.edges)
+    hole = _Loop(stamp.hole, len(stamp.rim) + np.arange(len(stamp.hole)))
+    edges = np.concatenate([rim.edges, hole.edges])
+    ink = flat([rim, hole])
+    return _Surfaces(np.concatenate([stamp.rim, stamp.hole]), ink, ink, flat([hole.reversed()]), edges)
+
+
+def _walls(top: Ids, floor: Ids, edges: Ids | None = None) -> Ids:
+    """Quads from `top` down to `floor` along edges that have the solid on their left, as triangles.
+
+    Without `edges`, the walls go once around both.
+    """
+    if edges is None:
+        around = np.arange(len(top))
+        edges = np.stack([around, np.roll(around, -1)], axis=1)
+    a, b = edges[:, 0], edges[:, 1]
+    lower = np.stack([floor[a], floor[b], top[b]], axis=1)
+    upper = np.stack([floor[a], top[b], top[a]], axis=1)
+    return np.concatenate([lower, upper])
+
+
+def _compact(vertices: NDArray[np.float64], triangles: Ids) -> Mesh:
+    """Drop the vertices that no triangle uses."""
+    used = np.zeros(len(vertices), dtype=bool)
+    used[triangles] = True
+    renumber = np.cumsum(used) - 1
+    return Mesh(vertices[used], renumber[triangles].astype(np.int32))

@@ -1,0 +1,135 @@
+"""The ink on each face as polygons: what is printed, after ink offset and shrinkage compensation.
+
+A closed contour runs with the ink on its left: the rim of a disc counter-clockwise, a hole clockwise.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from designer.errors import InputError
+from designer.lettering import Lettering, letter_faces
+from designer.spec import PrintSpec
+from designer.target import TargetGeometry
+
+Contour = NDArray[np.float64]  # (N, 2)
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """One shape of ring or dot; many features share it."""
+
+    outer_radius_mm: float
+    inner_radius_mm: float  # 0: a dot
+    rim: Contour  # counter-clockwise
+    hole: Contour | None  # clockwise
+
+    @property
+    def contours(self) -> tuple[Contour, ...]:
+        """Rim and, for a ring, hole."""
+        return (self.rim,) if self.hole is None else (self.rim, self.hole)
+
+
+@dataclass(frozen=True)
+class FacePattern:
+    """The ink of one face, in the face frame."""
+
+    outline: Contour  # counter-clockwise
+    window: Contour | None  # inner edge of the border, clockwise; None: no border
+    stamp: NDArray[np.int64]  # (N,) row of Pattern.stamps
+    position_mm: NDArray[np.float64]  # (N, 2)
+    dark_text: tuple[Contour, ...]  # ink on white, counter-clockwise
+    light_text: tuple[Contour, ...]  # white in the border, clockwise
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """The ink of all faces."""
+
+    stamps: tuple[Stamp, ...]
+    faces: tuple[FacePattern, ...]
+    target_from_face: NDArray[np.float64]  # (F, 4, 4)
+    lettering: Lettering  # what was written, or why nothing was
+
+
+def make_pattern(target: TargetGeometry, printing: PrintSpec, *, scale: float = 1.0) -> Pattern:
+    """The printed ink of a target.
+
+    Args:
+        target: the nominal geometry.
+        printing: gives ink offset, chord error and labels.
+        scale: the size of the printed part over the design's, from shrinkage compensation.
+
+    Raises:
+        InputError: an ink offset that closes a ring or opens a stroke.
+    """
+    offset = printing.ink_offset_mm
+    radii = np.stack([target.radius_outer_mm, target.radius_inner_mm], axis=1) * scale
+    distinct, stamp = np.unique(radii, axis=0, return_inverse=True)
+    stamps = tuple(_make_stamp(outer, inner, offset, printing.chord_error_mm) for outer, inner in distinct.tolist())
+    position = target.center_in_face_mm[:, :2] * scale
+    lettering = letter_faces(target, printing)
+    faces = []
+    for face in range(target.face_count):
+        mine = target.ring_face == face
+        has_border = not np.array_equal(target.window_mm[face], target.outline_mm[face])
+        window = _moved_in(target.window_mm[face] * scale, offset)[::-1] if has_border else None
+        text = [np.array(contour) * scale for contour in lettering.contours[face]]
+        faces.append(
+            FacePattern(
+                outline=target.outline_mm[face] * scale,
+                window=window,
+                stamp=stamp[mine],
+                position_mm=position[mine],
+                dark_text=() if has_border else tuple(text),
+                light_text=tuple(contour[::-1] for contour in text) if has_border else (),
+            )
+        )
+    frames = target.target_from_face.copy()
+    frames[:, :3, 3] *= scale
+    return Pattern(stamps, tuple(faces), frames, lettering)
+
+
+def _make_stamp(outer: float, inner: float, offset: float, chord_error: float) -> Stamp:
+    """A ring or dot, its ink grown by `offset` on every side."""
+    is_dot = inner == 0
+    grown_outer, grown_inner = outer + offset, 0.0 if is_dot else inner - offset
+    if grown_outer <= grown_inner or (not is_dot and grown_inner <= 0):
+        raise InputError(
+            f"ink offset {offset:g}mm closes a ring's centre or its stroke (radii {outer:g}mm and {inner:g}mm); "
+            f"stay between {-(outer - inner) / 2:.3g}mm and {inner:.3g}mm"
+        )
+    hole = None if is_dot else circle_polygon(grown_inner, chord_error)[::-1]
+    return Stamp(grown_outer, grown_inner, circle_polygon(grown_outer, chord_error), hole)
+
+
+def circle_polygon(radius_mm: float, chord_error_mm: float) -> Contour:
+    """A regular polygon of the circle's area that strays from it by at most `chord_error_mm`, counter-clockwise.
+
+    With n corners at angle steps t = 2 pi / n, equal area asks for the corner radius R sqrt(t / sin t); the
+    corners then lie about R t^2 / 12 outside and the edges' middles R t^2 / 24 inside the circle.
+    """
+    count = 12
+    while radius_mm * (_corner_over_radius(count) - 1) > chord_error_mm:
+        count += 4
+    turn = 2 * np.pi / count * np.arange(count)
+    return radius_mm * _corner_over_radius(count) * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+
+def _corner_over_radius(count: int) -> float:
+    """Corner radius of the regular polygon with the unit circle's area."""
+    step = 2 * math.pi / count
+    return math.sqrt(step / math.sin(step))
+
+
+def _moved_in(polygon: Contour, distance: float) -> Contour:
+    """A convex counter-clockwise polygon with every side moved inwards."""
+    edge = np.roll(polygon, -1, axis=0) - polygon
+    inward = np.stack([-edge[:, 1], edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1, keepdims=True)
+    before = np.roll(inward, 1, axis=0)
+    # A corner moves to where the two moved sides meet: n1.x = n2.x = distance.
+    shift = (inward + before) / (1 + (inward * before).sum(axis=1, keepdims=True))
+    moved: Contour = polygon + distance * shift
+    return moved

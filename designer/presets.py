@@ -1,0 +1,90 @@
+"""The templates that travel with the program: targets and printers as data."""
+
+from pathlib import Path
+from typing import Literal
+
+from designer.errors import InputError
+from designer.spec import PrinterProfile
+from designer.spec_file import PrinterFile, read_printer_file, suggest
+
+PresetKind = Literal["targets", "printers"]
+DEFAULT_PRINTER = "bambu-p1s"
+
+
+def preset_folder() -> Path:
+    """Where the templates lie: inside the installed package, or beside it in a checkout."""
+    package = Path(__file__).parent
+    installed = package / "_templates"
+    return installed if installed.is_dir() else package.parent / "templates"
+
+
+def preset_names(kind: PresetKind) -> list[str]:
+    """The templates of a kind, in alphabetical order."""
+    return sorted(path.stem for path in (preset_folder() / kind).glob("*.toml"))
+
+
+def preset_or_file(kind: PresetKind, name: str) -> Path:
+    """The file of a template, or the person's own TOML file.
+
+    Raises:
+        InputError: neither a template nor an existing file; the message suggests the nearest template.
+    """
+    if name in preset_names(kind):
+        return preset_folder() / kind / f"{name}.toml"
+    own = Path(name)
+    if own.suffix.lower() == ".toml":
+        if own.is_file():
+            return own
+        raise InputError(f"{name}: no such file; check the path, or use a template: {', '.join(preset_names(kind))}")
+    hint = suggest(name, preset_names(kind)) or f"; there are {', '.join(preset_names(kind))}"
+    raise InputError(f"unknown {kind.removesuffix('s')} template {name!r}{hint}")
+
+
+def printer_profile(
+    name: str,
+    *,
+    nozzle_mm: float | None,
+    line_width_mm: float | None,
+    layer_height_mm: float | None,
+    bed_mm: tuple[float, float, float] | None,
+) -> PrinterProfile:
+    """A printer with one of its nozzles; single values may be replaced.
+
+    Raises:
+        InputError: an unknown printer, or a nozzle it has no line for while none is given.
+    """
+    path = preset_or_file("printers", name)
+    file = read_printer_file(path)
+    diameter = nozzle_mm if nozzle_mm is not None else file.nozzle
+    line, layer = _line_of_nozzle(file, diameter, line_width_mm, layer_height_mm, name)
+    if not 0.6 * diameter <= line <= 2.5 * diameter:
+        raise InputError(
+            f"line width {line:g}mm does not fit a {diameter:g}mm nozzle; "
+            f"use {0.6 * diameter:.2g}mm to {2.5 * diameter:.2g}mm"
+        )
+    if layer > 0.8 * diameter:
+        raise InputError(
+            f"layer height {layer:g}mm is too high for a {diameter:g}mm nozzle; use at most {0.8 * diameter:.2g}mm"
+        )
+    return PrinterProfile(
+        name=name,
+        bed_mm=bed_mm or file.bed,
+        nozzle_mm=diameter,
+        line_width_mm=line,
+        layer_height_mm=layer,
+    )
+
+
+def _line_of_nozzle(
+    file: PrinterFile, diameter: float, line_width_mm: float | None, layer_height_mm: float | None, name: str
+) -> tuple[float, float]:
+    """Line width and layer height, from what is given and from the profile's nozzle."""
+    if line_width_mm is not None and layer_height_mm is not None:
+        return line_width_mm, layer_height_mm
+    for nozzle in file.nozzles:
+        if nozzle.diameter == diameter:
+            return line_width_mm or nozzle.line_width, layer_height_mm or nozzle.layer_height
+    known = ", ".join(f"{nozzle.diameter:g}mm" for nozzle in file.nozzles)
+    raise InputError(
+        f"nozzle {diameter:g}mm: printer {name!r} has {known}; use one of them, or give --line-width and --layer-height"
+    )

@@ -1,0 +1,187 @@
+"""From a job to its files, in memory: one exporter per format."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from designer.bed import bed_from_target
+from designer.export.folder import OutputFile
+from designer.layout import lay_out
+from designer.mesh import Mesh, Part, board_hull, icosahedron_hull, inlaid, plain_board, plain_icosahedron
+from designer.pattern import Pattern, make_pattern
+from designer.polyhedron import INRADIUS
+from designer.sheets import Page, lay_out_sheets
+from designer.spec import Format, IcoSpec, Job
+from designer.spec_file import spec_to_toml
+from designer.target import TargetGeometry, target_to_json
+
+
+@dataclass(frozen=True)
+class Design:
+    """All that follows from a job; each stage is computed once, when it is first asked for."""
+
+    job: Job
+
+    @cached_property
+    def target(self) -> TargetGeometry:
+        """The nominal geometry, which no printing option changes."""
+        return lay_out(self.job.target)
+
+    @property
+    def scale(self) -> float:
+        """The printed part's size over the design's."""
+        return 1 + self.job.printing.shrink_compensation_percent / 100
+
+    @cached_property
+    def printed_pattern(self) -> Pattern:
+        """The ink as it is set into plastic."""
+        return make_pattern(self.target, self.job.printing, scale=self.scale)
+
+    @cached_property
+    def artwork(self) -> Pattern:
+        """The ink as it is printed on paper or sheet, which do not shrink."""
+        return self.printed_pattern if self.scale == 1 else make_pattern(self.target, self.job.printing)
+
+    @cached_property
+    def part(self) -> Part:
+        """The printed solid, ready for a slicer."""
+        spec, printing = self.job.target, self.job.printing
+        if not printing.is_two_filament:
+            return Part(self._plain_body(), None)
+        hull = (
+            icosahedron_hull(self.printed_pattern, spec.edge_mm * self.scale, printing.inlay_mm)
+            if isinstance(spec, IcoSpec)
+            else board_hull(self.printed_pattern, spec.thickness_mm * self.scale, printing.inlay_mm)
+        )
+        return inlaid(self.printed_pattern, hull, printing.inlay_mm)
+
+    def _plain_body(self) -> Mesh:
+        """The body that stickers or a sheet go on; stickers have a thickness, by which the body is smaller."""
+        spec = self.job.target
+        if isinstance(spec, IcoSpec):
+            return plain_icosahedron((spec.edge_mm - self.job.printing.sticker_thickness_mm / INRADIUS) * self.scale)
+        return plain_board(self.target.outline_mm[0], spec.thickness_mm)
+
+    @cached_property
+    def pages(self) -> tuple[Page, ...]:
+        """Sticker sheets or board artwork."""
+        return lay_out_sheets(self.target, self.artwork, self.job.printing, self.job.page, self.job.name)
+
+
+Exporter = Callable[[Design], Iterator[OutputFile]]
+
+
+def make_files(design: Design, on_stage: Callable[[str], None]) -> tuple[OutputFile, ...]:
+    """All files of a job. `on_stage` is told what comes next.
+
+    Raises:
+        InputError: the target cannot be made as asked.
+    """
+    name = design.job.name
+    files = [
+        OutputFile(
+            f"{name}.target.json",
+            target_to_json(design.target).encode(),
+            "the geometry that detector and calibrator read",
+        ),
+        OutputFile(
+            f"{name}.toml", spec_to_toml(design.job).encode(), "the full spec; `design make` repeats this run from it"
+        ),
+    ]
+    for kind in design.job.formats:
+        on_stage(kind)
+        files += EXPORTERS[kind](design)
+    if design.job.printing.stand:
+        on_stage("stand")
+        files += _stand(design)
+    return tuple(files)
+
+
+# Exporters import what they need when they run: build123d takes 4 s to load, trimesh 1 s.
+
+
+def _3mf(design: Design) -> Iterator[OutputFile]:
+    from designer.export.threemf import threemf_files
+
+    job = design.job
+    files = threemf_files(design.part, job.printing, job.name, bed_from_target(design.target, job.printing))
+    yield OutputFile(f"{job.name}.prusa.3mf", files.prusa, "for PrusaSlicer: one object, filaments 1 and 2")
+    yield OutputFile(f"{job.name}.bambu.3mf", files.bambu, "for Bambu Studio, OrcaSlicer and Cura")
+
+
+def _stl(design: Design) -> Iterator[OutputFile]:
+    from designer.export.stl import stl_bytes
+
+    name, part = design.job.name, design.part
+    yield OutputFile(f"{name}.body.stl", stl_bytes(part.body), "the body")
+    if part.ink is not None:
+        yield OutputFile(f"{name}.pattern.stl", stl_bytes(part.ink), "the ink, which fits into the body")
+
+
+def _png(design: Design) -> Iterator[OutputFile]:
+    from designer.export.png import preview_png
+
+    job, target = design.job, design.target
+    png = preview_png(
+        design.artwork,
+        thickness_mm=0.0 if isinstance(job.target, IcoSpec) else job.target.thickness_mm,
+        body_colour=job.printing.body_colour,
+        ink_colour=job.printing.ink_colour,
+        caption=f"{job.name}: {target.ring_count} rings and dots, target id {target.geometry_id}",
+    )
+    yield OutputFile(f"{job.name}.png", png, "a preview")
+
+
+def _pdf(design: Design) -> Iterator[OutputFile]:
+    from designer.export.pdf import pdf_bytes
+
+    yield OutputFile(f"{design.job.name}.pdf", pdf_bytes(design.pages), f"{_sheets(design)}; print at 100 %")
+
+
+def _svg(design: Design) -> Iterator[OutputFile]:
+    from designer.export.svg import svg_bytes
+
+    yield OutputFile(
+        f"{design.job.name}.svg", svg_bytes(design.pages), f"{_sheets(design)}, for cutters and print shops"
+    )
+
+
+def _sheets(design: Design) -> str:
+    count = len(design.pages)
+    what = "sticker sheets" if isinstance(design.job.target, IcoSpec) else "artwork"
+    return f"{what}, {count} page{'s' if count > 1 else ''}"
+
+
+def _step(design: Design) -> Iterator[OutputFile]:
+    from designer.cad import step_bytes
+
+    job = design.job
+    step = step_bytes(job.target, design.printed_pattern, job.printing, name=job.name, scale=design.scale)
+    yield OutputFile(f"{job.name}.step", step, "for CAD: true circles, coloured parts")
+
+
+def _glb(design: Design) -> Iterator[OutputFile]:
+    from designer.export.glb import glb_bytes
+
+    yield OutputFile(
+        f"{design.job.name}.glb", glb_bytes(design.part, design.job.printing), "a coloured 3D model for viewers"
+    )
+
+
+def _stand(design: Design) -> Iterator[OutputFile]:
+    from designer.export.stl import stl_bytes
+    from designer.stand import make_stand
+
+    stand = make_stand(design.target, design.job.printing)
+    yield OutputFile(f"{design.job.name}.stand.stl", stl_bytes(stand), "a stand that touches no ring")
+
+
+EXPORTERS: dict[Format, Exporter] = {
+    "3mf": _3mf,
+    "stl": _stl,
+    "png": _png,
+    "pdf": _pdf,
+    "svg": _svg,
+    "step": _step,
+    "glb": _glb,
+}

@@ -1,0 +1,163 @@
+"""Sizes of an icosahedron, from what was asked for.
+
+They start from the paper's proportions at edge 100 mm: 8 rings a side, diameter 7 mm, pitch 10 mm, border 2 mm.
+"""
+
+import math
+
+from designer.code import MIN_RINGS_PER_SIDE
+from designer.errors import InputError
+from designer.polyhedron import INRADIUS
+from designer.size_rules import (
+    DIAMETER_OVER_PITCH,
+    Line,
+    check_count,
+    check_strokes,
+    check_touching,
+    diameter_and_pitch,
+    round_down,
+    widths_mm,
+)
+from designer.spec import RING_RATIO, IcoSpec
+from designer.spec_file import IcoFile
+
+PAPER_RINGS_PER_SIDE = 8
+BORDER_OVER_EDGE = 0.02
+INRADIUS_OVER_SIDE = 1 / (2 * math.sqrt(3))
+"""Of an equilateral triangle."""
+MARGIN_OVER_PITCH = (INRADIUS_OVER_SIDE - BORDER_OVER_EDGE) / 0.1 - 7 * INRADIUS_OVER_SIDE - DIAMETER_OVER_PITCH / 2
+"""White between the outermost rings and the border that the paper's proportions leave."""
+LEAST_INRADIUS_MM = 2.0
+"""Less would leave no body behind the ink."""
+
+
+def size_ico(asked: IcoFile, line: Line) -> tuple[IcoSpec, str]:
+    """Choose the sizes that were left open, and say how.
+
+    Raises:
+        InputError: sizes that no icosahedron can have, or that the process cannot make.
+    """
+    ratio = asked.ring_ratio or RING_RATIO
+    if asked.rings_per_side is not None and asked.rings_per_side < MIN_RINGS_PER_SIDE:
+        raise InputError(
+            f"rings_per_side {asked.rings_per_side} is too few to tell 20 faces apart; "
+            f"use at least {MIN_RINGS_PER_SIDE}"
+        )
+    if asked.rings_per_side is None and asked.ring_diameter is None and asked.pitch is None:
+        spec, remark = _auto_ico(asked, ratio, line)
+    else:
+        spec, remark = _sized_ico(asked, ratio, line), "sizes: as given"
+    _check_ico(spec, line)
+    return spec, remark
+
+
+def _auto_ico(asked: IcoFile, ratio: float, line: Line) -> tuple[IcoSpec, str]:
+    """The most rings, up to the paper's 8 a side, whose strokes, gaps and border are two lines wide.
+
+    For a number of rings the paper's proportions come first, then the widest strokes between gaps of two lines.
+    """
+    comfort = line.comfortable_mm
+    border = asked.border if asked.border is not None else round(max(BORDER_OVER_EDGE * asked.edge, comfort), 4)
+    for rings in range(PAPER_RINGS_PER_SIDE, MIN_RINGS_PER_SIDE - 1, -1):
+        for spec in (_filled_ico(asked, rings, border, ratio), _packed_ico(asked, rings, ratio, comfort)):
+            if spec is not None and min(*widths_mm(spec), spec.margin_mm, spec.border_mm) >= comfort - 1e-9:
+                why = f"strokes, gaps and border of at least two lines ({comfort:g}mm) of {line.process}"
+                most = "as in the paper" if rings == PAPER_RINGS_PER_SIDE else "the most"
+                return spec, f"auto: {rings} rings a side, {most} with {why}"
+    return _tight_ico(asked, ratio, line)
+
+
+def _filled_ico(asked: IcoFile, rings: int, border: float, ratio: float) -> IcoSpec | None:
+    """The pitch that fills the face's window with `rings` a side, or None where there is no window."""
+    window_inradius = INRADIUS_OVER_SIDE * asked.edge - border
+    per_pitch = (rings - 1) * INRADIUS_OVER_SIDE + DIAMETER_OVER_PITCH / 2
+    if asked.margin is None:
+        pitch = round_down(window_inradius / (per_pitch + MARGIN_OVER_PITCH))
+        margin = round_down(MARGIN_OVER_PITCH * pitch)
+    else:
+        pitch, margin = round_down((window_inradius - asked.margin) / per_pitch), asked.margin
+    diameter = round_down(DIAMETER_OVER_PITCH * pitch)
+    return IcoSpec(asked.edge, rings, diameter, ratio, pitch, border, margin) if diameter > 0 else None
+
+
+def _packed_ico(asked: IcoFile, rings: int, ratio: float, gap: float) -> IcoSpec | None:
+    """The widest strokes that leave gaps, margin and border of `gap`, or None where nothing is left for rings."""
+    border = asked.border if asked.border is not None else round(max(BORDER_OVER_EDGE * asked.edge, gap), 4)
+    margin = asked.margin if asked.margin is not None else gap
+    # inradius of the window = (rings - 1) pitch k + diameter / 2 + margin, with diameter = pitch - gap
+    window_inradius = INRADIUS_OVER_SIDE * asked.edge - border
+    pitch = round_down((window_inradius - margin + gap / 2) / ((rings - 1) * INRADIUS_OVER_SIDE + 0.5))
+    diameter = round_down(pitch - gap)
+    return IcoSpec(asked.edge, rings, diameter, ratio, pitch, border, margin) if diameter > 0 else None
+
+
+def _tight_ico(asked: IcoFile, ratio: float, line: Line) -> tuple[IcoSpec, str]:
+    """Five rings a side with the widest stroke that leaves gaps and border one line."""
+    width, rings = line.width_mm, MIN_RINGS_PER_SIDE
+    spec = _packed_ico(asked, rings, ratio, width)
+    if spec is None or min(widths_mm(spec)[:2]) < width:
+        least_diameter = width * max(2 / (1 - ratio), 1 / ratio) + 0.01
+        margin = asked.margin if asked.margin is not None else width
+        least_window = (rings - 1) * INRADIUS_OVER_SIDE * (least_diameter + width) + least_diameter / 2 + margin
+        least_edge = (least_window + max(asked.border or 0.0, width)) / INRADIUS_OVER_SIDE
+        raise InputError(
+            f"edge {asked.edge:g}mm is too small for {rings} rings a side with {line.process}; "
+            f"use at least {math.ceil(10 * least_edge) / 10:g}mm, or a finer nozzle"
+        )
+    return spec, (
+        f"auto: {rings} rings a side, the fewest that carry a face code; gaps and border are one line ({width:g}mm) of "
+        f"{line.process} only: for two lines everywhere use a larger edge or a finer nozzle"
+    )
+
+
+def _sized_ico(asked: IcoFile, ratio: float, line: Line) -> IcoSpec:
+    """Complete sizes of which some are given."""
+    border = asked.border if asked.border is not None else round(max(BORDER_OVER_EDGE * asked.edge, line.width_mm), 4)
+    if asked.ring_diameter is None and asked.pitch is None and asked.rings_per_side is not None:
+        spec = _filled_ico(asked, asked.rings_per_side, border, ratio)
+        if spec is None:
+            raise InputError(
+                f"edge {asked.edge:g}mm has no room inside a border of {border:g}mm; use a narrower border"
+            )
+        return spec
+    diameter, pitch = diameter_and_pitch(asked)
+    check_touching(diameter, pitch, line)
+    margin = asked.margin if asked.margin is not None else round(pitch - diameter, 4)
+    room = INRADIUS_OVER_SIDE * asked.edge - border - diameter / 2 - margin
+    rings = asked.rings_per_side or 1 + math.floor(room / (INRADIUS_OVER_SIDE * pitch) + 1e-9)
+    if room < 0 or rings < MIN_RINGS_PER_SIDE:
+        gap = pitch / diameter
+        per_diameter = (
+            (MIN_RINGS_PER_SIDE - 1) * INRADIUS_OVER_SIDE * gap + 0.5 + (gap - 1 if asked.margin is None else 0)
+        )
+        largest = (INRADIUS_OVER_SIDE * asked.edge - border - (asked.margin or 0.0)) / per_diameter
+        raise InputError(
+            f"edge {asked.edge:g}mm cannot carry {MIN_RINGS_PER_SIDE} rings a side of {diameter:g}mm "
+            f"at pitch {pitch:g}mm; "
+            f"use rings of at most {round_down(largest):g}mm at pitch {round_down(round_down(largest) * gap):g}mm, "
+            "or a larger edge"
+        )
+    return IcoSpec(asked.edge, rings, diameter, ratio, pitch, border, margin)
+
+
+def _check_ico(spec: IcoSpec, line: Line) -> None:
+    """The rules of an icosahedron, whoever chose the sizes."""
+    check_strokes(spec, line)
+    if spec.border_mm <= 0:
+        raise InputError(
+            f"border {spec.border_mm:g}mm: the detector tells faces apart by their border; "
+            f"use at least {line.width_mm:g}mm"
+        )
+    room = INRADIUS_OVER_SIDE * spec.edge_mm - spec.border_mm - spec.ring_diameter_mm / 2
+    margin = room - (spec.rings_per_side - 1) * INRADIUS_OVER_SIDE * spec.pitch_mm
+    if margin < max(spec.margin_mm, 1e-6) - 1e-9:
+        fitting = 1 + math.floor(max(room - spec.margin_mm, 0) / (INRADIUS_OVER_SIDE * spec.pitch_mm) + 1e-9)
+        raise InputError(
+            f"{spec.rings_per_side} rings a side leave a margin of {margin:.3g}mm to the border, "
+            f"less than {spec.margin_mm:g}mm; "
+            f"use at most {fitting} rings a side, a smaller pitch, or a smaller margin"
+        )
+    check_count(10 * spec.rings_per_side * (spec.rings_per_side + 1))
+    if INRADIUS * spec.edge_mm < LEAST_INRADIUS_MM:
+        least = math.ceil(10 * LEAST_INRADIUS_MM / INRADIUS) / 10
+        raise InputError(f"edge {spec.edge_mm:g}mm leaves no body behind the ink; use at least {least:g}mm")

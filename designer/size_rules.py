@@ -1,0 +1,102 @@
+"""What the sizes of every kind of target have in common: proportions, and what a process can make."""
+
+import math
+from dataclasses import dataclass
+
+from designer.errors import InputError
+from designer.spec import BoardSpec, IcoSpec
+from designer.spec_file import CommonFile
+
+DIAMETER_OVER_PITCH = 0.7
+"""Of the paper's rings, 7 mm at 10 mm."""
+MAX_RINGS = 50_000
+
+
+@dataclass(frozen=True)
+class Line:
+    """The finest line of the process that makes the pattern."""
+
+    width_mm: float
+    nozzle_mm: float  # a stroke below it cannot be made
+    process: str
+
+    @property
+    def comfortable_mm(self) -> float:
+        """Two lines: strokes and gaps that print well."""
+        return 2 * self.width_mm
+
+
+def diameter_and_pitch(asked: CommonFile) -> tuple[float, float]:
+    """Ring diameter and pitch of which at least one is given; the other follows in the paper's proportion."""
+    diameter, pitch = asked.ring_diameter, asked.pitch
+    if pitch is None:
+        if diameter is None:
+            raise InputError("neither ring diameter nor pitch is given; give --ring-diameter or --pitch")
+        return diameter, round_up(diameter / DIAMETER_OVER_PITCH)
+    return (round_down(DIAMETER_OVER_PITCH * pitch) if diameter is None else diameter), pitch
+
+
+def widths_mm(spec: IcoSpec | BoardSpec) -> tuple[float, float, float]:
+    """Stroke, white centre and gap between neighbours."""
+    diameter = spec.ring_diameter_mm
+    return diameter / 2 * (1 - spec.ring_ratio), diameter * spec.ring_ratio, spec.pitch_mm - diameter
+
+
+def check_touching(diameter: float, pitch: float, line: Line) -> None:
+    """Rings must leave white between them.
+
+    Raises:
+        InputError: they touch.
+    """
+    if pitch <= diameter:
+        raise InputError(
+            f"pitch {pitch:g}mm makes rings of {diameter:g}mm touch; "
+            f"use at least {diameter + line.comfortable_mm:.4g}mm for {line.process}"
+        )
+
+
+def check_strokes(spec: IcoSpec | BoardSpec, line: Line) -> None:
+    """No stroke, white centre or gap may be thinner than the tool that makes it.
+
+    Raises:
+        InputError: one is.
+    """
+    diameter, ratio = spec.ring_diameter_mm, spec.ring_ratio
+    check_touching(diameter, spec.pitch_mm, line)
+    stroke, centre, gap = widths_mm(spec)
+    if stroke < line.nozzle_mm - 1e-9:
+        raise InputError(
+            f"ring diameter {diameter:g}mm gives a stroke of {stroke:.3g}mm, thinner than {line.process}; "
+            f"use rings of at least {2 * line.width_mm / (1 - ratio):.3g}mm"
+        )
+    if centre < line.nozzle_mm - 1e-9:
+        raise InputError(
+            f"ring diameter {diameter:g}mm gives a white centre of {centre:.3g}mm, thinner than {line.process}; "
+            f"use rings of at least {line.width_mm / ratio:.3g}mm"
+        )
+    if gap < line.nozzle_mm - 1e-9:
+        raise InputError(
+            f"pitch {spec.pitch_mm:g}mm leaves {gap:.3g}mm between rings of {diameter:g}mm, thinner than "
+            f"{line.process}; "
+            f"use at least {diameter + line.comfortable_mm:.4g}mm"
+        )
+
+
+def check_count(rings: int) -> None:
+    """Keep hostile sizes from filling the memory.
+
+    Raises:
+        InputError: too many rings.
+    """
+    if rings > MAX_RINGS:
+        raise InputError(f"{rings} rings are more than {MAX_RINGS}; use a larger pitch or a smaller target")
+
+
+def round_down(length: float) -> float:
+    """Down to a hundredth of a millimetre, as a drawing would give it."""
+    return math.floor(100 * length + 1e-6) / 100
+
+
+def round_up(length: float) -> float:
+    """Up to a hundredth of a millimetre."""
+    return math.ceil(100 * length - 1e-6) / 100

@@ -1,0 +1,167 @@
+"""From what was asked for to a full job: how the target is made, and defaults for what was left open.
+
+The sizes of each kind of target are chosen in a module of its own.
+"""
+
+import math
+from dataclasses import dataclass
+
+from designer.errors import InputError
+from designer.polyhedron import INSET_PER_DEPTH
+from designer.presets import DEFAULT_PRINTER, printer_profile
+from designer.size_board import size_board
+from designer.size_ico import size_ico
+from designer.size_rules import Line
+from designer.spec import (
+    Build,
+    Format,
+    IcoSpec,
+    Job,
+    PrinterProfile,
+    PrintSpec,
+    TargetSpec,
+)
+from designer.spec_file import FORMATS, CommonFile, IcoFile, PrintingFile, SpecFile
+from designer.units import format_mm
+
+PAPER_LINE_MM = 0.1
+"""Thinnest line of an office printer, where the pattern is printed on paper or sheet."""
+SOLID_INLAY_MM = 1.0
+"""Inlay of a one-piece icosahedron: its 12 steep faces fill to 70 % at 0.6 mm, to 93 % at 0.9-1.0 mm."""
+FLAT_INLAY_LAYERS = 3
+CHORD_ERROR_MM = 0.005
+STICKER_THICKNESS_MM = 0.1
+
+BUILDS: dict[str, tuple[Build, ...]] = {"ico": ("solid", "stickers"), "board": ("printed", "sheet")}
+TWO_FILAMENT_FORMATS: tuple[Format, ...] = ("3mf", "stl", "png")
+PAPER_FORMATS: tuple[Format, ...] = ("stl", "png", "pdf", "svg")
+
+
+@dataclass(frozen=True)
+class Sized:
+    """A job and what was chosen for it, in words."""
+
+    job: Job
+    remarks: tuple[str, ...]
+
+
+def size_job(asked: SpecFile) -> Sized:
+    """Choose all that was left open, and check the result.
+
+    Raises:
+        InputError: a size that no target can have, or that this printer cannot print.
+    """
+    printer = _choose_printer(asked)
+    build = _choose_build(asked, asked.kind)
+    line = _line_of(build, printer)
+    target, remark = size_ico(asked, line) if isinstance(asked, IcoFile) else size_board(asked, line)
+    printing, print_remark = size_printing(
+        asked,
+        kind=asked.kind,
+        border_mm=target.border_mm,
+        thickness_mm=math.inf if isinstance(target, IcoSpec) else target.thickness_mm,
+    )
+    formats, format_remark = _choose_formats(asked, printing.is_two_filament)
+    page = asked.page or ("A4" if isinstance(target, IcoSpec) else "fit")
+    remarks = tuple(text for text in (remark, print_remark, format_remark) if text)
+    return Sized(Job(asked.name or _default_name(asked, target), target, printing, formats, page), remarks)
+
+
+def _default_name(asked: SpecFile, target: TargetSpec) -> str:
+    """A name from the kind and its size."""
+    if isinstance(target, IcoSpec):
+        return f"ico-{format_mm(target.edge_mm)}"
+    return (
+        f"board-{target.columns}x{target.rows}"
+        if asked.kind == "board" and asked.size is None
+        else f"board-{format_mm(*target.size_mm)}"
+    )
+
+
+def size_printing(asked: PrintingFile, *, kind: str, border_mm: float, thickness_mm: float) -> tuple[PrintSpec, str]:
+    """How a target of given border and plate thickness is made, and a remark where a default had to give way.
+
+    Raises:
+        InputError: a build that is not for this kind, an unknown printer, or a value that does not fit the target.
+    """
+    printer = _choose_printer(asked)
+    build = _choose_build(asked, kind)
+    inlay, remark = _choose_inlay(asked, build, printer.layer_height_mm, border_mm, thickness_mm)
+    printing = PrintSpec(
+        build=build,
+        printer=printer,
+        inlay_mm=inlay,
+        ink_offset_mm=asked.ink_offset or 0.0,
+        shrink_compensation_percent=asked.shrink_compensation or 0.0,
+        sticker_thickness_mm=asked.sticker_thickness or STICKER_THICKNESS_MM,
+        body_colour=asked.body_colour or "#ffffff",
+        ink_colour=asked.ink_colour or "#000000",
+        labels=asked.labels is not False,
+        stand=bool(asked.stand),
+        chord_error_mm=asked.chord_error or CHORD_ERROR_MM,
+    )
+    _check_paper(printing, border_mm)
+    return printing, remark
+
+
+def _choose_printer(asked: PrintingFile) -> PrinterProfile:
+    return printer_profile(
+        asked.printer or DEFAULT_PRINTER,
+        nozzle_mm=asked.nozzle,
+        line_width_mm=asked.line_width,
+        layer_height_mm=asked.layer_height,
+        bed_mm=asked.bed,
+    )
+
+
+def _choose_build(asked: PrintingFile, kind: str) -> Build:
+    known = BUILDS[kind]
+    if asked.build is not None and asked.build not in known:
+        raise InputError(f"build {asked.build!r} is not for {kind!r}; use {' or '.join(map(repr, known))}")
+    return asked.build or known[0]
+
+
+def _line_of(build: Build, printer: PrinterProfile) -> Line:
+    if build in ("solid", "printed"):
+        return Line(printer.line_width_mm, printer.nozzle_mm, f"a {printer.nozzle_mm:g}mm nozzle")
+    return Line(PAPER_LINE_MM, PAPER_LINE_MM, "a printed sheet")
+
+
+def _choose_inlay(
+    asked: PrintingFile, build: Build, layer_mm: float, border_mm: float, thickness_mm: float
+) -> tuple[float, str]:
+    """The ink's depth in whole layers, and a remark where it is less than usual."""
+    if asked.inlay_depth is not None:
+        return asked.inlay_depth, ""
+    if build in ("printed", "sheet"):
+        return round(min(FLAT_INLAY_LAYERS * layer_mm, thickness_mm / 2), 6), ""
+    # The border's floor moves in with depth; a tenth of the border must be left of it.
+    deepest = min(SOLID_INLAY_MM, 0.9 * border_mm / INSET_PER_DEPTH)
+    inlay = round(max(1, math.floor(deepest / layer_mm + 1e-9)) * layer_mm, 6)
+    is_shallow = build == "solid" and inlay < SOLID_INLAY_MM - layer_mm
+    return inlay, f"inlay {inlay:g}mm: as deep as a border of {border_mm:g}mm allows" if is_shallow else ""
+
+
+def _choose_formats(asked: CommonFile, two_filament: bool) -> tuple[tuple[Format, ...], str]:
+    """The default set and the formats asked for, in a fixed order."""
+    wanted = {*(TWO_FILAMENT_FORMATS if two_filament else PAPER_FORMATS), *(asked.formats or ())}
+    if two_filament or "3mf" not in wanted:
+        return tuple(f for f in FORMATS if f in wanted), ""
+    return tuple(
+        f for f in FORMATS if f in wanted - {"3mf"}
+    ), "3mf: left out, this build is in one filament; print the STL"
+
+
+def _check_paper(printing: PrintSpec, border_mm: float) -> None:
+    """Sheets do not shrink, and the border must outlive the strip that the stickers' thickness takes off it."""
+    if printing.build == "sheet" and printing.shrink_compensation_percent:
+        raise InputError(
+            f"shrink compensation {printing.shrink_compensation_percent:g}% is for printed plastic, and a sheet has "
+            "none; leave it out, and check the print against the scale bar"
+        )
+    thickness, thickest = printing.sticker_thickness_mm, 0.5 * border_mm / INSET_PER_DEPTH
+    if printing.build == "stickers" and thickness > thickest:
+        raise InputError(
+            f"sticker thickness {thickness:g}mm takes {INSET_PER_DEPTH * thickness:.2g}mm off a border of "
+            f"{border_mm:g}mm; use stickers of at most {thickest:.2g}mm or a wider border"
+        )

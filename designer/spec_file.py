@@ -1,0 +1,341 @@
+"""The files people write: target specs and printer profiles in TOML, every field optional, quantities with units.
+
+The same models read the command line's options, so a key of a file and an option have one name and one rule.
+"""
+
+import difflib
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from designer.errors import InputError
+from designer.spec import Build, Format, IcoSpec, Job, Lattice
+from designer.units import format_mm, parse_length_mm, parse_lengths_mm, parse_percent
+
+MAX_FILE_BYTES = 2**20
+FORMATS: tuple[Format, ...] = ("3mf", "stl", "png", "pdf", "svg", "step", "glb")
+
+RawValue = str | int | float | bool | list[str]
+"""A value as TOML or the command line gives it."""
+
+
+def _positive(value: float) -> float:
+    if value <= 0:
+        raise ValueError("must be more than zero")
+    return value
+
+
+def _not_negative(value: float) -> float:
+    if value < 0:
+        raise ValueError("must not be negative")
+    return value
+
+
+def _size(text: str) -> tuple[float, float]:
+    width, height = parse_lengths_mm(text, 2)
+    return _positive(width), _positive(height)
+
+
+def _bed(text: str) -> tuple[float, float, float]:
+    width, depth, height = parse_lengths_mm(text, 3)
+    return _positive(width), _positive(depth), _positive(height)
+
+
+def _format_list(value: str | list[str]) -> list[str]:
+    names = [name.strip().lower() for name in (value.split(",") if isinstance(value, str) else value)]
+    if "all" in names:
+        return list(FORMATS)
+    for name in names:
+        if name not in FORMATS:
+            raise ValueError(f"unknown format {name!r}{_nearest(name, FORMATS)}; use {', '.join(FORMATS)} or all")
+    return [name for name in FORMATS if name in names]
+
+
+def _name(value: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", value):
+        raise ValueError(
+            "must be 1 to 64 letters, digits, dots, dashes or underscores and begin with a letter or digit"
+        )
+    return value
+
+
+def _colour(value: str) -> str:
+    if not re.fullmatch(r"#[0-9a-fA-F]{6}", value):
+        raise ValueError("must be a colour such as #ffffff")
+    return value.lower()
+
+
+def _count(value: str | int) -> int:
+    if isinstance(value, bool) or not re.fullmatch(r"\d{1,5}", str(value)) or int(value) == 0:
+        raise ValueError("must be a whole number above zero")
+    return int(value)
+
+
+def _ratio(value: str | float) -> float:
+    ratio = float(value) if not isinstance(value, bool) and re.fullmatch(r"\d*\.?\d+", str(value)) else -1.0
+    if not 0.2 <= ratio <= 0.8:
+        raise ValueError("must be a number from 0.2 to 0.8; 0.45 locates centres best")
+    return ratio
+
+
+def _chord_error(value: float) -> float:
+    if not 0.0005 <= value <= 0.5:
+        raise ValueError("must be from 0.0005mm to 0.5mm")
+    return value
+
+
+Length = Annotated[float, BeforeValidator(parse_length_mm)]
+PositiveLength = Annotated[Length, AfterValidator(_positive)]
+NonNegativeLength = Annotated[Length, AfterValidator(_not_negative)]
+Percent = Annotated[float, BeforeValidator(parse_percent), Field(ge=-20, le=20)]
+Count = Annotated[int, BeforeValidator(_count)]
+Size = Annotated[tuple[float, float], BeforeValidator(_size)]
+Bed = Annotated[tuple[float, float, float], BeforeValidator(_bed)]
+Name = Annotated[str, AfterValidator(_name)]
+Colour = Annotated[str, AfterValidator(_colour)]
+Ratio = Annotated[float, BeforeValidator(_ratio)]
+Formats = Annotated[list[Format], BeforeValidator(_format_list)]
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class PrintingFile(_File):
+    """How a target is to be made. A field that is None is chosen by `sizing`."""
+
+    printer: str | None = Field(None, description="printer template, or a TOML file of your own")
+    nozzle: PositiveLength | None = Field(None, description="nozzle diameter")
+    line_width: PositiveLength | None = Field(None, description="width of a printed line")
+    layer_height: PositiveLength | None = Field(None, description="height of a printed layer")
+    bed: Bed | None = Field(None, description="printable volume, such as 256x256x256mm")
+    build: Build | None = Field(None, description="ico: solid or stickers; board: printed or sheet")
+    inlay_depth: PositiveLength | None = Field(None, description="depth of the ink in a two-filament print")
+    ink_offset: Length | None = Field(None, description="grow (or, below zero, shrink) the ink to undo bleed")
+    shrink_compensation: Percent | None = Field(None, description="print this much larger, in percent")
+    sticker_thickness: PositiveLength | None = Field(None, description="thickness of the stickers, taken off the body")
+    body_colour: Colour | None = Field(None, description="colour of the body (#ffffff)")
+    ink_colour: Colour | None = Field(None, description="colour of the ink (#000000)")
+    labels: bool | None = Field(None, description="print face numbers and target id where they fit")
+    stand: bool | None = Field(None, description="also write a printable stand")
+    chord_error: Annotated[PositiveLength, AfterValidator(_chord_error)] | None = Field(
+        None, description="farthest a polygon strays from its circle (5um)"
+    )
+
+
+class CommonFile(PrintingFile):
+    """What every target kind can be asked for. A field that is None is chosen by `sizing`."""
+
+    name: Name | None = Field(None, description="base name of the files and of the folder")
+    ring_diameter: PositiveLength | None = Field(None, description="outer diameter of the rings")
+    pitch: PositiveLength | None = Field(None, description="distance between neighbouring rings")
+    ring_ratio: Ratio | None = Field(None, description="inner over outer diameter of a ring (0.45)")
+    border: NonNegativeLength | None = Field(None, description="width of the black border")
+    margin: NonNegativeLength | None = Field(None, description="least white around the rings, to border or edge")
+    formats: Formats | None = Field(None, description="further formats: step, pdf, svg, glb, or all")
+    page: str | None = Field(None, description="sheet size: A4, A3, Letter, fit, or such as 400x600mm")
+
+
+class IcoFile(CommonFile):
+    """An icosahedron as asked for."""
+
+    kind: Literal["ico"] = "ico"
+    edge: PositiveLength = Field(description="edge length")
+    rings_per_side: Count | None = Field(None, description="rings along a side of a face")
+
+
+class BoardFile(CommonFile):
+    """A board as asked for."""
+
+    kind: Literal["board"] = "board"
+    size: Size | None = Field(None, description="width and height, such as 220x220mm")
+    thickness: PositiveLength | None = Field(None, description="thickness of the plate (5mm)")
+    columns: Count | None = Field(None, description="rings in the longest row")
+    rows: Count | None = Field(None, description="rows of rings")
+    lattice: Lattice | None = Field(None, description="square or triangular")
+    dots: bool | None = Field(None, description="three dots that mark origin and orientation")
+
+
+SpecFile = IcoFile | BoardFile
+FILE_OF_KIND: Mapping[str, type[IcoFile] | type[BoardFile]] = {"ico": IcoFile, "board": BoardFile}
+
+
+class NozzleFile(_File):
+    """The line a nozzle lays down."""
+
+    diameter: PositiveLength
+    line_width: PositiveLength
+    layer_height: PositiveLength
+
+
+class PrinterFile(_File):
+    """A printer: its bed, the nozzle it comes with, and its nozzles."""
+
+    title: str
+    bed: Bed
+    nozzle: PositiveLength
+    nozzles: list[NozzleFile]
+
+
+_Model = TypeVar("_Model", bound=_File)
+
+
+def read_spec_file(path: Path) -> dict[str, RawValue]:
+    """The keys and values of a spec in TOML, not yet checked.
+
+    Raises:
+        InputError: the file cannot be read or is no TOML; the message names file, line and column.
+    """
+    return _read_toml(path)
+
+
+def parse_spec(values: Mapping[str, RawValue], origin: str) -> SpecFile:
+    """Check a spec's values.
+
+    Args:
+        values: keys as in `IcoFile` and `BoardFile`, with `kind`.
+        origin: what to name in messages, a file or the command; may be empty.
+
+    Raises:
+        InputError: an unknown kind or key, or a value that breaks a rule.
+    """
+    kind = values.get("kind")
+    if not isinstance(kind, str) or kind not in FILE_OF_KIND:
+        given = f"{kind!r} is unknown" if kind is not None else "is missing"
+        raise InputError(f"{_prefix(origin)}kind {given}; write kind = {' or '.join(repr(k) for k in FILE_OF_KIND)}")
+    return _validate(FILE_OF_KIND[kind], values, origin)
+
+
+def parse_printing(values: Mapping[str, RawValue]) -> PrintingFile:
+    """Check the values of printing options alone.
+
+    Raises:
+        InputError: a value that breaks a rule.
+    """
+    return _validate(PrintingFile, values, "")
+
+
+def read_printer_file(path: Path) -> PrinterFile:
+    """A printer profile.
+
+    Raises:
+        InputError: the file cannot be read or breaks a rule.
+    """
+    return _validate(PrinterFile, _read_toml(path), str(path))
+
+
+def _read_toml(path: Path) -> dict[str, RawValue]:
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(f"{path}: more than {MAX_FILE_BYTES} bytes; a spec is a few lines of TOML")
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not UTF-8 text, so no TOML") from None
+    except RecursionError:
+        raise InputError(f"{path}: nested too deep for a spec") from None
+    except tomllib.TOMLDecodeError as error:
+        place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)", str(error))
+        where = f"line {place[1]}, column {place[2]}" if place and place[1] else "at its end"
+        what = str(error)[: place.start()] if place else str(error)
+        raise InputError(f"{path}: {where}: {what[:1].lower()}{what[1:]}; not valid TOML") from None
+
+
+def _validate(model: type[_Model], values: Mapping[str, RawValue], origin: str) -> _Model:
+    """Build the model, and turn the first thing wrong with the values into one line."""
+    try:
+        return model.model_validate(dict(values))
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"][:1])
+        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+        raise InputError(f"{_prefix(origin)}{_explain(model, key, first['type'], first)}{more}") from None
+
+
+def _explain(model: type[_File], key: str, kind: str, error: Mapping[str, object]) -> str:
+    """One line on one wrong value."""
+    known = [name for name in model.model_fields if name != "kind"]
+    if kind == "extra_forbidden":
+        return f"unknown key {key!r}{_nearest(key, known)}"
+    if kind == "missing":
+        return f"{key} is missing; give the {model.model_fields[key].description}, such as 20mm"
+    rule = str(error["msg"]).removeprefix("Value error, ")
+    value = error["input"]
+    shown = repr(value) if len(repr(value)) <= 60 else f"{repr(value)[:57]}..."
+    return f"{key} {shown}: {rule[:1].lower()}{rule[1:]}"
+
+
+def _prefix(origin: str) -> str:
+    return f"{origin}: " if origin else ""
+
+
+def _nearest(word: str, known: list[str] | tuple[str, ...]) -> str:
+    """A suggestion for a misspelt word."""
+    match = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    return f"; did you mean {match[0]!r}?" if match else ""
+
+
+def suggest(word: str, known: list[str]) -> str:
+    """`; did you mean 'x'?` for the known word nearest to a misspelt one, or nothing."""
+    return _nearest(word, known)
+
+
+def spec_to_toml(job: Job) -> str:
+    """The full resolved spec as a file that `design make` reads back to the same job."""
+    target, printing, printer = job.target, job.printing, job.printing.printer
+    own: dict[str, RawValue]
+    if isinstance(target, IcoSpec):
+        own = {"edge": format_mm(target.edge_mm), "rings_per_side": target.rings_per_side}
+    else:
+        own = {
+            "size": format_mm(*target.size_mm),
+            "thickness": format_mm(target.thickness_mm),
+            "columns": target.columns,
+            "rows": target.rows,
+            "lattice": target.lattice,
+            "dots": target.dots,
+        }
+    values: dict[str, RawValue] = {
+        "kind": target.kind,
+        "name": job.name,
+        **own,
+        "ring_diameter": format_mm(target.ring_diameter_mm),
+        "pitch": format_mm(target.pitch_mm),
+        "ring_ratio": target.ring_ratio,
+        "border": format_mm(target.border_mm),
+        "margin": format_mm(target.margin_mm),
+        "build": printing.build,
+        "printer": printer.name,
+        "nozzle": format_mm(printer.nozzle_mm),
+        "line_width": format_mm(printer.line_width_mm),
+        "layer_height": format_mm(printer.layer_height_mm),
+        "bed": format_mm(*printer.bed_mm),
+        "inlay_depth": format_mm(printing.inlay_mm),
+        "ink_offset": format_mm(printing.ink_offset_mm),
+        "shrink_compensation": f"{printing.shrink_compensation_percent!r}%",
+        "sticker_thickness": format_mm(printing.sticker_thickness_mm),
+        "body_colour": printing.body_colour,
+        "ink_colour": printing.ink_colour,
+        "labels": printing.labels,
+        "stand": printing.stand,
+        "chord_error": format_mm(printing.chord_error_mm),
+        "formats": list(job.formats),
+        "page": job.page,
+    }
+    return "".join(f"{key} = {_toml_value(value)}\n" for key, value in values.items())
+
+
+def _toml_value(value: RawValue) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return f"[{', '.join(_toml_value(item) for item in value)}]"
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+    return repr(value)

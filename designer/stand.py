@@ -1,0 +1,178 @@
+"""A printable stand: a cradle of three posts for the icosahedron, an easel for boards.
+
+The stand frame has z up and the printer's bed, later the table, at z = 0. A stand is a few plain solids minus
+the target grown by a clearance; it carries the target by the room beside the rings and leaves every ring free.
+Nothing hangs over by more than 45 degrees, so it prints as it stands, without supports.
+"""
+
+import math
+
+import numpy as np
+from manifold3d import CrossSection, Manifold, OpType
+from numpy.typing import NDArray
+
+from designer.errors import InputError
+from designer.mesh import Mesh
+from designer.polyhedron import INRADIUS, icosahedron_vertices
+from designer.spec import BoardSpec, IcoSpec, PrintSpec
+from designer.target import TargetGeometry
+
+CLEARANCE_MM = 0.2
+"""Gap around the target, so that one printed part fits into another."""
+
+LEAN_RAD = math.radians(75.0)
+"""Between a board on its easel and the table."""
+
+DOWN_FACE = 19
+"""The face on which an icosahedron lies."""
+
+_MIN_WALL_MM = 1.6
+_MIN_LIP_MM = 1.0
+_HOLD = 0.9
+"""Share of the room beside the rings that a stand uses."""
+_CORNER_SLOPE = (3 + math.sqrt(5)) / 2
+"""Rise over run of the icosahedron's edge that leads up and outwards from a corner of the face it lies on."""
+
+
+def make_stand(target: TargetGeometry, printing: PrintSpec) -> Mesh:
+    """The stand of a target in the stand frame; lengths as printed, with shrinkage compensation.
+
+    Raises:
+        InputError: the target has no spec, or too little room beside its rings to be held there.
+    """
+    wall = max(_MIN_WALL_MM, 3 * printing.printer.line_width_mm)
+    spec = _spec(target)
+    stand = _cradle(target, spec, wall) if isinstance(spec, IcoSpec) else _easel(target, spec, wall)
+    mesh = stand.to_mesh64()
+    scale = 1 + printing.shrink_compensation_percent / 100
+    return Mesh(scale * mesh.vert_properties[:, :3], mesh.tri_verts.astype(np.int32))
+
+
+def stand_from_target(target: TargetGeometry) -> NDArray[np.float64]:
+    """Where the target stands: a rigid motion, in design lengths.  # (4, 4)
+
+    An icosahedron lies on `DOWN_FACE`, its centroid above the origin. A board faces -y and leans back; its lower
+    front edge runs along x.
+
+    Raises:
+        InputError: the target has no spec.
+    """
+    spec = _spec(target)
+    motion = np.eye(4)
+    if isinstance(spec, IcoSpec):
+        face = target.target_from_face[DOWN_FACE, :3, :3]
+        motion[:3, :3] = np.diag([1.0, -1.0, -1.0]) @ face.T  # half a turn about x: the outward normal points down
+        motion[2, 3] = _lift_mm(spec) + INRADIUS * spec.edge_mm
+    else:
+        up, out = _board_axes()
+        motion[:3, :3] = np.stack([[1.0, 0.0, 0.0], up, out], axis=1)
+        lowest = -CLEARANCE_MM * (up + out) - spec.thickness_mm * out  # of the grown board, from its lower front edge
+        motion[:3, 3] = spec.size_mm[1] / 2 * up + [0.0, 0.0, _floor_mm(max(spec.size_mm)) - lowest[2]]
+    return motion
+
+
+def _spec(target: TargetGeometry) -> IcoSpec | BoardSpec:
+    if target.spec is None:
+        raise InputError("the target file has no spec, so no stand can be made; use a target made by `design`")
+    return target.spec
+
+
+def _floor_mm(size_mm: float) -> float:
+    """Thickness of a stand's base."""
+    return min(max(0.02 * size_mm, 2.0), 5.0)
+
+
+def _lift_mm(spec: IcoSpec) -> float:
+    """Height of the lowest face above the table: enough for a camera to see the lower faces."""
+    return max(0.3 * spec.edge_mm, 10.0)
+
+
+def _cradle(target: TargetGeometry, spec: IcoSpec, wall_mm: float) -> Manifold:
+    """Posts under the three lowest corners, on a ring.
+
+    A post stays within a ball around its corner that no ring of the five faces there reaches.
+    """
+    motion = stand_from_target(target)
+    vertices = spec.edge_mm * icosahedron_vertices() @ motion[:3, :3].T + motion[:3, 3]
+    corners = vertices[np.argsort(vertices[:, 2])[:3]]
+    rings = target.center_mm @ motion[:3, :3].T + motion[:3, 3]
+    distance = np.linalg.norm(rings[:, None] - corners, axis=2) - target.radius_outer_mm[:, None]
+    reach = _HOLD * float(distance.min())
+    # 0.92 and 0.39: the rim of the post's top lies on the ball.
+    radius = min(0.92 * reach, max(1.5 * wall_mm, 0.07 * spec.edge_mm))
+    hold = 0.39 * reach
+    if radius - hold / _CORNER_SLOPE < wall_mm:
+        raise InputError(
+            f"rings come within {reach / _HOLD:.2g}mm of the corners, too near for a stand with walls of "
+            f"{wall_mm:.2g}mm; leave out the stand, or use a wider margin or a larger edge"
+        )
+    height = _lift_mm(spec) + hold
+    circle = spec.edge_mm / math.sqrt(3)
+    ring_base = CrossSection.circle(circle + radius, 96) - CrossSection.circle(circle - radius, 96)
+    posts = [Manifold.cylinder(height, radius, circular_segments=48).translate((x, y, 0.0)) for x, y, _ in corners]
+    base = Manifold.extrude(ring_base, _floor_mm(spec.edge_mm))
+    grown = (1 + CLEARANCE_MM / (INRADIUS * spec.edge_mm)) * (vertices - motion[:3, 3]) + motion[:3, 3]
+    return Manifold.batch_boolean([base, *posts], OpType.Add) - Manifold.hull_points(grown)
+
+
+def _easel(target: TargetGeometry, spec: BoardSpec, wall_mm: float) -> Manifold:
+    """Two shoes for the lower edge, on a bar, and a fin behind the board's middle, on a spine."""
+    lip = _lip_mm(target, spec)
+    up, out = _board_axes()
+    width, height = spec.size_mm
+    motion = stand_from_target(target)
+    corner = motion[:3, 3] - height / 2 * up  # on the lower front edge, at x = 0
+    gap, back = CLEARANCE_MM, -(spec.thickness_mm + CLEARANCE_MM) * out
+    floor = _floor_mm(max(spec.size_mm))
+    front_y = float((gap * out - gap * up)[1]) - wall_mm
+    shoe_back_y = float((lip * up + back)[1]) + wall_mm
+    rest = corner + 0.6 * height * up + back  # the upper end of the line on which the board rests
+    rear_y = float(rest[1]) + wall_mm + 0.2 * height
+
+    half_shoe, half_fin = max(1.5 * wall_mm, 0.04 * width), max(wall_mm, 0.02 * width)
+    half_bar = 0.3 * width + half_shoe
+    shoe_top = float((corner + lip * up + gap * out)[2]) + spec.thickness_mm
+    shoes = [
+        _box((x - half_shoe, x + half_shoe), (front_y, shoe_back_y), shoe_top).trim_by_plane(
+            tuple(-up), -float(up @ corner) - lip
+        )
+        for x in (-0.3 * width, 0.3 * width)
+    ]
+    foot_y = float(rest[1] - rest[2] / math.tan(LEAN_RAD))
+    profile = [(foot_y, 0.0), (rear_y, 0.0), (rest[1] + wall_mm, rest[2]), (rest[1], rest[2])]
+    fin = _upright(np.array(profile), 2 * half_fin)
+    bar = _box((-half_bar, half_bar), (front_y, shoe_back_y), floor)
+    spine = _box((-half_fin, half_fin), (front_y, rear_y), floor)
+    grown = Manifold.cube((width + 2 * gap, height + 2 * gap, spec.thickness_mm + 2 * gap), center=True)
+    grown = grown.translate((0.0, 0.0, -spec.thickness_mm / 2)).transform(motion[:3])
+    return Manifold.batch_boolean([bar, spine, fin, *shoes], OpType.Add) - grown
+
+
+def _board_axes() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A leaning board's directions up along the board and out of its face, in the stand frame."""
+    sine, cosine = math.sin(LEAN_RAD), math.cos(LEAN_RAD)
+    return np.array([0.0, cosine, sine]), np.array([0.0, -sine, cosine])
+
+
+def _lip_mm(target: TargetGeometry, spec: BoardSpec) -> float:
+    """How far up the board's face the shoes may reach."""
+    room = float((target.center_in_face_mm[:, 1] - target.radius_outer_mm).min()) + spec.size_mm[1] / 2
+    if _HOLD * room < _MIN_LIP_MM:
+        raise InputError(
+            f"rings come within {room:.2g}mm of the board's lower edge, too near for a stand's lip of "
+            f"{_MIN_LIP_MM:g}mm; leave out the stand or use a margin of at least {_MIN_LIP_MM / _HOLD:.2g}mm"
+        )
+    return min(_HOLD * room, max(3.0, 0.04 * spec.size_mm[1]))
+
+
+def _box(x_mm: tuple[float, float], y_mm: tuple[float, float], height_mm: float) -> Manifold:
+    """A box on the bed."""
+    size = (x_mm[1] - x_mm[0], y_mm[1] - y_mm[0], height_mm)
+    return Manifold.cube(size).translate((x_mm[0], y_mm[0], 0.0))
+
+
+def _upright(profile_mm: NDArray[np.float64], width_mm: float) -> Manifold:
+    """A counter-clockwise profile in the y-z plane, `width_mm` wide along x and centred there.  # (N, 2)"""
+    along_z = Manifold.extrude(CrossSection([profile_mm]), width_mm)
+    axes = np.array([[0.0, 0.0, 1.0, -width_mm / 2], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
+    return along_z.transform(axes)

@@ -1,0 +1,158 @@
+"""What the command says at its end."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from designer.bed import printed_size_mm
+from designer.export.folder import OutputFile
+from designer.printability import RULES, Check
+from designer.produce import Design
+from designer.spec import IcoSpec, Job, PrinterProfile, PrintSpec
+from designer.target import TargetGeometry
+from designer.units import format_mm
+
+_MARK = {"violation": "[bold red]VIOLATED[/]", "warning": "[yellow]warning[/]", "note": "[dim]note[/]"}
+
+
+def _console() -> Console:
+    return Console(highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def progress() -> Iterator[Callable[[str], None]]:
+    """Show the stage at work on standard error, while there is one."""
+    console = Console(stderr=True)
+    with console.status("designing") as status:
+        yield lambda stage: status.update(f"making {stage}")
+
+
+def print_design(
+    design: Design, remarks: Sequence[str], check: Check, folder: Path, files: Sequence[OutputFile]
+) -> None:
+    """Sizes, files, findings and the next command after a target was made."""
+    job, target, console = design.job, design.target, _console()
+    console.print(f"[bold]{job.name}[/]  target id {target.geometry_id}")
+    facts = [*_facts(job, target), ("chosen", "\n".join([*remarks, design.artwork.lettering.remark]))]
+    console.print(_two_columns(facts))
+    _print_rules(console, check)
+    console.print(f"\nwrote {len(files)} files to [bold]{_escaped(str(folder))}[/]")
+    table = Table.grid(padding=(0, 2))
+    for file in files:
+        table.add_row(f"  {file.name}", _bytes(len(file.content)), f"[dim]{file.purpose}[/]")
+    console.print(table)
+    console.print(f"\n[bold]next[/]  {_next_step(job, folder)}")
+
+
+def print_check(name: str, target: TargetGeometry, printing: PrintSpec, check: Check) -> None:
+    """The findings of `design check`."""
+    console, printer = _console(), printing.printer
+    console.print(
+        f"[bold]{_escaped(name)}[/]  target id {target.geometry_id}, {printing.build} on {_escaped(printer.name)}, "
+        f"nozzle {printer.nozzle_mm:g}mm, lines {printer.line_width_mm:g}mm, layers {printer.layer_height_mm:g}mm"
+    )
+    _print_rules(console, check)
+
+
+def print_templates(targets: Sequence[tuple[str, Job, TargetGeometry]], printers: Sequence[PrinterProfile]) -> None:
+    """What `design make` and `--printer` know."""
+    console = _console()
+    table = Table(title="targets: design make NAME", title_justify="left", box=None, padding=(0, 2, 0, 0))
+    for heading in ("name", "size", "rings per face", "in all", "diameter", "pitch", "build"):
+        table.add_column(heading)
+    for name, job, target in targets:
+        spec = job.target
+        table.add_row(
+            name, _short_size(job), str(target.ring_count // target.face_count), str(target.ring_count),
+            f"{spec.ring_diameter_mm:g}mm", f"{spec.pitch_mm:g}mm", job.printing.build,
+        )  # fmt: skip
+    console.print(table)
+    table = Table(title="\nprinters: --printer NAME", title_justify="left", box=None, padding=(0, 2, 0, 0))
+    for heading in ("name", "bed", "nozzle", "line", "layer"):
+        table.add_column(heading)
+    for printer in printers:
+        bed = " x ".join(f"{length:g}" for length in printer.bed_mm)
+        widths = (printer.nozzle_mm, printer.line_width_mm, printer.layer_height_mm)
+        table.add_row(printer.name, f"{bed}mm", *(f"{width:g}mm" for width in widths))
+    console.print(table)
+
+
+def _facts(job: Job, target: TargetGeometry) -> list[tuple[str, str]]:
+    """Sizes of a target and its print."""
+    spec, printing = job.target, job.printing
+    dots = int(target.is_dot.sum())
+    per_face = target.ring_count // target.face_count
+    faces = f"{per_face} per face, {target.ring_count} in all" if target.face_count > 1 else f"{target.ring_count}"
+    printed = " x ".join(f"{length:.1f}" for length in printed_size_mm(target, printing))
+    printer = printing.printer
+    facts = [
+        ("target", f"{_size(job)}, {printing.build}"),
+        ("rings", f"{faces}, of which {dots} are dots"),
+        ("", f"diameter {spec.ring_diameter_mm:g}mm, pitch {spec.pitch_mm:g}mm, border {spec.border_mm:g}mm"),
+        ("printed size", f"{printed} mm"),
+        ("printer", f"{_escaped(printer.name)}, nozzle {printer.nozzle_mm:g}mm, layers {printer.layer_height_mm:g}mm"),
+    ]
+    if printing.is_two_filament:
+        facts.append(("ink", f"{printing.inlay_mm:g}mm deep, offset {printing.ink_offset_mm:g}mm"))
+    if printing.shrink_compensation_percent:
+        facts.append(("shrinkage", f"printed {printing.shrink_compensation_percent:g} % larger"))
+    return facts
+
+
+def _short_size(job: Job) -> str:
+    spec = job.target
+    return f"edge {format_mm(spec.edge_mm)}" if isinstance(spec, IcoSpec) else format_mm(*spec.size_mm, spec.thickness_mm)
+
+
+def _size(job: Job) -> str:
+    spec = job.target
+    if isinstance(spec, IcoSpec):
+        return f"icosahedron, edge {spec.edge_mm:g}mm, {spec.rings_per_side} rings a side"
+    width, height = spec.size_mm
+    return (
+        f"board {width:g} x {height:g} x {spec.thickness_mm:g}mm, {spec.lattice} lattice, {spec.columns} x {spec.rows}"
+    )
+
+
+def _print_rules(console: Console, check: Check) -> None:
+    rows = [(_MARK[finding.level], f"{finding.rule}: {_escaped(finding.text)}") for finding in check.findings]
+    if check.holding:
+        rows.insert(0, ("[green]hold[/]", ", ".join(check.holding)))
+    console.print(f"\n[bold]design rules[/] ({len(check.holding)} of {len(RULES)} hold)")
+    console.print(_two_columns(rows))
+
+
+def _next_step(job: Job, folder: Path) -> str:
+    """What a maker does with the files."""
+    name = job.name
+    target_file = _escaped(str(folder / f"{name}.target.json"))
+    if job.printing.is_two_filament:
+        slicers = f"{name}.bambu.3mf in Bambu Studio or OrcaSlicer, or {name}.prusa.3mf in PrusaSlicer"
+        what = f"open {slicers}; filament 1 is the body, 2 the ink"
+    elif job.printing.build == "stickers":
+        what = (
+            f"print {name}.pdf at 100 % and {name}.body.stl in one filament, then glue the stickers on by their numbers"
+        )
+    else:
+        what = f"have {name}.pdf printed at 100 % and measure its scale bar"
+    other = "prusa-mk4" if job.printing.printer.name != "prusa-mk4" else "bambu-p1s"
+    return f"{what}\n      design check {target_file} --printer {other}   [dim]# would another printer do?[/]"
+
+
+def _two_columns(rows: Sequence[tuple[str, str]]) -> Table:
+    table = Table.grid(padding=(0, 2))
+    for left, right in rows:
+        table.add_row(f"  {left}", right)
+    return table
+
+
+def _bytes(count: int) -> str:
+    return f"{count / 1e6:.1f} MB" if count >= 1e6 else f"{count / 1e3:.1f} kB"
+
+
+def _escaped(text: str) -> str:
+    """Text that rich prints as it is."""
+    return text.replace("[", r"\[")

@@ -1,0 +1,288 @@
+"""The target geometry: what was (or is to be) printed, as the detector and the calibrator read it.
+
+`NAME.target.json` holds it. Reading a written file gives back the same numbers, bit for bit. This module needs
+numpy and the standard library only, because everything else imports it.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from designer.errors import InputError
+from designer.spec import TargetSpec, spec_from_mapping, spec_to_mapping
+
+FORMAT = "ringforge.target"
+VERSION = 1
+MAX_FILE_BYTES = 64 * 2**20
+SCHEMA_FILE = "target.schema.json"
+
+Source = Literal["nominal", "measured", "perturbed"]
+SOURCES: tuple[Source, ...] = ("nominal", "measured", "perturbed")
+
+_LAYOUT_FIELDS = ("ring_face", "ring_index", "is_dot", "face_code")
+"""What the detector needs to name rings: the fields behind `layout_id`."""
+
+
+# Type and shape of every array field: R features, F faces, K corners of a face.
+_ARRAYS: Mapping[str, tuple[str, tuple[str | int, ...]]] = {
+    "ring_face": ("int64", ("R",)),
+    "ring_index": ("int64", ("R", 2)),
+    "center_mm": ("float64", ("R", 3)),
+    "radius_outer_mm": ("float64", ("R",)),
+    "radius_inner_mm": ("float64", ("R",)),
+    "is_dot": ("bool", ("R",)),
+    "target_from_face": ("float64", ("F", 4, 4)),
+    "outline_mm": ("float64", ("F", "K", 2)),
+    "window_mm": ("float64", ("F", "K", 2)),
+    "face_code": ("int64", ("F",)),
+    "lattice_mm": ("float64", ("F", 2, 2)),
+    "face_covariance": ("float64", ("F", 6, 6)),
+}
+_REQUIRED = tuple(name for name in _ARRAYS if name != "face_covariance")
+
+
+@dataclass(frozen=True, eq=False)
+class TargetGeometry:
+    """R features on F faces, in millimetres, in the target frame. Two are equal if their ids are.
+
+    Arrays are copied, made C-contiguous and read-only.
+
+    Raises:
+        ValueError: an array of the wrong shape, a number that is not finite, an inner radius that is not below
+            the outer one, a face number out of range, two features with one index, or a frame that is no
+            rigid motion.
+    """
+
+    source: Source
+    spec: TargetSpec | None  # None: made by others
+    ring_face: NDArray[np.int64]  # (R,)
+    ring_index: NDArray[np.int64]  # (R, 2) i, j in the face's lattice
+    center_mm: NDArray[np.float64]  # (R, 3)
+    radius_outer_mm: NDArray[np.float64]  # (R,)
+    radius_inner_mm: NDArray[np.float64]  # (R,) 0 for dots
+    is_dot: NDArray[np.bool_]  # (R,)
+    target_from_face: NDArray[np.float64]  # (F, 4, 4) z: outward normal
+    outline_mm: NDArray[np.float64]  # (F, K, 2) counter-clockwise, in the face frame
+    window_mm: NDArray[np.float64]  # (F, K, 2) inner edge of the border; without a border: the outline
+    face_code: NDArray[np.int64]  # (F,) row of code.CODES; -1: no code
+    lattice_mm: NDArray[np.float64]  # (F, 2, 2) rows: steps of i and of j in the face frame
+    face_covariance: NDArray[np.float64] | None = None  # (F, 6, 6) rotation vector (rad), translation (mm)
+
+    def __post_init__(self) -> None:
+        if self.source not in SOURCES:
+            raise ValueError(f"source is {self.source!r}; it must be one of {', '.join(SOURCES)}")
+        sizes: dict[str, int] = {}
+        for name, (dtype, shape) in _ARRAYS.items():
+            values = getattr(self, name)
+            if values is None and name not in _REQUIRED:
+                continue
+            array = _frozen(name, values, dtype)
+            _check_shape(name, array, shape, sizes)
+            object.__setattr__(self, name, array)
+        _check_rules(self)
+
+    @property
+    def ring_count(self) -> int:
+        """How many features, dots included."""
+        return len(self.ring_face)
+
+    @property
+    def face_count(self) -> int:
+        """How many faces."""
+        return len(self.target_from_face)
+
+    @cached_property
+    def center_in_face_mm(self) -> NDArray[np.float64]:
+        """The features' centres in their faces' frames; z is 0 on a flat face.  # (R, 3)"""
+        frame = self.target_from_face[self.ring_face]
+        in_face: NDArray[np.float64] = np.einsum("rji,rj->ri", frame[:, :3, :3], self.center_mm - frame[:, :3, 3])
+        return in_face
+
+    @cached_property
+    def layout_id(self) -> str:
+        """Names the layout: faces, indices, dots and codes. Detections fit any target with the same one."""
+        return _digest(self, _LAYOUT_FIELDS)
+
+    @cached_property
+    def geometry_id(self) -> str:
+        """Names all numbers, the spec and the source."""
+        return _digest(self, tuple(_present_arrays(self)), full=True)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, TargetGeometry) and self.geometry_id == other.geometry_id
+
+    def __hash__(self) -> int:
+        return hash(self.geometry_id)
+
+
+def _present_arrays(target: TargetGeometry) -> dict[str, NDArray[np.generic]]:
+    """The array fields by name, without an optional one that is absent."""
+    return {name: array for name in _ARRAYS if (array := getattr(target, name)) is not None}
+
+
+def _frozen(name: str, values: object, dtype: str) -> NDArray[np.generic]:
+    """`values` as a read-only array of `dtype`, without turning text or fractions into integers."""
+    array = np.asarray(values)
+    if array.dtype.kind not in {"float64": "fi", "int64": "iu", "bool": "b"}[dtype] and array.size:
+        raise ValueError(f"{name} holds {array.dtype} values; it must hold {dtype}")
+    array = np.array(array, dtype=dtype, order="C")
+    if dtype == "float64":
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} holds a number that is not finite")
+        array = array + 0.0  # no negative zeros: equal numbers must have equal ids
+    array.setflags(write=False)
+    return array
+
+
+def _check_shape(name: str, array: NDArray[np.generic], shape: tuple[str | int, ...], sizes: dict[str, int]) -> None:
+    """Hold an array to its declared shape; the first array with a letter fixes its size."""
+    expected = tuple(sizes.get(n, -1) if isinstance(n, str) else n for n in shape)
+    fits = array.ndim == len(shape) and all(e in (-1, n) for e, n in zip(expected, array.shape, strict=True))
+    if not fits:
+        wanted = " x ".join(str(sizes.get(n, n)) if isinstance(n, str) else str(n) for n in shape)
+        raise ValueError(f"{name} has the shape {array.shape}; it must be {wanted}")
+    sizes.update({letter: n for letter, n in zip(shape, array.shape, strict=True) if isinstance(letter, str)})
+
+
+def _check_rules(target: TargetGeometry) -> None:
+    """The rules that tie the arrays together; see `TargetGeometry`."""
+    if not target.ring_count or not target.face_count:
+        raise ValueError("the target has no rings or no faces")
+    if target.ring_face.min() < 0 or target.ring_face.max() >= target.face_count:
+        raise ValueError(f"ring_face must lie in 0..{target.face_count - 1}")
+    keys = np.column_stack([target.ring_face, target.ring_index])
+    if len(np.unique(keys, axis=0)) != len(keys):
+        raise ValueError("two features of one face have the same ring_index")
+    inner, outer = target.radius_inner_mm, target.radius_outer_mm
+    if not ((inner >= 0) & (inner < outer)).all():
+        raise ValueError("radius_inner_mm must be at least 0 and less than radius_outer_mm")
+    if not (inner[target.is_dot] == 0).all() or not (inner[~target.is_dot] > 0).all():
+        raise ValueError("radius_inner_mm must be 0 for dots and above 0 for rings")
+    rotation = target.target_from_face[:, :3, :3]
+    off = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max()
+    is_affine = (target.target_from_face[:, 3] == np.array([0.0, 0.0, 0.0, 1.0])).all()
+    if off > 1e-6 or np.linalg.det(rotation).min() < 0 or not is_affine:
+        raise ValueError("target_from_face must hold rigid motions (4 x 4, right-handed, last row 0 0 0 1)")
+
+
+def _digest(target: TargetGeometry, names: tuple[str, ...], *, full: bool = False) -> str:
+    """SHA-256 over the named arrays (with source and spec if `full`), its first 16 hexadecimal digits."""
+    digest = hashlib.sha256(f"{FORMAT} {VERSION}".encode())
+    for name in names:
+        array: NDArray[np.generic] = getattr(target, name)
+        digest.update(f"{name} {array.shape} {array.dtype.str}".encode())
+        digest.update(array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes())
+    if full:
+        spec = None if target.spec is None else spec_to_mapping(target.spec)
+        digest.update(f"{target.source} {json.dumps(spec, sort_keys=True)}".encode())
+    return digest.hexdigest()[:16]
+
+
+def target_to_json(target: TargetGeometry) -> str:
+    """The text of `NAME.target.json`: one line a field."""
+    document: dict[str, object] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "layout_id": target.layout_id,
+        "geometry_id": target.geometry_id,
+        "source": target.source,
+        "unit": "mm",
+        "spec": None if target.spec is None else spec_to_mapping(target.spec),
+    }
+    document.update({name: array.tolist() for name, array in _present_arrays(target).items()})
+    lines = (f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in document.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def target_from_json(text: str) -> TargetGeometry:
+    """The target in the text of a `target.json`.
+
+    Raises:
+        ValueError: not JSON, another format or version, a field missing or unknown, a value that breaks a rule
+            of `TargetGeometry`, or ids that do not fit the numbers.
+    """
+    try:
+        document = json.loads(text, parse_constant=_refuse_constant)
+    except RecursionError:
+        raise ValueError("not a target file: nested too deep") from None
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise ValueError(f'not a target file: it must be a JSON object with "format": "{FORMAT}"')
+    if document.get("version") != VERSION:
+        raise ValueError(f"target file version {document.get('version')!r}; this program reads version {VERSION}")
+    if document.get("unit") != "mm":
+        raise ValueError(f'"unit" is {document.get("unit")!r}; it must be "mm"')
+    known = {"format", "version", "layout_id", "geometry_id", "source", "unit", "spec", *_REQUIRED}
+    odd = (known ^ document.keys()) - {"face_covariance"}
+    if odd:
+        raise ValueError(f"missing or unknown fields: {', '.join(sorted(map(str, odd)))}")
+    target = _target_from_document(document)
+    for name in ("layout_id", "geometry_id"):
+        if document[name] != getattr(target, name):
+            raise ValueError(
+                f"{name} {document[name]!r} does not fit the numbers ({getattr(target, name)}): the file was changed "
+                "by hand; design the target again instead"
+            )
+    return target
+
+
+def _target_from_document(document: Mapping[str, object]) -> TargetGeometry:
+    """Build the target from a document with all fields present."""
+    spec, source = document["spec"], document["source"]
+    if spec is not None and not isinstance(spec, dict):
+        raise ValueError("spec must be an object or null")
+    try:
+        covariance = document.get("face_covariance")
+        return TargetGeometry(
+            source=cast("Source", source),  # checked by TargetGeometry
+            spec=None if spec is None else spec_from_mapping(spec),
+            **{name: np.asarray(document[name]) for name in _REQUIRED},
+            face_covariance=None if covariance is None else np.asarray(covariance),
+        )
+    except (TypeError, OverflowError) as error:
+        raise ValueError(f"a value of the wrong type: {error}") from error
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"the number {name} is not finite")
+
+
+def load_target(path: Path) -> TargetGeometry:
+    """Read a target file.
+
+    Raises:
+        InputError: the file cannot be read or is no valid target file; the message names it.
+    """
+    try:
+        size = path.stat().st_size
+        if size > MAX_FILE_BYTES:
+            raise ValueError(f"{size} bytes; a target file has at most {MAX_FILE_BYTES}")
+        return target_from_json(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not UTF-8 text, so no target file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: line {error.lineno}, column {error.colno}: {error.msg}; not valid JSON") from None
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def target_schema() -> str:
+    """The JSON Schema of target files (draft 2020-12), as text."""
+    return resources.files("designer").joinpath(SCHEMA_FILE).read_text(encoding="utf-8")
+
+
+def bounding_radius_mm(target: TargetGeometry) -> float:
+    """Largest distance of an outline corner from the target's origin."""
+    frame = target.target_from_face
+    corners = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
+    return math.sqrt(float((corners**2).sum(axis=2).max()))

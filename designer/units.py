@@ -1,0 +1,105 @@
+"""Quantities in text: `20mm`, `0.8in`, `220x220mm`, `0.4%`. A bare number is in millimetres or percent."""
+
+import math
+import re
+from functools import cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pint import UnitRegistry
+
+MAX_LENGTH_MM = 10_000.0
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
+_QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?(?:nan|inf(?:inity)?))\s*([^\d\s.+-]{{0,20}})\s*", re.IGNORECASE)
+_UNITS = (
+    "metre = [length] = m = meter",
+    "milli- = 1e-3 = m-",
+    "micro- = 1e-6 = u- = µ- = μ-",
+    "centi- = 1e-2 = c-",
+    "inch = 25.4 * millimetre = in",
+    "thou = 0.001 * inch = mil",
+)
+
+
+@cache
+def _registry() -> "UnitRegistry[float]":
+    """The few units that a maker writes. Loading pint's full list would take longer than a design."""
+    from pint import UnitRegistry  # here, because `design --help` needs no units and pint takes 0.3 s to load
+
+    registry: UnitRegistry[float] = UnitRegistry(None)
+    for line in _UNITS:
+        registry.define(line)
+    return registry
+
+
+def parse_length_mm(text: str | float) -> float:
+    """A length in millimetres.
+
+    Raises:
+        ValueError: no number with a unit of length, not finite, or longer than 10 m.
+    """
+    number, unit = _split(text, "a length such as 20mm, 2cm or 0.8in")
+    return _to_mm(number, unit, text)
+
+
+def parse_percent(text: str | float) -> float:
+    """A percentage, with or without its sign.
+
+    Raises:
+        ValueError: not a finite number, or another unit.
+    """
+    number, unit = _split(text, "a percentage such as 0.4%")
+    if unit not in ("", "%"):
+        raise ValueError(f"unit {unit!r} is not a percentage; write 0.4% or 0.4")
+    return number
+
+
+def parse_lengths_mm(text: str, count: int) -> tuple[float, ...]:
+    """`count` lengths such as 220x220mm; a unit at the end holds for the numbers before it that have none.
+
+    Raises:
+        ValueError: another count, or a part that is no length.
+    """
+    example = "x".join(["220"] * count) + "mm"
+    parts = re.split(r"[x×]", text.strip(), flags=re.IGNORECASE) if isinstance(text, str) else []
+    if len(parts) != count:
+        raise ValueError(f"expected {count} lengths joined by x, such as {example}")
+    pairs = [_split(part, f"{count} lengths such as {example}") for part in parts]
+    last_unit = pairs[-1][1]
+    return tuple(_to_mm(number, unit or last_unit, text) for number, unit in pairs)
+
+
+def format_mm(*lengths: float) -> str:
+    """Lengths as text that reads back exactly: `20mm`, `220x220mm`."""
+    return "x".join(repr(length).removesuffix(".0") for length in lengths) + "mm"
+
+
+def _split(text: str | float, expected: str) -> tuple[float, str]:
+    """Number and unit of a quantity."""
+    if isinstance(text, bool) or not isinstance(text, (str, int, float)):
+        raise ValueError(f"expected {expected}")
+    match = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
+    if isinstance(text, str) and match is None:
+        raise ValueError(f"expected {expected}")
+    number, unit = (float(match[1]), match[2]) if match else (_as_float(text), "")
+    if not math.isfinite(number):
+        raise ValueError(f"not a finite number; expected {expected}")
+    return number, unit
+
+
+def _as_float(number: str | float) -> float:
+    try:
+        return float(number)
+    except OverflowError:
+        return math.inf
+
+
+def _to_mm(number: float, unit: str, text: str | float) -> float:
+    """The length in millimetres, within the limit."""
+    try:
+        length = number if unit in ("", "mm") else float(_registry().Quantity(number, unit).to("millimetre").magnitude)
+    except (AttributeError, ValueError, TypeError):  # pint's own errors derive from these
+        raise ValueError(f"unknown unit of length {unit!r}; use mm, cm, m, um, in or thou") from None
+    if abs(length) > MAX_LENGTH_MM:
+        raise ValueError(f"{text} is more than {MAX_LENGTH_MM:g}mm")
+    return length

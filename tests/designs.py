@@ -1,0 +1,31 @@
+"""Small two-filament targets for tests, made as the command makes them."""
+
+from designer.bed import bed_from_target
+from designer.export.threemf import ThreeMfFiles, threemf_files
+from designer.mesh import Mesh
+from designer.produce import Design
+from designer.sizing import size_job
+from designer.spec_file import BoardFile, IcoFile
+
+
+def small_ico(nozzle_mm: float = 0.4) -> Design:
+    """`design ico --edge 20mm`."""
+    return Design(size_job(IcoFile.model_validate({"edge": "20mm", "nozzle": f"{nozzle_mm}mm"})).job)
+
+
+def small_board() -> Design:
+    """A board of 5 x 5 rings with a line of text, 60 x 60 x 4 mm."""
+    sizes = {"size": "60x60mm", "thickness": "4mm", "ring_diameter": "7mm", "pitch": "10mm"}
+    return Design(size_job(BoardFile.model_validate({**sizes, "columns": 5, "rows": 5})).job)
+
+
+def ink_of(design: Design) -> Mesh:
+    """The ink of a two-filament design."""
+    assert design.part.ink is not None
+    return design.part.ink
+
+
+def packages_of(design: Design) -> ThreeMfFiles:
+    """The design's 3MF packages."""
+    job = design.job
+    return threemf_files(design.part, job.printing, job.name, bed_from_target(design.target, job.printing))

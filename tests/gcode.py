@@ -1,0 +1,128 @@
+"""Run PrusaSlicer without a screen, and read the G-code it writes."""
+
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from designer.spec import PrinterProfile
+
+FILAMENT_MM = 1.75
+_WORD = re.compile(r"([XYZE])(-?\d*\.?\d+)")
+
+
+@dataclass(frozen=True)
+class Toolpaths:
+    """All moves that lay down material, in the order of printing."""
+
+    tool: NDArray[np.int64]  # (N,)
+    start_mm: NDArray[np.float64]  # (N, 3) nozzle tip: z is the layer's top
+    end_mm: NDArray[np.float64]  # (N, 3)
+    filament_mm: NDArray[np.float64]  # (N,) length of filament
+    tool_changes: int
+
+    def of_tool(self, tool: int) -> "Toolpaths":
+        """The moves of one tool."""
+        mine = self.tool == tool
+        arrays = (values[mine] for values in (self.tool, self.start_mm, self.end_mm, self.filament_mm))
+        return Toolpaths(*arrays, self.tool_changes)
+
+    @property
+    def volume_mm3(self) -> float:
+        """The material laid down."""
+        return float(self.filament_mm.sum()) * np.pi * FILAMENT_MM**2 / 4
+
+
+def read_gcode(text: str) -> Toolpaths:
+    """The extruding moves: those that go sideways while filament goes forward (not retracts, primes or wipes)."""
+    tool, changes, absolute_e = 0, 0, True
+    at = {"X": 0.0, "Y": 0.0, "Z": 0.0, "E": 0.0}
+    rows = []
+    for line in text.splitlines():
+        command = line.split(";", 1)[0]
+        code = command.split(" ", 1)[0]
+        if code in ("G1", "G0"):
+            words = {axis: float(value) for axis, value in _WORD.findall(command)}
+            before = dict(at)
+            at.update(words)
+            fed = words.get("E", 0.0)
+            if "E" in words and absolute_e:
+                fed -= before["E"]
+            if fed > 0 and ("X" in words or "Y" in words):
+                rows.append((tool, before["X"], before["Y"], before["Z"], at["X"], at["Y"], at["Z"], fed))
+        elif code == "G92":
+            at.update({axis: float(value) for axis, value in _WORD.findall(command)})
+        elif code in ("M82", "M83"):
+            absolute_e = code == "M82"
+        elif code in ("G2", "G3", "G91"):
+            raise ValueError(f"this reader knows no {code}: {line}")
+        elif re.fullmatch(r"T\d+", code):
+            changes += int(code[1:]) != tool
+            tool = int(code[1:])
+    table = np.array(rows, dtype=float).reshape(-1, 8)
+    return Toolpaths(table[:, 0].astype(np.int64), table[:, 1:4], table[:, 4:7], table[:, 7], changes)
+
+
+def find_slicer() -> str | None:
+    """The slicer's command, or None where it is not installed."""
+    return shutil.which("prusa-slicer")
+
+
+def require_slicer() -> str:
+    """The slicer's command; without it the test is skipped, in CI it fails."""
+    command = find_slicer()
+    if command is None:
+        reason = "prusa-slicer is not installed (Debian package prusa-slicer)"
+        if os.environ.get("CI"):
+            pytest.fail(reason)
+        pytest.skip(reason)
+    return command
+
+
+def slicer_settings(printer: PrinterProfile) -> Mapping[str, str]:
+    """Two filaments in one nozzle, solid, nothing but the part on the bed."""
+    bed_x, bed_y, bed_z = printer.bed_mm
+    width, layer = f"{printer.line_width_mm:g}", f"{printer.layer_height_mm:g}"
+    extrusions = ("", "first_layer_", "perimeter_", "external_perimeter_", "infill_", "solid_infill_", "top_infill_")
+    return {
+        "printer_technology": "FFF",
+        "nozzle_diameter": f"{printer.nozzle_mm:g},{printer.nozzle_mm:g}",
+        "filament_diameter": f"{FILAMENT_MM},{FILAMENT_MM}",
+        "temperature": "215,215",
+        "first_layer_temperature": "215,215",
+        "single_extruder_multi_material": "1",
+        "layer_height": layer,
+        "first_layer_height": layer,
+        "wipe_tower": "0",
+        "skirts": "0",
+        "gcode_comments": "1",
+        "bed_shape": f"0x0,{bed_x:g}x0,{bed_x:g}x{bed_y:g},0x{bed_y:g}",
+        "max_print_height": f"{bed_z:g}",
+        # Solid throughout, so that the extruded volumes can be held against the model's.
+        "fill_density": "100%",
+        "fill_pattern": "rectilinear",
+        **{f"{kind}extrusion_width": width for kind in extrusions},
+    }
+
+
+def run_slicer(command: str, *arguments: str) -> str:
+    """What the slicer prints. An exit status of 0 says little: see what it wrote."""
+    done = subprocess.run([command, *arguments], capture_output=True, text=True, timeout=1800, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout
+
+
+def slice_3mf(command: str, package: Path, settings: Mapping[str, str], center_mm: tuple[float, float]) -> Toolpaths:
+    """Slice a package, its bounding box centred at `center_mm`; files go beside the package."""
+    ini, gcode = package.with_suffix(".ini"), package.with_suffix(".gcode")
+    ini.write_text("".join(f"{key} = {value}\n" for key, value in settings.items()))
+    center = f"{center_mm[0]:g},{center_mm[1]:g}"
+    run_slicer(command, "--load", str(ini), "--export-gcode", "--center", center, "-o", str(gcode), str(package))
+    return read_gcode(gcode.read_text())
