@@ -8,7 +8,7 @@ import typer
 
 from designer.errors import InputError
 
-app = typer.Typer(name="calib", help="Use calibration targets.", no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
+app = typer.Typer(name="calib", help="Use calibration targets.", rich_markup_mode=None, pretty_exceptions_enable=False)
 
 
 @app.callback()
@@ -40,7 +40,7 @@ def target(file: Annotated[Path, typer.Argument(help="a target file (NAME.target
 def main() -> None:
     """Run the command line; bad input ends in one line on standard error and exit code 2."""
     try:
-        code = app(standalone_mode=False)
+        code = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except (typer.TyperException, InputError) as error:
         message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
         print(f"error: {' '.join(message.split())}", file=sys.stderr)

@@ -25,7 +25,6 @@ from designer.spec_file import (
 app = typer.Typer(
     name="design",
     help="Design camera-calibration targets: from one size to files that print in two filaments.",
-    no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
@@ -37,7 +36,7 @@ FOLDER_HELP = "folder to write into (default: exports/NAME)"
 def main() -> None:
     """Run the command line; bad input ends in one line on standard error and exit code 2."""
     try:
-        code = app(standalone_mode=False)
+        code = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except typer.TyperException as error:
         _complain(" ".join(error.format_message().split()))
         code = 2

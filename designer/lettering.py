@@ -15,6 +15,8 @@ from designer.target import TargetGeometry
 
 WIDTH, HEIGHT, GAP = 5, 7, 1  # in strokes
 MAX_STROKE_MM = 0.6
+EDGE_CLEARANCE_MM = 1.0
+"""Least distance of letters from a plain board's edge, where it is cut or rounded."""
 PAPER_STROKE_MM = 0.15
 """Thinnest letter stroke that an office printer holds."""
 
@@ -84,10 +86,12 @@ def _strip(target: TargetGeometry, printing: PrintSpec, clear_mm: float) -> tupl
     edge = float(target.outline_mm[:, :, 1].min())
     border_top = float(target.window_mm[:, :, 1].min())
     if border_top > edge:
-        mitre = INSET_PER_DEPTH * printing.inlay_mm if target.face_count > 1 else 0.0
+        # Below the face, the border ends where the neighbour's begins; a sticker is cut there.
+        depth = printing.sticker_thickness_mm if printing.build == "stickers" else printing.inlay_mm
+        mitre = INSET_PER_DEPTH * depth if target.face_count > 1 else 0.0
         return edge + mitre + clear_mm, border_top - clear_mm - max(0.0, -printing.ink_offset_mm)
     lowest = float((target.center_in_face_mm[:, 1] - 1.5 * target.radius_outer_mm).min())
-    return edge + 2 * clear_mm, lowest
+    return edge + max(2 * clear_mm, EDGE_CLEARANCE_MM), lowest
 
 
 def text_width(text: str) -> int:

@@ -15,7 +15,7 @@ from designer.errors import InputError
 from designer.pattern import Contour, FacePattern, Pattern, Stamp
 from designer.polyhedron import INRADIUS, INSET_PER_DEPTH, icosahedron_faces, icosahedron_vertices
 
-Ids = NDArray[np.int64]
+Ids = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ def icosahedron_hull(pattern: Pattern, edge_mm: float, inlay_mm: float) -> Hull:
     frame = pattern.target_from_face
     outline = np.stack([face.outline for face in pattern.faces])
     corner = np.einsum("fij,fkj->fki", frame[:, :3, :2], outline) + frame[:, None, :3, 3]
-    top = np.argmax(np.einsum("fki,vi->fkv", corner, vertices), axis=2)
-    nothing = np.empty((0, 3), dtype=np.int64)
+    top = np.argmax(np.einsum("fki,vi->fkv", corner, vertices), axis=2).astype(np.int32)
+    nothing = np.empty((0, 3), dtype=np.int32)
     floor_outline = outline * (1 - inlay_mm / (INRADIUS * edge_mm))
     return Hull(np.concatenate([outer, inner]), top, top + len(vertices), floor_outline, nothing, nothing)
 
@@ -99,11 +99,11 @@ def board_hull(pattern: Pattern, thickness_mm: float, inlay_mm: float) -> Hull:
     corners = len(face.outline)
     heights = (0.0, -inlay_mm, -thickness_mm)
     vertices = np.concatenate([np.column_stack([face.outline, np.full(corners, z)]) for z in heights])
-    top, floor, bottom = np.arange(3 * corners).reshape(3, corners)
+    top, floor, bottom = _numbers(0, 3 * corners).reshape(3, corners)
     skin_from = top if face.window is None else floor
     sides = _walls(skin_from, bottom)
     underside = triangulate([face.outline])[:, ::-1] + 2 * corners
-    rim = _walls(top, floor) if face.window is not None else np.empty((0, 3), dtype=np.int64)
+    rim = _walls(top, floor) if face.window is not None else np.empty((0, 3), dtype=np.int32)
     return Hull(vertices, top[None], floor[None], face.outline[None], np.concatenate([sides, underside]), rim)
 
 
@@ -117,7 +117,7 @@ def inlaid(pattern: Pattern, hull: Hull, inlay_mm: float) -> Part:
         frame = pattern.target_from_face[number]
         at_top = surfaces.points_mm @ frame[:3, :2].T + frame[:3, 3]
         vertices += [at_top, at_top - inlay_mm * frame[:3, 2]]
-        own = count + np.arange(len(at_top))
+        own = _numbers(count, count + len(at_top))
         top = np.concatenate([hull.top[number], own])
         floor = np.concatenate([hull.floor[number], own + len(own)])
         walls = _walls(top, floor, surfaces.edges)
@@ -125,7 +125,11 @@ def inlaid(pattern: Pattern, hull: Hull, inlay_mm: float) -> Part:
         ink += [top[surfaces.ink], floor[surfaces.ink_floor][:, ::-1], walls]
         count += 2 * len(own)
     everything = np.concatenate(vertices)
-    return Part(_compact(everything, np.concatenate(body)), _compact(everything, np.concatenate(ink)))
+    hull_count = len(hull.vertices_mm)
+    return Part(
+        _without_unused(everything, hull_count, np.concatenate(body)),
+        _without_unused(everything, hull_count, np.concatenate(ink)),
+    )
 
 
 def plain_icosahedron(edge_mm: float) -> Mesh:
@@ -137,7 +141,7 @@ def plain_board(outline_mm: Contour, thickness_mm: float) -> Mesh:
     """The bare plate, its face at z = 0."""
     corners = len(outline_mm)
     vertices = np.concatenate([np.column_stack([outline_mm, np.full(corners, z)]) for z in (0.0, -thickness_mm)])
-    top, bottom = np.arange(2 * corners).reshape(2, corners)
+    top, bottom = _numbers(0, 2 * corners).reshape(2, corners)
     cap = triangulate([outline_mm])
     return Mesh(vertices, np.concatenate([cap, cap[:, ::-1] + corners, _walls(top, bottom)]).astype(np.int32))
 
@@ -178,7 +182,7 @@ class _Triangulator:
         """Triangles over the area on the left of all loops.  # (T, 3)"""
         key = b"|".join(loop.points.tobytes() for loop in loops)
         if key not in self._done:
-            self._done[key] = triangulate([loop.points for loop in loops]).astype(np.int64)
+            self._done[key] = triangulate([loop.points for loop in loops]).astype(np.int32)
         ids: Ids = np.concatenate([loop.ids for loop in loops])
         return ids[self._done[key]]
 
@@ -186,50 +190,53 @@ class _Triangulator:
 def _cut_face(face: FacePattern, floor_outline: Contour, stamps: tuple[Stamp, ...], flat: _Triangulator) -> _Surfaces:
     """Cut one face into ink and white."""
     count = len(face.outline)
-    outline = _Loop(face.outline, np.arange(count))
+    outline = _Loop(face.outline, _numbers(0, count))
     points: list[Contour] = []
 
     def add(contour: Contour) -> _Loop:
         nonlocal count
         points.append(contour)
         count += len(contour)
-        return _Loop(contour, np.arange(count - len(contour), count))
+        return _Loop(contour, _numbers(count - len(contour), count))
 
     window = None if face.window is None else add(face.window)
     dark, light = [add(c) for c in face.dark_text], [add(c) for c in face.light_text]
     ink = [flat([loop]) for loop in dark]
     white = [flat([loop.reversed()]) for loop in light]
     edges = [loop.edges for loop in (*([window] if window else []), *dark, *light)]
-    rims: list[_Loop] = []
+    rims: dict[int, _Loop] = {}
     for row, stamp in enumerate(stamps):
-        at = face.position_mm[face.stamp == row]
+        (features,) = np.nonzero(face.stamp == row)
+        at = face.position_mm[features]
         copies = _stamp_surfaces(stamp, flat)
         # Every copy is the first one, moved by its position and numbered on by its size.
-        first = count + np.arange(len(at)) * len(copies.points_mm)
+        first = count + len(copies.points_mm) * _numbers(0, len(at))
         placed = add((at[:, None] + copies.points_mm).reshape(-1, 2))
         ink.append((copies.ink + first[:, None, None]).reshape(-1, 3))
         white.append((copies.white + first[:, None, None]).reshape(-1, 3))
         edges.append((copies.edges + first[:, None, None]).reshape(-1, 2))
-        rim = len(stamp.rim)
-        by_copy = placed.points.reshape(len(at), -1, 2), placed.ids.reshape(len(at), -1)
-        rims += [_Loop(p[:rim], i[:rim]) for p, i in zip(*by_copy, strict=True)]
+        size, rim = len(copies.points_mm), len(stamp.rim)
+        for place, feature in zip(range(0, len(placed.ids), size), features.tolist(), strict=True):
+            rims[feature] = _Loop(placed.points[place : place + rim], placed.ids[place : place + rim])
     ink_floor = list(ink)
     if window is not None:
         ink.append(flat([outline, window, *light]))
         ink_floor.append(flat([_Loop(floor_outline, outline.ids), window, *light]))
     field = outline if window is None else window.reversed()
-    white.append(flat([field, *(loop.reversed() for loop in (*dark, *rims))]))
+    # In the features' own order, so that faces which differ in rings and dots alone have the same white field.
+    holes = [*dark, *(rims[feature] for feature in sorted(rims))]
+    white.append(flat([field, *(loop.reversed() for loop in holes)]))
     ids = (np.concatenate(part) for part in (ink, ink_floor, white, edges))
     return _Surfaces(np.concatenate(points), *ids)
 
 
 def _stamp_surfaces(stamp: Stamp, flat: _Triangulator) -> _Surfaces:
     """One ring or dot about the origin, numbered from 0."""
-    rim = _Loop(stamp.rim, np.arange(len(stamp.rim)))
+    rim = _Loop(stamp.rim, _numbers(0, len(stamp.rim)))
     if stamp.hole is None:
         ink = flat([rim])
-        return _Surfaces(stamp.rim, ink, ink, np.empty((0, 3), dtype=np.int64), rim.edges)
-    hole = _Loop(stamp.hole, len(stamp.rim) + np.arange(len(stamp.hole)))
+        return _Surfaces(stamp.rim, ink, ink, np.empty((0, 3), dtype=np.int32), rim.edges)
+    hole = _Loop(stamp.hole, _numbers(len(stamp.rim), len(stamp.rim) + len(stamp.hole)))
     edges = np.concatenate([rim.edges, hole.edges])
     ink = flat([rim, hole])
     return _Surfaces(np.concatenate([stamp.rim, stamp.hole]), ink, ink, flat([hole.reversed()]), edges)
@@ -241,7 +248,7 @@ def _walls(top: Ids, floor: Ids, edges: Ids | None = None) -> Ids:
     Without `edges`, the walls go once around both.
     """
     if edges is None:
-        around = np.arange(len(top))
+        around = _numbers(0, len(top))
         edges = np.stack([around, np.roll(around, -1)], axis=1)
     a, b = edges[:, 0], edges[:, 1]
     lower = np.stack([floor[a], floor[b], top[b]], axis=1)
@@ -249,9 +256,14 @@ def _walls(top: Ids, floor: Ids, edges: Ids | None = None) -> Ids:
     return np.concatenate([lower, upper])
 
 
-def _compact(vertices: NDArray[np.float64], triangles: Ids) -> Mesh:
-    """Drop the vertices that no triangle uses."""
-    used = np.zeros(len(vertices), dtype=bool)
-    used[triangles] = True
-    renumber = np.cumsum(used) - 1
-    return Mesh(vertices[used], renumber[triangles].astype(np.int32))
+def _without_unused(vertices: NDArray[np.float64], hull_count: int, triangles: Ids) -> Mesh:
+    """Drop the hull's vertices that no triangle uses; those of the faces are all used."""
+    used = np.zeros(hull_count, dtype=bool)
+    used[triangles[triangles < hull_count]] = True
+    renumber = _numbers(0, len(vertices)) - (hull_count - int(used.sum()))
+    renumber[:hull_count] = np.cumsum(used) - 1
+    return Mesh(np.concatenate([vertices[:hull_count][used], vertices[hull_count:]]), renumber[triangles])
+
+
+def _numbers(start: int, stop: int) -> Ids:
+    return np.arange(start, stop, dtype=np.int32)

@@ -69,13 +69,14 @@ def make_pattern(target: TargetGeometry, printing: PrintSpec, *, scale: float = 
     radii = np.stack([target.radius_outer_mm, target.radius_inner_mm], axis=1) * scale
     distinct, stamp = np.unique(radii, axis=0, return_inverse=True)
     stamps = tuple(_make_stamp(outer, inner, offset, printing.chord_error_mm) for outer, inner in distinct.tolist())
-    position = target.center_in_face_mm[:, :2] * scale
+    # Rounded, so that faces with the same lattice have the same numbers after the way through the target frame.
+    position = np.round(target.center_in_face_mm[:, :2] * scale, 7) + 0.0
     lettering = letter_faces(target, printing)
     faces = []
     for face in range(target.face_count):
         mine = target.ring_face == face
         has_border = not np.array_equal(target.window_mm[face], target.outline_mm[face])
-        window = _moved_in(target.window_mm[face] * scale, offset)[::-1] if has_border else None
+        window = moved_in(target.window_mm[face] * scale, offset)[::-1] if has_border else None
         text = [np.array(contour) * scale for contour in lettering.contours[face]]
         faces.append(
             FacePattern(
@@ -124,7 +125,7 @@ def _corner_over_radius(count: int) -> float:
     return math.sqrt(step / math.sin(step))
 
 
-def _moved_in(polygon: Contour, distance: float) -> Contour:
+def moved_in(polygon: Contour, distance: float) -> Contour:
     """A convex counter-clockwise polygon with every side moved inwards."""
     edge = np.roll(polygon, -1, axis=0) - polygon
     inward = np.stack([-edge[:, 1], edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1, keepdims=True)

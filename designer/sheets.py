@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from designer.code import FACE_CORNER
 from designer.errors import InputError
-from designer.pattern import Contour, FacePattern, Pattern, Stamp
-from designer.pattern import _moved_in as moved_in
+from designer.pattern import Contour, FacePattern, Pattern, Stamp, moved_in
 from designer.polyhedron import FACE_COUNT, INSET_PER_DEPTH, adjacent_faces
 from designer.spec import PrintSpec
 from designer.target import TargetGeometry

@@ -31,8 +31,9 @@ class Toolpaths:
     def of_tool(self, tool: int) -> "Toolpaths":
         """The moves of one tool."""
         mine = self.tool == tool
-        arrays = (values[mine] for values in (self.tool, self.start_mm, self.end_mm, self.filament_mm))
-        return Toolpaths(*arrays, self.tool_changes)
+        return Toolpaths(
+            self.tool[mine], self.start_mm[mine], self.end_mm[mine], self.filament_mm[mine], self.tool_changes
+        )
 
     @property
     def volume_mm3(self) -> float:

@@ -265,10 +265,10 @@ def test_page_sizes(text: str, size: tuple[float, float] | None) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    (
+    [
         *("", "A5", "400", "400x", "x600mm", "400x600x800mm", "40x60cm", "400mmx600mm", "400x600mm\n<>"),
         *("nanx600mm", "400xinfmm", "1e999x400mm", "-400x600mm", "0x0mm", "100x100mm", "400x50mm", "5001x400mm"),
-    ),
+    ],
 )
 def test_bad_page_sizes(text: str) -> None:
     """Any other page size is refused in one line that says what to use."""

@@ -61,7 +61,7 @@ def test_header_is_not_that_of_a_text_file(mesh: Mesh) -> None:
 
 @pytest.mark.skipif(shutil.which("admesh") is None, reason="admesh is not installed (Debian package admesh)")
 def test_admesh_finds_nothing_to_repair(mesh: Mesh, tmp_path: Path) -> None:
-    """admesh's exact check of edges and normals leaves the file as it is and agrees on the volume."""
+    """The exact check of admesh leaves edges and normals as they are, and its volume agrees."""
     path = tmp_path / "mesh.stl"
     path.write_bytes(stl_bytes(mesh))
     report = subprocess.run(["admesh", str(path)], capture_output=True, check=True).stdout.decode("latin-1")

@@ -184,6 +184,16 @@ def test_same_part_gives_the_same_bytes(design: Design, monkeypatch: pytest.Monk
             assert b"Application" not in archive.read("3D/3dmodel.model")
 
 
+@pytest.mark.parametrize("slicer", ["prusa", "bambu"])
+def test_every_file_in_the_package_has_a_content_type(files: ThreeMfFiles, slicer: str) -> None:
+    """The Open Packaging Conventions ask for a content type for each extension; strict readers refuse others."""
+    package = getattr(files, slicer)
+    types = config(package, "[Content_Types].xml")
+    with zipfile.ZipFile(BytesIO(package)) as archive:
+        extensions = {path.rsplit(".", 1)[1] for path in archive.namelist() if path != "[Content_Types].xml"}
+    assert {entry.get("Extension") for entry in types} == extensions
+
+
 def named(design: Design, name: str) -> ThreeMfFiles:
     return threemf_files(design.part, design.job.printing, name, np.eye(4))
 

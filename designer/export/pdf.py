@@ -3,12 +3,13 @@
 import io
 import math
 
-from reportlab.pdfgen.canvas import FILL_EVEN_ODD, Canvas
+from reportlab.pdfgen.canvas import Canvas
 
 from designer.sheets import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Page, Text
 
 POINTS_PER_MM = 72 / 25.4
 FONT = "Helvetica"
+EVEN_ODD = 0  # FILL_EVEN_ODD of reportlab.pdfgen.canvas, which its type stubs lack
 
 
 def pdf_bytes(pages: tuple[Page, ...]) -> bytes:
@@ -63,7 +64,7 @@ def _fill(canvas: Canvas, area: Area) -> None:
             path.lineTo(*point)
         path.close()
     canvas.setFillColor(area.colour)
-    canvas.drawPath(path, stroke=0, fill=1, fillMode=FILL_EVEN_ODD)
+    canvas.drawPath(path, stroke=0, fill=1, fillMode=EVEN_ODD)
 
 
 def _write(canvas: Canvas, text: Text) -> None:

@@ -22,7 +22,7 @@ from designer.spec import PrintSpec
 
 _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 _ZIP_LEVEL = 1
-"""Higher levels take three times as long for files a third smaller."""
+"""Level 6 takes three times as long for files a fifth smaller."""
 
 _CONTENT_TYPES = """<?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
