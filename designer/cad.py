@@ -168,7 +168,7 @@ def _coloured(step: str, body_colour: str, ink_colour: str) -> str:
     number = int(_ENTITY.findall(head)[-1])
     lines = []
     for row, (brep, context) in enumerate(_SOLID.findall(head)):
-        colour = body_colour if row == 1 else ink_colour
+        colour = body_colour if row == 0 else ink_colour
         red, green, blue = (f"{int(colour[k : k + 2], 16) / 255:.6f}" for k in (1, 3, 5))
         for entity in (
             f"COLOUR_RGB('',{red},{green},{blue})",

@@ -20,6 +20,7 @@ from designer.spec_file import (
     parse_printing,
     parse_spec,
     read_spec_file,
+    replaced,
 )
 
 app = typer.Typer(
@@ -126,7 +127,7 @@ def make(
     from designer.presets import preset_or_file
 
     path = preset_or_file("targets", spec)
-    values = {"name": path.stem, **read_spec_file(path), **_given(options)}
+    values = {"name": path.stem, **replaced(read_spec_file(path), _given(options))}
     _design(values, str(path) if path == Path(spec) else spec, out, must_fit)
 
 
@@ -196,7 +197,7 @@ def check(
         )
     else:
         path = preset_or_file("targets", str(file))
-        job = size_job(parse_spec({**read_spec_file(path), **_given(options)}, str(file))).job
+        job = size_job(parse_spec(replaced(read_spec_file(path), _given(options)), str(file))).job
         target, printing = lay_out(job.target), job.printing
     result = check_printability(target, printing, bed_is_rule=True)
     print_check(str(file), target, printing, result)

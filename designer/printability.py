@@ -109,7 +109,9 @@ def _clearance_to_polygon(target: TargetGeometry) -> float:
 
 
 def _margin(target: TargetGeometry, printing: PrintSpec) -> Iterator[Finding]:
-    margin = _clearance_to_polygon(target) - 2 * printing.ink_offset_mm
+    # The ink offset moves the rings' edges, and the border's where there is one.
+    edges = 2 if border_width_mm(target) > 0 else 1
+    margin = _clearance_to_polygon(target) - edges * printing.ink_offset_mm
     if margin <= 0:
         yield Finding("margin", "violation", "rings touch the border or the edge; use fewer rings or a smaller pitch")
     else:

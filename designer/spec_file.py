@@ -210,6 +210,19 @@ def parse_spec(values: Mapping[str, RawValue], origin: str) -> SpecFile:
     return _validate(FILE_OF_KIND[kind], values, origin)
 
 
+def replaced(values: Mapping[str, RawValue], options: Mapping[str, RawValue]) -> dict[str, RawValue]:
+    """A file's values with options in their place.
+
+    What belongs to a replaced printer or nozzle goes with it: a resolved spec names the bed and the line of both.
+    """
+    gone: set[str] = set()
+    if "printer" in options:
+        gone |= {"bed", "line_width", "layer_height"}
+    if "nozzle" in options:
+        gone |= {"line_width", "layer_height"}
+    return {**{key: value for key, value in values.items() if key not in gone}, **options}
+
+
 def parse_printing(values: Mapping[str, RawValue]) -> PrintingFile:
     """Check the values of printing options alone.
 

@@ -104,7 +104,9 @@ def _facts(job: Job, target: TargetGeometry) -> list[tuple[str, str]]:
 
 def _short_size(job: Job) -> str:
     spec = job.target
-    return f"edge {format_mm(spec.edge_mm)}" if isinstance(spec, IcoSpec) else format_mm(*spec.size_mm, spec.thickness_mm)
+    if isinstance(spec, IcoSpec):
+        return f"edge {format_mm(spec.edge_mm)}"
+    return format_mm(*spec.size_mm, spec.thickness_mm)
 
 
 def _size(job: Job) -> str:

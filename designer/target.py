@@ -263,6 +263,8 @@ def load_target(path: Path) -> TargetGeometry:
     """
     try:
         size = path.stat().st_size
+        if not path.is_file():
+            raise ValueError("not a regular file; name a NAME.target.json")
         if size > MAX_FILE_BYTES:
             raise ValueError(f"{size} bytes; a target file has at most {MAX_FILE_BYTES}")
         return target_from_json(path.read_text(encoding="utf-8"))

@@ -39,16 +39,25 @@ def test_one_size_makes_all_default_files_in_the_exports_folder(tmp_path: Path) 
     assert run.returncode == 0, run.stderr
     folder = tmp_path / "exports" / "ico-20mm"
     assert {name.replace("ico-20mm", "t") for name in contents(folder)} == DEFAULT_FILES
-    for said in ("15 per face, 300 in all", "printed size", "design rules", "auto: 5 rings a side", "next", "ico-20mm.prusa.3mf"):
+    for said in (
+        "15 per face, 300 in all",
+        "printed size",
+        "design rules",
+        "auto: 5 rings a side",
+        "next",
+        "ico-20mm.prusa.3mf",
+    ):
         assert said in run.stdout
 
 
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["ico", "--edge", "20mm", "--stand", "--formats", "glb,pdf,svg", "--ink-offset", "-20um", "--shrink-compensation", "0.3%"],
+        ["ico", "--edge", "20mm", "--stand", "--formats", "glb,pdf,svg", "--ink-offset", "-20um",
+         "--shrink-compensation", "0.3%"],
         ["ico", "--edge", "60mm", "--build", "stickers", "--sticker-thickness", "0.15mm", "--page", "A3"],
-        ["board", "--columns", "6", "--rows", "5", "--pitch", "9mm", "--lattice", "triangular", "--border", "3mm", "--stand"],
+        ["board", "--columns", "6", "--rows", "5", "--pitch", "9mm", "--lattice", "triangular", "--border", "3mm",
+         "--stand"],
         ["board", "--size", "3x2.5in", "--build", "sheet", "--no-dots", "--no-labels"],
     ],
 )  # fmt: skip
@@ -73,11 +82,11 @@ def test_step_is_the_same_in_two_runs(tmp_path: Path) -> None:
 
 
 def test_printing_options_never_change_the_target_file(tmp_path: Path) -> None:
-    """Ink offset, shrinkage, inlay, printer, colours and build leave target.json as it is, and change what is printed."""
+    """Ink offset, shrinkage, inlay, printer and colours leave target.json as it is, and change what is printed."""
     sizes = ["--ring-diameter", "7mm", "--pitch", "10mm"]
     design("ico", "--edge", "100mm", *sizes, "-o", "plain", "--name", "t", cwd=tmp_path)
-    options = ["--ink-offset", "0.05mm", "--shrink-compensation", "0.5%", "--inlay-depth", "0.8mm", "--printer", "prusa-xl",
-               "--body-colour", "#ffff00"]  # fmt: skip
+    options = ["--ink-offset", "0.05mm", "--shrink-compensation", "0.5%", "--inlay-depth", "0.8mm",
+               "--printer", "prusa-xl", "--body-colour", "#ffff00"]  # fmt: skip
     run = design("ico", "--edge", "100mm", *sizes, *options, "-o", "compensated", "--name", "t", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     plain, compensated = contents(tmp_path / "plain"), contents(tmp_path / "compensated")
@@ -95,7 +104,10 @@ BAD_INPUT = {
     "small board": (["board", "--size", "25x25mm", "--ring-diameter", "7mm", "--pitch", "10mm"], "3 x 3"),
     "small edge": (["ico", "--edge", "10mm"], "use at least 14.4mm"),
     "large ring": (["ico", "--edge", "100mm", "--ring-diameter", "20mm"], "at most 10.41mm"),
-    "thin stroke": (["board", "--size", "90x90mm", "--ring-diameter", "1mm", "--pitch", "3mm"], "thinner than a 0.4mm nozzle"),
+    "thin stroke": (
+        ["board", "--size", "90x90mm", "--ring-diameter", "1mm", "--pitch", "3mm"],
+        "thinner than a 0.4mm nozzle",
+    ),
     "bed": (["ico", "--edge", "200mm", "--must-fit"], "larger printer"),
     "template": (["make", "mat-ico"], "did you mean 'matt-ico'"),
     "printer": (["ico", "--edge", "20mm", "--printer", "bambu-p1"], "did you mean 'bambu-p1s'"),
@@ -185,18 +197,21 @@ def test_every_template_can_be_made(tmp_path: Path) -> None:
         assert name in listed
 
 
+def loaded_by(module: str, heavy: set[str]) -> set[str]:
+    """Which of the heavy packages a fresh interpreter loads with a module."""
+    script = f"import sys, {module}; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=REPOSITORY)
+    return heavy & set(run.stdout.split())
+
+
 def test_help_loads_nothing_heavy() -> None:
     """`design --help` imports no numpy, pint or CAD, which is what keeps it fast."""
-    script = "import sys, designer.cli; print(sorted({'numpy', 'pint', 'build123d', 'trimesh', 'PIL', 'scipy'} & set(sys.modules)))"
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=REPOSITORY)
-    assert run.stdout.strip() == "[]"
+    assert loaded_by("designer.cli", {"numpy", "pint", "build123d", "trimesh", "PIL", "scipy"}) == set()
 
 
 def test_target_module_needs_only_numpy() -> None:
     """`designer.target`, which `calib` loads, imports nothing heavier than numpy."""
-    script = "import sys, designer.target; print(sorted({'pydantic', 'pint', 'manifold3d', 'build123d', 'PIL'} & set(sys.modules)))"
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=REPOSITORY)
-    assert run.stdout.strip() == "[]"
+    assert loaded_by("designer.target", {"pydantic", "pint", "manifold3d", "build123d", "PIL", "scipy"}) == set()
 
 
 def test_calib_reads_what_design_wrote(tmp_path: Path) -> None:
