@@ -46,18 +46,18 @@ def step_bytes(spec: TargetSpec, pattern: Pattern, printing: PrintSpec, *, name:
     if printing.is_two_filament:
         solids = inlaid_solids(spec, pattern, printing.inlay_mm, scale=scale)
     else:
-        solids = InlaidSolids(plain_solid(spec, pattern, printing, scale=scale), ())
+        solids = InlaidSolids(plain_solid(spec, printing, scale=scale), ())
     step = _step_text(_assembly(solids, name))
     return _coloured(step, printing.body_colour, printing.ink_colour).encode("latin-1")
 
 
 def inlaid_solids(spec: TargetSpec, pattern: Pattern, inlay_mm: float, *, scale: float = 1.0) -> InlaidSolids:
     """Set the pattern into the target's solid, `inlay_mm` deep."""
-    solid = _solid_below(spec, pattern, 0.0, scale)
+    solid = _solid_below(spec, 0.0, scale)
     frames = [_location(frame) for frame in pattern.target_from_face]
     ink: list[Solid] = []
     if pattern.faces[0].window is not None:
-        core = _solid_below(spec, pattern, inlay_mm, scale)
+        core = _solid_below(spec, inlay_mm, scale)
         ink.append(_border(solid, core, pattern, frames, inlay_mm))
     stamps = [_stamp_solid(stamp, inlay_mm) for stamp in pattern.stamps]
     for face, frame in zip(pattern.faces, frames, strict=True):
@@ -68,16 +68,19 @@ def inlaid_solids(spec: TargetSpec, pattern: Pattern, inlay_mm: float, *, scale:
     return InlaidSolids(_only_solid(solid.cut(*ink)), tuple(ink))
 
 
-def plain_solid(spec: TargetSpec, pattern: Pattern, printing: PrintSpec, *, scale: float = 1.0) -> Solid:
-    """The bare body; an icosahedron is smaller by the stickers that are glued on."""
-    depth = printing.sticker_thickness_mm * scale if isinstance(spec, IcoSpec) else 0.0
-    return _solid_below(spec, pattern, depth, scale)
+def plain_solid(spec: TargetSpec, printing: PrintSpec, *, scale: float = 1.0) -> Solid:
+    """The bare body: an icosahedron smaller by the stickers that are glued on, or a sheet, which does not shrink."""
+    if isinstance(spec, IcoSpec):
+        return _solid_below(spec, printing.sticker_thickness_mm * scale, scale)
+    return _solid_below(spec, 0.0, 1.0)
 
 
-def _solid_below(spec: TargetSpec, pattern: Pattern, depth_mm: float, scale: float) -> Solid:
+def _solid_below(spec: TargetSpec, depth_mm: float, scale: float) -> Solid:
     """The part of the target's solid that lies at least `depth_mm` below the faces with ink."""
     if not isinstance(spec, IcoSpec):
-        return _prism(pattern.faces[0].outline, -spec.thickness_mm * scale, -depth_mm)
+        width, height = spec.size_mm
+        outline = 0.5 * scale * np.array([[-width, -height], [width, -height], [width, height], [-width, height]])
+        return _prism(outline, -spec.thickness_mm * scale, -depth_mm)
     vertices = (spec.edge_mm * scale - depth_mm / INRADIUS) * icosahedron_vertices()
     return Solid(Shell([_polygon(vertices[face]) for face in icosahedron_faces()]))
 

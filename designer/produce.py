@@ -97,7 +97,7 @@ def make_files(design: Design, on_stage: Callable[[str], None]) -> tuple[OutputF
     return tuple(files)
 
 
-# Exporters import what they need when they run: build123d takes 4 s to load, trimesh 1 s.
+# Exporters import what they need when they run: build123d takes 4 s to load.
 
 
 def _3mf(design: Design) -> Iterator[OutputFile]:

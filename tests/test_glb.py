@@ -59,7 +59,7 @@ def test_scene_is_in_metres_and_in_the_target_frame(part: Part, glb: bytes) -> N
 
 
 def test_colours_are_the_filaments_in_linear_light(glb: bytes) -> None:
-    """glTF's base colour is linear: encoded back to sRGB it is the colour asked for, and the surface is matt."""
+    """The glTF base colour is linear: encoded back to sRGB it is the colour asked for, and the surface is matt."""
     found = {}
     for material in pygltflib.GLTF2.load_from_bytes(glb).materials:
         surface = material.pbrMetallicRoughness
