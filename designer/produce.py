@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from designer.bed import bed_from_target
+from designer.drawing import Page
 from designer.export.folder import OutputFile
 from designer.layout import lay_out
 from designer.mesh import Mesh, Part, board_hull, icosahedron_hull, inlaid, plain_board, plain_icosahedron
 from designer.pattern import Pattern, make_pattern
 from designer.polyhedron import INRADIUS
-from designer.sheets import Page, lay_out_sheets
+from designer.sheets import lay_out_sheets
 from designer.spec import Format, IcoSpec, Job
 from designer.spec_file import spec_to_toml
 from designer.target import TargetGeometry, target_to_json

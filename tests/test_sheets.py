@@ -21,13 +21,15 @@ from shapely import STRtree, affinity, box
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
+from designer.drawing import Page, Text
 from designer.errors import InputError
 from designer.export.pdf import pdf_bytes
 from designer.export.svg import svg_bytes
 from designer.layout import lay_out
+from designer.pages import MARGIN_MM, SCALE_BAR_MM, page_size_mm
 from designer.pattern import make_pattern
 from designer.polyhedron import INRADIUS, icosahedron_vertices
-from designer.sheets import BLEED_MM, MARGIN_MM, SCALE_BAR_MM, Page, Text, lay_out_sheets, page_size_mm
+from designer.sheets import BLEED_MM, lay_out_sheets
 from designer.spec import BoardSpec, IcoSpec, PrinterProfile, PrintSpec, TargetSpec
 from designer.target import TargetGeometry
 
@@ -255,18 +257,19 @@ def test_landscape_only_where_it_holds_more() -> None:
         ("letter", (215.9, 279.4)),
         ("400x600mm", (400.0, 600.0)),
         ("120.5x80", (120.5, 80.0)),
+        ("40x60cm", (400.0, 600.0)),
         ("fit", None),
     ],
 )
 def test_page_sizes(text: str, size: tuple[float, float] | None) -> None:
-    """A page is a known name or a width and height in millimetres."""
+    """A page is a known name or a width and height, as any other size is written."""
     assert page_size_mm(text) == size
 
 
 @pytest.mark.parametrize(
     "text",
     [
-        *("", "A5", "400", "400x", "x600mm", "400x600x800mm", "40x60cm", "400mmx600mm", "400x600mm\n<>"),
+        *("", "A5", "400", "400x", "x600mm", "400x600x800mm", "400x600mm\n<>"),
         *("nanx600mm", "400xinfmm", "1e999x400mm", "-400x600mm", "0x0mm", "100x100mm", "400x50mm", "5001x400mm"),
     ],
 )

@@ -1,0 +1,195 @@
+"""Page sizes, where pieces go on a page, and the page's foot with its scale bar."""
+
+import math
+from dataclasses import dataclass
+
+from designer.drawing import Drawing, Page, Point, Text, moved, together, width_em
+from designer.errors import InputError
+from designer.units import parse_lengths_mm
+
+PAGE_SIZES_MM = {"A4": (210.0, 297.0), "A3": (297.0, 420.0), "Letter": (215.9, 279.4)}
+MARGIN_MM = 10.0
+"""What a printer may leave white along the paper's edges."""
+SCALE_BAR_MM = 100.0
+MIN_PAGE_MM = (SCALE_BAR_MM + 2 * MARGIN_MM, 60.0)
+MAX_PAGE_MM = 5000.0
+"""PDF readers stop at 14400 points, which is 5080 mm."""
+
+DESCENT = 0.22
+"""How far letters reach below the baseline, of the text size."""
+_FOOT_TEXT_MM = 2.7
+_LINE_SPACING_MM = 3.6
+_SLACK_MM = 1e-9  # sums of lengths that fit exactly may miss by a rounding
+
+
+def page_size_mm(page: str) -> tuple[float, float] | None:
+    """Width and height of a page: "A4", "A3", "Letter" or "WIDTHxHEIGHTmm"; None for "fit".
+
+    Raises:
+        InputError: another text, a size that is not finite, too small for the scale bar, or absurdly large.
+    """
+    if page.casefold() == "fit":
+        return None
+    for known, size in PAGE_SIZES_MM.items():
+        if page.casefold() == known.casefold():
+            return size
+    try:
+        width, height = parse_lengths_mm(page, 2)
+    except ValueError as error:
+        rule = f"use {', '.join(PAGE_SIZES_MM)}, fit or WIDTHxHEIGHTmm such as 400x600mm"
+        raise InputError(f"page {page!r}: {error}; {rule}") from None
+    wide, low = MIN_PAGE_MM
+    if max(width, height) < wide or min(width, height) < low:
+        raise InputError(f"page {page!r} is too small for the scale bar; use at least {wide:g}x{low:g}mm")
+    if max(width, height) > MAX_PAGE_MM:
+        raise InputError(f"page {page!r} is larger than {MAX_PAGE_MM:g}mm, the most that PDF allows; use a smaller one")
+    return width, height
+
+
+@dataclass(frozen=True)
+class _Slot:
+    """Where a piece's origin comes to lie; `turned` by half a turn."""
+
+    at_mm: Point
+    turned: bool
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The room that pieces with their labels take, set in rows; every second triangle of a row is turned."""
+
+    first_mm: float  # width of a row of one piece
+    step_mm: float  # what each further piece adds
+    row_mm: float  # height of a row
+    origin_mm: float  # height of a piece's origin above the row's lower side
+    turns: bool
+
+    def block_mm(self, columns: int, rows: int) -> tuple[float, float]:
+        """Width and height of so many pieces."""
+        return self.first_mm + (columns - 1) * self.step_mm, rows * self.row_mm
+
+    def slots(self, page_mm: tuple[float, float], line_count: int, count: int) -> tuple[_Slot, ...]:
+        """All places on a page, row by row from the top, the rows centred and no longer than `count`."""
+        width, height = _room_for_pieces(page_mm, line_count)
+        columns = min(count, max(0, math.floor((width - self.first_mm + _SLACK_MM) / self.step_mm) + 1))
+        rows = max(0, math.floor((height + _SLACK_MM) / self.row_mm))
+        left = (page_mm[0] - self.block_mm(columns, 1)[0] + self.first_mm) / 2
+        slots = []
+        for row in range(rows):
+            bottom = page_mm[1] - MARGIN_MM - (row + 1) * self.row_mm
+            for column in range(columns):
+                turned = self.turns and column % 2 == 1
+                above = self.row_mm - self.origin_mm if turned else self.origin_mm
+                slots.append(_Slot((left + column * self.step_mm, bottom + above), turned))
+        return tuple(slots)
+
+
+def lay_out_pages(
+    pieces: tuple[Drawing, ...], grid: Grid, page: str, *, name: str, what: str, about: tuple[str, ...]
+) -> tuple[Page, ...]:
+    """Set pieces on as many pages as they need.
+
+    Args:
+        pieces: drawings about their own origins.
+        grid: the room that each takes.
+        page: see `page_size_mm`; "fit" makes one page of the size needed.
+        name: of the document.
+        what: names the pieces in messages.
+        about: lines for every page's foot, the lowest first.
+
+    Raises:
+        InputError: a bad page size, or a piece that does not fit on the page.
+    """
+    line_count = len(about) + 1  # and the page's number
+    size = _choose_size(page, grid, len(pieces), line_count, what)
+    slots = grid.slots(size, line_count, len(pieces))
+    title = _printable(name)
+    count = math.ceil(len(pieces) / len(slots))
+    pages = []
+    for number in range(count):
+        here = pieces[number * len(slots) : (number + 1) * len(slots)]
+        placed = [moved(piece, slot.at_mm, turned=slot.turned) for piece, slot in zip(here, slots, strict=False)]
+        foot = _foot(size[0], (*about, f"{title}, page {number + 1} of {count}"))
+        pages.append(Page(title, *size, together([*placed, foot])))
+    return tuple(pages)
+
+
+def _room_for_pieces(page_mm: tuple[float, float], line_count: int) -> tuple[float, float]:
+    """Width and height of what is printable above the foot."""
+    return page_mm[0] - 2 * MARGIN_MM, page_mm[1] - 2 * MARGIN_MM - _foot_height(page_mm[0], line_count)
+
+
+def _choose_size(page: str, grid: Grid, count: int, line_count: int, what: str) -> tuple[float, float]:
+    """The page's width and height: portrait, unless landscape holds more pieces."""
+    given = page_size_mm(page)
+    if given is None:
+        return _fitting_size(grid, count, line_count, what)
+    short, long = sorted(given)
+    both = ((short, long), (long, short))
+    usable = [size for size in both if size[0] >= MIN_PAGE_MM[0] and size[1] >= MIN_PAGE_MM[1]]
+    best = max(usable, key=lambda size: min(count, len(grid.slots(size, line_count, count))))
+    if not grid.slots(best, line_count, count):
+        needed, room = grid.block_mm(1, 1), _room_for_pieces(best, line_count)
+        width, height = _page_around(needed, line_count)
+        raise InputError(
+            f"{what}: a piece with its marks needs {needed[0]:.1f} x {needed[1]:.1f}mm, but page {page} has a "
+            f"printable area of {room[0]:.1f} x {room[1]:.1f}mm; use --page fit, or a page of at least "
+            f"{math.ceil(width)}x{math.ceil(height)}mm"
+        )
+    return best
+
+
+def _page_around(block_mm: tuple[float, float], line_count: int) -> tuple[float, float]:
+    """The smallest page that holds a block."""
+    width = max(block_mm[0] + 2 * MARGIN_MM, MIN_PAGE_MM[0])
+    return width, max(block_mm[1] + 2 * MARGIN_MM + _foot_height(width, line_count), MIN_PAGE_MM[1])
+
+
+def _fitting_size(grid: Grid, count: int, line_count: int, what: str) -> tuple[float, float]:
+    """The size of one page that holds all pieces, as square as can be."""
+    blocks = (grid.block_mm(columns, math.ceil(count / columns)) for columns in range(1, count + 1))
+    width, height = min((_page_around(block, line_count) for block in blocks), key=lambda size: (max(size), sum(size)))
+    if max(width, height) > MAX_PAGE_MM:
+        raise InputError(
+            f"{what}: they need a page of {width:.0f} x {height:.0f}mm, and PDF allows at most {MAX_PAGE_MM:g}mm; "
+            "use a smaller target, or a page size that spreads stickers over several pages"
+        )
+    return width, height
+
+
+def _foot_is_wide(page_width: float) -> bool:
+    """Whether the foot's lines stand beside the scale bar, not above it."""
+    return page_width - 2 * MARGIN_MM >= SCALE_BAR_MM + 75
+
+
+def _foot_height(page_width: float, line_count: int) -> float:
+    """Height of scale bar and lines, and the gap above."""
+    bar_lines = 2
+    stacked = max(line_count, bar_lines) if _foot_is_wide(page_width) else line_count + bar_lines
+    return stacked * _LINE_SPACING_MM + 2.0
+
+
+def _foot(page_width: float, lines: tuple[str, ...]) -> Drawing:
+    """The scale bar, its caption and lines of text, from below."""
+    left, bottom = MARGIN_MM, MARGIN_MM
+    ticks = []
+    for k in range(11):
+        x = left + k * SCALE_BAR_MM / 10
+        ticks.append(((x, bottom), (x, bottom + (2.5 if k % 5 == 0 else 1.5))))
+    bar = ((left, bottom), (left + SCALE_BAR_MM, bottom))
+    caption = "100 mm - print at 100 %, then measure this bar"
+    texts = [Text(caption, (left, bottom + _LINE_SPACING_MM), _FOOT_TEXT_MM)]
+    if _foot_is_wide(page_width):
+        x, y = left + SCALE_BAR_MM + 5, bottom + DESCENT * _FOOT_TEXT_MM
+    else:
+        x, y = left, bottom + 2 * _LINE_SPACING_MM
+    room = page_width - MARGIN_MM - x
+    size = min(_FOOT_TEXT_MM, room / max(width_em(line) for line in lines))
+    texts += [Text(line, (x, y + k * _LINE_SPACING_MM), size) for k, line in enumerate(lines)]
+    return Drawing(marks=(bar, *ticks), texts=tuple(texts))
+
+
+def _printable(name: str) -> str:
+    """The name without control characters and not too long for the foot."""
+    clean = "".join(letter if letter.isprintable() else "?" for letter in name)
+    return clean if len(clean) <= 60 else clean[:57] + "..."

@@ -1,0 +1,318 @@
+"""Body and ink: two closed meshes that fill the solid exactly."""
+
+import math
+
+import manifold3d
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from shapely import Polygon
+
+from designer.errors import InputError
+from designer.mesh import Mesh, board_hull, icosahedron_hull, inlaid, plain_board, plain_icosahedron
+from designer.pattern import make_pattern
+from designer.polyhedron import DIHEDRAL_RAD, INRADIUS
+from designer.produce import Design
+from designer.sizing import size_job
+from designer.spec import BoardSpec, IcoSpec
+from designer.spec_file import RawValue, parse_spec
+
+UNIT_VOLUME = 5 * (3 + math.sqrt(5)) / 12
+"""Of the icosahedron with edge length 1."""
+
+
+def design_of(**values: RawValue) -> Design:
+    return Design(size_job(parse_spec(values, "")).job)
+
+
+COARSE = "0.1mm"  # chord error, to keep the meshes small where roundness does not matter
+LETTERED_ICO = {"kind": "ico", "edge": "60mm", "nozzle": "0.2mm", "border": "4mm", "chord_error": COARSE}
+DESIGNS = {
+    "paper's ico": design_of(kind="ico", edge="100mm", ring_diameter="7mm", pitch="10mm"),
+    "20 mm ico": design_of(kind="ico", edge="20mm", chord_error=COARSE),
+    "lettered ico": design_of(**LETTERED_ICO),
+    "shrunk lettered ico": design_of(**LETTERED_ICO, shrink_compensation=-20, inlay_depth="3mm"),
+    "tight lettered ico": design_of(kind="ico", edge="18mm", nozzle="0.2mm", border="2.4mm", chord_error=COARSE),
+    "grown ico": design_of(kind="ico", edge="40mm", ink_offset="0.1mm", shrink_compensation=2, chord_error=COARSE),
+    "paper's board": design_of(kind="board", size="220x220mm", ring_diameter="7mm", pitch="10mm"),
+    "bordered board": design_of(kind="board", size="220x220mm", pitch="10mm", border="5mm", chord_error=COARSE),
+    "plain grid": design_of(kind="board", columns=7, rows=5, pitch="10mm", dots=False, chord_error=COARSE),
+    "triangular board": design_of(kind="board", size="70x90mm", pitch="9mm", lattice="triangular", border="1mm"),
+}
+
+
+@pytest.fixture(params=DESIGNS, scope="module")
+def design(request: pytest.FixtureRequest) -> Design:
+    return DESIGNS[request.param]
+
+
+def ink_of(design: Design) -> Mesh:
+    assert design.part.ink is not None
+    return design.part.ink
+
+
+def solid_volume(design: Design) -> float:
+    spec = design.job.target
+    lengths = (spec.edge_mm,) * 3 if isinstance(spec, IcoSpec) else (*spec.size_mm, spec.thickness_mm)
+    return math.prod(lengths) * design.scale**3 * (UNIT_VOLUME if isinstance(spec, IcoSpec) else 1)
+
+
+def corners_of(mesh: Mesh) -> np.ndarray:
+    """(T, 3, 3)."""
+    return mesh.vertices_mm[mesh.triangles]
+
+
+def areas_of(mesh: Mesh) -> np.ndarray:
+    corner = corners_of(mesh)
+    return np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1) / 2
+
+
+def assert_closed(mesh: Mesh) -> None:
+    """Every directed edge occurs once, and so does its reverse; no vertex is idle or doubled."""
+    ends = np.concatenate([mesh.triangles[:, [k, (k + 1) % 3]] for k in range(3)]).astype(np.int64)
+    count = len(mesh.vertices_mm)
+    forth, back = ends @ [count, 1], ends @ [1, count]
+    assert len(np.unique(forth)) == len(forth)
+    assert (np.sort(forth) == np.sort(back)).all()
+    assert (np.unique(mesh.triangles) == np.arange(count)).all()
+    assert len(np.unique(mesh.vertices_mm, axis=0)) == count
+
+
+def components_of(mesh: Mesh) -> list[np.ndarray]:
+    """The triangles of each connected piece, as row numbers."""
+    ends = np.concatenate([mesh.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
+    size = len(mesh.vertices_mm)
+    graph = coo_matrix((np.ones(len(ends)), ends.T), shape=(size, size))
+    _, piece = connected_components(graph, directed=False)
+    order = np.argsort(piece[mesh.triangles[:, 0]], kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(piece[mesh.triangles[order, 0]])) + 1)
+
+
+def part_of(mesh: Mesh, rows: np.ndarray) -> Mesh:
+    return Mesh(mesh.vertices_mm, mesh.triangles[rows])
+
+
+def euler_characteristic(mesh: Mesh) -> int:
+    """Vertices - edges + triangles; 2 - 2 genus for one closed piece."""
+    return len(np.unique(mesh.triangles)) - len(mesh.triangles) * 3 // 2 + len(mesh.triangles)
+
+
+def assert_fills_the_solid(design: Design) -> None:
+    """Body and ink are closed; walls cancel, and what is left over is the solid's own surface."""
+    body, ink = design.part.body, ink_of(design)
+    assert_closed(body)
+    assert_closed(ink)
+    assert body.volume_mm3 + ink.volume_mm3 == pytest.approx(solid_volume(design), rel=1e-9)
+    together = np.concatenate([corners_of(body), corners_of(ink)])
+    plain = plain_icosahedron(design.job.target.edge_mm * design.scale)
+    if isinstance(design.job.target, BoardSpec):
+        plain = plain_board(design.target.outline_mm[0] * design.scale, design.job.target.thickness_mm * design.scale)
+    solid_corners = corners_of(plain)
+    normal = np.cross(solid_corners[:, 1] - solid_corners[:, 0], solid_corners[:, 2] - solid_corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    height = (normal * solid_corners[:, 0]).sum(axis=1)
+    # Farthest out of all the solid's planes: 0 on its surface, below 0 inside.
+    out = (together @ normal.T - height).max(axis=2)
+    assert out.max() < 1e-6
+    on_a_face = (np.abs(together @ normal.T - height) < 1e-6).all(axis=1).any(axis=1)
+    cross = np.cross(together[:, 1] - together[:, 0], together[:, 2] - together[:, 0])
+    area = np.linalg.norm(cross, axis=1) / 2
+    assert area[on_a_face].sum() == pytest.approx(areas_of(plain).sum(), rel=1e-9)
+    facing = (cross[:, None, :] * normal).sum(axis=2)
+    assert facing[on_a_face].max(axis=1) == pytest.approx(2 * area[on_a_face], rel=1e-4, abs=1e-6)  # outward
+    assert_cancelling(together[~on_a_face])
+
+
+def assert_cancelling(corners: np.ndarray) -> None:
+    """Every triangle occurs once in each direction.  # (T, 3, 3)"""
+    _, names = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    triangle = names.reshape(-1, 3)
+    first = triangle.argmin(axis=1)
+    turned = np.take_along_axis(triangle, (first[:, None] + np.arange(3)) % 3, axis=1)
+    forth = np.unique(turned, axis=0)
+    back = np.unique(turned[:, [0, 2, 1]], axis=0)
+    assert len(forth) == len(turned)
+    assert (forth == back).all()
+
+
+def test_body_and_ink_fill_the_solid(design: Design) -> None:
+    """Both meshes are closed and manifold, and their walls coincide, so that nothing overlaps or is left empty."""
+    assert_fills_the_solid(design)
+
+
+def test_no_triangle_is_a_line(design: Design) -> None:
+    """Every triangle has an area, so it has a normal."""
+    assert areas_of(design.part.body).min() > 1e-9
+    assert areas_of(ink_of(design)).min() > 1e-9
+
+
+def test_pieces_of_ink_are_solid(design: Design) -> None:
+    """Each ring is a torus and each dot a disc with its own volume to its own outside; the border is one piece."""
+    ink, target = ink_of(design), design.target
+    pieces = [part_of(ink, rows) for rows in components_of(ink)]
+    assert all(piece.volume_mm3 > 0 for piece in pieces)
+    kinds = [euler_characteristic(piece) for piece in pieces]
+    letters = len(design.printed_pattern.faces[0].dark_text)
+    assert kinds.count(0) >= int((~target.is_dot).sum())
+    borders = [piece for piece in pieces if np.ptp(piece.vertices_mm[piece.triangles], axis=(0, 1)).max() > 15]
+    has_border = design.printed_pattern.faces[0].window is not None
+    assert len(pieces) == target.ring_count + letters + has_border
+    if isinstance(design.job.target, IcoSpec):
+        assert [euler_characteristic(border) for border in borders] == [2 - 2 * 19 - 2 * letters_in_border(design)]
+    assert kinds.count(2) == int(target.is_dot.sum()) + letters
+
+
+def letters_in_border(design: Design) -> int:
+    """Holes through the border beside its windows."""
+    return sum(len(face.light_text) for face in design.printed_pattern.faces)
+
+
+def test_paper_icosahedron_has_721_pieces_of_ink() -> None:
+    """Edge 100 mm: 720 rings and dots and one border of genus 19, without mitre walls."""
+    ink = ink_of(DESIGNS["paper's ico"])
+    pieces = [part_of(ink, rows) for rows in components_of(ink)]
+    kinds = [euler_characteristic(piece) for piece in pieces]
+    assert (len(pieces), kinds.count(2 - 2 * 19), kinds.count(0), kinds.count(2)) == (721, 1, 660, 60)
+
+
+@pytest.mark.parametrize("name", ["paper's ico", "20 mm ico", "lettered ico", "grown ico"])
+def test_ink_volume_of_an_icosahedron(name: str) -> None:
+    """Ink area times depth, less the wedges that the border loses to its neighbours.
+
+    The border's floor lies on the smaller icosahedron whose faces are the depth d below. So along each edge of
+    length a the border loses a wedge of cross-section d^2 / (2 tan(delta / 2)) on both sides, delta being the
+    dihedral angle, shortened towards the corners: seen as pyramids from the centre, the border's slab has the
+    volume between two icosahedra, (r^3 - (r - d)^3) / r^3 of the solid.
+    """
+    design = DESIGNS[name]
+    spec, depth = design.job.target, design.job.printing.inlay_mm
+    assert isinstance(spec, IcoSpec)
+    edge = spec.edge_mm * design.scale
+    inradius = INRADIUS * edge
+    slab = UNIT_VOLUME * edge**3 * (1 - (1 - depth / inradius) ** 3)
+    volume = slab
+    for face in design.printed_pattern.faces:
+        rings = [design.printed_pattern.stamps[row] for row in face.stamp]
+        assert face.window is not None
+        volume += depth * sum(math.pi * (ring.outer_radius_mm**2 - ring.inner_radius_mm**2) for ring in rings)
+        volume -= depth * (Polygon(face.window).area + sum(Polygon(letter).area for letter in face.light_text))
+    assert ink_of(design).volume_mm3 == pytest.approx(volume, rel=1e-9)
+    # The wedges, to first order: 60 of them (two an edge) of length a.
+    area = sum(Polygon(face.outline).area for face in design.printed_pattern.faces)
+    wedges = 60 * edge * depth**2 / (2 * math.tan(DIHEDRAL_RAD / 2))
+    assert slab == pytest.approx(area * depth - wedges, rel=0.5 * (depth / inradius) ** 2)
+
+
+@pytest.mark.parametrize("name", ["paper's board", "bordered board", "triangular board"])
+def test_ink_volume_of_a_board(name: str) -> None:
+    """Ink area times depth."""
+    pattern = DESIGNS[name].printed_pattern
+    face = pattern.faces[0]
+    stamps = [pattern.stamps[row] for row in face.stamp]
+    area = sum(math.pi * (stamp.outer_radius_mm**2 - stamp.inner_radius_mm**2) for stamp in stamps)
+    area += sum(Polygon(letter).area for letter in face.dark_text) - sum(Polygon(c).area for c in face.light_text)
+    area += 0 if face.window is None else Polygon(face.outline).area - Polygon(face.window).area
+    assert ink_of(DESIGNS[name]).volume_mm3 == pytest.approx(area * DESIGNS[name].job.printing.inlay_mm, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["20 mm ico", "lettered ico", "triangular board"])
+def test_an_independent_kernel_agrees(name: str) -> None:
+    """Manifold takes both meshes as valid; they have no common volume, and their union is the bare solid."""
+    body, ink = (
+        manifold3d.Manifold(manifold3d.Mesh64(mesh.vertices_mm, mesh.triangles.astype(np.uint64)))
+        for mesh in (DESIGNS[name].part.body, ink_of(DESIGNS[name]))
+    )
+    assert body.status() == ink.status() == manifold3d.Error.NoError
+    assert (body ^ ink).volume() == pytest.approx(0, abs=1e-6)
+    assert (body + ink).volume() == pytest.approx(solid_volume(DESIGNS[name]), rel=1e-6)
+
+
+specs = st.one_of(
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("ico"),
+            "edge": st.floats(12, 60),
+            "nozzle": st.sampled_from(["0.2mm", "0.4mm"]),
+        },
+        optional={"border": st.floats(0.3, 5), "labels": st.booleans()},
+    ),
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("board"),
+            "columns": st.integers(3, 6),
+            "rows": st.integers(3, 6),
+            "pitch": st.floats(4, 12),
+            "lattice": st.sampled_from(["square", "triangular"]),
+        },
+        optional={"border": st.floats(0.3, 5), "dots": st.booleans(), "margin": st.floats(0.5, 8)},
+    ),
+)
+options = st.fixed_dictionaries(
+    {"chord_error": st.just("0.3mm")},
+    optional={
+        "ink_offset": st.floats(-0.2, 0.2),
+        "shrink_compensation": st.floats(-20, 20),
+        "inlay_depth": st.floats(0.05, 2),
+    },
+)
+
+
+@given(specs, options)
+@settings(max_examples=25, deadline=None)
+def test_any_design_fills_its_solid(spec: dict[str, RawValue], printing: dict[str, RawValue]) -> None:
+    """Whatever is asked for, the meshes are sound, or there is a reason why not."""
+    try:
+        design = design_of(**spec, **printing)
+        design.part  # noqa: B018  # computed here, so that a refusal is seen here
+    except InputError:
+        assume(False)
+    assert_fills_the_solid(design)
+    assert min(areas_of(design.part.body).min(), areas_of(ink_of(design)).min()) > 1e-12
+
+
+def test_inlay_must_leave_a_border_and_a_back() -> None:
+    """An inlay that undercuts the border, or goes through the board, is refused with what would do."""
+    ico = DESIGNS["20 mm ico"]
+    with pytest.raises(InputError, match=r"border .* too narrow .* use an inlay of at most"):
+        icosahedron_hull(ico.printed_pattern, 20.0, 5.0)
+    board = DESIGNS["triangular board"]
+    with pytest.raises(InputError, match=r"goes through .* use at most 2\.5mm"):
+        board_hull(board.printed_pattern, 5.0, 5.0)
+    unbordered = make_pattern(DESIGNS["paper's board"].target, ico.job.printing)
+    with pytest.raises(InputError, match="needs a border"):
+        icosahedron_hull(unbordered, 20.0, 1.0)
+
+
+def test_inlay_named_in_the_error_works() -> None:
+    """The depth that the message offers does make a sound part."""
+    ico = DESIGNS["20 mm ico"]
+    with pytest.raises(InputError) as raised:
+        icosahedron_hull(ico.printed_pattern, 20.0, 5.0)
+    offered = float(str(raised.value).split("at most ")[1].split("mm")[0])
+    part = inlaid(ico.printed_pattern, icosahedron_hull(ico.printed_pattern, 20.0, offered), offered)
+    assert part.ink is not None
+    assert_closed(part.ink)
+    assert part.body.volume_mm3 + part.ink.volume_mm3 == pytest.approx(UNIT_VOLUME * 20**3, rel=1e-9)
+
+
+def test_plain_solids() -> None:
+    """The bare icosahedron and the bare plate are closed and have their formulas' volumes."""
+    ico = plain_icosahedron(30.0)
+    assert_closed(ico)
+    assert ico.volume_mm3 == pytest.approx(UNIT_VOLUME * 30**3)
+    assert np.linalg.norm(corners_of(ico)[:, 0] - corners_of(ico)[:, 1], axis=1) == pytest.approx(np.full(20, 30.0))
+    board = plain_board(np.array([[-10.0, -5], [10, -5], [10, 5], [-10, 5]]), 3.0)
+    assert_closed(board)
+    assert board.volume_mm3 == pytest.approx(20 * 10 * 3)
+    assert (board.vertices_mm[:, 2].min(), board.vertices_mm[:, 2].max()) == (-3.0, 0.0)
+
+
+def test_same_pattern_same_mesh() -> None:
+    """Meshing twice gives the same vertices and triangles, bit for bit."""
+    first, second = (design_of(kind="ico", edge="20mm", chord_error=COARSE).part for _ in range(2))
+    for a, b in ((first.body, second.body), (first.ink, second.ink)):
+        assert a.vertices_mm.tobytes() == b.vertices_mm.tobytes()
+        assert a.triangles.tobytes() == b.triangles.tobytes()
