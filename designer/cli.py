@@ -2,13 +2,14 @@
 
 import inspect
 import math
-import sys
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, get_args, get_type_hints
 
 import typer
 
+from designer.command import run
 from designer.errors import InputError
 from designer.spec import BoardSpec
 from designer.spec_file import (
@@ -35,23 +36,8 @@ FOLDER_HELP = "folder to write into (default: exports/NAME)"
 
 
 def main() -> None:
-    """Run the command line; bad input ends in one line on standard error and exit code 2."""
-    try:
-        code = app(sys.argv[1:] or ["--help"], standalone_mode=False)
-    except typer.TyperException as error:
-        _complain(" ".join(error.format_message().split()))
-        code = 2
-    except InputError as error:
-        _complain(str(error))
-        code = 2
-    except (typer.Abort, KeyboardInterrupt):
-        _complain("stopped; nothing was written")
-        code = 130
-    sys.exit(code or 0)
-
-
-def _complain(message: str) -> None:
-    print(f"error: {message}", file=sys.stderr)
+    """Run the command line."""
+    run(app)
 
 
 def _flag(name: str) -> str:
@@ -127,13 +113,16 @@ def make(
     from designer.presets import preset_or_file
 
     path = preset_or_file("targets", spec)
-    values = {"name": path.stem, **replaced(read_spec_file(path), _given(options))}
+    values = {
+        "name": re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-._")[:64] or None,
+        **replaced(read_spec_file(path), _given(options)),
+    }
     _design(values, str(path) if path == Path(spec) else spec, out, must_fit)
 
 
 def _design(values: dict[str, RawValue], origin: str, out: Path | None, must_fit: bool) -> None:
     """Size, check, make and write a target, and say what was done."""
-    from designer.export.folder import write_folder
+    from designer.export.folder import Written, files_left, write_folder
     from designer.printability import check_printability
     from designer.produce import Design, make_files
     from designer.sizing import size_job
@@ -141,15 +130,15 @@ def _design(values: dict[str, RawValue], origin: str, out: Path | None, must_fit
 
     sized = size_job(parse_spec(values, origin))
     design = Design(sized.job)
+    _ = design.printed_pattern  # an ink offset that closes rings is refused with its limits, before the rules
     check = check_printability(design.target, sized.job.printing, bed_is_rule=must_fit)
-    for finding in check.violations:
-        if finding.rule == "bed":
-            raise InputError(finding.text)
+    if check.violations:
+        raise InputError(check.violations[0].text)
     folder = out if out is not None else Path("exports") / sized.job.name
     with progress() as on_stage:
         files = make_files(design, on_stage)
         write_folder(folder, files)
-    print_design(design, sized.remarks, check, folder, files)
+    print_design(design, sized.remarks, check, Written(folder, files, files_left(folder, sized.job.name, files)))
 
 
 @app.command()
@@ -180,16 +169,17 @@ def check(
 
     The exit code is 1 if a rule is violated.
     """
+    from designer.clearance import border_width_mm
     from designer.layout import lay_out
     from designer.presets import preset_or_file
-    from designer.printability import border_width_mm, check_printability
+    from designer.printability import check_printability
     from designer.sizing import size_job, size_printing
     from designer.summary import print_check
     from designer.target import load_target
 
     if file.suffix.lower() == ".json":
         target = load_target(file)
-        printing, _ = size_printing(
+        printing = size_printing(
             parse_printing(_given(options)),
             kind="ico" if target.face_count > 1 else "board",
             border_mm=border_width_mm(target),

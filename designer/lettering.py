@@ -4,11 +4,13 @@ A closed loop of ink (0, 8, A) around white would be a ring to the detector, so 
 stand on a grid of strokes: 5 wide, 7 high, 1 apart; b and d are small letters, as on a seven-segment display.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from designer.clearance import border_width_mm
 from designer.polyhedron import INSET_PER_DEPTH
 from designer.spec import PrintSpec
 from designer.target import TargetGeometry
@@ -49,25 +51,36 @@ class Lettering:
     remark: str
 
 
-def letter_faces(target: TargetGeometry, printing: PrintSpec) -> Lettering:
+def letter_faces(target: TargetGeometry, printing: PrintSpec, scale: float) -> Lettering:
     """Write the face number and the target id on every face, where they fit.
 
     On a face with a border they stand white in the border's strip along the lowest side; on a plain board, dark
     between the rings and the lower edge, a quarter of a ring's diameter away from the rings.
+
+    Args:
+        target: the nominal geometry.
+        printing: gives the finest stroke, and whether letters are wanted.
+        scale: the size of the printed part over the design's; letters stand on the printed part.
     """
     nothing: tuple[tuple[NDArray[np.float64], ...], ...] = ((),) * target.face_count
     if not printing.labels:
         return Lettering(nothing, "labels: off")
     finest = printing.printer.line_width_mm if printing.is_two_filament else PAPER_STROKE_MM
-    low, high = _strip(target, printing, finest)
+    low, high = _strip(target, printing, finest, scale)
     stroke = min((high - low) / HEIGHT, MAX_STROKE_MM)
     if stroke < finest:
+        room = max(high - low, 0.0)
+        short = HEIGHT * finest - (high - low)
+        where = "border" if border_width_mm(target) > 0 else "margin"
         return Lettering(
             nothing,
-            f"labels: left out, there is room for {max(high - low, 0.0):.2f}mm; they are {HEIGHT * finest:.2f}mm high",
+            f"labels: left out, there is room for {room:.2f}mm and they are {HEIGHT * finest:.2f}mm high; "
+            f"a {where} {math.ceil(10 * short) / 10:g}mm wider would take them",
         )
     baseline = (low + high - HEIGHT * stroke) / 2
-    room = float(np.ptp(target.outline_mm[0][:, 0])) - 4 * abs(baseline - target.outline_mm[0][:, 1].min())
+    outline = scale * target.outline_mm[0]
+    # Above the lowest side of a triangle, a line is shorter by twice the height over tan 60 deg, at both ends.
+    room = float(np.ptp(outline[:, 0])) - 4 * (baseline + HEIGHT * stroke - float(outline[:, 1].min()))
     target_id = target.geometry_id[:8].upper()
     faces = []
     for face in range(target.face_count):
@@ -76,21 +89,21 @@ def letter_faces(target: TargetGeometry, printing: PrintSpec) -> Lettering:
         fitting = [text for text in choices if text_width(text) * stroke <= room]
         faces.append(text_contours(fitting[0], stroke, baseline) if fitting else ())
     if not any(faces):
-        return Lettering(nothing, f"labels: left out, {room:.1f}mm is too short a line")
+        return Lettering(nothing, f"labels: left out, {max(room, 0.0):.1f}mm is too short a line")
     what = f"target id {target_id}" if target.face_count == 1 else "face numbers"
     return Lettering(tuple(faces), f"labels: {what}, {HEIGHT * stroke:.1f}mm high")
 
 
-def _strip(target: TargetGeometry, printing: PrintSpec, clear_mm: float) -> tuple[float, float]:
-    """From which y to which y letters may stand on every face, in the face frame."""
-    edge = float(target.outline_mm[:, :, 1].min())
-    border_top = float(target.window_mm[:, :, 1].min())
+def _strip(target: TargetGeometry, printing: PrintSpec, clear_mm: float, scale: float) -> tuple[float, float]:
+    """From which y to which y letters may stand on every face, in the face frame of the printed part."""
+    edge = scale * float(target.outline_mm[:, :, 1].min())
+    border_top = scale * float(target.window_mm[:, :, 1].min())
     if border_top > edge:
         # Below the face, the border ends where the neighbour's begins; a sticker is cut there.
         depth = printing.sticker_thickness_mm if printing.build == "stickers" else printing.inlay_mm
         mitre = INSET_PER_DEPTH * depth if target.face_count > 1 else 0.0
-        return edge + mitre + clear_mm, border_top - clear_mm - max(0.0, -printing.ink_offset_mm)
-    lowest = float((target.center_in_face_mm[:, 1] - 1.5 * target.radius_outer_mm).min())
+        return edge + mitre + clear_mm, border_top + printing.ink_offset_mm - clear_mm
+    lowest = scale * float((target.center_in_face_mm[:, 1] - 1.5 * target.radius_outer_mm).min())
     return edge + max(2 * clear_mm, EDGE_CLEARANCE_MM), lowest
 
 

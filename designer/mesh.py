@@ -5,6 +5,7 @@ icosahedron meet, the tops of their borders share the polyhedron's edge and the 
 smaller icosahedron at the inlay's depth; no wall stands between them, and the whole border is one closed shell.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,9 @@ from designer.pattern import Contour, FacePattern, Pattern, Stamp
 from designer.polyhedron import INRADIUS, INSET_PER_DEPTH, icosahedron_faces, icosahedron_vertices
 
 Ids = NDArray[np.int32]
+
+_SLIVER_MM2 = 1e-7
+"""Twice the area below which a triangle counts as a line; the smallest true ones are a thousand times larger."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,8 @@ def icosahedron_hull(pattern: Pattern, edge_mm: float, inlay_mm: float) -> Hull:
         if border <= inset:
             raise InputError(
                 f"border {border:.3g}mm is too narrow for an inlay {inlay_mm:g}mm deep, whose floor moves in by "
-                f"{inset:.3g}mm; use an inlay of at most {0.9 * border / INSET_PER_DEPTH:.2g}mm or a wider border"
+                f"{inset:.3g}mm; use an inlay of at most {math.floor(90 * border / INSET_PER_DEPTH) / 100:g}mm "
+                "or a wider border"
             )
     vertices = icosahedron_vertices()
     outer, inner = edge_mm * vertices, (edge_mm - inlay_mm / INRADIUS) * vertices
@@ -182,7 +187,9 @@ class _Triangulator:
         """Triangles over the area on the left of all loops.  # (T, 3)"""
         key = b"|".join(loop.points.tobytes() for loop in loops)
         if key not in self._done:
-            self._done[key] = triangulate([loop.points for loop in loops]).astype(np.int32)
+            points = np.concatenate([loop.points for loop in loops])
+            triangles = triangulate([loop.points for loop in loops]).astype(np.int32)
+            self._done[key] = _without_slivers(points, triangles)
         ids: Ids = np.concatenate([loop.ids for loop in loops])
         return ids[self._done[key]]
 
@@ -228,6 +235,28 @@ def _cut_face(face: FacePattern, floor_outline: Contour, stamps: tuple[Stamp, ..
     white.append(flat([field, *(loop.reversed() for loop in holes)]))
     ids = (np.concatenate(part) for part in (ink, ink_floor, white, edges))
     return _Surfaces(np.concatenate(points), *ids)
+
+
+def _without_slivers(points: Contour, triangles: Ids) -> Ids:
+    """Triangles over the same area without those whose corners lie on a line, which have no normal.
+
+    The long side of such a triangle is flipped: its middle corner w is joined to the corner x across the side.
+    """
+    triangles = triangles.copy()
+    for _ in range(len(triangles)):
+        a, b, c = (points[triangles[:, k]] for k in range(3))
+        doubled_area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+        (slivers,) = np.nonzero(doubled_area < _SLIVER_MM2)
+        if not len(slivers):
+            break
+        flat = slivers[0]
+        corners = points[triangles[flat]]
+        lengths = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+        u, v, w = np.roll(triangles[flat], -int(np.argmax(lengths)))
+        (across,) = np.nonzero((triangles == v) & (np.roll(triangles, -1, axis=1) == u))[0]
+        (x,) = set(triangles[across].tolist()) - {int(u), int(v)}
+        triangles[flat], triangles[across] = (u, x, w), (x, v, w)
+    return triangles
 
 
 def _stamp_surfaces(stamp: Stamp, flat: _Triangulator) -> _Surfaces:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from designer.clearance import narrowest_widths
 from designer.errors import InputError
 from designer.lettering import Lettering, letter_faces
 from designer.spec import PrintSpec
@@ -66,25 +67,26 @@ def make_pattern(target: TargetGeometry, printing: PrintSpec, *, scale: float = 
         InputError: an ink offset that closes a ring or opens a stroke.
     """
     offset = printing.ink_offset_mm
+    _check_offset(target, offset, scale)
     radii = np.stack([target.radius_outer_mm, target.radius_inner_mm], axis=1) * scale
     distinct, stamp = np.unique(radii, axis=0, return_inverse=True)
     stamps = tuple(_make_stamp(outer, inner, offset, printing.chord_error_mm) for outer, inner in distinct.tolist())
     # Rounded, so that faces with the same lattice have the same numbers after the way through the target frame.
     position = np.round(target.center_in_face_mm[:, :2] * scale, 7) + 0.0
-    lettering = letter_faces(target, printing)
+    lettering = letter_faces(target, printing, scale)
     faces = []
     for face in range(target.face_count):
         mine = target.ring_face == face
         has_border = not np.array_equal(target.window_mm[face], target.outline_mm[face])
         window = moved_in(target.window_mm[face] * scale, offset)[::-1] if has_border else None
-        text = [np.array(contour) * scale for contour in lettering.contours[face]]
+        text = lettering.contours[face]
         faces.append(
             FacePattern(
                 outline=target.outline_mm[face] * scale,
                 window=window,
                 stamp=stamp[mine],
                 position_mm=position[mine],
-                dark_text=() if has_border else tuple(text),
+                dark_text=() if has_border else text,
                 light_text=tuple(contour[::-1] for contour in text) if has_border else (),
             )
         )
@@ -93,15 +95,20 @@ def make_pattern(target: TargetGeometry, printing: PrintSpec, *, scale: float = 
     return Pattern(stamps, tuple(faces), frames, lettering)
 
 
+def _check_offset(target: TargetGeometry, offset: float, scale: float) -> None:
+    """An ink offset may close no stroke, no white centre, no gap and no margin."""
+    least, most = (scale * limit for limit in narrowest_widths(target).ink_offset_range_mm)
+    if offset != 0 and not least < offset < most:
+        raise InputError(
+            f"ink offset {offset:g}mm closes strokes or lets ink touch ink; "
+            f"use one above {least:.6g}mm and below {most:.6g}mm"
+        )
+
+
 def _make_stamp(outer: float, inner: float, offset: float, chord_error: float) -> Stamp:
     """A ring or dot, its ink grown by `offset` on every side."""
     is_dot = inner == 0
     grown_outer, grown_inner = outer + offset, 0.0 if is_dot else inner - offset
-    if grown_outer <= grown_inner or (not is_dot and grown_inner <= 0):
-        raise InputError(
-            f"ink offset {offset:g}mm closes a ring's centre or its stroke (radii {outer:g}mm and {inner:g}mm); "
-            f"stay between {-(outer - inner) / 2:.3g}mm and {inner:.3g}mm"
-        )
     hole = None if is_dot else circle_polygon(grown_inner, chord_error)[::-1]
     return Stamp(grown_outer, grown_inner, circle_polygon(grown_outer, chord_error), hole)
 

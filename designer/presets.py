@@ -5,7 +5,7 @@ from typing import Literal
 
 from designer.errors import InputError
 from designer.spec import PrinterProfile
-from designer.spec_file import PrinterFile, read_printer_file, suggest
+from designer.spec_file import PrinterFile, read_printer_file, shown, suggestion
 
 PresetKind = Literal["targets", "printers"]
 DEFAULT_PRINTER = "bambu-p1s"
@@ -32,12 +32,24 @@ def preset_or_file(kind: PresetKind, name: str) -> Path:
     if name in preset_names(kind):
         return preset_folder() / kind / f"{name}.toml"
     own = Path(name)
+    if kind == "targets" and own.suffix.lower() == ".json":
+        raise InputError(f"{name}: a target file holds no spec to make; name the .toml beside it")
     if own.suffix.lower() == ".toml":
-        if own.is_file():
+        if _is_file(own):
             return own
-        raise InputError(f"{name}: no such file; check the path, or use a template: {', '.join(preset_names(kind))}")
-    hint = suggest(name, preset_names(kind)) or f"; there are {', '.join(preset_names(kind))}"
-    raise InputError(f"unknown {kind.removesuffix('s')} template {name!r}{hint}")
+        raise InputError(
+            f"{shown(name)}: no such file; check the path, or use a template: {', '.join(preset_names(kind))}"
+        )
+    hint = suggestion(name, preset_names(kind)) or f"; there are {', '.join(preset_names(kind))}"
+    raise InputError(f"unknown {kind.removesuffix('s')} template {shown(name)}{hint}")
+
+
+def _is_file(path: Path) -> bool:
+    """Whether the path names a file; a name that no file can have names none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def printer_profile(
@@ -53,22 +65,28 @@ def printer_profile(
     Raises:
         InputError: an unknown printer, or a nozzle it has no line for while none is given.
     """
-    path = preset_or_file("printers", name)
-    file = read_printer_file(path)
-    diameter = nozzle_mm if nozzle_mm is not None else file.nozzle
-    line, layer = _line_of_nozzle(file, diameter, line_width_mm, layer_height_mm, name)
+    if nozzle_mm and line_width_mm and layer_height_mm and bed_mm:
+        # A full profile, as a resolved spec has it, stands without the file it once came from.
+        diameter, line, layer, bed = nozzle_mm, line_width_mm, layer_height_mm, bed_mm
+    else:
+        path = preset_or_file("printers", name)
+        file = read_printer_file(path)
+        diameter, bed = nozzle_mm or file.nozzle, bed_mm or file.bed
+        line, layer = _line_of_nozzle(file, diameter, line_width_mm, layer_height_mm, name)
+        if name not in preset_names("printers"):
+            name = file.title
     if not 0.6 * diameter <= line <= 2.5 * diameter:
         raise InputError(
             f"line width {line:g}mm does not fit a {diameter:g}mm nozzle; "
-            f"use {0.6 * diameter:.2g}mm to {2.5 * diameter:.2g}mm"
+            f"use {0.6 * diameter:.3g}mm to {2.5 * diameter:.3g}mm"
         )
     if layer > 0.8 * diameter:
         raise InputError(
-            f"layer height {layer:g}mm is too high for a {diameter:g}mm nozzle; use at most {0.8 * diameter:.2g}mm"
+            f"layer height {layer:g}mm is too high for a {diameter:g}mm nozzle; use at most {0.8 * diameter:.3g}mm"
         )
     return PrinterProfile(
         name=name,
-        bed_mm=bed_mm or file.bed,
+        bed_mm=bed,
         nozzle_mm=diameter,
         line_width_mm=line,
         layer_height_mm=layer,

@@ -1,7 +1,7 @@
 """Design rules: what a printer (or a print shop) can and cannot make of a target.
 
-Every rule looks at the target's own numbers, so a file made by hand is checked like one that was designed here.
-A new rule is one function in `RULES`.
+Every rule looks at the target's own numbers, so a file made by hand or measured is checked like one that was
+designed here. A new rule is one function and one line in `RULES`.
 """
 
 import math
@@ -9,14 +9,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from designer.bed import printed_size_mm
+from designer.clearance import border_width_mm, narrowest_widths
 from designer.polyhedron import DIHEDRAL_RAD, INSET_PER_DEPTH
-from designer.spec import PrintSpec
+from designer.spec import BoardSpec, PrintSpec
 from designer.target import TargetGeometry
 
 Level = Literal["violation", "warning", "note"]
+
+_ROUNDING_MM = 1e-6
+"""Centres in a target file are rounded, so a width may miss its design by a little."""
+STEEP_FACE_INLAY_MM = 0.9
+"""Steep faces of a one-piece print fill to 93 % from here on."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Check:
-    """All findings, and the rules that hold."""
+    """All findings, and the rules that hold; a rule that does not apply is in neither."""
 
     findings: tuple[Finding, ...]
     holding: tuple[str, ...]
@@ -41,11 +45,19 @@ class Check:
         return tuple(f for f in self.findings if f.level == "violation")
 
 
-Rule = Callable[[TargetGeometry, PrintSpec], Iterator[Finding]]
+Remarks = Iterator[tuple[Level, str]]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A design rule: whether it applies, and what it has to say."""
+
+    applies: Callable[[TargetGeometry, PrintSpec], bool]
+    look: Callable[[TargetGeometry, PrintSpec], Remarks]
 
 
 def check_printability(target: TargetGeometry, printing: PrintSpec, *, bed_is_rule: bool) -> Check:
-    """Hold a target to all design rules.
+    """Hold a target to all design rules that apply to it.
 
     Args:
         target: any target geometry.
@@ -55,145 +67,126 @@ def check_printability(target: TargetGeometry, printing: PrintSpec, *, bed_is_ru
     findings: list[Finding] = []
     holding: list[str] = []
     for name, rule in RULES.items():
-        found = list(rule(target, printing))
+        if not rule.applies(target, printing):
+            continue
+        found = [Finding(name, level, text) for level, text in rule.look(target, printing)]
         if name == "bed" and not bed_is_rule:
-            found = [Finding(f.rule, "warning", f.text) for f in found]
+            found = [Finding(name, "warning", finding.text) for finding in found]
         findings += found
-        if not any(f.level != "note" for f in found):
+        if not any(finding.level != "note" for finding in found):
             holding.append(name)
     return Check(tuple(findings), tuple(holding))
 
 
-def _width_rule(rule: str, what: str, width: float, remedy: str, printing: PrintSpec) -> Iterator[Finding]:
-    """A printed width of at least one line is needed, of two is good."""
-    line = printing.printer.line_width_mm
-    if not printing.is_two_filament or width >= 2 * line - 1e-9:
-        return
-    if width < line - 1e-9:
-        yield Finding(rule, "violation", f"{what} {width:.3g}mm is less than one line of {line:g}mm; {remedy}")
-    else:
-        text = f"{what} {width:.3g}mm is less than two lines ({2 * line:g}mm) and prints less truly; {remedy}"
-        yield Finding(rule, "warning", text)
+def _width(what: str, width: float, remedy: str, printing: PrintSpec) -> Remarks:
+    """A width the nozzle can lay is needed, one line fills well, two lines are good."""
+    least, line = printing.pattern_least_mm, printing.pattern_line_mm
+    if width < least - _ROUNDING_MM:
+        yield "violation", f"{what} {width:.3g}mm is less than {least:g}mm, the least that can be made; {remedy}"
+    elif width < line - _ROUNDING_MM:
+        yield "warning", f"{what} {width:.3g}mm is less than one line ({line:g}mm) and over-extrudes; {remedy}"
+    elif width < 2 * line - _ROUNDING_MM:
+        yield "warning", f"{what} {width:.3g}mm is less than two lines ({2 * line:g}mm) and prints less truly; {remedy}"
 
 
-def _stroke(target: TargetGeometry, printing: PrintSpec) -> Iterator[Finding]:
-    is_ring = ~target.is_dot
-    if is_ring.any():
-        stroke = float((target.radius_outer_mm - target.radius_inner_mm)[is_ring].min()) + 2 * printing.ink_offset_mm
-        yield from _width_rule("stroke", "ring stroke", stroke, "use larger rings or a finer nozzle", printing)
+def _stroke(target: TargetGeometry, printing: PrintSpec) -> Remarks:
+    width = narrowest_widths(target).stroke_mm + 2 * printing.ink_offset_mm
+    return _width("ring stroke", width, "use larger rings or a finer nozzle", printing)
 
 
-def _centre(target: TargetGeometry, printing: PrintSpec) -> Iterator[Finding]:
-    is_ring = ~target.is_dot
-    if is_ring.any():
-        width = 2 * (float(target.radius_inner_mm[is_ring].min()) - printing.ink_offset_mm)
-        yield from _width_rule("centre", "white ring centre", width, "use larger rings or a finer nozzle", printing)
+def _centre(target: TargetGeometry, printing: PrintSpec) -> Remarks:
+    width = narrowest_widths(target).centre_mm - 2 * printing.ink_offset_mm
+    return _width("white ring centre", width, "use larger rings or a finer nozzle", printing)
 
 
-def _gap(target: TargetGeometry, printing: PrintSpec) -> Iterator[Finding]:
-    a, b = target.lattice_mm[:, 0], target.lattice_mm[:, 1]
-    steps = np.stack([a, b, a - b, a + b])
-    pitch = float(np.linalg.norm(steps, axis=2).min())
-    gap = pitch - 2 * float(target.radius_outer_mm.max()) - 2 * printing.ink_offset_mm
-    yield from _width_rule("gap", "gap between rings", gap, "use a larger pitch or smaller rings", printing)
+def _gap(target: TargetGeometry, printing: PrintSpec) -> Remarks:
+    width = narrowest_widths(target).gap_mm - 2 * printing.ink_offset_mm
+    return _width("gap between rings", width, "use a larger pitch or smaller rings", printing)
 
 
-def _clearance_to_polygon(target: TargetGeometry) -> float:
-    """Least distance from a ring's outer edge to its face's window."""
-    corner = target.window_mm[target.ring_face]  # (R, K, 2)
-    edge = np.roll(corner, -1, axis=1) - corner
-    to_center = target.center_in_face_mm[:, None, :2] - corner
-    cross = edge[..., 0] * to_center[..., 1] - edge[..., 1] * to_center[..., 0]
-    inside = cross / np.linalg.norm(edge, axis=2)
-    return float((inside - target.radius_outer_mm[:, None]).min())
+def _margin(target: TargetGeometry, printing: PrintSpec) -> Remarks:
+    widths = narrowest_widths(target)
+    inked_sides = 2 if widths.border_mm > 0 else 1
+    width = widths.margin_mm - inked_sides * printing.ink_offset_mm
+    return _width("white around the rings", width, "use a larger margin or fewer rings", printing)
 
 
-def _margin(target: TargetGeometry, printing: PrintSpec) -> Iterator[Finding]:
-    # The ink offset moves the rings' edges, and the border's where there is one.
-    edges = 2 if border_width_mm(target) > 0 else 1
-    margin = _clearance_to_polygon(target) - edges * printing.ink_offset_mm
-    if margin <= 0:
-        yield Finding("margin", "violation", "rings touch the border or the edge; use fewer rings or a smaller pitch")
-    else:
-        yield from _width_rule(
-            "margin", "white around the rings", margin, "use a larger margin or fewer rings", printing
-        )
+def _border(target: TargetGeometry, printing: PrintSpec) -> Remarks:
+    width = border_width_mm(target) + printing.ink_offset_mm
+    return _width("border", width, "use a wider border or a finer nozzle", printing)
 
 
-def border_width_mm(target: TargetGeometry) -> float:
-    """Width of the border on the lowest side; 0 without one."""
-    return float(target.window_mm[0, :, 1].min() - target.outline_mm[0, :, 1].min())
-
-
-def _border(target: TargetGeometry, printing: PrintSpec) -> Iterator[Finding]:
-    width = border_width_mm(target)
-    if target.face_count > 1 or width > 0:
-        remedy = "use a wider border or a finer nozzle"
-        yield from _width_rule("border", "border", width + printing.ink_offset_mm, remedy, printing)
-
-
-def _inlay(target: TargetGeometry, printing: PrintSpec) -> Iterator[Finding]:
-    if not printing.is_two_filament:
-        return
+def _inlay(target: TargetGeometry, printing: PrintSpec) -> Remarks:
     depth, layer = printing.inlay_mm, printing.printer.layer_height_mm
     layers = depth / layer
     if layers < 1 - 1e-9:
-        yield Finding(
-            "inlay", "violation", f"inlay {depth:g}mm is less than one layer of {layer:g}mm; use at least {layer:g}mm"
-        )
+        yield "violation", f"inlay {depth:g}mm is less than one layer of {layer:g}mm; use at least {layer:g}mm"
     elif abs(layers - round(layers)) > 1e-6:
         good = math.ceil(layers) * layer
-        yield Finding(
-            "inlay", "warning", f"inlay {depth:g}mm is no multiple of the layer height {layer:g}mm; use {good:.4g}mm"
-        )
-    if target.face_count > 1 and depth < 0.9 - 1e-9:
-        yield Finding(
-            "inlay",
-            "warning",
-            f"inlay {depth:g}mm fills steep faces only in part (70 % at 0.6mm); use 0.9mm or more if the border allows",
-        )
-    if target.face_count > 1 and border_width_mm(target) <= INSET_PER_DEPTH * depth:
-        yield Finding(
-            "inlay",
-            "violation",
-            f"inlay {depth:g}mm undercuts a border of {border_width_mm(target):.3g}mm; use a shallower inlay",
-        )
-
-
-def _bed(target: TargetGeometry, printing: PrintSpec) -> Iterator[Finding]:
-    if printing.build == "sheet":
+        yield "warning", f"inlay {depth:g}mm is no multiple of the layer height {layer:g}mm; use {good:.4g}mm"
+    if not _is_solid(target):
+        if isinstance(target.spec, BoardSpec) and depth >= target.spec.thickness_mm:
+            yield (
+                "violation",
+                f"inlay {depth:g}mm goes through the board; use at most {target.spec.thickness_mm / 2:g}mm",
+            )
         return
+    if depth < STEEP_FACE_INLAY_MM - 1e-9:
+        yield (
+            "warning",
+            f"inlay {depth:g}mm fills steep faces only in part (70 % at 0.6mm); "
+            f"use {STEEP_FACE_INLAY_MM:g}mm or more if the border allows",
+        )
+    border = border_width_mm(target)
+    if border <= INSET_PER_DEPTH * depth:
+        deepest = math.floor(90 * border / INSET_PER_DEPTH) / 100
+        yield (
+            "violation",
+            f"inlay {depth:g}mm undercuts a border of {border:.3g}mm; use at most {deepest:g}mm or a wider border",
+        )
+
+
+def _bed(target: TargetGeometry, printing: PrintSpec) -> Remarks:
     size, bed = printed_size_mm(target, printing), printing.printer.bed_mm
-    flat_fits = sorted(size[:2])[0] <= min(bed[:2]) and sorted(size[:2])[1] <= max(bed[:2])
-    if not flat_fits or size[2] > bed[2]:
+    is_too_wide = min(size[:2]) > min(bed[:2]) or max(size[:2]) > max(bed[:2])
+    if is_too_wide or size[2] > bed[2]:
         shown = " x ".join(f"{length:.1f}" for length in size)
         room = " x ".join(f"{length:g}" for length in bed)
-        yield Finding(
-            "bed",
+        yield (
             "violation",
             f"the part needs {shown} mm, the bed of {printing.printer.name} has {room} mm; "
             "use a smaller target or a larger printer",
         )
 
 
-def _overhang(target: TargetGeometry, printing: PrintSpec) -> Iterator[Finding]:
-    if target.face_count > 1:
-        slope = math.degrees(math.pi - DIHEDRAL_RAD)
-        yield Finding(
-            "overhang",
-            "note",
-            f"the three faces beside the bottom face rise at {slope:.1f} deg from the bed: "
-            "most printers do that without supports; put supports on if yours does not",
-        )
+def _overhang(target: TargetGeometry, printing: PrintSpec) -> Remarks:
+    slope = math.degrees(math.pi - DIHEDRAL_RAD)
+    yield (
+        "note",
+        f"the three faces beside the bottom face rise at {slope:.1f} deg from the bed: "
+        "most printers do that without supports; put supports on if yours does not",
+    )
+
+
+def _is_solid(target: TargetGeometry) -> bool:
+    return target.face_count > 1
+
+
+def _always(target: TargetGeometry, printing: PrintSpec) -> bool:
+    return True
+
+
+def _has_rings(target: TargetGeometry, printing: PrintSpec) -> bool:
+    return not target.is_dot.all()
 
 
 RULES: dict[str, Rule] = {
-    "stroke": _stroke,
-    "centre": _centre,
-    "gap": _gap,
-    "margin": _margin,
-    "border": _border,
-    "inlay": _inlay,
-    "bed": _bed,
-    "overhang": _overhang,
+    "stroke": Rule(_has_rings, _stroke),
+    "centre": Rule(_has_rings, _centre),
+    "gap": Rule(_always, _gap),
+    "margin": Rule(_always, _margin),
+    "border": Rule(lambda target, printing: _is_solid(target) or border_width_mm(target) > 0, _border),
+    "inlay": Rule(lambda target, printing: printing.is_two_filament, _inlay),
+    "bed": Rule(lambda target, printing: printing.build != "sheet", _bed),
+    "overhang": Rule(lambda target, printing: _is_solid(target), _overhang),
 }

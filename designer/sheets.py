@@ -62,7 +62,8 @@ def lay_out_sheets(
 
 def _stickers(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...], Grid, str]:
     """The 20 stickers, the grid they are set in, and a line about them."""
-    thickness = printing.sticker_thickness_mm
+    # A solid build is not made smaller: its sheets show the nominal faces.
+    thickness = printing.sticker_thickness_mm if printing.build == "stickers" else 0.0
     outline = pattern.faces[0].outline
     inset = INSET_PER_DEPTH * thickness
     _check_cut(pattern.faces[0], inset, thickness)
@@ -86,7 +87,8 @@ def _stickers(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...
         )
         for number, face in enumerate(pattern.faces)
     )
-    return pieces, grid, f"{len(pieces)} stickers {thickness:g} mm thick, cut edge {edge:.2f} mm"
+    thick = f" {thickness:g} mm thick" if thickness else ""
+    return pieces, grid, f"{len(pieces)} stickers{thick}, cut edge {edge:.2f} mm"
 
 
 def _check_cut(face: FacePattern, inset_mm: float, thickness_mm: float) -> None:

@@ -97,4 +97,4 @@ def _check_board(spec: BoardSpec, line: Line, needed_mm: tuple[float, float]) ->
         )
     if spec.margin_mm + spec.border_mm <= 0:
         raise InputError("margin 0mm lets rings touch the board's edge; use a margin of at least one line")
-    check_count(spec.columns * spec.rows)
+    check_count(spec.columns * spec.rows, line)

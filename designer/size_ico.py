@@ -101,8 +101,8 @@ def _tight_ico(asked: IcoFile, ratio: float, line: Line) -> tuple[IcoSpec, str]:
         least_window = (rings - 1) * INRADIUS_OVER_SIDE * (least_diameter + width) + least_diameter / 2 + margin
         least_edge = (least_window + max(asked.border or 0.0, width)) / INRADIUS_OVER_SIDE
         raise InputError(
-            f"edge {asked.edge:g}mm is too small for {rings} rings a side with {line.process}; "
-            f"use at least {math.ceil(10 * least_edge) / 10:g}mm, or a finer nozzle"
+            f"edge {asked.edge:g}mm{_given(asked)} is too small for {rings} rings a side with {line.process}; "
+            f"use at least {math.ceil(10 * least_edge) / 10:g}mm{line.finer}"
         )
     return spec, (
         f"auto: {rings} rings a side, the fewest that carry a face code; gaps and border are one line ({width:g}mm) of "
@@ -132,12 +132,18 @@ def _sized_ico(asked: IcoFile, ratio: float, line: Line) -> IcoSpec:
         )
         largest = (INRADIUS_OVER_SIDE * asked.edge - border - (asked.margin or 0.0)) / per_diameter
         raise InputError(
-            f"edge {asked.edge:g}mm cannot carry {MIN_RINGS_PER_SIDE} rings a side of {diameter:g}mm "
+            f"edge {asked.edge:g}mm{_given(asked)} cannot carry {MIN_RINGS_PER_SIDE} rings a side of {diameter:g}mm "
             f"at pitch {pitch:g}mm; "
             f"use rings of at most {round_down(largest):g}mm at pitch {round_down(round_down(largest) * gap):g}mm, "
             "or a larger edge"
         )
     return IcoSpec(asked.edge, rings, diameter, ratio, pitch, border, margin)
+
+
+def _given(asked: IcoFile) -> str:
+    """The border and margin that were asked for, since they take room too."""
+    parts = [f"{name} {value:g}mm" for name, value in (("border", asked.border), ("margin", asked.margin)) if value]
+    return f" with {' and '.join(parts)}" if parts else ""
 
 
 def _check_ico(spec: IcoSpec, line: Line) -> None:
@@ -157,7 +163,7 @@ def _check_ico(spec: IcoSpec, line: Line) -> None:
             f"less than {spec.margin_mm:g}mm; "
             f"use at most {fitting} rings a side, a smaller pitch, or a smaller margin"
         )
-    check_count(10 * spec.rings_per_side * (spec.rings_per_side + 1))
+    check_count(10 * spec.rings_per_side * (spec.rings_per_side + 1), line)
     if INRADIUS * spec.edge_mm < LEAST_INRADIUS_MM:
         least = math.ceil(10 * LEAST_INRADIUS_MM / INRADIUS) / 10
         raise InputError(f"edge {spec.edge_mm:g}mm leaves no body behind the ink; use at least {least:g}mm")

@@ -9,7 +9,6 @@ from designer.spec_file import CommonFile
 
 DIAMETER_OVER_PITCH = 0.7
 """Of the paper's rings, 7 mm at 10 mm."""
-MAX_RINGS = 50_000
 
 
 @dataclass(frozen=True)
@@ -19,6 +18,12 @@ class Line:
     width_mm: float
     nozzle_mm: float  # a stroke below it cannot be made
     process: str
+    most_rings: int  # more would take minutes and gigabytes
+
+    @property
+    def finer(self) -> str:
+        """A remedy to append, where there is one."""
+        return ", or a finer nozzle" if self.nozzle_mm < self.width_mm else ""
 
     @property
     def comfortable_mm(self) -> float:
@@ -82,14 +87,14 @@ def check_strokes(spec: IcoSpec | BoardSpec, line: Line) -> None:
         )
 
 
-def check_count(rings: int) -> None:
+def check_count(rings: int, line: Line) -> None:
     """Keep hostile sizes from filling the memory.
 
     Raises:
         InputError: too many rings.
     """
-    if rings > MAX_RINGS:
-        raise InputError(f"{rings} rings are more than {MAX_RINGS}; use a larger pitch or a smaller target")
+    if rings > line.most_rings:
+        raise InputError(f"{rings} rings are more than {line.most_rings}; use a larger pitch or a smaller target")
 
 
 def round_down(length: float) -> float:

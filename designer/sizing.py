@@ -11,8 +11,9 @@ from designer.polyhedron import INSET_PER_DEPTH
 from designer.presets import DEFAULT_PRINTER, printer_profile
 from designer.size_board import size_board
 from designer.size_ico import size_ico
-from designer.size_rules import Line
+from designer.size_rules import Line, round_down
 from designer.spec import (
+    PAPER_LINE_MM,
     Build,
     Format,
     IcoSpec,
@@ -24,8 +25,6 @@ from designer.spec import (
 from designer.spec_file import FORMATS, CommonFile, IcoFile, PrintingFile, SpecFile
 from designer.units import format_mm
 
-PAPER_LINE_MM = 0.1
-"""Thinnest line of an office printer, where the pattern is printed on paper or sheet."""
 SOLID_INLAY_MM = 1.0
 """Inlay of a one-piece icosahedron: its 12 steep faces fill to 70 % at 0.6 mm, to 93 % at 0.9-1.0 mm."""
 FLAT_INLAY_LAYERS = 3
@@ -51,41 +50,44 @@ def size_job(asked: SpecFile) -> Sized:
     Raises:
         InputError: a size that no target can have, or that this printer cannot print.
     """
-    printer = _choose_printer(asked)
-    build = _choose_build(asked, asked.kind)
+    printer, build = _choose_printer(asked), _choose_build(asked, asked.kind)
     line = _line_of(build, printer)
     target, remark = size_ico(asked, line) if isinstance(asked, IcoFile) else size_board(asked, line)
-    printing, print_remark = size_printing(
-        asked,
-        kind=asked.kind,
-        border_mm=target.border_mm,
-        thickness_mm=math.inf if isinstance(target, IcoSpec) else target.thickness_mm,
-    )
+    thickness = math.inf if isinstance(target, IcoSpec) else target.thickness_mm
+    printing, print_remark = _size_printing(asked, printer, build, target.border_mm, thickness)
     formats, format_remark = _choose_formats(asked, printing.is_two_filament)
     page = asked.page or ("A4" if isinstance(target, IcoSpec) else "fit")
     remarks = tuple(text for text in (remark, print_remark, format_remark) if text)
-    return Sized(Job(asked.name or _default_name(asked, target), target, printing, formats, page), remarks)
+    name = asked.name or _default_name(target, build, has_size=isinstance(asked, IcoFile) or asked.size is not None)
+    return Sized(Job(name, target, printing, formats, page), remarks)
 
 
-def _default_name(asked: SpecFile, target: TargetSpec) -> str:
-    """A name from the kind and its size."""
+def _default_name(target: TargetSpec, build: Build, *, has_size: bool) -> str:
+    """A name from the kind, what sizes it, and the build where it is not the usual one."""
+    usual = build == BUILDS[target.kind][0]
     if isinstance(target, IcoSpec):
-        return f"ico-{format_mm(target.edge_mm)}"
-    return (
-        f"board-{target.columns}x{target.rows}"
-        if asked.kind == "board" and asked.size is None
-        else f"board-{format_mm(*target.size_mm)}"
-    )
+        size = format_mm(target.edge_mm)
+    else:
+        size = (
+            format_mm(*target.size_mm) if has_size else f"{target.columns}x{target.rows}-{format_mm(target.pitch_mm)}"
+        )
+    return f"{target.kind}-{size}" + ("" if usual else f"-{build}")
 
 
-def size_printing(asked: PrintingFile, *, kind: str, border_mm: float, thickness_mm: float) -> tuple[PrintSpec, str]:
-    """How a target of given border and plate thickness is made, and a remark where a default had to give way.
+def size_printing(asked: PrintingFile, *, kind: str, border_mm: float, thickness_mm: float) -> PrintSpec:
+    """How a target of given border and plate thickness is made.
 
     Raises:
         InputError: a build that is not for this kind, an unknown printer, or a value that does not fit the target.
     """
-    printer = _choose_printer(asked)
-    build = _choose_build(asked, kind)
+    printing, _ = _size_printing(asked, _choose_printer(asked), _choose_build(asked, kind), border_mm, thickness_mm)
+    return printing
+
+
+def _size_printing(
+    asked: PrintingFile, printer: PrinterProfile, build: Build, border_mm: float, thickness_mm: float
+) -> tuple[PrintSpec, str]:
+    """How a target is made, and a remark where a default had to give way."""
     inlay, remark = _choose_inlay(asked, build, printer.layer_height_mm, border_mm, thickness_mm)
     printing = PrintSpec(
         build=build,
@@ -106,7 +108,7 @@ def size_printing(asked: PrintingFile, *, kind: str, border_mm: float, thickness
 
 def _choose_printer(asked: PrintingFile) -> PrinterProfile:
     return printer_profile(
-        asked.printer or DEFAULT_PRINTER,
+        DEFAULT_PRINTER if asked.printer is None else asked.printer,
         nozzle_mm=asked.nozzle,
         line_width_mm=asked.line_width,
         layer_height_mm=asked.layer_height,
@@ -123,8 +125,8 @@ def _choose_build(asked: PrintingFile, kind: str) -> Build:
 
 def _line_of(build: Build, printer: PrinterProfile) -> Line:
     if build in ("solid", "printed"):
-        return Line(printer.line_width_mm, printer.nozzle_mm, f"a {printer.nozzle_mm:g}mm nozzle")
-    return Line(PAPER_LINE_MM, PAPER_LINE_MM, "a printed sheet")
+        return Line(printer.line_width_mm, printer.nozzle_mm, f"a {printer.nozzle_mm:g}mm nozzle", 10_000)
+    return Line(PAPER_LINE_MM, PAPER_LINE_MM, "a printed sheet", 50_000)
 
 
 def _choose_inlay(
@@ -163,5 +165,5 @@ def _check_paper(printing: PrintSpec, border_mm: float) -> None:
     if printing.build == "stickers" and thickness > thickest:
         raise InputError(
             f"sticker thickness {thickness:g}mm takes {INSET_PER_DEPTH * thickness:.2g}mm off a border of "
-            f"{border_mm:g}mm; use stickers of at most {thickest:.2g}mm or a wider border"
+            f"{border_mm:g}mm; use stickers of at most {round_down(thickest):g}mm or a wider border"
         )

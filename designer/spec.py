@@ -14,6 +14,8 @@ Build = Literal["solid", "stickers", "printed", "sheet"]
 Format = Literal["3mf", "stl", "png", "pdf", "svg", "step", "glb"]
 SpecValue = str | float | int | bool | list[float]
 
+PAPER_LINE_MM = 0.1
+"""Thinnest line of an office printer, where the pattern is printed on paper or sheet."""
 RING_RATIO = 0.45
 """Inner over outer ring radius. The Cramer-Rao optimum for the centre is 0.433, and flat around it."""
 
@@ -87,7 +89,7 @@ def spec_from_mapping(values: dict[str, SpecValue]) -> TargetSpec:
     expected = {field.name: field.type for field in fields(spec_type)}
     given = {key: value for key, value in values.items() if key != "kind"}
     if given.keys() != expected.keys():
-        odd = ", ".join(sorted(given.keys() ^ expected.keys()))
+        odd = ", ".join(sorted(map(repr, given.keys() ^ expected.keys())))
         raise ValueError(f"spec of kind {kind!r} has missing or unknown fields: {odd}")
     checked = {key: _as_type(key, given[key], expected[key]) for key in expected}
     return spec_type(**checked)  # type: ignore[arg-type]  # _as_type has checked each value against its field
@@ -126,7 +128,7 @@ class PrintSpec:
 
     build: Build
     printer: PrinterProfile
-    inlay_mm: float  # depth of the ink; 0 where the pattern is paper or sheet
+    inlay_mm: float  # depth of the ink in a two-filament print
     ink_offset_mm: float  # > 0 grows the ink, < 0 shrinks it
     shrink_compensation_percent: float  # printed lengths are (1 + percent / 100) of the design's
     sticker_thickness_mm: float
@@ -140,6 +142,16 @@ class PrintSpec:
     def is_two_filament(self) -> bool:
         """Whether the ink is printed into the body."""
         return self.build in ("solid", "printed")
+
+    @property
+    def pattern_line_mm(self) -> float:
+        """The finest line of the process that makes the pattern."""
+        return self.printer.line_width_mm if self.is_two_filament else PAPER_LINE_MM
+
+    @property
+    def pattern_least_mm(self) -> float:
+        """The least width of ink or white that this process can make."""
+        return self.printer.nozzle_mm if self.is_two_filament else PAPER_LINE_MM
 
 
 @dataclass(frozen=True)

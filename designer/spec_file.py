@@ -4,23 +4,25 @@ The same models read the command line's options, so a key of a file and an optio
 """
 
 import difflib
+import json
 import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from designer.errors import InputError
+from designer.page_size import page_size_mm
 from designer.spec import Build, Format, IcoSpec, Job, Lattice
 from designer.units import format_mm, parse_length_mm, parse_lengths_mm, parse_percent
 
 MAX_FILE_BYTES = 2**20
-FORMATS: tuple[Format, ...] = ("3mf", "stl", "png", "pdf", "svg", "step", "glb")
+FORMATS: tuple[Format, ...] = get_args(Format)
 
-RawValue = str | int | float | bool | list[str]
-"""A value as TOML or the command line gives it."""
+RawValue = object
+"""A value as TOML or the command line gives it, before the models have checked it."""
 
 
 def _positive(value: float) -> float:
@@ -45,14 +47,26 @@ def _bed(text: str) -> tuple[float, float, float]:
     return _positive(width), _positive(depth), _positive(height)
 
 
-def _format_list(value: str | list[str]) -> list[str]:
-    names = [name.strip().lower() for name in (value.split(",") if isinstance(value, str) else value)]
+def _format_list(value: RawValue) -> list[str]:
+    given = value.split(",") if isinstance(value, str) else value
+    if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
+        raise ValueError(f"must be a list of {', '.join(FORMATS)}, or all")
+    names = [name.strip().lower() for name in given]
     if "all" in names:
         return list(FORMATS)
     for name in names:
         if name not in FORMATS:
-            raise ValueError(f"unknown format {name!r}{_nearest(name, FORMATS)}; use {', '.join(FORMATS)} or all")
+            hint = suggestion(name, list(FORMATS)) or f"; use {', '.join(FORMATS)} or all"
+            raise ValueError(f"unknown format {name!r}{hint}")
     return [name for name in FORMATS if name in names]
+
+
+def _page(value: str) -> str:
+    try:
+        page_size_mm(value)
+    except InputError as error:
+        raise ValueError(str(error)) from None
+    return value
 
 
 def _name(value: str) -> str:
@@ -69,17 +83,18 @@ def _colour(value: str) -> str:
     return value.lower()
 
 
-def _count(value: str | int) -> int:
-    if isinstance(value, bool) or not re.fullmatch(r"\d{1,5}", str(value)) or int(value) == 0:
+def _count(value: RawValue) -> int:
+    count = int(value) if isinstance(value, str) and re.fullmatch(r"\d{1,5}", value) else value
+    if isinstance(count, bool) or not isinstance(count, int) or not 0 < count < 100_000:
         raise ValueError("must be a whole number above zero")
-    return int(value)
+    return count
 
 
-def _ratio(value: str | float) -> float:
-    ratio = float(value) if not isinstance(value, bool) and re.fullmatch(r"\d*\.?\d+", str(value)) else -1.0
-    if not 0.2 <= ratio <= 0.8:
+def _ratio(value: RawValue) -> float:
+    ratio = float(value) if isinstance(value, str) and re.fullmatch(r"\d{0,3}\.?\d{1,20}", value) else value
+    if isinstance(ratio, bool) or not isinstance(ratio, (int, float)) or not 0.2 <= ratio <= 0.8:
         raise ValueError("must be a number from 0.2 to 0.8; 0.45 locates centres best")
-    return ratio
+    return float(ratio)
 
 
 def _chord_error(value: float) -> float:
@@ -137,14 +152,16 @@ class CommonFile(PrintingFile):
     border: NonNegativeLength | None = Field(None, description="width of the black border")
     margin: NonNegativeLength | None = Field(None, description="least white around the rings, to border or edge")
     formats: Formats | None = Field(None, description="further formats: step, pdf, svg, glb, or all")
-    page: str | None = Field(None, description="sheet size: A4, A3, Letter, fit, or such as 400x600mm")
+    page: Annotated[str, AfterValidator(_page)] | None = Field(
+        None, description="sheet size: A4, A3, Letter, fit, or such as 400x600mm"
+    )
 
 
 class IcoFile(CommonFile):
     """An icosahedron as asked for."""
 
     kind: Literal["ico"] = "ico"
-    edge: PositiveLength = Field(description="edge length")
+    edge: PositiveLength = Field(description="edge length, such as 20mm")
     rings_per_side: Count | None = Field(None, description="rings along a side of a face")
 
 
@@ -167,30 +184,21 @@ FILE_OF_KIND: Mapping[str, type[IcoFile] | type[BoardFile]] = {"ico": IcoFile, "
 class NozzleFile(_File):
     """The line a nozzle lays down."""
 
-    diameter: PositiveLength
-    line_width: PositiveLength
-    layer_height: PositiveLength
+    diameter: PositiveLength = Field(description="nozzle diameter, such as 0.4mm")
+    line_width: PositiveLength = Field(description="line width, such as 0.45mm")
+    layer_height: PositiveLength = Field(description="layer height, such as 0.2mm")
 
 
 class PrinterFile(_File):
     """A printer: its bed, the nozzle it comes with, and its nozzles."""
 
-    title: str
-    bed: Bed
-    nozzle: PositiveLength
-    nozzles: list[NozzleFile]
+    title: str = Field(description="printer's name")
+    bed: Bed = Field(description="printable volume, such as 256x256x256mm")
+    nozzle: PositiveLength = Field(description="nozzle it comes with, such as 0.4mm")
+    nozzles: Annotated[list[NozzleFile], Field(min_length=1, description="list of nozzles")]
 
 
 _Model = TypeVar("_Model", bound=_File)
-
-
-def read_spec_file(path: Path) -> dict[str, RawValue]:
-    """The keys and values of a spec in TOML, not yet checked.
-
-    Raises:
-        InputError: the file cannot be read or is no TOML; the message names file, line and column.
-    """
-    return _read_toml(path)
 
 
 def parse_spec(values: Mapping[str, RawValue], origin: str) -> SpecFile:
@@ -205,7 +213,7 @@ def parse_spec(values: Mapping[str, RawValue], origin: str) -> SpecFile:
     """
     kind = values.get("kind")
     if not isinstance(kind, str) or kind not in FILE_OF_KIND:
-        given = f"{kind!r} is unknown" if kind is not None else "is missing"
+        given = f"{shown(kind)} is unknown" if kind is not None else "is missing"
         raise InputError(f"{_prefix(origin)}kind {given}; write kind = {' or '.join(repr(k) for k in FILE_OF_KIND)}")
     return _validate(FILE_OF_KIND[kind], values, origin)
 
@@ -238,18 +246,26 @@ def read_printer_file(path: Path) -> PrinterFile:
     Raises:
         InputError: the file cannot be read or breaks a rule.
     """
-    return _validate(PrinterFile, _read_toml(path), str(path))
+    return _validate(PrinterFile, read_spec_file(path), str(path))
 
 
-def _read_toml(path: Path) -> dict[str, RawValue]:
+def read_spec_file(path: Path) -> dict[str, RawValue]:
+    """The keys and values of a spec or a printer profile in TOML, not yet checked.
+
+    Raises:
+        InputError: the file cannot be read or is no TOML; the message names file, line and column.
+    """
     try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"{path}: more than {MAX_FILE_BYTES} bytes; a spec is a few lines of TOML")
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        is_too_large = path.stat().st_size > MAX_FILE_BYTES
+        text = "" if is_too_large else path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
     except UnicodeDecodeError:
         raise InputError(f"{path}: not UTF-8 text, so no TOML") from None
+    if is_too_large:
+        raise InputError(f"{path}: more than {MAX_FILE_BYTES} bytes; a spec is a few lines of TOML")
+    try:
+        return tomllib.loads(text)
     except RecursionError:
         raise InputError(f"{path}: nested too deep for a spec") from None
     except tomllib.TOMLDecodeError as error:
@@ -257,6 +273,8 @@ def _read_toml(path: Path) -> dict[str, RawValue]:
         where = f"line {place[1]}, column {place[2]}" if place and place[1] else "at its end"
         what = str(error)[: place.start()] if place else str(error)
         raise InputError(f"{path}: {where}: {what[:1].lower()}{what[1:]}; not valid TOML") from None
+    except ValueError:  # Python refuses to read integers of thousands of digits
+        raise InputError(f"{path}: a number is too long; not a spec") from None
 
 
 def _validate(model: type[_Model], values: Mapping[str, RawValue], origin: str) -> _Model:
@@ -264,38 +282,48 @@ def _validate(model: type[_Model], values: Mapping[str, RawValue], origin: str) 
     try:
         return model.model_validate(dict(values))
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"][:1])
+        # An unknown key comes first: it is likely the missing one, misspelt.
+        first = min(error.errors(), key=lambda wrong: wrong["type"] != "extra_forbidden")
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        raise InputError(f"{_prefix(origin)}{_explain(model, key, first['type'], first)}{more}") from None
+        line = (
+            f"{_prefix(origin)}{_explain(model, first['loc'], first['type'], str(first['msg']), first['input'])}{more}"
+        )
+        raise InputError(" ".join(line.split())) from None
 
 
-def _explain(model: type[_File], key: str, kind: str, error: Mapping[str, object]) -> str:
+def _explain(model: type[_File], location: tuple[int | str, ...], kind: str, message: str, value: object) -> str:
     """One line on one wrong value."""
-    known = [name for name in model.model_fields if name != "kind"]
+    key = ".".join(str(part) for part in location)
     if kind == "extra_forbidden":
-        return f"unknown key {key!r}{_nearest(key, known)}"
+        for other in FILE_OF_KIND.values():
+            if key in other.model_fields and issubclass(model, CommonFile):
+                return f"{key} is for kind {other.model_fields['kind'].default!r}; leave it out, or change the kind"
+        known = [name for name in model.model_fields if name != "kind"]
+        return f"unknown key {key!r}{suggestion(key, known)}"
     if kind == "missing":
-        return f"{key} is missing; give the {model.model_fields[key].description}, such as 20mm"
-    rule = str(error["msg"]).removeprefix("Value error, ")
-    value = error["input"]
-    shown = repr(value) if len(repr(value)) <= 60 else f"{repr(value)[:57]}..."
-    return f"{key} {shown}: {rule[:1].lower()}{rule[1:]}"
+        field = (NozzleFile if model is PrinterFile and len(location) > 1 else model).model_fields[str(location[-1])]
+        return f"{key} is missing; give the {field.description}"
+    rule = message.removeprefix("Value error, ")
+    return f"{key} {shown(value)}: {rule[:1].lower()}{rule[1:]}"
+
+
+def shown(value: object) -> str:
+    """A value as a message shows it."""
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):  # nested too deep, or an integer of thousands of digits
+        return f"({type(value).__name__})"
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _prefix(origin: str) -> str:
     return f"{origin}: " if origin else ""
 
 
-def _nearest(word: str, known: list[str] | tuple[str, ...]) -> str:
-    """A suggestion for a misspelt word."""
+def suggestion(word: str, known: list[str]) -> str:
+    """`; did you mean 'x'?` for the known word nearest to a misspelt one, or nothing."""
     match = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
     return f"; did you mean {match[0]!r}?" if match else ""
-
-
-def suggest(word: str, known: list[str]) -> str:
-    """`; did you mean 'x'?` for the known word nearest to a misspelt one, or nothing."""
-    return _nearest(word, known)
 
 
 def spec_to_toml(job: Job) -> str:
@@ -349,6 +377,6 @@ def _toml_value(value: RawValue) -> str:
     if isinstance(value, list):
         return f"[{', '.join(_toml_value(item) for item in value)}]"
     if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
+        # TOML's basic strings are JSON's, but for the delete character, which TOML wants escaped too.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     return repr(value)

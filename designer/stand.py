@@ -26,6 +26,8 @@ LEAN_RAD = math.radians(75.0)
 DOWN_FACE = 19
 """The face on which an icosahedron lies."""
 
+_SMALLEST_MM = 0.002
+"""Corners of booleans that lie nearer to each other fall together in the single precision of an STL file."""
 _MIN_WALL_MM = 1.6
 _MIN_LIP_MM = 1.0
 _HOLD = 0.9
@@ -43,7 +45,7 @@ def make_stand(target: TargetGeometry, printing: PrintSpec) -> Mesh:
     wall = max(_MIN_WALL_MM, 3 * printing.printer.line_width_mm)
     spec = _spec(target)
     stand = _cradle(target, spec, wall) if isinstance(spec, IcoSpec) else _easel(target, spec, wall)
-    mesh = stand.to_mesh64()
+    mesh = stand.as_original().simplify(_SMALLEST_MM).to_mesh64()
     scale = 1 + printing.shrink_compensation_percent / 100
     return Mesh(scale * mesh.vert_properties[:, :3], mesh.tri_verts.astype(np.int32))
 
@@ -108,7 +110,9 @@ def _cradle(target: TargetGeometry, spec: IcoSpec, wall_mm: float) -> Manifold:
         )
     height = _lift_mm(spec) + hold
     circle = spec.edge_mm / math.sqrt(3)
-    ring_base = CrossSection.circle(circle + radius, 96) - CrossSection.circle(circle - radius, 96)
+    # Wider than the posts: cylinders that touch along a line would leave slivers.
+    half_width = 1.2 * radius
+    ring_base = CrossSection.circle(circle + half_width, 96) - CrossSection.circle(circle - half_width, 96)
     posts = [Manifold.cylinder(height, radius, circular_segments=48).translate((x, y, 0.0)) for x, y, _ in corners]
     base = Manifold.extrude(ring_base, _floor_mm(spec.edge_mm))
     grown = (1 + CLEARANCE_MM / (INRADIUS * spec.edge_mm)) * (vertices - motion[:3, 3]) + motion[:3, 3]

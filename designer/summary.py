@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from designer.bed import printed_size_mm
-from designer.export.folder import OutputFile
-from designer.printability import RULES, Check
+from designer.export.folder import Written
+from designer.printability import Check
 from designer.produce import Design
 from designer.spec import IcoSpec, Job, PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
@@ -30,21 +30,25 @@ def progress() -> Iterator[Callable[[str], None]]:
         yield lambda stage: status.update(f"making {stage}")
 
 
-def print_design(
-    design: Design, remarks: Sequence[str], check: Check, folder: Path, files: Sequence[OutputFile]
-) -> None:
+def print_design(design: Design, remarks: Sequence[str], check: Check, written: Written) -> None:
     """Sizes, files, findings and the next command after a target was made."""
     job, target, console = design.job, design.target, _console()
     console.print(f"[bold]{job.name}[/]  target id {target.geometry_id}")
-    facts = [*_facts(job, target), ("chosen", "\n".join([*remarks, design.artwork.lettering.remark]))]
+    pattern = design.printed_pattern if job.printing.is_two_filament else design.artwork
+    facts = [*_facts(job, target), ("chosen", "\n".join([*remarks, pattern.lettering.remark]))]
     console.print(_two_columns(facts))
     _print_rules(console, check)
-    console.print(f"\nwrote {len(files)} files to [bold]{_escaped(str(folder))}[/]")
+    console.print(f"\nwrote {len(written.files)} files to [bold]{_escaped(str(written.folder))}[/]")
     table = Table.grid(padding=(0, 2))
-    for file in files:
+    table.add_column(overflow="fold")
+    for file in written.files:
         table.add_row(f"  {file.name}", _bytes(len(file.content)), f"[dim]{file.purpose}[/]")
     console.print(table)
-    console.print(f"\n[bold]next[/]  {_next_step(job, folder)}")
+    if written.left:
+        console.print(
+            f"[yellow]left from an earlier run, maybe of another target:[/] {_escaped(', '.join(written.left))}"
+        )
+    console.print(f"\n[bold]next[/]  {_next_step(job, written.folder)}")
 
 
 def print_check(name: str, target: TargetGeometry, printing: PrintSpec, check: Check) -> None:
@@ -123,14 +127,14 @@ def _print_rules(console: Console, check: Check) -> None:
     rows = [(_MARK[finding.level], f"{finding.rule}: {_escaped(finding.text)}") for finding in check.findings]
     if check.holding:
         rows.insert(0, ("[green]hold[/]", ", ".join(check.holding)))
-    console.print(f"\n[bold]design rules[/] ({len(check.holding)} of {len(RULES)} hold)")
+    console.print("\n[bold]design rules[/]")
     console.print(_two_columns(rows))
 
 
 def _next_step(job: Job, folder: Path) -> str:
     """What a maker does with the files."""
     name = job.name
-    target_file = _escaped(str(folder / f"{name}.target.json"))
+    spec_file = _escaped(str(folder / f"{name}.toml"))
     if job.printing.is_two_filament:
         slicers = f"{name}.bambu.3mf in Bambu Studio or OrcaSlicer, or {name}.prusa.3mf in PrusaSlicer"
         what = f"open {slicers}; filament 1 is the body, 2 the ink"
@@ -141,7 +145,7 @@ def _next_step(job: Job, folder: Path) -> str:
     else:
         what = f"have {name}.pdf printed at 100 % and measure its scale bar"
     other = "prusa-mk4" if job.printing.printer.name != "prusa-mk4" else "bambu-p1s"
-    return f"{what}\n      design check {target_file} --printer {other}   [dim]# would another printer do?[/]"
+    return f"{what}\n      design check {spec_file} --printer {other}   [dim]# would another printer do?[/]"
 
 
 def _two_columns(rows: Sequence[tuple[str, str]]) -> Table:

@@ -17,12 +17,14 @@ from typing import Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from designer.code import CODES
 from designer.errors import InputError
 from designer.spec import TargetSpec, spec_from_mapping, spec_to_mapping
 
 FORMAT = "ringforge.target"
 VERSION = 1
 MAX_FILE_BYTES = 64 * 2**20
+MAX_INDEX = 1_000_000
 SCHEMA_FILE = "target.schema.json"
 
 Source = Literal["nominal", "measured", "perturbed"]
@@ -105,6 +107,7 @@ class TargetGeometry:
         """The features' centres in their faces' frames; z is 0 on a flat face.  # (R, 3)"""
         frame = self.target_from_face[self.ring_face]
         in_face: NDArray[np.float64] = np.einsum("rji,rj->ri", frame[:, :3, :3], self.center_mm - frame[:, :3, 3])
+        in_face.setflags(write=False)
         return in_face
 
     @cached_property
@@ -134,6 +137,8 @@ def _frozen(name: str, values: object, dtype: str) -> NDArray[np.generic]:
     array = np.asarray(values)
     if array.dtype.kind not in {"float64": "fi", "int64": "iu", "bool": "b"}[dtype] and array.size:
         raise ValueError(f"{name} holds {array.dtype} values; it must hold {dtype}")
+    if array.dtype.kind == "u" and array.size and array.max() > np.iinfo(np.int64).max:
+        raise ValueError(f"{name} holds a number that is too large")
     array = np.array(array, dtype=dtype, order="C")
     if dtype == "float64":
         if not np.isfinite(array).all():
@@ -157,8 +162,14 @@ def _check_rules(target: TargetGeometry) -> None:
     """The rules that tie the arrays together; see `TargetGeometry`."""
     if not target.ring_count or not target.face_count:
         raise ValueError("the target has no rings or no faces")
+    if target.outline_mm.shape[1] < 3:
+        raise ValueError(f"outline_mm has {target.outline_mm.shape[1]} corners a face; it must have at least 3")
+    if target.face_code.min() < -1 or target.face_code.max() >= len(CODES):
+        raise ValueError(f"face_code must lie in 0..{len(CODES) - 1}, or be -1 for none")
     if target.ring_face.min() < 0 or target.ring_face.max() >= target.face_count:
         raise ValueError(f"ring_face must lie in 0..{target.face_count - 1}")
+    if np.abs(target.ring_index).max() > MAX_INDEX:
+        raise ValueError(f"ring_index must lie in -{MAX_INDEX}..{MAX_INDEX}")
     keys = np.column_stack([target.ring_face, target.ring_index])
     if len(np.unique(keys, axis=0)) != len(keys):
         raise ValueError("two features of one face have the same ring_index")
@@ -216,14 +227,14 @@ def target_from_json(text: str) -> TargetGeometry:
         raise ValueError("not a target file: nested too deep") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise ValueError(f'not a target file: it must be a JSON object with "format": "{FORMAT}"')
-    if document.get("version") != VERSION:
+    if document.get("version") is not VERSION:
         raise ValueError(f"target file version {document.get('version')!r}; this program reads version {VERSION}")
     if document.get("unit") != "mm":
         raise ValueError(f'"unit" is {document.get("unit")!r}; it must be "mm"')
     known = {"format", "version", "layout_id", "geometry_id", "source", "unit", "spec", *_REQUIRED}
     odd = (known ^ document.keys()) - {"face_covariance"}
     if odd:
-        raise ValueError(f"missing or unknown fields: {', '.join(sorted(map(str, odd)))}")
+        raise ValueError(f"missing or unknown fields: {', '.join(sorted(map(repr, odd)))}")
     target = _target_from_document(document)
     for name in ("layout_id", "geometry_id"):
         if document[name] != getattr(target, name):

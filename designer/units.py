@@ -2,34 +2,15 @@
 
 import math
 import re
-from functools import cache
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from pint import UnitRegistry
-
+MM_PER_UNIT = {
+    "": 1.0, "mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 0.001, "µm": 0.001, "μm": 0.001,
+    "in": 25.4, "inch": 25.4, "inches": 25.4, '"': 25.4, "thou": 0.0254, "mil": 0.0254,
+}  # fmt: skip
 MAX_LENGTH_MM = 10_000.0
+MAX_TEXT = 40
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
-_QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?(?:nan|inf(?:inity)?))\s*([^\d\s.+-]{{0,20}})\s*", re.IGNORECASE)
-_UNITS = (
-    "metre = [length] = m = meter",
-    "milli- = 1e-3 = m-",
-    "micro- = 1e-6 = u- = µ- = μ-",
-    "centi- = 1e-2 = c-",
-    "inch = 25.4 * millimetre = in",
-    "thou = 0.001 * inch = mil",
-)
-
-
-@cache
-def _registry() -> "UnitRegistry[float]":
-    """The few units that a maker writes. Loading pint's full list would take longer than a design."""
-    from pint import UnitRegistry  # here, because `design --help` needs no units and pint takes 0.3 s to load
-
-    registry: UnitRegistry[float] = UnitRegistry(None)
-    for line in _UNITS:
-        registry.define(line)
-    return registry
+_QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?(?:nan|inf(?:inity)?))\s*([^\W\d_]{{0,12}}|[%\"])\s*", re.IGNORECASE)
 
 
 def parse_length_mm(text: str | float) -> float:
@@ -78,7 +59,7 @@ def _split(text: str | float, expected: str) -> tuple[float, str]:
     """Number and unit of a quantity."""
     if isinstance(text, bool) or not isinstance(text, (str, int, float)):
         raise ValueError(f"expected {expected}")
-    match = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
+    match = _QUANTITY.fullmatch(text) if isinstance(text, str) and len(text) <= MAX_TEXT else None
     if isinstance(text, str) and match is None:
         raise ValueError(f"expected {expected}")
     number, unit = (float(match[1]), match[2]) if match else (_as_float(text), "")
@@ -96,10 +77,11 @@ def _as_float(number: str | float) -> float:
 
 def _to_mm(number: float, unit: str, text: str | float) -> float:
     """The length in millimetres, within the limit."""
-    try:
-        length = number if unit in ("", "mm") else float(_registry().Quantity(number, unit).to("millimetre").magnitude)
-    except (AttributeError, ValueError, TypeError):  # pint's own errors derive from these
-        raise ValueError(f"unknown unit of length {unit!r}; use mm, cm, m, um, in or thou") from None
+    # Units are written in small letters; capitals are taken for them, but for M, which elsewhere means mega.
+    per_unit = MM_PER_UNIT.get(unit if unit == "M" else unit.lower())
+    if per_unit is None:
+        raise ValueError(f"unknown unit of length {unit!r}; use mm, cm, m, um, in or thou")
+    length = number * per_unit
     if abs(length) > MAX_LENGTH_MM:
-        raise ValueError(f"{text} is more than {MAX_LENGTH_MM:g}mm")
+        raise ValueError(f"{str(text).strip()} is more than {MAX_LENGTH_MM:g}mm")
     return length

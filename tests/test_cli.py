@@ -153,7 +153,7 @@ def test_a_failed_run_leaves_earlier_outputs_intact(tmp_path: Path) -> None:
     (out / "t.bambu.3mf").unlink()
     (out / "t.bambu.3mf").mkdir()
     before = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
-    run = design("ico", "--edge", "25mm", "-o", "out", "--name", "t", cwd=tmp_path)
+    run = design("ico", "--edge", "30mm", "-o", "out", "--name", "t", cwd=tmp_path)
     assert (run.returncode, run.stderr.count("\n")) == (2, 1)
     assert "t.bambu.3mf" in run.stderr
     assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == before

@@ -164,7 +164,7 @@ def test_letters_on_a_board_stay_clear(size_mm: float, margin_mm: float, border:
 
 def written(job: Job, face: int) -> str:
     """What stands on a face, read letter by letter."""
-    contours = letter_faces(lay_out(job.target), job.printing).contours[face]
+    contours = letter_faces(lay_out(job.target), job.printing, 1.0).contours[face]
     ink = unary_union([Polygon(contour) for contour in contours])
     left, low, right, high = ink.bounds
     stroke = (high - low) / HEIGHT
@@ -201,7 +201,7 @@ def test_labels_are_left_out_on_request_and_for_want_of_room() -> None:
     off = job_of(kind="board", size="100x80mm", pitch="10mm", labels=False)
     tight = job_of(kind="ico", edge="20mm")
     assert isinstance(tight.target, IcoSpec)
-    for job, remark in ((off, "off"), (tight, "left out, there is room for 0.00mm; they are 3.15mm high")):
-        lettering = letter_faces(lay_out(job.target), job.printing)
+    for job, remark in ((off, "off"), (tight, "left out, there is room for 0.00mm and they are 3.15mm high")):
+        lettering = letter_faces(lay_out(job.target), job.printing, 1.0)
         assert not any(lettering.contours)
         assert remark in lettering.remark

@@ -17,7 +17,7 @@ from designer.pattern import make_pattern
 from designer.polyhedron import DIHEDRAL_RAD, INRADIUS
 from designer.produce import Design
 from designer.sizing import size_job
-from designer.spec import BoardSpec, IcoSpec
+from designer.spec import IcoSpec
 from designer.spec_file import RawValue, parse_spec
 
 UNIT_VOLUME = 5 * (3 + math.sqrt(5)) / 12
@@ -31,7 +31,7 @@ def design_of(**values: RawValue) -> Design:
 COARSE = "0.1mm"  # chord error, to keep the meshes small where roundness does not matter
 LETTERED_ICO = {"kind": "ico", "edge": "60mm", "nozzle": "0.2mm", "border": "4mm", "chord_error": COARSE}
 DESIGNS = {
-    "paper's ico": design_of(kind="ico", edge="100mm", ring_diameter="7mm", pitch="10mm"),
+    "paper's ico": design_of(kind="ico", edge="100mm", ring_diameter="7mm", pitch="10mm", chord_error=COARSE),
     "20 mm ico": design_of(kind="ico", edge="20mm", chord_error=COARSE),
     "lettered ico": design_of(**LETTERED_ICO),
     "shrunk lettered ico": design_of(**LETTERED_ICO, shrink_compensation=-20, inlay_depth="3mm"),
@@ -40,7 +40,9 @@ DESIGNS = {
     "paper's board": design_of(kind="board", size="220x220mm", ring_diameter="7mm", pitch="10mm"),
     "bordered board": design_of(kind="board", size="220x220mm", pitch="10mm", border="5mm", chord_error=COARSE),
     "plain grid": design_of(kind="board", columns=7, rows=5, pitch="10mm", dots=False, chord_error=COARSE),
-    "triangular board": design_of(kind="board", size="70x90mm", pitch="9mm", lattice="triangular", border="1mm"),
+    "triangular board": design_of(
+        kind="board", size="70x90mm", pitch="9mm", lattice="triangular", border="1mm", chord_error=COARSE
+    ),
 }
 
 
@@ -106,36 +108,46 @@ def assert_fills_the_solid(design: Design) -> None:
     assert_closed(body)
     assert_closed(ink)
     assert body.volume_mm3 + ink.volume_mm3 == pytest.approx(solid_volume(design), rel=1e-9)
-    together = np.concatenate([corners_of(body), corners_of(ink)])
-    plain = plain_icosahedron(design.job.target.edge_mm * design.scale)
-    if isinstance(design.job.target, BoardSpec):
-        plain = plain_board(design.target.outline_mm[0] * design.scale, design.job.target.thickness_mm * design.scale)
-    solid_corners = corners_of(plain)
-    normal = np.cross(solid_corners[:, 1] - solid_corners[:, 0], solid_corners[:, 2] - solid_corners[:, 0])
+    solid = plain_solid(design)
+    # One numbering for the vertices of both, by their coordinates, bit for bit.
+    vertices, numbers = np.unique(np.concatenate([body.vertices_mm, ink.vertices_mm]), axis=0, return_inverse=True)
+    triangles = numbers.ravel()[np.concatenate([body.triangles, ink.triangles + len(body.vertices_mm)])]
+    normal, height = planes_of(solid)
+    above = vertices @ normal.T - height  # (V, P)
+    assert above.max() < 1e-6
+    touches = np.abs(above) < 1e-6
+    plane_of = np.logical_and.reduce([touches[triangles[:, k]] for k in range(3)])  # (T, P)
+    on_surface = plane_of.any(axis=1)
+    a, b, c = (vertices[triangles[on_surface, k]] for k in range(3))
+    doubled = np.einsum("ti,ti->t", np.cross(b - a, c - a), normal[plane_of[on_surface].argmax(axis=1)])
+    assert doubled.min() > 0  # outward, so with the right sum none lies on another
+    assert doubled.sum() / 2 == pytest.approx(areas_of(solid).sum(), rel=1e-9)
+    assert_cancelling(triangles[~on_surface])
+
+
+def plain_solid(design: Design) -> Mesh:
+    spec = design.job.target
+    if isinstance(spec, IcoSpec):
+        return plain_icosahedron(spec.edge_mm * design.scale)
+    return plain_board(design.target.outline_mm[0] * design.scale, spec.thickness_mm * design.scale)
+
+
+def planes_of(solid: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Outward normals and distances from the origin of a solid's triangles."""
+    corner = corners_of(solid)
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    height = (normal * solid_corners[:, 0]).sum(axis=1)
-    # Farthest out of all the solid's planes: 0 on its surface, below 0 inside.
-    out = (together @ normal.T - height).max(axis=2)
-    assert out.max() < 1e-6
-    on_a_face = (np.abs(together @ normal.T - height) < 1e-6).all(axis=1).any(axis=1)
-    cross = np.cross(together[:, 1] - together[:, 0], together[:, 2] - together[:, 0])
-    area = np.linalg.norm(cross, axis=1) / 2
-    assert area[on_a_face].sum() == pytest.approx(areas_of(plain).sum(), rel=1e-9)
-    facing = (cross[:, None, :] * normal).sum(axis=2)
-    assert facing[on_a_face].max(axis=1) == pytest.approx(2 * area[on_a_face], rel=1e-4, abs=1e-6)  # outward
-    assert_cancelling(together[~on_a_face])
+    return normal, (normal * corner[:, 0]).sum(axis=1)
 
 
-def assert_cancelling(corners: np.ndarray) -> None:
-    """Every triangle occurs once in each direction.  # (T, 3, 3)"""
-    _, names = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    triangle = names.reshape(-1, 3)
-    first = triangle.argmin(axis=1)
-    turned = np.take_along_axis(triangle, (first[:, None] + np.arange(3)) % 3, axis=1)
-    forth = np.unique(turned, axis=0)
-    back = np.unique(turned[:, [0, 2, 1]], axis=0)
-    assert len(forth) == len(turned)
-    assert (forth == back).all()
+def assert_cancelling(triangles: np.ndarray) -> None:
+    """Every triangle occurs once in each direction.  # (T, 3)"""
+    first = triangles.argmin(axis=1)
+    a, b, c = np.take_along_axis(triangles, (first[:, None] + np.arange(3)) % 3, axis=1).T.astype(object)
+    size = int(triangles.max()) + 1
+    forth, back = (a * size + b) * size + c, (a * size + c) * size + b
+    assert len(set(forth.tolist())) == len(forth)
+    assert set(forth.tolist()) == set(back.tolist())
 
 
 def test_body_and_ink_fill_the_solid(design: Design) -> None:
@@ -218,7 +230,7 @@ def test_ink_volume_of_a_board(name: str) -> None:
     assert ink_of(DESIGNS[name]).volume_mm3 == pytest.approx(area * DESIGNS[name].job.printing.inlay_mm, rel=1e-9)
 
 
-@pytest.mark.parametrize("name", ["20 mm ico", "lettered ico", "triangular board"])
+@pytest.mark.parametrize("name", ["20 mm ico", "triangular board"])
 def test_an_independent_kernel_agrees(name: str) -> None:
     """Manifold takes both meshes as valid; they have no common volume, and their union is the bare solid."""
     body, ink = (
@@ -261,7 +273,7 @@ options = st.fixed_dictionaries(
 
 
 @given(specs, options)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_any_design_fills_its_solid(spec: dict[str, RawValue], printing: dict[str, RawValue]) -> None:
     """Whatever is asked for, the meshes are sound, or there is a reason why not."""
     try:

@@ -11,7 +11,6 @@ from scipy import ndimage
 from shapely import Polygon
 
 from designer.errors import InputError
-from designer.layout import lay_out
 from designer.pattern import FacePattern, Pattern, circle_polygon, make_pattern
 from designer.produce import Design
 from designer.sizing import size_job
@@ -66,9 +65,6 @@ def test_circles_have_the_circles_area_and_stay_close(radius_mm: float, chord_er
     middle = np.linalg.norm((polygon + np.roll(polygon, -1, axis=0)) / 2, axis=1)
     assert np.ptp(corner) < 1e-12 * radius_mm
     assert np.ptp(np.linalg.norm(polygon - np.roll(polygon, -1, axis=0), axis=1)) < 1e-9 * radius_mm
-    count = len(polygon)
-    # An equal-area dodecagon is within 2.4 % of the radius: fewer corners are not used.
-    assert count == 12 or max(corner.max() - radius_mm, radius_mm - middle.min()) <= chord_error_mm
     assert max(corner.max() - radius_mm, radius_mm - middle.min()) <= chord_error_mm
 
 
@@ -106,13 +102,10 @@ def test_features_stand_where_the_target_has_them(design: Design) -> None:
     pattern, target = pattern_of(design), design.target
     for number, face in enumerate(pattern.faces):
         mine = np.flatnonzero(target.ring_face == number)
-        placed = face.position_mm @ pattern.target_from_face[number, :2, :2].T
         assert len(face.stamp) == len(mine)
-        in_space = (
-            face.position_mm @ pattern.target_from_face[number, :3, :2].T + pattern.target_from_face[number, :3, 3]
-        )
+        frame = pattern.target_from_face[number]
+        in_space = face.position_mm @ frame[:3, :2].T + frame[:3, 3]
         assert in_space == pytest.approx(target.center_mm[mine], abs=1e-6)
-        assert len(placed) == len(mine)
         for row, stamp in zip(mine, face.stamp, strict=True):
             shape = pattern.stamps[stamp]
             assert (shape.hole is None) == target.is_dot[row]
@@ -155,14 +148,6 @@ def test_scale_enlarges_everything(design: Design) -> None:
         assert after.window is None or after.window == pytest.approx(1.01 * before.window)
     assert scaled.target_from_face[:, :3, :3] == pytest.approx(plain.target_from_face[:, :3, :3])
     assert scaled.target_from_face[:, :3, 3] == pytest.approx(1.01 * plain.target_from_face[:, :3, 3])
-
-
-def test_scale_enlarges_letters() -> None:
-    """Letters grow with the part."""
-    design = design_of(kind="board", size="60x60mm", pitch="10mm")
-    plain, scaled = (pattern_of(design, scale=scale).faces[0].dark_text for scale in (1.0, 1.05))
-    assert plain
-    assert all(b == pytest.approx(1.05 * a) for a, b in zip(plain, scaled, strict=True))
 
 
 @pytest.mark.parametrize("design", DESIGNS.values(), ids=DESIGNS)
@@ -275,4 +260,3 @@ def test_letters_are_among_the_nesting_cases() -> None:
     assert FACES["letters in the border"][0].printed_pattern.faces[19].light_text
     assert FACES["board"][0].printed_pattern.faces[0].dark_text
     assert FACES["board with border"][0].printed_pattern.faces[0].light_text
-    assert lay_out(FACES["board"][0].job.target) == FACES["board"][0].target

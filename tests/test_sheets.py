@@ -26,7 +26,7 @@ from designer.errors import InputError
 from designer.export.pdf import pdf_bytes
 from designer.export.svg import svg_bytes
 from designer.layout import lay_out
-from designer.pages import MARGIN_MM, SCALE_BAR_MM, page_size_mm
+from designer.page_size import MARGIN_MM, SCALE_BAR_MM, page_size_mm
 from designer.pattern import make_pattern
 from designer.polyhedron import INRADIUS, icosahedron_vertices
 from designer.sheets import BLEED_MM, lay_out_sheets

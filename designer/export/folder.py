@@ -19,6 +19,21 @@ class OutputFile:
     purpose: str  # one phrase for the person
 
 
+@dataclass(frozen=True)
+class Written:
+    """What a run wrote, and what an earlier run of the same name left beside it."""
+
+    folder: Path
+    files: tuple[OutputFile, ...]
+    left: tuple[str, ...]
+
+
+def files_left(folder: Path, name: str, files: Iterable[OutputFile]) -> tuple[str, ...]:
+    """Files of the same base name that are not among `files`: they may show another target."""
+    mine = {file.name for file in files}
+    return tuple(sorted(path.name for path in folder.glob(f"{name}.*") if path.name not in mine))
+
+
 def write_folder(folder: Path, files: Iterable[OutputFile]) -> None:
     """Write all files into the folder, or none of them.
 
@@ -27,6 +42,8 @@ def write_folder(folder: Path, files: Iterable[OutputFile]) -> None:
     Raises:
         InputError: the folder cannot be made or written, or the disk is full.
     """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file, not a folder; choose another with -o")
     staging: Path | None = None
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -39,11 +56,7 @@ def write_folder(folder: Path, files: Iterable[OutputFile]) -> None:
                 stream.flush()
                 os.fsync(stream.fileno())
             staged.append(place)
-        for place in staged:
-            if (folder / place.name).is_dir():
-                raise IsADirectoryError(None, "a folder has the name of a file to write", str(folder / place.name))
-        for place in staged:
-            place.replace(folder / place.name)
+        _replace_all(folder, staged)
     except OSError as error:
         where = error.filename if isinstance(error, IsADirectoryError) else folder
         raise InputError(
@@ -52,3 +65,36 @@ def write_folder(folder: Path, files: Iterable[OutputFile]) -> None:
     finally:
         if staging is not None:
             shutil.rmtree(staging, ignore_errors=True)
+
+
+def _replace_all(folder: Path, staged: list[Path]) -> None:
+    """Move staged files over those in the folder; if one cannot be moved, bring back the earlier ones.
+
+    Every file is whole at any moment: earlier ones stay as links beside the new ones until all are in place.
+    """
+    for place in staged:
+        if (folder / place.name).is_dir():
+            raise IsADirectoryError(None, "a folder has the name of a file to write", str(folder / place.name))
+    earlier: list[tuple[Path, Path | None]] = []
+    try:
+        for place in staged:
+            final, kept = folder / place.name, place.with_name(f"{place.name}.earlier")
+            if final.exists():
+                _link(final, kept)
+            earlier.append((final, kept if final.exists() else None))
+            place.replace(final)
+    except OSError:
+        for final, backup in earlier:
+            if backup is None:
+                final.unlink(missing_ok=True)
+            else:
+                backup.replace(final)
+        raise
+
+
+def _link(final: Path, kept: Path) -> None:
+    """A second name for a file, or a copy where the disk knows no links."""
+    try:
+        os.link(final, kept)
+    except OSError:
+        shutil.copy2(final, kept)

@@ -1,27 +1,31 @@
-"""A rendered preview: the target in perspective, from both sides if it is a solid, so that every code is seen.
+"""A rendered preview: the target in perspective and, of a solid, the net with every face's code and number.
 
 The bodies are convex, so painting the faces that look at the camera, ink over body, hides everything rightly.
 """
 
 import io
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from designer.pattern import Pattern
+from designer.net import NET_SIZE, icosahedron_net
+from designer.pattern import Contour, FacePattern, Pattern
 
-SIZE_PX = 900
-"""Width and height of one view."""
+HEIGHT_PX = 800
+"""Height of the picture above its caption; the view in perspective is as wide."""
+NET_WIDTH_PX = 1640
+CAPTION_PX = 46
 _OVERSAMPLING = 3
 _BACKGROUND = (228, 232, 238)
-_CAPTION_PX = 46
+_NUMBER_COLOUR = (200, 30, 60)
 _LIGHT = np.array([0.35, 0.55, 0.76])
 """Towards the light, in the camera's frame with y up and z towards the viewer."""
 
-
 _Colour = tuple[int, int, int]
+_Pixels = list[tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -32,11 +36,11 @@ class _View:
     distance_mm: float
     scale_px: float  # pixels per millimetre at the origin
 
-    def to_pixels(self, points_mm: NDArray[np.float64]) -> list[tuple[float, float]]:
+    def to_pixels(self, points_mm: NDArray[np.float64]) -> _Pixels:
         """Perspective image of points.  # (N, 3)"""
         seen = points_mm @ self.camera_from_target.T
         factor = self.scale_px * self.distance_mm / (self.distance_mm - seen[:, 2])
-        middle = SIZE_PX * _OVERSAMPLING / 2
+        middle = HEIGHT_PX * _OVERSAMPLING / 2
         return list(zip((middle + factor * seen[:, 0]).tolist(), (middle - factor * seen[:, 1]).tolist(), strict=True))
 
 
@@ -50,68 +54,76 @@ def preview_png(pattern: Pattern, *, thickness_mm: float, body_colour: str, ink_
         ink_colour: "#rrggbb".
         caption: a line below the picture.
     """
-    is_board = len(pattern.faces) == 1
-    # Seen from before one face and from behind, each of the icosahedron's faces shows by 19 degrees or more.
-    normal = pattern.target_from_face[len(pattern.faces) // 4, :3, 2]
-    directions = [np.array([-0.35, -0.45, 1.0])] if is_board else [normal, -normal]
-    image = Image.new("RGB", (SIZE_PX * len(directions), SIZE_PX + _CAPTION_PX), _BACKGROUND)
     colours = _rgb(body_colour), _rgb(ink_colour)
-    for place, direction in enumerate(directions):
-        view = _look_from(pattern, direction, up=np.eye(3)[1 if is_board else 2])
-        canvas = Image.new("RGB", (SIZE_PX * _OVERSAMPLING,) * 2, _BACKGROUND)
-        draw = ImageDraw.Draw(canvas)
-        if is_board:
-            _paint_sides(draw, pattern, view, thickness_mm, colours[0])
-        for number in range(len(pattern.faces)):
-            _paint_face(draw, pattern, number, view, colours)
-        image.paste(canvas.reduce(_OVERSAMPLING), (place * SIZE_PX, 0))
-    ImageDraw.Draw(image).text((18, SIZE_PX + 8), caption, fill=(60, 66, 74), font_size=22)
+    panels = [_perspective(pattern, thickness_mm, colours)]
+    if len(pattern.faces) > 1:
+        panels.append(_unfolded(pattern, colours))
+    image = Image.new("RGB", (sum(panel.width for panel in panels), HEIGHT_PX + CAPTION_PX), _BACKGROUND)
+    left = 0
+    for panel in panels:
+        image.paste(panel, (left, 0))
+        left += panel.width
+    ImageDraw.Draw(image).text((18, HEIGHT_PX + 8), caption, fill=(60, 66, 74), font_size=22)
     buffer = io.BytesIO()
     image.save(buffer, "PNG")
     return buffer.getvalue()
 
 
-def _look_from(pattern: Pattern, direction: NDArray[np.float64], up: NDArray[np.float64]) -> _View:
-    """A camera in the given direction from the target, whose picture the target fills."""
-    z_axis = direction / np.linalg.norm(direction)
-    x_axis = np.cross(up, z_axis)
-    x_axis /= np.linalg.norm(x_axis)
-    rotation = np.stack([x_axis, np.cross(z_axis, x_axis), z_axis])
-    corners = _corners(pattern)
-    distance = 5 * float(np.linalg.norm(corners, axis=1).max())
-    span = np.abs(np.array(_View(rotation, distance, 1.0).to_pixels(corners)) - SIZE_PX * _OVERSAMPLING / 2).max()
-    return _View(rotation, distance, 0.46 * SIZE_PX * _OVERSAMPLING / float(span))
+def _perspective(pattern: Pattern, thickness_mm: float, colours: tuple[_Colour, _Colour]) -> Image.Image:
+    """The target as a camera sees it."""
+    is_board = len(pattern.faces) == 1
+    direction = np.array([-0.35, -0.45, 1.0]) if is_board else np.array([0.9, -0.35, 0.45])
+    view = _look_from(pattern, direction, up=np.eye(3)[1 if is_board else 2])
+    canvas = Image.new("RGB", (HEIGHT_PX * _OVERSAMPLING,) * 2, _BACKGROUND)
+    draw = ImageDraw.Draw(canvas)
+    if is_board:
+        _paint_sides(draw, pattern, view, thickness_mm, colours[0])
+    for frame, face in zip(pattern.target_from_face, pattern.faces, strict=True):
+        if frame[:3, 2] @ (view.distance_mm * view.camera_from_target[2] - frame[:3, 3]) > 0:
+            light = _brightness(view.camera_from_target @ frame[:3, 2])
+
+            def to_pixels(points: Contour, frame: NDArray[np.float64] = frame) -> _Pixels:
+                return view.to_pixels(_in_target(frame, points))
+
+            _paint_face(draw, face, pattern, to_pixels, (_shaded(colours[0], light), _shaded(colours[1], light)))
+    return canvas.reduce(_OVERSAMPLING)
 
 
-def _corners(pattern: Pattern) -> NDArray[np.float64]:
-    """The corners of all faces in the target frame.  # (N, 3)"""
-    frames = zip(pattern.target_from_face, pattern.faces, strict=True)
-    return np.concatenate([_in_target(frame, face.outline) for frame, face in frames])
+def _unfolded(pattern: Pattern, colours: tuple[_Colour, _Colour]) -> Image.Image:
+    """The net of the icosahedron, seen from outside, with the faces' numbers."""
+    canvas = Image.new("RGB", (NET_WIDTH_PX * _OVERSAMPLING, HEIGHT_PX * _OVERSAMPLING), _BACKGROUND)
+    draw = ImageDraw.Draw(canvas)
+    edge_px = 0.96 * min(canvas.width / NET_SIZE[0], canvas.height / NET_SIZE[1])
+    left, top = (canvas.width - edge_px * NET_SIZE[0]) / 2, (canvas.height - edge_px * NET_SIZE[1]) / 2
+    outline = pattern.faces[0].outline
+    px_per_mm = edge_px / float(np.linalg.norm(outline[1] - outline[0]))
+    for number, (motion, face) in enumerate(zip(icosahedron_net(), pattern.faces, strict=True)):
 
+        def to_pixels(points: Contour, motion: NDArray[np.float64] = motion) -> _Pixels:
+            x, y = (px_per_mm * points @ motion[:2, :2].T + edge_px * motion[:2, 2]).T
+            return list(zip((left + x).tolist(), (top + edge_px * NET_SIZE[1] - y).tolist(), strict=True))
 
-def _in_target(frame: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points of a face's plane in the target frame.  # (N, 2) -> (N, 3)"""
-    placed: NDArray[np.float64] = points @ frame[:3, :2].T + frame[:3, 3]
-    return placed
+        _paint_face(draw, face, pattern, to_pixels, (_shaded(colours[0], 1.0), _shaded(colours[1], 1.0)))
+        (middle,) = to_pixels(np.zeros((1, 2)))
+        draw.text(
+            middle, str(number), fill=_NUMBER_COLOUR, font_size=0.13 * edge_px, anchor="mm",
+            stroke_width=0.012 * edge_px, stroke_fill=(255, 255, 255),
+        )  # fmt: skip
+    return canvas.reduce(_OVERSAMPLING)
 
 
 def _paint_face(
     draw: ImageDraw.ImageDraw,
+    face: FacePattern,
     pattern: Pattern,
-    number: int,
-    view: _View,
+    to_pixels: Callable[[Contour], _Pixels],
     colours: tuple[_Colour, _Colour],
 ) -> None:
-    """One face in body and ink colour, if it looks at the camera."""
-    frame, face = pattern.target_from_face[number], pattern.faces[number]
-    to_camera = view.distance_mm * view.camera_from_target[2] - frame[:3, 3]
-    if frame[:3, 2] @ to_camera <= 0:
-        return
-    light = _brightness(view.camera_from_target @ frame[:3, 2])
-    body, ink = (_shaded(colour, light) for colour in colours)
+    """One face in body and ink colour."""
+    body, ink = colours
 
-    def paint(contour: NDArray[np.float64], colour: _Colour) -> None:
-        draw.polygon(view.to_pixels(_in_target(frame, contour)), fill=colour)
+    def paint(contour: Contour, colour: _Colour) -> None:
+        draw.polygon(to_pixels(contour), fill=colour)
 
     paint(face.outline, body if face.window is None else ink)
     if face.window is not None:
@@ -125,6 +137,25 @@ def _paint_face(
         paint(contour, ink)
     for contour in face.light_text:
         paint(contour, body)
+
+
+def _look_from(pattern: Pattern, direction: NDArray[np.float64], up: NDArray[np.float64]) -> _View:
+    """A camera in the given direction from the target, whose picture the target fills."""
+    z_axis = direction / np.linalg.norm(direction)
+    x_axis = np.cross(up, z_axis)
+    x_axis /= np.linalg.norm(x_axis)
+    rotation = np.stack([x_axis, np.cross(z_axis, x_axis), z_axis])
+    frames = zip(pattern.target_from_face, pattern.faces, strict=True)
+    corners = np.concatenate([_in_target(frame, face.outline) for frame, face in frames])
+    distance = 5 * float(np.linalg.norm(corners, axis=1).max())
+    span = np.abs(np.array(_View(rotation, distance, 1.0).to_pixels(corners)) - HEIGHT_PX * _OVERSAMPLING / 2).max()
+    return _View(rotation, distance, 0.46 * HEIGHT_PX * _OVERSAMPLING / float(span))
+
+
+def _in_target(frame: NDArray[np.float64], points: Contour) -> NDArray[np.float64]:
+    """Points of a face's plane in the target frame.  # (N, 2) -> (N, 3)"""
+    placed: NDArray[np.float64] = points @ frame[:3, :2].T + frame[:3, 3]
+    return placed
 
 
 def _paint_sides(

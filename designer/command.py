@@ -1,0 +1,31 @@
+"""How a command line ends: well, or with one line and an exit code."""
+
+import sys
+
+import typer
+
+from designer.errors import InputError
+
+BAD_INPUT, STOPPED = 2, 130
+
+
+def run(app: typer.Typer) -> None:
+    """Run a command line and leave the program; bad input ends in one line on standard error and exit code 2."""
+    try:
+        code = app(sys.argv[1:] or ["--help"], standalone_mode=False) or 0
+    except typer.TyperException as error:
+        code = _fail(error.format_message(), BAD_INPUT)
+    except InputError as error:
+        code = _fail(str(error), BAD_INPUT)
+    except OSError as error:
+        code = _fail(f"{error.strerror or error}: cannot write the answer; check where it goes", BAD_INPUT)
+    except (typer.Abort, KeyboardInterrupt):
+        code = STOPPED
+    if code == STOPPED:
+        _fail("stopped; nothing was written", STOPPED)
+    sys.exit(code)
+
+
+def _fail(message: str, code: int) -> int:
+    print(f"error: {' '.join(message.split())}", file=sys.stderr)
+    return code

@@ -1,0 +1,154 @@
+"""Writing a folder: all files or none."""
+
+import errno
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from designer.errors import InputError
+from designer.export.folder import OutputFile, write_folder
+
+FILES = (
+    OutputFile("a.stl", b"new a", "a"),
+    OutputFile("b.3mf", b"new b" * 100_000, "b"),
+    OutputFile("c.png", b"", "nothing"),
+)
+
+
+def contents(folder: Path) -> dict[str, bytes | None]:
+    """Everything in a folder, hidden files too; None for a folder."""
+    return {path.name: path.read_bytes() if path.is_file() else None for path in folder.iterdir()}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with files of an earlier run and one of somebody else's."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    for name in ("a.stl", "b.3mf", "notes.txt"):
+        (folder / name).write_bytes(f"old {name}".encode())
+    return folder
+
+
+def test_files_are_written_and_others_left(folder: Path) -> None:
+    """New files come in place of old ones; what is not among them stays, and nothing else is left behind."""
+    write_folder(folder, FILES)
+    assert contents(folder) == {**{file.name: file.content for file in FILES}, "notes.txt": b"old notes.txt"}
+
+
+def test_folder_is_made(tmp_path: Path) -> None:
+    """The folder and those above it are made."""
+    write_folder(tmp_path / "x" / "y", FILES)
+    assert contents(tmp_path / "x" / "y") == {file.name: file.content for file in FILES}
+
+
+def fails_with(code: int) -> Callable[..., None]:
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    return fail
+
+
+def assert_refused_and_intact(folder: Path, message: str, files: tuple[OutputFile, ...] = FILES) -> None:
+    before = contents(folder)
+    with pytest.raises(InputError, match=message) as raised:
+        write_folder(folder, files)
+    assert len(str(raised.value).splitlines()) == 1
+    assert "None" not in str(raised.value)
+    assert contents(folder) == before
+
+
+def test_full_disk_leaves_the_earlier_files(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """When the disk is full at the second file, no file has changed and no temporary file is left."""
+    opened = Path.open
+    written = []
+
+    def open_until_full(path: Path, mode: str = "r", *args: object) -> object:
+        if "w" in mode:
+            written.append(path)
+            if len(written) == 2:
+                fails_with(errno.ENOSPC)()
+        return opened(path, mode, *args)
+
+    monkeypatch.setattr(Path, "open", open_until_full)
+    assert_refused_and_intact(folder, "out: cannot be written: No space left on device; .*make room")
+    assert len(written) == 2
+
+
+def test_disk_that_fills_at_the_end_leaves_the_earlier_files(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that says so only when the data is flushed to it is noticed, too."""
+    monkeypatch.setattr(os, "fsync", fails_with(errno.ENOSPC))
+    assert_refused_and_intact(folder, "No space left on device")
+
+
+def test_failing_rename_leaves_the_earlier_files(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """When a file cannot be put in its place, whichever it is, those already in place are taken back."""
+    replace = Path.replace
+    before = contents(folder)
+    for failing in range(1, 20):
+        calls = []
+
+        def replace_but_once(path: Path, target: Path, calls: list[Path] = calls, failing: int = failing) -> Path:
+            calls.append(target)
+            if len(calls) == failing:
+                fails_with(errno.EPERM)()
+            return replace(path, target)
+
+        monkeypatch.setattr(Path, "replace", replace_but_once)
+        try:
+            write_folder(folder, FILES)
+        except InputError:
+            assert contents(folder) == before
+        else:
+            break
+    assert failing > len(FILES)
+    assert contents(folder)["b.3mf"] == FILES[1].content
+
+
+def test_folder_in_the_way_of_a_file_is_named(folder: Path) -> None:
+    """A folder with the name of a file to write is named, and nothing is changed."""
+    (folder / "c.png").mkdir()
+    assert_refused_and_intact(folder, r"c\.png: cannot be written: a folder has the name")
+
+
+def test_file_in_the_way_of_the_folder_is_named(tmp_path: Path) -> None:
+    """A file where the folder should be, or above it, is refused and kept."""
+    (tmp_path / "out").write_text("mine")
+    for folder in (tmp_path / "out", tmp_path / "out" / "deeper"):
+        with pytest.raises(InputError, match=r"out.*: (is a file|cannot be written)"):
+            write_folder(folder, FILES)
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_protected_folder_is_refused(folder: Path) -> None:
+    """A folder without the right to write is named."""
+    folder.chmod(0o500)
+    assert_refused_and_intact(folder, "out: cannot be written: Permission denied")
+
+
+def test_unwritable_place_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So is one that refuses the first temporary file."""
+    monkeypatch.setattr(os, "mkdir", fails_with(errno.EROFS))
+    assert_refused_and_intact(folder, "Read-only file system")
+
+
+def test_interruption_leaves_the_earlier_files(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C while writing changes nothing and leaves no temporary file."""
+
+    def interrupt(_: int) -> None:
+        raise KeyboardInterrupt
+
+    before = contents(folder)
+    monkeypatch.setattr(os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_folder(folder, FILES)
+    assert contents(folder) == before
+
+
+def test_long_names_are_refused(folder: Path) -> None:
+    """A name that the file system cannot hold changes nothing."""
+    files = (*FILES, OutputFile("x" * 300, b"", "long"))
+    assert_refused_and_intact(folder, "File name too long", files)

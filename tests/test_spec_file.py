@@ -1,0 +1,455 @@
+"""Spec files: what people write, and what is written next to the outputs."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from designer.errors import InputError
+from designer.presets import preset_names, preset_or_file, printer_profile
+from designer.sizing import size_job
+from designer.spec import Job
+from designer.spec_file import (
+    FORMATS,
+    MAX_FILE_BYTES,
+    BoardFile,
+    IcoFile,
+    RawValue,
+    SpecFile,
+    parse_printing,
+    parse_spec,
+    read_printer_file,
+    read_spec_file,
+    replaced,
+    spec_to_toml,
+)
+
+KEYS = sorted({*IcoFile.model_fields, *BoardFile.model_fields} - {"kind"})
+ICO = {"kind": "ico", "edge": "20mm"}
+
+
+def written(folder: Path, content: str | bytes) -> Path:
+    path = folder / "my.toml"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def job_of(values: dict[str, RawValue]) -> Job:
+    return size_job(parse_spec(values, "my.toml")).job
+
+
+# --- reading --------------------------------------------------------------------------------------------------------
+
+
+def test_every_key_is_read(tmp_path: Path) -> None:
+    """A file with all keys of an icosahedron gives all values, quantities in millimetres."""
+    path = written(
+        tmp_path,
+        """
+        kind = "ico"
+        name = "my-ico"
+        edge = "10cm"
+        rings_per_side = 7
+        ring_diameter = "7mm"
+        pitch = 10
+        ring_ratio = 0.4
+        border = "0.1in"
+        margin = 2.5
+        formats = ["step", "glb"]
+        page = "A3"
+        printer = "prusa-mk4"
+        nozzle = "0.4mm"
+        line_width = "0.42mm"
+        layer_height = "150um"
+        bed = "25x21x22cm"
+        build = "solid"
+        inlay_depth = "0.9mm"
+        ink_offset = "-0.05mm"
+        shrink_compensation = "0.4%"
+        sticker_thickness = "0.2mm"
+        body_colour = "#FFEEDD"
+        ink_colour = "#001122"
+        labels = false
+        stand = true
+        chord_error = "10um"
+        """,
+    )
+    asked = parse_spec(read_spec_file(path), str(path))
+    assert asked == IcoFile.model_construct(
+        kind="ico", name="my-ico", edge=100.0, rings_per_side=7, ring_diameter=7.0, pitch=10.0, ring_ratio=0.4,
+        border=2.54, margin=2.5, formats=["step", "glb"], page="A3", printer="prusa-mk4", nozzle=0.4, line_width=0.42,
+        layer_height=0.15, bed=(250.0, 210.0, 220.0), build="solid", inlay_depth=0.9, ink_offset=-0.05,
+        shrink_compensation=0.4, sticker_thickness=0.2, body_colour="#ffeedd", ink_colour="#001122", labels=False,
+        stand=True, chord_error=0.01,
+    )  # fmt: skip
+
+
+def test_a_board_reads_its_own_keys() -> None:
+    """Size, thickness, columns, rows, lattice and dots; as text, as the command line gives them, too."""
+    asked = parse_spec(
+        {"kind": "board", "size": "22x20cm", "thickness": "5", "columns": "9", "rows": 7, "lattice": "triangular"}, ""
+    )
+    assert isinstance(asked, BoardFile)
+    assert (asked.size, asked.thickness, asked.columns, asked.rows) == ((220.0, 200.0), 5.0, 9, 7)
+    assert (asked.lattice, asked.dots) == ("triangular", None)
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("edge = \n", "line 1, column 8"),
+        ('kind = "ico"\nedge = 20mm\n', "line 2, column 10"),
+        ("edge", "at its end"),
+        ('kind = "ico', "at its end"),
+        ('edge = "1mm"\nedge = "2mm"', "line 2, column 13|at its end"),
+        ("[[[[", "line 1|at its end"),
+        ("edge = 2020-13-45", "line 1"),
+    ],
+)
+def test_syntax_errors_name_line_and_column(text: str, place: str, tmp_path: Path) -> None:
+    """Malformed TOML is refused in one line with file, line and column."""
+    path = written(tmp_path, text)
+    with pytest.raises(InputError, match=rf"my\.toml: ({place}).*not valid TOML") as raised:
+        read_spec_file(path)
+    assert len(str(raised.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"\xff\xfe", b"\x00", b"edge = " + b"1" * 5000, b"edge = " + b"[" * 9000, b"#" * (MAX_FILE_BYTES + 1), b"\x7fELF"],
+    ids=["not UTF-8", "NUL", "long number", "deep", "large", "binary"],
+)
+def test_other_files_are_refused(content: bytes, tmp_path: Path) -> None:
+    """Binary, deep and large files and numbers of thousands of digits are refused in one line that names the file."""
+    with pytest.raises(InputError, match=r"my\.toml: ") as raised:
+        read_spec_file(written(tmp_path, content))
+    assert len(str(raised.value).splitlines()) == 1
+    assert len(str(raised.value)) < 500
+    assert (f"more than {MAX_FILE_BYTES} bytes" in str(raised.value)) == (len(content) > MAX_FILE_BYTES)
+
+
+def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
+    """A path that is a folder, or nothing, is named."""
+    for path in (tmp_path, tmp_path / "none.toml", tmp_path / ("x" * 5000)):
+        for read in (read_spec_file, read_printer_file):
+            with pytest.raises(InputError, match="cannot be read"):
+                read(path)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"kind": "ico", "edg": "20mm"}, "unknown key 'edg'; did you mean 'edge'"),
+        ({**ICO, "ring_diametre": 7}, "unknown key 'ring_diametre'; did you mean 'ring_diameter'"),
+        ({**ICO, "color": "#ffffff"}, "unknown key 'color'"),
+        ({"kind": "board", "edge": 20}, "edge is for kind 'ico'; leave it out, or change the kind"),
+        ({"edge": 20}, "kind is missing; write kind = 'ico' or 'board'"),
+        ({"kind": "cube"}, "kind 'cube' is unknown; write kind = 'ico' or 'board'"),
+        ({"kind": ["ico"]}, "kind .* is unknown"),
+        ({"kind": "ico"}, "edge is missing; give the edge length, such as 20mm"),
+        ({**ICO, "edge": 0}, "edge 0: must be more than zero"),
+        ({**ICO, "edge": "-20mm"}, "edge '-20mm': must be more than zero"),
+        ({**ICO, "edge": "nanmm"}, "edge 'nanmm': not a finite number"),
+        ({**ICO, "edge": "20 furlong"}, "edge '20 furlong': unknown unit of length 'furlong'; use mm, cm"),
+        ({**ICO, "edge": "11m"}, "edge '11m': 11m is more than 10000mm"),
+        ({**ICO, "border": "-1mm"}, "border '-1mm': must not be negative"),
+        ({**ICO, "rings_per_side": 0}, "rings_per_side 0: must be a whole number above zero"),
+        ({**ICO, "rings_per_side": 5.5}, "rings_per_side 5.5: must be a whole number"),
+        ({**ICO, "ring_ratio": 0.9}, "ring_ratio 0.9: must be a number from 0.2 to 0.8"),
+        (
+            {**ICO, "formats": ["stp"]},
+            "formats .*: unknown format 'stp'; use 3mf, .* or all",
+        ),
+        ({**ICO, "formats": 5}, "formats 5: "),
+        ({**ICO, "formats": ["step", 5]}, "formats .*: "),
+        ({**ICO, "shrink_compensation": "30%"}, "shrink_compensation '30%': .*20"),
+        ({**ICO, "body_colour": "white"}, "body_colour 'white': must be a colour such as #ffffff"),
+        ({**ICO, "build": "printd"}, "build 'printd': "),
+        ({**ICO, "labels": "maybe"}, "labels 'maybe': .*boolean"),
+        ({**ICO, "chord_error": "1mm"}, "chord_error '1mm': must be from 0.0005mm to 0.5mm"),
+        ({**ICO, "page": "A5"}, "page 'A5': "),
+        ({**ICO, "page": "A4\nA5"}, r"page 'A4\\nA5': "),
+        ({"kind": "board", "size": "220"}, "size '220': expected 2 lengths joined by x, such as 220x220mm"),
+        ({"kind": "board", "size": "0x220mm"}, "size '0x220mm': must be more than zero"),
+        ({"kind": "board", "lattice": "hexagonal"}, "lattice 'hexagonal': .*'square' or 'triangular'"),
+        ({**ICO, "edge": 0, "pitch": 0, "margin": -1}, r"pitch 0: must be more than zero \(and 2 more\)"),
+    ],
+)
+def test_bad_values_are_named_with_rule_and_remedy(values: dict[str, RawValue], message: str) -> None:
+    """One line: the file, the key, the value as given, the rule."""
+    with pytest.raises(InputError, match=rf"^my\.toml: {message}") as raised:
+        job_of(values)
+    assert len(str(raised.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "name", ["../x", "a/b", "a\\b", "", ".", "..", ".hidden", "-o", "a\0b", "a b", "x" * 65, "a\n", "ä", 5, True, ["a"]]
+)
+def test_hostile_names_are_refused(name: RawValue) -> None:
+    """A name is a plain file name: no path, no control character, not hidden, no option, not long."""
+    with pytest.raises(InputError, match="name ") as raised:
+        job_of({**ICO, "name": name})
+    assert len(str(raised.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("asked", "formats"),
+    [
+        (None, None),
+        ("step", ["step"]),
+        ("glb, STEP", ["step", "glb"]),
+        (["pdf", "svg", "pdf"], ["pdf", "svg"]),
+        ("all", list(FORMATS)),
+        (["all", "step"], list(FORMATS)),
+        ([], []),
+    ],
+)
+def test_formats_come_in_one_order(asked: RawValue | None, formats: list[str] | None) -> None:
+    """Lists and comma-separated text, any case and order, doubles and `all` give one list in one order."""
+    assert parse_spec({**ICO, **({"formats": asked} if asked is not None else {})}, "").formats == formats
+
+
+def test_options_replace_a_files_values() -> None:
+    """An option takes the place of the file's value; a new printer or nozzle also drops what belonged to the old."""
+    file = {**ICO, "printer": "bambu-p1s", "nozzle": "0.4mm", "bed": "1x1x1m", "line_width": 0.45, "layer_height": 0.2}
+    assert replaced(file, {"edge": "30mm"}) == {**file, "edge": "30mm"}
+    assert replaced(file, {"nozzle": "0.2mm"}) == {**ICO, "printer": "bambu-p1s", "bed": "1x1x1m", "nozzle": "0.2mm"}
+    assert replaced(file, {"printer": "prusa-xl"}) == {**ICO, "printer": "prusa-xl", "nozzle": "0.4mm"}
+
+
+toml_values = st.recursive(
+    st.one_of(
+        st.text(max_size=12),
+        st.integers(),
+        st.sampled_from([10**400, -(10**400)]),
+        st.floats(),
+        st.booleans(),
+        st.dates(),
+        st.builds("{}{}".format, st.floats(), st.sampled_from(["", "mm", "cm", "in", "%", "x1mm", "kg"])),
+        st.sampled_from(
+            ["ico", "board", "square", "solid", "all", "bambu-p1s", "#ffffff", "A4", "x.toml", "../x.toml"]
+        ),
+    ),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=2),
+    max_leaves=4,
+)
+
+
+@given(
+    st.dictionaries(st.sampled_from([*KEYS, "kind", "edgee"]) | st.text(max_size=5), toml_values, max_size=4),
+    st.sampled_from(["ico", "board", None]),
+)
+@settings(max_examples=400, deadline=2000)
+def test_any_values_give_a_job_or_a_one_line_error(values: dict[str, RawValue], kind: str | None) -> None:
+    """Nothing that TOML can hold makes anything but a job or an InputError of one line."""
+    whole = {**values, **({"kind": kind} if kind else {})}
+    whole.setdefault("edge" if kind == "ico" else "size", "100mm" if kind == "ico" else "100x100mm")
+    try:
+        message = job_of(whole).name
+    except InputError as error:
+        message = str(error)
+    assert len(message.splitlines()) == 1
+
+
+@given(text=st.text(max_size=60) | st.text("abk='\"[]{}.,\n0123-# \\", max_size=60))
+@settings(max_examples=300, deadline=2000, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_text_gives_values_or_a_one_line_error(text: str, tmp_path: Path) -> None:
+    """No text in a file makes anything but keys and values or an InputError of one line."""
+    path = tmp_path / "my.toml"
+    path.write_bytes(text.encode("utf-8", errors="surrogatepass"))
+    for read in (read_spec_file, read_printer_file):
+        try:
+            read(path)
+        except InputError as error:
+            message = str(error)
+            assert len(message.splitlines()) == 1  # either outcome is fine
+
+
+def nested(depth: int) -> dict[str, object]:
+    values: dict[str, object] = {}
+    for _ in range(depth):
+        values = {"a": values}
+    return values
+
+
+@pytest.mark.parametrize("key", [*KEYS, "kind"])
+def test_deep_and_huge_values_are_refused(key: str) -> None:
+    """A table nested by a thousand dots in a key, and a number too long to print, are refused like other values."""
+    for value in (nested(3000), 16**6000):
+        sound = ICO if key in IcoFile.model_fields else {"kind": "board"}
+        with pytest.raises(InputError, match=f"{key} ") as raised:
+            job_of({**sound, key: value})
+        assert len(str(raised.value).splitlines()) == 1
+
+
+# --- printers and templates -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["bambu-a1-mini", "bambu-p1s", "prusa-mk4", "prusa-xl"])
+@pytest.mark.parametrize("nozzle_mm", [0.2, 0.4])
+def test_printer_templates_know_both_nozzles(name: str, nozzle_mm: float) -> None:
+    """Every printer that travels with the program has a line for its 0.2 and its 0.4 mm nozzle."""
+    profile = printer_profile(name, nozzle_mm=nozzle_mm, line_width_mm=None, layer_height_mm=None, bed_mm=None)
+    assert (profile.name, profile.nozzle_mm) == (name, nozzle_mm)
+    assert nozzle_mm < profile.line_width_mm < 1.2 * nozzle_mm
+    assert min(profile.bed_mm) >= 180
+
+
+def test_nozzles_are_found_in_any_unit() -> None:
+    """A nozzle given as 400um or 0.04cm is the 0.4 mm nozzle."""
+    for nozzle in ("400um", "0.04cm", "0.0004m", 0.4):
+        assert job_of({**ICO, "nozzle": nozzle}) == job_of(ICO)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"printer": "bambu-ps1"}, "unknown printer template 'bambu-ps1'; did you mean 'bambu-p1s'"),
+        ({"printer": "zzz"}, "unknown printer template 'zzz'; there are bambu-a1-mini, bambu-p1s"),
+        ({"printer": "../bambu-p1s"}, "unknown printer template"),
+        ({"printer": "none.toml"}, "none.toml.*no such file"),
+        ({"printer": "x" * 5000 + ".toml"}, "no such file"),
+        ({"printer": "a\nb.toml"}, "no such file"),
+        ({"printer": "a\0b.toml"}, "no such file"),
+        ({"nozzle": 0.3}, "nozzle 0.3mm: .* has 0.2mm, 0.4mm"),
+        ({"line_width": 2}, "line width 2mm does not fit a 0.4mm nozzle; use 0.24mm to 1mm"),
+        ({"layer_height": 0.4}, "layer height 0.4mm is too high for a 0.4mm nozzle; use at most 0.32mm"),
+    ],
+)
+def test_unknown_printers_and_lines_are_refused(values: dict[str, RawValue], message: str) -> None:
+    """The message suggests the nearest template, or what the printer has."""
+    with pytest.raises(InputError, match=message) as raised:
+        job_of({**ICO, **values})
+    assert len(str(raised.value).splitlines()) == 1
+
+
+def test_an_own_printer_file_is_read(tmp_path: Path) -> None:
+    """A printer of one's own is a TOML file like the templates, and single values replace its values."""
+    path = written(
+        tmp_path,
+        'title = "mine"\nbed = "100x120x140mm"\nnozzle = "0.6mm"\n'
+        'nozzles = [{ diameter = "0.6mm", line_width = "0.65mm", layer_height = "0.3mm" }]\n',
+    )
+    job = job_of({"kind": "ico", "edge": "60mm", "printer": str(path), "layer_height": "0.2mm"})
+    profile = job.printing.printer
+    assert (profile.bed_mm, profile.nozzle_mm, profile.line_width_mm) == ((100.0, 120.0, 140.0), 0.6, 0.65)
+    assert profile.layer_height_mm == 0.2
+    path.write_text('title = "mine"\nbed = "100x120mm"\nnozzle = 1\nnozzles = []\n')
+    with pytest.raises(InputError, match=r"my\.toml: bed '100x120mm'"):
+        read_printer_file(path)
+
+
+@pytest.mark.parametrize("name", ["master-ico", "matt-ico", "shiny-ico", "alu-board", "3d-board"])
+def test_target_templates_are_the_papers(name: str) -> None:
+    """Each template gives a target of the size in the facts."""
+    job = job_of(read_spec_file(preset_or_file("targets", name)))
+    sizes = {"master-ico": 133.0, "matt-ico": 100.0, "shiny-ico": 106.5, "alu-board": (400.0, 400.0, 3.0)}
+    spec = job.target
+    size = spec.edge_mm if spec.kind == "ico" else (*spec.size_mm, spec.thickness_mm)
+    assert size == sizes.get(name, (220.0, 220.0, 5.0))
+    builds = {"master-ico": "stickers", "alu-board": "sheet", "3d-board": "printed"}
+    assert job.printing.build == builds.get(name, "solid")
+    assert name in preset_names("targets")
+
+
+# --- writing --------------------------------------------------------------------------------------------------------
+
+
+specs = st.one_of(
+    st.fixed_dictionaries(
+        {"kind": st.just("ico"), "edge": st.floats(5, 300)},
+        optional={
+            "rings_per_side": st.integers(5, 12),
+            "build": st.sampled_from(["solid", "stickers"]),
+            "sticker_thickness": st.floats(0.01, 0.5),
+        },
+    ),
+    st.fixed_dictionaries(
+        {"kind": st.just("board")},
+        optional={
+            "size": st.builds("{}x{}mm".format, st.floats(30, 400), st.floats(30, 400)),
+            "columns": st.integers(1, 20),
+            "rows": st.integers(1, 20),
+            "thickness": st.floats(0.5, 10),
+            "lattice": st.sampled_from(["square", "triangular"]),
+            "dots": st.booleans(),
+            "build": st.sampled_from(["printed", "sheet"]),
+        },
+    ),
+)
+options = st.fixed_dictionaries(
+    {},
+    optional={
+        "name": st.from_regex(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", fullmatch=True),
+        "ring_diameter": st.floats(0.5, 12),
+        "pitch": st.floats(1, 20),
+        "ring_ratio": st.floats(0.2, 0.8),
+        "border": st.floats(0, 5),
+        "margin": st.floats(0, 5),
+        "nozzle": st.sampled_from(["0.2mm", 0.4]),
+        "printer": st.sampled_from(["prusa-mk4", "bambu-a1-mini"]),
+        "layer_height": st.floats(0.05, 0.16),
+        "bed": st.just("10.5x20x30cm"),
+        "inlay_depth": st.floats(0.05, 3),
+        "ink_offset": st.floats(-0.2, 0.2),
+        "shrink_compensation": st.floats(-20, 20),
+        "labels": st.booleans(),
+        "stand": st.booleans(),
+        "chord_error": st.floats(0.0005, 0.5),
+        "body_colour": st.from_regex(r"#[0-9a-fA-F]{6}", fullmatch=True),
+        "formats": st.lists(st.sampled_from(FORMATS), max_size=3),
+        "page": st.sampled_from(["A4", "Letter", "fit", "400.25x600mm"]),
+    },
+)
+
+
+@given(spec=specs, more=options)
+@settings(
+    max_examples=300,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.filter_too_much],
+)
+def test_resolved_spec_gives_the_same_job(spec: dict[str, RawValue], more: dict[str, RawValue], tmp_path: Path) -> None:
+    """The file written next to the outputs resolves to the very same job, and writes to the same bytes."""
+    try:
+        job = job_of({**spec, **more})
+    except InputError:
+        assume(False)
+    path = written(tmp_path, spec_to_toml(job))
+    again = job_of(read_spec_file(path))
+    assert again == job
+    assert spec_to_toml(again).encode() == path.read_bytes()
+
+
+def test_resolved_spec_names_every_key() -> None:
+    """The written file leaves nothing to be chosen: all keys of its kind are in it."""
+    for values, model in ((ICO, IcoFile), ({"kind": "board", "size": "60x60mm"}, BoardFile)):
+        keys = [line.split(" = ")[0] for line in spec_to_toml(job_of(values)).splitlines()]
+        assert sorted(keys) == sorted(model.model_fields)
+
+
+def test_odd_printer_paths_are_written_as_toml(tmp_path: Path) -> None:
+    """Quotes, backslashes and control characters in a printer file's path survive the written spec."""
+    odd = tmp_path / 'a "b" \\ \t\x7f é\n.toml'
+    odd.write_bytes(preset_or_file("printers", "bambu-p1s").read_bytes())
+    job = job_of({**ICO, "printer": str(odd)})
+    assert job_of(read_spec_file(written(tmp_path, spec_to_toml(job)))) == job
+
+
+def test_printing_options_alone() -> None:
+    """`design check` takes printing options without a target, and refuses a target's."""
+    assert parse_printing({"nozzle": "0.2mm"}).nozzle == 0.2
+    with pytest.raises(InputError, match="unknown key 'edge'"):
+        parse_printing({"edge": "20mm"})
+
+
+def test_specs_cannot_be_changed() -> None:
+    """A checked spec is frozen."""
+    asked: SpecFile = parse_spec(ICO, "")
+    with pytest.raises(ValueError, match="frozen"):
+        asked.name = "other"
+    assert json.loads(asked.model_dump_json())["edge"] == 20.0
+    assert os.sep not in size_job(asked).job.name
