@@ -17,6 +17,9 @@ from designer.target import TargetGeometry
 
 Contour = NDArray[np.float64]  # (N, 2)
 
+MAX_POINTS = 400_000
+"""Of a printed pattern: about eight times as many triangles, and a 3MF file of 50 MB."""
+
 
 @dataclass(frozen=True)
 class Stamp:
@@ -67,10 +70,11 @@ def make_pattern(target: TargetGeometry, printing: PrintSpec, *, scale: float = 
         InputError: an ink offset that closes a ring or opens a stroke.
     """
     offset = printing.ink_offset_mm
-    _check_offset(target, offset, scale)
+    _check_offset(target, printing, scale)
     radii = np.stack([target.radius_outer_mm, target.radius_inner_mm], axis=1) * scale
     distinct, stamp = np.unique(radii, axis=0, return_inverse=True)
     stamps = tuple(_make_stamp(outer, inner, offset, printing.chord_error_mm) for outer, inner in distinct.tolist())
+    _check_size(stamps, stamp, printing)
     # Rounded, so that faces with the same lattice have the same numbers after the way through the target frame.
     position = np.round(target.center_in_face_mm[:, :2] * scale, 7) + 0.0
     lettering = letter_faces(target, printing, scale)
@@ -95,13 +99,29 @@ def make_pattern(target: TargetGeometry, printing: PrintSpec, *, scale: float = 
     return Pattern(stamps, tuple(faces), frames, lettering)
 
 
-def _check_offset(target: TargetGeometry, offset: float, scale: float) -> None:
-    """An ink offset may close no stroke, no white centre, no gap and no margin."""
+def _check_offset(target: TargetGeometry, printing: PrintSpec, scale: float) -> None:
+    """An ink offset may close no stroke, no white centre, no gap and no margin; nor may a circle's corners."""
+    offset, chord_error = printing.ink_offset_mm, printing.chord_error_mm
     least, most = (scale * limit for limit in narrowest_widths(target).ink_offset_range_mm)
     if offset != 0 and not least < offset < most:
         raise InputError(
             f"ink offset {offset:g}mm closes strokes or lets ink touch ink; "
             f"use one above {least:.6g}mm and below {most:.6g}mm"
+        )
+    room = min(offset - least, most - offset)
+    if chord_error >= room:
+        raise InputError(f"chord error {chord_error:g}mm lets polygons touch each other; use less than {room:.3g}mm")
+
+
+def _check_size(stamps: tuple[Stamp, ...], stamp: NDArray[np.int64], printing: PrintSpec) -> None:
+    """Keep meshes within what slicers load and memories hold."""
+    points = sum(sum(len(contour) for contour in stamps[row].contours) for row in stamp.tolist())
+    if printing.is_two_filament and points > MAX_POINTS:
+        # The number of points falls with the root of the chord error.
+        coarser = printing.chord_error_mm * (points / MAX_POINTS) ** 2
+        raise InputError(
+            f"circles within {printing.chord_error_mm:g}mm take {points} points, more than {MAX_POINTS}; "
+            f"use --chord-error {math.ceil(1100 * coarser)}um, or fewer rings"
         )
 
 

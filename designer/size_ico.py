@@ -43,6 +43,11 @@ def size_ico(asked: IcoFile, line: Line) -> tuple[IcoSpec, str]:
             f"rings_per_side {asked.rings_per_side} is too few to tell 20 faces apart; "
             f"use at least {MIN_RINGS_PER_SIDE}"
         )
+    if asked.border is not None and asked.border < line.nozzle_mm:
+        raise InputError(
+            f"border {asked.border:g}mm is too narrow for the detector to tell faces apart by it, and for "
+            f"{line.process}; use at least {line.width_mm:g}mm"
+        )
     if asked.rings_per_side is None and asked.ring_diameter is None and asked.pitch is None:
         spec, remark = _auto_ico(asked, ratio, line)
     else:
@@ -60,11 +65,18 @@ def _auto_ico(asked: IcoFile, ratio: float, line: Line) -> tuple[IcoSpec, str]:
     border = asked.border if asked.border is not None else round(max(BORDER_OVER_EDGE * asked.edge, comfort), 4)
     for rings in range(PAPER_RINGS_PER_SIDE, MIN_RINGS_PER_SIDE - 1, -1):
         for spec in (_filled_ico(asked, rings, border, ratio), _packed_ico(asked, rings, ratio, comfort)):
-            if spec is not None and min(*widths_mm(spec), spec.margin_mm, spec.border_mm) >= comfort - 1e-9:
+            if spec is not None and min(_chosen_widths(asked, spec)) >= comfort - 1e-9:
                 why = f"strokes, gaps and border of at least two lines ({comfort:g}mm) of {line.process}"
                 most = "as in the paper" if rings == PAPER_RINGS_PER_SIDE else "the most"
                 return spec, f"auto: {rings} rings a side, {most} with {why}"
     return _tight_ico(asked, ratio, line)
+
+
+def _chosen_widths(asked: IcoFile, spec: IcoSpec) -> list[float]:
+    """Strokes, gaps, and border and margin where they were left open."""
+    widths = list(widths_mm(spec))
+    widths += [spec.border_mm] if asked.border is None else []
+    return widths + ([spec.margin_mm] if asked.margin is None else [])
 
 
 def _filled_ico(asked: IcoFile, rings: int, border: float, ratio: float) -> IcoSpec | None:
@@ -96,18 +108,34 @@ def _tight_ico(asked: IcoFile, ratio: float, line: Line) -> tuple[IcoSpec, str]:
     width, rings = line.width_mm, MIN_RINGS_PER_SIDE
     spec = _packed_ico(asked, rings, ratio, width)
     if spec is None or min(widths_mm(spec)[:2]) < width:
-        least_diameter = width * max(2 / (1 - ratio), 1 / ratio) + 0.01
-        margin = asked.margin if asked.margin is not None else width
-        least_window = (rings - 1) * INRADIUS_OVER_SIDE * (least_diameter + width) + least_diameter / 2 + margin
-        least_edge = (least_window + max(asked.border or 0.0, width)) / INRADIUS_OVER_SIDE
         raise InputError(
             f"edge {asked.edge:g}mm{_given(asked)} is too small for {rings} rings a side with {line.process}; "
-            f"use at least {math.ceil(10 * least_edge) / 10:g}mm{line.finer}"
+            f"use at least {_smallest_edge_mm(asked, ratio, width):g}mm{line.finer}"
         )
     return spec, (
         f"auto: {rings} rings a side, the fewest that carry a face code; gaps and border are one line ({width:g}mm) of "
         f"{line.process} only: for two lines everywhere use a larger edge or a finer nozzle"
     )
+
+
+def _smallest_edge_mm(asked: IcoFile, ratio: float, width: float) -> float:
+    """The smallest edge, in tenths of a millimetre, on which `_tight_ico` finds room."""
+    rings = MIN_RINGS_PER_SIDE
+    least_diameter = width * max(2 / (1 - ratio), 1 / ratio)
+    margin = asked.margin if asked.margin is not None else width
+    window_inradius = (rings - 1) * INRADIUS_OVER_SIDE * (least_diameter + width) + least_diameter / 2 + margin
+    if asked.border is not None:
+        edge = (window_inradius + asked.border) / INRADIUS_OVER_SIDE
+    else:  # the border is one line, or its share of the edge
+        shared = window_inradius / (INRADIUS_OVER_SIDE - BORDER_OVER_EDGE)
+        edge = max((window_inradius + width) / INRADIUS_OVER_SIDE, shared)
+    # Pitch and diameter are rounded down to a hundredth: take the next tenth that still leaves the stroke its width.
+    tenths = math.floor(10 * edge)
+    while True:
+        spec = _packed_ico(asked.model_copy(update={"edge": tenths / 10}), rings, ratio, width)
+        if spec is not None and min(widths_mm(spec)[:2]) >= width:
+            return tenths / 10
+        tenths += 1
 
 
 def _sized_ico(asked: IcoFile, ratio: float, line: Line) -> IcoSpec:
@@ -131,6 +159,8 @@ def _sized_ico(asked: IcoFile, ratio: float, line: Line) -> IcoSpec:
             (MIN_RINGS_PER_SIDE - 1) * INRADIUS_OVER_SIDE * gap + 0.5 + (gap - 1 if asked.margin is None else 0)
         )
         largest = (INRADIUS_OVER_SIDE * asked.edge - border - (asked.margin or 0.0)) / per_diameter
+        if largest < 2 * line.nozzle_mm:
+            raise InputError(f"edge {asked.edge:g}mm{_given(asked)} leaves no room for rings; use a larger edge")
         raise InputError(
             f"edge {asked.edge:g}mm{_given(asked)} cannot carry {MIN_RINGS_PER_SIDE} rings a side of {diameter:g}mm "
             f"at pitch {pitch:g}mm; "
@@ -149,11 +179,6 @@ def _given(asked: IcoFile) -> str:
 def _check_ico(spec: IcoSpec, line: Line) -> None:
     """The rules of an icosahedron, whoever chose the sizes."""
     check_strokes(spec, line)
-    if spec.border_mm <= 0:
-        raise InputError(
-            f"border {spec.border_mm:g}mm: the detector tells faces apart by their border; "
-            f"use at least {line.width_mm:g}mm"
-        )
     room = INRADIUS_OVER_SIDE * spec.edge_mm - spec.border_mm - spec.ring_diameter_mm / 2
     margin = room - (spec.rings_per_side - 1) * INRADIUS_OVER_SIDE * spec.pitch_mm
     if margin < max(spec.margin_mm, 1e-6) - 1e-9:

@@ -38,7 +38,11 @@ def diameter_and_pitch(asked: CommonFile) -> tuple[float, float]:
         if diameter is None:
             raise InputError("neither ring diameter nor pitch is given; give --ring-diameter or --pitch")
         return diameter, round_up(diameter / DIAMETER_OVER_PITCH)
-    return (round_down(DIAMETER_OVER_PITCH * pitch) if diameter is None else diameter), pitch
+    if diameter is None:
+        diameter = round_down(DIAMETER_OVER_PITCH * pitch)
+        if diameter == 0:
+            raise InputError(f"pitch {pitch:g}mm leaves no stroke that can be made; use a larger pitch")
+    return diameter, pitch
 
 
 def widths_mm(spec: IcoSpec | BoardSpec) -> tuple[float, float, float]:

@@ -19,6 +19,7 @@ from designer.spec import Build, Format, IcoSpec, Job, Lattice
 from designer.units import format_mm, parse_length_mm, parse_lengths_mm, parse_percent
 
 MAX_FILE_BYTES = 2**20
+LEAST_LENGTH_MM = 0.0005
 FORMATS: tuple[Format, ...] = get_args(Format)
 
 RawValue = object
@@ -28,6 +29,8 @@ RawValue = object
 def _positive(value: float) -> float:
     if value <= 0:
         raise ValueError("must be more than zero")
+    if value < LEAST_LENGTH_MM:
+        raise ValueError(f"must be at least {LEAST_LENGTH_MM:g}mm")
     return value
 
 

@@ -251,6 +251,9 @@ def _target_from_document(document: Mapping[str, object]) -> TargetGeometry:
     if spec is not None and not isinstance(spec, dict):
         raise ValueError("spec must be an object or null")
     try:
+        for name in (name for name, (dtype, _) in _ARRAYS.items() if dtype != "bool"):
+            if _holds_truth_value(document.get(name)):
+                raise ValueError(f"{name} holds true or false; it must hold numbers")
         covariance = document.get("face_covariance")
         return TargetGeometry(
             source=cast("Source", source),  # checked by TargetGeometry
@@ -258,8 +261,15 @@ def _target_from_document(document: Mapping[str, object]) -> TargetGeometry:
             **{name: np.asarray(document[name]) for name in _REQUIRED},
             face_covariance=None if covariance is None else np.asarray(covariance),
         )
-    except (TypeError, OverflowError) as error:
+    except (TypeError, OverflowError, RecursionError) as error:
         raise ValueError(f"a value of the wrong type: {error}") from error
+
+
+def _holds_truth_value(values: object) -> bool:
+    """Whether nested lists hold true or false, which numpy would take for 1 and 0."""
+    if isinstance(values, list):
+        return any(map(_holds_truth_value, values))
+    return isinstance(values, bool)
 
 
 def _refuse_constant(name: str) -> float:

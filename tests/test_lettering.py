@@ -77,13 +77,13 @@ def test_letters_differ() -> None:
 @given(st.text(ALPHABET + " ", min_size=1, max_size=14), st.floats(0.1, 2), st.floats(-50, 50))
 @settings(max_examples=30, deadline=None)
 def test_text_is_a_centred_line(text: str, stroke_mm: float, baseline_mm: float) -> None:
-    """Letter n starts (WIDTH + GAP) n strokes right of the line's left end, and the line is centred on x = 0."""
+    """Letter n starts 6 n strokes right of the line's left end; the line, 6 N - 1 strokes long, is centred on x = 0."""
     ink = unary_union([Polygon(contour) for contour in text_contours(text, stroke_mm, baseline_mm)])
     assume(not ink.is_empty)
     assert ink.bounds[1] == pytest.approx(baseline_mm)
     assert ink.bounds[3] == pytest.approx(baseline_mm + HEIGHT * stroke_mm)
     for place, letter in enumerate(text):
-        left = (place * (WIDTH + GAP) - text_width(text) / 2) * stroke_mm
+        left = (6 * place - (6 * len(text) - 1) / 2) * stroke_mm
         cell = box(left, baseline_mm, left + WIDTH * stroke_mm, baseline_mm + HEIGHT * stroke_mm)
         expected = glyph(letter).area * stroke_mm**2 if letter != " " else 0
         assert ink.intersection(cell).area == pytest.approx(expected, abs=1e-6)
@@ -114,7 +114,7 @@ def test_letters_in_a_border_stay_clear(
             inlay_depth=inlay_mm,
             ink_offset=offset_mm,
             shrink_compensation=percent,
-            chord_error="0.5mm",
+            chord_error="50um",
         )
         pattern = pattern_of(job)
     except InputError:
@@ -146,7 +146,7 @@ def test_letters_on_a_board_stay_clear(size_mm: float, margin_mm: float, border:
         margin=f"{margin_mm}mm",
         border=border,
         shrink_compensation=percent,
-        chord_error="0.5mm",
+        chord_error="50um",
     )
     face = pattern_of(job).faces[0]
     letters = letters_on(face)

@@ -1,6 +1,7 @@
 """The ink as polygons: circles, offsets, scale, and the nesting that the detector relies on."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -161,8 +162,9 @@ def test_offsets_that_spoil_the_ink_are_refused(design: Design, scale: float) ->
         with pytest.raises(InputError, match="ink offset") as raised:
             pattern_of(design, extreme, scale)
         assert len(str(raised.value).splitlines()) == 1
-    numbers = [float(word.removesuffix("mm")) for word in str(raised.value).split() if word.endswith("mm")]
-    for limit in numbers[-2:]:
+    limits = re.search(r"above (-[\d.]+)mm and below ([\d.]+)mm", str(raised.value))
+    assert limits is not None
+    for limit in map(float, limits.groups()):
         with pytest.raises(InputError):
             pattern_of(design, 1.001 * limit, scale)
         pattern = pattern_of(design, 0.99 * limit, scale)
@@ -173,6 +175,14 @@ def test_offsets_that_spoil_the_ink_are_refused(design: Design, scale: float) ->
         assert Polygon(face.outline).covers(field)
         assert all(field.contains_properly(disc) for disc in discs)
         assert all(stamp.hole is None or Polygon(stamp.rim).contains(Polygon(stamp.hole)) for stamp in pattern.stamps)
+
+
+def test_coarse_circles_that_would_touch_are_refused() -> None:
+    """Equal-area polygons stray outside their circles: where rims would touch, a finer chord error is asked for."""
+    close = {"kind": "board", "size": "60x60mm", "ring_diameter": "9.5mm", "pitch": "10mm", "margin": "1mm"}
+    with pytest.raises(InputError, match="chord error"):
+        pattern_of(design_of(**close, chord_error="0.4mm"))
+    assert pattern_of(design_of(**close, chord_error="0.1mm")).stamps
 
 
 # --- the nesting that the detector looks for --------------------------------------------------------------------------

@@ -151,6 +151,7 @@ def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
         ({"kind": ["ico"]}, "kind .* is unknown"),
         ({"kind": "ico"}, "edge is missing; give the edge length, such as 20mm"),
         ({**ICO, "edge": 0}, "edge 0: must be more than zero"),
+        ({**ICO, "pitch": 1e-310}, "pitch 1e-310: must be at least"),
         ({**ICO, "edge": "-20mm"}, "edge '-20mm': must be more than zero"),
         ({**ICO, "edge": "nanmm"}, "edge 'nanmm': not a finite number"),
         ({**ICO, "edge": "20 furlong"}, "edge '20 furlong': unknown unit of length 'furlong'; use mm, cm"),
@@ -161,7 +162,7 @@ def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
         ({**ICO, "ring_ratio": 0.9}, "ring_ratio 0.9: must be a number from 0.2 to 0.8"),
         (
             {**ICO, "formats": ["stp"]},
-            "formats .*: unknown format 'stp'; use 3mf, .* or all",
+            "formats .*: unknown format 'stp'; did you mean 'step'",
         ),
         ({**ICO, "formats": 5}, "formats 5: "),
         ({**ICO, "formats": ["step", 5]}, "formats .*: "),

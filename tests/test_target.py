@@ -329,6 +329,18 @@ def test_unsound_files_are_refused_by_schema_and_program(change: Callable[[Docum
     assert len(str(raised.value).splitlines()) == 1
 
 
+def test_true_is_not_one(tmp_path: Path) -> None:
+    """A truth value in place of the number 1 (or 0) is refused, though the ids would fit."""
+    text = target_to_json(made_by_others())
+    for number, truth in (
+        ("[[[1.0, 0.0", "[[[true, 0.0"),
+        ("[1.0, 0.0, 0.0", "[1.0, false, 0.0"),
+        ("[1, 0]", "[true, 0]"),
+    ):
+        assert number in text
+        assert load_text(text.replace(number, truth, 1), tmp_path / "a.target.json") is None
+
+
 json_values = st.recursive(
     st.none()
     | st.booleans()
