@@ -7,8 +7,7 @@ from designer.size_rules import (
     DIAMETER_OVER_PITCH,
     Line,
     check_count,
-    check_strokes,
-    check_touching,
+    check_rings,
     diameter_and_pitch,
     round_down,
     round_up,
@@ -34,7 +33,7 @@ def size_board(asked: BoardFile, line: Line) -> tuple[BoardSpec, str]:
     else:
         diameter, pitch = diameter_and_pitch(asked)
         remark = "sizes: as given"
-    check_touching(diameter, pitch, line)
+    check_rings(diameter, asked.ring_ratio or RING_RATIO, pitch, line)
     border = asked.border or 0.0
     margin = asked.margin if asked.margin is not None else pitch / 2
     around = diameter + 2 * (border + margin)
@@ -79,7 +78,7 @@ def _auto_board_rings(asked: BoardFile, line: Line) -> tuple[float, float]:
 
 def _check_board(spec: BoardSpec, line: Line, needed_mm: tuple[float, float]) -> None:
     """The rules of a board, whoever chose the sizes."""
-    check_strokes(spec, line)
+    check_rings(spec.ring_diameter_mm, spec.ring_ratio, spec.pitch_mm, line)
     if spec.columns < 3 or spec.rows < 3:
         raise InputError(
             f"a board of {format_mm(*spec.size_mm)} holds {max(spec.columns, 0)} x {max(spec.rows, 0)} rings at pitch "

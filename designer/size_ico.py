@@ -12,8 +12,7 @@ from designer.size_rules import (
     DIAMETER_OVER_PITCH,
     Line,
     check_count,
-    check_strokes,
-    check_touching,
+    check_rings,
     diameter_and_pitch,
     round_down,
     widths_mm,
@@ -124,11 +123,7 @@ def _smallest_edge_mm(asked: IcoFile, ratio: float, width: float) -> float:
     least_diameter = width * max(2 / (1 - ratio), 1 / ratio)
     margin = asked.margin if asked.margin is not None else width
     window_inradius = (rings - 1) * INRADIUS_OVER_SIDE * (least_diameter + width) + least_diameter / 2 + margin
-    if asked.border is not None:
-        edge = (window_inradius + asked.border) / INRADIUS_OVER_SIDE
-    else:  # the border is one line, or its share of the edge
-        shared = window_inradius / (INRADIUS_OVER_SIDE - BORDER_OVER_EDGE)
-        edge = max((window_inradius + width) / INRADIUS_OVER_SIDE, shared)
+    edge = _edge_around(asked, window_inradius, width)
     # Pitch and diameter are rounded down to a hundredth: take the next tenth that still leaves the stroke its width.
     tenths = math.floor(10 * edge)
     while True:
@@ -149,25 +144,38 @@ def _sized_ico(asked: IcoFile, ratio: float, line: Line) -> IcoSpec:
             )
         return spec
     diameter, pitch = diameter_and_pitch(asked)
-    check_touching(diameter, pitch, line)
+    check_rings(diameter, ratio, pitch, line)
     margin = asked.margin if asked.margin is not None else round(pitch - diameter, 4)
     room = INRADIUS_OVER_SIDE * asked.edge - border - diameter / 2 - margin
     rings = asked.rings_per_side or 1 + math.floor(room / (INRADIUS_OVER_SIDE * pitch) + 1e-9)
     if room < 0 or rings < MIN_RINGS_PER_SIDE:
-        gap = pitch / diameter
-        per_diameter = (
-            (MIN_RINGS_PER_SIDE - 1) * INRADIUS_OVER_SIDE * gap + 0.5 + (gap - 1 if asked.margin is None else 0)
-        )
-        largest = (INRADIUS_OVER_SIDE * asked.edge - border - (asked.margin or 0.0)) / per_diameter
-        if largest < 2 * line.nozzle_mm:
-            raise InputError(f"edge {asked.edge:g}mm{_given(asked)} leaves no room for rings; use a larger edge")
         raise InputError(
             f"edge {asked.edge:g}mm{_given(asked)} cannot carry {MIN_RINGS_PER_SIDE} rings a side of {diameter:g}mm "
-            f"at pitch {pitch:g}mm; "
-            f"use rings of at most {round_down(largest):g}mm at pitch {round_down(round_down(largest) * gap):g}mm, "
-            "or a larger edge"
+            f"at pitch {pitch:g}mm; use {_what_fits(asked, ratio, line, diameter, pitch)}"
         )
     return IcoSpec(asked.edge, rings, diameter, ratio, pitch, border, margin)
+
+
+def _what_fits(asked: IcoFile, ratio: float, line: Line, diameter: float, pitch: float) -> str:
+    """The largest rings that fit on the edge, if any can be made, and the smallest edge for the rings."""
+    across = (MIN_RINGS_PER_SIDE - 1) * INRADIUS_OVER_SIDE
+    window_inradius = across * pitch + diameter / 2 + (pitch - diameter if asked.margin is None else asked.margin)
+    edge = f"an edge of at least {math.ceil(10 * _edge_around(asked, window_inradius, line.width_mm)) / 10:g}mm"
+    border = asked.border if asked.border is not None else max(BORDER_OVER_EDGE * asked.edge, line.width_mm)
+    room = INRADIUS_OVER_SIDE * asked.edge - border - (asked.margin or 0.0)
+    largest = round_down(room * diameter / (window_inradius - (asked.margin or 0.0)))
+    its_pitch = round_down(largest * pitch / diameter)
+    narrowest = min(largest / 2 * (1 - ratio), largest * ratio, its_pitch - largest)
+    return edge if narrowest < line.nozzle_mm else f"rings of at most {largest:g}mm at pitch {its_pitch:g}mm, or {edge}"
+
+
+def _edge_around(asked: IcoFile, window_inradius: float, least_border: float) -> float:
+    """The edge whose border leaves a window of this inradius."""
+    if asked.border is not None:
+        return (window_inradius + asked.border) / INRADIUS_OVER_SIDE
+    # The border is one line, or its share of the edge.
+    shared = window_inradius / (INRADIUS_OVER_SIDE - BORDER_OVER_EDGE)
+    return max((window_inradius + least_border) / INRADIUS_OVER_SIDE, shared)
 
 
 def _given(asked: IcoFile) -> str:
@@ -178,7 +186,7 @@ def _given(asked: IcoFile) -> str:
 
 def _check_ico(spec: IcoSpec, line: Line) -> None:
     """The rules of an icosahedron, whoever chose the sizes."""
-    check_strokes(spec, line)
+    check_rings(spec.ring_diameter_mm, spec.ring_ratio, spec.pitch_mm, line)
     room = INRADIUS_OVER_SIDE * spec.edge_mm - spec.border_mm - spec.ring_diameter_mm / 2
     margin = room - (spec.rings_per_side - 1) * INRADIUS_OVER_SIDE * spec.pitch_mm
     if margin < max(spec.margin_mm, 1e-6) - 1e-9:

@@ -51,44 +51,28 @@ def widths_mm(spec: IcoSpec | BoardSpec) -> tuple[float, float, float]:
     return diameter / 2 * (1 - spec.ring_ratio), diameter * spec.ring_ratio, spec.pitch_mm - diameter
 
 
-def check_touching(diameter: float, pitch: float, line: Line) -> None:
-    """Rings must leave white between them.
+def check_rings(diameter: float, ratio: float, pitch: float, line: Line) -> None:
+    """Rings must leave white between them, and no stroke, white centre or gap be thinner than the tool that makes it.
 
     Raises:
-        InputError: they touch.
+        InputError: they do not.
     """
+    apart = f"use at least {diameter + line.comfortable_mm:.4g}mm for {line.process}"
     if pitch <= diameter:
-        raise InputError(
-            f"pitch {pitch:g}mm makes rings of {diameter:g}mm touch; "
-            f"use at least {diameter + line.comfortable_mm:.4g}mm for {line.process}"
-        )
-
-
-def check_strokes(spec: IcoSpec | BoardSpec, line: Line) -> None:
-    """No stroke, white centre or gap may be thinner than the tool that makes it.
-
-    Raises:
-        InputError: one is.
-    """
-    diameter, ratio = spec.ring_diameter_mm, spec.ring_ratio
-    check_touching(diameter, spec.pitch_mm, line)
-    stroke, centre, gap = widths_mm(spec)
-    if stroke < line.nozzle_mm - 1e-9:
-        raise InputError(
-            f"ring diameter {diameter:g}mm gives a stroke of {stroke:.3g}mm, thinner than {line.process}; "
-            f"use rings of at least {2 * line.width_mm / (1 - ratio):.3g}mm"
-        )
-    if centre < line.nozzle_mm - 1e-9:
-        raise InputError(
-            f"ring diameter {diameter:g}mm gives a white centre of {centre:.3g}mm, thinner than {line.process}; "
-            f"use rings of at least {line.width_mm / ratio:.3g}mm"
-        )
-    if gap < line.nozzle_mm - 1e-9:
-        raise InputError(
-            f"pitch {spec.pitch_mm:g}mm leaves {gap:.3g}mm between rings of {diameter:g}mm, thinner than "
-            f"{line.process}; "
-            f"use at least {diameter + line.comfortable_mm:.4g}mm"
-        )
+        raise InputError(f"pitch {pitch:g}mm makes rings of {diameter:g}mm touch; {apart}")
+    widths = (
+        ("stroke", diameter / 2 * (1 - ratio), 2 * line.width_mm / (1 - ratio)),
+        ("white centre", diameter * ratio, line.width_mm / ratio),
+    )
+    for what, width, least_diameter in widths:
+        if width < line.nozzle_mm - 1e-9:
+            raise InputError(
+                f"ring diameter {diameter:g}mm gives a {what} of {width:.3g}mm, thinner than {line.process}; "
+                f"use rings of at least {least_diameter:.3g}mm"
+            )
+    if pitch - diameter < line.nozzle_mm - 1e-9:
+        gap = f"{pitch - diameter:.3g}mm between rings of {diameter:g}mm"
+        raise InputError(f"pitch {pitch:g}mm leaves {gap}, thinner than {line.process}; {apart}")
 
 
 def check_count(rings: int, line: Line) -> None:
