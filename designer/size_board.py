@@ -89,9 +89,9 @@ def _check_board(spec: BoardSpec, line: Line, needed_mm: tuple[float, float]) ->
             f"{spec.columns} x {spec.rows} rings with their margin need {needed_mm[0]:.4g} x {needed_mm[1]:.4g}mm, "
             f"more than the board's {format_mm(*spec.size_mm)}; use fewer rings, a smaller pitch or a smaller margin"
         )
-    if 0 < spec.border_mm < line.width_mm:
+    if 0 < spec.border_mm < line.nozzle_mm:
         raise InputError(
-            f"border {spec.border_mm:g}mm is thinner than one line of {line.process}; "
+            f"border {spec.border_mm:g}mm is thinner than {line.process}; "
             f"use 0 for none or at least {line.width_mm:g}mm"
         )
     if spec.margin_mm + spec.border_mm <= 0:

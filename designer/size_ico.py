@@ -160,7 +160,7 @@ def _what_fits(asked: IcoFile, ratio: float, line: Line, diameter: float, pitch:
     """The largest rings that fit on the edge, if any can be made, and the smallest edge for the rings."""
     across = (MIN_RINGS_PER_SIDE - 1) * INRADIUS_OVER_SIDE
     window_inradius = across * pitch + diameter / 2 + (pitch - diameter if asked.margin is None else asked.margin)
-    edge = f"an edge of at least {math.ceil(10 * _edge_around(asked, window_inradius, line.width_mm)) / 10:g}mm"
+    edge = f"an edge of at least {math.ceil(10 * _edge_around(asked, window_inradius, line.width_mm) + 0.01) / 10:g}mm"
     border = asked.border if asked.border is not None else max(BORDER_OVER_EDGE * asked.edge, line.width_mm)
     room = INRADIUS_OVER_SIDE * asked.edge - border - (asked.margin or 0.0)
     largest = round_down(room * diameter / (window_inradius - (asked.margin or 0.0)))
@@ -171,11 +171,12 @@ def _what_fits(asked: IcoFile, ratio: float, line: Line, diameter: float, pitch:
 
 def _edge_around(asked: IcoFile, window_inradius: float, least_border: float) -> float:
     """The edge whose border leaves a window of this inradius."""
+    least = LEAST_INRADIUS_MM / INRADIUS
     if asked.border is not None:
-        return (window_inradius + asked.border) / INRADIUS_OVER_SIDE
+        return max(least, (window_inradius + asked.border) / INRADIUS_OVER_SIDE)
     # The border is one line, or its share of the edge.
     shared = window_inradius / (INRADIUS_OVER_SIDE - BORDER_OVER_EDGE)
-    return max((window_inradius + least_border) / INRADIUS_OVER_SIDE, shared)
+    return max(least, (window_inradius + least_border) / INRADIUS_OVER_SIDE, shared)
 
 
 def _given(asked: IcoFile) -> str:

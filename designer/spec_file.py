@@ -18,7 +18,7 @@ from designer.page_size import page_size_mm
 from designer.spec import Build, Format, IcoSpec, Job, Lattice
 from designer.units import format_mm, parse_length_mm, parse_lengths_mm, parse_percent
 
-MAX_FILE_BYTES = 2**20
+MAX_FILE_BYTES = 2**14
 LEAST_LENGTH_MM = 0.0005
 FORMATS: tuple[Format, ...] = get_args(Format)
 
@@ -69,6 +69,14 @@ def _page(value: str) -> str:
         page_size_mm(value)
     except InputError as error:
         raise ValueError(str(error)) from None
+    return value
+
+
+def _unicode(value: str) -> str:
+    try:
+        value.encode()
+    except UnicodeEncodeError:  # a path of bytes that are no text, which the resolved spec could not hold
+        raise ValueError("must be text; rename the file") from None
     return value
 
 
@@ -126,7 +134,9 @@ class _File(BaseModel):
 class PrintingFile(_File):
     """How a target is to be made. A field that is None is chosen by `sizing`."""
 
-    printer: str | None = Field(None, description="printer template, or a TOML file of your own")
+    printer: Annotated[str, AfterValidator(_unicode)] | None = Field(
+        None, description="printer template, or a TOML file of your own"
+    )
     nozzle: PositiveLength | None = Field(None, description="nozzle diameter")
     line_width: PositiveLength | None = Field(None, description="width of a printed line")
     layer_height: PositiveLength | None = Field(None, description="height of a printed layer")

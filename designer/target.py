@@ -179,6 +179,8 @@ def _check_rules(target: TargetGeometry) -> None:
     if not (inner[target.is_dot] == 0).all() or not (inner[~target.is_dot] > 0).all():
         raise ValueError("radius_inner_mm must be 0 for dots and above 0 for rings")
     rotation = target.target_from_face[:, :3, :3]
+    if np.abs(rotation).max() > 2:
+        raise ValueError("target_from_face must hold rigid motions: a rotation has entries from -1 to 1")
     off = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max()
     is_affine = (target.target_from_face[:, 3] == np.array([0.0, 0.0, 0.0, 1.0])).all()
     if off > 1e-6 or np.linalg.det(rotation).min() < 0 or not is_affine:
@@ -227,7 +229,7 @@ def target_from_json(text: str) -> TargetGeometry:
         raise ValueError("not a target file: nested too deep") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise ValueError(f'not a target file: it must be a JSON object with "format": "{FORMAT}"')
-    if document.get("version") is not VERSION:
+    if type(document.get("version")) is not int or document["version"] != VERSION:
         raise ValueError(f"target file version {document.get('version')!r}; this program reads version {VERSION}")
     if document.get("unit") != "mm":
         raise ValueError(f'"unit" is {document.get("unit")!r}; it must be "mm"')

@@ -77,8 +77,8 @@ def _as_float(number: str | float) -> float:
 
 def _to_mm(number: float, unit: str, text: str | float) -> float:
     """The length in millimetres, within the limit."""
-    # Units are written in small letters; capitals are taken for them, but for M, which elsewhere means mega.
-    per_unit = MM_PER_UNIT.get(unit if unit == "M" else unit.lower())
+    # Capitals are taken for small letters, but not where they would mean mega.
+    per_unit = MM_PER_UNIT.get(unit if unit.startswith("M") and unit != "MM" else unit.lower())
     if per_unit is None:
         raise ValueError(f"unknown unit of length {unit!r}; use mm, cm, m, um, in or thou")
     length = number * per_unit
