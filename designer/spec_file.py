@@ -68,7 +68,7 @@ def _page(value: str) -> str:
     try:
         page_size_mm(value)
     except InputError as error:
-        raise ValueError(str(error)) from None
+        raise ValueError(str(error).removeprefix(f"page {value!r}").lstrip(": ")) from None
     return value
 
 

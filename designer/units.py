@@ -81,7 +81,8 @@ def _to_mm(number: float, unit: str, text: str | float) -> float:
     per_unit = MM_PER_UNIT.get(unit if unit.startswith("M") and unit != "MM" else unit.lower())
     if per_unit is None:
         raise ValueError(f"unknown unit of length {unit!r}; use mm, cm, m, um, in or thou")
-    length = number * per_unit
+    # 3.5 inches are 88.9mm, and not 88.89999999999999mm.
+    length = number if per_unit == 1 else round(number * per_unit, 9)
     if abs(length) > MAX_LENGTH_MM:
         raise ValueError(f"{str(text).strip()} is more than {MAX_LENGTH_MM:g}mm")
     return length
