@@ -22,7 +22,7 @@ from designer.spec import (
     PrintSpec,
     TargetSpec,
 )
-from designer.spec_file import FORMATS, CommonFile, IcoFile, PrintingFile, SpecFile
+from designer.spec_file import FORMATS, IDLE_OPTIONS, CommonFile, IcoFile, PrintingFile, SpecFile
 from designer.units import format_mm
 
 SOLID_INLAY_MM = 1.0
@@ -54,10 +54,10 @@ def size_job(asked: SpecFile) -> Sized:
     line = _line_of(build, printer)
     target, remark = size_ico(asked, line) if isinstance(asked, IcoFile) else size_board(asked, line)
     thickness = math.inf if isinstance(target, IcoSpec) else target.thickness_mm
-    printing, print_remark = _size_printing(asked, printer, build, target.border_mm, thickness)
+    printing, print_remarks = _size_printing(asked, printer, build, target.border_mm, thickness)
     formats, format_remark = _choose_formats(asked, printing.is_two_filament)
     page = asked.page or ("A4" if isinstance(target, IcoSpec) else "fit")
-    remarks = tuple(text for text in (remark, print_remark, format_remark) if text)
+    remarks = tuple(text for text in (remark, *print_remarks, format_remark) if text)
     name = asked.name or _default_name(target, build, has_size=isinstance(asked, IcoFile) or asked.size is not None)
     return Sized(Job(name, target, printing, formats, page), remarks)
 
@@ -86,8 +86,11 @@ def size_printing(asked: PrintingFile, *, kind: str, border_mm: float, thickness
 
 def _size_printing(
     asked: PrintingFile, printer: PrinterProfile, build: Build, border_mm: float, thickness_mm: float
-) -> tuple[PrintSpec, str]:
-    """How a target is made, and a remark where a default had to give way."""
+) -> tuple[PrintSpec, tuple[str, ...]]:
+    """How a target is made, and remarks where a default had to give way or an option says nothing."""
+    idle = set(IDLE_OPTIONS[build]) & asked.model_fields_set
+    asked = asked.model_copy(update=dict.fromkeys(IDLE_OPTIONS[build]))
+    remarks = [f"{option}: of no effect on the build {build!r}" for option in sorted(idle)]
     inlay, remark = _choose_inlay(asked, build, printer.layer_height_mm, border_mm, thickness_mm)
     printing = PrintSpec(
         build=build,
@@ -103,7 +106,7 @@ def _size_printing(
         chord_error_mm=asked.chord_error or CHORD_ERROR_MM,
     )
     _check_paper(printing, border_mm)
-    return printing, remark
+    return printing, (remark, *remarks)
 
 
 def _choose_printer(asked: PrintingFile) -> PrinterProfile:

@@ -20,6 +20,13 @@ from designer.units import format_mm, parse_length_mm, parse_lengths_mm, parse_p
 
 MAX_FILE_BYTES = 2**14
 LEAST_LENGTH_MM = 0.0005
+IDLE_OPTIONS: Mapping[Build, tuple[str, ...]] = {
+    "solid": ("sticker_thickness",),
+    "printed": ("sticker_thickness",),
+    "stickers": ("inlay_depth",),
+    "sheet": ("inlay_depth", "sticker_thickness"),
+}
+"""Options that say nothing about a build; a resolved spec leaves them out."""
 FORMATS: tuple[Format, ...] = get_args(Format)
 
 RawValue = object
@@ -381,7 +388,8 @@ def spec_to_toml(job: Job) -> str:
         "formats": list(job.formats),
         "page": job.page,
     }
-    return "".join(f"{key} = {_toml_value(value)}\n" for key, value in values.items())
+    idle = IDLE_OPTIONS[printing.build]
+    return "".join(f"{key} = {_toml_value(value)}\n" for key, value in values.items() if key not in idle)
 
 
 def _toml_value(value: RawValue) -> str:

@@ -426,10 +426,26 @@ def test_resolved_spec_gives_the_same_job(spec: dict[str, RawValue], more: dict[
 
 
 def test_resolved_spec_names_every_key() -> None:
-    """The written file leaves nothing to be chosen: all keys of its kind are in it."""
-    for values, model in ((ICO, IcoFile), ({"kind": "board", "size": "60x60mm"}, BoardFile)):
+    """The written file leaves nothing to be chosen: all keys of its kind are in it, but those idle for its build."""
+    board: dict[str, RawValue] = {"kind": "board", "size": "60x60mm"}
+    cases = (
+        (ICO, IcoFile, {"sticker_thickness"}),
+        ({**ICO, "build": "stickers"}, IcoFile, {"inlay_depth"}),
+        (board, BoardFile, {"sticker_thickness"}),
+        ({**board, "build": "sheet"}, BoardFile, {"inlay_depth", "sticker_thickness"}),
+    )
+    for values, model, idle in cases:
         keys = [line.split(" = ")[0] for line in spec_to_toml(job_of(values)).splitlines()]
-        assert sorted(keys) == sorted(model.model_fields)
+        assert sorted(keys) == sorted(model.model_fields.keys() - idle)
+
+
+def test_idle_options_are_named_and_change_nothing() -> None:
+    """An option that says nothing about a build is remarked upon, and the job is the same without it."""
+    plain, idle = size_job(parse_spec(ICO, "")), size_job(parse_spec({**ICO, "sticker_thickness": "0.3mm"}, ""))
+    assert idle.job == plain.job
+    assert [remark for remark in idle.remarks if remark not in plain.remarks] == [
+        "sticker_thickness: of no effect on the build 'solid'"
+    ]
 
 
 def test_odd_printer_paths_are_written_as_toml(tmp_path: Path) -> None:
