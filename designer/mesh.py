@@ -5,7 +5,6 @@ icosahedron meet, the tops of their borders share the polyhedron's edge and the 
 smaller icosahedron at the inlay's depth; no wall stands between them, and the whole border is one closed shell.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,14 @@ from numpy.typing import NDArray
 
 from designer.errors import InputError
 from designer.pattern import Contour, FacePattern, Pattern, Stamp
-from designer.polyhedron import INRADIUS, INSET_PER_DEPTH, icosahedron_faces, icosahedron_vertices
+from designer.polyhedron import (
+    INRADIUS,
+    INSET_PER_DEPTH,
+    deepest_inlay,
+    icosahedron_faces,
+    icosahedron_vertices,
+)
+from designer.units import round_down
 
 Ids = NDArray[np.int32]
 
@@ -75,8 +81,7 @@ def icosahedron_hull(pattern: Pattern, edge_mm: float, inlay_mm: float) -> Hull:
         if border <= inset:
             raise InputError(
                 f"border {border:.3g}mm is too narrow for an inlay {inlay_mm:g}mm deep, whose floor moves in by "
-                f"{inset:.3g}mm; use an inlay of at most {math.floor(90 * border / INSET_PER_DEPTH) / 100:g}mm "
-                "or a wider border"
+                f"{inset:.3g}mm; use an inlay of at most {round_down(deepest_inlay(border)):g}mm or a wider border"
             )
     vertices = icosahedron_vertices()
     outer, inner = edge_mm * vertices, (edge_mm - inlay_mm / INRADIUS) * vertices
@@ -243,10 +248,9 @@ def _without_slivers(points: Contour, triangles: Ids) -> Ids:
     The long side of such a triangle is flipped: its middle corner w is joined to the corner x across the side.
     """
     triangles = triangles.copy()
+    area = _doubled_area(points, triangles)
     for _ in range(len(triangles)):
-        a, b, c = (points[triangles[:, k]] for k in range(3))
-        doubled_area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-        (slivers,) = np.nonzero(doubled_area < _SLIVER_MM2)
+        (slivers,) = np.nonzero(area < _SLIVER_MM2)
         if not len(slivers):
             break
         flat = slivers[0]
@@ -256,7 +260,16 @@ def _without_slivers(points: Contour, triangles: Ids) -> Ids:
         (across,) = np.nonzero((triangles == v) & (np.roll(triangles, -1, axis=1) == u))[0]
         (x,) = set(triangles[across].tolist()) - {int(u), int(v)}
         triangles[flat], triangles[across] = (u, x, w), (x, v, w)
+        flipped = [flat, across]
+        area[flipped] = _doubled_area(points, triangles[flipped])
     return triangles
+
+
+def _doubled_area(points: Contour, triangles: Ids) -> NDArray[np.float64]:
+    """Twice the signed area of each triangle.  # (T,)"""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    doubled: NDArray[np.float64] = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    return doubled
 
 
 def _stamp_surfaces(stamp: Stamp, flat: _Triangulator) -> _Surfaces:

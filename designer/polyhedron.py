@@ -19,6 +19,11 @@ INSET_PER_DEPTH = 1 / math.tan(DIHEDRAL_RAD / 2)
 """How far the plane that halves the dihedral angle moves in from an edge, per unit of depth below the face."""
 
 
+def deepest_inlay(border: float) -> float:
+    """The deepest inlay of a border: its floor moves in with depth, and a tenth of its width must be left."""
+    return 0.9 * border / INSET_PER_DEPTH
+
+
 def icosahedron_vertices() -> NDArray[np.float64]:
     """The vertices of the icosahedron with edge length 1, centred at the origin.  # (12, 3)"""
     circumradius = math.sin(2 * math.pi / 5)

@@ -11,9 +11,10 @@ from typing import Literal
 
 from designer.bed import printed_size_mm
 from designer.clearance import border_width_mm, narrowest_widths
-from designer.polyhedron import DIHEDRAL_RAD, INSET_PER_DEPTH
+from designer.polyhedron import DIHEDRAL_RAD, INSET_PER_DEPTH, deepest_inlay
 from designer.spec import BoardSpec, PrintSpec
 from designer.target import TargetGeometry
+from designer.units import round_down
 
 Level = Literal["violation", "warning", "note"]
 
@@ -139,7 +140,7 @@ def _inlay(target: TargetGeometry, printing: PrintSpec) -> Remarks:
         )
     border = border_width_mm(target)
     if border <= INSET_PER_DEPTH * depth:
-        deepest = math.floor(90 * border / INSET_PER_DEPTH) / 100
+        deepest = round_down(deepest_inlay(border))
         yield (
             "violation",
             f"inlay {depth:g}mm undercuts a border of {border:.3g}mm; use at most {deepest:g}mm or a wider border",

@@ -14,11 +14,11 @@ from designer.size_rules import (
     check_count,
     check_rings,
     diameter_and_pitch,
-    round_down,
     widths_mm,
 )
 from designer.spec import RING_RATIO, IcoSpec
 from designer.spec_file import IcoFile
+from designer.units import round_down
 
 PAPER_RINGS_PER_SIDE = 8
 BORDER_OVER_EDGE = 0.02
@@ -61,7 +61,7 @@ def _auto_ico(asked: IcoFile, ratio: float, line: Line) -> tuple[IcoSpec, str]:
     For a number of rings the paper's proportions come first, then the widest strokes between gaps of two lines.
     """
     comfort = line.comfortable_mm
-    border = asked.border if asked.border is not None else round(max(BORDER_OVER_EDGE * asked.edge, comfort), 4)
+    border = _border_mm(asked, comfort)
     for rings in range(PAPER_RINGS_PER_SIDE, MIN_RINGS_PER_SIDE - 1, -1):
         for spec in (_filled_ico(asked, rings, border, ratio), _packed_ico(asked, rings, ratio, comfort)):
             if spec is not None and min(_chosen_widths(asked, spec)) >= comfort - 1e-9:
@@ -69,6 +69,11 @@ def _auto_ico(asked: IcoFile, ratio: float, line: Line) -> tuple[IcoSpec, str]:
                 most = "as in the paper" if rings == PAPER_RINGS_PER_SIDE else "the most"
                 return spec, f"auto: {rings} rings a side, {most} with {why}"
     return _tight_ico(asked, ratio, line)
+
+
+def _border_mm(asked: IcoFile, least: float) -> float:
+    """The border as asked for, else its share of the edge, but no less than `least`."""
+    return asked.border if asked.border is not None else round(max(BORDER_OVER_EDGE * asked.edge, least), 4)
 
 
 def _chosen_widths(asked: IcoFile, spec: IcoSpec) -> list[float]:
@@ -93,7 +98,7 @@ def _filled_ico(asked: IcoFile, rings: int, border: float, ratio: float) -> IcoS
 
 def _packed_ico(asked: IcoFile, rings: int, ratio: float, gap: float) -> IcoSpec | None:
     """The widest strokes that leave gaps, margin and border of `gap`, or None where nothing is left for rings."""
-    border = asked.border if asked.border is not None else round(max(BORDER_OVER_EDGE * asked.edge, gap), 4)
+    border = _border_mm(asked, gap)
     margin = asked.margin if asked.margin is not None else gap
     # inradius of the window = (rings - 1) pitch k + diameter / 2 + margin, with diameter = pitch - gap
     window_inradius = INRADIUS_OVER_SIDE * asked.edge - border
@@ -135,7 +140,7 @@ def _smallest_edge_mm(asked: IcoFile, ratio: float, width: float) -> float:
 
 def _sized_ico(asked: IcoFile, ratio: float, line: Line) -> IcoSpec:
     """Complete sizes of which some are given."""
-    border = asked.border if asked.border is not None else round(max(BORDER_OVER_EDGE * asked.edge, line.width_mm), 4)
+    border = _border_mm(asked, line.width_mm)
     if asked.ring_diameter is None and asked.pitch is None and asked.rings_per_side is not None:
         spec = _filled_ico(asked, asked.rings_per_side, border, ratio)
         if spec is None:
@@ -161,8 +166,7 @@ def _what_fits(asked: IcoFile, ratio: float, line: Line, diameter: float, pitch:
     across = (MIN_RINGS_PER_SIDE - 1) * INRADIUS_OVER_SIDE
     window_inradius = across * pitch + diameter / 2 + (pitch - diameter if asked.margin is None else asked.margin)
     edge = f"an edge of at least {math.ceil(10 * _edge_around(asked, window_inradius, line.width_mm) + 0.01) / 10:g}mm"
-    border = asked.border if asked.border is not None else max(BORDER_OVER_EDGE * asked.edge, line.width_mm)
-    room = INRADIUS_OVER_SIDE * asked.edge - border - (asked.margin or 0.0)
+    room = INRADIUS_OVER_SIDE * asked.edge - _border_mm(asked, line.width_mm) - (asked.margin or 0.0)
     largest = round_down(room * diameter / (window_inradius - (asked.margin or 0.0)))
     its_pitch = round_down(largest * pitch / diameter)
     narrowest = min(largest / 2 * (1 - ratio), largest * ratio, its_pitch - largest)

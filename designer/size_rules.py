@@ -1,11 +1,11 @@
 """What the sizes of every kind of target have in common: proportions, and what a process can make."""
 
-import math
 from dataclasses import dataclass
 
 from designer.errors import InputError
 from designer.spec import BoardSpec, IcoSpec
 from designer.spec_file import CommonFile
+from designer.units import round_down, round_up
 
 DIAMETER_OVER_PITCH = 0.7
 """Of the paper's rings, 7 mm at 10 mm."""
@@ -83,13 +83,3 @@ def check_count(rings: int, line: Line) -> None:
     """
     if rings > line.most_rings:
         raise InputError(f"{rings} rings are more than {line.most_rings}; use a larger pitch or a smaller target")
-
-
-def round_down(length: float) -> float:
-    """Down to a hundredth of a millimetre, as a drawing would give it."""
-    return math.floor(100 * length + 1e-6) / 100
-
-
-def round_up(length: float) -> float:
-    """Up to a hundredth of a millimetre."""
-    return math.ceil(100 * length - 1e-6) / 100

@@ -7,13 +7,14 @@ import math
 from dataclasses import dataclass
 
 from designer.errors import InputError
-from designer.polyhedron import INSET_PER_DEPTH
+from designer.polyhedron import INSET_PER_DEPTH, deepest_inlay
 from designer.presets import DEFAULT_PRINTER, printer_profile
 from designer.size_board import size_board
 from designer.size_ico import size_ico
-from designer.size_rules import Line, round_down
+from designer.size_rules import Line
 from designer.spec import (
     PAPER_LINE_MM,
+    TWO_FILAMENT_BUILDS,
     Build,
     Format,
     IcoSpec,
@@ -23,7 +24,7 @@ from designer.spec import (
     TargetSpec,
 )
 from designer.spec_file import FORMATS, IDLE_OPTIONS, CommonFile, IcoFile, PrintingFile, SpecFile
-from designer.units import format_mm
+from designer.units import format_mm, round_down
 
 SOLID_INLAY_MM = 1.0
 """Inlay of a one-piece icosahedron: its 12 steep faces fill to 70 % at 0.6 mm, to 93 % at 0.9-1.0 mm."""
@@ -127,7 +128,7 @@ def _choose_build(asked: PrintingFile, kind: str) -> Build:
 
 
 def _line_of(build: Build, printer: PrinterProfile) -> Line:
-    if build in ("solid", "printed"):
+    if build in TWO_FILAMENT_BUILDS:
         return Line(printer.line_width_mm, printer.nozzle_mm, f"a {printer.nozzle_mm:g}mm nozzle", 10_000)
     return Line(PAPER_LINE_MM, PAPER_LINE_MM, "a printed sheet", 50_000)
 
@@ -140,8 +141,7 @@ def _choose_inlay(
         return asked.inlay_depth, ""
     if build in ("printed", "sheet"):
         return round(min(FLAT_INLAY_LAYERS * layer_mm, thickness_mm / 2), 6), ""
-    # The border's floor moves in with depth; a tenth of the border must be left of it.
-    deepest = min(SOLID_INLAY_MM, 0.9 * border_mm / INSET_PER_DEPTH)
+    deepest = min(SOLID_INLAY_MM, deepest_inlay(border_mm))
     inlay = round(max(1, math.floor(deepest / layer_mm + 1e-9)) * layer_mm, 6)
     is_shallow = build == "solid" and inlay < SOLID_INLAY_MM - layer_mm
     return inlay, f"inlay {inlay:g}mm: as deep as a border of {border_mm:g}mm allows" if is_shallow else ""

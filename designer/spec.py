@@ -14,6 +14,8 @@ Build = Literal["solid", "stickers", "printed", "sheet"]
 Format = Literal["3mf", "stl", "png", "pdf", "svg", "step", "glb"]
 SpecValue = str | float | int | bool | list[float]
 
+TWO_FILAMENT_BUILDS: tuple[Build, ...] = ("solid", "printed")
+"""Builds whose ink is printed into the body."""
 PAPER_LINE_MM = 0.1
 """Thinnest line of an office printer, where the pattern is printed on paper or sheet."""
 RING_RATIO = 0.45
@@ -141,7 +143,7 @@ class PrintSpec:
     @property
     def is_two_filament(self) -> bool:
         """Whether the ink is printed into the body."""
-        return self.build in ("solid", "printed")
+        return self.build in TWO_FILAMENT_BUILDS
 
     @property
     def pattern_line_mm(self) -> float:

@@ -55,6 +55,16 @@ def format_mm(*lengths: float) -> str:
     return "x".join(repr(length).removesuffix(".0") for length in lengths) + "mm"
 
 
+def round_down(length: float) -> float:
+    """Down to a hundredth of a millimetre, as a drawing would give it."""
+    return math.floor(100 * length + 1e-6) / 100
+
+
+def round_up(length: float) -> float:
+    """Up to a hundredth of a millimetre."""
+    return math.ceil(100 * length - 1e-6) / 100
+
+
 def _split(text: str | float, expected: str) -> tuple[float, str]:
     """Number and unit of a quantity."""
     if isinstance(text, bool) or not isinstance(text, (str, int, float)):
