@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from calib.cli_detect import detect
+from calib.cli_render import render
 from designer.command import run
 
 app = typer.Typer(name="calib", help="Use calibration targets.", rich_markup_mode=None, pretty_exceptions_enable=False)
@@ -31,6 +33,10 @@ def target(file: Annotated[Path, typer.Argument(help="a target file (NAME.target
     print(f"  rings {geometry.ring_count - dots}, dots {dots}")
     print(f"  farthest corner {bounding_radius_mm(geometry):.3f} mm from the origin")
     print(f"  layout id {geometry.layout_id}, geometry id {geometry.geometry_id}")
+
+
+app.command()(render)
+app.command()(detect)
 
 
 def main() -> None:

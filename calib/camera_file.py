@@ -1,0 +1,138 @@
+"""Camera files: `camera.json`, and templates or a person's own TOML with the same keys."""
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from calib.cameras import MODELS
+from calib.types import Camera
+from designer.errors import InputError
+from designer.presets import preset_or_file
+from designer.spec_file import RawValue, read_spec_file, shown, suggestion
+
+FORMAT = "ringforge.camera"
+VERSION = 1
+MAX_FILE_BYTES = 2**20
+MAX_SIDE_PX = 100_000
+REQUIRED = ("fx_px", "fy_px", "cx_px", "cy_px")
+"""What every model has; the lens's other parameters are 0 if left out."""
+
+Side = Annotated[int, Field(ge=1, le=MAX_SIDE_PX, strict=True)]
+
+
+class _CameraFile(BaseModel):
+    """The keys of a camera file; the parameters' names depend on the model."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Literal["ringforge.camera"]
+    version: Annotated[int, Field(strict=True)]
+    model: str
+    image_size: tuple[Side, Side]
+    parameters: dict[str, Annotated[float, Field(strict=True, allow_inf_nan=False)]]
+
+
+def camera_to_json(camera: Camera) -> str:
+    """The text of `camera.json`; it reads back bit for bit."""
+    names = MODELS[camera.model].parameter_names
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "model": camera.model,
+        "image_size": list(camera.image_size),
+        "parameters": dict(zip(names, camera.params.tolist(), strict=True)),
+    }
+    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+
+
+def camera_from_mapping(values: RawValue, origin: str) -> Camera:
+    """The camera in a parsed file.
+
+    Args:
+        values: what JSON or TOML held.
+        origin: what messages name.
+
+    Raises:
+        InputError: another format or version, an unknown or missing key, or a value that breaks a rule.
+    """
+    if not isinstance(values, dict) or values.get("format") != FORMAT:
+        raise InputError(f'{origin}: not a camera file: it must hold "format": "{FORMAT}"')
+    if type(values.get("version")) is not int or values["version"] != VERSION:
+        raise InputError(f"{origin}: camera file version {shown(values.get('version'))}; this program reads {VERSION}")
+    try:
+        file = _CameraFile.model_validate(values)
+    except ValidationError as error:
+        raise InputError(f"{origin}: {_explain(error)}") from None
+    return _camera(file, origin)
+
+
+def _camera(file: _CameraFile, origin: str) -> Camera:
+    """Hold a file's parameters to the rules of its model."""
+    model = MODELS.get(file.model)
+    if model is None:
+        hint = suggestion(file.model, list(MODELS)) or f"; there are {', '.join(MODELS)}"
+        raise InputError(f"{origin}: unknown camera model {shown(file.model)}{hint}")
+    given = file.parameters
+    for name in given.keys() - set(model.parameter_names):
+        hint = suggestion(name, list(model.parameter_names))
+        raise InputError(f"{origin}: unknown parameter {shown(name)} of model {model.name!r}{hint}")
+    for name in REQUIRED:
+        if name not in given:
+            raise InputError(f"{origin}: parameter {name} is missing; give it in pixels")
+    for name in ("fx_px", "fy_px"):
+        if not given[name] > 0:
+            raise InputError(f"{origin}: {name} {given[name]:g}: a focal length must be more than zero pixels")
+    if not all(math.isfinite(value) for value in given.values()):
+        raise InputError(f"{origin}: parameters must be finite numbers")
+    params = np.array([given.get(name, 0.0) for name in model.parameter_names])
+    return Camera(model.name, params, file.image_size)
+
+
+def _explain(error: ValidationError) -> str:
+    """One line on the first thing wrong; an unknown key comes first, being likely the missing one misspelt."""
+    first = min(error.errors(), key=lambda wrong: wrong["type"] != "extra_forbidden")
+    key = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden":
+        return f"unknown key {shown(key)}{suggestion(key, list(_CameraFile.model_fields))}"
+    if first["type"] == "missing":
+        return f"{key} is missing"
+    if first["loc"][0] == "image_size":
+        size = f"two whole numbers from 1 to {MAX_SIDE_PX}"
+        return f"image_size: {shown(first['input'])} does not fit; it must be {size}, width and height in pixels"
+    return f"{key} {shown(first['input'])}: {first['msg'][:1].lower()}{first['msg'][1:]}"
+
+
+def load_camera(path: Path) -> Camera:
+    """Read a camera file, JSON or TOML.
+
+    Raises:
+        InputError: the file cannot be read or is no valid camera file; the message names it.
+    """
+    if path.suffix.lower() == ".toml":
+        return camera_from_mapping(read_spec_file(path), str(path))
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(f"{path}: more than {MAX_FILE_BYTES} bytes; a camera file is a few lines of JSON")
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: line {error.lineno}, column {error.colno}: {error.msg}; not valid JSON") from None
+    except (ValueError, RecursionError):
+        raise InputError(f"{path}: not a camera file: no readable JSON") from None
+    return camera_from_mapping(values, str(path))
+
+
+def camera_or_preset(name: str) -> Camera:
+    """The camera of a template, or of a person's .json or .toml file.
+
+    Raises:
+        InputError: neither a template nor a valid file; the message suggests the nearest template.
+    """
+    if Path(name).suffix.lower() == ".json":
+        return load_camera(Path(name))
+    return load_camera(preset_or_file("cameras", name))

@@ -1,0 +1,98 @@
+"""The Brown polynomial and its exact inverse, which the lens models are made of.
+
+`D(x, y) = (x, y) (1 + k1 r^2 + k2 r^4 + k3 r^6) + (2 p1 xy + p2 (r^2 + 2x^2), p1 (r^2 + 2y^2) + 2 p2 xy)`
+in normalised coordinates (Brown 1966, in OpenCV's order and naming: k1 k2 p1 p2 k3).
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.jit import jit
+
+Array = NDArray[np.float64]
+
+MAX_STEPS = 60
+TOLERANCE = 5e-16
+ACCEPTED_RESIDUAL = 1e-12
+"""A larger residual of the inverse, relative to the radius, means that there is no inverse."""
+
+
+def fold_radius(coefficients: Array) -> float:
+    """Radius up to which the radial part grows; beyond it the polynomial folds the image over.
+
+    The smallest positive root of `d/dr (r + k1 r^3 + k2 r^5 + k3 r^7)`, or infinity.
+    """
+    k1, k2, _, _, k3 = coefficients.tolist()
+    roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
+    squares = [root.real for root in roots if abs(root.imag) <= 1e-9 * abs(root) and root.real > 0]
+    return math.sqrt(min(squares, default=math.inf))
+
+
+@jit
+def distort(coefficients: Array, fold: float, x: float, y: float) -> tuple[float, float]:
+    """`D` of one point; nan beyond the fold."""
+    square = x * x + y * y
+    if not square < fold * fold:
+        return np.nan, np.nan
+    k1, k2, p1, p2, k3 = coefficients
+    radial = 1 + square * (k1 + square * (k2 + square * k3))
+    return (
+        x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x),
+        y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y,
+    )
+
+
+@jit
+def _radius_of(coefficients: Array, fold: float, distorted: float) -> float:
+    """The radius that the radial part takes to `distorted`: Newton, kept in a bracket; at most the fold."""
+    k1, k2, _, _, k3 = coefficients
+    low, high, radius = 0.0, fold, min(distorted, fold)
+    for _ in range(MAX_STEPS):
+        s = radius * radius
+        residual = radius * (1 + s * (k1 + s * (k2 + s * k3))) - distorted
+        if residual > 0:
+            high = min(high, radius)
+        else:
+            low = max(low, radius)
+        slope = 1 + s * (3 * k1 + s * (5 * k2 + s * 7 * k3))
+        step = radius - residual / slope if slope > 0 else high
+        if not low <= step <= high:
+            step = 0.5 * (low + high) if high < np.inf else 2 * radius
+        if abs(step - radius) <= 1e-3 * radius:  # the rest is left to the steps in two dimensions
+            return step
+        radius = step
+    return radius
+
+
+@jit
+def undistort(coefficients: Array, fold: float, x: float, y: float) -> tuple[float, float]:
+    """The point that `D` takes to (x, y), to machine precision; nan where there is none short of the fold."""
+    k1, k2, p1, p2, k3 = coefficients
+    if k1 == 0 and k2 == 0 and k3 == 0 and p1 == 0 and p2 == 0:
+        return x, y
+    distorted = math.sqrt(x * x + y * y)
+    if distorted == 0 or not distorted < np.inf:
+        return x - x, y - y
+    scale = min(_radius_of(coefficients, fold, distorted), 0.9999 * fold) / distorted
+    a, b = scale * x, scale * y
+    residual = np.inf
+    for _ in range(MAX_STEPS):
+        s = a * a + b * b
+        radial = 1 + s * (k1 + s * (k2 + s * k3))
+        slope = 2 * (k1 + s * (2 * k2 + s * 3 * k3))  # of the radial factor, over the radius
+        e = a * radial + 2 * p1 * a * b + p2 * (s + 2 * a * a) - x
+        f = b * radial + p1 * (s + 2 * b * b) + 2 * p2 * a * b - y
+        last, residual = residual, abs(e) + abs(f)
+        if residual <= TOLERANCE * distorted or (residual < ACCEPTED_RESIDUAL * distorted and residual >= last):
+            break
+        daa = radial + slope * a * a + 2 * p1 * b + 6 * p2 * a
+        dbb = radial + slope * b * b + 6 * p1 * b + 2 * p2 * a
+        dab = slope * a * b + 2 * p1 * a + 2 * p2 * b
+        determinant = daa * dbb - dab * dab
+        a -= (dbb * e - dab * f) / determinant
+        b -= (daa * f - dab * e) / determinant
+    if not residual < ACCEPTED_RESIDUAL * distorted or not a * a + b * b < fold * fold:
+        return np.nan, np.nan
+    return a, b

@@ -1,0 +1,274 @@
+"""The command `calib detect`."""
+
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from designer.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from calib.detect.batch import Detect, Found, PhotoResult
+    from calib.types import Camera, Detections
+    from designer.target import TargetGeometry
+
+NOTHING_FOUND = 1
+MAX_ROWS = 60
+"""Images in the table; of a larger set only those are shown that need a look."""
+
+
+def detect(
+    target: Annotated[Path, typer.Argument(help="the target file (NAME.target.json) of what the photos show")],
+    photos: Annotated[list[str], typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")],
+    *,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="detections to write (default: exports/NAME/detections.csv)")
+    ] = None,
+    overlay: Annotated[
+        Path | None, typer.Option(help="folder for pictures that show what was and was not found", metavar="DIR")
+    ] = None,
+    camera: Annotated[
+        str | None, typer.Option(help="camera file or template: centres become surer where its lens is known")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
+    ] = None,
+) -> None:
+    """Find a target's rings in photos, name them, and measure their centres.
+
+    The exit code is 1 if nothing at all was found.
+    """
+    from calib.detect.pipeline import detect as detect_one
+
+    run_detect(
+        detect_one, target, photos, out=out, overlay=overlay, camera_name=camera, jobs=jobs or os.cpu_count() or 1
+    )
+
+
+def run_detect(
+    detect_one: "Detect",
+    target: Path,
+    arguments: Sequence[str],
+    *,
+    out: Path | None,
+    overlay: Path | None,
+    camera_name: str | None,
+    jobs: int,
+) -> None:
+    """The command with a detector of choice."""
+    from calib.camera_file import camera_or_preset
+    from calib.dataset import check_output
+    from calib.detect.batch import find_photos
+    from designer.target import load_target
+
+    geometry = load_target(target)
+    camera = None if camera_name is None else camera_or_preset(camera_name)
+    table = _table_path(out, target)
+    check_output(table)
+    found = find_photos(arguments)
+    start = time.perf_counter()
+    with _staging(overlay) as staging:
+        results = _search(detect_one, found, geometry, camera, staging, jobs)
+        seen = [result.seen for result in results if result.seen is not None]
+        if not seen:
+            failures = [*found.failures, *(result.failure for result in results)]
+            others = f" (and {len(failures) - 1} more like it)" if len(failures) > 1 else ""
+            raise InputError(f"{failures[0] if failures else 'no photos left to search'}{others}")
+        seconds = time.perf_counter() - start
+        _write(table, results, seen, geometry)
+        if overlay is not None and staging is not None:
+            for picture in staging.iterdir():
+                picture.replace(overlay / picture.name)
+    _summarise(geometry, found, results, seconds)
+    _say_files(table, overlay, results)
+    if not any(len(one.ring) for one in seen):
+        raise typer.Exit(NOTHING_FOUND)
+
+
+def _table_path(out: Path | None, target: Path) -> Path:
+    """Where the detections go."""
+    if out is None:
+        return Path("exports") / target.name.removesuffix(".json").removesuffix(".target") / "detections.csv"
+    return out / "detections.csv" if out.is_dir() else out
+
+
+@contextmanager
+def _staging(overlay: Path | None) -> Iterator[Path | None]:
+    """A folder beside the overlays' final place, gone afterwards, so that a stopped run leaves no pictures."""
+    if overlay is None:
+        yield None
+        return
+    if overlay.exists() and not overlay.is_dir():
+        raise InputError(f"{overlay}: is a file, not a folder; choose another with --overlay")
+    try:
+        overlay.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=overlay))
+    except OSError as error:
+        raise InputError(
+            f"{overlay}: cannot be written: {error.strerror}; choose another folder with --overlay"
+        ) from None
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _search(
+    detect_one: "Detect",
+    found: "Found",
+    geometry: "TargetGeometry",
+    camera: "Camera | None",
+    staging: Path | None,
+    jobs: int,
+) -> "list[PhotoResult]":
+    """Search all photos, with a progress bar on standard error while there is a screen."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from calib.detect.batch import detect_photos, named_photos
+
+    photos = named_photos(found.paths)
+    results = []
+    columns = (TextColumn("searching"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("searching", total=len(photos))
+        for result in detect_photos(
+            photos, geometry, detect=detect_one, camera=camera, overlay_folder=staging, jobs=jobs
+        ):
+            results.append(result)
+            bar.advance(task)
+    return results
+
+
+def _write(
+    table: Path, results: "Sequence[PhotoResult]", seen: "Sequence[Detections]", geometry: "TargetGeometry"
+) -> None:
+    from calib.dataset import write_detections
+    from calib.records import ImageRecord
+
+    failed = [
+        ImageRecord(result.photo.name, None, 0, 0, (), (), result.failure) for result in results if result.seen is None
+    ]
+    write_detections(table, seen, geometry, detector=_program(), failed=failed)
+
+
+def _program() -> str:
+    """Name and version, for the record."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return f"ringforge {version('ringforge')}"
+    except PackageNotFoundError:
+        return "ringforge, not installed"
+
+
+def _summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[PhotoResult]", seconds: float) -> None:
+    """A table of the images, what failed, and the sums."""
+    from rich.console import Console
+
+    console = Console(highlight=False, soft_wrap=True)
+    seen = [result.seen for result in results if result.seen is not None]
+    shown = seen if len(seen) <= MAX_ROWS else [one for one in seen if one.remarks or not len(one.ring)][:MAX_ROWS]
+    common = _common_remarks(seen)
+    if shown:
+        console.print(_images_table(shown, geometry, common))
+    for remark in common:
+        print(f"all images: {remark}")
+    if len(shown) < len(seen):
+        print(f"{len(seen) - len(shown)} more images: their counts are in the records")
+    for failure in [*found.failures, *(result.failure for result in results if result.failure)]:
+        console.print(f"[yellow]skipped[/] {_plain(failure)}", markup=True)
+    if found.overlays:
+        print(f"left out: {found.overlays} overlays of an earlier run")
+    with_target = [one for one in seen if len(one.ring)]
+    features = sum(len(one.ring) for one in seen)
+    expected = sum(_expected(one) for one in seen)
+    print(
+        f"\n{len(seen)} images searched, {len(with_target)} with the target; {features} of {expected} features of the "
+        f"faces seen; {len(found.failures) + len(results) - len(seen)} failures; {seconds:.1f} s"
+    )
+
+
+def _common_remarks(seen: "Sequence[Detections]") -> list[str]:
+    """What holds for every one of several images, to be said once."""
+    if len(seen) < 2:
+        return []
+    return [_one_line(remark) for remark in seen[0].remarks if all(remark in one.remarks for one in seen)]
+
+
+def _images_table(seen: "Sequence[Detections]", geometry: "TargetGeometry", said: Sequence[str]) -> "Table":
+    """One line an image, with the remarks that are not said elsewhere."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    table.add_column("image", overflow="fold")
+    if geometry.face_count > 1:
+        table.add_column("faces")
+    table.add_column("found", justify="right")
+    table.add_column("sigma px", justify="right")
+    table.add_column("remark", overflow="fold")
+    for one in seen:
+        named = sorted(record.face for record in one.faces if record.face is not None)
+        faces = [Text(" ".join(map(str, named)))] if geometry.face_count > 1 else []
+        count = Text(f"{len(one.ring)}/{_expected(one)}" if len(one.ring) else "none", "" if len(one.ring) else "red")
+        remarks = "; ".join(remark for remark in _remarks(one) if remark not in said)
+        table.add_row(Text(_one_line(one.image)), *faces, count, _median_sigma(one), Text(remarks))
+    return table
+
+
+def _remarks(one: "Detections") -> list[str]:
+    """What to know of an image, and why rings of seen faces are missing."""
+    from calib.records import face_remarks
+
+    missing: dict[str, int] = {}
+    for record in one.faces:
+        for reason, count in record.missing if record.face is not None else ():
+            missing[reason] = missing.get(reason, 0) + count
+    lost = [f"{count} {reason}" for reason, count in missing.items() if count]
+    return [_one_line(remark) for remark in (*one.remarks, *face_remarks(one.faces), *lost)]
+
+
+def _expected(one: "Detections") -> int:
+    """How many features the named faces have."""
+    return sum(record.rings_expected for record in one.faces if record.face is not None)
+
+
+def _median_sigma(one: "Detections") -> str:
+    """Median of the centres' standard deviations, along their worse axis."""
+    import numpy as np
+
+    if not len(one.ring):
+        return ""
+    return f"{np.median(np.sqrt(np.linalg.eigvalsh(one.cov_px2)[:, 1])):.4f}"
+
+
+def _say_files(table: Path, overlay: Path | None, results: "Sequence[PhotoResult]") -> None:
+    """What was written, and what it is for."""
+    from calib.records import records_path
+
+    print(f"wrote {table}: one line a feature, which is what a calibration reads")
+    print(f"      {records_path(table)}: what was read of each face, and why rings are missing")
+    pictures = [result.overlay for result in results if result.overlay is not None]
+    if overlay is not None and pictures:
+        print(f"      {overlay}: {len(pictures)} overlays; look at them before you trust the numbers")
+    else:
+        print("next  the same command with --overlay DIR draws what was and was not found")
+
+
+def _plain(text: str) -> str:
+    """Text that rich prints as it is."""
+    return _one_line(text).replace("[", r"\[")
+
+
+def _one_line(text: str) -> str:
+    """Text without line breaks and without bytes that are no text."""
+    return " ".join(text.encode("utf-8", "backslashreplace").decode().split())

@@ -1,0 +1,243 @@
+"""The command `calib render`."""
+
+import math
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, cast, get_args
+
+import typer
+
+from designer.command import STOPPED
+from designer.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from calib.render.job import Rendered, RenderJob
+    from designer.target import TargetGeometry
+
+LEAST_RADIUS_PX = 5.0
+CHECKED_VIEWS = 50
+REGIONS = ("hemisphere", "sphere", "cap")
+
+
+def render(
+    target: Annotated[Path, typer.Argument(help="a target file (NAME.target.json)")],
+    *,
+    out: Annotated[Path, typer.Option("--out", "-o", help="folder for the images and truth.json")],
+    camera: Annotated[str, typer.Option(help="camera template, or a camera file")] = "machine-vision",
+    views: Annotated[int, typer.Option(help="how many photos")] = 20,
+    distance: Annotated[str, typer.Option(help="from the target's origin: 400mm, or 250mm..800mm")] = "400mm",
+    region: Annotated[str, typer.Option(help="hemisphere, sphere or cap (default: cap for a board, else sphere)")] = "",
+    cap_angle: Annotated[str, typer.Option(help="half angle of the cap")] = "60deg",
+    random_roll: Annotated[
+        bool, typer.Option("--random-roll", help="turn the camera about its axis at random")
+    ] = False,
+    aim_offset: Annotated[str, typer.Option(help="look past the origin, by up to this")] = "0mm",
+    poses: Annotated[Path | None, typer.Option(help="poses from a JSON or CSV file, instead of a grid")] = None,
+    sampling: Annotated[str, typer.Option(help="area: anti-aliased; binary: one ray a pixel, black or white")] = "area",
+    black: Annotated[str, typer.Option(help="light of the ink")] = "10%",
+    white: Annotated[str, typer.Option(help="light of the white")] = "80%",
+    background: Annotated[str, typer.Option(help="light of the background")] = "40%",
+    light_gradient: Annotated[str, typer.Option(help="change of the light across the target")] = "0%",
+    shading: Annotated[str, typer.Option(help="share of the light that depends on how a face is turned")] = "0%",
+    glare: Annotated[str, typer.Option(help="peak light of a lamp mirrored by a glossy target")] = "0%",
+    clutter: Annotated[int, typer.Option(help="shapes behind the target, rings among them")] = 0,
+    occlusion: Annotated[str, typer.Option(help="share of the target hidden by things in front")] = "0%",
+    blur: Annotated[str, typer.Option(help="Gaussian blur: its standard deviation")] = "0px",
+    aperture: Annotated[str, typer.Option(help="opening of the lens: defocus of what is nearer or farther")] = "0mm",
+    focus: Annotated[str, typer.Option(help="distance of best focus (default: the target's origin)")] = "",
+    vignetting: Annotated[str, typer.Option(help="light lost in the corners")] = "0%",
+    contrast_to_noise: Annotated[str, typer.Option(help="even noise: white - black over its sigma; 0: none")] = "0",
+    read_noise: Annotated[str, typer.Option(help="standard deviation of even noise, of full scale")] = "0%",
+    full_well: Annotated[str, typer.Option(help="shot noise: electrons at full scale, such as 10000; 0: none")] = "0",
+    gamma: Annotated[str, typer.Option(help="exponent of the tone curve: 2.2 for everyday images")] = "1",
+    bits: Annotated[int, typer.Option(help="8 or 16")] = 8,
+    file_format: Annotated[str, typer.Option("--format", help="png, tiff or jpeg")] = "png",
+    quality: Annotated[int, typer.Option(help="of JPEG, 1 to 100")] = 95,
+    seed: Annotated[int, typer.Option(help="of all that is random")] = 0,
+    jobs: Annotated[int | None, typer.Option(help="processes (default: one per core)")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace another set in the folder")] = False,
+) -> None:
+    """Render synthetic photos of a target from known poses."""
+    from calib.camera_file import camera_or_preset
+    from calib.render.job import FileFormat, RenderJob
+    from calib.render.options import RenderOptions, Sampling
+    from calib.render.poses import load_poses
+    from calib.render.quantities import bounded, choice, length, parse_number, parse_pixels, share, whole
+    from designer.target import load_target
+
+    geometry, cam = load_target(target), camera_or_preset(camera)
+    options = RenderOptions(
+        sampling=cast("Sampling", choice("--sampling", sampling, get_args(Sampling))),
+        black=share("--black", black, 0, 100),
+        white=share("--white", white, 0, 100),
+        background=share("--background", background, 0, 100),
+        light_gradient=share("--light-gradient", light_gradient, 0, 190),
+        shading=share("--shading", shading, 0, 100),
+        glare=share("--glare", glare, 0, 1000),
+        clutter=whole("--clutter", clutter, 0, 10_000),
+        occlusion=share("--occlusion", occlusion, 0, 90),
+        blur_px=bounded("--blur", blur, parse_pixels, 0, 50, "px"),
+        aperture_mm=length("--aperture", aperture, 0, 500),
+        focus_mm=length("--focus", focus, 1, 10_000) if focus else None,
+        vignetting=share("--vignetting", vignetting, 0, 95),
+        contrast_to_noise=bounded("--contrast-to-noise", contrast_to_noise, parse_number, 0, 1e6, ""),
+        read_noise=share("--read-noise", read_noise, 0, 100),
+        full_well=bounded("--full-well", full_well, parse_number, 0, 1e9, ""),
+        gamma=bounded("--gamma", gamma, parse_number, 0.2, 5, ""),
+        bits=_bits(bits),
+    )
+    if options.white <= options.black:
+        raise InputError(f"--white {white} is not lighter than --black {black}; the target would not show")
+    if focus and not options.aperture_mm:
+        raise InputError("--focus says nothing without --aperture; add an --aperture such as 5mm")
+    if file_format == "jpeg" and bits == 16:
+        raise InputError("--bits 16 does not fit --format jpeg, which holds 8; use png or tiff")
+    seed = whole("--seed", seed, 0, 2**63 - 1)
+    if poses is not None:
+        cam_from_target = load_poses(poses)
+    else:
+        cam_from_target = _grid(geometry, views, distance, region, cap_angle, random_roll, aim_offset, seed)
+    job = RenderJob(
+        target=geometry,
+        camera=cam,
+        cam_from_target=cam_from_target,
+        options=options,
+        seed=seed,
+        file_format=cast("FileFormat", choice("--format", file_format, get_args(FileFormat))),
+        quality=whole("--quality", quality, 1, 100),
+    )
+    _warn(job)
+    _run(job, target, out, _processes(jobs), overwrite)
+
+
+def _bits(bits: int) -> Literal[8, 16]:
+    if bits == 8:
+        return 8
+    if bits == 16:
+        return 16
+    raise InputError(f"--bits {bits}: must be 8 or 16")
+
+
+def _grid(
+    target: "TargetGeometry",
+    views: int,
+    distance: str,
+    region: str,
+    cap_angle: str,
+    random_roll: bool,
+    aim_offset: str,
+    seed: int,
+) -> "NDArray[np.float64]":
+    """Poses on a Fibonacci grid."""
+    import numpy as np
+
+    from calib.render.poses import MAX_VIEWS, PoseGrid, grid_poses
+    from calib.render.quantities import bounded, choice, length, length_range, parse_degrees, whole
+    from designer.target import bounding_radius_mm
+
+    near, far = length_range("--distance", distance, 1, 10_000)
+    offset = length("--aim-offset", aim_offset, 0, 10_000)
+    inside = bounding_radius_mm(target)
+    if near <= inside + offset:
+        raise InputError(
+            f"--distance {near:g}mm: the target reaches {inside:.0f}mm from its origin, "
+            f"and the aim {offset:g}mm; stay farther away"
+        )
+    cap = math.radians(bounded("--cap-angle", cap_angle, parse_degrees, 0, 180, "deg"))
+    where = choice("--region", region or ("cap" if target.face_count == 1 else "sphere"), REGIONS)
+    grid = PoseGrid(
+        views=whole("--views", views, 1, MAX_VIEWS),
+        half_angle_rad={"hemisphere": math.pi / 2, "sphere": math.pi, "cap": cap}[where],
+        distance_mm=(near, far),
+        random_roll=random_roll,
+        aim_offset_mm=offset,
+    )
+    return grid_poses(grid, np.random.default_rng(seed))
+
+
+def _processes(jobs: int | None) -> int:
+    from calib.render.quantities import whole
+
+    return os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, 1024)
+
+
+def _warn(job: "RenderJob") -> None:
+    """Say what will make detection hard, from a sample of the views."""
+    import numpy as np
+
+    from calib.render.rings import ring_truth, target_fits
+    from calib.render.scene import scene_from_target
+
+    scene = scene_from_target(job.target)
+    count = len(job.cam_from_target)
+    sample = np.unique(np.linspace(0, count - 1, min(count, CHECKED_VIEWS)).round().astype(int))
+    poses = job.cam_from_target[sample]
+    fitting = sum(target_fits(job.target, job.camera, pose) for pose in poses)
+    if fitting < len(poses):
+        typer.echo(
+            f"warning: the target reaches beyond the image in {1 - fitting / len(poses):.0%} of the views; "
+            "stand farther away to see all of it",
+            err=True,
+        )
+    truths = [ring_truth(scene, job.camera, pose) for pose in poses]
+    radius = np.concatenate([truth.minor_radius_px[truth.visible] for truth in truths])
+    if not len(radius):
+        typer.echo("warning: no ring faces the camera in any view; check the poses", err=True)
+    elif (largest := float(radius.max())) < LEAST_RADIUS_PX:
+        typer.echo(
+            f"warning: the largest ring has a radius of {largest:.1f}px; the detector wants {LEAST_RADIUS_PX:g}px: "
+            "come nearer, or use a longer lens",
+            err=True,
+        )
+
+
+def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: bool) -> None:
+    """Render the set, and say what was done and what to do next."""
+    from calib.render.job import run_job
+
+    done = [0]
+    try:
+        with _progress() as on_view:
+
+            def count(finished: int, total: int) -> None:
+                done[0] = finished
+                on_view(finished, total)
+
+            rendered = run_job(job, out, processes=processes, overwrite=overwrite, on_view=count)
+    except KeyboardInterrupt:
+        total = len(job.cam_from_target)
+        typer.echo(f"stopped: {done[0]} of {total} images are in {out}; the same command renders the others", err=True)
+        raise SystemExit(STOPPED) from None
+    _summarise(job, rendered, target, out)
+
+
+@contextmanager
+def _progress() -> "Iterator[Callable[[int, int], None]]":
+    """A progress bar on standard error."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("rendering")
+        yield lambda finished, total: bar.update(task, completed=finished, total=total)
+
+
+def _summarise(job: "RenderJob", rendered: "Rendered", target: Path, out: Path) -> None:
+    width, height = job.camera.image_size
+    total = len(job.cam_from_target)
+    kept = f" ({rendered.kept} were there already)" if rendered.kept else ""
+    print(f"{out}: {total} images of {width} x {height} px{kept} and truth.json, seed {job.seed}")
+    if rendered.written:
+        each = rendered.seconds / rendered.written
+        noun = "process" if rendered.processes == 1 else "processes"
+        print(f"  {rendered.seconds:.1f} s, {each:.2f} s a view with {rendered.processes} {noun}")
+    suffix = Path(job.file_names[0]).suffix
+    print(f"next  calib detect {target} {out}/*{suffix} -o {out / 'detections.csv'}")

@@ -1,0 +1,300 @@
+"""`detections.csv` and the records beside it: what was seen in a set of photos, to keep and to calibrate from.
+
+One line a feature, after comment lines that hold the ids and the size of each image. Which features were expected,
+and why some are missing, is in the records. Both are plain text.
+"""
+
+import csv
+import io
+import json
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.files import write_files
+from calib.records import RECORDS_START, ImageRecord, Records, image_record, records_path, records_to_json
+from calib.types import Detections, frozen_array
+from designer.errors import InputError
+from designer.target import TargetGeometry
+
+VERSION = 1
+FIRST_LINE = f"# ringforge detections, version {VERSION}"
+COLUMNS = ("image", "face", "ring", "i", "j", "u", "v", "suu", "suv", "svv", "X", "Y", "Z")
+MAX_FILE_BYTES = 512 * 2**20
+MAX_SIDE_PX = 1_000_000
+
+_KIND = "# ringforge detections, version "
+_REALS = ("u", "v", "suu", "suv", "svv", "X", "Y", "Z")
+_IMAGE_LINE = re.compile(r'# image (\d{1,7}) x (\d{1,7}) px (".*")')
+_WHOLE = re.compile(r"-?[0-9]{1,9}")
+_REAL = re.compile(r"[-+]?(?:[0-9]{1,20}\.?[0-9]{0,20}|\.[0-9]{1,20})(?:[eE][-+]?[0-9]{1,3})?")
+_ID_LINE = re.compile(r"# (layout_id|geometry_id|detector) (\S.*)")
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """M observations of a target's features in V views."""
+
+    layout_id: str  # of the target they were named with
+    geometry_id: str  # of that target; the target in use may have another
+    view_names: tuple[str, ...]  # (V,)
+    image_sizes: tuple[tuple[int, int], ...]  # (V,) width, height in px
+    view: NDArray[np.int64]  # (M,) ascending
+    ring: NDArray[np.int64]  # (M,) rows of the target's arrays
+    center_px: NDArray[np.float64]  # (M, 2)
+    cov_px2: NDArray[np.float64]  # (M, 2, 2)
+
+    def __post_init__(self) -> None:
+        for name in ("view", "ring"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64))
+        for name in ("center_px", "cov_px2"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+
+
+@dataclass(frozen=True)
+class _Header:
+    """What the comment lines say."""
+
+    layout_id: str
+    geometry_id: str
+    sizes: dict[str, tuple[int, int]]  # of each image
+    line_count: int
+
+
+@dataclass(frozen=True)
+class _Table:
+    """The cells below the column names, column by column, and the line each row ends in."""
+
+    path: Path
+    lines: list[int]
+    cells: dict[str, tuple[str, ...]]
+
+    def require(self, ok: NDArray[np.bool_], rule: str) -> None:
+        """Refuse the first row that is not ok, by its line."""
+        if not ok.all():
+            raise InputError(f"{self.path}: line {self.lines[int(np.argmin(ok))]}: {rule}")
+
+    def whole_numbers(self, name: str) -> NDArray[np.int64]:
+        """A column of whole numbers."""
+        self._require_pattern(name, _WHOLE, "a whole number")
+        return np.array(list(map(int, self.cells[name])), dtype=np.int64)
+
+    def reals(self, name: str) -> NDArray[np.float64]:
+        """A column of finite numbers."""
+        self._require_pattern(name, _REAL, "a finite number")
+        numbers = np.array(list(map(float, self.cells[name])), dtype=np.float64)
+        self.require(np.abs(numbers) < np.inf, f"{name} must be a finite number")
+        return numbers
+
+    def _require_pattern(self, name: str, pattern: re.Pattern[str], what: str) -> None:
+        ok = np.array([pattern.fullmatch(cell) is not None for cell in self.cells[name]], dtype=bool)
+        self.require(ok, f"{name} must be {what}")
+
+
+def check_output(path: Path) -> None:
+    """Refuse to overwrite what is not detections, before any work is done.
+
+    Raises:
+        InputError: not a .csv, a folder, or an existing file of another kind.
+    """
+    if path.suffix.lower() != ".csv":
+        raise InputError(f"{path}: detections are a .csv file; name it so, such as {path.with_suffix('.csv').name}")
+    for place, start in ((path, _KIND.encode()), (records_path(path), RECORDS_START)):
+        try:
+            if not place.exists():
+                continue
+            if not place.is_file():
+                raise InputError(f"{place}: is not a file; choose another name with -o")
+            with place.open("rb") as stream:
+                if stream.read(len(start)) not in (start, b""):
+                    raise InputError(f"{place}: exists and holds no detections; choose another name with -o")
+        except OSError as error:
+            raise InputError(f"{place}: cannot be used: {error.strerror}; choose another name with -o") from None
+
+
+def write_detections(
+    path: Path,
+    seen: Sequence[Detections],
+    target: TargetGeometry,
+    *,
+    detector: str,
+    failed: Iterable[ImageRecord] = (),
+) -> None:
+    """Write `NAME.csv` and `NAME.records.json`, both or none.
+
+    Raises:
+        InputError: they cannot be written.
+        ValueError: detections of another layout, two of one image, or numbers a reader would refuse.
+    """
+    images = (*map(image_record, seen), *failed)
+    records = Records(detector, target.layout_id, target.geometry_id, images)
+    text = detections_to_csv(seen, target, detector=detector)
+    write_files({records_path(path): records_to_json(records), path: text.encode("utf-8", "surrogateescape")})
+
+
+def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry, *, detector: str) -> str:
+    """The text of `detections.csv`."""
+    stream = io.StringIO(newline="")
+    stream.write(f"{FIRST_LINE}\n# layout_id {target.layout_id}\n# geometry_id {target.geometry_id}\n")
+    stream.write(f"# detector {detector}\n# u v in px, (0, 0) is the centre of the top-left pixel; X Y Z in mm\n")
+    if len({one.image for one in seen}) < len(seen):
+        raise ValueError("two images have the same name")
+    for one in seen:
+        _check(one, target)
+        stream.write(f"# image {one.image_size[0]} x {one.image_size[1]} px {json.dumps(one.image)}\n")
+    stream.write(",".join(COLUMNS) + "\n")
+    for one in seen:
+        ring = one.ring
+        numbers = [
+            *((f"{n}" for n in column) for column in (target.ring_face[ring], ring, *target.ring_index[ring].T)),
+            *((f"{x:.6f}" for x in column) for column in one.center_px.T),
+            *((f"{x:.5e}" for x in column) for column in one.cov_px2.reshape(-1, 4)[:, [0, 1, 3]].T),
+            *((f"{x:.6f}" for x in column) for column in target.center_mm[ring].T),
+        ]
+        name = _quoted(one.image)
+        stream.writelines(f"{name},{','.join(row)}\n" for row in zip(*numbers, strict=True))
+    return stream.getvalue()
+
+
+def _quoted(name: str) -> str:
+    """A cell of CSV; Python's own writer leaves a carriage return bare before 3.13."""
+    return '"' + name.replace('"', '""') + '"' if re.search(r'[\s,"#]', name) else name
+
+
+def _check(one: Detections, target: TargetGeometry) -> None:
+    """Hold detections to what the reader will ask of them: a file that cannot be read back is worth nothing."""
+    if one.layout_id != target.layout_id:
+        raise ValueError(f"{one.image}: named with layout {one.layout_id}, not {target.layout_id}")
+    if len(np.unique(one.ring)) < len(one.ring):
+        raise ValueError(f"{one.image}: a feature was named twice")
+    u_v_ok = np.isfinite(one.center_px).all() and (np.hypot(*one.center_px.T) <= MAX_SIDE_PX).all()
+    if not u_v_ok or not _is_covariance(one.cov_px2).all():
+        raise ValueError(f"{one.image}: a centre is not finite, or a covariance is not positive definite")
+
+
+def _is_covariance(cov: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which matrices are positive definite.  # (N, 2, 2) -> (N,)"""
+    with np.errstate(over="ignore", invalid="ignore"):
+        determinant = cov[:, 0, 0] * cov[:, 1, 1] - cov[:, 0, 1] ** 2
+    ok: NDArray[np.bool_] = (cov[:, 0, 0] > 0) & (determinant > 0) & np.isfinite(determinant)
+    return ok
+
+
+def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) -> Dataset:
+    """Read `detections.csv` for a target with the same layout. X, Y, Z come from the target, not from this file.
+
+    Raises:
+        InputError: not a detections file, of another version or layout, or a line that breaks a rule; it names the
+            file and the line, and the target's file where the two do not fit.
+    """
+    stream = io.StringIO(_read_text(path), newline="")
+    header = _read_header(path, stream)
+    if header.layout_id != target.layout_id:
+        raise InputError(
+            f"{path}: made with a target of layout {header.layout_id}, but {target_path} has {target.layout_id}; "
+            "give the target that the photos show"
+        )
+    table = _read_table(path, stream, header.line_count + 1)
+    ring = _checked_rings(table, target)
+    view_of = {name: k for k, name in enumerate(header.sizes)}
+    view = np.array([view_of.get(name, -1) for name in table.cells["image"]], dtype=np.int64)
+    table.require(view >= 0, "its image has no '# image' line above the column names")
+    real = {name: table.reals(name) for name in _REALS}
+    center: NDArray[np.float64] = np.stack([real["u"], real["v"]], axis=1)
+    cov = np.stack([real[name] for name in ("suu", "suv", "suv", "svv")], axis=1).reshape(-1, 2, 2)
+    table.require(np.hypot(real["u"], real["v"]) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
+    table.require(_is_covariance(cov), "suu, suv, svv must be a covariance, which is positive definite")
+    order = np.lexsort((ring, view))
+    again = np.zeros(len(ring), dtype=bool)
+    again[order[1:]] = (np.diff(view[order]) == 0) & (np.diff(ring[order]) == 0)
+    table.require(~again, "the same ring of the same image a second time; keep one")
+    return Dataset(
+        header.layout_id, header.geometry_id, tuple(header.sizes), tuple(header.sizes.values()),
+        view[order], ring[order], center[order], cov[order],
+    )  # fmt: skip
+
+
+def _checked_rings(table: _Table, target: TargetGeometry) -> NDArray[np.int64]:
+    """The rows of the target's arrays, which face, i and j must agree with."""
+    ring = table.whole_numbers("ring")
+    last = target.ring_count - 1
+    table.require((ring >= 0) & (ring <= last), f"ring is out of range; the target has the rings 0..{last}")
+    for name, expected in (("face", target.ring_face), ("i", target.ring_index[:, 0]), ("j", target.ring_index[:, 1])):
+        table.require(table.whole_numbers(name) == expected[ring], f"{name} is not that of the ring in the target")
+    return ring
+
+
+def _read_text(path: Path) -> str:
+    try:
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path}: not a regular file; name a detections.csv")
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(f"{path}: {path.stat().st_size} bytes; at most {MAX_FILE_BYTES} are read")
+        return path.read_bytes().decode("utf-8", "surrogateescape").removeprefix("\ufeff")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+
+
+def _read_header(path: Path, stream: io.StringIO) -> _Header:
+    """The comment lines; leaves the stream at the line of column names."""
+    first = stream.readline().strip()
+    if first != FIRST_LINE:
+        if first.startswith(_KIND):
+            raise InputError(f"{path}: version {first.removeprefix(_KIND)[:20]}; this program reads version {VERSION}")
+        raise InputError(f"{path}: not a detections file: it must begin with {FIRST_LINE!r}")
+    ids: dict[str, str] = {}
+    sizes: dict[str, tuple[int, int]] = {}
+    number, at = 1, stream.tell()
+    while (line := stream.readline().strip()).startswith("#"):
+        number, at = number + 1, stream.tell()
+        if match := _ID_LINE.fullmatch(line):
+            ids[match[1]] = match[2]
+        elif line.startswith("# image "):
+            name, size = _image_line(path, number, line)
+            if name in sizes:
+                raise InputError(f"{path}: line {number}: the image {name!r} a second time; names must differ")
+            sizes[name] = size
+    stream.seek(at)
+    for name in ("layout_id", "geometry_id"):
+        if name not in ids:
+            raise InputError(f"{path}: no line '# {name} ...' above the column names; detect again")
+    return _Header(ids["layout_id"], ids["geometry_id"], sizes, number)
+
+
+def _image_line(path: Path, number: int, line: str) -> tuple[str, tuple[int, int]]:
+    match = _IMAGE_LINE.fullmatch(line)
+    try:
+        name = json.loads(match[3]) if match else None
+    except ValueError:
+        name = None
+    if match is None or not isinstance(name, str):
+        raise InputError(f'{path}: line {number}: expected: # image WIDTH x HEIGHT px "NAME"')
+    size = int(match[1]), int(match[2])
+    if not all(1 <= side <= MAX_SIDE_PX for side in size):
+        raise InputError(f"{path}: line {number}: size {size[0]} x {size[1]} px; a side has 1 to {MAX_SIDE_PX} px")
+    return name, size
+
+
+def _read_table(path: Path, stream: io.StringIO, first_line: int) -> _Table:
+    """The cells below the comment lines."""
+    reader = csv.reader(stream, strict=True)
+    rows: list[list[str]] = []
+    lines: list[int] = []
+    try:
+        if tuple(next(reader, ())) != COLUMNS:
+            raise InputError(f"{path}: line {first_line}: the columns must be {','.join(COLUMNS)}")
+        for row in reader:
+            if row:
+                rows.append(row)
+                lines.append(first_line - 1 + reader.line_num)
+    except csv.Error as error:
+        raise InputError(f"{path}: line {first_line - 1 + reader.line_num}: {error}; not valid CSV") from None
+    for row, line in zip(rows, lines, strict=True):
+        if len(row) != len(COLUMNS):
+            raise InputError(f"{path}: line {line}: {len(row)} values; a line has {len(COLUMNS)}")
+    columns = zip(*rows, strict=True) if rows else ((),) * len(COLUMNS)
+    return _Table(path, lines, dict(zip(COLUMNS, columns, strict=True)))

@@ -1,0 +1,128 @@
+"""How a grid may lie on a face: every turn and shift of its indices, and what its marks would then have to be."""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detect.candidates import Candidates
+from calib.detect.grid import Grid
+from calib.detect.marks import DOT, RING, UNREADABLE, read_marks
+from calib.detect.plan import TargetPlan
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+
+DISAGREEMENT = 2
+"""A mark that contradicts weighs as much as so many that agree."""
+MAX_ALIGNMENTS = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """A turn and a shift: index on the face = turn @ index in the grid + shift."""
+
+    turn: Integers  # (2, 2)
+    shift: Integers  # (2,)
+
+    def on_face(self, index: Integers) -> Integers:
+        """Indices on the face.  # (N, 2)"""
+        return np.asarray(index @ self.turn.T + self.shift)
+
+    def on_grid(self, index: Integers) -> Integers:
+        """Indices in the grid of indices on the face.  # (N, 2)"""
+        inverse = np.rint(np.linalg.inv(self.turn)).astype(np.int64)
+        return np.asarray((index - self.shift) @ inverse.T)
+
+
+class GridReader:
+    """Reads marks at lattice positions of one grid, each once: seen rings are rings, the rest is looked at."""
+
+    def __init__(
+        self, image: NDArray[np.generic], candidates: Candidates, grid: Grid, plan: TargetPlan, contrast: float
+    ) -> None:
+        self._image, self._candidates, self._grid, self._plan = image, candidates, grid, plan
+        self._contrast = contrast
+        self._row = {(int(i), int(j)): k for k, (i, j) in enumerate(grid.index)}
+        self._mark: dict[tuple[int, int], int] = {}
+
+    def marks(self, index: Integers) -> Integers:
+        """RING, DOT or UNREADABLE at grid indices.  # (N, 2) -> (N,)"""
+        keys = [(int(i), int(j)) for i, j in index]
+        new = sorted({key for key in keys if key not in self._mark})
+        if new:
+            read = read_marks(
+                self._image,
+                np.array([self._ellipse_at(key) for key in new]),
+                ratio=self._plan.ratio,
+                around=0.4 + 0.6 * self._plan.limit,
+                contrast=self._contrast,
+            )
+            self._mark.update({key: self._judge(key, int(mark)) for key, mark in zip(new, read, strict=True)})
+        return np.array([self._mark[key] for key in keys])
+
+    def _judge(self, key: tuple[int, int], mark: int) -> int:
+        """A border with a white centre inside is a ring, unless the brightness clearly says dot."""
+        k = self._row.get(key)
+        if k is not None and self._candidates.ratio[self._grid.row[k]] > 0:
+            return UNREADABLE if mark == DOT else RING
+        return mark
+
+    def _ellipse_at(self, key: tuple[int, int]) -> Floats:
+        """The candidate there, or what its nearest neighbours in the grid predict."""
+        grid, ellipse = self._grid, self._candidates.ellipse
+        if key in self._row:
+            return ellipse[grid.row[self._row[key]]]
+        offset = np.array(key) - grid.index
+        near = np.argsort((offset**2).sum(axis=1), kind="stable")[:4]
+        steps = self._plan.lattice
+        basis = np.linalg.lstsq(steps.move.astype(np.float64), steps.move_in_radii, rcond=None)[0]
+        places = []
+        for k in near:
+            x, y = offset[k] @ basis
+            cos, sin = math.cos(grid.turn_rad[k]), math.sin(grid.turn_rad[k])
+            y0, y1 = cos * x - sin * y, sin * x + cos * y
+            e = ellipse[grid.row[k]]
+            du = y0 / e[2]
+            places.append([e[0] + du, e[1] + (y1 - e[3] * du) / e[4]])
+        # Opposite neighbours err in opposite ways; the mean over the near ones is better than each.
+        return np.concatenate([np.mean(places, axis=0), ellipse[grid.row[near], 2:].mean(axis=0)])
+
+
+def alignments(plan: TargetPlan, face: int, grid: Grid, sure: NDArray[np.bool_], turns: Integers) -> list[Alignment]:
+    """All ways to lay a grid on a face so that its sure members fall on features.
+
+    Args:
+        plan: the target's.
+        face: which face.
+        grid: the grid.
+        sure: members that are rings beyond doubt.  # (N,)
+        turns: the lattice's turns to try, or its mirror images.  # (S, 2, 2)
+    """
+    table = plan.row_table[face] >= 0
+    found = []
+    index = grid.index[sure]
+    for turn in turns:
+        turned = index @ turn.T
+        low, high = turned.min(axis=0), turned.max(axis=0)
+        extent = high - low + 1
+        room = np.array(table.shape) - extent + 1
+        if (room <= 0).any():
+            continue
+        footprint = turned - low
+        for i in range(int(room[0])):
+            for j in range(int(room[1])):
+                if table[footprint[:, 0] + i, footprint[:, 1] + j].all():
+                    found.append(Alignment(turn, np.array([i, j]) + plan.low - low))
+                    if len(found) > MAX_ALIGNMENTS:
+                        return []
+    return found
+
+
+def agreement(expected_dot: NDArray[np.bool_], mark: Integers) -> Integers:
+    """Marks that agree, less DISAGREEMENT times those that do not.  # (..., P), (P,) -> (...,)"""
+    agrees = np.where(expected_dot, mark == DOT, mark == RING)
+    denies = np.where(expected_dot, mark == RING, mark == DOT)
+    return np.asarray(agrees.sum(axis=-1) - DISAGREEMENT * denies.sum(axis=-1))

@@ -1,0 +1,69 @@
+"""Black and white from grey: the paper's global threshold, local thresholds for uneven light, and reduced images."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+COARSE_PIXELS = 8_000_000
+"""Candidates are looked for in images reduced to about this size; centres are always measured in the full image."""
+
+
+def reduction(shape: tuple[int, int]) -> int:
+    """The whole factor, a power of two, that brings an image down to COARSE_PIXELS.  # (H, W)"""
+    factor = 1
+    while shape[0] * shape[1] > COARSE_PIXELS * factor * factor:
+        factor *= 2
+    return factor
+
+
+def reduced(pixels: NDArray[np.generic], factor: int) -> NDArray[np.uint8]:
+    """Mean of factor x factor pixels, as 8 bit stretched over the brightness that occurs.  # (H, W) -> (H/f, W/f)"""
+    height, width = pixels.shape[0] // factor, pixels.shape[1] // factor
+    small = pixels
+    if factor > 1:
+        cropped = np.ascontiguousarray(pixels[: height * factor, : width * factor])
+        small = cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
+    if small.dtype == np.uint8:
+        return np.ascontiguousarray(small, dtype=np.uint8)
+    low, high = float(small.min()), float(small.max())
+    return np.asarray((small - low) * (255.0 / max(high - low, 1e-9)), dtype=np.uint8)
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """One way to binarise: a window of 0 is Otsu's threshold, else the local mean less an offset."""
+
+    window: int
+    offset: float = 0.0
+
+
+def thresholds(grey: NDArray[np.uint8]) -> tuple[Threshold, ...]:
+    """The ways to try, in order: Otsu first, then local means over a large and a small window.
+
+    The offset keeps even areas white: noise may not turn them into speckle.
+    """
+    side = min(grey.shape)
+    offset = max(6.0, 4 * noise_level(grey))
+    return Threshold(0), Threshold(_odd(side / 6), offset), Threshold(_odd(side / 18), offset)
+
+
+def noise_level(grey: NDArray[np.uint8]) -> float:
+    """Standard deviation of the noise, from the median of second differences (insensitive to edges)."""
+    sample = grey[::7].astype(np.int16)
+    second = np.abs(2 * sample[:, 1:-1] - sample[:, :-2] - sample[:, 2:])
+    # |2a - b - c| of Gaussian noise has the median 0.6745 sqrt(6) sigma.
+    return float(np.median(second)) / (0.6745 * 6**0.5) if second.size else 0.0
+
+
+def _odd(size: float) -> int:
+    return max(11, 2 * int(size / 2) + 1)
+
+
+def binarise(grey: NDArray[np.uint8], threshold: Threshold) -> NDArray[np.uint8]:
+    """255 where bright.  # (H, W)"""
+    if threshold.window == 0:
+        return np.asarray(cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1], dtype=np.uint8)
+    local = cv2.boxFilter(grey, -1, (threshold.window, threshold.window), borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(cv2.compare(cv2.add(grey, threshold.offset), local, cv2.CMP_GT), dtype=np.uint8)

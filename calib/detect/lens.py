@@ -1,0 +1,169 @@
+"""Straightening: a map from pixels to an image in which straight lines stay straight, and its local form at a ring."""
+
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import project, rays
+from calib.detect import homography
+from calib.types import Camera
+
+Floats: TypeAlias = NDArray[np.float64]
+
+MIN_POINTS = 20
+SIGNIFICANCE = 15.0
+"""How much more a lens must explain than noise would (F statistic) before it is believed."""
+
+
+class Lens(Protocol):
+    """A straightening map and its inverse, on (..., 2) arrays."""
+
+    def straighten(self, pixel: Floats) -> Floats:
+        """From pixels to the straight image, which has about the same scale."""
+        ...
+
+    def distort(self, straight: Floats) -> Floats:
+        """Back to pixels."""
+        ...
+
+
+@dataclass(frozen=True)
+class NoLens:
+    """A pinhole image as it is."""
+
+    def straighten(self, pixel: Floats) -> Floats:
+        """The same points."""
+        return pixel
+
+    def distort(self, straight: Floats) -> Floats:
+        """The same points."""
+        return straight
+
+
+@dataclass(frozen=True)
+class RadialLens:
+    """x = c + (u - c) (1 + k1 r^2 + k2 r^4), r in half diagonals of the image."""
+
+    k1: float
+    k2: float
+    middle_px: tuple[float, float]
+    half_diagonal_px: float
+
+    def straighten(self, pixel: Floats) -> Floats:
+        """Pixels to the straight image."""
+        offset = pixel - np.array(self.middle_px)
+        r2 = (offset**2).sum(axis=-1, keepdims=True) / self.half_diagonal_px**2
+        return np.asarray(pixel + offset * (self.k1 * r2 + self.k2 * r2 * r2))
+
+    def distort(self, straight: Floats) -> Floats:
+        """Newton's method on the radius."""
+        offset = straight - np.array(self.middle_px)
+        target = np.linalg.norm(offset, axis=-1, keepdims=True) / self.half_diagonal_px
+        radius = target.copy()
+        for _ in range(12):
+            r2 = radius * radius
+            slope = 1 + 3 * self.k1 * r2 + 5 * self.k2 * r2 * r2
+            radius = radius - (radius * (1 + self.k1 * r2 + self.k2 * r2 * r2) - target) / np.maximum(slope, 0.1)
+        return np.asarray(np.array(self.middle_px) + offset * radius / np.maximum(target, 1e-12))
+
+
+@dataclass(frozen=True, eq=False)
+class CameraLens:
+    """The straight image of a known camera: its rays cut with a plane, at the scale of its middle."""
+
+    camera: Camera
+
+    @property
+    def _scale(self) -> float:
+        width, height = self.camera.image_size
+        middle = np.array([[0.5 * width, 0.5 * height], [0.5 * width + 1, 0.5 * height]])
+        return 1 / float(np.linalg.norm(np.diff(rays(self.camera, middle)[:, :2], axis=0)))
+
+    def straighten(self, pixel: Floats) -> Floats:
+        """Pixels to the straight image."""
+        return np.asarray(self._scale * rays(self.camera, pixel)[..., :2])
+
+    def distort(self, straight: Floats) -> Floats:
+        """Back to pixels."""
+        point = np.concatenate([straight / self._scale, np.ones((*straight.shape[:-1], 1))], axis=-1)
+        return project(self.camera, point)
+
+
+def local_form(lens: Lens, pixel: Floats, step_px: float = 2.0) -> tuple[Floats, Floats]:
+    """The straightening near each pixel: straight(u + v) = straight(u) + J (v + q(v)), to second order.
+
+    Returns:
+        J (N, 2, 2) and the six coefficients of q, as `ring_fit.fit_rings` takes them (N, 6).
+    """
+    if isinstance(lens, NoLens):
+        return np.tile(np.eye(2), (len(pixel), 1, 1)), np.zeros((len(pixel), 6))
+    right, down = np.array([step_px, 0.0]), np.array([0.0, step_px])
+    middle = lens.straighten(pixel)
+    east, west = lens.straighten(pixel + right), lens.straighten(pixel - right)
+    south, north = lens.straighten(pixel + down), lens.straighten(pixel - down)
+    corners = lens.straighten(pixel + right + down) + lens.straighten(pixel - right - down)
+    corners = corners - lens.straighten(pixel + right - down) - lens.straighten(pixel - right + down)
+    jacobian = np.stack([east - west, south - north], axis=-1) / (2 * step_px)
+    second = np.stack([0.5 * (east - 2 * middle + west), 0.25 * corners, 0.5 * (south - 2 * middle + north)], axis=-1)
+    bend = np.linalg.solve(jacobian, second / step_px**2)
+    return jacobian, bend.reshape(-1, 6)
+
+
+def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, int]) -> Lens:
+    """The radial lens that best turns planes' grids into homographies, if it explains more than chance would.
+
+    Args:
+        groups: points in a plane (N, 2) and their pixels (N, 2), plane by plane.
+        image_size: width, height in px.
+    """
+    middle = (0.5 * (image_size[0] - 1), 0.5 * (image_size[1] - 1))
+    half_diagonal = 0.5 * float(np.hypot(*image_size))
+    groups = [group for group in groups if len(group[0]) >= 6]
+    count = sum(len(plane) for plane, _ in groups)
+    freedom = 2 * count - 8 * len(groups) - 2
+    if count < MIN_POINTS or freedom < 10:
+        return NoLens()
+    k = np.zeros(2)
+    straight_cost = cost = np.inf
+    for _ in range(8):
+        lens = RadialLens(float(k[0]), float(k[1]), middle, half_diagonal)
+        normal, gradient, cost = _lens_equations(lens, groups)
+        if straight_cost == np.inf:
+            straight_cost = cost
+        step = np.linalg.lstsq(normal, gradient, rcond=None)[0]
+        k = np.clip(k + step, -0.9, 0.9)
+        if np.abs(step).max() < 1e-6:
+            break
+    lens = RadialLens(float(k[0]), float(k[1]), middle, half_diagonal)
+    cost = _lens_equations(lens, groups)[2]
+    # Without a fold: the radius must grow to the corner of the image.
+    r2 = np.linspace(0, 1, 21)
+    folds = (1 + 3 * k[0] * r2 + 5 * k[1] * r2**2).min() <= 0.1
+    explained = (straight_cost - cost) / 2 / max(cost / freedom, 1e-12)
+    return NoLens() if folds or explained < SIGNIFICANCE else lens
+
+
+def _lens_equations(lens: RadialLens, groups: list[tuple[Floats, Floats]]) -> tuple[Floats, Floats, float]:
+    """Normal equations for (k1, k2) with every plane's homography eliminated, and the sum of squares (trimmed)."""
+    normal, gradient, cost = np.zeros((2, 2)), np.zeros(2), 0.0
+    for plane, pixel in groups:
+        straight = lens.straighten(pixel)
+        _, _, residual = homography.fit(plane, straight, np.ones(len(plane)), rounds=2)
+        size = np.linalg.norm(residual, axis=1)
+        keep = size < 6 * np.median(size) + 0.05
+        if keep.sum() < 6:
+            continue
+        plane, pixel = plane[keep], pixel[keep]
+        mapped, _, residual = homography.fit(plane, straight[keep], np.ones(len(plane)), rounds=2)
+        _, by_plane = homography.linearised(mapped, plane)
+        offset = pixel - np.array(lens.middle_px)
+        r2 = (offset**2).sum(axis=1, keepdims=True) / lens.half_diagonal_px**2
+        by_lens = np.stack([offset * r2, offset * r2 * r2], axis=-1).reshape(-1, 2)
+        basis, _ = np.linalg.qr(by_plane.reshape(-1, 8))
+        free = by_lens - basis @ (basis.T @ by_lens)
+        normal += free.T @ free
+        gradient -= free.T @ residual.ravel()
+        cost += float((residual**2).sum())
+    return normal, gradient, cost

@@ -1,0 +1,249 @@
+"""Which face of a coded solid each grid is, and how it lies on it: by its code and by its neighbours together.
+
+Grids whose faces touch share corners in the image. A guess for one grid settles its neighbours, so a group of grids has
+as many poses as the solid has turns (60 for the icosahedron); the one whose codes agree best wins, if by a margin.
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detect import homography
+from calib.detect.alignment import Alignment, GridReader, agreement, alignments
+from calib.detect.candidates import Candidates
+from calib.detect.grid import Grid
+from calib.detect.plan import TargetPlan
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+
+MIN_GRID = 6
+"""Smaller grids are named by their neighbours only."""
+MIN_MARGIN = 4
+CORNER_TOLERANCE = 0.2
+"""Corners of two grids closer than this share of an edge are one corner of the solid."""
+
+
+@dataclass(frozen=True, eq=False)
+class NamedGrid:
+    """A grid with its name."""
+
+    grid: Grid
+    face: int
+    alignment: Alignment
+    marks: tuple[int, ...]  # as read at the plan's mark positions
+    margin: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Option:
+    """One way a grid may lie on any face, with the score of every face's code."""
+
+    alignment: Alignment
+    marks: Integers  # (P,)
+    score: Integers  # (F,)
+    corner_px: Floats  # (K, 2) of the outline, in the order of the face's outline
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A grid and the options left for it; all of them have the same corners, in another order."""
+
+    grid: Grid
+    options: tuple[_Option, ...]
+    corners: tuple[tuple[int, ...], ...] = ()  # an option's corners as numbers among the image's corners
+
+
+@dataclass(frozen=True, eq=False)
+class _Pose:
+    """One pose of the solid for a group: what it makes of each grid."""
+
+    score: int
+    named: tuple[tuple[int, int, int], ...]  # grid, face, option
+
+
+def name_faces(
+    plan: TargetPlan, candidates: Candidates, grids: tuple[Grid, ...], image: NDArray[np.generic], contrast: float
+) -> tuple[tuple[NamedGrid, ...], bool]:
+    """Names of the grids that have one beyond doubt, and whether the image is a mirror image."""
+    readers = [GridReader(image, candidates, grid, plan, contrast) for grid in grids]
+    named, score = _name(plan, candidates, grids, readers, plan.lattice.turns)
+    if len(named) == sum(len(grid.row) >= MIN_GRID for grid in grids):
+        return named, False
+    mirrored, mirrored_score = _name(plan, candidates, grids, readers, plan.lattice.mirrors)
+    if len(mirrored) > 1 and mirrored_score >= score + MIN_MARGIN:
+        return (), True
+    return named, False
+
+
+def _name(
+    plan: TargetPlan, candidates: Candidates, grids: tuple[Grid, ...], readers: list[GridReader], turns: Integers
+) -> tuple[tuple[NamedGrid, ...], int]:
+    """The best names with the given turns of the lattice, and their total score."""
+    placed = [
+        item
+        for grid, reader in zip(grids, readers, strict=True)
+        if (item := _place(plan, candidates, grid, reader, turns)) is not None
+    ]
+    placed = _number_corners(placed)
+    named: list[NamedGrid] = []
+    total = 0
+    for group in _groups(placed):
+        poses = _poses(plan, [placed[k] for k in group])
+        if not poses:
+            continue
+        best = max(poses, key=lambda pose: pose.score)
+        rivals = [pose.score for pose in poses if pose is not best and pose.named != best.named]
+        margin = best.score - max(rivals, default=-99)
+        if best.score < MIN_MARGIN or margin < MIN_MARGIN:
+            continue
+        total += best.score
+        for k, face, option in best.named:
+            item = placed[group[k]].options[option]
+            # A grid that its neighbours named against its own code is a doubt, not a feature.
+            if item.score[face] >= 0:
+                named.append(
+                    NamedGrid(placed[group[k]].grid, face, item.alignment, tuple(map(int, item.marks)), margin)
+                )
+    faces = [item.face for item in named]
+    return tuple(item for item in named if faces.count(item.face) == 1), total
+
+
+def _place(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridReader, turns: Integers) -> _Placed | None:
+    """The options of a grid whose shift is known: it fills its face, or its marks leave no doubt."""
+    if len(grid.row) < MIN_GRID:
+        return None
+    sure = candidates.ratio[grid.row] > 0
+    if sure.sum() < MIN_GRID - 2:
+        return None
+    options = [
+        _option(plan, candidates, grid, reader, alignment) for alignment in alignments(plan, 0, grid, sure, turns)
+    ]
+    if not options:
+        return None
+    per_turn = len(options) / len({option.alignment.turn.tobytes() for option in options})
+    if per_turn > 1:
+        scores = np.array([option.score for option in options])
+        flat = np.sort(scores.ravel())
+        if len(flat) > 1 and flat[-1] - flat[-2] < MIN_MARGIN:
+            return None
+        options = [options[int(np.argmax(scores.max(axis=1)))]]
+    return _Placed(grid, tuple(options))
+
+
+def _option(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridReader, alignment: Alignment) -> _Option:
+    """Read the marks an alignment asks for and compare them with all codes."""
+    marks = reader.marks(alignment.on_grid(plan.mark_index))
+    row = plan.rows_at(0, alignment.on_face(grid.index))
+    known = row >= 0
+    plane = plan.target.center_in_face_mm[row[known], :2]
+    mapped = homography.direct(plane, candidates.ellipse[grid.row[known], :2])
+    return _Option(
+        alignment=alignment,
+        marks=marks,
+        score=agreement(plan.mark_is_dot, marks),
+        corner_px=homography.apply(mapped, plan.target.outline_mm[0]),
+    )
+
+
+def _number_corners(placed: list[_Placed]) -> list[_Placed]:
+    """Give corners that coincide in the image one number."""
+    seen: list[Floats] = []
+    out = []
+    for item in placed:
+        corner = item.options[0].corner_px
+        reach = CORNER_TOLERANCE * float(np.linalg.norm(corner - np.roll(corner, 1, axis=0), axis=1).min())
+        numbers = []
+        for point in corner:
+            distance = [float(np.linalg.norm(point - other)) for other in seen]
+            nearest = int(np.argmin(distance)) if distance else -1
+            if nearest >= 0 and distance[nearest] < reach and nearest not in numbers:
+                numbers.append(nearest)
+            else:
+                numbers.append(len(seen))
+                seen.append(point)
+        out.append(_Placed(item.grid, item.options, tuple(_in_order(option, corner, numbers) for option in item.options)))
+    return out
+
+
+def _in_order(option: _Option, corner_px: Floats, numbers: list[int]) -> tuple[int, ...]:
+    """The numbers of an option's corners; all options of a grid have the same corners, in another order."""
+    nearest = np.argmin(np.linalg.norm(option.corner_px[:, None] - corner_px[None], axis=2), axis=1)
+    return tuple(numbers[k] for k in nearest)
+
+
+def _touch(a: _Placed, b: _Placed) -> bool:
+    """Whether two grids share an edge in the image."""
+    return len(set(a.corners[0]) & set(b.corners[0])) == 2
+
+
+def _groups(placed: list[_Placed]) -> list[list[int]]:
+    """Grids connected through shared edges."""
+    left = set(range(len(placed)))
+    groups = []
+    while left:
+        group = [min(left)]
+        left.discard(group[0])
+        for a in group:
+            near = [b for b in sorted(left) if _touch(placed[a], placed[b])]
+            group += near
+            left.difference_update(near)
+        groups.append(group)
+    return groups
+
+
+def _poses(plan: TargetPlan, group: list[_Placed]) -> list[_Pose]:
+    """Every pose of the solid that the first grid of a group allows, followed through its neighbours."""
+    anchor = max(range(len(group)), key=lambda k: len(group[k].grid.row))
+    return [
+        _follow(plan, group, anchor, face, option)
+        for face in range(plan.target.face_count)
+        for option in range(len(group[anchor].options))
+    ]
+
+
+def _follow(plan: TargetPlan, group: list[_Placed], anchor: int, face: int, option: int) -> _Pose:
+    """Name the neighbours of a guess through the corners they share."""
+    vertex: dict[int, int] = {}
+    named: list[tuple[int, int, int]] = []
+    score = 0
+    queue = [(anchor, face, option)]
+    reached = {anchor}
+    while queue:
+        at, its_face, its_option = queue.pop(0)
+        named.append((at, its_face, its_option))
+        score += int(group[at].options[its_option].score[its_face])
+        vertex.update(zip(group[at].corners[its_option], plan.corner_vertex[its_face].tolist(), strict=True))
+        for other in range(len(group)):
+            if other in reached or not _touch(group[at], group[other]):
+                continue
+            reached.add(other)
+            fitting = _fitting_name(plan, group[other], vertex, {f for _, f, _ in named})
+            if fitting is None:
+                # It lies where this pose has no such face: as bad as a code that is wrong throughout.
+                score -= plan.mark_index.shape[0]
+            else:
+                queue.append((other, *fitting))
+    return _Pose(score, tuple(sorted(named)))
+
+
+def _fitting_name(
+    plan: TargetPlan, item: _Placed, vertex: dict[int, int], taken: set[int]
+) -> tuple[int, int] | None:
+    """The face and option whose corners fit the corners known so far; the best of them by its code."""
+    best: tuple[int, int] | None = None
+    best_score = -(10**6)
+    for option, numbers in enumerate(item.corners):
+        known = [place for place, number in enumerate(numbers) if number in vertex]
+        a, b = known[0], known[1]
+        face = plan.face_by_corners.get((a, vertex[numbers[a]], b, vertex[numbers[b]]))
+        if face is None or face in taken:
+            continue
+        wanted = plan.corner_vertex[face]
+        fits = all(vertex[numbers[place]] == wanted[place] for place in known)
+        score = int(item.options[option].score[face])
+        if fits and score > best_score:
+            best, best_score = (face, option), score
+    return best

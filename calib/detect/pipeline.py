@@ -1,0 +1,242 @@
+"""From a photo's pixels to named centres: the steps of the detector in order."""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detect.binarise import reduced, reduction, thresholds
+from calib.detect.candidates import Candidates, find_candidates, merged, semi_axes_px
+from calib.detect.grid import grow_grids
+from calib.detect.lens import CameraLens
+from calib.detect.measure import Measured, measure
+from calib.detect.name_board import BoardName, name_board
+from calib.detect.name_faces import NamedGrid, name_faces
+from calib.detect.place import Naming, Placement, complete, predict, without_strangers
+from calib.detect.plan import TargetPlan, plan_for
+from calib.detect.records import face_records
+from calib.types import Camera, Detections, FaceRecord
+from designer.target import TargetGeometry
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+
+REGIONS_APART = 1 << 40
+EASY_RADIUS_PX = 4.0
+"""Features with a smaller semi-axis below this may stay unseen without another threshold being tried."""
+MIRRORED = "mirrored: the image shows the target in a mirror, or was flipped; flip it back and detect again"
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What naming made of an image."""
+
+    candidates: Candidates
+    named: tuple[NamedGrid, ...]
+    remarks: tuple[str, ...]
+    is_mirrored: bool = False
+
+
+def detect(
+    pixels: NDArray[np.generic], target: TargetGeometry, *, name: str, camera: Camera | None = None
+) -> Detections:
+    """Find and name the target's features in one photo.
+
+    Args:
+        pixels: grey levels, uint8, uint16 or float32.  # (H, W)
+        target: what was printed.
+        name: what the image is called in the result.
+        camera: if it is known, its lens straightens the image; else a radial lens is estimated from the grids.
+
+    Returns:
+        The features with centres and covariances, and a record of what was read; without features if none could
+        be named, with the reason in `remarks`.
+
+    Raises:
+        ValueError: the image is no two-dimensional array, the camera belongs to images of another size, or the
+            target's faces have different lattices.
+    """
+    if pixels.ndim != 2:
+        raise ValueError(f"the image has the shape {pixels.shape}; it must be height x width, grey")
+    image_size = (pixels.shape[1], pixels.shape[0])
+    if camera is not None and camera.image_size != image_size:
+        raise ValueError(
+            f"the camera is for images of {camera.image_size[0]} x {camera.image_size[1]} px, this one has "
+            f"{image_size[0]} x {image_size[1]}; use the camera's own images"
+        )
+    plan = plan_for(target)
+    camera_lens = CameraLens(camera) if camera is not None else None
+    if min(pixels.shape) < 16:
+        return _nothing(plan, name, image_size, None, ("the image is too small to hold a ring",))
+    found = _search(pixels, plan)
+    if not found.named:
+        return _nothing(plan, name, image_size, found.candidates, found.remarks)
+    naming = _naming(plan, found.named)
+    naming, strangers = without_strangers(plan, found.candidates, naming)
+    remarks = list(found.remarks)
+    if strangers:
+        remarks.append(f"{len(strangers)} faces contradicted the others and were left out")
+    if len(naming.ring) < 4:
+        return _nothing(plan, name, image_size, found.candidates, (*remarks, "too few rings could be named"))
+    naming, placement = complete(plan, found.candidates, naming, image_size, camera_lens)
+    if placement.is_mirrored:
+        return _nothing(plan, name, image_size, found.candidates, (*remarks, MIRRORED))
+    measured = measure(
+        pixels, plan, found.candidates, naming, placement, _contrast(pixels, found.candidates), camera_lens
+    )
+    return _result(plan, name, image_size, found, naming, placement, measured, tuple(remarks))
+
+
+def _search(pixels: NDArray[np.generic], plan: TargetPlan) -> _Found:
+    """Coarse to fine: name grids in a reduced image; only if none is to be had there, in a finer one."""
+    factor = reduction((pixels.shape[0], pixels.shape[1]))
+    found = _search_at(pixels, plan, factor)
+    while not found.named and not found.is_mirrored and factor > 1:
+        factor //= 2
+        found = _search_at(pixels, plan, factor)
+    return found
+
+
+def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> _Found:
+    """Candidates by one threshold after the other, until the whole target is found or all are used."""
+    grey = reduced(pixels, factor)
+    candidates: Candidates | None = None
+    found: _Found | None = None
+    for number, threshold in enumerate(thresholds(grey)):
+        more = find_candidates(grey, threshold, factor, number * REGIONS_APART, plan.ratio)
+        before = candidates.count if candidates is not None else -1
+        candidates = more if candidates is None else merged(candidates, more)
+        if candidates.count == before and found is not None:
+            continue
+        found = _name(pixels, plan, candidates)
+        if found.is_mirrored or _is_whole(pixels, plan, found):
+            break
+    assert found is not None  # noqa: S101 - there is at least one threshold
+    return found
+
+
+def _is_whole(pixels: NDArray[np.generic], plan: TargetPlan, found: _Found) -> bool:
+    """Whether all that must be in the image was found, so that other thresholds have nothing to add."""
+    if not found.named:
+        return False
+    image_size = (pixels.shape[1], pixels.shape[0])
+    naming, placement = complete(plan, found.candidates, _naming(plan, found.named), image_size, None)
+    places = predict(plan, placement, image_size)
+    _, small = semi_axes_px(places.shape)
+    return bool(np.isin(places.ring[small > EASY_RADIUS_PX], naming.ring).all())
+
+
+def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates) -> _Found:
+    """Grow grids and name them."""
+    grids = grow_grids(candidates, plan.lattice)
+    contrast = _contrast(pixels, candidates)
+    if not grids:
+        return _Found(candidates, (), ("no grid of rings was found",))
+    if plan.is_coded:
+        named, mirrored = name_faces(plan, candidates, grids, pixels, contrast)
+        if mirrored:
+            return _Found(candidates, (), (MIRRORED,), is_mirrored=True)
+        return _Found(candidates, named, () if named else ("no face code could be read beyond doubt",))
+    board: BoardName = name_board(plan, candidates, grids, pixels, contrast)
+    remarks = (MIRRORED,) if board.is_mirrored else (board.remark,) if board.remark else ()
+    return _Found(candidates, (board.named,) if board.named else (), remarks, board.is_mirrored)
+
+
+def _contrast(pixels: NDArray[np.generic], candidates: Candidates) -> float:
+    """White minus ink of the usual ring, in grey levels."""
+    rings = np.flatnonzero(candidates.ratio > 0)[:400]
+    if not len(rings):
+        return 1.0
+    e, ratio = candidates.ellipse[rings], candidates.ratio[rings]
+    height, width = pixels.shape
+    steps = []
+    for angle in np.arange(4) * (np.pi / 2) + 0.4:
+        across = np.cos(angle) / e[:, 2]
+        along = (np.sin(angle) - e[:, 3] * across) / e[:, 4]
+        levels = []
+        for rho in (0.5 * (1 + ratio), np.full(len(rings), 1.3)):
+            u = np.clip(np.rint(e[:, 0] + rho * across), 0, width - 1).astype(np.int64)
+            v = np.clip(np.rint(e[:, 1] + rho * along), 0, height - 1).astype(np.int64)
+            levels.append(np.asarray(pixels[v, u], dtype=np.float64))
+        steps.append(levels[1] - levels[0])
+    return max(float(np.median(steps)), 1e-6)
+
+
+def _naming(plan: TargetPlan, named: tuple[NamedGrid, ...]) -> Naming:
+    """Candidates and target rows of all named grids."""
+    candidate, ring = [], []
+    for item in named:
+        row = plan.rows_at(item.face, item.alignment.on_face(item.grid.index))
+        candidate.append(item.grid.row[row >= 0])
+        ring.append(row[row >= 0])
+    return Naming(np.concatenate(candidate), np.concatenate(ring))
+
+
+def _result(
+    plan: TargetPlan,
+    name: str,
+    image_size: tuple[int, int],
+    found: _Found,
+    naming: Naming,
+    placement: Placement,
+    measured: Measured,
+    remarks: tuple[str, ...],
+) -> Detections:
+    """The detections, ordered by target row, with their record."""
+    order = np.argsort(measured.ring, kind="stable")
+    kept = set(measured.ring.tolist())
+    used = {c for c, r in zip(naming.candidate.tolist(), naming.ring.tolist(), strict=True) if r in kept}
+    rings = np.flatnonzero(found.candidates.ratio > 0)
+    rejected = np.array([k for k in rings if int(k) not in used], dtype=np.int64)
+    return Detections(
+        image=name,
+        image_size=image_size,
+        layout_id=plan.target.layout_id,
+        geometry_id=plan.target.geometry_id,
+        ring=measured.ring[order],
+        center_px=measured.center_px[order],
+        cov_px2=measured.cov_px2[order],
+        ellipse_px=_ellipses(measured.center_px[order], measured.shape[order]),
+        faces=face_records(plan, found.named, placement, measured),
+        remarks=remarks,
+        rejected_px=found.candidates.ellipse[rejected, :2],
+    )
+
+
+def _ellipses(center_px: Floats, shape: Floats) -> Floats:
+    """Centre, semi-axes and the angle of the larger one.  # (N, 2), (N, 3) -> (N, 5)"""
+    if not len(shape):
+        return np.zeros((0, 5))
+    large, small = semi_axes_px(shape)
+    a, b, c = shape[:, 0] ** 2 + shape[:, 1] ** 2, shape[:, 1] * shape[:, 2], shape[:, 2] ** 2
+    # The larger axis belongs to the smaller eigenvalue of E'E.
+    angle = 0.5 * np.arctan2(2 * b, a - c) + np.pi / 2
+    return np.column_stack([center_px, large, small, (angle + np.pi / 2) % np.pi - np.pi / 2])
+
+
+def _nothing(
+    plan: TargetPlan,
+    name: str,
+    image_size: tuple[int, int],
+    candidates: Candidates | None,
+    remarks: tuple[str, ...],
+) -> Detections:
+    """Detections without features."""
+    rejected = np.zeros((0, 2))
+    if candidates is not None and candidates.count:
+        rejected = candidates.ellipse[candidates.ratio > 0, :2]
+    records: tuple[FaceRecord, ...] = ()
+    return Detections(
+        image=name,
+        image_size=image_size,
+        layout_id=plan.target.layout_id,
+        geometry_id=plan.target.geometry_id,
+        ring=np.zeros(0, dtype=np.int64),
+        center_px=np.zeros((0, 2)),
+        cov_px2=np.zeros((0, 2, 2)),
+        ellipse_px=np.zeros((0, 5)),
+        faces=records,
+        remarks=remarks,
+        rejected_px=rejected,
+    )

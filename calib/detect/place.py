@@ -1,0 +1,237 @@
+"""Where all features of the target must be in the image, from those that have names; and more names from that."""
+
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detect import homography
+from calib.detect.candidates import Candidates
+from calib.detect.lens import Lens, estimate_lens, local_form
+from calib.detect.plan import TargetPlan
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+
+REACH = 0.22
+"""A candidate nearer than this share of the pitch to where a feature must be is that feature."""
+OWN_HOMOGRAPHY = 10
+"""Faces with fewer named features are placed by the whole solid, if other faces show."""
+ROUNDS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Naming:
+    """Which candidates have which names: N pairs of a candidate's row and a target's row."""
+
+    candidate: Integers  # (N,)
+    ring: Integers  # (N,)
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Faces as the image shows them."""
+
+    lens: Lens
+    homography: Floats  # (F, 3, 3) straight image from face plane; nan: the face is not seen
+    is_from_solid: NDArray[np.bool_]  # (F,) placed by the other faces, not by its own grid
+    is_mirrored: bool = False
+
+    def seen(self) -> Integers:
+        """Faces that show.  # (S,)"""
+        return np.flatnonzero(np.isfinite(self.homography[:, 0, 0]))
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where N features must be: all on the faces that show."""
+
+    ring: Integers  # (N,) rows of the target
+    center_px: Floats  # (N, 2)
+    shape: Floats  # (N, 3) E of the outer circle
+
+
+def place_faces(
+    plan: TargetPlan, candidates: Candidates, naming: Naming, image_size: tuple[int, int], camera_lens: Lens | None
+) -> Placement:
+    """Fit lens, homographies and, over several faces, the projection of the solid to the names so far."""
+    target = plan.target
+    face = target.ring_face[naming.ring]
+    plane = target.center_in_face_mm[naming.ring, :2]
+    pixel = candidates.ellipse[naming.candidate, :2]
+    faces = np.unique(face)
+    groups = [(plane[face == f], pixel[face == f]) for f in faces]
+    lens = camera_lens if camera_lens is not None else estimate_lens(groups, image_size)
+    straight = lens.straighten(pixel)
+    mapped = np.full((target.face_count, 3, 3), np.nan)
+    from_solid = np.zeros(target.face_count, dtype=np.bool_)
+    mirrored = False
+    if len(faces) > 1 and len(pixel) >= 12:
+        projection = direct_projection(target.center_mm[naming.ring], straight)
+        mirrored = bool(np.linalg.det(projection[:, :3]) < 0)
+        by_solid = projection @ target.target_from_face[:, :, [0, 1, 3]]
+        front = _shows_front(by_solid, target.outline_mm)
+        mapped[front] = by_solid[front]
+        from_solid[front] = True
+    for f in faces:
+        mine = face == f
+        if mine.sum() >= OWN_HOMOGRAPHY or (len(faces) == 1 and mine.sum() >= 4):
+            mapped[f] = _robust_homography(plane[mine], straight[mine])
+            from_solid[f] = False
+    return Placement(lens, mapped, from_solid, mirrored)
+
+
+def direct_projection(point: Floats, image: Floats) -> Floats:
+    """The 3 x 4 projection by direct linear transform, scaled to positive depth.  # (N, 3), (N, 2)"""
+    middle, size = point.mean(axis=0), float(np.abs(point - point.mean(axis=0)).max())
+    centre, spread = image.mean(axis=0), float(np.abs(image - image.mean(axis=0)).max())
+    x = np.column_stack([(point - middle) / size, np.ones(len(point))])
+    u = (image - centre) / spread
+    zero = np.zeros_like(x)
+    rows = np.concatenate([np.hstack([x, zero, -u[:, :1] * x]), np.hstack([zero, x, -u[:, 1:] * x])])
+    _, vectors = np.linalg.eigh(rows.T @ rows)
+    normalised = vectors[:, 0].reshape(3, 4)
+    to_image = np.array([[spread, 0, centre[0]], [0, spread, centre[1]], [0, 0, 1.0]])
+    from_point = np.diag([1 / size, 1 / size, 1 / size, 1.0])
+    from_point[:3, 3] = -middle / size
+    projection = to_image @ normalised @ from_point
+    depth = x @ normalised[2]
+    return np.asarray(projection * np.sign(np.median(depth)))
+
+
+def _shows_front(mapped: Floats, outline_mm: Floats) -> NDArray[np.bool_]:
+    """Whether faces turn their front to the camera: their outline runs clockwise in the image (v points down)."""
+    front = np.zeros(len(mapped), dtype=np.bool_)
+    for f, (matrix, outline) in enumerate(zip(mapped, outline_mm, strict=True)):
+        depth = outline @ matrix[2, :2] + matrix[2, 2]
+        if depth.min() <= 0:
+            continue
+        corner = homography.apply(matrix, outline)
+        after = np.roll(corner, -1, axis=0)
+        front[f] = float((corner[:, 0] * after[:, 1] - after[:, 0] * corner[:, 1]).sum()) < 0
+    return front
+
+
+def _robust_homography(plane: Floats, straight: Floats) -> Floats:
+    """A homography refitted without the points that lie far off."""
+    weight = np.ones(len(plane))
+    mapped, _, residual = homography.fit(plane, straight, weight)
+    for _ in range(2):
+        size = np.linalg.norm(residual, axis=1)
+        keep = size <= 5 * np.median(size) + 0.2
+        if keep.all() or keep.sum() < 5:
+            break
+        mapped, _, _ = homography.fit(plane[keep], straight[keep], weight[keep])
+        residual = straight - homography.apply(mapped, plane)
+    return mapped
+
+
+def predict(plan: TargetPlan, placement: Placement, image_size: tuple[int, int]) -> Places:
+    """All features on faces that show, as far as they lie in the image."""
+    rows, centres, shapes = [], [], []
+    for f in placement.seen():
+        row = np.flatnonzero(plan.target.ring_face == f)
+        matrix = placement.homography[f]
+        plane = plan.target.center_in_face_mm[row, :2]
+        depth = plane @ matrix[2, :2] + matrix[2, 2]
+        row, plane = row[depth > 0], plane[depth > 0]
+        straight = homography.apply(matrix, plane)
+        pixel = placement.lens.distort(straight)
+        rows.append(row)
+        centres.append(pixel)
+        shapes.append(_shape(plan, placement.lens, matrix, plane, pixel, plan.target.radius_outer_mm[row]))
+    if not rows:
+        return Places(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 3)))
+    row, centre, shape = np.concatenate(rows), np.concatenate(centres), np.concatenate(shapes)
+    size = np.array(image_size)
+    inside = (np.isfinite(centre).all(axis=1)) & np.isfinite(shape).all(axis=1)
+    with np.errstate(invalid="ignore"):
+        inside &= ((centre > 2) & (centre < size - 3)).all(axis=1) & (shape[:, 0] > 0) & (shape[:, 2] > 0)
+    return Places(row[inside], centre[inside], shape[inside])
+
+
+def _shape(plan: TargetPlan, lens: Lens, matrix: Floats, plane: Floats, pixel: Floats, radius_mm: Floats) -> Floats:
+    """E of circles of a face in the image: E'E is the inverse of J J' R^2, J the map's derivative.  # (N, 3)"""
+    step = 0.01 * plan.radius_mm
+    right, up = np.array([step, 0.0]), np.array([0.0, step])
+    east = homography.apply(matrix, plane + right) - homography.apply(matrix, plane - right)
+    north = homography.apply(matrix, plane + up) - homography.apply(matrix, plane - up)
+    derivative = np.stack([east, north], axis=-1) / (2 * step)
+    with np.errstate(invalid="ignore"):
+        good = np.isfinite(pixel).all(axis=1)
+    jacobian, _ = local_form(lens, np.where(good[:, None], pixel, 0.0))
+    spread = np.linalg.solve(jacobian, derivative) * radius_mm[:, None, None]
+    gram = np.linalg.pinv(spread @ spread.transpose(0, 2, 1))
+    e11 = np.sqrt(np.maximum(gram[:, 1, 1], 1e-12))
+    e10 = gram[:, 0, 1] / e11
+    e00 = np.sqrt(np.maximum(gram[:, 0, 0] - e10**2, 1e-12))
+    return np.stack([e00, e10, e11], axis=1)
+
+
+def assign(plan: TargetPlan, candidates: Candidates, places: Places) -> Naming:
+    """Pair places with the candidates at them: nearest in the plane, alike in size, one to one."""
+    reach = REACH * plan.pitch_radii
+    order = np.argsort(candidates.ellipse[:, 0], kind="stable")
+    at = candidates.ellipse[order, 0]
+    half = reach * np.hypot(places.shape[:, 1], places.shape[:, 2]) / (places.shape[:, 0] * places.shape[:, 2])
+    low = np.searchsorted(at, places.center_px[:, 0] - half)
+    high = np.searchsorted(at, places.center_px[:, 0] + half)
+    area = candidates.ellipse[:, 2] * candidates.ellipse[:, 4]
+    pairs: list[tuple[float, int, int]] = []
+    for n in np.flatnonzero(high > low):
+        near = order[low[n] : high[n]]
+        offset = candidates.ellipse[near, :2] - places.center_px[n]
+        e = places.shape[n]
+        distance = np.hypot(e[0] * offset[:, 0], e[1] * offset[:, 0] + e[2] * offset[:, 1])
+        distance[np.abs(np.log(area[near] / (e[0] * e[2]))) > 0.6] = np.inf
+        best = int(np.argmin(distance))
+        if distance[best] < reach:
+            pairs.append((float(distance[best]), int(near[best]), int(n)))
+    taken: set[int] = set()
+    kept = []
+    for _, candidate, place in sorted(pairs):
+        if candidate not in taken:
+            taken.add(candidate)
+            kept.append((candidate, int(places.ring[place])))
+    table = np.array(sorted(kept, key=lambda pair: pair[1]), dtype=np.int64).reshape(-1, 2)
+    return Naming(table[:, 0], table[:, 1])
+
+
+def complete(
+    plan: TargetPlan, candidates: Candidates, naming: Naming, image_size: tuple[int, int], camera_lens: Lens | None
+) -> tuple[Naming, Placement]:
+    """Place the target by the names so far, name what lies where features must be, and again until nothing is new."""
+    placement = place_faces(plan, candidates, naming, image_size, camera_lens)
+    for _ in range(ROUNDS):
+        wider = assign(plan, candidates, predict(plan, placement, image_size))
+        if len(wider.ring) < 4 or len(wider.ring) < 0.5 * len(naming.ring):
+            break
+        grown = len(wider.ring) > len(naming.ring)
+        naming = wider
+        placement = place_faces(plan, candidates, naming, image_size, camera_lens)
+        if not grown:
+            break
+    return naming, placement
+
+
+def without_strangers(plan: TargetPlan, candidates: Candidates, naming: Naming) -> tuple[Naming, tuple[int, ...]]:
+    """Drop whole faces that no one projection of the solid brings together with the others, the worst first."""
+    dropped: list[int] = []
+    while True:
+        face = plan.target.ring_face[naming.ring]
+        faces, count = np.unique(face, return_counts=True)
+        if len(faces) < 2 or len(face) < 12:
+            return naming, tuple(dropped)
+        pixel = candidates.ellipse[naming.candidate, :2]
+        projection = direct_projection(plan.target.center_mm[naming.ring], pixel)
+        mapped = plan.target.center_mm[naming.ring] @ projection[:, :3].T + projection[:, 3]
+        off = np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - pixel, axis=1)
+        pitch_px = plan.pitch_radii * candidates.radius_px[naming.candidate]
+        share = np.array([np.median((off / pitch_px)[face == f]) for f in faces])
+        if share.max() < 0.2 and np.linalg.det(projection[:, :3]) > 0:
+            return naming, tuple(dropped)
+        worst = faces[int(np.argmin(count))] if len(faces) == 2 else faces[int(np.argmax(share))]
+        dropped.append(int(worst))
+        keep = face != worst
+        naming = replace(naming, candidate=naming.candidate[keep], ring=naming.ring[keep])

@@ -1,0 +1,143 @@
+"""What the detector needs of a target, worked out once."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detect.lattice import Lattice, lattice_of
+from designer.code import BOARD_DOTS, CODE_POSITIONS, CODES
+from designer.target import TargetGeometry
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class TargetPlan:
+    """A target with its lattice, a table from indices to rows, and where its marks are."""
+
+    target: TargetGeometry
+    lattice: Lattice
+    row_table: Integers  # (F, I, J) row of the target at an index less `low`; -1: nothing there
+    low: Integers  # (2,) smallest index
+    ratio: float  # inner over outer radius of the rings
+    radius_mm: float  # outer, the usual one
+    limit: float  # how far out pixels may be used, in outer radii: half the white gap
+    corner_vertex: Integers  # (F, K) which corners of the faces' outlines are one point of the solid
+    face_by_corners: Mapping[tuple[int, int, int, int], int]  # corner place, its number, another: the face that has both
+    mark_index: Integers  # (P, 2) candidate positions of marks on a face
+    mark_is_dot: NDArray[np.bool_]  # (F, P) which of them carry a dot
+
+    @property
+    def is_coded(self) -> bool:
+        """Whether faces carry codes."""
+        return bool((self.target.face_code >= 0).all())
+
+    @property
+    def pitch_radii(self) -> float:
+        """Distance of neighbours in outer radii."""
+        return float(np.linalg.norm(self.lattice.move_in_radii, axis=1).min())
+
+    def rows_at(self, face: int, index: Integers) -> Integers:
+        """Rows of the target at indices of a face, -1 where it has nothing.  # (N, 2) -> (N,)"""
+        at = index - self.low
+        size = np.array(self.row_table.shape[1:])
+        inside = ((at >= 0) & (at < size)).all(axis=1)
+        at = np.clip(at, 0, size - 1)
+        return np.where(inside, self.row_table[face, at[:, 0], at[:, 1]], -1)
+
+
+@lru_cache(maxsize=8)
+def plan_for(target: TargetGeometry) -> TargetPlan:
+    """The plan of a target.
+
+    Raises:
+        ValueError: its faces' lattices differ, or it holds no rings.
+    """
+    rings = ~target.is_dot
+    if not rings.any():
+        raise ValueError("the target holds dots only; the detector starts from rings")
+    low = target.ring_index.min(axis=0)
+    size = target.ring_index.max(axis=0) - low + 1
+    table = np.full((target.face_count, *size), -1, dtype=np.int64)
+    at = target.ring_index - low
+    table[target.ring_face, at[:, 0], at[:, 1]] = np.arange(target.ring_count)
+    radius = float(np.median(target.radius_outer_mm))
+    mark_index, mark_is_dot = _marks(target)
+    corner = _shared_corners(target)
+    return TargetPlan(
+        target=target,
+        lattice=lattice_of(target),
+        row_table=table,
+        low=low,
+        ratio=float(np.median(target.radius_inner_mm[rings] / target.radius_outer_mm[rings])),
+        radius_mm=radius,
+        limit=1 + 0.5 * _white_gap_mm(target) / radius,
+        corner_vertex=corner,
+        face_by_corners=_by_corners(corner),
+        mark_index=mark_index,
+        mark_is_dot=mark_is_dot,
+    )
+
+
+def _white_gap_mm(target: TargetGeometry) -> float:
+    """The least white between a ring and its neighbour or the border."""
+    radius = float(target.radius_outer_mm.max())
+    gaps = []
+    for face in range(target.face_count):
+        rows = np.flatnonzero(target.ring_face == face)
+        point = target.center_in_face_mm[rows, :2]
+        if len(rows) > 1:
+            order = np.argsort(point[:, 0], kind="stable")
+            sorted_point = point[order]
+            nearest = np.inf
+            # Neighbours lie within a few places in the order of x only by chance: compare all, in pieces.
+            for start in range(0, len(rows), 256):
+                offset = sorted_point[start : start + 256, None] - sorted_point[None]
+                distance = np.hypot(offset[..., 0], offset[..., 1])
+                distance[distance == 0] = np.inf
+                nearest = min(nearest, float(distance.min()))
+            gaps.append(nearest - 2 * radius)
+        corner = target.window_mm[face]
+        along = np.roll(corner, -1, axis=0) - corner
+        inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+        depth = np.einsum("kc,nkc->nk", inward, point[:, None] - corner[None])
+        gaps.append(2 * (float(depth.min()) - radius))
+    return max(min(gaps), 0.1 * radius)
+
+
+def _shared_corners(target: TargetGeometry) -> Integers:
+    """Number the corners of all outlines so that corners at one place share a number.  # (F, K)"""
+    frame = target.target_from_face
+    corner = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
+    flat = corner.reshape(-1, 3)
+    tolerance = 0.1 * float(np.linalg.norm(corner[:, 0] - corner[:, 1], axis=1).min())
+    distance = np.linalg.norm(flat[:, None] - flat[None], axis=2)
+    return np.argmax(distance < tolerance, axis=1).reshape(corner.shape[:2])
+
+
+def _by_corners(corner: Integers) -> dict[tuple[int, int, int, int], int]:
+    """Which face has two numbered corners at two places of its outline."""
+    places = range(corner.shape[1])
+    return {
+        (a, int(row[a]), b, int(row[b])): face
+        for face, row in enumerate(corner)
+        for a in places
+        for b in places
+        if a != b
+    }
+
+
+def _marks(target: TargetGeometry) -> tuple[Integers, NDArray[np.bool_]]:
+    """Where marks may be, and where they are: the code's six positions, or a board's dots."""
+    if (target.face_code >= 0).all():
+        dots = np.array([[position in CODES[code] for position in CODE_POSITIONS] for code in target.face_code])
+        return np.array(CODE_POSITIONS), dots
+    if target.is_dot.any():
+        index = target.ring_index[target.is_dot & (target.ring_face == 0)]
+        return index, np.ones((target.face_count, len(index)), dtype=np.bool_)
+    return np.array(sorted(BOARD_DOTS)), np.zeros((target.face_count, len(BOARD_DOTS)), dtype=np.bool_)

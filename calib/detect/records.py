@@ -1,0 +1,39 @@
+"""The decode record: what was read of each face that shows, and why features are missing."""
+
+from collections import Counter
+
+import numpy as np
+
+from calib.detect.marks import DOT, RING
+from calib.detect.measure import Measured
+from calib.detect.name_faces import NamedGrid
+from calib.detect.place import Placement
+from calib.detect.plan import TargetPlan
+from calib.types import FaceRecord, Mark
+
+_WORDS: dict[int, Mark] = {DOT: "dot", RING: "ring"}
+
+
+def face_records(
+    plan: TargetPlan, named: tuple[NamedGrid, ...], placement: Placement, measured: Measured
+) -> tuple[FaceRecord, ...]:
+    """A record for each face that shows, in the order of the faces."""
+    read = {item.face: item for item in named}
+    face_of = plan.target.ring_face
+    found = Counter(face_of[measured.ring].tolist())
+    records = []
+    for face in placement.seen().tolist():
+        missing = Counter(reason for row, reason in measured.missing if face_of[row] == face)
+        item = read.get(face)
+        records.append(
+            FaceRecord(
+                face=face,
+                code_read=() if item is None else tuple(_WORDS.get(mark, "unreadable") for mark in item.marks),
+                margin=0 if item is None else item.margin,
+                rings_found=found.get(face, 0),
+                rings_expected=int(np.count_nonzero(face_of == face)),
+                missing=tuple(sorted(missing.items())),
+                remark="" if item is not None else "its code was not read; named by the other faces",
+            )
+        )
+    return tuple(records)

@@ -1,0 +1,68 @@
+"""Cholesky for the small normal equations inside kernels: no allocation, no library call."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.jit import jit
+
+
+@jit
+def cholesky_factor(a: NDArray[np.float64]) -> bool:
+    """Replace the lower triangle of a symmetric matrix by its factor L; false if it is not positive definite."""
+    n = a.shape[0]
+    for j in range(n):
+        d = a[j, j]
+        for k in range(j):
+            d -= a[j, k] * a[j, k]
+        if not d > 1e-14 * abs(a[j, j]) or not math.isfinite(d):
+            return False
+        root = math.sqrt(d)
+        a[j, j] = root
+        for i in range(j + 1, n):
+            s = a[i, j]
+            for k in range(j):
+                s -= a[i, k] * a[j, k]
+            a[i, j] = s / root
+    return True
+
+
+@jit
+def _substitute(lower: NDArray[np.float64], x: NDArray[np.float64]) -> None:
+    """Solve L L' x = b in place."""
+    n = lower.shape[0]
+    for i in range(n):
+        s = x[i]
+        for k in range(i):
+            s -= lower[i, k] * x[k]
+        x[i] = s / lower[i, i]
+    for i in range(n - 1, -1, -1):
+        s = x[i]
+        for k in range(i + 1, n):
+            s -= lower[k, i] * x[k]
+        x[i] = s / lower[i, i]
+
+
+@jit
+def cholesky_solve(a: NDArray[np.float64], b: NDArray[np.float64], x: NDArray[np.float64]) -> bool:
+    """Solve a x = b for symmetric positive definite `a` (its lower triangle is used and destroyed)."""
+    if not cholesky_factor(a):
+        return False
+    x[:] = b
+    _substitute(a, x)
+    return True
+
+
+@jit
+def cholesky_invert(a: NDArray[np.float64], work: NDArray[np.float64], inverse: NDArray[np.float64]) -> bool:
+    """The inverse of a symmetric positive definite matrix, from its lower triangle; `a` is kept."""
+    work[:] = a
+    if not cholesky_factor(work):
+        return False
+    n = a.shape[0]
+    for column in range(n):
+        for row in range(n):
+            inverse[row, column] = 1.0 if row == column else 0.0
+        _substitute(work, inverse[:, column])
+    return True

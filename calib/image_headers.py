@@ -1,0 +1,253 @@
+"""What an image file says of itself before a pixel is decoded: format, size, orientation, and whether it is whole.
+
+The formats are told by their first bytes, never by the name. Sizes are read here, and not by a decoder, so that a
+small file cannot make a decoder ask for more memory than the machine has.
+"""
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Format = Literal["PNG", "JPEG", "TIFF", "BMP", "PNM"]
+
+MAX_SCANS = 200
+"""Scans of a progressive JPEG; real ones have about ten, and each one is a pass over the whole picture."""
+
+_PNG_START = b"\x89PNG\r\n\x1a\n"
+_PNG_NEEDED = frozenset({b"IHDR", b"PLTE", b"IDAT", b"IEND"})
+_OTHER_FORMATS: tuple[tuple[int, bytes, str], ...] = (
+    (4, b"ftyphei", "a HEIC"), (4, b"ftypmif1", "a HEIC"), (4, b"ftypavif", "an AVIF"), (4, b"ftypcrx", "a raw"),
+    (8, b"WEBP", "a WebP"), (0, b"GIF8", "a GIF"), (4, b"jP  ", "a JPEG 2000"), (0, b"\xff\x4f\xff\x51", "a JPEG 2000"),
+    (0, b"v/1\x01", "an OpenEXR"), (0, b"FUJIFILM", "a raw"), (8, b"CR\x02\x00", "a raw"), (0, b"IIRO", "a raw"),
+    (0, b"IIU\x00", "a raw"), (0, b"%PDF", "a PDF"), (0, b"8BPS", "a Photoshop"), (0, b"Pf", "a float PFM"),
+    (0, b"PF", "a float PFM"), (0, b"\xff\x0a", "a JPEG XL"),
+)  # fmt: skip
+
+
+class DamagedError(ValueError):
+    """The file is no image that can be read, or not all of it is there. The message ends in the remedy."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """What is known of an image before it is decoded."""
+
+    format: Format
+    width: int  # px
+    height: int  # px
+    orientation: int = 1  # EXIF: 1 is as the sensor saw it
+    page_count: int = 1
+    is_white_zero: bool = False  # TIFF: the smallest number is white
+    orientation_at: tuple[int, bytes] | None = None  # TIFF: where the tag's value lies, and the bytes of "1"
+
+
+def read_header(data: bytes) -> Header:
+    """The header of an image file.
+
+    Raises:
+        DamagedError: not one of the formats, or cut off, or its header breaks the format's rules.
+    """
+    reader = _reader_of(data)
+    try:
+        header = reader(data)
+    except (struct.error, IndexError, ValueError, OverflowError) as error:
+        if isinstance(error, DamagedError):
+            raise
+        raise DamagedError("its header is damaged or cut off; copy it again") from None
+    if header.width < 1 or header.height < 1:
+        raise DamagedError(f"its header gives a size of {header.width} x {header.height} px; copy it again")
+    return header
+
+
+def _reader_of(data: bytes) -> Callable[[bytes], Header]:
+    """The reader of the format that the first bytes name."""
+    for at, magic, name in _OTHER_FORMATS:
+        if data.startswith(magic, at):
+            raise DamagedError(f"is {name} file; convert it to PNG or TIFF without changing its size")
+    for magic, reader in _READERS.items():
+        if data.startswith(magic):
+            return reader
+    raise DamagedError("is not an image in a known format; give PNG, JPEG, TIFF, BMP or PGM")
+
+
+def needed_png(data: bytes) -> bytes:
+    """The file without chunks that say nothing of the pixels: profiles, gamma, transparency of a colour, animation.
+
+    Raises:
+        DamagedError: a chunk is cut off or its check sum is wrong.
+    """
+    kept = [chunk for name, chunk in _png_chunks(memoryview(data)) if name in _PNG_NEEDED]
+    return data if sum(map(len, kept)) + len(_PNG_START) == len(data) else b"".join([_PNG_START, *kept])
+
+
+def _png_chunks(data: memoryview) -> Iterator[tuple[bytes, memoryview]]:
+    """Name and whole text of each chunk up to IEND (PNG specification, section 5)."""
+    at, name = len(_PNG_START), b""
+    while name != b"IEND":
+        if at + 12 > len(data):
+            raise DamagedError("is cut off: its end is missing; copy it again")
+        (length,) = struct.unpack_from(">I", data, at)
+        end = at + 12 + length
+        if end > len(data):
+            raise DamagedError("is cut off: its end is missing; copy it again")
+        name = bytes(data[at + 4 : at + 8])
+        if name in _PNG_NEEDED and zlib.crc32(data[at + 4 : end - 4]) != struct.unpack_from(">I", data, end - 4)[0]:
+            raise DamagedError("is damaged: a check sum is wrong; copy it again")
+        yield name, data[at:end]
+        at = end
+
+
+def _png_header(data: bytes) -> Header:
+    if data[12:16] != b"IHDR":
+        raise DamagedError("its header is damaged or cut off; copy it again")
+    width, height = struct.unpack_from(">II", data, 16)
+    orientation, at = 1, len(_PNG_START)
+    while at + 12 <= len(data):  # only names and lengths: what is cut off shows when the pixels are read
+        (length,) = struct.unpack_from(">I", data, at)
+        if data[at + 4 : at + 8] == b"eXIf":
+            orientation = _exif_orientation(data[at + 8 : at + 8 + length])
+        at += 12 + length
+    return Header("PNG", width, height, orientation)
+
+
+def _jpeg_header(data: bytes) -> Header:
+    """Walk the segments up to the first scan (ITU-T T.81, annex B)."""
+    at, orientation, is_adobe = 2, 1, False
+    frame: tuple[int, int, int, int] | None = None  # marker, height, width, components
+    while True:
+        if data[at] != 0xFF:
+            raise DamagedError("its header is damaged; copy it again")
+        while data[at + 1] == 0xFF:
+            at += 1
+        marker = data[at + 1]
+        if marker == 0xD9 or at + 4 > len(data):
+            raise DamagedError("is cut off before its first pixel; copy it again")
+        (length,) = struct.unpack_from(">H", data, at + 2)
+        body = data[at + 4 : at + 2 + length]
+        if marker == 0xE1 and body.startswith(b"Exif\0\0"):
+            orientation = _exif_orientation(body[6:])
+        is_adobe |= marker == 0xEE and body.startswith(b"Adobe")
+        if 0xC0 <= marker <= 0xCF and marker not in {0xC4, 0xC8, 0xCC}:
+            depth, height, width, components = struct.unpack_from(">BHHB", body)
+            if depth != 8:
+                raise DamagedError(f"is a JPEG of {depth} bits; convert it to a 16-bit PNG or TIFF")
+            frame = marker, height, width, components
+        at += 2 + length
+        if marker == 0xDA:
+            break
+    if frame is None:
+        raise DamagedError("has no size before its pixels; copy it again")
+    _check_jpeg(data, at, frame, scan_components=body[0], is_adobe=is_adobe)
+    return Header("JPEG", frame[2], frame[1], orientation)
+
+
+def _check_jpeg(
+    data: bytes, pixels_at: int, frame: tuple[int, int, int, int], *, scan_components: int, is_adobe: bool
+) -> None:
+    """Refuse what decoders take without a word: a missing end, endless scans, colours of unknown sign."""
+    marker, _, _, components = frame
+    if data.rfind(b"\xff\xd9", pixels_at) < 0:
+        raise DamagedError("is cut off: its end is missing; copy it again")
+    many_scans = marker not in {0xC0, 0xC1} or scan_components < components
+    if many_scans and data.count(b"\xff\xda", pixels_at) > MAX_SCANS:
+        raise DamagedError(f"has more than {MAX_SCANS} scans, which no camera writes; convert it to PNG")
+    if components == 4 and not is_adobe:
+        raise DamagedError("is a four-colour JPEG that does not say whether 0 is ink or paper; convert it to RGB")
+
+
+def _bmp_header(data: bytes) -> Header:
+    (size,) = struct.unpack_from("<I", data, 14)
+    width, height = struct.unpack_from("<HH" if size == 12 else "<ii", data, 18)
+    return Header("BMP", width, abs(height))
+
+
+def _pnm_header(data: bytes) -> Header:
+    """Numbers in text after the magic, with comments; P7 has names before them (netpbm's manual pages)."""
+    text = data[2:4096]
+    if data.startswith(b"P7"):
+        words = dict(line.split(None, 1) for line in text.split(b"ENDHDR")[0].splitlines() if b" " in line)
+        return Header("PNM", _pnm_number(words.get(b"WIDTH", b"")), _pnm_number(words.get(b"HEIGHT", b"")))
+    numbers = b"\n".join(line.split(b"#", 1)[0] for line in text.split(b"\n")).split(None, 2)
+    return Header("PNM", _pnm_number(numbers[0]), _pnm_number(numbers[1]))
+
+
+def _pnm_number(digits: bytes) -> int:
+    digits = digits.strip()
+    if not digits.isdigit() or len(digits) > 9:
+        raise DamagedError("its header is damaged; copy it again")
+    return int(digits)
+
+
+def _tiff_header(data: bytes) -> Header:
+    """The first directory (TIFF 6.0, section 2), and how many follow it."""
+    tags, order, following = _directory(data, struct.unpack_from(_byte_order(data) + "I", data, 4)[0])
+    value = {tag: entry[0] for tag, entry in tags.items()}
+    photometric = value.get(262, 1)
+    if 50706 in tags or value.get(254, 0) & 1 or photometric in {32803, 34892}:
+        raise DamagedError("is a raw photo, or begins with a preview; convert it to a 16-bit TIFF or PNG")
+    if value.get(339, 1) != 1 or value.get(258, 1) > 16:
+        kind = {2: "signed numbers", 3: "floating-point numbers"}.get(value.get(339, 1), "numbers of more than 16 bits")
+        raise DamagedError(f"holds {kind}; convert it to 8 or 16 bits without sign")
+    pages, seen = 1, set[int]()
+    while following and following not in seen and pages < 10_000:
+        seen.add(following)
+        try:
+            _, _, following = _directory(data, following)
+        except struct.error:
+            raise DamagedError("is cut off: a page is missing; copy it again") from None
+        pages += 1
+    at = (tags[274][1], struct.pack(order + "H", 1)) if 274 in tags else None
+    return Header("TIFF", value[256], value[257], _valid(value.get(274, 1)), pages, photometric == 0, at)
+
+
+def _byte_order(data: bytes) -> str:
+    return "<" if data.startswith(b"II") else ">"
+
+
+def _directory(data: bytes, at: int) -> tuple[dict[int, tuple[int, int]], str, int]:
+    """The tags of a TIFF directory with their first value and its place; the byte order; the next directory's place.
+
+    Values of other types than whole numbers are 0.
+    """
+    order = _byte_order(data)
+    (count,) = struct.unpack_from(order + "H", data, at)
+    tags = {}
+    for k in range(count):
+        tag, kind, length = struct.unpack_from(order + "HHI", data, at + 2 + 12 * k)
+        letter = {1: "B", 3: "H", 4: "I"}.get(kind)
+        place = at + 10 + 12 * k
+        if letter is not None and length * struct.calcsize(letter) > 4:
+            (place,) = struct.unpack_from(order + "I", data, place)
+        tags[tag] = (struct.unpack_from(order + letter, data, place)[0] if letter and length else 0, place)
+    return tags, order, struct.unpack_from(order + "I", data, at + 2 + 12 * count)[0]
+
+
+def _big_tiff(_: bytes) -> Header:
+    raise DamagedError("is a BigTIFF; save it as an ordinary TIFF or as PNG")
+
+
+def _exif_orientation(exif: bytes) -> int:
+    """The orientation in an EXIF block, which is a TIFF directory; 1 if there is none that can be read."""
+    try:
+        tags, _, _ = _directory(exif, struct.unpack_from(_byte_order(exif) + "I", exif, 4)[0])
+    except struct.error:
+        return 1
+    return _valid(tags.get(274, (1, 0))[0])
+
+
+def _valid(orientation: int) -> int:
+    return orientation if 1 <= orientation <= 8 else 1
+
+
+_READERS: Mapping[bytes, Callable[[bytes], Header]] = {
+    _PNG_START: _png_header,
+    b"\xff\xd8\xff": _jpeg_header,
+    b"II*\0": _tiff_header,
+    b"MM\0*": _tiff_header,
+    b"II+\0": _big_tiff,
+    b"MM\0+": _big_tiff,
+    b"BM": _bmp_header,
+    **{b"P%d" % digit: _pnm_header for digit in range(1, 8)},
+}

@@ -1,0 +1,150 @@
+"""Reading photos: pixels as the sensor saw them, in grey."""
+
+import os
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.image_headers import DamagedError, Format, Header, needed_png, read_header
+from designer.errors import InputError
+
+MAX_PIXELS = 250_000_000
+"""Above this a photo is refused before it is decoded; the largest sensors on sale have 200 million."""
+MAX_FILE_BYTES = 2**31 - 1
+SUFFIXES_OF: Mapping[Format, tuple[str, ...]] = {
+    "PNG": (".png",),
+    "JPEG": (".jpg", ".jpeg", ".jpe", ".jfif", ".mpo"),
+    "TIFF": (".tif", ".tiff"),
+    "BMP": (".bmp", ".dib"),
+    "PNM": (".pgm", ".ppm", ".pnm", ".pbm", ".pam"),
+}
+"""How the files of a format are usually named; what a file really is, its content says."""
+
+_TURNS = {
+    2: "mirrored", 3: "turned by 180 degrees", 4: "mirrored top to bottom", 5: "turned and mirrored",
+    6: "turned by 90 degrees", 7: "turned and mirrored", 8: "turned by 270 degrees",
+}  # fmt: skip
+Grey = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """An image in grey, in sensor orientation, and what a person should know of its file."""
+
+    pixels: Grey  # (H, W)
+    remarks: tuple[str, ...]
+
+
+def read_image(path: Path) -> Photo:
+    """Read a PNG, JPEG, TIFF, BMP or PNM file of 8 or 16 bits.
+
+    Colours become grey as 0.299 R + 0.587 G + 0.114 B, which a JPEG holds as such. Transparency is ignored: the
+    colour below it counts. An orientation noted by the camera is not applied, because a camera model belongs to the
+    sensor. Of several pages the first is read.
+
+    Raises:
+        InputError: no image, cut off or damaged, too large, of another depth, or not to be read; it names the file.
+    """
+    data = _read_file(path)
+    try:
+        header = read_header(data)
+        if header.width * header.height > MAX_PIXELS:
+            size = f"{header.width} x {header.height} px"
+            raise DamagedError(f"has {size}; at most {MAX_PIXELS // 1_000_000} million are read: scale it down")
+        pixels, is_transparent = _decode(data, header)
+    except DamagedError as error:
+        raise InputError(f"{path}: {error}") from None
+    return Photo(pixels, tuple(_remarks(path, header, is_transparent=is_transparent)))
+
+
+def _read_file(path: Path) -> bytes:
+    """The file's content. Only regular files are opened: a pipe or a device may never end."""
+    try:
+        status = path.stat()
+        if stat.S_ISDIR(status.st_mode):
+            raise InputError(f"{path}: is a folder, not an image")
+        if not stat.S_ISREG(status.st_mode):
+            raise InputError(f"{path}: is a pipe or a device; give image files")
+        if status.st_size == 0:
+            raise InputError(f"{path}: is empty (0 bytes); copy it again")
+        if status.st_size > MAX_FILE_BYTES:
+            raise InputError(f"{path}: has {status.st_size} bytes; at most {MAX_FILE_BYTES} are read")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{os.fspath(path)!r}: is no file name: {error}") from None
+
+
+def _decode(data: bytes, header: Header) -> tuple[Grey, bool]:
+    """Grey pixels, and whether the file has an alpha channel."""
+    import cv2
+
+    flags = cv2.IMREAD_UNCHANGED
+    if header.format == "JPEG":
+        # Decodes the luminance only: several times faster than colour, and the same grey.
+        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+    elif header.format == "PNG":
+        data = needed_png(data)
+    elif header.format == "TIFF" and header.orientation != 1 and header.orientation_at is not None:
+        data = _patched(data, *header.orientation_at)
+    elif data[:2] in {b"P1", b"P2", b"P3"}:
+        data += b"\n"  # a text may end in a digit
+    # The decoders' complaints go to standard error, into the progress bar; what is wrong is said here.
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise DamagedError("is cut off or damaged, or of a kind of its format that is not read; copy or convert it")
+    if image.shape[:2] != (header.height, header.width):
+        raise DamagedError("its header does not fit its content; copy it again")
+    if image.dtype not in (np.uint8, np.uint16):
+        raise DamagedError(f"holds {image.dtype} values; convert it to 8 or 16 bits without sign")
+    is_transparent = image.ndim == 3 and image.shape[2] == 4
+    grey = _grey(cast("Grey", image))  # its type was checked
+    if header.is_white_zero and grey.dtype == np.uint16:
+        grey = np.bitwise_not(grey)  # the decoder does it for 8 bits only
+    return grey, is_transparent
+
+
+def _grey(image: Grey) -> Grey:
+    """One channel from one, three (blue, green, red) or four."""
+    import cv2
+
+    if image.ndim == 2:
+        return image
+    if image.shape[2] == 1:
+        return image[:, :, 0]
+    code = cv2.COLOR_BGRA2GRAY if image.shape[2] == 4 else cv2.COLOR_BGR2GRAY
+    return cast("Grey", cv2.cvtColor(image, code))
+
+
+def _patched(data: bytes, at: int, value: bytes) -> bytes:
+    """The bytes with some replaced."""
+    changed = bytearray(data)
+    changed[at : at + len(value)] = value
+    return bytes(changed)
+
+
+def _remarks(path: Path, header: Header, *, is_transparent: bool) -> list[str]:
+    """What a person should know of the file."""
+    remarks = []
+    if path.suffix.lower() not in SUFFIXES_OF[header.format]:
+        remarks.append(f"the file is {header.format}, whatever its name says")
+    if header.orientation != 1:
+        turn = _TURNS[header.orientation]
+        remarks.append(f"read as the sensor saw it: viewers show it {turn} (orientation {header.orientation})")
+    if header.page_count > 1:
+        remarks.append(f"page 1 of {header.page_count} read")
+    if is_transparent:
+        remarks.append("transparency ignored")
+    return remarks

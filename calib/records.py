@@ -1,0 +1,94 @@
+"""The records of a detection run: what happened to each photo, and why rings are missing."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+from calib.types import Detections, FaceRecord
+from designer.errors import InputError
+
+MAX_FILE_BYTES = 256 * 2**20
+RECORDS_START = b'{\n"format": "ringforge.records"'
+"""How a records file begins, so that another file is told from one."""
+
+
+@dataclass(frozen=True)
+class ImageRecord:
+    """What happened to one photo: the target found, not found, or the photo not read."""
+
+    image: str
+    image_size: tuple[int, int] | None  # width, height in px; None: it could not be read
+    features: int
+    rejected: int  # ring-like things that got no name
+    faces: tuple[FaceRecord, ...]
+    remarks: tuple[str, ...]
+    failure: str = ""  # why it could not be read or searched
+
+
+@dataclass(frozen=True)
+class Records:
+    """What happened to each photo of a run."""
+
+    detector: str  # program and version
+    layout_id: str
+    geometry_id: str
+    images: tuple[ImageRecord, ...]
+    format: Literal["ringforge.records"] = "ringforge.records"
+    version: Literal[1] = 1
+
+
+def image_record(seen: Detections) -> ImageRecord:
+    """The record of a photo that was searched."""
+    rejected = 0 if seen.rejected_px is None else len(seen.rejected_px)
+    return ImageRecord(seen.image, seen.image_size, len(seen.ring), rejected, seen.faces, seen.remarks)
+
+
+def face_remarks(faces: Iterable[FaceRecord]) -> tuple[str, ...]:
+    """The faces' remarks, each said once: `face 3, 7: its code was not read`."""
+    named: dict[str, list[int]] = {}
+    for record in faces:
+        if record.remark:
+            named.setdefault(record.remark, []).extend([] if record.face is None else [record.face])
+    return tuple(f"face {', '.join(map(str, of))}: {remark}" if of else remark for remark, of in named.items())
+
+
+def records_path(detections: Path) -> Path:
+    """Where the records of a `NAME.csv` lie: NAME.records.json."""
+    return detections.with_suffix(".records.json")
+
+
+def records_to_json(records: Records) -> bytes:
+    """The text of `NAME.records.json`: one line a photo."""
+    document = asdict(records)
+    images = document.pop("images")
+    first = {name: document.pop(name) for name in ("format", "version")}
+    head = ",\n".join(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in (first | document).items())
+    body = ",\n".join(json.dumps(image) for image in images)
+    return f'{{\n{head},\n"images": [\n{body}\n]\n}}\n'.encode()
+
+
+def read_records(path: Path) -> Records:
+    """Read `NAME.records.json`.
+
+    Raises:
+        InputError: it cannot be read, or holds no records of this version; the message names it.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES or not path.is_file():
+            raise InputError(f"{path}: not a regular file of at most {MAX_FILE_BYTES} bytes; name a records file")
+        document = json.loads(path.read_bytes())
+        return TypeAdapter(Records).validate_python(document)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"])) or "the document"
+        raise InputError(f"{path}: {place}: {first['msg']}; detect again") from None
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: not a records file: it is not valid JSON; detect again") from None

@@ -1,0 +1,83 @@
+"""What a lens does to an image of light: blur, defocus, dark corners."""
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Image = NDArray[np.float32]
+
+BAND_ROWS = 256
+TAIL = 4.0
+"""Standard deviations at which the point-spread function ends."""
+LEVEL_PX = 0.5
+"""Step of the blurs between which a depth-dependent blur is interpolated."""
+
+
+def psf_weights(sigma_px: float) -> Array:
+    """A sampled Gaussian whose variance is exactly `sigma_px ** 2`.  # (2 N + 1,)
+
+    A Gaussian sampled at whole pixels has less variance than its parameter says once that is below 0.6 px, so the
+    parameter is solved for. The function is symmetric: it moves no edge's place, and no centre.
+    """
+    radius = max(1, math.ceil(TAIL * sigma_px + 1))
+    offset = np.arange(-radius, radius + 1)
+    low, high = 1e-3, sigma_px + 1.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        weights: Array = np.exp(-0.5 * (offset / middle) ** 2)
+        weights /= weights.sum()
+        low, high = (middle, high) if weights @ offset**2 < sigma_px**2 else (low, middle)
+    return weights
+
+
+def blurred(light: Image, sigma_px: float) -> Image:
+    """The image through a Gaussian point-spread function."""
+    weights = psf_weights(sigma_px)
+    return np.asarray(cv2.sepFilter2D(light, -1, weights, weights, borderType=cv2.BORDER_REFLECT_101), dtype=np.float32)
+
+
+def defocus_sigma_px(depth_mm: Image, focus_mm: float, aperture_mm: float, focal_px: float) -> Image:
+    """Standard deviation of the blur at each depth.
+
+    A thin lens spreads a point over a disc of the diameter `f A |1/z - 1/z_focus|`; a disc of diameter c has the
+    variance c^2 / 16 along each axis.
+    """
+    return np.asarray(focal_px * aperture_mm / 4 * np.abs(1 / depth_mm - 1 / focus_mm), dtype=np.float32)
+
+
+def blurred_by(light: Image, sigma_px: Image) -> Image:
+    """The image with a blur of its own at each pixel, interpolated in the variance between a few even blurs."""
+    result = np.empty_like(light)
+    lowest, highest = float(sigma_px.min()), float(sigma_px.max())
+    levels = np.linspace(lowest, highest, max(2, math.ceil((highest - lowest) / LEVEL_PX) + 1))
+    halo = math.ceil(TAIL * highest + 1) + 1
+    for top in range(0, len(light), BAND_ROWS):
+        first = max(0, top - halo)
+        source = light[first : top + BAND_ROWS + halo]
+        rows = slice(top - first, top - first + min(BAND_ROWS, len(light) - top))
+        variance = sigma_px[top : top + BAND_ROWS] ** 2
+        band = np.zeros_like(variance)
+        for n, level in enumerate(levels):
+            weight = _hat(variance, levels**2, n)
+            if weight.any():
+                band += weight * (blurred(source, level) if level > 0 else source)[rows]
+        result[top : top + BAND_ROWS] = band
+    return result
+
+
+def _hat(value: Image, knots: Array, n: int) -> Image:
+    """The share of knot `n` in the linear interpolation at each value."""
+    heights = np.zeros(len(knots))
+    heights[n] = 1.0
+    return np.interp(value, knots, heights).astype(np.float32)
+
+
+def vignette(u: Array, v: Array, image_size: tuple[int, int], loss: float) -> Array:
+    """Light that reaches pixels, over that in the middle: `1 - loss (r / r_corner)^2`."""
+    middle = (np.array(image_size) - 1) / 2
+    square = ((u - middle[0]) ** 2 + (v - middle[1]) ** 2) / max(float(middle @ middle), 1.0)
+    light: Array = 1 - loss * square
+    return light

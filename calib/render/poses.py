@@ -1,0 +1,123 @@
+"""Where the camera stands: Fibonacci grids around the target, or poses from a file."""
+
+import csv
+import io
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.se3 import exp_rotation, look_at, make_pose
+from designer.errors import InputError
+
+Array = NDArray[np.float64]
+Region = Literal["hemisphere", "sphere", "cap"]
+
+MAX_VIEWS = 100_000
+MAX_FILE_BYTES = 64 * 2**20
+GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
+COLUMNS = ("rx_rad", "ry_rad", "rz_rad", "tx_mm", "ty_mm", "tz_mm")
+RIGID_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class PoseGrid:
+    """Cameras around the target's z axis that look at its origin."""
+
+    views: int
+    half_angle_rad: float  # of the cap around +z: pi / 2 is a hemisphere, pi the sphere
+    distance_mm: tuple[float, float]  # drawn evenly between the two
+    random_roll: bool
+    aim_offset_mm: float  # the camera looks at a random point of a ball of this radius
+
+
+def fibonacci_cap(count: int, half_angle_rad: float) -> Array:
+    """Unit vectors (count, 3), evenly spread over a cap around +z.
+
+    Equal steps of height and of the golden angle (Swinbank and Purser 2006).
+    """
+    step = np.arange(count) + 0.5
+    z = 1 - (1 - math.cos(half_angle_rad)) * step / count
+    radius = np.sqrt(np.maximum(0.0, 1 - z**2))
+    angle = GOLDEN_ANGLE_RAD * step
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
+
+
+def grid_poses(grid: PoseGrid, rng: np.random.Generator) -> Array:
+    """Poses `cam_from_target` (V, 4, 4) of a grid."""
+    direction = fibonacci_cap(grid.views, grid.half_angle_rad)
+    distance = rng.uniform(*grid.distance_mm, size=grid.views)
+    roll = rng.uniform(-np.pi, np.pi, size=grid.views) if grid.random_roll else np.zeros(grid.views)
+    step = rng.standard_normal((grid.views, 3))
+    length = grid.aim_offset_mm * rng.uniform(size=(grid.views, 1)) ** (1 / 3)
+    aim = length * step / np.linalg.norm(step, axis=1, keepdims=True)
+    return look_at(aim + distance[:, None] * direction, aim, roll)
+
+
+def load_poses(path: Path) -> Array:
+    """Poses `cam_from_target` (V, 4, 4) from a file.
+
+    JSON: a list of 4 x 4 matrices, or a `truth.json`. CSV: a header line `rx_rad,ry_rad,rz_rad,tx_mm,ty_mm,tz_mm`,
+    then a rotation vector and a translation a line.
+
+    Raises:
+        InputError: the file cannot be read or holds no rigid motions; the message names it.
+    """
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(f"{path}: more than {MAX_FILE_BYTES} bytes; too large for a file of poses")
+        text = path.read_text(encoding="utf-8-sig")
+        poses = _poses_from_csv(text) if path.suffix.lower() == ".csv" else _poses_from_json(text)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: line {error.lineno}, column {error.colno}: {error.msg}; not valid JSON") from None
+    except (ValueError, TypeError, RecursionError) as error:
+        raise InputError(f"{path}: {error}") from None
+    if not 0 < len(poses) <= MAX_VIEWS:
+        raise InputError(f"{path}: {len(poses)} poses; give 1 to {MAX_VIEWS}")
+    return poses
+
+
+def _poses_from_json(text: str) -> Array:
+    document = json.loads(text)
+    if isinstance(document, dict):
+        views = document.get("views")
+        if not isinstance(views, list) or not all(isinstance(v, dict) and "cam_from_target" in v for v in views):
+            raise ValueError("no poses: give a list of 4 x 4 matrices, or a truth.json")
+        document = [view["cam_from_target"] for view in views]
+    try:
+        poses = np.array(document, dtype=np.float64)
+    except (ValueError, TypeError):
+        raise ValueError("no poses: give a list of 4 x 4 matrices of numbers") from None
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4):
+        raise ValueError(f"an array of shape {poses.shape}; poses are a list of 4 x 4 matrices")
+    is_finite = np.isfinite(poses).all(axis=(1, 2))
+    rotation = np.where(is_finite[:, None, None], poses, 0.0)[:, :3, :3]
+    off = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    is_rigid = (off < RIGID_TOLERANCE) & (np.linalg.det(rotation) > 0) & (poses[:, 3] == [0, 0, 0, 1]).all(axis=1)
+    if not is_rigid.all():
+        raise ValueError(f"pose {int(np.argmin(is_rigid))} (from 0) is no rigid motion: rotation, translation, 0 0 0 1")
+    return poses
+
+
+def _poses_from_csv(text: str) -> Array:
+    lines = [row for row in csv.reader(io.StringIO(text)) if row and not row[0].lstrip().startswith("#")]
+    if not lines or tuple(name.strip() for name in lines[0]) != COLUMNS:
+        raise ValueError(f"the first line must be {','.join(COLUMNS)}")
+    for number, row in enumerate(lines[1:], start=1):
+        if len(row) != len(COLUMNS) or not all(_is_finite(value) for value in row):
+            raise ValueError(f"pose {number} is not {len(COLUMNS)} finite numbers")
+    values = np.array(lines[1:], dtype=np.float64).reshape(-1, len(COLUMNS))
+    return make_pose(exp_rotation(values[:, :3]), values[:, 3:])
+
+
+def _is_finite(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False

@@ -1,0 +1,118 @@
+"""Quantities of a photo in text: angles, pixels, ranges of length."""
+
+import math
+import re
+from collections.abc import Callable
+
+from designer.errors import InputError
+from designer.spec_file import shown, suggestion
+from designer.units import parse_length_mm, parse_percent
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
+
+
+def bounded(option: str, text: str, parse: Callable[[str], float], low: float, high: float, unit: str) -> float:
+    """A quantity within its limits.
+
+    Args:
+        option: named in messages.
+        text: as given.
+        parse: reads the text.
+        low: least value.
+        high: largest value.
+        unit: of the limits, for messages.
+
+    Raises:
+        InputError: no such quantity, or out of its limits.
+    """
+    try:
+        value = parse(text)
+    except ValueError as error:
+        raise InputError(f"{option} {shown(text)}: {error}") from None
+    if not low <= value <= high:
+        raise InputError(f"{option} {shown(text)}: must be from {low:g}{unit} to {high:g}{unit}")
+    return value
+
+
+def share(option: str, text: str, low: float, high: float) -> float:
+    """A percentage as a share of one; the limits are in percent."""
+    return bounded(option, text, parse_percent, low, high, "%") / 100
+
+
+def length(option: str, text: str, low: float, high: float) -> float:
+    """A length in millimetres."""
+    return bounded(option, text, parse_length_mm, low, high, "mm")
+
+
+def whole(option: str, value: int, low: int, high: int) -> int:
+    """A whole number within its limits.
+
+    Raises:
+        InputError: out of the limits.
+    """
+    if not low <= value <= high:
+        raise InputError(f"{option} {value}: must be from {low} to {high}")
+    return value
+
+
+def choice(option: str, text: str, known: tuple[str, ...]) -> str:
+    """One of a few words.
+
+    Raises:
+        InputError: another word; the message suggests the nearest.
+    """
+    if text not in known:
+        hint = suggestion(text, list(known)) or f"; use {', '.join(known)}"
+        raise InputError(f"{option} {shown(text)} is unknown{hint}")
+    return text
+
+
+def parse_degrees(text: str) -> float:
+    """An angle in degrees, `60deg` or `60`.
+
+    Raises:
+        ValueError: not a finite number of degrees.
+    """
+    return _with_unit(text, ("deg", "°", ""), "an angle such as 60deg")
+
+
+def parse_pixels(text: str) -> float:
+    """A length in the image, `0.7px` or `0.7`.
+
+    Raises:
+        ValueError: not a finite number of pixels.
+    """
+    return _with_unit(text, ("px", ""), "pixels such as 0.7px")
+
+
+def parse_number(text: str) -> float:
+    """A plain number.
+
+    Raises:
+        ValueError: not a finite number.
+    """
+    return _with_unit(text, ("",), "a number")
+
+
+def length_range(option: str, text: str, low: float, high: float) -> tuple[float, float]:
+    """`400mm`, or `250mm..800mm`, in millimetres and in order.
+
+    Raises:
+        InputError: no lengths, or out of the limits.
+    """
+    parts = text.split("..")
+    if len(parts) > 2:
+        raise InputError(f"{option} {shown(text)}: give one length, or two such as 250mm..800mm")
+    unit = re.sub(rf"^\s*{_NUMBER}\s*", "", parts[-1])
+    first = f"{parts[0]}{unit}" if len(parts) == 2 and re.fullmatch(rf"\s*{_NUMBER}\s*", parts[0]) else parts[0]
+    values = [bounded(option, part, parse_length_mm, low, high, "mm") for part in (first, parts[-1])]
+    if values[0] > values[1]:
+        raise InputError(f"{option} {shown(text)}: the smaller length comes first")
+    return values[0], values[1]
+
+
+def _with_unit(text: str, units: tuple[str, ...], expected: str) -> float:
+    match = re.fullmatch(rf"\s*({_NUMBER})\s*(\S*)\s*", text)
+    if match is None or match[2] not in units or not math.isfinite(float(match[1])):
+        raise ValueError(f"expected {expected}")
+    return float(match[1])

@@ -1,0 +1,125 @@
+"""Rotations and rigid motions, batched over leading axes.
+
+A pose is a 4 x 4 matrix that reads right to left: `p_cam = cam_from_target @ p_target`.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SMALL_ANGLE_RAD = 1e-4
+"""Below it the series of sin(a)/a and its like, cut after two terms, are exact to the last bit."""
+
+
+def exp_rotation(vector_rad: Array) -> Array:
+    """Rotations (..., 3, 3) of rotation vectors (..., 3): Rodrigues' formula."""
+    vector = np.asarray(vector_rad, dtype=np.float64)
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    is_small = angle < SMALL_ANGLE_RAD
+    safe = np.where(is_small, 1.0, angle)
+    square = angle**2
+    first = np.where(is_small, 1 - square / 6, np.sin(safe) / safe)
+    second = np.where(is_small, 0.5 - square / 24, 2 * (np.sin(safe / 2) / safe) ** 2)
+    cross = skew(vector)
+    result: Array = np.eye(3) + first * cross + second * (cross @ cross)
+    return result
+
+
+def log_rotation(rotation: Array) -> Array:
+    """Rotation vectors (..., 3), at most pi long, of rotations (..., 3, 3).
+
+    Through the unit quaternion, from its largest component (Shepperd 1978), so that it stays exact near 0 and pi.
+    """
+    quaternion = _quaternion(np.asarray(rotation, dtype=np.float64))
+    scalar, vector = quaternion[..., :1], quaternion[..., 1:]
+    sign = np.where(scalar < 0, -1.0, 1.0)
+    scalar, vector = scalar * sign, vector * sign
+    length = np.linalg.norm(vector, axis=-1, keepdims=True)
+    is_small = length < SMALL_ANGLE_RAD
+    safe = np.where(is_small, 1.0, length)
+    result: Array = vector * np.where(is_small, 2 + length**2 / 3, 2 * np.arctan2(length, scalar) / safe)
+    return result
+
+
+def _quaternion(rotation: Array) -> Array:
+    """Unit quaternions (..., 4), scalar first; their sign is free."""
+    r = rotation
+    xx, yy, zz = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
+    a, b, c = r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]
+    d, e, f = r[..., 1, 0] + r[..., 0, 1], r[..., 0, 2] + r[..., 2, 0], r[..., 2, 1] + r[..., 1, 2]
+    # Each row is 4 q_k times the quaternion; the row of the largest component loses no digits.
+    rows = np.stack(
+        [
+            np.stack([1 + xx + yy + zz, a, b, c], axis=-1),
+            np.stack([a, 1 + xx - yy - zz, d, e], axis=-1),
+            np.stack([b, d, 1 - xx + yy - zz, f], axis=-1),
+            np.stack([c, e, f, 1 - xx - yy + zz], axis=-1),
+        ],
+        axis=-2,
+    )
+    largest = np.argmax(np.diagonal(rows, axis1=-2, axis2=-1), axis=-1)
+    row = np.take_along_axis(rows, largest[..., None, None], axis=-2)[..., 0, :]
+    unit: Array = row / np.linalg.norm(row, axis=-1, keepdims=True)
+    return unit
+
+
+def skew(vector: Array) -> Array:
+    """Matrices (..., 3, 3) of vectors (..., 3) with `skew(a) @ b = a x b`."""
+    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
+    zero = np.zeros_like(x)
+    rows = [np.stack(row, axis=-1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
+    return np.stack(rows, axis=-2)
+
+
+def make_pose(rotation: Array, translation: Array) -> Array:
+    """Rigid motions (..., 4, 4) from rotations (..., 3, 3) and translations (..., 3)."""
+    shape = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
+    pose = np.zeros((*shape, 4, 4))
+    pose[..., :3, :3] = rotation
+    pose[..., :3, 3] = translation
+    pose[..., 3, 3] = 1.0
+    return pose
+
+
+def compose(*poses: Array) -> Array:
+    """The product of rigid motions (..., 4, 4), the last applied first."""
+    result = poses[0]
+    for pose in poses[1:]:
+        result = result @ pose
+    return result
+
+
+def invert(pose: Array) -> Array:
+    """The inverse rigid motions (..., 4, 4)."""
+    rotation = np.swapaxes(pose[..., :3, :3], -1, -2)
+    return make_pose(rotation, -(rotation @ pose[..., :3, 3:])[..., 0])
+
+
+def transform(pose: Array, point: Array) -> Array:
+    """Points (..., 3) moved by rigid motions (..., 4, 4)."""
+    moved: Array = (pose[..., :3, :3] @ point[..., None])[..., 0] + pose[..., :3, 3]
+    return moved
+
+
+def look_at(eye: Array, aim: Array, roll_rad: Array | float = 0.0) -> Array:
+    """Poses `cam_from_world` (..., 4, 4) of cameras at `eye` that look at `aim`, both (..., 3).
+
+    Without roll the world's z axis points up in the image; seen along it, the world's y axis does. A positive roll
+    turns the camera clockwise about its viewing direction.
+    """
+    eye, aim = np.broadcast_arrays(np.asarray(eye, dtype=np.float64), np.asarray(aim, dtype=np.float64))
+    forward = _unit(aim - eye)
+    along_z = np.abs(forward[..., 2:]) > 1 - 1e-9
+    up = np.where(along_z, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    right = _unit(np.cross(forward, up))
+    down = np.cross(forward, right)
+    cosine, sine = np.cos(roll_rad), np.sin(roll_rad)
+    cosine, sine = np.asarray(cosine)[..., None], np.asarray(sine)[..., None]
+    rotation = np.stack([cosine * right + sine * down, cosine * down - sine * right, forward], axis=-2)
+    return make_pose(rotation, -(rotation @ eye[..., None])[..., 0])
+
+
+def _unit(vector: Array) -> Array:
+    unit: Array = vector / np.linalg.norm(vector, axis=-1, keepdims=True)
+    return unit
