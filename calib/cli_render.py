@@ -2,6 +2,7 @@
 
 import math
 import os
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -202,18 +203,12 @@ def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: b
     """Render the set, and say what was done and what to do next."""
     from calib.render.job import run_job
 
-    done = [0]
     try:
         with _progress() as on_view:
-
-            def count(finished: int, total: int) -> None:
-                done[0] = finished
-                on_view(finished, total)
-
-            rendered = run_job(job, out, processes=processes, overwrite=overwrite, on_view=count)
+            rendered = run_job(job, out, processes=processes, overwrite=overwrite, on_view=on_view)
     except KeyboardInterrupt:
-        total = len(job.cam_from_target)
-        typer.echo(f"stopped: {done[0]} of {total} images are in {out}; the same command renders the others", err=True)
+        done, total = sum((out / name).exists() for name in job.file_names), len(job.file_names)
+        typer.echo(f"stopped: {done} of {total} images are in {out}; the same command renders the others", err=True)
         raise SystemExit(STOPPED) from None
     _summarise(job, rendered, target, out)
 
@@ -234,10 +229,12 @@ def _summarise(job: "RenderJob", rendered: "Rendered", target: Path, out: Path) 
     width, height = job.camera.image_size
     total = len(job.cam_from_target)
     kept = f" ({rendered.kept} were there already)" if rendered.kept else ""
-    print(f"{out}: {total} images of {width} x {height} px{kept} and truth.json, seed {job.seed}")
+    images = "1 image" if total == 1 else f"{total} images"
+    print(f"{out}: {images} of {width} x {height} px{kept} and truth.json, seed {job.seed}")
     if rendered.written:
         each = rendered.seconds / rendered.written
         noun = "process" if rendered.processes == 1 else "processes"
         print(f"  {rendered.seconds:.1f} s, {each:.2f} s a view with {rendered.processes} {noun}")
     suffix = Path(job.file_names[0]).suffix
-    print(f"next  calib detect {target} {out}/*{suffix} -o {out / 'detections.csv'}")
+    folder = shlex.quote(str(out))
+    print(f"next  calib detect {shlex.quote(str(target))} {folder}/*{suffix} -o {folder}/detections.csv")

@@ -30,6 +30,8 @@ MAX_SIDE_PX = 1_000_000
 _KIND = "# ringforge detections, version "
 _REALS = ("u", "v", "suu", "suv", "svv", "X", "Y", "Z")
 _IMAGE_LINE = re.compile(r'# image (\d{1,7}) x (\d{1,7}) px (".*")')
+_ANY_NAME = "surrogatepass"
+"""Python's way with file names that are no text: they are read back as they were."""
 _WHOLE = re.compile(r"-?[0-9]{1,9}")
 _REAL = re.compile(r"[-+]?(?:[0-9]{1,20}\.?[0-9]{0,20}|\.[0-9]{1,20})(?:[eE][-+]?[0-9]{1,3})?")
 _ID_LINE = re.compile(r"# (layout_id|geometry_id|detector) (\S.*)")
@@ -133,7 +135,7 @@ def write_detections(
     images = (*map(image_record, seen), *failed)
     records = Records(detector, target.layout_id, target.geometry_id, images)
     text = detections_to_csv(seen, target, detector=detector)
-    write_files({records_path(path): records_to_json(records), path: text.encode("utf-8", "surrogateescape")})
+    write_files({records_path(path): records_to_json(records), path: text.encode("utf-8", _ANY_NAME)})
 
 
 def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry, *, detector: str) -> str:
@@ -234,7 +236,9 @@ def _read_text(path: Path) -> str:
             raise InputError(f"{path}: not a regular file; name a detections.csv")
         if path.stat().st_size > MAX_FILE_BYTES:
             raise InputError(f"{path}: {path.stat().st_size} bytes; at most {MAX_FILE_BYTES} are read")
-        return path.read_bytes().decode("utf-8", "surrogateescape").removeprefix("\ufeff")
+        return path.read_bytes().decode("utf-8", _ANY_NAME).removeprefix("\ufeff")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not UTF-8 text, so no detections file; detect again") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
 

@@ -1,15 +1,15 @@
 """Writing files so that they are whole or as they were."""
 
 import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from secrets import token_hex
 
 from designer.errors import InputError
 
 
 def write_files(files: Mapping[Path, bytes]) -> None:
-    """Write all files, or none: each under a temporary name beside its final one first, then all are renamed.
+    """Write each file under a temporary name beside its final one, then rename all; a full disk changes none.
 
     Raises:
         InputError: a folder cannot be made or written, or the disk is full.
@@ -18,13 +18,11 @@ def write_files(files: Mapping[Path, bytes]) -> None:
     try:
         for final, content in files.items():
             final.parent.mkdir(parents=True, exist_ok=True)
-            number, name = tempfile.mkstemp(prefix=".unfinished-", dir=final.parent)
-            staged[final] = Path(name)
-            with os.fdopen(number, "wb") as stream:
+            staged[final] = final.with_name(f".unfinished-{token_hex(8)}")
+            with staged[final].open("xb") as stream:
                 stream.write(content)
                 stream.flush()
                 os.fsync(stream.fileno())
-            staged[final].chmod(0o666 & ~_umask())
         for final, place in staged.items():
             place.replace(final)
     except OSError as error:
@@ -34,10 +32,3 @@ def write_files(files: Mapping[Path, bytes]) -> None:
     finally:
         for place in staged.values():
             place.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    """The permissions that new files do not get; a temporary file starts with fewer."""
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask

@@ -52,7 +52,7 @@ def read_header(data: bytes) -> Header:
     reader = _reader_of(data)
     try:
         header = reader(data)
-    except (struct.error, IndexError, ValueError, OverflowError) as error:
+    except (struct.error, LookupError, ValueError, OverflowError) as error:
         if isinstance(error, DamagedError):
             raise
         raise DamagedError("its header is damaged or cut off; copy it again") from None

@@ -14,3 +14,8 @@ def jit(function: Kernel) -> Kernel:
     Kernels release the lock, so callers spread independent work over threads and results do not depend on how many.
     """
     return cast("Kernel", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+def jit_sums(function: Kernel) -> Kernel:
+    """As `jit`, but sums may be taken in any order, so that the processor adds several numbers at once."""
+    return cast("Kernel", numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})(function))

@@ -18,7 +18,7 @@ from calib.dataset import (
     read_detections,
     write_detections,
 )
-from calib.records import ImageRecord, read_records, records_path
+from calib.records import ImageRecord, face_remarks, read_records, records_path
 from calib.types import Detections, FaceRecord
 from designer.errors import InputError
 from designer.layout import lay_out
@@ -232,6 +232,12 @@ def test_records_come_back(tmp_path: Path) -> None:
         lost,
     )
     assert (records.detector, records.layout_id, records.geometry_id) == ("test 1", ICO.layout_id, ICO.geometry_id)
+
+
+def test_a_remark_of_several_faces_is_said_once() -> None:
+    """Faces with the same remark are named together; what belongs to no face stands alone."""
+    faces = [replace(RECORD, face=face, remark="dim") for face in (3, 7)]
+    assert face_remarks([*faces, RECORD, replace(RECORD, face=None, remark="odd")]) == ("face 3, 7: dim", "odd")
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"format": "ringforge.records"}', "\xff", "[1]"])

@@ -226,6 +226,7 @@ REFUSED = {
     "32-bit.tif": (tiff(GREY.astype(np.uint32)), "more than 16 bits"),
     "raw.tif": (tiff(DEEP, t262=32803), "raw photo"),
     "preview.tif": (tiff(GREY, t254=1), "preview"),
+    "no-width.tif": (tiff(GREY).replace(struct.pack("<HH", 256, 4), struct.pack("<HH", 255, 4)), "header is damaged"),
     "zero.png": (png(0, 1, 8, 0, b""), "0 x 1"),
     "bomb.png": (png(200_000, 200_000, 8, 0, b""), "at most 250 million"),
     "bomb.jpg": (JPEG.replace(struct.pack(">HH", HEIGHT, WIDTH), b"\xff\xff\xff\xff", 1), "at most 250 million"),

@@ -64,10 +64,10 @@ def supersampled(target: TargetGeometry, cam: Camera, where: Array, levels: Rend
 
 
 CASES = {
-    "tilted small rings, inner radius 2 px and less": (board(3), camera(210.0, 56), pose(0, 66, 40)),
-    "steep": (board(3), camera(260.0, 56), pose(8, 88, 24)),
-    "barrel": (board(3), camera(90.0, 56, "opencv", -0.3, 0.1, 0.001, -0.001, -0.01), pose(14, 12, 42)),
-    "backward distortion": (board(3), camera(90.0, 56, "luhmann", -0.2, 0.05, 0.01, 0.001, -0.002), pose(14, 12, 42)),
+    "tilted small rings, inner radius 2 px and less": (board(3), camera(165.0, 44), pose(0, 66, 40)),
+    "steep": (board(3), camera(205.0, 44), pose(8, 88, 24)),
+    "barrel": (board(3), camera(70.0, 44, "opencv", -0.3, 0.1, 0.001, -0.001, -0.01), pose(14, 12, 42)),
+    "backward distortion": (board(3), camera(70.0, 44, "luhmann", -0.2, 0.05, 0.01, 0.001, -0.002), pose(14, 12, 42)),
 }
 
 

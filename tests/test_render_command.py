@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from calib.camera_file import camera_from_mapping
+from calib.cli import app
 from calib.render import RenderOptions, render_view
 from calib.render.job import RenderJob, render_file, run_job, truth_text
 from calib.se3 import look_at
@@ -176,18 +177,28 @@ def test_the_command_renders_and_says_what_comes_next(target_file: Path, tmp_pat
         (["--quality", "0"], "--quality 0: must be"),
     ],
 )
-def test_bad_values_end_in_one_line(options: list[str], message: str, target_file: Path, tmp_path: Path) -> None:
-    """A value that breaks a rule ends in one line that names it, exit code 2, and no files."""
-    done = calib("render", target_file, "-o", "set", *options, cwd=tmp_path)
-    assert done.returncode == 2, done.stderr
-    assert message in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+def test_bad_values_are_refused(
+    options: list[str], message: str, target_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A value that breaks a rule is refused in one line that names it, before anything is written."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError) as caught:
+        app(["render", str(target_file), "-o", "set", *options], standalone_mode=False)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
     assert not (tmp_path / "set").exists()
+
+
+def test_bad_values_end_the_command_with_one_line(target_file: Path, tmp_path: Path) -> None:
+    """On the command line that is one line on standard error and exit code 2."""
+    done = calib("render", target_file, "-o", "set", "--views", "0", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == "error: --views 0: must be from 1 to 100000\n"
 
 
 def test_hard_sets_are_warned_of(target_file: Path, tmp_path: Path) -> None:
     """Rings that are too small, or a target that leaves the image, are said before rendering."""
-    small = ["--camera", target_file.with_name("small.json"), "--views", "2"]
+    small = ["--camera", target_file.with_name("small.json"), "--views", "2", "--jobs", "1"]
     far = calib("render", target_file, "-o", "far", *small, "--distance", "800mm", cwd=tmp_path)
     assert far.returncode == 0
     assert "the largest ring has a radius of 1.2px" in far.stderr

@@ -83,6 +83,7 @@ def _grow(
     turn: Floats,
     slot: NDArray[np.int32],
     queue: Integers,
+    farthest: int,
 ) -> int:
     """Grow a grid from a seed whose turn is set; returns how many candidates it holds (they stand in `queue`)."""
     grid_of[seed] = number
@@ -96,7 +97,7 @@ def _grow(
         e = ellipse[a]
         cos, sin = math.cos(turn[a]), math.sin(turn[a])
         for k in range(len(move)):
-            for jump in range(1, 3):
+            for jump in range(1, farthest + 1):
                 i, j = index[a, 0] + jump * move[k, 0], index[a, 1] + jump * move[k, 1]
                 if abs(i) >= HALF_SPAN or abs(j) >= HALF_SPAN or slot[HALF_SPAN + i, HALF_SPAN + j] >= 0:
                     break
@@ -126,7 +127,13 @@ def _grow(
 
 @jit
 def _grow_all(
-    ellipse: Floats, region: Integers, seeds: Integers, move: Integers, step: Floats, smallest: int
+    ellipse: Floats,
+    region: Integers,
+    seeds: Integers,
+    move: Integers,
+    step: Floats,
+    smallest: int,
+    farthest: int,
 ) -> tuple[Integers, Integers, Floats]:
     """Grow a grid from each seed that no grid has yet; returns the grid (-1: none), index and turn of each."""
     count = len(ellipse)
@@ -161,7 +168,7 @@ def _grow_all(
                     continue
                 turn[seed] = angle
                 grown = _grow(
-                    seed, number, at, order, ellipse, region, move, step, grid_of, index, turn, slot, queue
+                    seed, number, at, order, ellipse, region, move, step, grid_of, index, turn, slot, queue, farthest
                 )  # fmt: skip
                 if grown >= smallest:
                     break
@@ -176,14 +183,24 @@ def _grow_all(
     return grid_of, index, turn
 
 
-def grow_grids(candidates: Candidates, lattice: Lattice, smallest: int = 3) -> tuple[Grid, ...]:
-    """All grids of at least `smallest` candidates, the largest first. Seeds are rings; any candidate may join."""
+def grow_grids(
+    candidates: Candidates, lattice: Lattice, *, across_gaps: bool, smallest: int = 3
+) -> tuple[Grid, ...]:
+    """All grids of at least `smallest` candidates, the largest first. Seeds are rings; any candidate may join.
+
+    Args:
+        candidates: what was seen.
+        lattice: the target's.
+        across_gaps: whether a grid may step over one missing feature inside the same white region. On a solid it may
+            not: its lattice can go on beyond an edge as if unfolded, with just one row missing.
+        smallest: the least number of members.
+    """
     if candidates.count < 2:
         return ()
     rings = np.flatnonzero(candidates.ratio > 0)
     seeds = rings[np.argsort(candidates.misfit_px[rings] / candidates.radius_px[rings], kind="stable")]
     grid_of, index, turn = _grow_all(
-        candidates.ellipse, candidates.region, seeds, lattice.move, lattice.move_in_radii, smallest
+        candidates.ellipse, candidates.region, seeds, lattice.move, lattice.move_in_radii, smallest, 2 if across_gaps else 1
     )
     grids = []
     for number in range(int(grid_of.max()) + 1):

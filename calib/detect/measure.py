@@ -22,6 +22,8 @@ Integers: TypeAlias = NDArray[np.int64]
 MIN_FOR_LINE = 6
 """A grid of so many features has a homography with something to spare; fewer leave the vanishing line free."""
 
+MANY_RINGS = 600
+
 COVERED = "covered, washed out or too blurred"
 FAINT = "too little contrast"
 ODD_SHAPE = "not the shape a feature has there"
@@ -145,7 +147,9 @@ def _fit_with_lines(
     use = ~is_dot
     fits: RingFits | None = None
     residual = np.zeros((len(ring), 2))
-    for _ in range(2):
+    # Very many rings give the line from their ellipses alone; a second pass would only repeat the first.
+    passes = 1 if len(ring) > MANY_RINGS else 2
+    for _ in range(passes):
         lens = camera_lens if camera_lens is not None else _lens(plan, ring, center, use, placement.lens, image_size)
         line, information, residual = _lines(plan, ring, center, sigma, use, lens, placement)
         _, bend = local_form(lens, center)

@@ -129,7 +129,7 @@ def _is_whole(pixels: NDArray[np.generic], plan: TargetPlan, found: _Found) -> b
 
 def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates) -> _Found:
     """Grow grids and name them."""
-    grids = grow_grids(candidates, plan.lattice)
+    grids = grow_grids(candidates, plan.lattice, across_gaps=not plan.is_coded)
     contrast = _contrast(pixels, candidates)
     if not grids:
         return _Found(candidates, (), ("no grid of rings was found",))

@@ -13,16 +13,18 @@ from numpy.typing import NDArray
 
 from calib.detect.ring_model import PARAMETERS
 from calib.detect.small_solve import cholesky_invert, cholesky_solve
-from calib.jit import jit
+from calib.jit import jit, jit_sums
 from calib.threads import in_chunks
 
 Floats: TypeAlias = NDArray[np.float64]
 
 MAX_ITERATIONS = 25
 MAX_PIXELS = 4096
+CHUNK = 64
+"""Pixels whose derivatives are multiplied together at once."""
 PIXEL_BUDGET = 900
 """Larger rings are sampled: so many pixels near the edges hold the centre far better than any printer or plane does."""
-DENSE_RADIUS_PX = 26.0
+DENSE_RADIUS_PX = 24.0
 """Rings up to this mean outer radius use every pixel near an edge."""
 
 
@@ -57,11 +59,11 @@ def plane_distance(p: Floats, q: Floats, v0: float, v1: float, out: Floats) -> N
     y0 = p[2] * x0
     y1 = p[3] * x0 + p[4] * x1
     length = math.sqrt(y0 * y0 + y1 * y1) + 1e-12
-    w = 1.0 - p[5] * x0 - p[6] * x1
-    f = length / w
-    s = 1.0 / (length * w)
-    fx0 = (p[2] * y0 + p[3] * y1) * s + f * p[5] / w
-    fx1 = p[4] * y1 * s + f * p[6] / w
+    inv_w = 1.0 / (1.0 - p[5] * x0 - p[6] * x1)
+    f = length * inv_w
+    s = inv_w / length
+    fx0 = (p[2] * y0 + p[3] * y1) * s + f * p[5] * inv_w
+    fx1 = p[4] * y1 * s + f * p[6] * inv_w
     fv0 = fx0 * (1.0 + 2.0 * q[0] * v0 + q[1] * v1) + fx1 * (2.0 * q[3] * v0 + q[4] * v1)
     fv1 = fx0 * (q[1] * v0 + 2.0 * q[2] * v1) + fx1 * (1.0 + q[4] * v0 + 2.0 * q[5] * v1)
     out[0] = f
@@ -71,13 +73,50 @@ def plane_distance(p: Floats, q: Floats, v0: float, v1: float, out: Floats) -> N
     out[4] = y0 * x0 * s
     out[5] = y1 * x0 * s
     out[6] = y1 * x1 * s
-    out[7] = f * x0 / w
-    out[8] = f * x1 / w
+    out[7] = f * x0 * inv_w
+    out[8] = f * x1 * inv_w
     # The level set |E xi| - F (1 - m . xi) = 0 has the Hessian of |E xi| alone.
     e0 = -p[2] * fv1
     e1 = p[4] * fv0 - p[3] * fv1
-    across = (y0 * e1 - y1 * e0) / (length * w * out[1])
-    out[9] = across * across / out[1]
+    inv_g = 1.0 / out[1]
+    across = (y0 * e1 - y1 * e0) * s * inv_g
+    out[9] = across * across * inv_g
+
+
+@jit
+def _sample_pixels(
+    p: Floats, q: Floats, reach: float, height: int, width: int, pixels: NDArray[np.int32]
+) -> int:
+    """Pixels on lines across the edges of a large ring: close to the edge, where the position is; and on every
+    fourth line as far as `reach`, where the levels are."""
+    out = np.empty(10)
+    count = 0
+    edges = 2 if p[7] > 0.0 else 1
+    far = int(math.ceil(reach))
+    near = int(math.ceil(0.5 * reach))
+    rays = int(PIXEL_BUDGET / (edges * (2 * near + 1 + 0.5 * (far - near))))
+    for edge in range(edges):
+        rho = 1.0 if edge == 0 else p[7]
+        for ray in range(rays):
+            # A fraction of a turn apart for the two edges, so that rows and columns are not sampled alike.
+            angle = 2.0 * math.pi * (ray + 0.37 * edge) / rays
+            y0, y1 = math.cos(angle), math.sin(angle)
+            x0 = y0 / p[2]
+            x1 = (y1 - p[3] * x0) / p[4]
+            scale = rho / (1.0 + rho * (p[5] * x0 + p[6] * x1))
+            x0 *= scale
+            x1 *= scale
+            plane_distance(p, q, x0, x1, out)
+            nu, nv = out[2] / out[1], out[3] / out[1]
+            half = far if ray % 4 == 0 else near
+            for t in range(-half, half + 1):
+                u = int(round(p[0] + x0 + t * nu))
+                v = int(round(p[1] + x1 + t * nv))
+                if 0 <= u < width and 0 <= v < height and count < MAX_PIXELS:
+                    pixels[count, 0] = u
+                    pixels[count, 1] = v
+                    count += 1
+    return count
 
 
 @jit
@@ -109,31 +148,7 @@ def _choose_pixels(
                     pixels[count, 1] = v
                     count += 1
         return count
-    edges = 2 if p[7] > 0.0 else 1
-    steps = 2 * int(math.ceil(reach)) + 1
-    rays = PIXEL_BUDGET // (edges * steps)
-    for edge in range(edges):
-        rho = 1.0 if edge == 0 else p[7]
-        for ray in range(rays):
-            # A fraction of a turn apart for the two edges, so that rows and columns are not sampled alike.
-            angle = 2.0 * math.pi * (ray + 0.37 * edge) / rays
-            y0, y1 = math.cos(angle), math.sin(angle)
-            x0 = y0 / p[2]
-            x1 = (y1 - p[3] * x0) / p[4]
-            scale = rho / (1.0 + rho * (p[5] * x0 + p[6] * x1))
-            x0 *= scale
-            x1 *= scale
-            plane_distance(p, q, x0, x1, out)
-            nu, nv = out[2] / out[1], out[3] / out[1]
-            for step in range(steps):
-                t = step - (steps - 1) // 2
-                u = int(round(p[0] + x0 + t * nu))
-                v = int(round(p[1] + x1 + t * nv))
-                if 0 <= u < width and 0 <= v < height and count < MAX_PIXELS:
-                    pixels[count, 0] = u
-                    pixels[count, 1] = v
-                    count += 1
-    return count
+    return _sample_pixels(p, q, reach, height, width, pixels)
 
 
 @jit
@@ -144,6 +159,17 @@ def _edge(t: float) -> tuple[float, float]:
     if t < -6.0:
         return 1.0, 0.0
     return 0.5 - 0.5 * math.erf(t * 0.7071067811865476), 0.3989422804014327 * math.exp(-0.5 * t * t)
+
+
+@jit_sums
+def _add_outer(rows: Floats, filled: int, total: Floats) -> None:
+    """Add rows @ rows' to the lower triangle of `total`.  # (P, CHUNK), (P, P)"""
+    for a in range(PARAMETERS):
+        for b in range(a + 1):
+            s = 0.0
+            for n in range(filled):
+                s += rows[a, n] * rows[b, n]
+            total[a, b] += s
 
 
 @jit
@@ -158,16 +184,17 @@ def _accumulate(
     normal: Floats,
     gradient: Floats,
     sandwich: Floats,
+    rows: Floats,
 ) -> float:
     """Sum of squared residuals; fills J'J, J'r and, on request, the sum of r^2 J J' (lower triangles)."""
     normal[:] = 0.0
     gradient[:] = 0.0
     sandwich[:] = 0.0
     out = np.empty(10)
-    row = np.empty(PARAMETERS)
     cost = 0.0
     is_ring = p[7] > 0.0
     inv_s = 1.0 / p[8]
+    filled = 0
     for n in range(count):
         u, v = pixels[n, 0], pixels[n, 1]
         plane_distance(p, q, u - p[0], v - p[1], out)
@@ -185,36 +212,42 @@ def _accumulate(
         du, dv = u - origin[0], v - origin[1]
         light = p[9] + p[10] * du + p[11] * dv
         shade = 1.0 - p[12] * ink
-        residual = image[v, u] - light * shade - ink * (p[13] * du + p[14] * dv)
+        ink_light = p[13] * du + p[14] * dv
         # The light falls on the target before the lens blurs it: blur(L s) = L blur(s) + s^2 grad L . grad blur(s).
         slope_u, slope_v = p[13] - p[12] * p[10], p[14] - p[12] * p[11]
         ink_per_f = (phi_inner - phi_outer) * inv_g * inv_s
-        residual -= p[8] * p[8] * ink_per_f * (slope_u * out[2] + slope_v * out[3])
-        per_f = (p[13] * du + p[14] * dv - light * p[12]) * (phi_inner - phi_outer) * inv_g * inv_s
-        row[0] = -per_f * out[2]
-        row[1] = -per_f * out[3]
+        bleed = p[8] * p[8] * ink_per_f * (slope_u * out[2] + slope_v * out[3])
+        residual = image[v, u] - light * shade - ink * ink_light - bleed
+        step = ink_light - light * p[12]
+        per_f = step * ink_per_f
+        rows[0, filled] = -per_f * out[2]
+        rows[1, filled] = -per_f * out[3]
         for k in range(5):
-            row[2 + k] = per_f * out[4 + k]
-        row[7] = (light * p[12] - p[13] * du - p[14] * dv) * phi_inner * inv_g * inv_s
-        row[8] = (p[13] * du + p[14] * dv - light * p[12]) * (phi_outer * t_outer - phi_inner * t_inner) * inv_s
-        row[9] = shade
-        row[10] = shade * du
-        row[11] = shade * dv
-        row[12] = -light * ink
-        row[13] = ink * du
-        row[14] = ink * dv
+            rows[2 + k, filled] = per_f * out[4 + k]
+        rows[7, filled] = -step * phi_inner * inv_g * inv_s
+        rows[8, filled] = step * (phi_outer * t_outer - phi_inner * t_inner) * inv_s
+        rows[9, filled] = shade
+        rows[10, filled] = shade * du
+        rows[11, filled] = shade * dv
+        rows[12, filled] = -light * ink
+        rows[13, filled] = ink * du
+        rows[14, filled] = ink * dv
+        rows[PARAMETERS, filled] = residual
         cost += residual * residual
-        for a in range(PARAMETERS):
-            ra = row[a]
-            gradient[a] += ra * residual
-            for b in range(PARAMETERS):
-                normal[a, b] += ra * row[b]
-        if want_sandwich:
-            r2 = residual * residual
+        filled += 1
+        if filled == CHUNK or n == count - 1:
             for a in range(PARAMETERS):
-                ra = row[a] * r2
-                for b in range(PARAMETERS):
-                    sandwich[a, b] += ra * row[b]
+                s = 0.0
+                for k in range(filled):
+                    s += rows[a, k] * rows[PARAMETERS, k]
+                gradient[a] += s
+            _add_outer(rows, filled, normal)
+            if want_sandwich:
+                for a in range(PARAMETERS):
+                    for k in range(filled):
+                        rows[a, k] *= rows[PARAMETERS, k]
+                _add_outer(rows, filled, sandwich)
+            filled = 0
     return cost
 
 
@@ -271,6 +304,7 @@ def _fit_one(
     line_cov: Floats,
     noise_out: Floats,
     work: Floats,
+    rows: Floats,
     pixels: NDArray[np.int32],
 ) -> int:
     """Fit one ring; returns the number of pixels used, or 0 if it failed."""
@@ -284,7 +318,7 @@ def _fit_one(
     if count < 2 * PARAMETERS:
         return 0
     freedom = count - PARAMETERS
-    cost = _accumulate(image, pixels, count, params, q, origin, False, normal, gradient, sandwich)
+    cost = _accumulate(image, pixels, count, params, q, origin, False, normal, gradient, sandwich, rows)
     noise2 = max(cost / freedom, 1e-6)
     prior = _add_prior(params, line, information, noise2, is_ring, normal, gradient)
     damping = 1e-4
@@ -304,7 +338,7 @@ def _fit_one(
             if damping > 1e8:
                 return 0
             continue
-        trial_cost = _accumulate(image, pixels, count, trial, q, origin, False, damped, step, sandwich)
+        trial_cost = _accumulate(image, pixels, count, trial, q, origin, False, damped, step, sandwich, rows)
         trial_prior = _add_prior(trial, line, information, noise2, is_ring, damped, step)
         if trial_cost + trial_prior <= cost + prior:
             gain = (cost + prior - trial_cost - trial_prior) / (cost + prior + 1e-30)
@@ -320,7 +354,7 @@ def _fit_one(
             if damping > 1e8 or moved < 1e-6:
                 break
     noise2 = max(cost / freedom, 1e-6)
-    _accumulate(image, pixels, count, params, q, origin, True, normal, gradient, sandwich)
+    _accumulate(image, pixels, count, params, q, origin, True, normal, gradient, sandwich, rows)
     _add_prior(params, line, information, noise2, is_ring, normal, gradient)
     if not cholesky_invert(normal, damped, inverse):
         return 0
@@ -370,11 +404,12 @@ def _fit_range(
 ) -> None:
     """Fit rings first..last-1."""
     work = np.empty((5, PARAMETERS, PARAMETERS))
+    rows = np.empty((PARAMETERS + 1, CHUNK))
     pixels = np.empty((MAX_PIXELS, 2), dtype=np.int32)
     for n in range(first, last):
         used[n] = _fit_one(
             image, start[n], q[n], line[n], information[n], limit,
-            params[n], center_cov[n], line_cov[n], noise[n : n + 1], work, pixels,
+            params[n], center_cov[n], line_cov[n], noise[n : n + 1], work, rows, pixels,
         )  # fmt: skip
 
 

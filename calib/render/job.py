@@ -6,8 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
@@ -98,11 +97,9 @@ def run_job(
     kept = len(job.cam_from_target) - len(missing)
     on_view(kept, len(job.cam_from_target))
     processes = max(1, min(processes, len(missing)))
-    with _pool(processes) as submit:
-        waiting = [submit(job, index, folder) for index in missing]
-        for done, future in enumerate(as_completed(waiting), start=1):
-            future.result()
-            on_view(kept + done, len(job.cam_from_target))
+    rendered = _render_here(job, missing, folder) if processes == 1 else _render(job, missing, folder, processes)
+    for done, _ in enumerate(rendered, start=1):
+        on_view(kept + done, len(job.cam_from_target))
     return Rendered(len(missing), kept, time.perf_counter() - start, processes)
 
 
@@ -135,29 +132,25 @@ def _named_in(truth: str | None) -> list[str]:
     return [name for name in names if name.startswith("view_") and Path(name).name == name]
 
 
-@contextmanager
-def _pool(processes: int) -> Iterator[Callable[[RenderJob, int, Path], "Future[None]"]]:
-    """Something to hand views to: other processes, or this one if it is to be one only."""
-    if processes == 1:
-        yield _render_here
-        return
+def _render_here(job: RenderJob, views: list[int], folder: Path) -> Iterator[None]:
+    """Render views one by one, and say when each is done."""
+    for index in views:
+        yield render_file(job, index, folder)
+
+
+def _render(job: RenderJob, views: list[int], folder: Path, processes: int) -> Iterator[None]:
+    """Render views in several processes, and say when each is done."""
     context = multiprocessing.get_context("spawn")
-    executor = ProcessPoolExecutor(processes, mp_context=context, initializer=_ignore_interrupt)
+    executor = ProcessPoolExecutor(processes, mp_context=context, initializer=_prepare_process)
     try:
-        yield lambda job, index, folder: executor.submit(render_file, job, index, folder)
+        for future in as_completed([executor.submit(render_file, job, index, folder) for index in views]):
+            yield future.result()
     finally:
         executor.shutdown(wait=True, cancel_futures=True)
 
 
-def _render_here(job: RenderJob, index: int, folder: Path) -> "Future[None]":
-    future: Future[None] = Future()
-    render_file(job, index, folder)
-    future.set_result(None)
-    return future
-
-
-def _ignore_interrupt() -> None:
-    """Leave Ctrl-C to the first process, which then sends no more views and waits for those at work."""
+def _prepare_process() -> None:
+    """One thread a process; leave Ctrl-C to the first process, which then sends no more views and waits for those at work."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)
 

@@ -52,27 +52,24 @@ def blurred_by(light: Image, sigma_px: Image) -> Image:
     """The image with a blur of its own at each pixel, interpolated in the variance between a few even blurs."""
     result = np.empty_like(light)
     lowest, highest = float(sigma_px.min()), float(sigma_px.max())
-    levels = np.linspace(lowest, highest, max(2, math.ceil((highest - lowest) / LEVEL_PX) + 1))
+    count = max(1, math.ceil((highest - lowest) / LEVEL_PX))
+    levels = np.linspace(lowest, max(highest, lowest + 1e-3), count + 1, dtype=np.float32)
     halo = math.ceil(TAIL * highest + 1) + 1
     for top in range(0, len(light), BAND_ROWS):
         first = max(0, top - halo)
         source = light[first : top + BAND_ROWS + halo]
         rows = slice(top - first, top - first + min(BAND_ROWS, len(light) - top))
-        variance = sigma_px[top : top + BAND_ROWS] ** 2
-        band = np.zeros_like(variance)
-        for n, level in enumerate(levels):
-            weight = _hat(variance, levels**2, n)
-            if weight.any():
-                band += weight * (blurred(source, level) if level > 0 else source)[rows]
+        sigma = sigma_px[top : top + BAND_ROWS]
+        below = np.clip((sigma - levels[0]) / (levels[1] - levels[0]), 0, count - 1).astype(np.int32)
+        share = (sigma**2 - levels[below] ** 2) / (levels[below + 1] ** 2 - levels[below] ** 2)
+        band = np.zeros_like(sigma)
+        for n in np.flatnonzero(np.bincount(below.ravel(), minlength=count)).tolist():
+            is_here = below == n
+            for level, weight in ((n, 1 - share), (n + 1, share)):
+                even = blurred(source, float(levels[level])) if levels[level] > 0 else source
+                np.add(band, weight * even[rows], out=band, where=is_here)
         result[top : top + BAND_ROWS] = band
     return result
-
-
-def _hat(value: Image, knots: Array, n: int) -> Image:
-    """The share of knot `n` in the linear interpolation at each value."""
-    heights = np.zeros(len(knots))
-    heights[n] = 1.0
-    return np.interp(value, knots, heights).astype(np.float32)
 
 
 def vignette(u: Array, v: Array, image_size: tuple[int, int], loss: float) -> Array:

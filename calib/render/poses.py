@@ -96,10 +96,11 @@ def _poses_from_json(text: str) -> Array:
         raise ValueError("no poses: give a list of 4 x 4 matrices of numbers") from None
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise ValueError(f"an array of shape {poses.shape}; poses are a list of 4 x 4 matrices")
-    is_finite = np.isfinite(poses).all(axis=(1, 2))
+    is_finite = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     rotation = np.where(is_finite[:, None, None], poses, 0.0)[:, :3, :3]
     off = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    is_rigid = (off < RIGID_TOLERANCE) & (np.linalg.det(rotation) > 0) & (poses[:, 3] == [0, 0, 0, 1]).all(axis=1)
+    last = (poses[:, 3] == np.array([0.0, 0.0, 0.0, 1.0])).all(axis=1)
+    is_rigid = np.logical_and.reduce([is_finite, off < RIGID_TOLERANCE, np.linalg.det(rotation) > 0, last])
     if not is_rigid.all():
         raise ValueError(f"pose {int(np.argmin(is_rigid))} (from 0) is no rigid motion: rotation, translation, 0 0 0 1")
     return poses
