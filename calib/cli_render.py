@@ -176,6 +176,8 @@ def _warn(job: "RenderJob") -> None:
     from calib.render.rings import ring_truth, target_fits
     from calib.render.scene import scene_from_target
 
+    if job.options.white * (1 + job.options.light_gradient / 2) > 1.001:
+        typer.echo("warning: the light gradient takes the white beyond full scale; lower --white", err=True)
     scene = scene_from_target(job.target)
     count = len(job.cam_from_target)
     sample = np.unique(np.linspace(0, count - 1, min(count, CHECKED_VIEWS)).round().astype(int))
@@ -220,7 +222,8 @@ def _progress() -> "Iterator[Callable[[int, int], None]]":
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("rendering")
         yield lambda finished, total: bar.update(task, completed=finished, total=total)
 

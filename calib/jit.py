@@ -18,4 +18,6 @@ def jit(function: Kernel) -> Kernel:
 
 def jit_sums(function: Kernel) -> Kernel:
     """As `jit`, but sums may be taken in any order, so that the processor adds several numbers at once."""
-    return cast("Kernel", numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})(function))
+    return cast(
+        "Kernel", numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})(function)
+    )

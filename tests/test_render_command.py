@@ -197,11 +197,14 @@ def test_bad_values_end_the_command_with_one_line(target_file: Path, tmp_path: P
 
 
 def test_hard_sets_are_warned_of(target_file: Path, tmp_path: Path) -> None:
-    """Rings that are too small, or a target that leaves the image, are said before rendering."""
+    """Rings that are too small, a target that leaves the image, or light beyond full scale, are said."""
     small = ["--camera", target_file.with_name("small.json"), "--views", "2", "--jobs", "1"]
     far = calib("render", target_file, "-o", "far", *small, "--distance", "800mm", cwd=tmp_path)
     assert far.returncode == 0
     assert "the largest ring has a radius of 1.2px" in far.stderr
-    near = calib("render", target_file, "-o", "near", *small, "--distance", "50mm", cwd=tmp_path)
+    near = calib(
+        "render", target_file, "-o", "near", *small, "--distance", "50mm", "--light-gradient", "60%", cwd=tmp_path
+    )
     assert near.returncode == 0
+    assert "light gradient takes the white beyond full scale" in near.stderr
     assert "beyond the image in 100% of the views" in near.stderr

@@ -74,7 +74,7 @@ class GridReader:
         """The candidate there, or what its nearest neighbours in the grid predict."""
         grid, ellipse = self._grid, self._candidates.ellipse
         if key in self._row:
-            return ellipse[grid.row[self._row[key]]]
+            return np.asarray(ellipse[grid.row[self._row[key]]])
         offset = np.array(key) - grid.index
         near = np.argsort((offset**2).sum(axis=1), kind="stable")[:4]
         steps = self._plan.lattice

@@ -28,7 +28,7 @@ def reduced(pixels: NDArray[np.generic], factor: int) -> NDArray[np.uint8]:
     if small.dtype == np.uint8:
         return np.ascontiguousarray(small, dtype=np.uint8)
     low, high = float(small.min()), float(small.max())
-    return np.asarray((small - low) * (255.0 / max(high - low, 1e-9)), dtype=np.uint8)
+    return np.asarray((small.astype(np.float64) - low) * (255.0 / max(high - low, 1e-9)), dtype=np.uint8)
 
 
 @dataclass(frozen=True)
@@ -66,4 +66,5 @@ def binarise(grey: NDArray[np.uint8], threshold: Threshold) -> NDArray[np.uint8]
     if threshold.window == 0:
         return np.asarray(cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1], dtype=np.uint8)
     local = cv2.boxFilter(grey, -1, (threshold.window, threshold.window), borderType=cv2.BORDER_REPLICATE)
-    return np.asarray(cv2.compare(cv2.add(grey, threshold.offset), local, cv2.CMP_GT), dtype=np.uint8)
+    raised = cv2.add(grey, np.full(1, threshold.offset))
+    return np.asarray(cv2.compare(raised, local, cv2.CMP_GT), dtype=np.uint8)

@@ -13,7 +13,9 @@ Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
 
 MIN_POINTS = 6
-"""Shorter borders are noise: no ellipse can be told from them."""
+MIN_AREA_PX2 = 4.0
+MIN_VARIANCE_PX2 = 0.05
+"""Shorter, smaller and thinner borders are noise: no ellipse can be told from them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,71 +36,88 @@ class Borders:
 
 
 @jit
+def _moments(point: NDArray[np.int32], start: int, stop: int, moment: Floats) -> bool:
+    """Centroid and second central moments of a closed polygon by Green's theorem; false if it has no area."""
+    base_u, base_v = point[start, 0], point[start, 1]
+    area = mu = mv = uu = uv = vv = 0.0
+    for n in range(start, stop):
+        after = n + 1 if n + 1 < stop else start
+        u0, v0 = float(point[n, 0] - base_u), float(point[n, 1] - base_v)
+        u1, v1 = float(point[after, 0] - base_u), float(point[after, 1] - base_v)
+        cross = u0 * v1 - u1 * v0
+        area += cross
+        mu += (u0 + u1) * cross
+        mv += (v0 + v1) * cross
+        uu += (u0 * u0 + u0 * u1 + u1 * u1) * cross
+        vv += (v0 * v0 + v0 * v1 + v1 * v1) * cross
+        uv += (2.0 * u0 * v0 + u0 * v1 + u1 * v0 + 2.0 * u1 * v1) * cross
+    area *= 0.5
+    if abs(area) < MIN_AREA_PX2:
+        return False
+    mu /= 6.0 * area
+    mv /= 6.0 * area
+    moment[0], moment[1] = base_u + mu, base_v + mv
+    moment[2] = uu / (12.0 * area) - mu * mu
+    moment[3] = uv / (24.0 * area) - mu * mv
+    moment[4] = vv / (12.0 * area) - mv * mv
+    return True
+
+
+@jit
+def _shape_of(suu: float, suv: float, svv: float, grow: float, shape: Floats) -> bool:
+    """E of the ellipse with the given second moments, its semi-axes longer by `grow`; false if it is too thin."""
+    half_sum, half_diff = 0.5 * (suu + svv), 0.5 * (suu - svv)
+    spread = np.sqrt(half_diff * half_diff + suv * suv)
+    large, small = half_sum + spread, half_sum - spread
+    if small <= MIN_VARIANCE_PX2:
+        return False
+    # A solid ellipse's variance along an axis is a quarter of the semi-axis squared.
+    large = (2.0 * np.sqrt(large) + grow) ** 2
+    small = max(2.0 * np.sqrt(small) + grow, 0.5) ** 2
+    angle = 0.5 * np.arctan2(suv, half_diff)
+    cos, sin = np.cos(angle), np.sin(angle)
+    m00 = cos * cos / large + sin * sin / small
+    m11 = sin * sin / large + cos * cos / small
+    m01 = cos * sin * (1.0 / large - 1.0 / small)
+    shape[2] = np.sqrt(m11)
+    shape[1] = m01 / shape[2]
+    shape[0] = np.sqrt(max(m00 - shape[1] ** 2, 1e-12))
+    return True
+
+
+@jit
+def _misfit(point: NDArray[np.int32], start: int, stop: int, e: Floats, grow: float) -> float:
+    """Root-mean-square distance of a border from an ellipse, both moved by half a pixel as in `_ellipses`."""
+    total = 0.0
+    for n in range(start, stop):
+        du, dv = point[n, 0] - e[0], point[n, 1] - e[1]
+        y0 = e[2] * du
+        y1 = e[3] * du + e[4] * dv
+        f = np.sqrt(y0 * y0 + y1 * y1) + 1e-9
+        gu = (e[2] * y0 + e[3] * y1) / f
+        gv = e[4] * y1 / f
+        off = (f - 1.0) / np.sqrt(gu * gu + gv * gv) + grow
+        total += off * off
+    return float(np.sqrt(total / (stop - start)))
+
+
+@jit
 def _ellipses(
-    point: NDArray[np.int32],
-    first: Integers,
-    is_hole: NDArray[np.bool_],
-    ellipse: Floats,
-    misfit: Floats,
+    point: NDArray[np.int32], first: Integers, is_hole: NDArray[np.bool_], ellipse: Floats, misfit: Floats
 ) -> None:
-    """Moments of each border's polygon by Green's theorem, as an ellipse; and how well the border fits it."""
+    """Each border's ellipse, and how well the border fits it."""
+    moment = np.empty(5)
     for b in range(len(first) - 1):
         start, stop = first[b], first[b + 1]
         misfit[b] = np.inf
         ellipse[b, 2] = ellipse[b, 4] = 1.0
-        if stop - start < MIN_POINTS:
-            continue
-        base_u, base_v = point[start, 0], point[start, 1]
-        area = mu = mv = uu = uv = vv = 0.0
-        for n in range(start, stop):
-            after = n + 1 if n + 1 < stop else start
-            u0, v0 = float(point[n, 0] - base_u), float(point[n, 1] - base_v)
-            u1, v1 = float(point[after, 0] - base_u), float(point[after, 1] - base_v)
-            cross = u0 * v1 - u1 * v0
-            area += cross
-            mu += (u0 + u1) * cross
-            mv += (v0 + v1) * cross
-            uu += (u0 * u0 + u0 * u1 + u1 * u1) * cross
-            vv += (v0 * v0 + v0 * v1 + v1 * v1) * cross
-            uv += (2.0 * u0 * v0 + u0 * v1 + u1 * v0 + 2.0 * u1 * v1) * cross
-        area *= 0.5
-        if abs(area) < 4.0:
-            continue
-        mu /= 6.0 * area
-        mv /= 6.0 * area
-        suu = uu / (12.0 * area) - mu * mu
-        svv = vv / (12.0 * area) - mv * mv
-        suv = uv / (24.0 * area) - mu * mv
         # Borders run through white pixels, half a pixel outside a dark blob and inside a white one.
-        half_sum, half_diff = 0.5 * (suu + svv), 0.5 * (suu - svv)
-        spread = np.sqrt(half_diff * half_diff + suv * suv)
-        large, small = half_sum + spread, half_sum - spread
-        if small <= 0.05:
-            continue
         grow = -0.5 if is_hole[b] else 0.5
-        large_new = 0.25 * (2.0 * np.sqrt(large) + grow) ** 2
-        small_new = 0.25 * max(2.0 * np.sqrt(small) + grow, 0.5) ** 2
-        angle = 0.5 * np.arctan2(suv, half_diff)
-        cos, sin = np.cos(angle), np.sin(angle)
-        m00 = 0.25 * (cos * cos / large_new + sin * sin / small_new)
-        m11 = 0.25 * (sin * sin / large_new + cos * cos / small_new)
-        m01 = 0.25 * cos * sin * (1.0 / large_new - 1.0 / small_new)
-        ellipse[b, 0] = base_u + mu
-        ellipse[b, 1] = base_v + mv
-        ellipse[b, 4] = np.sqrt(m11)
-        ellipse[b, 3] = m01 / ellipse[b, 4]
-        ellipse[b, 2] = np.sqrt(max(m00 - ellipse[b, 3] ** 2, 1e-12))
-        total = 0.0
-        for n in range(start, stop):
-            du, dv = point[n, 0] - ellipse[b, 0], point[n, 1] - ellipse[b, 1]
-            y0 = ellipse[b, 2] * du
-            y1 = ellipse[b, 3] * du + ellipse[b, 4] * dv
-            f = np.sqrt(y0 * y0 + y1 * y1) + 1e-9
-            gu = (ellipse[b, 2] * y0 + ellipse[b, 3] * y1) / f
-            gv = ellipse[b, 4] * y1 / f
-            off = (f - 1.0) / np.sqrt(gu * gu + gv * gv) + grow
-            total += off * off
-        misfit[b] = np.sqrt(total / (stop - start))
+        if stop - start < MIN_POINTS or not _moments(point, start, stop, moment):
+            continue
+        ellipse[b, 0], ellipse[b, 1] = moment[0], moment[1]
+        if _shape_of(moment[2], moment[3], moment[4], grow, ellipse[b, 2:]):
+            misfit[b] = _misfit(point, start, stop, ellipse[b], grow)
 
 
 def find_borders(binary: NDArray[np.uint8]) -> Borders:
@@ -142,4 +161,5 @@ def _hole_flags(parent: Integers) -> NDArray[np.bool_]:
             depth[at] = value
             value -= 1
             at = parent[at]
-    return depth % 2 == 1
+    is_hole: NDArray[np.bool_] = depth % 2 == 1
+    return is_hole

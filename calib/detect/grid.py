@@ -183,9 +183,7 @@ def _grow_all(
     return grid_of, index, turn
 
 
-def grow_grids(
-    candidates: Candidates, lattice: Lattice, *, across_gaps: bool, smallest: int = 3
-) -> tuple[Grid, ...]:
+def grow_grids(candidates: Candidates, lattice: Lattice, *, across_gaps: bool, smallest: int = 3) -> tuple[Grid, ...]:
     """All grids of at least `smallest` candidates, the largest first. Seeds are rings; any candidate may join.
 
     Args:
@@ -200,7 +198,13 @@ def grow_grids(
     rings = np.flatnonzero(candidates.ratio > 0)
     seeds = rings[np.argsort(candidates.misfit_px[rings] / candidates.radius_px[rings], kind="stable")]
     grid_of, index, turn = _grow_all(
-        candidates.ellipse, candidates.region, seeds, lattice.move, lattice.move_in_radii, smallest, 2 if across_gaps else 1
+        candidates.ellipse,
+        candidates.region,
+        seeds,
+        lattice.move,
+        lattice.move_in_radii,
+        smallest,
+        2 if across_gaps else 1,
     )
     grids = []
     for number in range(int(grid_of.max()) + 1):

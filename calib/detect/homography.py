@@ -37,7 +37,7 @@ def direct(plane: Floats, image: Floats) -> Floats:
 def scaled(homography: Floats, plane: Floats) -> Floats:
     """The same map, its denominator 1 at the points' mean, where they are seen from the front."""
     middle = plane.mean(axis=0)
-    return homography / (homography[2, :2] @ middle + homography[2, 2])
+    return np.asarray(homography / (homography[2, :2] @ middle + homography[2, 2]))
 
 
 def fit(plane: Floats, image: Floats, weight: Floats, rounds: int = 4) -> tuple[Floats, Floats, Floats]:
@@ -47,6 +47,7 @@ def fit(plane: Floats, image: Floats, weight: Floats, rounds: int = 4) -> tuple[
         plane: points in the plane.  # (N, 2)
         image: their images.  # (N, 2)
         weight: inverse variance of each.  # (N,)
+        rounds: Gauss-Newton steps.
 
     Returns:
         The homography (3, 3), the inverse of its normal matrix in its first eight entries with the points moved to
@@ -67,7 +68,7 @@ def fit(plane: Floats, image: Floats, weight: Floats, rounds: int = 4) -> tuple[
         homography = (homography.ravel() + np.append(step, 0.0)).reshape(3, 3)
     shift = np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1]])
     residual = image - apply(homography, x)
-    return homography @ shift, np.linalg.pinv(normal), residual
+    return homography @ shift, np.asarray(np.linalg.pinv(normal), dtype=np.float64), residual
 
 
 def linearised(homography: Floats, point: Floats) -> tuple[Floats, Floats]:
@@ -84,9 +85,9 @@ def linearised(homography: Floats, point: Floats) -> tuple[Floats, Floats]:
 
 
 def vanishing_terms(homography: Floats, image: Floats) -> Floats:
-    """m at image points: the vanishing line is `m . (u - point) = 1`.  # (3, 3), (N, 2) -> (N, 2)"""
+    """The line term m at image points: the vanishing line is `m . (u - point) = 1`.  # (3, 3), (N, 2) -> (N, 2)"""
     line = np.linalg.inv(homography)[2]
-    return -line[:2] / (image @ line[:2] + line[2])[:, None]
+    return np.asarray(-line[:2] / (image @ line[:2] + line[2])[:, None])
 
 
 def vanishing_covariance(homography: Floats, plane: Floats, covariance: Floats, image: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""The lattice of a target as the grid search needs it: its steps in ring radii, and the turns that map it onto itself."""
+"""The lattice of a target as the grid search needs it: steps in ring radii, and the turns that map it onto itself."""
 
 import itertools
 from dataclasses import dataclass

@@ -13,6 +13,7 @@ from calib.types import Camera
 Floats: TypeAlias = NDArray[np.float64]
 
 MIN_POINTS = 20
+MAX_POINTS = 300
 SIGNIFICANCE = 15.0
 """How much more a lens must explain than noise would (F statistic) before it is believed."""
 
@@ -108,7 +109,7 @@ def local_form(lens: Lens, pixel: Floats, step_px: float = 2.0) -> tuple[Floats,
     jacobian = np.stack([east - west, south - north], axis=-1) / (2 * step_px)
     second = np.stack([0.5 * (east - 2 * middle + west), 0.25 * corners, 0.5 * (south - 2 * middle + north)], axis=-1)
     bend = np.linalg.solve(jacobian, second / step_px**2)
-    return jacobian, bend.reshape(-1, 6)
+    return jacobian, np.asarray(bend.reshape(-1, 6), dtype=np.float64)
 
 
 def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, int]) -> Lens:
@@ -120,7 +121,7 @@ def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, in
     """
     middle = (0.5 * (image_size[0] - 1), 0.5 * (image_size[1] - 1))
     half_diagonal = 0.5 * float(np.hypot(*image_size))
-    groups = [group for group in groups if len(group[0]) >= 6]
+    groups = [_thinned(*group) for group in groups if len(group[0]) >= 6]
     count = sum(len(plane) for plane, _ in groups)
     freedom = 2 * count - 8 * len(groups) - 2
     if count < MIN_POINTS or freedom < 10:
@@ -155,15 +156,26 @@ def _lens_equations(lens: RadialLens, groups: list[tuple[Floats, Floats]]) -> tu
         keep = size < 6 * np.median(size) + 0.05
         if keep.sum() < 6:
             continue
-        plane, pixel = plane[keep], pixel[keep]
-        mapped, _, residual = homography.fit(plane, straight[keep], np.ones(len(plane)), rounds=2)
-        _, by_plane = homography.linearised(mapped, plane)
-        offset = pixel - np.array(lens.middle_px)
+        kept = plane[keep]
+        mapped, _, residual = homography.fit(kept, straight[keep], np.ones(len(kept)), rounds=2)
+        _, by_plane = homography.linearised(mapped, kept)
+        offset = pixel[keep] - np.array(lens.middle_px)
         r2 = (offset**2).sum(axis=1, keepdims=True) / lens.half_diagonal_px**2
         by_lens = np.stack([offset * r2, offset * r2 * r2], axis=-1).reshape(-1, 2)
-        basis, _ = np.linalg.qr(by_plane.reshape(-1, 8))
-        free = by_lens - basis @ (basis.T @ by_lens)
+        free = by_lens - _projected(by_plane.reshape(-1, 8), by_lens)
         normal += free.T @ free
         gradient -= free.T @ residual.ravel()
         cost += float((residual**2).sum())
     return normal, gradient, cost
+
+
+def _projected(basis: Floats, vectors: Floats) -> Floats:
+    """Vectors as far as they lie in the span of a basis.  # (M, 8), (M, 2)"""
+    scaled = basis / np.linalg.norm(basis, axis=0)
+    return np.asarray(scaled @ (np.linalg.pinv(scaled.T @ scaled) @ (scaled.T @ vectors)))
+
+
+def _thinned(plane: Floats, pixel: Floats) -> tuple[Floats, Floats]:
+    """An even share of a large grid: its lens is plain from fewer points."""
+    every = max(1, len(plane) // MAX_POINTS)
+    return plane[::every], pixel[::every]

@@ -32,7 +32,7 @@ def _sample_marks(image: NDArray[np.generic], ellipse: Floats, ratio: float, aro
             x1 = (math.sin(angle) - e[3] * x0) / e[4]
             for zone in range(3):
                 rho = 0.45 * ratio if zone == 0 else (0.5 * (1.0 + ratio) if zone == 1 else around)
-                u, v = int(round(e[0] + rho * x0)), int(round(e[1] + rho * x1))
+                u, v = round(e[0] + rho * x0), round(e[1] + rho * x1)
                 if not (0 <= u < width and 0 <= v < height):
                     inside = False
                     break
@@ -47,7 +47,7 @@ def _sample_marks(image: NDArray[np.generic], ellipse: Floats, ratio: float, aro
                 break
         if not inside:
             continue
-        centre[SAMPLES] = float(image[int(round(e[1])), int(round(e[0]))])
+        centre[SAMPLES] = float(image[round(e[1]), round(e[0])])
         level[n, 0], level[n, 1], level[n, 2] = np.median(centre), np.median(ink), np.median(white)
         middle = 0.5 * (level[n, 1] + level[n, 2])
         level[n, 3] = np.mean((ink > middle).astype(np.float64))

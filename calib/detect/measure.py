@@ -74,11 +74,8 @@ def measure(
     good = reason == ""
     missing = [(int(r), COVERED) for r in places.ring[np.setdiff1d(np.arange(len(places.ring)), at)]]
     missing += [(int(r), str(why)) for r, why in zip(places.ring[at][~good], reason[~good], strict=True)]
-    missing += [
-        (int(r), OUTSIDE)
-        for r in np.flatnonzero(np.isin(plan.target.ring_face, placement.seen()))
-        if r not in set(places.ring.tolist())
-    ]
+    on_seen = np.flatnonzero(np.isin(plan.target.ring_face, placement.seen()))
+    missing += [(int(r), OUTSIDE) for r in np.setdiff1d(on_seen, places.ring)]
     return Measured(
         ring=places.ring[at][good],
         center_px=fits.center_px[good],

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.detect.alignment import Alignment, GridReader, agreement, alignments
 from calib.detect.candidates import Candidates
 from calib.detect.grid import Grid
-from calib.detect.marks import DOT, RING
+from calib.detect.marks import DOT
 from calib.detect.name_faces import MIN_MARGIN, NamedGrid
 from calib.detect.plan import TargetPlan
 
@@ -78,7 +78,7 @@ def _by_dots(plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: Grid
 def _best(
     plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: GridReader, dots: Integers, turns: Integers
 ) -> tuple[int, int, Alignment] | None:
-    """Score, margin and alignment of the best way to explain the dots seen; None: no way has more for it than against."""
+    """Score, margin and alignment of the best way to explain the dots seen; None: nothing speaks for any."""
     index = grid.index[sure]
     found: list[tuple[int, Alignment]] = []
     tried: set[bytes] = set()

@@ -100,13 +100,12 @@ def _name(
         if best.score < MIN_MARGIN or margin < MIN_MARGIN:
             continue
         total += best.score
-        for k, face, option in best.named:
-            item = placed[group[k]].options[option]
+        for k, face, number in best.named:
+            option = placed[group[k]].options[number]
             # A grid that its neighbours named against its own code is a doubt, not a feature.
-            if item.score[face] >= 0:
-                named.append(
-                    NamedGrid(placed[group[k]].grid, face, item.alignment, tuple(map(int, item.marks)), margin)
-                )
+            if option.score[face] >= 0:
+                marks = tuple(int(mark) for mark in option.marks)
+                named.append(NamedGrid(placed[group[k]].grid, face, option.alignment, marks, margin))
     faces = [item.face for item in named]
     return tuple(item for item in named if faces.count(item.face) == 1), total
 
@@ -164,7 +163,9 @@ def _number_corners(placed: list[_Placed]) -> list[_Placed]:
             else:
                 numbers.append(len(seen))
                 seen.append(point)
-        out.append(_Placed(item.grid, item.options, tuple(_in_order(option, corner, numbers) for option in item.options)))
+        out.append(
+            _Placed(item.grid, item.options, tuple(_in_order(option, corner, numbers) for option in item.options))
+        )
     return out
 
 
@@ -229,9 +230,7 @@ def _follow(plan: TargetPlan, group: list[_Placed], anchor: int, face: int, opti
     return _Pose(score, tuple(sorted(named)))
 
 
-def _fitting_name(
-    plan: TargetPlan, item: _Placed, vertex: dict[int, int], taken: set[int]
-) -> tuple[int, int] | None:
+def _fitting_name(plan: TargetPlan, item: _Placed, vertex: dict[int, int], taken: set[int]) -> tuple[int, int] | None:
     """The face and option whose corners fit the corners known so far; the best of them by its code."""
     best: tuple[int, int] | None = None
     best_score = -(10**6)

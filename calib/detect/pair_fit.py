@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.ring_fit import plane_distance
+from calib.detect.plane_distance import OUTPUTS, plane_distance
 from calib.detect.ring_model import GEOMETRY_PARAMETERS, PARAMETERS
 from calib.detect.small_solve import cholesky_solve
 from calib.jit import jit
@@ -32,7 +32,8 @@ def _bilinear(image: NDArray[np.generic], u: float, v: float) -> float:
     fu, fv = u - iu, v - iv
     top = image[iv, iu] * (1.0 - fu) + image[iv, iu + 1] * fu
     bottom = image[iv + 1, iu] * (1.0 - fu) + image[iv + 1, iu + 1] * fu
-    return top * (1.0 - fv) + bottom * fv
+    value: float = top * (1.0 - fv) + bottom * fv
+    return value
 
 
 @jit
@@ -41,7 +42,7 @@ def _edge_points(
 ) -> int:
     """Sub-pixel edge points of a ring; `levels` gets each point's dark side, bright side and steepest step."""
     height, width = image.shape
-    out = np.empty(10)
+    out = np.empty(OUTPUTS)
     profile = np.empty(MAX_STEPS)
     count = 0
     edges = 2 if p[7] > 0.0 else 1
@@ -113,7 +114,7 @@ def _pair_cost(
     """Huber cost of the signed distances; fills the weighted normal equations."""
     normal[:] = 0.0
     gradient[:] = 0.0
-    out = np.empty(10)
+    out = np.empty(OUTPUTS)
     row = np.empty(GEOMETRY_PARAMETERS)
     cost = 0.0
     for n in range(count):
@@ -144,7 +145,7 @@ def _fit_pair(image: NDArray[np.generic], p: Floats, q: Floats) -> float:
     gradient, step, trial_gradient = np.empty(8), np.empty(8), np.empty(8)
     trial = p.copy()
     rms = -1.0
-    for round_number in range(2):
+    for _round in range(2):
         count = _edge_points(image, p, q, edge_uv, edge_rho, levels)
         count = _keep_strong(count, edge_uv, edge_rho, levels)
         if count < 2 * GEOMETRY_PARAMETERS:
@@ -176,8 +177,11 @@ def _fit_pair(image: NDArray[np.generic], p: Floats, q: Floats) -> float:
                 if damping > 1e6:
                     break
         rms = math.sqrt(cost / count)
-        if round_number == 0 and rms > 3.0:
+        if rms > 3.0:
             return -1.0
+        if rms < 0.3:
+            # The edges were well inside the profiles: looking again from here would find the same points.
+            break
     bright = np.median(levels[:count, 1])
     contrast = np.median(levels[:count, 1] - levels[:count, 0])
     slope = np.median(levels[:count, 2])

@@ -120,8 +120,11 @@ def _is_whole(pixels: NDArray[np.generic], plan: TargetPlan, found: _Found) -> b
     """Whether all that must be in the image was found, so that other thresholds have nothing to add."""
     if not found.named:
         return False
+    naming = _naming(plan, found.named)
+    if np.isin(np.flatnonzero(~plan.target.is_dot), naming.ring).all():
+        return True
     image_size = (pixels.shape[1], pixels.shape[0])
-    naming, placement = complete(plan, found.candidates, _naming(plan, found.named), image_size, None)
+    naming, placement = complete(plan, found.candidates, naming, image_size, None)
     places = predict(plan, placement, image_size)
     _, small = semi_axes_px(places.shape)
     return bool(np.isin(places.ring[small > EASY_RADIUS_PX], naming.ring).all())

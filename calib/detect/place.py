@@ -1,5 +1,6 @@
 """Where all features of the target must be in the image, from those that have names; and more names from that."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -10,6 +11,7 @@ from calib.detect import homography
 from calib.detect.candidates import Candidates
 from calib.detect.lens import Lens, estimate_lens, local_form
 from calib.detect.plan import TargetPlan
+from calib.jit import jit
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -145,7 +147,7 @@ def predict(plan: TargetPlan, placement: Placement, image_size: tuple[int, int])
         return Places(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 3)))
     row, centre, shape = np.concatenate(rows), np.concatenate(centres), np.concatenate(shapes)
     size = np.array(image_size)
-    inside = (np.isfinite(centre).all(axis=1)) & np.isfinite(shape).all(axis=1)
+    inside = np.asarray(np.isfinite(centre).all(axis=1) & np.isfinite(shape).all(axis=1))
     with np.errstate(invalid="ignore"):
         inside &= ((centre > 2) & (centre < size - 3)).all(axis=1) & (shape[:, 0] > 0) & (shape[:, 2] > 0)
     return Places(row[inside], centre[inside], shape[inside])
@@ -158,8 +160,7 @@ def _shape(plan: TargetPlan, lens: Lens, matrix: Floats, plane: Floats, pixel: F
     east = homography.apply(matrix, plane + right) - homography.apply(matrix, plane - right)
     north = homography.apply(matrix, plane + up) - homography.apply(matrix, plane - up)
     derivative = np.stack([east, north], axis=-1) / (2 * step)
-    with np.errstate(invalid="ignore"):
-        good = np.isfinite(pixel).all(axis=1)
+    good = np.asarray(np.isfinite(pixel).all(axis=1))
     jacobian, _ = local_form(lens, np.where(good[:, None], pixel, 0.0))
     spread = np.linalg.solve(jacobian, derivative) * radius_mm[:, None, None]
     gram = np.linalg.pinv(spread @ spread.transpose(0, 2, 1))
@@ -169,33 +170,47 @@ def _shape(plan: TargetPlan, lens: Lens, matrix: Floats, plane: Floats, pixel: F
     return np.stack([e00, e10, e11], axis=1)
 
 
+@jit
+def _nearest_candidates(
+    at: Floats, order: Integers, ellipse: Floats, place: Floats, shape: Floats, reach: float, distance: Floats
+) -> Integers:
+    """The candidate nearest to each place in its plane, closer than `reach` radii and alike in size; -1: none."""
+    nearest = np.full(len(place), -1, dtype=np.int64)
+    for n in range(len(place)):
+        e = shape[n]
+        half = reach * math.sqrt(e[1] * e[1] + e[2] * e[2]) / (e[0] * e[2])
+        distance[n] = reach
+        for k in range(np.searchsorted(at, place[n, 0] - half), len(at)):
+            if at[k] > place[n, 0] + half:
+                break
+            c = ellipse[order[k]]
+            du, dv = c[0] - place[n, 0], c[1] - place[n, 1]
+            off = math.hypot(e[0] * du, e[1] * du + e[2] * dv)
+            if off < distance[n] and 0.55 < c[2] * c[4] / (e[0] * e[2]) < 1.8:
+                distance[n] = off
+                nearest[n] = order[k]
+    return nearest
+
+
 def assign(plan: TargetPlan, candidates: Candidates, places: Places) -> Naming:
     """Pair places with the candidates at them: nearest in the plane, alike in size, one to one."""
-    reach = REACH * plan.pitch_radii
     order = np.argsort(candidates.ellipse[:, 0], kind="stable")
-    at = candidates.ellipse[order, 0]
-    half = reach * np.hypot(places.shape[:, 1], places.shape[:, 2]) / (places.shape[:, 0] * places.shape[:, 2])
-    low = np.searchsorted(at, places.center_px[:, 0] - half)
-    high = np.searchsorted(at, places.center_px[:, 0] + half)
-    area = candidates.ellipse[:, 2] * candidates.ellipse[:, 4]
-    pairs: list[tuple[float, int, int]] = []
-    for n in np.flatnonzero(high > low):
-        near = order[low[n] : high[n]]
-        offset = candidates.ellipse[near, :2] - places.center_px[n]
-        e = places.shape[n]
-        distance = np.hypot(e[0] * offset[:, 0], e[1] * offset[:, 0] + e[2] * offset[:, 1])
-        distance[np.abs(np.log(area[near] / (e[0] * e[2]))) > 0.6] = np.inf
-        best = int(np.argmin(distance))
-        if distance[best] < reach:
-            pairs.append((float(distance[best]), int(near[best]), int(n)))
-    taken: set[int] = set()
-    kept = []
-    for _, candidate, place in sorted(pairs):
-        if candidate not in taken:
-            taken.add(candidate)
-            kept.append((candidate, int(places.ring[place])))
-    table = np.array(sorted(kept, key=lambda pair: pair[1]), dtype=np.int64).reshape(-1, 2)
-    return Naming(table[:, 0], table[:, 1])
+    distance = np.zeros(len(places.ring))
+    nearest = _nearest_candidates(
+        candidates.ellipse[order, 0],
+        order,
+        candidates.ellipse,
+        places.center_px,
+        places.shape,
+        REACH * plan.pitch_radii,
+        distance,
+    )
+    found = np.flatnonzero(nearest >= 0)
+    closest_first = found[np.argsort(distance[found], kind="stable")]
+    _, first = np.unique(nearest[closest_first], return_index=True)
+    rows = closest_first[first]
+    rows = rows[np.argsort(places.ring[rows], kind="stable")]
+    return Naming(nearest[rows], places.ring[rows])
 
 
 def complete(

@@ -28,7 +28,9 @@ class TargetPlan:
     radius_mm: float  # outer, the usual one
     limit: float  # how far out pixels may be used, in outer radii: half the white gap
     corner_vertex: Integers  # (F, K) which corners of the faces' outlines are one point of the solid
-    face_by_corners: Mapping[tuple[int, int, int, int], int]  # corner place, its number, another: the face that has both
+    face_by_corners: Mapping[
+        tuple[int, int, int, int], int
+    ]  # corner place, its number, another: the face that has both
     mark_index: Integers  # (P, 2) candidate positions of marks on a face
     mark_is_dot: NDArray[np.bool_]  # (F, P) which of them carry a dot
 
@@ -117,7 +119,7 @@ def _shared_corners(target: TargetGeometry) -> Integers:
     flat = corner.reshape(-1, 3)
     tolerance = 0.1 * float(np.linalg.norm(corner[:, 0] - corner[:, 1], axis=1).min())
     distance = np.linalg.norm(flat[:, None] - flat[None], axis=2)
-    return np.argmax(distance < tolerance, axis=1).reshape(corner.shape[:2])
+    return np.asarray(np.argmax(distance < tolerance, axis=1).reshape(corner.shape[:2]))
 
 
 def _by_corners(corner: Integers) -> dict[tuple[int, int, int, int], int]:

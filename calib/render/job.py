@@ -135,7 +135,8 @@ def _named_in(truth: str | None) -> list[str]:
 def _render_here(job: RenderJob, views: list[int], folder: Path) -> Iterator[None]:
     """Render views one by one, and say when each is done."""
     for index in views:
-        yield render_file(job, index, folder)
+        render_file(job, index, folder)
+        yield
 
 
 def _render(job: RenderJob, views: list[int], folder: Path, processes: int) -> Iterator[None]:
@@ -144,13 +145,14 @@ def _render(job: RenderJob, views: list[int], folder: Path, processes: int) -> I
     executor = ProcessPoolExecutor(processes, mp_context=context, initializer=_prepare_process)
     try:
         for future in as_completed([executor.submit(render_file, job, index, folder) for index in views]):
-            yield future.result()
+            future.result()
+            yield
     finally:
         executor.shutdown(wait=True, cancel_futures=True)
 
 
 def _prepare_process() -> None:
-    """One thread a process; leave Ctrl-C to the first process, which then sends no more views and waits for those at work."""
+    """Use one thread; leave Ctrl-C to the first process, which then sends no more views and waits for those at work."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)
 

@@ -172,10 +172,22 @@ def _pixel(ray: Array, row: int, column: int, rotation: Array, height: float) ->
 
 
 @jit
-def _cells(face: FaceArrays, origin: Array, p: _Pixel, cells: int) -> tuple[float, float]:
-    """Share of a pixel that the face covers, and share that is white, cell by cell."""
+def _cells(
+    face: FaceArrays, origin: Array, p: _Pixel, cells: int, at_outline: bool, from_window: float
+) -> tuple[float, float]:
+    """Share of a pixel that the face covers, and share that is white, cell by cell.
+
+    Args:
+        face: what to see there.
+        origin: (3,) the camera in the face frame.
+        p: the pixel.
+        cells: along its side.
+        at_outline: whether the outline crosses the pixel, which else lies inside.
+        from_window: signed distance (mm) of the pixel's centre from the window.
+    """
     outline, window, ring, raster, raster_origin = face.outline, face.window, face.ring, face.raster, face.raster_origin
-    has_window, cells_per_mm = face.has_border and not face.is_plain, 1 / face.cell_mm
+    at_window = face.has_border and not face.is_plain and abs(from_window) < p.reach
+    is_border, cells_per_mm = from_window >= 0 and not at_window and not at_outline, 1 / face.cell_mm
     side = 1.0 / cells
     covered, white = 0.0, 0.0
     for m in range(cells):
@@ -185,8 +197,8 @@ def _cells(face: FaceArrays, origin: Array, p: _Pixel, cells: int) -> tuple[floa
             w = p.w + p.wu * du + p.wv * dv
             s, t = (p.a + p.au * du + p.av * dv) / w, (p.b + p.bu * du + p.bv * dv) / w
             x, y = origin[0] - origin[2] * s, origin[1] - origin[2] * t
-            inside = _polygon_coverage(outline, x, y, p, side)
-            in_window = min(inside, _polygon_coverage(window, x, y, p, side)) if has_window else inside
+            inside = _polygon_coverage(outline, x, y, p, side) if at_outline else 1.0
+            in_window = min(inside, _polygon_coverage(window, x, y, p, side)) if at_window else inside
             k = -1 if face.is_plain else _nearest_ring(raster, raster_origin, cells_per_mm, x, y)
             ink = 0.0
             if k >= 0:

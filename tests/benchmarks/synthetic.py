@@ -13,14 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.render import View
 from calib.types import Detections
-from designer.target import TargetGeometry
+from designer.code import CODE_POSITIONS
+from designer.target import MAX_INDEX, TargetGeometry
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LIGHT, DARK = 0.9, 0.1
 """Intensity of paper and ink, of full scale."""
+RECALL_RAD, RECALL_MINOR_PX = math.radians(65), 5.0
+"""Rings seen less steeply and larger than this must be found if nothing hides them."""
 
 
 @dataclass(frozen=True)
@@ -199,3 +203,17 @@ def wrong_names(found: Detections, target: TargetGeometry, truth_px: Array, visi
         gap[n] = np.nanmin(np.linalg.norm(truth_px[same] - truth_px[ring], axis=1))
     is_wrong: Flags = ~(error <= np.maximum(0.3 * gap, 2.0)) | ~visible[found.ring]
     return is_wrong
+
+
+def due_rings(view: View) -> NDArray[np.bool_]:
+    """Rings that must be found."""
+    return np.asarray(view.clean & (view.incidence_rad <= RECALL_RAD) & (view.minor_radius_px >= RECALL_MINOR_PX))
+
+
+def readable_faces(view: View, target: TargetGeometry) -> int:
+    """How many faces have all marks of their code well in view; of a board, its dots."""
+    if target.face_count == 1:
+        return int(due_rings(view)[target.is_dot].all())
+    mark = np.isin(target.ring_index @ [MAX_INDEX, 1], [MAX_INDEX * i + j for i, j in CODE_POSITIONS])
+    seen = np.bincount(target.ring_face[mark], due_rings(view)[mark], minlength=target.face_count)
+    return int((seen == len(CODE_POSITIONS)).sum())

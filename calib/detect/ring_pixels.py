@@ -1,0 +1,86 @@
+"""Which pixels a fit uses: those near the ring's edges, all of them or a sample."""
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detect.plane_distance import OUTPUTS, plane_distance
+from calib.jit import jit
+
+Floats: TypeAlias = NDArray[np.float64]
+
+MAX_PIXELS = 4096
+DENSE_RADIUS_PX = 24.0
+"""Rings up to this mean outer radius use every pixel near an edge."""
+PIXEL_BUDGET = 560
+"""Larger rings are sampled: so many pixels near the edges hold the centre far better than any printer or plane does."""
+
+
+@jit
+def _sample_pixels(p: Floats, q: Floats, reach: float, height: int, width: int, pixels: NDArray[np.int32]) -> int:
+    """Pixels on lines across the edges of a large ring; returns how many.
+
+    Most lines stay close to the edge, where the position is; every fourth runs as far as `reach`, where the levels are.
+    """
+    out = np.empty(OUTPUTS)
+    count = 0
+    edges = 2 if p[7] > 0.0 else 1
+    far = math.ceil(reach)
+    near = math.ceil(0.5 * reach)
+    rays = int(PIXEL_BUDGET / (edges * (2 * near + 1 + 0.5 * (far - near))))
+    for edge in range(edges):
+        rho = 1.0 if edge == 0 else p[7]
+        for ray in range(rays):
+            # A fraction of a turn apart for the two edges, so that rows and columns are not sampled alike.
+            angle = 2.0 * math.pi * (ray + 0.37 * edge) / rays
+            y0, y1 = math.cos(angle), math.sin(angle)
+            x0 = y0 / p[2]
+            x1 = (y1 - p[3] * x0) / p[4]
+            scale = rho / (1.0 + rho * (p[5] * x0 + p[6] * x1))
+            x0 *= scale
+            x1 *= scale
+            plane_distance(p, q, x0, x1, out)
+            nu, nv = out[2] / out[1], out[3] / out[1]
+            half = far if ray % 4 == 0 else near
+            for t in range(-half, half + 1):
+                u = round(p[0] + x0 + t * nu)
+                v = round(p[1] + x1 + t * nv)
+                if 0 <= u < width and 0 <= v < height and count < MAX_PIXELS:
+                    pixels[count, 0] = u
+                    pixels[count, 1] = v
+                    count += 1
+    return count
+
+
+@jit
+def choose_pixels(
+    p: Floats, q: Floats, reach: float, limit: float, height: int, width: int, pixels: NDArray[np.int32]
+) -> int:
+    """Pixels near the ring's edges: within `reach` px of one and no farther out than F = `limit`."""
+    s0 = math.sqrt(p[2] * p[2] + p[3] * p[3])
+    det = p[2] * p[4]
+    half_u = math.sqrt(p[3] * p[3] + p[4] * p[4]) / det
+    half_v = s0 / det
+    radius = 1.0 / math.sqrt(det)
+    out = np.empty(OUTPUTS)
+    count = 0
+    if radius <= DENSE_RADIUS_PX:
+        u_first = max(0, math.floor(p[0] - 1.15 * half_u - reach))
+        u_last = min(width - 1, math.ceil(p[0] + 1.15 * half_u + reach))
+        v_first = max(0, math.floor(p[1] - 1.15 * half_v - reach))
+        v_last = min(height - 1, math.ceil(p[1] + 1.15 * half_v + reach))
+        for v in range(v_first, v_last + 1):
+            for u in range(u_first, u_last + 1):
+                plane_distance(p, q, u - p[0], v - p[1], out)
+                f, g = out[0], out[1]
+                near = abs(f - 1.0) <= reach * g or (p[7] > 0.0 and abs(f - p[7]) <= reach * g)
+                if p[7] <= 0.0 and f < 0.5:
+                    near = True
+                if near and 0.0 <= f <= limit and count < MAX_PIXELS:
+                    pixels[count, 0] = u
+                    pixels[count, 1] = v
+                    count += 1
+        return count
+    return _sample_pixels(p, q, reach, height, width, pixels)
