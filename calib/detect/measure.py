@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect import homography
-from calib.detect.candidates import Candidates
+from calib.detect.candidates import MIN_RADIUS_PX, Candidates, semi_axes_px
 from calib.detect.lens import Lens, estimate_lens, local_form
 from calib.detect.marks import DOT, RING, read_marks
 from calib.detect.pair_fit import fit_pairs
@@ -29,6 +29,7 @@ FAINT = "too little contrast"
 ODD_SHAPE = "not the shape a feature has there"
 OFF_GRID = "off the grid"
 OUTSIDE = "outside the image"
+FLAT = "seen too small or too flat"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,12 @@ def measure(
     )  # fmt: skip
     reason = _judge(fits, residual, is_dot[at], places.shape[at], plan)
     good = reason == ""
-    missing = [(int(r), COVERED) for r in places.ring[np.setdiff1d(np.arange(len(places.ring)), at)]]
+    left_out = np.setdiff1d(np.arange(len(places.ring)), at)
+    _, small = semi_axes_px(places.shape[left_out])
+    missing = [
+        (int(r), FLAT if minor < MIN_RADIUS_PX else COVERED)
+        for r, minor in zip(places.ring[left_out], small, strict=True)
+    ]
     missing += [(int(r), str(why)) for r, why in zip(places.ring[at][~good], reason[~good], strict=True)]
     on_seen = np.flatnonzero(np.isin(plan.target.ring_face, placement.seen()))
     missing += [(int(r), OUTSIDE) for r in np.setdiff1d(on_seen, places.ring)]
@@ -146,11 +152,13 @@ def _fit_with_lines(
     residual = np.zeros((len(ring), 2))
     # Very many rings give the line from their ellipses alone; a second pass would only repeat the first.
     passes = 1 if len(ring) > MANY_RINGS else 2
-    for _ in range(passes):
+    for left in reversed(range(passes)):
         lens = camera_lens if camera_lens is not None else _lens(plan, ring, center, use, placement.lens, image_size)
         line, information, residual = _lines(plan, ring, center, sigma, use, lens, placement)
         _, bend = local_form(lens, center)
-        fits = fit_rings(image, start, limit=limit, line=line, line_information=information, bend=bend)
+        fits = fit_rings(
+            image, start, limit=limit, line=line, line_information=information, bend=bend, is_final=left == 0
+        )
         start = np.where(fits.ok[:, None], fits.params, start)
         center = start[:, :2]
         sigma = np.where(fits.ok, np.sqrt(np.trace(fits.cov_px2, axis1=1, axis2=2) / 2), np.inf)

@@ -236,6 +236,8 @@ def _fitting_name(plan: TargetPlan, item: _Placed, vertex: dict[int, int], taken
     best_score = -(10**6)
     for option, numbers in enumerate(item.corners):
         known = [place for place, number in enumerate(numbers) if number in vertex]
+        if len(known) < 2:
+            continue
         a, b = known[0], known[1]
         face = plan.face_by_corners.get((a, vertex[numbers[a]], b, vertex[numbers[b]]))
         if face is None or face in taken:

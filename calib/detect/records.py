@@ -33,7 +33,14 @@ def face_records(
                 rings_found=found.get(face, 0),
                 rings_expected=int(np.count_nonzero(face_of == face)),
                 missing=tuple(sorted(missing.items())),
-                remark="" if item is not None else "its code was not read; named by the other faces",
+                remark=_remark(item, found.get(face, 0)),
             )
         )
     return tuple(records)
+
+
+def _remark(item: NamedGrid | None, found: int) -> str:
+    """How a face came to its name, where it was not by its own code."""
+    if item is not None:
+        return ""
+    return "named by the other faces" if found else "turned to the camera, but nothing on it could be measured"

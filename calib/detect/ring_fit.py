@@ -22,7 +22,7 @@ Floats: TypeAlias = NDArray[np.float64]
 
 MAX_ITERATIONS = 25
 CONVERGED_PX = 1e-3
-"""A step of the centre this small ends the fit: the next one would be smaller by orders of magnitude."""
+"""A step of the centre this small is the last."""
 NO_STEP = 1e8
 """With more damping than this there is nowhere to go."""
 
@@ -106,6 +106,10 @@ def _descend(
         if not _is_sane(trial, start):
             damping *= 10.0
             continue
+        if moved < CONVERGED_PX and damping < 1e-3:
+            # The next step would be smaller by orders of magnitude: taken without looking again.
+            params[:] = trial
+            break
         trial_cost = accumulate(image, pixels, count, trial, q, origin, False, damped, step, unused, rows)
         trial_prior = add_prior(trial, line, information, noise2, is_ring, damped, step)
         gain = cost + prior - trial_cost - trial_prior
@@ -114,20 +118,24 @@ def _descend(
                 break
             damping = max(damping * 10.0, 1e-6)
             continue
-        small = gain < 1e-3 * (cost + prior)
         params[:] = trial
         normal[:] = damped
         gradient[:] = step
         cost, prior = trial_cost, trial_prior
         damping = max(damping * 0.1, 1e-9)
-        if moved < CONVERGED_PX and small:
-            break
     return cost
 
 
 @jit
 def _covariances(
-    count: int, noise2: float, information: Floats, is_ring: bool, center: Floats, line: Floats, work: Floats
+    count: int,
+    noise2: float,
+    information: Floats,
+    is_ring: bool,
+    is_final: bool,
+    center: Floats,
+    line: Floats,
+    work: Floats,
 ) -> bool:
     """Covariances of the centre and of m from normal equations and residuals; false if they are singular.
 
@@ -137,6 +145,12 @@ def _covariances(
     normal, damped, sandwich, inverse = work[0], work[1], work[2], work[3]
     if not cholesky_invert(normal, damped, inverse):
         return False
+    if not is_final:
+        for a in range(2):
+            for b in range(2):
+                center[a, b] = noise2 * inverse[a, b]
+                line[a, b] = noise2 * inverse[5 + a, 5 + b]
+        return True
     scale = count / (count - PARAMETERS)
     for a in range(PARAMETERS):
         for b in range(a + 1):
@@ -168,6 +182,7 @@ def _fit_range(
     line: Floats,
     information: Floats,
     limit: float,
+    is_final: bool,
     first: int,
     last: int,
     params: Floats,
@@ -191,9 +206,13 @@ def _fit_range(
             continue
         noise2 = max(cost / (count - PARAMETERS), 1e-6)
         normal, sandwich, gradient = work[0], work[2], work[4, 0]
-        accumulate(image, pixels, count, params[n], q[n], start[n, :2], True, normal, gradient, sandwich, rows)
-        add_prior(params[n], line[n], information[n], noise2, is_ring, normal, gradient)
-        if _covariances(count, noise2, information[n], is_ring, center_cov[n], line_cov[n], work):
+        if is_final:
+            cost = accumulate(
+                image, pixels, count, params[n], q[n], start[n, :2], True, normal, gradient, sandwich, rows
+            )
+            noise2 = max(cost / (count - PARAMETERS), 1e-6)
+            add_prior(params[n], line[n], information[n], noise2, is_ring, normal, gradient)
+        if _covariances(count, noise2, information[n], is_ring, is_final, center_cov[n], line_cov[n], work):
             noise[n] = math.sqrt(noise2)
             used[n] = count
 
@@ -206,6 +225,7 @@ def fit_rings(
     line: Floats | None = None,
     line_information: Floats | None = None,
     bend: Floats | None = None,
+    is_final: bool = True,
 ) -> RingFits:
     """Fit the ring model to the pixels of an image.
 
@@ -215,6 +235,7 @@ def fit_rings(
         limit: how far out, in outer radii, pixels may be used before something else than white comes.
         line: mean of the prior on m.  # (N, 2), default 0
         line_information: inverse covariance of that prior; zero leaves m free.  # (N, 2, 2), default zero
+        is_final: false for a start of something better: covariances then trust the noise to be even, in less time.
         bend: the lens's local quadratic form: xi_u in v_u^2, v_u v_v, v_v^2, then xi_v.  # (N, 6), default zero
 
     Returns:
@@ -230,7 +251,10 @@ def fit_rings(
     used = np.zeros(count, dtype=np.int64)
 
     def run(first: int, last: int) -> None:
-        _fit_range(image, start, bend, line, information, limit, first, last, params, center_cov, line_cov, noise, used)
+        _fit_range(
+            image, start, bend, line, information, limit, is_final, first, last,
+            params, center_cov, line_cov, noise, used,
+        )  # fmt: skip
 
     in_chunks(run, count)
     ok = (used > 0) & np.isfinite(params).all(axis=1) & np.isfinite(center_cov).all(axis=(1, 2))

@@ -186,8 +186,9 @@ def _cells(
         from_window: signed distance (mm) of the pixel's centre from the window.
     """
     outline, window, ring, raster, raster_origin = face.outline, face.window, face.ring, face.raster, face.raster_origin
-    at_window = face.has_border and not face.is_plain and abs(from_window) < p.reach
-    is_border, cells_per_mm = from_window >= 0 and not at_window and not at_outline, 1 / face.cell_mm
+    has_window, cells_per_mm = face.has_border and not face.is_plain, 1 / face.cell_mm
+    at_window = has_window and abs(from_window) < p.reach
+    in_border = has_window and from_window >= p.reach
     side = 1.0 / cells
     covered, white = 0.0, 0.0
     for m in range(cells):
@@ -198,7 +199,9 @@ def _cells(
             s, t = (p.a + p.au * du + p.av * dv) / w, (p.b + p.bu * du + p.bv * dv) / w
             x, y = origin[0] - origin[2] * s, origin[1] - origin[2] * t
             inside = _polygon_coverage(outline, x, y, p, side) if at_outline else 1.0
-            in_window = min(inside, _polygon_coverage(window, x, y, p, side)) if at_window else inside
+            in_window = 0.0 if in_border else inside
+            if at_window:
+                in_window = min(inside, _polygon_coverage(window, x, y, p, side))
             k = -1 if face.is_plain else _nearest_ring(raster, raster_origin, cells_per_mm, x, y)
             ink = 0.0
             if k >= 0:
@@ -288,7 +291,7 @@ def trace_face(ray: Array, face_from_cam: Array, face: FaceArrays, is_binary: bo
                 cells = CELLS_SMALL_RING if smallest < SMALL_RING * reach or reach > lone else CELLS
                 if near > 1 or smallest < TINY_RING * reach:
                     cells = CELLS_CORNER
-                covered, white = _cells(face, origin, pixel, cells)
+                covered, white = _cells(face, origin, pixel, cells, from_outline > -reach, from_window)
             if covered > 0:
                 share = min(1.0, (1.0 - cover[row, column]) / covered)
                 light[row, column] += share * (face.black * covered + (face.white - face.black) * white)
