@@ -127,12 +127,22 @@ def _descend(
 
 
 @jit
-def _covariances(
+def _even_covariances(noise2: float, center: Floats, line: Floats, work: Floats) -> bool:
+    """Covariances of the centre and of m if the noise is even; false if the normal equations are singular."""
+    normal, damped, inverse = work[0], work[1], work[3]
+    if not cholesky_invert(normal, damped, inverse):
+        return False
+    center[:] = noise2 * inverse[:2, :2]
+    line[:] = noise2 * inverse[5:7, 5:7]
+    return True
+
+
+@jit
+def _sandwich_covariances(
     count: int,
     noise2: float,
     information: Floats,
     is_ring: bool,
-    is_final: bool,
     center: Floats,
     line: Floats,
     work: Floats,
@@ -145,12 +155,6 @@ def _covariances(
     normal, damped, sandwich, inverse = work[0], work[1], work[2], work[3]
     if not cholesky_invert(normal, damped, inverse):
         return False
-    if not is_final:
-        for a in range(2):
-            for b in range(2):
-                center[a, b] = noise2 * inverse[a, b]
-                line[a, b] = noise2 * inverse[5 + a, 5 + b]
-        return True
     scale = count / (count - PARAMETERS)
     for a in range(PARAMETERS):
         for b in range(a + 1):
@@ -212,7 +216,10 @@ def _fit_range(
             )
             noise2 = max(cost / (count - PARAMETERS), 1e-6)
             add_prior(params[n], line[n], information[n], noise2, is_ring, normal, gradient)
-        if _covariances(count, noise2, information[n], is_ring, is_final, center_cov[n], line_cov[n], work):
+            done = _sandwich_covariances(count, noise2, information[n], is_ring, center_cov[n], line_cov[n], work)
+        else:
+            done = _even_covariances(noise2, center_cov[n], line_cov[n], work)
+        if done:
             noise[n] = math.sqrt(noise2)
             used[n] = count
 
