@@ -121,8 +121,8 @@ def alignments(plan: TargetPlan, face: int, grid: Grid, sure: NDArray[np.bool_],
     return found
 
 
-def agreement(expected_dot: NDArray[np.bool_], mark: Integers) -> Integers:
-    """Marks that agree, less DISAGREEMENT times those that do not.  # (..., P), (P,) -> (...,)"""
+def agreement(expected_dot: NDArray[np.bool_], mark: Integers, weight: int = DISAGREEMENT) -> Integers:
+    """Marks that agree, less `weight` times those that do not.  # (..., P), (P,) -> (...,)"""
     agrees = np.where(expected_dot, mark == DOT, mark == RING)
     denies = np.where(expected_dot, mark == RING, mark == DOT)
-    return np.asarray(agrees.sum(axis=-1) - DISAGREEMENT * denies.sum(axis=-1))
+    return np.asarray(agrees.sum(axis=-1) - weight * denies.sum(axis=-1))

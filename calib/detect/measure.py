@@ -1,8 +1,9 @@
 """Centres of named features to the limit of the pixels: start, vanishing line, direct fit, and the checks after it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,11 +23,18 @@ Integers: TypeAlias = NDArray[np.int64]
 MIN_FOR_LINE = 6
 """A grid of so many features has a homography with something to spare; fewer leave the vanishing line free."""
 
+MAX_SIGMA_PX = 0.5
+"""Centres less certain than this (2-D) would only do harm to who does not weigh them."""
 MANY_RINGS = 600
+UNDERSAMPLED_BLUR_PX = 0.5
+SOFTENING_PX = 0.5
+SOFTENED_SPREAD = 1.25
+"""Softening ties neighbouring residuals together; the covariance that takes them for independent grows by this."""
 
 COVERED = "covered, washed out or too blurred"
 FAINT = "too little contrast"
 ODD_SHAPE = "not the shape a feature has there"
+VAGUE = "too blurred to be placed well"
 OFF_GRID = "off the grid"
 OUTSIDE = "outside the image"
 FLAT = "seen too small or too flat"
@@ -41,6 +49,15 @@ class Measured:
     cov_px2: Floats  # (N, 2, 2)
     shape: Floats  # (N, 3) E
     missing: tuple[tuple[int, str], ...]  # row of the target, reason
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """N centres as far as they are known."""
+
+    center_px: Floats  # (N, 2)
+    sigma_px: Floats  # (N,) per axis
+    use: NDArray[np.bool_]  # (N,) whether to trust it
 
 
 def measure(
@@ -143,55 +160,62 @@ def _fit_with_lines(
     image_size: tuple[int, int],
 ) -> tuple[RingFits, Floats]:
     """Direct fits with the faces' vanishing lines, twice: the second time with lines from the first one's centres."""
-    limit = plan.limit
-    is_dot = plan.target.is_dot[ring]
-    center, sigma = start[:, :2], np.full(len(ring), 0.1)
     # Dots have not been measured yet: their predicted centres would only repeat the grid.
-    use = ~is_dot
-    fits: RingFits | None = None
-    residual = np.zeros((len(ring), 2))
-    # Very many rings give the line from their ellipses alone; a second pass would only repeat the first.
-    passes = 1 if len(ring) > MANY_RINGS else 2
-    for left in reversed(range(passes)):
-        lens = camera_lens if camera_lens is not None else _lens(plan, ring, center, use, placement.lens, image_size)
-        line, information, residual = _lines(plan, ring, center, sigma, use, lens, placement)
-        _, bend = local_form(lens, center)
-        fits = fit_rings(
-            image, start, limit=limit, line=line, line_information=information, bend=bend, is_final=left == 0
+    seen = _Seen(start[:, :2], np.full(len(ring), 0.1), ~plan.target.is_dot[ring])
+
+    def fit(start: Floats, *, is_final: bool) -> RingFits:
+        lens = camera_lens if camera_lens is not None else _lens(plan, ring, seen, image_size)
+        line, information, _ = _lines(plan, ring, seen, lens, placement)
+        _, bend = local_form(lens, seen.center_px)
+        return fit_rings(
+            image, start, limit=plan.limit, line=line, line_information=information, bend=bend, is_final=is_final
         )
+
+    # Very many rings give the line from their ellipses alone; a second pass would only repeat the first.
+    is_enough = len(ring) > MANY_RINGS
+    fits = fit(start, is_final=is_enough)
+    if not is_enough:
         start = np.where(fits.ok[:, None], fits.params, start)
-        center = start[:, :2]
-        sigma = np.where(fits.ok, np.sqrt(np.trace(fits.cov_px2, axis1=1, axis2=2) / 2), np.inf)
-        use = fits.ok
-    assert fits is not None  # noqa: S101 - the loop ran
-    _, _, residual = _lines(plan, ring, center, sigma, use, lens, placement)
-    return fits, residual
+        seen = _Seen(start[:, :2], _sigma_px(fits), fits.ok)
+        softened = _is_undersampled(fits)
+        if softened:
+            image, start = _softened(image, start)
+        fits = fit(start, is_final=True)
+        if softened:
+            fits = replace(fits, cov_px2=SOFTENED_SPREAD * fits.cov_px2)
+    seen = _Seen(np.where(fits.ok[:, None], fits.center_px, start[:, :2]), _sigma_px(fits), fits.ok)
+    lens = camera_lens if camera_lens is not None else _lens(plan, ring, seen, image_size)
+    return fits, _lines(plan, ring, seen, lens, placement)[2]
 
 
-def _lens(
-    plan: TargetPlan,
-    ring: Integers,
-    center: Floats,
-    use: NDArray[np.bool_],
-    before: Lens,
-    image_size: tuple[int, int],
-) -> Lens:
-    """The lens again, from better centres."""
+def _sigma_px(fits: RingFits) -> Floats:
+    """Standard deviation of the centres per axis; infinite where the fit failed.  # (N,)"""
+    return np.asarray(np.where(fits.ok, np.sqrt(np.abs(np.trace(fits.cov_px2, axis1=1, axis2=2)) / 2), np.inf))
+
+
+def _is_undersampled(fits: RingFits) -> bool:
+    """Whether edges are so sharp that where a pixel falls matters more than how much ink it sees."""
+    return bool(fits.ok.any()) and float(np.median(fits.params[fits.ok, 8])) < UNDERSAMPLED_BLUR_PX
+
+
+def _softened(image: NDArray[np.generic], start: Floats) -> tuple[NDArray[np.generic], Floats]:
+    """The image blurred by SOFTENING_PX, and starts to fit: halves the error of images without grey edges."""
+    soft = np.asarray(cv2.GaussianBlur(np.asarray(image, dtype=np.float32), (0, 0), SOFTENING_PX))
+    start = start.copy()
+    start[:, 8] = np.hypot(start[:, 8], SOFTENING_PX)
+    return soft, start
+
+
+def _lens(plan: TargetPlan, ring: Integers, seen: _Seen, image_size: tuple[int, int]) -> Lens:
+    """The lens from the centres so far."""
     face = plan.target.ring_face[ring]
     plane = plan.target.center_in_face_mm[ring, :2]
-    groups = [(plane[use & (face == f)], center[use & (face == f)]) for f in np.unique(face)]
-    del before
-    return estimate_lens(groups, image_size)
+    groups = [seen.use & (face == f) for f in np.unique(face)]
+    return estimate_lens([(plane[group], seen.center_px[group]) for group in groups], image_size)
 
 
 def _lines(
-    plan: TargetPlan,
-    ring: Integers,
-    center: Floats,
-    sigma: Floats,
-    use: NDArray[np.bool_],
-    lens: Lens,
-    placement: Placement,
+    plan: TargetPlan, ring: Integers, seen: _Seen, lens: Lens, placement: Placement
 ) -> tuple[Floats, Floats, Floats]:
     """Each feature's m with its information from its face's grid, and its distance from that grid in px.
 
@@ -202,14 +226,14 @@ def _lines(
     residual = np.zeros((count, 2))
     face = plan.target.ring_face[ring]
     plane = plan.target.center_in_face_mm[ring, :2]
-    straight = lens.straighten(center)
-    jacobian, _ = local_form(lens, center)
+    straight = lens.straighten(seen.center_px)
+    jacobian, _ = local_form(lens, seen.center_px)
     for f in np.unique(face):
         mine = np.flatnonzero(face == f)
-        fit_rows = mine[use[mine] & np.isfinite(sigma[mine])]
-        if len(fit_rows) >= MIN_FOR_LINE and np.linalg.matrix_rank(plane[fit_rows] - plane[fit_rows[0]], tol=1e-6) == 2:
-            matrix, covariance, kept = _weighted_homography(plane[fit_rows], straight[fit_rows], sigma[fit_rows])
-            base = plane[fit_rows][kept]
+        rows = mine[seen.use[mine]]
+        if len(rows) >= MIN_FOR_LINE and np.linalg.matrix_rank(plane[rows] - plane[rows[0]], tol=1e-6) == 2:
+            matrix, covariance, kept = _weighted_homography(plane[rows], straight[rows], seen.sigma_px[rows])
+            base = plane[rows][kept]
         elif np.isfinite(placement.homography[f, 0, 0]) and placement.is_from_solid[f]:
             matrix, covariance, base = placement.homography[f], np.zeros((8, 8)), plane[mine]
         else:
@@ -221,7 +245,7 @@ def _lines(
         # A floor of one part in ten thousand of the line keeps the inverse finite.
         floor = (1e-4 * np.linalg.norm(m, axis=1) + 1e-9) ** 2
         information[mine] = np.linalg.inv(spread + floor[:, None, None] * np.eye(2))
-        residual[mine] = center[mine] - lens.distort(homography.apply(matrix, plane[mine]))
+        residual[mine] = seen.center_px[mine] - lens.distort(homography.apply(matrix, plane[mine]))
     return line, information, residual
 
 
@@ -268,6 +292,7 @@ def _judge(
     odd = np.abs(area - usual_area) > 0.35
     odd |= ~is_dot & (np.abs(ratio - usual_ratio) > 0.2)
     reason[odd] = ODD_SHAPE
+    reason[sigma > MAX_SIGMA_PX] = VAGUE
     reason[roughness > 3 * usual_roughness + 0.04] = COVERED
     reason[contrast < 0.3 * usual_contrast] = FAINT
     reason[~good] = COVERED

@@ -17,6 +17,8 @@ Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
 
 MIN_BOARD_GRID = 4
+RING_FOR_DOT = 3
+"""A ring seen where the origin mark has a dot weighs so much: with one dot hidden, two must still decide."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +98,7 @@ def _best(
                 marks = reader.marks(alignment.on_grid(plan.mark_index))
                 strange = plan.rows_at(0, alignment.on_face(dots))
                 false_dots = int(((strange >= 0) & ~plan.target.is_dot[strange]).sum())
-                score = int(agreement(plan.mark_is_dot[0], marks)) - false_dots
+                score = int(agreement(plan.mark_is_dot[0], marks, RING_FOR_DOT)) - false_dots
                 found.append((score, alignment))
     if not found:
         return None

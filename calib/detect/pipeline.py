@@ -117,8 +117,11 @@ def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> _F
 
 
 def _is_whole(pixels: NDArray[np.generic], plan: TargetPlan, found: _Found) -> bool:
-    """Whether all that must be in the image was found, so that other thresholds have nothing to add."""
-    if not found.named:
+    """Whether all that must be in the image was found, so that other thresholds have nothing to add.
+
+    What must be there is known from a board's one face, or from three faces of a solid: fewer leave its pose open.
+    """
+    if len(found.named) < min(3, plan.target.face_count):
         return False
     naming = _naming(plan, found.named)
     if np.isin(np.flatnonzero(~plan.target.is_dot), naming.ring).all():

@@ -2,10 +2,11 @@
 
 Run from the repository's root: `python -m tests.benchmarks.bench_centres [--rings N] [--seed S]`. Rings of R = 15 px
 tilted by 45 degrees, focal length 1000 px, blur 0.7 px, contrast over noise 50, at random places within a pixel and
-with random axes; once evenly lit, once with 30 % more light at one end of the ring than at the other. The pictures
-are drawn here, not by the renderer. Bounds: `var = 1 / (pi J (R + r))` with the vanishing line known and
-`(R^5 + r^5) / (pi J R r (R^2 - r^2)^2)` without, `J = C^2 / (2 sqrt(pi) blur noise^2)`, for a ring seen straight on;
-the bound the estimators are held to is that of the tilted ring, from the derivatives of the picture itself.
+with random axes; once evenly lit, once with 30 % more light at one end of the ring than at the other (on the target,
+before the lens blurs it). The pictures are drawn here, not by the renderer. Bounds: `var = 1 / (pi J (R + r))` with
+the vanishing line known and `var = (R^5 + r^5) / (pi J R r (R^2 - r^2)^2)` without, for a ring seen straight on, with
+`J = C^2 / (2 sqrt(pi) blur noise^2)`; the bound the estimators are held to is that of the tilted ring, from the
+derivatives of the picture itself.
 """
 
 import argparse
@@ -54,13 +55,12 @@ class Ring:
         """Noise-free intensities."""
         view = np.eye(3)
         view[:2, :2], view[:2, 2], view[2, :2] = self.a + np.outer(self.c, self.w), self.c, self.w
-        shade = ring_shade(view, np.zeros(2), 1.0, self.ratio, box, self.blur_px)
-        image = self.light - (self.light - self.dark) * shade
+        shade = ring_shade(view, np.zeros(2), 1.0, self.ratio, box, self.blur_px, slope=self.slope)
+        paper = np.full_like(shade, self.light)
         if self.slope is not None:
-            u, v = np.meshgrid(np.arange(box.width) + box.left, np.arange(box.height) + box.top)
-            middle = box.left + (box.width - 1) / 2, box.top + (box.height - 1) / 2
-            image = image * (1 + self.slope[0] * (u - middle[0]) + self.slope[1] * (v - middle[1]))
-        return image
+            u, v = (np.arange(n) - (n - 1) / 2 for n in (box.width, box.height))
+            paper *= 1 + self.slope[0] * u + self.slope[1] * v[:, None]
+        return paper - (self.light - self.dark) * shade
 
 
 def random_ring(rng: np.random.Generator, corner: tuple[int, int], gradient: float) -> Ring:

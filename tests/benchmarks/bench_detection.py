@@ -19,7 +19,6 @@ import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from functools import cache
 from pathlib import Path
 
 import cv2
@@ -31,18 +30,20 @@ from calib.camera_file import camera_or_preset
 from calib.detect.pipeline import detect
 from calib.render import RenderOptions, View, render_view
 from calib.types import Detections
-from designer.layout import lay_out
-from designer.spec import BoardSpec, IcoSpec, TargetSpec
 from designer.target import TargetGeometry, bounding_radius_mm
-from tests.benchmarks.synthetic import Array, due_rings, look_at, random_direction, readable_faces, row, wrong_names
+from tests.benchmarks.synthetic import (
+    SPECS,
+    Array,
+    crashed,
+    due_rings,
+    look_at,
+    random_direction,
+    readable_faces,
+    row,
+    target_of,
+    wrong_names,
+)
 
-SPECS: dict[str, TargetSpec] = {
-    "ico 100 mm": IcoSpec(100.0, 8, 7.0, 0.45, 10.0, 2.0, 1.5),
-    "ico 133 mm": IcoSpec(133.0, 8, 10.5, 0.45, 13.2, 2.66, 1.5),
-    "ico 60 mm, m = 6": IcoSpec(60.0, 6, 5.6, 0.45, 8.0, 1.2, 1.0),
-    "board, square": BoardSpec((220.0, 220.0), 5.0, 21, 21, "square", 7.0, 0.45, 10.0, 0.0, 5.0, dots=True),
-    "board, triangular": BoardSpec((220.0, 220.0), 5.0, 20, 22, "triangular", 7.0, 0.45, 10.0, 3.0, 2.0, dots=True),
-}
 MIRROR_EVERY = 5
 BINARY_POSES, BINARY_DISTANCE_MM, BINARY_RAD = 40, 400.0, math.radians(75)
 
@@ -68,11 +69,6 @@ class Record:
     mirror: str  # "": not tried, "free": may be named, "refused" or "named"
     reasons: tuple[tuple[str, int], ...]
     remarks: tuple[str, ...]
-
-
-@cache
-def target_of(name: str) -> TargetGeometry:
-    return lay_out(SPECS[name])
 
 
 def drawn(seed: int) -> tuple[str, View]:
@@ -118,16 +114,8 @@ def measure(seed: int) -> Record:
         seconds = time.perf_counter() - began
         mirror = mirror_outcome(view, target) if seed % MIRROR_EVERY == 0 else ""
     except (ArithmeticError, AssertionError, LookupError, ValueError, TypeError, np.linalg.LinAlgError) as error:
-        found, seconds, mirror = _crashed(view, target, repr(error)), 0.0, ""
+        found, seconds, mirror = crashed(view, target, repr(error)), 0.0, ""
     return compared(seed, name, found, view, target, seconds, mirror)
-
-
-def _crashed(view: View, target: TargetGeometry, why: str) -> Detections:
-    """Nothing found, with the error as the reason, so that the run goes on and the seed can be replayed."""
-    height, width = view.image.shape
-    ids, empty = (target.layout_id, target.geometry_id), np.zeros((0, 2))
-    cov, ellipse = np.zeros((0, 2, 2)), np.zeros((0, 5))
-    return Detections("crash", (width, height), *ids, np.zeros(0, int), empty, cov, ellipse, (), (f"crash {why}",))
 
 
 def compared(
@@ -194,10 +182,9 @@ def run(seeds: range, log: Path) -> list[Record]:
 
 def default_log() -> Path:
     """A log for this state of renderer and detector."""
-    digest = hashlib.sha256(Path(__file__).read_bytes())
-    for path in sorted(Path(calib.__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
-    return Path(tempfile.gettempdir()) / f"ringforge-bench-detection-{digest.hexdigest()[:12]}.jsonl"
+    sources = [Path(__file__), *sorted(Path(calib.__file__).parent.rglob("*.py"))]
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
+    return Path(tempfile.gettempdir()) / f"ringforge-bench-detection-{digest[:12]}.jsonl"
 
 
 def report(records: list[Record]) -> None:

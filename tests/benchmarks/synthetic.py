@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ from numpy.typing import NDArray
 from calib.render import View
 from calib.types import Detections
 from designer.code import CODE_POSITIONS
+from designer.layout import lay_out
+from designer.spec import BoardSpec, IcoSpec, TargetSpec
 from designer.target import MAX_INDEX, TargetGeometry
 
 Array = NDArray[np.float64]
@@ -23,8 +26,21 @@ Flags = NDArray[np.bool_]
 
 LIGHT, DARK = 0.9, 0.1
 """Intensity of paper and ink, of full scale."""
+SPECS: dict[str, TargetSpec] = {
+    "ico 100 mm": IcoSpec(100.0, 8, 7.0, 0.45, 10.0, 2.0, 1.5),
+    "ico 133 mm": IcoSpec(133.0, 8, 10.5, 0.45, 13.2, 2.66, 1.5),
+    "ico 60 mm, m = 6": IcoSpec(60.0, 6, 5.6, 0.45, 8.0, 1.2, 1.0),
+    "board, square": BoardSpec((220.0, 220.0), 5.0, 21, 21, "square", 7.0, 0.45, 10.0, 0.0, 5.0, dots=True),
+    "board, triangular": BoardSpec((220.0, 220.0), 5.0, 20, 22, "triangular", 7.0, 0.45, 10.0, 3.0, 2.0, dots=True),
+}
 RECALL_RAD, RECALL_MINOR_PX = math.radians(65), 5.0
 """Rings seen less steeply and larger than this must be found if nothing hides them."""
+
+
+@cache
+def target_of(name: str) -> TargetGeometry:
+    """The target of a name in `SPECS`."""
+    return lay_out(SPECS[name])
 
 
 @dataclass(frozen=True)
@@ -94,10 +110,18 @@ def ellipse_coverage(conic: Array, box: Box, columns_per_px: int, rows_per_px: i
 
 
 def ring_shade(
-    pixel_from_plane: Array, center: Array, outer: float, inner: float, box: Box, blur_px: float, fine: int = 4
+    pixel_from_plane: Array,
+    center: Array,
+    outer: float,
+    inner: float,
+    box: Box,
+    blur_px: float,
+    fine: int = 4,
+    slope: Array | None = None,
 ) -> Array:
     """Blurred ink coverage of one ring (inner 0: a dot) in a box, pixel area included.  # (height, width)
 
+    With a `slope` (per px, u v) the ink is weighed, before it is blurred, with light that is 1 in the box's middle.
     The blur is done on `fine` x `fine` cells a pixel, because a Gaussian of less than a pixel cannot be sampled.
     """
     import cv2
@@ -107,6 +131,9 @@ def ring_shade(
     if inner > 0:
         shade = shade - ellipse_coverage(conic_of_circle(pixel_from_plane, center, inner), box, fine, rows)
     cells = shade.reshape(box.height * fine, 8, box.width * fine).mean(axis=1)
+    if slope is not None:
+        u, v = ((np.arange(n * fine) + 0.5) / fine - n / 2 for n in (box.width, box.height))
+        cells *= 1 + slope[0] * u + slope[1] * v[:, None]
     if blur_px > 0:
         half = int(np.ceil(6 * blur_px * fine))
         cells = cv2.GaussianBlur(cells, (2 * half + 1, 2 * half + 1), blur_px * fine, borderType=cv2.BORDER_REPLICATE)
@@ -217,3 +244,11 @@ def readable_faces(view: View, target: TargetGeometry) -> int:
     mark = np.isin(target.ring_index @ [MAX_INDEX, 1], [MAX_INDEX * i + j for i, j in CODE_POSITIONS])
     seen = np.bincount(target.ring_face[mark], due_rings(view)[mark], minlength=target.face_count)
     return int((seen == len(CODE_POSITIONS)).sum())
+
+
+def crashed(view: View, target: TargetGeometry, why: str) -> Detections:
+    """Nothing found, with the error as the reason, so that the run goes on and the seed can be replayed."""
+    height, width = view.image.shape
+    ids, empty = (target.layout_id, target.geometry_id), np.zeros((0, 2))
+    cov, ellipse = np.zeros((0, 2, 2)), np.zeros((0, 5))
+    return Detections("crash", (width, height), *ids, np.zeros(0, int), empty, cov, ellipse, (), (f"crash {why}",))
