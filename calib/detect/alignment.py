@@ -63,6 +63,11 @@ class GridReader:
             self._mark.update({key: self._judge(key, int(mark)) for key, mark in zip(new, read, strict=True)})
         return np.array([self._mark[key] for key in keys])
 
+    def discs(self) -> Integers:
+        """Grid indices of members without a white centre that read as dots.  # (D, 2)"""
+        index = self._grid.index[self._candidates.ratio[self._grid.row] == 0]
+        return np.asarray(index[self.marks(index) == DOT] if len(index) else index)
+
     def _judge(self, key: tuple[int, int], mark: int) -> int:
         """A border with a white centre inside is a ring, unless the brightness clearly says dot."""
         k = self._row.get(key)

@@ -31,6 +31,10 @@ def reduced(pixels: NDArray[np.generic], factor: int) -> NDArray[np.uint8]:
     return np.asarray((small.astype(np.float64) - low) * (255.0 / max(high - low, 1e-9)), dtype=np.uint8)
 
 
+MAX_CHANGES = 2_000_000
+"""Twenty thousand rings of twelve pixels' radius make as many."""
+
+
 @dataclass(frozen=True)
 class Threshold:
     """One way to binarise: a window of 0 is Otsu's threshold, else the local mean less an offset."""
@@ -47,6 +51,11 @@ def thresholds(grey: NDArray[np.uint8]) -> tuple[Threshold, ...]:
     side = min(grey.shape)
     offset = max(6.0, 4 * noise_level(grey))
     return Threshold(0), Threshold(_odd(side / 6), offset), Threshold(_odd(side / 18), offset)
+
+
+def is_speckle(binary: NDArray[np.uint8]) -> bool:
+    """Whether a binary image changes so often along its rows that following its borders would take minutes."""
+    return int(np.count_nonzero(binary[:, 1:] != binary[:, :-1])) > MAX_CHANGES
 
 
 def noise_level(grey: NDArray[np.uint8]) -> float:

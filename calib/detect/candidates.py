@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.binarise import Threshold, binarise
+from calib.detect.binarise import Threshold, binarise, is_speckle
 from calib.detect.borders import Borders, find_borders
 from calib.detect.seeds import refine_seeds
 
@@ -55,7 +55,8 @@ def find_candidates(
         first_region: what to number white regions from, so that thresholds do not share numbers.
         ratio: inner over outer radius of the target's rings.
     """
-    borders = find_borders(binarise(grey, threshold))
+    binary = binarise(grey, threshold)
+    borders = find_borders(np.zeros_like(binary) if is_speckle(binary) else binary)
     outer = _dark_ellipses(borders)
     inner = _white_centres(borders, outer, ratio)
     has_centre = inner >= 0

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from calib.detect.alignment import Alignment, GridReader, agreement, alignments
 from calib.detect.candidates import Candidates
 from calib.detect.grid import Grid
-from calib.detect.marks import DOT
 from calib.detect.name_faces import MIN_MARGIN, NamedGrid
 from calib.detect.plan import TargetPlan
 
@@ -56,17 +55,12 @@ def name_board(
 
 def _by_dots(plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: GridReader) -> BoardName:
     """Every turn and shift that puts a seen dot on a dot of the target; the best one, if by a margin."""
-    low, high = grid.index.min(axis=0) - 1, grid.index.max(axis=0) + 1
-    span = np.stack(np.meshgrid(np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1)), axis=-1).reshape(-1, 2)
-    seen = {(int(i), int(j)) for i, j in grid.index[sure]}
-    # Only where no ring was seen can a dot be.
-    open_index = np.array([key for key in map(tuple, span.tolist()) if key not in seen]).reshape(-1, 2)
-    dots = open_index[reader.marks(open_index) == DOT] if len(open_index) else open_index
+    dots = reader.discs()
     if not len(dots):
         return BoardName(None, "the origin dots were not seen")
     proper = _best(plan, grid, sure, reader, dots, plan.lattice.turns)
     mirror = _best(plan, grid, sure, reader, dots, plan.lattice.mirrors)
-    if mirror is not None and mirror[0] >= MIN_MARGIN + (proper[0] if proper else -MIN_MARGIN):
+    if mirror is not None and mirror[0] >= max(3, MIN_MARGIN + (proper[0] if proper else -MIN_MARGIN)):
         return BoardName(None, "mirrored: the image shows the board in a mirror, or was flipped", is_mirrored=True)
     if proper is None:
         return BoardName(None, "the dots seen do not form the origin mark")

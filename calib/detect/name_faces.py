@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect import homography
-from calib.detect.alignment import Alignment, GridReader, agreement, alignments
+from calib.detect.alignment import DISAGREEMENT, Alignment, GridReader, agreement, alignments
 from calib.detect.candidates import Candidates
 from calib.detect.grid import Grid
 from calib.detect.plan import TargetPlan
@@ -139,12 +139,20 @@ def _option(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridRe
     known = row >= 0
     plane = plan.target.center_in_face_mm[row[known], :2]
     mapped = homography.direct(plane, candidates.ellipse[grid.row[known], :2])
+    strange = np.array([_dots_on_rings(plan, face, alignment.on_face(reader.discs())) for face in plan.faces])
     return _Option(
         alignment=alignment,
         marks=marks,
-        score=agreement(plan.mark_is_dot, marks),
+        score=agreement(plan.mark_is_dot, marks) - DISAGREEMENT * strange,
         corner_px=homography.apply(mapped, plan.target.outline_mm[0]),
     )
+
+
+def _dots_on_rings(plan: TargetPlan, face: int, index: Integers) -> int:
+    """How many seen dots lie where a face has rings, other than at its mark positions, which are scored apart."""
+    row = plan.rows_at(face, index)
+    at_mark = (index[:, None] == plan.mark_index[None]).all(axis=2).any(axis=1)
+    return int(((row >= 0) & ~at_mark & ~plan.target.is_dot[row]).sum())
 
 
 def _number_corners(placed: list[_Placed]) -> list[_Placed]:

@@ -37,7 +37,7 @@ class Placement:
 
     lens: Lens
     homography: Floats  # (F, 3, 3) straight image from face plane; nan: the face is not seen
-    is_from_solid: NDArray[np.bool_]  # (F,) placed by the other faces, not by its own grid
+    by_solid: Floats  # (F, 3, 3) the same from the solid's projection alone; nan: one face only, or not seen
     is_mirrored: bool = False
 
     def seen(self) -> Integers:
@@ -67,21 +67,20 @@ def place_faces(
     lens = camera_lens if camera_lens is not None else estimate_lens(groups, image_size)
     straight = lens.straighten(pixel)
     mapped = np.full((target.face_count, 3, 3), np.nan)
-    from_solid = np.zeros(target.face_count, dtype=np.bool_)
+    by_solid = np.full((target.face_count, 3, 3), np.nan)
     mirrored = False
     if len(faces) > 1 and len(pixel) >= 12:
         projection = direct_projection(target.center_mm[naming.ring], straight)
         mirrored = bool(np.linalg.det(projection[:, :3]) < 0)
-        by_solid = projection @ target.target_from_face[:, :, [0, 1, 3]]
-        front = _shows_front(by_solid, target.outline_mm)
-        mapped[front] = by_solid[front]
-        from_solid[front] = True
+        every = projection @ target.target_from_face[:, :, [0, 1, 3]]
+        front = _shows_front(every, target.outline_mm)
+        by_solid[front] = every[front]
+        mapped[front] = every[front]
     for f in faces:
         mine = face == f
         if mine.sum() >= OWN_HOMOGRAPHY or (len(faces) == 1 and mine.sum() >= 4):
             mapped[f] = _robust_homography(plane[mine], straight[mine])
-            from_solid[f] = False
-    return Placement(lens, mapped, from_solid, mirrored)
+    return Placement(lens, mapped, by_solid, mirrored)
 
 
 def direct_projection(point: Floats, image: Floats) -> Floats:

@@ -40,6 +40,11 @@ class TargetPlan:
         return bool((self.target.face_code >= 0).all())
 
     @property
+    def faces(self) -> range:
+        """The numbers of its faces."""
+        return range(self.target.face_count)
+
+    @property
     def pitch_radii(self) -> float:
         """Distance of neighbours in outer radii."""
         return float(np.linalg.norm(self.lattice.move_in_radii, axis=1).min())

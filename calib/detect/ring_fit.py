@@ -23,6 +23,8 @@ Floats: TypeAlias = NDArray[np.float64]
 MAX_ITERATIONS = 25
 CONVERGED_PX = 1e-3
 """A step of the centre this small is the last."""
+NO_GAIN = 1e-6
+"""Grey levels squared a pixel: less than rounding."""
 NO_STEP = 1e8
 """With more damping than this there is nowhere to go."""
 
@@ -106,8 +108,11 @@ def _descend(
         if not _is_sane(trial, start):
             damping *= 10.0
             continue
-        if moved < CONVERGED_PX and damping < 1e-3:
-            # The next step would be smaller by orders of magnitude: taken without looking again.
+        promised = 0.0
+        for k in range(PARAMETERS):
+            promised += gradient[k] * step[k]
+        if moved < CONVERGED_PX and promised < 1e-3 * cost + NO_GAIN * count:
+            # Neither the centre nor anything else has far to go: taken without looking again.
             params[:] = trial
             break
         trial_cost = accumulate(image, pixels, count, trial, q, origin, False, damped, step, unused, rows)

@@ -162,7 +162,7 @@ def artwork_difference() -> float:
 def ours(scene: Scene) -> Outcome:
     """The detector, names counted."""
     found = detect(scene.image, scene.target, name="scene")
-    seconds = best_of(2, lambda: detect(scene.image, scene.target, name="scene"))
+    seconds = best_of(3, lambda: detect(scene.image, scene.target, name="scene"))
     best = Outcome(0, len(found.ring), np.zeros((0, 2)), seconds)
     for truth in [scene.truth_px] if scene.named else _turned(scene.truth_px):
         error = np.asarray(found.center_px) - truth[found.ring]
@@ -197,7 +197,9 @@ def theirs(scene: Scene, mode: str) -> Outcome:
     nearest = distance.argmin(axis=1) if len(center) else np.zeros(0, dtype=int)
     good = distance.min(axis=1, initial=np.inf) < 5
     error = (center - scene.truth_px[nearest])[good]
-    return Outcome(len(set(nearest[good].tolist())), int((~good).sum()), error, best_of(1 + (mode != "adaptive"), run))
+    return Outcome(
+        len(set(nearest[good].tolist())), int((~good).sum()), error, best_of(1 if mode == "adaptive" else 3, run)
+    )
 
 
 def report(name: str, draw: Callable[[float, np.random.Generator], Scene], tilts: tuple[int, ...]) -> None:

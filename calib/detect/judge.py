@@ -1,0 +1,62 @@
+"""Whether a fit is the feature it was made for, and if not, why."""
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detect.plan import TargetPlan
+from calib.detect.ring_fit import RingFits
+
+Floats: TypeAlias = NDArray[np.float64]
+
+COVERED = "covered, washed out or too blurred"
+FAINT = "too little contrast"
+ODD_SHAPE = "not the shape a feature has there"
+VAGUE = "too blurred to be placed well"
+OFF_GRID = "off the grid"
+OUTSIDE = "outside the image"
+FLAT = "seen too small or too flat"
+
+MAX_SIGMA_PX = 0.5
+"""Centres less certain than this (2-D) would only do harm to who does not weigh them."""
+
+
+def judge(
+    fits: RingFits, residual_px: Floats | None, is_dot: NDArray[np.bool_], shape: Floats, plan: TargetPlan
+) -> NDArray[np.str_]:
+    """Why a fit is refused; empty: it stands.  # (N,)
+
+    Args:
+        fits: the fits.
+        residual_px: distances from where the grid puts them, if that is known.  # (N, 2)
+        is_dot: which are dots.  # (N,)
+        shape: E that the placement predicts.  # (N, 3)
+        plan: the target's.
+    """
+    count = len(fits.ok)
+    reason = np.full(count, "", dtype="<U40")
+    if not count:
+        return reason
+    contrast = fits.contrast
+    good = fits.ok & (contrast > 0)
+    usual_contrast = float(np.median(contrast[good])) if good.any() else 1.0
+    roughness = fits.noise / np.maximum(contrast, 1e-9)
+    usual_roughness = float(np.median(roughness[good])) if good.any() else 0.0
+    area = np.log(np.abs(fits.params[:, 2] * fits.params[:, 4]) / (shape[:, 0] * shape[:, 2]) + 1e-12)
+    usual_area = float(np.median(area[good])) if good.any() else 0.0
+    ratio = fits.params[:, 7]
+    rings = good & ~is_dot
+    usual_ratio = float(np.median(ratio[rings])) if rings.any() else plan.ratio
+    distance = np.zeros(count) if residual_px is None else np.linalg.norm(residual_px, axis=1)
+    sigma = np.sqrt(np.trace(fits.cov_px2, axis1=1, axis2=2))
+    usual_distance = float(np.median(distance[good])) if good.any() else 0.0
+    reason[distance > 8 * usual_distance + 5 * np.where(good, sigma, 0) + 0.1] = OFF_GRID
+    odd = np.abs(area - usual_area) > 0.35
+    odd |= ~is_dot & (np.abs(ratio - usual_ratio) > 0.2)
+    reason[odd] = ODD_SHAPE
+    reason[sigma > MAX_SIGMA_PX] = VAGUE
+    reason[roughness > 3 * usual_roughness + 0.04] = COVERED
+    reason[contrast < 0.3 * usual_contrast] = FAINT
+    reason[~good] = COVERED
+    return reason

@@ -1,0 +1,111 @@
+"""The vanishing line at each feature, from its face's grid or from the whole solid."""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detect import homography
+from calib.detect.lens import Lens, estimate_lens, local_form
+from calib.detect.place import Placement
+from calib.detect.plan import TargetPlan
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+
+MIN_FOR_LINE = 6
+"""A grid of so many features has a homography with something to spare; fewer leave the vanishing line free."""
+OFF_LINE_POINTS = 4
+OFF_LINE_PITCHES = 0.4
+"""So many points must lie so far off the best line for a homography of their own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """N centres as far as they are known."""
+
+    center_px: Floats  # (N, 2)
+    sigma_px: Floats  # (N,) per axis
+    use: NDArray[np.bool_]  # (N,) whether to trust it
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """The lines at N features, as a prior for their fits."""
+
+    line: Floats  # (N, 2) m of the ring model
+    information: Floats  # (N, 2, 2) zero: not known
+    residual_px: Floats  # (N, 2) from where the grid puts the feature
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Whether a feature has a line.  # (N,)"""
+        return np.asarray(self.information[:, 0, 0] > 0)
+
+
+def fit_lens(plan: TargetPlan, ring: Integers, seen: Seen, image_size: tuple[int, int]) -> Lens:
+    """The lens from the centres so far."""
+    face = plan.target.ring_face[ring]
+    plane = plan.target.center_in_face_mm[ring, :2]
+    groups = [seen.use & (face == f) for f in np.unique(face)]
+    return estimate_lens([(plane[group], seen.center_px[group]) for group in groups], image_size)
+
+
+def fit_lines(plan: TargetPlan, ring: Integers, seen: Seen, lens: Lens, placement: Placement) -> Lines:
+    """Each feature's line from its face's grid, or from the solid where the grid has too little to spare.
+
+    Misfit beyond the centres' own noise (a bent sheet, a lens not modelled) widens the line's covariance.
+    """
+    count = len(ring)
+    line, information = np.zeros((count, 2)), np.zeros((count, 2, 2))
+    residual = np.zeros((count, 2))
+    face = plan.target.ring_face[ring]
+    plane = plan.target.center_in_face_mm[ring, :2]
+    straight = lens.straighten(seen.center_px)
+    jacobian, _ = local_form(lens, seen.center_px)
+    for f in np.unique(face):
+        mine = np.flatnonzero(face == f)
+        rows = mine[seen.use[mine]]
+        if len(rows) >= MIN_FOR_LINE and _spans_plane(plane[rows], plan):
+            matrix, covariance, kept = _weighted_homography(plane[rows], straight[rows], seen.sigma_px[rows])
+            base = plane[rows][kept]
+        elif np.isfinite(placement.by_solid[f, 0, 0]):
+            matrix, covariance, base = placement.by_solid[f], np.zeros((8, 8)), plane[mine]
+        else:
+            continue
+        m = homography.vanishing_terms(matrix, straight[mine])
+        spread = homography.vanishing_covariance(matrix, base, covariance, straight[mine])
+        line[mine] = np.einsum("nji,nj->ni", jacobian[mine], m)
+        spread = np.einsum("nji,njk,nkl->nil", jacobian[mine], spread, jacobian[mine])
+        # A floor of one part in ten thousand of the line keeps the inverse finite.
+        floor = (1e-4 * np.linalg.norm(m, axis=1) + 1e-9) ** 2
+        information[mine] = np.linalg.inv(spread + floor[:, None, None] * np.eye(2))
+        residual[mine] = seen.center_px[mine] - lens.distort(homography.apply(matrix, plane[mine]))
+    return Lines(line, information, residual)
+
+
+def _spans_plane(point: Floats, plan: TargetPlan) -> bool:
+    """Whether a homography has something to spare: without any one row of the grid, points off a line are left."""
+    offset = point - point.mean(axis=0)
+    _, _, axes = np.linalg.svd(offset, full_matrices=False)
+    across = np.sort(np.abs(offset @ axes[1]))
+    return bool(across[-OFF_LINE_POINTS] > OFF_LINE_PITCHES * plan.pitch_radii * plan.radius_mm)
+
+
+def _weighted_homography(plane: Floats, straight: Floats, sigma: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Homography and covariance, scaled by the misfit if that is more than the noise; far points left out."""
+    weight = 1 / (sigma**2 + 0.003**2)
+    keep = np.ones(len(plane), dtype=np.bool_)
+    matrix, covariance, residual = homography.fit(plane, straight, weight)
+    for _ in range(3):
+        size = np.sqrt(weight * (residual**2).sum(axis=1))
+        new = size <= 5 * np.median(size[keep]) + 1e-9
+        if new.sum() < MIN_FOR_LINE or (new == keep).all():
+            break
+        keep = new
+        matrix, covariance, _ = homography.fit(plane[keep], straight[keep], weight[keep])
+        residual = straight - homography.apply(matrix, plane)
+    freedom = max(2 * int(keep.sum()) - 8, 1)
+    misfit = float((weight * (residual**2).sum(axis=1))[keep].sum()) / freedom
+    return matrix, covariance * max(misfit, 1.0), keep

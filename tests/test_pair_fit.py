@@ -1,0 +1,106 @@
+"""Pairs of ellipses fitted to edges: the start of the direct fit."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calib.detect.pair_fit import fit_pairs
+from calib.detect.ring_fit import fit_rings
+from calib.detect.ring_model import BLUR, GEOMETRY_PARAMETERS, RATIO
+from tests.ring_images import INK_LEVEL, LIMIT, WHITE_LEVEL, Mosaic, Ring, mosaic, random_rings
+
+Array = NDArray[np.float64]
+
+
+def rough(m: Mosaic, rng: np.random.Generator, off_px: float = 0.5) -> Array:
+    """What borders give: centres off by a fraction of a pixel, shapes by a few percent, no line.  # (N, 8)"""
+    start = m.params[:, :GEOMETRY_PARAMETERS].copy()
+    start[:, :2] += rng.uniform(-off_px, off_px, (len(start), 2))
+    start[:, 2:5] *= rng.uniform(0.96, 1.04, (len(start), 1))
+    start[:, 5:7] = 0
+    start[:, RATIO] = rng.uniform(0.38, 0.52, len(start))
+    return start
+
+
+@pytest.mark.parametrize(("radius", "tilt"), [(8.0, 0.3), (15.0, 0.8), (30.0, 1.0), (80.0, 0.6)])
+@pytest.mark.parametrize("blur", [0.5, 1.0])
+def test_edges_without_noise_give_centre_shape_and_levels(radius: float, tilt: float, blur: float) -> None:
+    """From a rough start: the centre to a few hundredths of a pixel, blur and levels well enough to start from."""
+    rng = np.random.default_rng(1)
+    m = mosaic(random_rings(8, rng, radius_px=radius, tilt_rad=tilt, blur_px=blur), columns=4)
+    params, rms = fit_pairs(m.image, rough(m, rng))
+    assert (rms >= 0).all()
+    assert rms.max() < 0.15
+    minor = radius * np.cos(tilt)
+    assert np.abs(params[:, :2] - m.center_px).max() < 0.03 + 0.3 / minor
+    assert params[:, 2:5] == pytest.approx(m.params[:, 2:5], abs=0.3 / minor / radius)
+    assert params[:, RATIO] == pytest.approx(m.params[:, RATIO], abs=0.8 / minor)
+    assert params[:, BLUR] == pytest.approx(m.params[:, BLUR], rel=0.3)
+    contrast = params[:, 9] * params[:, 12]
+    assert contrast == pytest.approx(np.full(8, WHITE_LEVEL - INK_LEVEL), rel=0.1)
+
+
+def test_pairs_start_the_direct_fit() -> None:
+    """From rough places to the bound: what pairs give is near enough for all direct fits."""
+    rng = np.random.default_rng(2)
+    m = mosaic(random_rings(60, rng, tilt_rad=0.8))
+    noisy = (m.image + 3.2 * rng.standard_normal(m.image.shape)).astype(np.float32)
+    params, rms = fit_pairs(noisy, rough(m, rng, off_px=1.0))
+    assert (rms >= 0).all()
+    fits = fit_rings(noisy, params, limit=LIMIT)
+    assert fits.ok.all()
+    direct, pairs = (np.sqrt(((x - m.center_px) ** 2).mean()) for x in (fits.center_px, params[:, :2]))
+    assert direct < 0.014
+    assert pairs < 0.03
+
+
+def test_patch_of_glare_over_an_edge_pulls_little() -> None:
+    """A bright patch over a sixth of the ring costs a tenth of a pixel, not a whole one."""
+    rng = np.random.default_rng(3)
+    m = mosaic([Ring(radius_px=20.0, tilt_rad=0.5, axis_rad=1.0)], columns=1)
+    spoilt = m.image.copy()
+    u, v = m.center_px[0] + (14, 9)
+    v_at, u_at = np.mgrid[: spoilt.shape[0], : spoilt.shape[1]]
+    spoilt[np.hypot(u_at - u, v_at - v) < 5] = 255
+    params, rms = fit_pairs(spoilt, rough(m, rng))
+    assert rms[0] >= 0
+    assert np.abs(params[0, :2] - m.center_px[0]).max() < 0.1
+
+
+def test_nothing_to_fit_is_refused() -> None:
+    """No edge, no ring, or a place outside: -1, and no crash."""
+    p = Ring().parameters()[None, :GEOMETRY_PARAMETERS]
+    for level in (0, 128, 255):
+        assert fit_pairs(np.full((61, 61), level, dtype=np.uint8), p)[1][0] == -1
+    ramp = np.add.outer(np.arange(61.0), np.arange(61.0)).astype(np.float32)
+    assert fit_pairs(ramp, p)[1][0] == -1
+    far = np.repeat(p, 3, axis=0)
+    far[:, :2] = (-500, 20), (20, 1e7), (400, 20)
+    assert (fit_pairs(np.zeros((61, 61), dtype=np.uint8), far)[1] == -1).all()
+    for shape in ((1, 1), (2, 61), (61, 2)):
+        assert fit_pairs(np.zeros(shape, dtype=np.uint8), p)[1][0] == -1
+    params, rms = fit_pairs(np.zeros((61, 61), dtype=np.uint8), np.zeros((0, GEOMETRY_PARAMETERS)))
+    assert params.shape == (0, 15)
+    assert rms.shape == (0,)
+
+
+def test_all_types_of_pixels_agree() -> None:
+    """The same levels in 8 or 16 bits or as floats give the same pairs."""
+    rng = np.random.default_rng(4)
+    m = mosaic(random_rings(5, rng))
+    levels = np.rint(m.image).astype(np.uint8)
+    start = rough(m, rng)
+    results = [fit_pairs(levels.astype(kind), start)[0] for kind in (np.uint8, np.uint16, np.float32)]
+    for other in results[1:]:
+        assert other == pytest.approx(results[0], rel=1e-5, abs=1e-6)
+
+
+def test_ring_cut_by_the_border_is_refused_or_right() -> None:
+    """Edges outside the image are not made up."""
+    rng = np.random.default_rng(5)
+    m = mosaic([Ring(radius_px=20.0, tilt_rad=0.5)], columns=1)
+    for cut in range(5, 60, 5):
+        start = rough(m, rng)
+        start[:, 0] -= cut
+        params, rms = fit_pairs(np.ascontiguousarray(m.image[:, cut:]), start)
+        assert rms[0] == -1 or np.abs(params[0, :2] + (cut, 0) - m.center_px[0]).max() < 0.3
