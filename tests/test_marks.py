@@ -16,7 +16,7 @@ def read(
     """The marks at the mosaic's places, shifted by up to so many pixels."""
     ellipse = m.params[:, :5].copy()
     ellipse[:, :2] += np.random.default_rng(0).uniform(-off_px, off_px, (len(ellipse), 2))
-    return list(read_marks(image, ellipse, ratio=0.45, around=1.3, contrast=contrast))
+    return list(read_marks(image, ellipse, ratio=0.45, around=1.3, contrast=WHITE_LEVEL - INK_LEVEL))
 
 
 @pytest.mark.parametrize(("radius", "blur"), [(6.0, 0.6), (10.0, 1.5), (25.0, 0.7)])

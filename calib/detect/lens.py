@@ -128,7 +128,7 @@ def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, in
         return NoLens()
     k = np.zeros(2)
     straight_cost = cost = np.inf
-    for _ in range(8):
+    for _ in range(5):
         lens = RadialLens(float(k[0]), float(k[1]), middle, half_diagonal)
         normal, gradient, cost = _lens_equations(lens, groups)
         if straight_cost == np.inf:
@@ -151,13 +151,14 @@ def _lens_equations(lens: RadialLens, groups: list[tuple[Floats, Floats]]) -> tu
     normal, gradient, cost = np.zeros((2, 2)), np.zeros(2), 0.0
     for plane, pixel in groups:
         straight = lens.straighten(pixel)
-        _, _, residual = homography.fit(plane, straight, np.ones(len(plane)), rounds=2)
+        mapped, _, residual = homography.fit(plane, straight, np.ones(len(plane)), rounds=1)
         size = np.linalg.norm(residual, axis=1)
         keep = size < 6 * np.median(size) + 0.05
         if keep.sum() < 6:
             continue
         kept = plane[keep]
-        mapped, _, residual = homography.fit(kept, straight[keep], np.ones(len(kept)), rounds=2)
+        if not keep.all():
+            mapped, _, residual = homography.fit(kept, straight[keep], np.ones(len(kept)), rounds=1)
         _, by_plane = homography.linearised(mapped, kept)
         offset = pixel[keep] - np.array(lens.middle_px)
         r2 = (offset**2).sum(axis=1, keepdims=True) / lens.half_diagonal_px**2

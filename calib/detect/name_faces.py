@@ -139,7 +139,7 @@ def _option(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridRe
     known = row >= 0
     plane = plan.target.center_in_face_mm[row[known], :2]
     mapped = homography.direct(plane, candidates.ellipse[grid.row[known], :2])
-    strange = np.array([_dots_on_rings(plan, face, alignment.on_face(reader.discs())) for face in plan.faces])
+    strange = _dots_on_rings(plan, alignment.on_face(reader.discs()))
     return _Option(
         alignment=alignment,
         marks=marks,
@@ -148,11 +148,16 @@ def _option(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridRe
     )
 
 
-def _dots_on_rings(plan: TargetPlan, face: int, index: Integers) -> int:
-    """How many seen dots lie where a face has rings, other than at its mark positions, which are scored apart."""
-    row = plan.rows_at(face, index)
+def _dots_on_rings(plan: TargetPlan, index: Integers) -> Integers:
+    """How many seen dots lie where each face has rings, other than at mark positions, which are scored apart.
+
+    Args:
+        plan: the target's.
+        index: of the dots on the face.  # (D, 2)
+    """
     at_mark = (index[:, None] == plan.mark_index[None]).all(axis=2).any(axis=1)
-    return int(((row >= 0) & ~at_mark & ~plan.target.is_dot[row]).sum())
+    row = plan.rows_on_all(index[~at_mark])
+    return np.asarray(((row >= 0) & ~plan.target.is_dot[row]).sum(axis=1))
 
 
 def _number_corners(placed: list[_Placed]) -> list[_Placed]:

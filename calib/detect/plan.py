@@ -40,22 +40,21 @@ class TargetPlan:
         return bool((self.target.face_code >= 0).all())
 
     @property
-    def faces(self) -> range:
-        """The numbers of its faces."""
-        return range(self.target.face_count)
-
-    @property
     def pitch_radii(self) -> float:
         """Distance of neighbours in outer radii."""
         return float(np.linalg.norm(self.lattice.move_in_radii, axis=1).min())
 
-    def rows_at(self, face: int, index: Integers) -> Integers:
-        """Rows of the target at indices of a face, -1 where it has nothing.  # (N, 2) -> (N,)"""
+    def rows_on_all(self, index: Integers) -> Integers:
+        """Rows of the target at indices, for each face; -1 where it has nothing.  # (N, 2) -> (F, N)"""
         at = index - self.low
         size = np.array(self.row_table.shape[1:])
         inside = ((at >= 0) & (at < size)).all(axis=1)
         at = np.clip(at, 0, size - 1)
-        return np.where(inside, self.row_table[face, at[:, 0], at[:, 1]], -1)
+        return np.asarray(np.where(inside, self.row_table[:, at[:, 0], at[:, 1]], -1))
+
+    def rows_at(self, face: int, index: Integers) -> Integers:
+        """Rows of the target at indices of one face, -1 where it has nothing.  # (N, 2) -> (N,)"""
+        return np.asarray(self.rows_on_all(index)[face])
 
 
 @lru_cache(maxsize=8)

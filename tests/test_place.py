@@ -1,0 +1,155 @@
+"""Where features must be, from those that have names."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calib.camera_file import camera_or_preset
+from calib.cameras import project
+from calib.detect.candidates import Candidates
+from calib.detect.lens import CameraLens, NoLens
+from calib.detect.place import (
+    Naming,
+    assign,
+    complete,
+    direct_projection,
+    place_faces,
+    predict,
+    without_strangers,
+)
+from calib.detect.plan import plan_for
+from calib.se3 import transform
+from tests.ring_views import CAMERA, Scene, board, ellipse_of, ico, scene_of
+
+Array = NDArray[np.float64]
+SIZE = CAMERA.image_size
+
+
+def true_naming(scene: Scene) -> Naming:
+    """Every candidate by its right name."""
+    real = np.flatnonzero(scene.row >= 0)
+    order = real[np.argsort(scene.row[real])]
+    return Naming(order, scene.row[order])
+
+
+def test_projection_of_exact_points_is_the_camera() -> None:
+    """From exact points the direct solution projects all others, with positive depth in front."""
+    scene = scene_of(ico(), 1, noise_px=0.0)
+    row = scene.row
+    matrix = direct_projection(ico().center_mm[row], scene.truth.center_px[row])
+    point = np.random.default_rng(1).uniform(-100, 100, (50, 3))
+    expected = project(CAMERA, transform(scene.cam_from_target, point))
+    mapped = point @ matrix[:, :3].T + matrix[:, 3]
+    assert mapped[:, :2] / mapped[:, 2:] == pytest.approx(expected, abs=1e-4)
+    assert (mapped[:, 2] > 0).all()
+    assert np.linalg.det(matrix[:, :3]) > 0
+    flipped = scene.truth.center_px[row] * (-1, 1)
+    assert np.linalg.det(direct_projection(ico().center_mm[row], flipped)[:, :3]) < 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_predicted_places_are_where_the_camera_puts_them(seed: int) -> None:
+    """Predicted places and shapes are the projected centres and rims, on all faces that show, and no others."""
+    scene = scene_of(ico(), seed, noise_px=0.0)
+    placement = place_faces(plan_for(ico()), scene.candidates, true_naming(scene), SIZE, NoLens())
+    places = predict(plan_for(ico()), placement, SIZE)
+    assert not placement.is_mirrored
+    assert set(scene.row.tolist()) <= set(places.ring.tolist())
+    assert scene.truth.visible[places.ring].all()
+    assert places.center_px == pytest.approx(scene.truth.center_px[places.ring], abs=0.02)
+    flat = scene.truth.incidence_rad[places.ring] < 1.1
+    rims = np.array([ellipse_of(scene.truth.rim_px[ring])[2:] for ring in places.ring[flat]])
+    assert places.shape[flat] == pytest.approx(rims, rel=0.03, abs=2e-3)
+
+
+@pytest.mark.parametrize("is_known", [False, True])
+def test_places_follow_a_strong_lens(is_known: bool) -> None:
+    """With a wide webcam, its lens known or estimated from the grid, places are right to a pixel or better."""
+    camera = camera_or_preset("wide-webcam")
+    scene = scene_of(board(), 2, camera=camera, distance_mm=170.0, noise_px=0.02)
+    lens = CameraLens(camera) if is_known else None
+    placement = place_faces(plan_for(board()), scene.candidates, true_naming(scene), camera.image_size, lens)
+    places = predict(plan_for(board()), placement, camera.image_size)
+    error = np.linalg.norm(places.center_px - scene.truth.center_px[places.ring], axis=1)
+    named = np.isin(places.ring, scene.row)
+    assert named.sum() > 20
+    assert error[named].max() < (0.1 if is_known else 0.6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_names_spread_from_two_faces_over_all(seed: int) -> None:
+    """Two named faces and a stranger or two are enough: every feature gets its name, and nobody a wrong one."""
+    scene = scene_of(ico(), seed, clutter=20)
+    naming = true_naming(scene)
+    face = ico().ring_face[naming.ring]
+    faces, count = np.unique(face, return_counts=True)
+    first = np.isin(face, faces[np.argsort(-count)[:2]])
+    known = Naming(naming.candidate[first], naming.ring[first])
+    spread, placement = complete(plan_for(ico()), scene.candidates, known, SIZE, NoLens())
+    assert len(spread.ring) > 0.97 * len(naming.ring)
+    real = scene.row[spread.candidate] >= 0
+    assert np.array_equal(scene.row[spread.candidate[real]], spread.ring[real])
+    assert (~real).sum() <= 1
+    assert set(faces.tolist()) <= set(placement.seen().tolist())
+
+
+def test_assignment_is_one_to_one_and_near() -> None:
+    """Two candidates at one place, or one at two: each name is given once, to the nearest; sizes must be alike."""
+    plan = plan_for(board())
+    scene = scene_of(board(), 5, noise_px=0.0)
+    placement = place_faces(plan, scene.candidates, true_naming(scene), SIZE, NoLens())
+    places = predict(plan, placement, SIZE)
+    ellipse = scene.candidates.ellipse
+    twin, giant = ellipse.copy(), ellipse.copy()
+    twin[:, 0] += 1.5
+    giant[:, 2:] /= 1.6
+    crowd = Candidates(
+        np.vstack([giant, twin, ellipse]), np.full(3 * len(ellipse), 0.45), np.zeros(3 * len(ellipse), np.int64),
+        np.zeros(3 * len(ellipse)),
+    )  # fmt: skip
+    naming = assign(plan, crowd, places)
+    assert len(set(naming.candidate.tolist())) == len(naming.candidate)
+    assert len(set(naming.ring.tolist())) == len(naming.ring)
+    assert (naming.candidate >= 2 * len(ellipse)).all()
+    assert np.array_equal(scene.row[naming.candidate - 2 * len(ellipse)], naming.ring)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_face_by_a_wrong_name_is_dropped(seed: int) -> None:
+    """A face that bears another's name contradicts the others: it goes, and most of them stay."""
+    scene = scene_of(ico(), seed)
+    naming = true_naming(scene)
+    face = ico().ring_face[naming.ring]
+    faces, count = np.unique(face, return_counts=True)
+    assert len(faces) > 3
+    unseen = next(f for f in range(20) if f not in faces)
+    wrong = faces[np.argmax(count)]
+    index = {
+        tuple(i): r
+        for r, i in zip(
+            np.flatnonzero(ico().ring_face == unseen), ico().ring_index[ico().ring_face == unseen].tolist(), strict=True
+        )
+    }
+    ring = np.array(
+        [
+            index[tuple(ico().ring_index[r].tolist())] if f == wrong else r
+            for r, f in zip(naming.ring, face, strict=True)
+        ]
+    )
+    kept, dropped = without_strangers(plan_for(ico()), scene.candidates, Naming(naming.candidate, ring))
+    assert unseen in dropped
+    left = set(ico().ring_face[kept.ring].tolist())
+    assert left <= set(faces.tolist()) - {wrong}
+    assert len(left) >= len(faces) // 2
+    same, none = without_strangers(plan_for(ico()), scene.candidates, naming)
+    assert none == ()
+    assert np.array_equal(same.ring, naming.ring)
+
+
+def test_mirrored_names_are_known_as_such() -> None:
+    """If all names are right but the image is flipped, the placement says mirrored."""
+    scene = scene_of(ico(), 2)
+    ellipse = scene.candidates.ellipse.copy()
+    ellipse[:, 0] = SIZE[0] - 1 - ellipse[:, 0]
+    flipped = Candidates(ellipse, scene.candidates.ratio, scene.candidates.region, scene.candidates.misfit_px)
+    assert place_faces(plan_for(ico()), flipped, true_naming(scene), SIZE, NoLens()).is_mirrored
