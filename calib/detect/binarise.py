@@ -29,7 +29,7 @@ def reduced(pixels: NDArray[np.generic], factor: int) -> NDArray[np.uint8]:
     if factor > 1:
         cropped = np.ascontiguousarray(pixels[: height * factor, : width * factor])
         small = cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
-    small = np.asarray(cv2.GaussianBlur(small, (3, 3), SPECKLE_BLUR_PX))
+    small = np.asarray(cv2.GaussianBlur(small.astype(small.dtype.type, copy=False), (3, 3), SPECKLE_BLUR_PX))
     if small.dtype == np.uint8:
         return np.ascontiguousarray(small, dtype=np.uint8)
     low, high = float(small.min()), float(small.max())

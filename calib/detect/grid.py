@@ -20,6 +20,11 @@ Integers: TypeAlias = NDArray[np.int64]
 
 STEP_TOLERANCE = 0.25
 """How far a neighbour may lie from where it is predicted, as a share of the step."""
+SHORTEST, LONGEST = 0.75, 1.33
+"""The step back from a neighbour, by its own ellipse, over the lattice's step."""
+MAX_TWIST_RAD = 0.4
+SIZE_RATIO = 2.0
+"""Neighbours' areas differ by no more than this."""
 HALF_SPAN = 512
 """Grids reach so many steps from their seed at most."""
 
@@ -55,7 +60,7 @@ def _nearest(
         distance = math.sqrt(y0 * y0 + y1 * y1)
         if distance < best:
             share = ellipse[n, 2] * ellipse[n, 4] / (e[2] * e[4])
-            if 0.45 < share < 2.2:
+            if 1 / SIZE_RATIO < share < SIZE_RATIO:
                 best, found = distance, n
     return found
 
@@ -111,7 +116,7 @@ def _grow(
                     continue
                 back, angle = _turn(ellipse, n, ellipse[n, 0] - e[0], ellipse[n, 1] - e[1], step[k])
                 twist = (angle - turn[a] + math.pi) % (2 * math.pi) - math.pi
-                if not 0.7 < back / length < 1.4 or abs(twist) > 0.5:
+                if not SHORTEST < back / length < LONGEST or abs(twist) > MAX_TWIST_RAD:
                     continue
                 grid_of[n] = number
                 index[n, 0], index[n, 1] = i, j
@@ -126,6 +131,40 @@ def _grow(
 
 
 @jit
+def _neighbours_in_place(
+    seed: int, angle: float, at: Floats, order: Integers, ellipse: Floats, step: Floats, grid_of: Integers
+) -> int:
+    """How many free candidates lie where a seed with a turn predicts its neighbours."""
+    e = ellipse[seed]
+    cos, sin = math.cos(angle), math.sin(angle)
+    count = 0
+    for k in range(len(step)):
+        du = (cos * step[k, 0] - sin * step[k, 1]) / e[2]
+        dv = (sin * step[k, 0] + cos * step[k, 1] - e[3] * du) / e[4]
+        reach = STEP_TOLERANCE * math.sqrt(step[k, 0] ** 2 + step[k, 1] ** 2)
+        if _nearest(at, order, ellipse, grid_of, seed, e[0] + du, e[1] + dv, reach) >= 0:
+            count += 1
+    return count
+
+
+@jit
+def _turn_of_pair(seed: int, n: int, ellipse: Floats, step: Floats, first_move: int) -> tuple[int, float]:
+    """The first move, from a given one on, that may lead from a seed to n, and the seed's turn then; -1: none."""
+    du, dv = ellipse[n, 0] - ellipse[seed, 0], ellipse[n, 1] - ellipse[seed, 1]
+    for k in range(first_move, len(step)):
+        length = math.sqrt(step[k, 0] ** 2 + step[k, 1] ** 2)
+        alike = abs(length - math.sqrt(step[0, 0] ** 2 + step[0, 1] ** 2)) < 0.02 * length
+        if k > 0 and alike:
+            # Steps of one length give the same grid, turned.
+            continue
+        here, angle = _turn(ellipse, seed, du, dv, step[k])
+        there, _ = _turn(ellipse, n, du, dv, step[k])
+        if SHORTEST < here / length < LONGEST and SHORTEST < there / length < LONGEST:
+            return k, angle
+    return -1, 0.0
+
+
+@jit
 def _grow_all(
     ellipse: Floats,
     region: Integers,
@@ -135,7 +174,10 @@ def _grow_all(
     smallest: int,
     farthest: int,
 ) -> tuple[Integers, Integers, Floats]:
-    """Grow a grid from each seed that no grid has yet; returns the grid (-1: none), index and turn of each."""
+    """Grow a grid from each seed that no grid has yet; returns the grid (-1: none), index and turn of each.
+
+    Seeds with three neighbours in place come first: a stranger among the rings has none but by chance.
+    """
     count = len(ellipse)
     order = np.argsort(ellipse[:, 0], kind="mergesort")
     at = ellipse[order, 0].copy()
@@ -145,41 +187,33 @@ def _grow_all(
     slot = np.full((2 * HALF_SPAN + 1, 2 * HALF_SPAN + 1), -1, dtype=np.int32)
     queue = np.empty(count, dtype=np.int64)
     number = 0
-    for seed in seeds:
-        if grid_of[seed] >= 0:
-            continue
-        e = ellipse[seed]
-        reach = 1.4 * math.sqrt(step[0, 0] ** 2 + step[0, 1] ** 2)
-        half = reach * math.sqrt(e[3] * e[3] + e[4] * e[4]) / (e[2] * e[4])
-        for k in range(np.searchsorted(at, e[0] - half), count):
-            if at[k] > e[0] + half:
-                break
-            n = order[k]
-            if n == seed or grid_of[n] >= 0 or not 0.45 < ellipse[n, 2] * ellipse[n, 4] / (e[2] * e[4]) < 2.2:
+    for least in (3, 1):
+        for seed in seeds:
+            if grid_of[seed] >= 0:
                 continue
-            grown = 0
-            for move_number in range(len(move)):
-                s = step[move_number]
-                length = math.sqrt(s[0] * s[0] + s[1] * s[1])
-                du, dv = ellipse[n, 0] - e[0], ellipse[n, 1] - e[1]
-                here, angle = _turn(ellipse, seed, du, dv, s)
-                there, _ = _turn(ellipse, n, du, dv, s)
-                if not (0.75 < here / length < 1.3 and 0.75 < there / length < 1.3):
+            e = ellipse[seed]
+            reach = 1.4 * math.sqrt(step[0, 0] ** 2 + step[0, 1] ** 2)
+            half = reach * math.sqrt(e[3] * e[3] + e[4] * e[4]) / (e[2] * e[4])
+            for k in range(np.searchsorted(at, e[0] - half), count):
+                if at[k] > e[0] + half or grid_of[seed] >= 0:
+                    break
+                n = order[k]
+                if n == seed or grid_of[n] >= 0:
                     continue
-                turn[seed] = angle
-                grown = _grow(
-                    seed, number, at, order, ellipse, region, move, step, grid_of, index, turn, slot, queue, farthest
-                )  # fmt: skip
-                if grown >= smallest:
-                    break
-                for q in range(grown):
-                    grid_of[queue[q]] = -1
-                if abs(length - math.sqrt(step[0, 0] ** 2 + step[0, 1] ** 2)) < 0.02 * length:
-                    # All steps are alike: another move from the same pair gives the same grid.
-                    break
-            if grown >= smallest:
-                number += 1
-                break
+                used, angle = _turn_of_pair(seed, n, ellipse, step, 0)
+                while used >= 0:
+                    turn[seed] = angle
+                    if _neighbours_in_place(seed, angle, at, order, ellipse, step, grid_of) >= least:
+                        grown = _grow(
+                            seed, number, at, order, ellipse, region, move, step, grid_of, index, turn, slot, queue,
+                            farthest,
+                        )  # fmt: skip
+                        if grown >= smallest:
+                            number += 1
+                            break
+                        for q in range(grown):
+                            grid_of[queue[q]] = -1
+                    used, angle = _turn_of_pair(seed, n, ellipse, step, used + 1)
     return grid_of, index, turn
 
 

@@ -15,6 +15,7 @@ from calib.detect.alignment import DISAGREEMENT, Alignment, GridReader, agreemen
 from calib.detect.candidates import Candidates
 from calib.detect.grid import Grid
 from calib.detect.plan import TargetPlan
+from calib.detect.planar_parts import planar_parts
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -68,6 +69,7 @@ def name_faces(
     plan: TargetPlan, candidates: Candidates, grids: tuple[Grid, ...], image: NDArray[np.generic], contrast: float
 ) -> tuple[tuple[NamedGrid, ...], bool]:
     """Names of the grids that have one beyond doubt, and whether the image is a mirror image."""
+    grids = tuple(part for grid in grids for part in _on_one_face(plan, candidates, grid))
     readers = [GridReader(image, candidates, grid, plan, contrast) for grid in grids]
     named, score = _name(plan, candidates, grids, readers, plan.lattice.turns)
     if len(named) == sum(len(grid.row) >= MIN_GRID for grid in grids):
@@ -76,6 +78,14 @@ def name_faces(
     if len(mirrored) > 1 and mirrored_score >= score + MIN_MARGIN:
         return (), True
     return named, False
+
+
+def _on_one_face(plan: TargetPlan, candidates: Candidates, grid: Grid) -> tuple[Grid, ...]:
+    """A grid as it is, or in parts if no face can hold it: something on an edge joined two faces."""
+    sure = candidates.ratio[grid.row] > 0
+    if len(grid.row) < MIN_GRID or alignments(plan, 0, grid, sure, plan.lattice.turns):
+        return (grid,)
+    return planar_parts(candidates, grid, plan.pitch_radii)
 
 
 def _name(
