@@ -10,6 +10,7 @@ from calib.detect.candidates import Candidates
 from calib.detect.lens import CameraLens, NoLens
 from calib.detect.place import (
     Naming,
+    Places,
     assign,
     complete,
     direct_projection,
@@ -112,6 +113,16 @@ def test_assignment_is_one_to_one_and_near() -> None:
     assert len(set(naming.ring.tolist())) == len(naming.ring)
     assert (naming.candidate >= 2 * len(ellipse)).all()
     assert np.array_equal(scene.row[naming.candidate - 2 * len(ellipse)], naming.ring)
+
+
+def test_two_places_do_not_share_a_candidate() -> None:
+    """Where two features should lie at one place, only one of them gets the candidate there."""
+    plan = plan_for(board())
+    scene = scene_of(board(), 5, noise_px=0.0)
+    places = predict(plan, place_faces(plan, scene.candidates, true_naming(scene), SIZE, NoLens()), SIZE)
+    doubled = Places(places.ring[:2], places.center_px[[0, 0]] + ((0.0, 0.0), (0.5, 0.0)), places.shape[[0, 0]])
+    naming = assign(plan, scene.candidates, doubled)
+    assert naming.ring.tolist() == [places.ring[0]]
 
 
 @pytest.mark.parametrize("seed", range(4))

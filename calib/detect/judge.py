@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib.detect.plan import TargetPlan
 from calib.detect.ring_fit import RingFits
+from calib.detect.ring_model import E00, E11, RATIO
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -43,9 +44,9 @@ def judge(
     usual_contrast = float(np.median(contrast[good])) if good.any() else 1.0
     roughness = fits.noise / np.maximum(contrast, 1e-9)
     usual_roughness = float(np.median(roughness[good])) if good.any() else 0.0
-    area = np.log(np.abs(fits.params[:, 2] * fits.params[:, 4]) / (shape[:, 0] * shape[:, 2]) + 1e-12)
+    area = np.log(np.abs(fits.params[:, E00] * fits.params[:, E11]) / (shape[:, 0] * shape[:, 2]) + 1e-12)
     usual_area = float(np.median(area[good])) if good.any() else 0.0
-    ratio = fits.params[:, 7]
+    ratio = fits.params[:, RATIO]
     rings = good & ~is_dot
     usual_ratio = float(np.median(ratio[rings])) if rings.any() else plan.ratio
     distance = np.zeros(count) if residual_px is None else np.linalg.norm(residual_px, axis=1)

@@ -16,7 +16,7 @@ from calib.detect.pair_fit import fit_pairs
 from calib.detect.place import Naming, Placement, Places, predict
 from calib.detect.plan import TargetPlan
 from calib.detect.ring_fit import RingFits, fit_rings
-from calib.detect.ring_model import PARAMETERS
+from calib.detect.ring_model import BLUR, DARKNESS, E00, E11, PARAMETERS, RATIO, WHITE
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -62,7 +62,7 @@ def measure(
     # What a border already showed to be a ring need not be read again; the rest must look as the target says.
     there = np.where(is_dot, marks == DOT, (marks == RING) | named)
     start = _starts(image, plan, candidates, naming, places, is_dot)
-    at = np.flatnonzero(there & (start[:, 8] > 0))
+    at = np.flatnonzero(there & (start[:, BLUR] > 0))
     found = Places(places.ring[at], places.center_px[at], places.shape[at])
     fits, residual_px = _fit_with_lines(image, plan, found, start[at], placement, camera_lens)
     reason = judge(fits, residual_px, is_dot[at], found.shape, plan)
@@ -104,9 +104,9 @@ def _starts(
     start[:, :2], start[:, 2:5] = places.center_px, places.shape
     pair = np.zeros((int(seen.sum()), 8))
     pair[:, :5] = candidates.ellipse[candidate[seen]]
-    pair[:, 7] = candidates.ratio[candidate[seen]]
+    pair[:, RATIO] = candidates.ratio[candidate[seen]]
     params, rms = fit_pairs(image, pair)
-    good = (rms >= 0) & (rms < 1.0 + 0.1 / np.sqrt(np.maximum(params[:, 2] * params[:, 4], 1e-12)))
+    good = (rms >= 0) & (rms < 1.0 + 0.1 / np.sqrt(np.maximum(params[:, E00] * params[:, E11], 1e-12)))
     if not good.any():
         return start
     rows = np.flatnonzero(seen)[good]
@@ -114,10 +114,10 @@ def _starts(
     usual = np.median(params[good], axis=0)
     rest = np.setdiff1d(np.arange(count), rows)
     nearest = _nearest_row(places.center_px[rest], places.center_px[rows])
-    start[rest, 8] = usual[8]
-    start[rest, 9] = params[good][nearest, 9]
-    start[rest, 12] = params[good][nearest, 12]
-    start[rest, 7] = np.where(is_dot[rest], 0.0, usual[7])
+    start[rest, BLUR] = usual[BLUR]
+    start[rest, WHITE] = params[good][nearest, WHITE]
+    start[rest, DARKNESS] = params[good][nearest, DARKNESS]
+    start[rest, RATIO] = np.where(is_dot[rest], 0.0, usual[RATIO])
     return start
 
 
@@ -186,12 +186,12 @@ def _fit_with_lines(
 
 def _is_undersampled(fits: RingFits) -> bool:
     """Whether edges are so sharp that where a pixel falls matters more than how much ink it sees."""
-    return bool(fits.ok.any()) and float(np.median(fits.params[fits.ok, 8])) < UNDERSAMPLED_BLUR_PX
+    return bool(fits.ok.any()) and float(np.median(fits.params[fits.ok, BLUR])) < UNDERSAMPLED_BLUR_PX
 
 
 def _softened(image: NDArray[np.generic], start: Floats) -> tuple[NDArray[np.generic], Floats]:
     """The image blurred by SOFTENING_PX, and starts to fit: halves the error of images without grey edges."""
     soft = np.asarray(cv2.GaussianBlur(np.asarray(image, dtype=np.float32), (3, 3), SOFTENING_PX))
     start = start.copy()
-    start[:, 8] = np.hypot(start[:, 8], SOFTENING_PX)
+    start[:, BLUR] = np.hypot(start[:, BLUR], SOFTENING_PX)
     return soft, start

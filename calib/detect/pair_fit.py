@@ -11,7 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect.plane_distance import OUTPUTS, plane_distance
-from calib.detect.ring_model import GEOMETRY_PARAMETERS, PARAMETERS
+from calib.detect.ring_model import (
+    BLUR,
+    CENTER_U,
+    CENTER_V,
+    DARKNESS,
+    E00,
+    E10,
+    E11,
+    GEOMETRY_PARAMETERS,
+    M0,
+    M1,
+    PARAMETERS,
+    RATIO,
+    WHITE,
+)
 from calib.detect.small_solve import cholesky_solve
 from calib.jit import jit
 from calib.threads import in_chunks
@@ -45,25 +59,25 @@ def _edge_points(
     out = np.empty(OUTPUTS)
     profile = np.empty(MAX_STEPS)
     count = 0
-    edges = 2 if p[7] > 0.0 else 1
+    edges = 2 if p[RATIO] > 0.0 else 1
     for edge in range(edges):
-        rho = 1.0 if edge == 0 else p[7]
+        rho = 1.0 if edge == 0 else p[RATIO]
         sign = 1.0 if edge == 0 else -1.0
         for ray in range(RAYS):
             angle = 2.0 * math.pi * (ray + 0.5 * edge) / RAYS
             y0, y1 = math.cos(angle), math.sin(angle)
-            x0 = y0 / p[2]
-            x1 = (y1 - p[3] * x0) / p[4]
-            scale = rho / (1.0 + rho * (p[5] * x0 + p[6] * x1))
+            x0 = y0 / p[E00]
+            x1 = (y1 - p[E10] * x0) / p[E11]
+            scale = rho / (1.0 + rho * (p[M0] * x0 + p[M1] * x1))
             x0 *= scale
             x1 *= scale
             plane_distance(p, q, x0, x1, out)
             # As far as the middle of the ink, or of the white centre: the least room there is.
-            room = (1.0 - p[7]) / out[1] if p[7] > 0.0 else 1.0 / out[1]
+            room = (1.0 - p[RATIO]) / out[1] if p[RATIO] > 0.0 else 1.0 / out[1]
             reach = min(max(0.5 * room, 1.5), 5.0)
             half = min(int(reach / 0.5 + 0.5), (MAX_STEPS - 1) // 2)
             nu, nv = sign * out[2] / out[1], sign * out[3] / out[1]
-            mid_u, mid_v = p[0] + x0, p[1] + x1
+            mid_u, mid_v = p[CENTER_U] + x0, p[CENTER_V] + x1
             far = 0.5 * half + 1.0
             if mid_u < far or mid_v < far or mid_u > width - 2 - far or mid_v > height - 2 - far:
                 continue
@@ -118,10 +132,10 @@ def _pair_cost(
     row = np.empty(GEOMETRY_PARAMETERS)
     cost = 0.0
     for n in range(count):
-        plane_distance(p, q, edge_uv[n, 0] - p[0], edge_uv[n, 1] - p[1], out)
+        plane_distance(p, q, edge_uv[n, 0] - p[CENTER_U], edge_uv[n, 1] - p[CENTER_V], out)
         is_outer = edge_rho[n] > 0.0
         inv_g = 1.0 / out[1]
-        d = (out[0] - (1.0 if is_outer else p[7])) * inv_g
+        d = (out[0] - (1.0 if is_outer else p[RATIO])) * inv_g
         weight = 1.0 if abs(d) <= ROBUST_PX else ROBUST_PX / abs(d)
         cost += d * d if weight == 1.0 else ROBUST_PX * (2.0 * abs(d) - ROBUST_PX)
         row[0] = -out[2] * inv_g
@@ -159,7 +173,7 @@ def _fit_pair(image: NDArray[np.generic], p: Floats, q: Floats) -> float:
             if not cholesky_solve(trial_normal, gradient, step):
                 return -1.0
             trial[:8] = p[:8] + step
-            if not (trial[2] > 0.0 and trial[4] > 0.0 and 0.05 < trial[7] < 0.95):
+            if not (trial[E00] > 0.0 and trial[E11] > 0.0 and 0.05 < trial[RATIO] < 0.95):
                 damping *= 10.0
                 continue
             trial_cost = _pair_cost(trial, q, count, edge_uv, edge_rho, trial_normal, trial_gradient)
@@ -186,10 +200,10 @@ def _fit_pair(image: NDArray[np.generic], p: Floats, q: Floats) -> float:
     contrast = np.median(levels[:count, 1] - levels[:count, 0])
     slope = np.median(levels[:count, 2])
     # A Gaussian edge rises by contrast / (sqrt(2 pi) s) per pixel where it is steepest.
-    p[8] = min(max(0.3989422804 * contrast / max(slope, 1e-9), 0.4), 5.0)
-    p[9] = bright
+    p[BLUR] = min(max(0.3989422804 * contrast / max(slope, 1e-9), 0.4), 5.0)
+    p[WHITE] = bright
     p[10:] = 0.0
-    p[12] = min(contrast / max(bright, 1e-9), 0.999)
+    p[DARKNESS] = min(contrast / max(bright, 1e-9), 0.999)
     return rms
 
 

@@ -6,6 +6,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.detect.ring_model import E00, E10, E11, M0, M1
 from calib.jit import jit
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -21,14 +22,14 @@ def plane_distance(p: Floats, q: Floats, v0: float, v1: float, out: Floats) -> N
     """
     x0 = v0 + q[0] * v0 * v0 + q[1] * v0 * v1 + q[2] * v1 * v1
     x1 = v1 + q[3] * v0 * v0 + q[4] * v0 * v1 + q[5] * v1 * v1
-    y0 = p[2] * x0
-    y1 = p[3] * x0 + p[4] * x1
+    y0 = p[E00] * x0
+    y1 = p[E10] * x0 + p[E11] * x1
     length = math.sqrt(y0 * y0 + y1 * y1) + 1e-12
-    inv_w = 1.0 / (1.0 - p[5] * x0 - p[6] * x1)
+    inv_w = 1.0 / (1.0 - p[M0] * x0 - p[M1] * x1)
     f = length * inv_w
     s = inv_w / length
-    fx0 = (p[2] * y0 + p[3] * y1) * s + f * p[5] * inv_w
-    fx1 = p[4] * y1 * s + f * p[6] * inv_w
+    fx0 = (p[E00] * y0 + p[E10] * y1) * s + f * p[M0] * inv_w
+    fx1 = p[E11] * y1 * s + f * p[M1] * inv_w
     fv0 = fx0 * (1.0 + 2.0 * q[0] * v0 + q[1] * v1) + fx1 * (2.0 * q[3] * v0 + q[4] * v1)
     fv1 = fx0 * (q[1] * v0 + 2.0 * q[2] * v1) + fx1 * (1.0 + q[4] * v0 + 2.0 * q[5] * v1)
     out[0] = f
@@ -41,8 +42,8 @@ def plane_distance(p: Floats, q: Floats, v0: float, v1: float, out: Floats) -> N
     out[7] = f * x0 * inv_w
     out[8] = f * x1 * inv_w
     # The level set |E xi| - F (1 - m . xi) = 0 has the Hessian of |E xi| alone.
-    e0 = -p[2] * fv1
-    e1 = p[4] * fv0 - p[3] * fv1
+    e0 = -p[E00] * fv1
+    e1 = p[E11] * fv0 - p[E10] * fv1
     inv_g = 1.0 / out[1]
     across = (y0 * e1 - y1 * e0) * s * inv_g
     out[9] = across * across * inv_g

@@ -7,7 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect.plane_distance import OUTPUTS, plane_distance
-from calib.detect.ring_model import PARAMETERS
+from calib.detect.ring_model import (
+    BLUR,
+    CENTER_U,
+    CENTER_V,
+    DARKNESS,
+    INK_LIGHT_U,
+    INK_LIGHT_V,
+    LIGHT_U,
+    LIGHT_V,
+    M0,
+    M1,
+    PARAMETERS,
+    RATIO,
+    WHITE,
+)
 from calib.jit import jit, jit_sums
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -41,27 +55,27 @@ def _pixel(value: float, du: float, dv: float, p: Floats, out: Floats, rows: Flo
         rows: derivatives, and the residual in the last row.  # (PARAMETERS + 1, CHUNK)
         k: the column.
     """
-    inv_s = 1.0 / p[8]
+    inv_s = 1.0 / p[BLUR]
     inv_g = 1.0 / out[1]
     # Blur moves a curved edge towards its centre of curvature by s^2 / 2 times the curvature.
-    shift = 0.5 * out[9] * p[8]
+    shift = 0.5 * out[9] * p[BLUR]
     t_outer = (out[0] - 1.0) * inv_g * inv_s + min(shift, MAX_CURVATURE_SHIFT)
     ink, phi_outer = _edge(t_outer)
     phi_inner = 0.0
     t_inner = 0.0
-    if p[7] > 0.0:
-        t_inner = (out[0] - p[7]) * inv_g * inv_s + min(shift / p[7], MAX_CURVATURE_SHIFT)
+    if p[RATIO] > 0.0:
+        t_inner = (out[0] - p[RATIO]) * inv_g * inv_s + min(shift / p[RATIO], MAX_CURVATURE_SHIFT)
         beyond, phi_inner = _edge(t_inner)
         ink -= beyond
-    light = p[9] + p[10] * du + p[11] * dv
-    shade = 1.0 - p[12] * ink
-    ink_light = p[13] * du + p[14] * dv
+    light = p[WHITE] + p[LIGHT_U] * du + p[LIGHT_V] * dv
+    shade = 1.0 - p[DARKNESS] * ink
+    ink_light = p[INK_LIGHT_U] * du + p[INK_LIGHT_V] * dv
     # The light falls on the target before the lens blurs it: blur(L s) = L blur(s) + s^2 grad L . grad blur(s).
-    slope_u, slope_v = p[13] - p[12] * p[10], p[14] - p[12] * p[11]
+    slope_u, slope_v = p[INK_LIGHT_U] - p[DARKNESS] * p[LIGHT_U], p[INK_LIGHT_V] - p[DARKNESS] * p[LIGHT_V]
     ink_per_f = (phi_inner - phi_outer) * inv_g * inv_s
-    bleed = p[8] * p[8] * ink_per_f * (slope_u * out[2] + slope_v * out[3])
+    bleed = p[BLUR] * p[BLUR] * ink_per_f * (slope_u * out[2] + slope_v * out[3])
     residual: float = value - light * shade - ink * ink_light - bleed
-    step = ink_light - light * p[12]
+    step = ink_light - light * p[DARKNESS]
     per_f = step * ink_per_f
     rows[0, k] = -per_f * out[2]
     rows[1, k] = -per_f * out[3]
@@ -113,7 +127,7 @@ def accumulate(
     filled = 0
     for n in range(count):
         u, v = pixels[n, 0], pixels[n, 1]
-        plane_distance(p, q, u - p[0], v - p[1], out)
+        plane_distance(p, q, u - p[CENTER_U], v - p[CENTER_V], out)
         residual = _pixel(float(image[v, u]), u - origin[0], v - origin[1], p, out, rows, filled)
         cost += residual * residual
         filled += 1
@@ -136,7 +150,7 @@ def add_prior(
     p: Floats, line: Floats, information: Floats, noise2: float, is_ring: bool, normal: Floats, gradient: Floats
 ) -> float:
     """Add the prior on m (in units of the noise); hold the ratio of a dot. Returns the prior's cost."""
-    d0, d1 = p[5] - line[0], p[6] - line[1]
+    d0, d1 = p[M0] - line[0], p[M1] - line[1]
     i00, i01, i11 = information[0, 0] * noise2, information[0, 1] * noise2, information[1, 1] * noise2
     normal[5, 5] += i00
     normal[6, 5] += i01

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect.ring_equations import CHUNK, accumulate, add_prior
-from calib.detect.ring_model import PARAMETERS
+from calib.detect.ring_model import BLUR, CENTER_U, CENTER_V, DARKNESS, E00, E10, E11, M0, M1, PARAMETERS, RATIO, WHITE
 from calib.detect.ring_pixels import MAX_PIXELS, choose_pixels
 from calib.detect.small_solve import cholesky_invert, cholesky_solve
 from calib.jit import jit
@@ -48,25 +48,25 @@ class RingFits:
     @property
     def contrast(self) -> Floats:
         """White minus black at the centre, in grey levels.  # (N,)"""
-        return self.params[:, 9] * self.params[:, 12]
+        return self.params[:, WHITE] * self.params[:, DARKNESS]
 
 
 @jit
 def _is_sane(p: Floats, start: Floats) -> bool:
     """Whether parameters still describe a ring near its start."""
-    if not (p[2] > 0.0 and p[4] > 0.0 and p[8] > 0.15 and p[8] < 12.0 and p[9] > 0.0):
+    if not (p[E00] > 0.0 and p[E11] > 0.0 and p[BLUR] > 0.15 and p[BLUR] < 12.0 and p[WHITE] > 0.0):
         return False
-    if start[7] > 0.0 and not 0.05 < p[7] < 0.95:
+    if start[RATIO] > 0.0 and not 0.05 < p[RATIO] < 0.95:
         return False
-    area, area_start = p[2] * p[4], start[2] * start[4]
+    area, area_start = p[E00] * p[E11], start[E00] * start[E11]
     if not 0.4 * area_start < area < 2.5 * area_start:
         return False
-    du, dv = p[0] - start[0], p[1] - start[1]
-    y0 = start[2] * du
-    y1 = start[3] * du + start[4] * dv
+    du, dv = p[CENTER_U] - start[CENTER_U], p[CENTER_V] - start[CENTER_V]
+    y0 = start[E00] * du
+    y1 = start[E10] * du + start[E11] * dv
     # The vanishing line must stay away from the ring: |m| in units of its size.
-    w0 = p[5] / p[2] - p[6] * p[3] / (p[2] * p[4])
-    w1 = p[6] / p[4]
+    w0 = p[M0] / p[E00] - p[M1] * p[E10] / (p[E00] * p[E11])
+    w1 = p[M1] / p[E11]
     is_near: bool = y0 * y0 + y1 * y1 < 0.6 and w0 * w0 + w1 * w1 < 0.25
     return is_near
 
@@ -88,7 +88,7 @@ def _descend(
     normal, damped, unused = work[0], work[1], work[2]
     gradient, step, trial = work[4, 0], work[4, 1], work[4, 2]
     origin = start[:2]
-    is_ring = start[7] > 0.0
+    is_ring = start[RATIO] > 0.0
     params[:] = start
     cost = accumulate(image, pixels, count, params, q, origin, False, normal, gradient, unused, rows)
     noise2 = max(cost / (count - PARAMETERS), 1e-6)
@@ -206,8 +206,8 @@ def _fit_range(
     rows = np.empty((PARAMETERS + 1, CHUNK))
     pixels = np.empty((MAX_PIXELS, 2), dtype=np.int32)
     for n in range(first, last):
-        is_ring = start[n, 7] > 0.0
-        count = choose_pixels(start[n], q[n], 3.0 * start[n, 8] + 1.0, limit, height, width, pixels)
+        is_ring = start[n, RATIO] > 0.0
+        count = choose_pixels(start[n], q[n], 3.0 * start[n, BLUR] + 1.0, limit, height, width, pixels)
         if count < 2 * PARAMETERS:
             continue
         cost = _descend(image, pixels, count, start[n], q[n], line[n], information[n], params[n], work, rows)

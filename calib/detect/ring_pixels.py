@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect.plane_distance import OUTPUTS, plane_distance
+from calib.detect.ring_model import CENTER_U, CENTER_V, E00, E10, E11, M0, M1, RATIO
 from calib.jit import jit
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -26,27 +27,27 @@ def _sample_pixels(p: Floats, q: Floats, reach: float, height: int, width: int, 
     """
     out = np.empty(OUTPUTS)
     count = 0
-    edges = 2 if p[7] > 0.0 else 1
+    edges = 2 if p[RATIO] > 0.0 else 1
     far = math.ceil(reach)
     near = math.ceil(0.5 * reach)
     rays = int(PIXEL_BUDGET / (edges * (2 * near + 1 + 0.5 * (far - near))))
     for edge in range(edges):
-        rho = 1.0 if edge == 0 else p[7]
+        rho = 1.0 if edge == 0 else p[RATIO]
         for ray in range(rays):
             # A fraction of a turn apart for the two edges, so that rows and columns are not sampled alike.
             angle = 2.0 * math.pi * (ray + 0.37 * edge) / rays
             y0, y1 = math.cos(angle), math.sin(angle)
-            x0 = y0 / p[2]
-            x1 = (y1 - p[3] * x0) / p[4]
-            scale = rho / (1.0 + rho * (p[5] * x0 + p[6] * x1))
+            x0 = y0 / p[E00]
+            x1 = (y1 - p[E10] * x0) / p[E11]
+            scale = rho / (1.0 + rho * (p[M0] * x0 + p[M1] * x1))
             x0 *= scale
             x1 *= scale
             plane_distance(p, q, x0, x1, out)
             nu, nv = out[2] / out[1], out[3] / out[1]
             half = far if ray % 4 == 0 else near
             for t in range(-half, half + 1):
-                u = round(p[0] + x0 + t * nu)
-                v = round(p[1] + x1 + t * nv)
+                u = round(p[CENTER_U] + x0 + t * nu)
+                v = round(p[CENTER_V] + x1 + t * nv)
                 if 0 <= u < width and 0 <= v < height and count < MAX_PIXELS:
                     pixels[count, 0] = u
                     pixels[count, 1] = v
@@ -59,24 +60,24 @@ def choose_pixels(
     p: Floats, q: Floats, reach: float, limit: float, height: int, width: int, pixels: NDArray[np.int32]
 ) -> int:
     """Pixels near the ring's edges: within `reach` px of one and no farther out than F = `limit`."""
-    s0 = math.sqrt(p[2] * p[2] + p[3] * p[3])
-    det = p[2] * p[4]
-    half_u = math.sqrt(p[3] * p[3] + p[4] * p[4]) / det
+    s0 = math.sqrt(p[E00] * p[E00] + p[E10] * p[E10])
+    det = p[E00] * p[E11]
+    half_u = math.sqrt(p[E10] * p[E10] + p[E11] * p[E11]) / det
     half_v = s0 / det
     radius = 1.0 / math.sqrt(det)
     out = np.empty(OUTPUTS)
     count = 0
     if radius <= DENSE_RADIUS_PX:
-        u_first = max(0, math.floor(p[0] - 1.15 * half_u - reach))
-        u_last = min(width - 1, math.ceil(p[0] + 1.15 * half_u + reach))
-        v_first = max(0, math.floor(p[1] - 1.15 * half_v - reach))
-        v_last = min(height - 1, math.ceil(p[1] + 1.15 * half_v + reach))
+        u_first = max(0, math.floor(p[CENTER_U] - 1.15 * half_u - reach))
+        u_last = min(width - 1, math.ceil(p[CENTER_U] + 1.15 * half_u + reach))
+        v_first = max(0, math.floor(p[CENTER_V] - 1.15 * half_v - reach))
+        v_last = min(height - 1, math.ceil(p[CENTER_V] + 1.15 * half_v + reach))
         for v in range(v_first, v_last + 1):
             for u in range(u_first, u_last + 1):
-                plane_distance(p, q, u - p[0], v - p[1], out)
+                plane_distance(p, q, u - p[CENTER_U], v - p[CENTER_V], out)
                 f, g = out[0], out[1]
-                near = abs(f - 1.0) <= reach * g or (p[7] > 0.0 and abs(f - p[7]) <= reach * g)
-                if p[7] <= 0.0 and f < 0.5:
+                near = abs(f - 1.0) <= reach * g or (p[RATIO] > 0.0 and abs(f - p[RATIO]) <= reach * g)
+                if p[RATIO] <= 0.0 and f < 0.5:
                     near = True
                 if near and 0.0 <= f <= limit and count < MAX_PIXELS:
                     pixels[count, 0] = u
