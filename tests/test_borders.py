@@ -1,6 +1,7 @@
 """Borders of binary images: ellipses from moments, and what is a hole."""
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -115,7 +116,7 @@ def candidates_in(image: NDArray[np.float32] | Image, factor: int = 1) -> Candid
 
 
 def test_rings_and_dots_are_told_apart_and_placed() -> None:
-    """A ring has the ratio of its radii, a dot 0; places are right to a fraction of a pixel, shapes to a twentieth of a radius."""
+    """A ring has the ratio of its radii, a dot 0; places are right to a fraction of a pixel, axes to a twentieth."""
     rng = np.random.default_rng(1)
     rings = [*random_rings(10, rng, tilt_rad=0.7), *random_rings(10, rng, tilt_rad=0.7, ratio=0.0)]
     m = mosaic(rings)
@@ -144,7 +145,7 @@ def test_reduced_images_place_candidates_in_pixels_of_the_full_one() -> None:
         nearest = np.argmin(np.linalg.norm(at[:, None] - m.center_px[None], axis=2), axis=1)
         error = at - m.center_px[nearest]
         assert np.abs(error.mean(axis=0)).max() < 0.08 * factor
-        assert np.abs(error).max() < 0.3 * factor
+        assert np.abs(error).max() < 0.4 * factor
         assert found.radius_px == pytest.approx(1 / np.sqrt(m.params[nearest, 2] * m.params[nearest, 4]), rel=0.02)
 
 
@@ -163,6 +164,16 @@ def test_merging_adds_only_what_is_new() -> None:
     assert sorted(zip(better.ellipse[:, 0].tolist(), better.ratio.tolist(), strict=True)) == [(51, 0.45), (80, 0.0)]
     worse = merged(blobs([(50, 50)], 0.45), blobs([(51, 50)], 0.0))
     assert worse.ellipse[:, 0].tolist() == [50]
+
+
+def test_merging_many_candidates_takes_no_time() -> None:
+    """Twenty thousand blobs, as a fine checkerboard gives, are merged in a second or so of processor time."""
+    place = np.stack(np.meshgrid(8.0 * np.arange(160), 8.0 * np.arange(125)), axis=-1).reshape(-1, 2)
+    shape = np.tile([0.25, 0.0, 0.25], (len(place), 1))
+    many = Candidates(np.hstack([place, shape]), np.zeros(len(place)), np.arange(len(place)), np.zeros(len(place)))
+    began = time.process_time()
+    assert merged(many, many).count == len(place)
+    assert time.process_time() - began < 2.5
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])

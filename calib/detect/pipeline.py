@@ -59,6 +59,7 @@ def detect(
     """
     if pixels.ndim != 2:
         raise ValueError(f"the image has the shape {pixels.shape}; it must be height x width, grey")
+    pixels = _as_kernels_want(pixels)
     image_size = (pixels.shape[1], pixels.shape[0])
     if camera is not None and camera.image_size != image_size:
         raise ValueError(
@@ -75,6 +76,8 @@ def detect(
     naming = _naming(plan, found.named)
     naming, strangers = without_strangers(plan, found.candidates, naming)
     remarks = list(found.remarks)
+    if strangers and len(np.unique(target.ring_face[naming.ring])) < 2:
+        return _nothing(plan, name, image_size, found.candidates, (*remarks, "the faces contradict each other"))
     if strangers:
         remarks.append(f"{len(strangers)} faces contradicted the others and were left out")
     if len(naming.ring) < 4:
@@ -86,6 +89,12 @@ def detect(
         pixels, plan, found.candidates, naming, placement, _contrast(pixels, found.candidates), camera_lens
     )
     return _result(plan, name, image_size, found, naming, placement, measured, tuple(remarks))
+
+
+def _as_kernels_want(pixels: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Bytes or single floats, contiguous and writable: every other kind would be compiled for, which takes 20 s."""
+    kind = np.uint8 if pixels.dtype == np.uint8 else np.float32
+    return np.require(pixels, dtype=kind, requirements=["C", "W"])
 
 
 def _search(pixels: NDArray[np.generic], plan: TargetPlan) -> _Found:

@@ -1,7 +1,7 @@
 """Where all features of the target must be in the image, from those that have names; and more names from that."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -21,6 +21,9 @@ REACH = 0.22
 OWN_HOMOGRAPHY = 10
 """Faces with fewer named features are placed by the whole solid, if other faces show."""
 ROUNDS = 5
+MIN_FOR_PROJECTION = 12
+STRANGE = 0.2
+"""A face whose features lie this share of the pitch off the solid's projection, in the median, has the wrong name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +72,7 @@ def place_faces(
     mapped = np.full((target.face_count, 3, 3), np.nan)
     by_solid = np.full((target.face_count, 3, 3), np.nan)
     mirrored = False
-    if len(faces) > 1 and len(pixel) >= 12:
+    if len(faces) > 1 and len(pixel) >= MIN_FOR_PROJECTION:
         projection = direct_projection(target.center_mm[naming.ring], straight)
         mirrored = bool(np.linalg.det(projection[:, :3]) < 0)
         every = projection @ target.target_from_face[:, :, [0, 1, 3]]
@@ -230,22 +233,39 @@ def complete(
 
 
 def without_strangers(plan: TargetPlan, candidates: Candidates, naming: Naming) -> tuple[Naming, tuple[int, ...]]:
-    """Drop whole faces that no one projection of the solid brings together with the others, the worst first."""
+    """Drop whole faces that no one projection of the solid brings together with the others.
+
+    Each time the face goes without which the others agree best.
+    """
     dropped: list[int] = []
-    while True:
+    while (worst := _worst_misfit(plan, candidates, naming)) >= STRANGE:
         face = plan.target.ring_face[naming.ring]
         faces, count = np.unique(face, return_counts=True)
-        if len(faces) < 2 or len(face) < 12:
-            return naming, tuple(dropped)
-        pixel = candidates.ellipse[naming.candidate, :2]
-        projection = direct_projection(plan.target.center_mm[naming.ring], pixel)
-        mapped = plan.target.center_mm[naming.ring] @ projection[:, :3].T + projection[:, 3]
-        off = np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - pixel, axis=1)
-        pitch_px = plan.pitch_radii * candidates.radius_px[naming.candidate]
-        share = np.array([np.median((off / pitch_px)[face == f]) for f in faces])
-        if share.max() < 0.2 and np.linalg.det(projection[:, :3]) > 0:
-            return naming, tuple(dropped)
-        worst = faces[int(np.argmin(count))] if len(faces) == 2 else faces[int(np.argmax(share))]
-        dropped.append(int(worst))
-        keep = face != worst
-        naming = replace(naming, candidate=naming.candidate[keep], ring=naming.ring[keep])
+        rest = [Naming(naming.candidate[face != f], naming.ring[face != f]) for f in faces]
+        misfit = [_worst_misfit(plan, candidates, part) for part in rest]
+        # Of two faces the one with more features stays: alone, either fits.
+        best = min(range(len(faces)), key=lambda k: (misfit[k], count[k]))
+        if len(faces) > 2 and misfit[best] >= worst:
+            best = int(np.argmin(count))
+        dropped.append(int(faces[best]))
+        naming = rest[best]
+    return naming, tuple(dropped)
+
+
+def _worst_misfit(plan: TargetPlan, candidates: Candidates, naming: Naming) -> float:
+    """The largest of the faces' median distances from one projection of the solid, in pitches.
+
+    0 if there are too few faces to disagree; infinite if only a mirrored projection fits.
+    """
+    face = plan.target.ring_face[naming.ring]
+    faces = np.unique(face)
+    if len(faces) < 2 or len(face) < MIN_FOR_PROJECTION:
+        return 0.0
+    pixel = candidates.ellipse[naming.candidate, :2]
+    projection = direct_projection(plan.target.center_mm[naming.ring], pixel)
+    if np.linalg.det(projection[:, :3]) < 0:
+        return np.inf
+    mapped = plan.target.center_mm[naming.ring] @ projection[:, :3].T + projection[:, 3]
+    off = np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - pixel, axis=1)
+    share = off / (plan.pitch_radii * candidates.radius_px[naming.candidate])
+    return max(float(np.median(share[face == f])) for f in faces)
