@@ -21,8 +21,9 @@ from calib.detect.ring_model import BLUR, DARKNESS, E00, E11, PARAMETERS, RATIO,
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
 
-MANY_RINGS = 600
-UNDERSAMPLED_BLUR_PX = 0.5
+MANY_RINGS = 300
+UNDERSAMPLED_BLUR_PX = 0.65
+"""Edges this sharp (as pairs of ellipses see them; pixels alone make .5) hang on where a pixel falls."""
 SOFTENING_PX = 0.5
 SOFTENED_SPREAD = 1.25
 """Softening ties neighbouring residuals together; the covariance that takes them for independent grows by this."""
@@ -167,6 +168,9 @@ def _fit_with_lines(
         sound = judge(fits, None, is_dot, places.shape, plan) == ""
         return Seen(np.where(fits.ok[:, None], fits.center_px, start[:, :2]), sigma_px, sound)
 
+    softened = len(start) > 0 and float(np.median(start[:, BLUR])) < UNDERSAMPLED_BLUR_PX
+    if softened:
+        image, start = _softened(image, start)
     # Dots have not been measured yet: their predicted centres would only repeat the grid.
     seen = Seen(start[:, :2], np.full(len(start), 0.1), ~is_dot)
     # Very many rings give the line from their ellipses alone; a second pass would only repeat the first.
@@ -175,18 +179,10 @@ def _fit_with_lines(
     if not is_enough:
         seen = after(fits, start)
         start = np.where(fits.ok[:, None], fits.params, start)
-        softened = _is_undersampled(fits)
-        if softened:
-            image, start = _softened(image, start)
         fits = fit(image, start, seen, is_final=True)
-        if softened:
-            fits = replace(fits, cov_px2=SOFTENED_SPREAD * fits.cov_px2)
+    if softened:
+        fits = replace(fits, cov_px2=SOFTENED_SPREAD * fits.cov_px2)
     return fits, lines(after(fits, start))[1].residual_px
-
-
-def _is_undersampled(fits: RingFits) -> bool:
-    """Whether edges are so sharp that where a pixel falls matters more than how much ink it sees."""
-    return bool(fits.ok.any()) and float(np.median(fits.params[fits.ok, BLUR])) < UNDERSAMPLED_BLUR_PX
 
 
 def _softened(image: NDArray[np.generic], start: Floats) -> tuple[NDArray[np.generic], Floats]:
