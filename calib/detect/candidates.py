@@ -98,7 +98,7 @@ def _white_centres(borders: Borders, outer: NDArray[np.int64], ratio: float) -> 
         return inner
     around = slot[borders.parent[child]]
     offset = borders.ellipse[child, :2] - borders.ellipse[outer[around], :2]
-    relative = _plane_offset(borders.ellipse[outer[around], 2:], offset)
+    relative = plane_offset(borders.ellipse[outer[around], 2:], offset)
     share = borders.area_px2[child] / borders.area_px2[outer[around]]
     fits = (np.linalg.norm(relative, axis=1) < 0.3) & (share > 0.2 * ratio**2) & (share < 0.5 * (1 + ratio**2))
     fits &= np.isfinite(borders.misfit_px[child])
@@ -108,7 +108,7 @@ def _white_centres(borders: Borders, outer: NDArray[np.int64], ratio: float) -> 
     return inner
 
 
-def _plane_offset(shape: Floats, offset_px: Floats) -> Floats:
+def plane_offset(shape: Floats, offset_px: Floats) -> Floats:
     """E times an offset: in units of the outer radius.  # (N, 3), (N, 2) -> (N, 2)"""
     return np.stack(
         [shape[:, 0] * offset_px[:, 0], shape[:, 1] * offset_px[:, 0] + shape[:, 2] * offset_px[:, 1]], axis=1

@@ -5,6 +5,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.detect.candidates import plane_offset
 from calib.detect.plan import TargetPlan
 from calib.detect.ring_fit import RingFits
 from calib.detect.ring_model import E00, E11, RATIO
@@ -19,6 +20,8 @@ OFF_GRID = "off the grid"
 OUTSIDE = "outside the image"
 FLAT = "seen too small or too flat"
 
+MAX_OFF_RADII = 0.2
+"""Nothing may lie farther from its place than this share of its radius, however uncertain it is."""
 MAX_SIGMA_PX = 0.5
 """Centres less certain than this (2-D) would only do harm to who does not weigh them."""
 
@@ -52,6 +55,9 @@ def judge(
     distance = np.zeros(count) if residual_px is None else np.linalg.norm(residual_px, axis=1)
     sigma = np.sqrt(np.trace(fits.cov_px2, axis1=1, axis2=2))
     usual_distance = float(np.median(distance[good])) if good.any() else 0.0
+    if residual_px is not None:
+        in_radii = np.linalg.norm(plane_offset(shape, residual_px), axis=1)
+        reason[in_radii > MAX_OFF_RADII] = OFF_GRID
     reason[distance > 8 * usual_distance + 5 * np.where(good, sigma, 0) + 0.1] = OFF_GRID
     odd = np.abs(area - usual_area) > 0.35
     odd |= ~is_dot & (np.abs(ratio - usual_ratio) > 0.2)
