@@ -10,18 +10,15 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.plane_distance import OUTPUTS, plane_distance
+from calib.detect.plane_distance import OUTPUTS, offset_on_circle, plane_distance
 from calib.detect.ring_model import (
     BLUR,
     CENTER_U,
     CENTER_V,
     DARKNESS,
     E00,
-    E10,
     E11,
     GEOMETRY_PARAMETERS,
-    M0,
-    M1,
     PARAMETERS,
     RATIO,
     WHITE,
@@ -65,12 +62,7 @@ def _edge_points(
         sign = 1.0 if edge == 0 else -1.0
         for ray in range(RAYS):
             angle = 2.0 * math.pi * (ray + 0.5 * edge) / RAYS
-            y0, y1 = math.cos(angle), math.sin(angle)
-            x0 = y0 / p[E00]
-            x1 = (y1 - p[E10] * x0) / p[E11]
-            scale = rho / (1.0 + rho * (p[M0] * x0 + p[M1] * x1))
-            x0 *= scale
-            x1 *= scale
+            x0, x1 = offset_on_circle(p, rho, angle)
             plane_distance(p, q, x0, x1, out)
             # As far as the middle of the ink, or of the white centre: the least room there is.
             room = (1.0 - p[RATIO]) / out[1] if p[RATIO] > 0.0 else 1.0 / out[1]

@@ -47,3 +47,12 @@ def plane_distance(p: Floats, q: Floats, v0: float, v1: float, out: Floats) -> N
     inv_g = 1.0 / out[1]
     across = (y0 * e1 - y1 * e0) * s * inv_g
     out[9] = across * across * inv_g
+
+
+@jit
+def offset_on_circle(p: Floats, rho: float, angle: float) -> tuple[float, float]:
+    """The straightened offset xi of the point at plane distance rho in a direction of the plane."""
+    x0 = math.cos(angle) / p[E00]
+    x1 = (math.sin(angle) - p[E10] * x0) / p[E11]
+    scale = rho / (1.0 + rho * (p[M0] * x0 + p[M1] * x1))
+    return scale * x0, scale * x1

@@ -6,8 +6,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.plane_distance import OUTPUTS, plane_distance
-from calib.detect.ring_model import CENTER_U, CENTER_V, E00, E10, E11, M0, M1, RATIO
+from calib.detect.plane_distance import OUTPUTS, offset_on_circle, plane_distance
+from calib.detect.ring_model import CENTER_U, CENTER_V, E00, E10, E11, RATIO
 from calib.jit import jit
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -36,12 +36,7 @@ def _sample_pixels(p: Floats, q: Floats, reach: float, height: int, width: int, 
         for ray in range(rays):
             # A fraction of a turn apart for the two edges, so that rows and columns are not sampled alike.
             angle = 2.0 * math.pi * (ray + 0.37 * edge) / rays
-            y0, y1 = math.cos(angle), math.sin(angle)
-            x0 = y0 / p[E00]
-            x1 = (y1 - p[E10] * x0) / p[E11]
-            scale = rho / (1.0 + rho * (p[M0] * x0 + p[M1] * x1))
-            x0 *= scale
-            x1 *= scale
+            x0, x1 = offset_on_circle(p, rho, angle)
             plane_distance(p, q, x0, x1, out)
             nu, nv = out[2] / out[1], out[3] / out[1]
             half = far if ray % 4 == 0 else near
