@@ -1,5 +1,6 @@
 """Dark ellipses on white, with or without a white centre: what may be a ring or a dot."""
 
+import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from calib.detect.binarise import Threshold, binarise, is_speckle
 from calib.detect.borders import Borders, find_borders
 from calib.detect.seeds import refine_seeds
+from calib.jit import jit
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -126,7 +128,7 @@ def merged(first: Candidates, second: Candidates) -> Candidates:
     """Both, without those of the second that the first has already; a ring replaces a blob at its place."""
     if not first.count or not second.count:
         return first if first.count else second
-    twin = _nearest_within(first, second)
+    twin, _ = nearest_candidates(first, second.ellipse[:, :2], second.ellipse[:, 2:], reach=0.5, size_ratio=2.7)
     new = twin < 0
     better = ~new & (first.ratio[np.maximum(twin, 0)] == 0) & (second.ratio > 0)
     keep = np.ones(first.count, dtype=bool)
@@ -141,19 +143,52 @@ def merged(first: Candidates, second: Candidates) -> Candidates:
     )
 
 
-def _nearest_within(first: Candidates, second: Candidates) -> NDArray[np.int64]:
-    """For each of `second`, the row of `first` that is the same blob: centres closer than half the radius. -1: none."""
-    twin = np.full(second.count, -1, dtype=np.int64)
-    order = np.argsort(first.ellipse[:, 0], kind="stable")
-    at = first.ellipse[order, 0]
-    reach = 0.5 * second.radius_px
-    low = np.searchsorted(at, second.ellipse[:, 0] - reach)
-    high = np.searchsorted(at, second.ellipse[:, 0] + reach)
-    for row in np.flatnonzero(high > low):
-        near = order[low[row] : high[row]]
-        offset = first.ellipse[near, :2] - second.ellipse[row, :2]
-        similar = np.abs(np.log(first.radius_px[near] / second.radius_px[row])) < 0.5
-        inside = similar & (np.hypot(offset[:, 0], offset[:, 1]) < reach[row])
-        if inside.any():
-            twin[row] = near[np.argmax(inside)]
-    return twin
+@jit
+def _nearest(
+    at: Floats,
+    order: NDArray[np.int64],
+    ellipse: Floats,
+    place: Floats,
+    shape: Floats,
+    reach: float,
+    size_ratio: float,
+    distance: Floats,
+) -> NDArray[np.int64]:
+    """See `nearest_candidates`; `at` are the candidates' u in ascending `order`."""
+    nearest = np.full(len(place), -1, dtype=np.int64)
+    for n in range(len(place)):
+        e = shape[n]
+        half = reach * math.sqrt(e[1] * e[1] + e[2] * e[2]) / (e[0] * e[2])
+        distance[n] = reach
+        for k in range(np.searchsorted(at, place[n, 0] - half), len(at)):
+            if at[k] > place[n, 0] + half:
+                break
+            c = ellipse[order[k]]
+            du, dv = c[0] - place[n, 0], c[1] - place[n, 1]
+            off = math.hypot(e[0] * du, e[1] * du + e[2] * dv)
+            if off < distance[n] and 1.0 / size_ratio < c[2] * c[4] / (e[0] * e[2]) < size_ratio:
+                distance[n] = off
+                nearest[n] = order[k]
+    return nearest
+
+
+def nearest_candidates(
+    candidates: Candidates, place: Floats, shape: Floats, *, reach: float, size_ratio: float
+) -> tuple[NDArray[np.int64], Floats]:
+    """The candidate nearest to each place in the plane around it.
+
+    Args:
+        candidates: among which to look.
+        place: where.  # (N, 2)
+        shape: E of the circle there.  # (N, 3)
+        reach: how far, in radii.
+        size_ratio: how much areas may differ.
+
+    Returns:
+        Rows of the candidates, -1 where there is none (N,), and their distances in radii (N,).
+    """
+    order = np.argsort(candidates.ellipse[:, 0], kind="stable")
+    distance = np.zeros(len(place))
+    at = np.ascontiguousarray(candidates.ellipse[order, 0])
+    place, shape = np.ascontiguousarray(place), np.ascontiguousarray(shape)
+    return _nearest(at, order, candidates.ellipse, place, shape, reach, size_ratio, distance), distance

@@ -1,6 +1,5 @@
 """Where all features of the target must be in the image, from those that have names; and more names from that."""
 
-import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -8,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect import homography
-from calib.detect.candidates import Candidates
+from calib.detect.candidates import Candidates, nearest_candidates
 from calib.detect.lens import Lens, estimate_lens, local_form
 from calib.detect.plan import TargetPlan
-from calib.jit import jit
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -172,40 +170,10 @@ def _shape(plan: TargetPlan, lens: Lens, matrix: Floats, plane: Floats, pixel: F
     return np.stack([e00, e10, e11], axis=1)
 
 
-@jit
-def _nearest_candidates(
-    at: Floats, order: Integers, ellipse: Floats, place: Floats, shape: Floats, reach: float, distance: Floats
-) -> Integers:
-    """The candidate nearest to each place in its plane, closer than `reach` radii and alike in size; -1: none."""
-    nearest = np.full(len(place), -1, dtype=np.int64)
-    for n in range(len(place)):
-        e = shape[n]
-        half = reach * math.sqrt(e[1] * e[1] + e[2] * e[2]) / (e[0] * e[2])
-        distance[n] = reach
-        for k in range(np.searchsorted(at, place[n, 0] - half), len(at)):
-            if at[k] > place[n, 0] + half:
-                break
-            c = ellipse[order[k]]
-            du, dv = c[0] - place[n, 0], c[1] - place[n, 1]
-            off = math.hypot(e[0] * du, e[1] * du + e[2] * dv)
-            if off < distance[n] and 0.55 < c[2] * c[4] / (e[0] * e[2]) < 1.8:
-                distance[n] = off
-                nearest[n] = order[k]
-    return nearest
-
-
 def assign(plan: TargetPlan, candidates: Candidates, places: Places) -> Naming:
     """Pair places with the candidates at them: nearest in the plane, alike in size, one to one."""
-    order = np.argsort(candidates.ellipse[:, 0], kind="stable")
-    distance = np.zeros(len(places.ring))
-    nearest = _nearest_candidates(
-        candidates.ellipse[order, 0],
-        order,
-        candidates.ellipse,
-        places.center_px,
-        places.shape,
-        REACH * plan.pitch_radii,
-        distance,
+    nearest, distance = nearest_candidates(
+        candidates, places.center_px, places.shape, reach=REACH * plan.pitch_radii, size_ratio=1.8
     )
     found = np.flatnonzero(nearest >= 0)
     closest_first = found[np.argsort(distance[found], kind="stable")]
