@@ -18,6 +18,7 @@ Integers: TypeAlias = NDArray[np.int64]
 DISAGREEMENT = 2
 """A mark that contradicts weighs as much as so many that agree."""
 MAX_ALIGNMENTS = 4000
+"""More are not worth trying: what fits in so many ways has no name of its own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,7 @@ def alignments(plan: TargetPlan, face: int, grid: Grid, sure: NDArray[np.bool_],
                 if table[footprint[:, 0] + i, footprint[:, 1] + j].all():
                     found.append(Alignment(turn, np.array([i, j]) + plan.low - low))
                     if len(found) > MAX_ALIGNMENTS:
-                        return []
+                        return found
     return found
 
 

@@ -76,11 +76,16 @@ class CameraLens:
 
     camera: Camera
 
+    def __post_init__(self) -> None:
+        if not 1e-3 < self._scale < 1e9:
+            raise ValueError("the camera has no usable rays in the middle of the image; check its parameters")
+
     @property
     def _scale(self) -> float:
         width, height = self.camera.image_size
         middle = np.array([[0.5 * width, 0.5 * height], [0.5 * width + 1, 0.5 * height]])
-        return 1 / float(np.linalg.norm(np.diff(rays(self.camera, middle)[:, :2], axis=0)))
+        step = float(np.linalg.norm(np.diff(rays(self.camera, middle)[:, :2], axis=0)))
+        return 1 / step if step > 0 else np.inf
 
     def straighten(self, pixel: Floats) -> Floats:
         """Pixels to the straight image."""
@@ -146,6 +151,25 @@ def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, in
     return NoLens() if folds or explained < SIGNIFICANCE else lens
 
 
+def misfit_px(lens: Lens, groups: list[tuple[Floats, Floats]]) -> float:
+    """How far, in the median, a lens leaves planes' grids from homographies; infinite where it has no rays for them.
+
+    Args:
+        lens: the lens.
+        groups: points in a plane (N, 2) and their pixels (N, 2), plane by plane; small planes do not count.
+    """
+    off = [np.zeros(0)]
+    for plane, pixel in groups:
+        if len(plane) < MIN_POINTS:
+            continue
+        straight = lens.straighten(pixel)
+        if not np.isfinite(straight).all():
+            return np.inf
+        off.append(np.linalg.norm(homography.fit(plane, straight, np.ones(len(plane)))[2], axis=1))
+    every = np.concatenate(off)
+    return float(np.median(every)) if len(every) else 0.0
+
+
 def _lens_equations(lens: RadialLens, groups: list[tuple[Floats, Floats]]) -> tuple[Floats, Floats, float]:
     """Normal equations for (k1, k2) with every plane's homography eliminated, and the sum of squares (trimmed)."""
     normal, gradient, cost = np.zeros((2, 2)), np.zeros(2), 0.0
@@ -178,5 +202,8 @@ def _projected(basis: Floats, vectors: Floats) -> Floats:
 
 def _thinned(plane: Floats, pixel: Floats) -> tuple[Floats, Floats]:
     """An even share of a large grid: its lens is plain from fewer points."""
-    every = max(1, len(plane) // MAX_POINTS)
-    return plane[::every], pixel[::every]
+    if len(plane) <= MAX_POINTS:
+        return plane, pixel
+    # Drawn, not every so many: a step through a grid row by row may keep to one column.
+    rows = np.random.default_rng(0).choice(len(plane), MAX_POINTS, replace=False)
+    return plane[rows], pixel[rows]

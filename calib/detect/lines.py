@@ -66,7 +66,7 @@ def fit_lines(plan: TargetPlan, ring: Integers, seen: Seen, lens: Lens, placemen
     jacobian, _ = local_form(lens, seen.center_px)
     for f in np.unique(face):
         mine = np.flatnonzero(face == f)
-        rows = mine[seen.use[mine]]
+        rows = mine[seen.use[mine] & np.isfinite(straight[mine]).all(axis=1)]
         if len(rows) >= MIN_FOR_LINE and _spans_plane(plane[rows], plan):
             matrix, covariance, kept = _weighted_homography(plane[rows], straight[rows], seen.sigma_px[rows])
             base = plane[rows][kept]

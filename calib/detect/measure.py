@@ -62,6 +62,9 @@ def measure(
     named = np.isin(places.ring, naming.ring)
     # What a border already showed to be a ring need not be read again; the rest must look as the target says.
     there = np.where(is_dot, marks == DOT, (marks == RING) | named)
+    # Flatter ones run into their neighbours' blur, which the model does not know.
+    _, small = semi_axes_px(places.shape)
+    there &= small >= MIN_RADIUS_PX
     start = _starts(image, plan, candidates, naming, places, is_dot)
     at = np.flatnonzero(there & (start[:, BLUR] > 0))
     found = Places(places.ring[at], places.center_px[at], places.shape[at])
@@ -69,10 +72,9 @@ def measure(
     reason = judge(fits, residual_px, is_dot[at], found.shape, plan)
     good = reason == ""
     left_out = np.setdiff1d(np.arange(len(places.ring)), at)
-    _, small = semi_axes_px(places.shape[left_out])
     missing = [
         (int(r), FLAT if minor < MIN_RADIUS_PX else COVERED)
-        for r, minor in zip(places.ring[left_out], small, strict=True)
+        for r, minor in zip(places.ring[left_out], small[left_out], strict=True)
     ]
     missing += [(int(r), str(why)) for r, why in zip(found.ring[~good], reason[~good], strict=True)]
     on_seen = np.flatnonzero(np.isin(plan.target.ring_face, placement.seen()))
@@ -124,8 +126,11 @@ def _starts(
 
 def _nearest_row(point: Floats, among: Floats) -> Integers:
     """The nearest of some points to each.  # (N, 2), (M, 2) -> (N,)"""
-    offset = point[:, None] - among[None]
-    return np.asarray(np.argmin((offset**2).sum(axis=2), axis=1))
+    nearest = np.zeros(len(point), dtype=np.int64)
+    for start in range(0, len(point), 256):
+        offset = point[start : start + 256, None] - among[None]
+        nearest[start : start + 256] = np.argmin((offset**2).sum(axis=2), axis=1)
+    return nearest
 
 
 def _fit_with_lines(
@@ -187,7 +192,7 @@ def _fit_with_lines(
 
 def _softened(image: NDArray[np.generic], start: Floats) -> tuple[NDArray[np.generic], Floats]:
     """The image blurred by SOFTENING_PX, and starts to fit: halves the error of images without grey edges."""
-    soft = np.asarray(cv2.GaussianBlur(np.asarray(image, dtype=np.float32), (3, 3), SOFTENING_PX))
+    soft = np.asarray(cv2.GaussianBlur(np.asarray(image), (3, 3), SOFTENING_PX))
     start = start.copy()
     start[:, BLUR] = np.hypot(start[:, BLUR], SOFTENING_PX)
     return soft, start

@@ -71,7 +71,8 @@ def _edge_points(
             nu, nv = sign * out[2] / out[1], sign * out[3] / out[1]
             mid_u, mid_v = p[CENTER_U] + x0, p[CENTER_V] + x1
             far = 0.5 * half + 1.0
-            if mid_u < far or mid_v < far or mid_u > width - 2 - far or mid_v > height - 2 - far:
+            # Asked so that what is not a number is left out too.
+            if not (far <= mid_u <= width - 2 - far and far <= mid_v <= height - 2 - far):
                 continue
             for k in range(2 * half + 1):
                 t = 0.5 * (k - half)

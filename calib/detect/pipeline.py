@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.detect.binarise import reduced, reduction, thresholds
 from calib.detect.candidates import Candidates, find_candidates, merged, semi_axes_px
 from calib.detect.grid import grow_grids
-from calib.detect.lens import CameraLens
+from calib.detect.lens import CameraLens, Lens, estimate_lens, misfit_px
 from calib.detect.measure import Measured, measure
 from calib.detect.name_board import BoardName, name_board
 from calib.detect.name_faces import NamedGrid, name_faces
@@ -74,7 +74,7 @@ def detect(
     if not found.named:
         return _nothing(plan, name, image_size, found.candidates, found.remarks)
     naming = _naming(plan, found.named)
-    naming, strangers = without_strangers(plan, found.candidates, naming)
+    naming, strangers = without_strangers(plan, found.candidates, naming, image_size, camera_lens)
     remarks = list(found.remarks)
     if strangers and len(np.unique(target.ring_face[naming.ring])) < 2:
         return _nothing(plan, name, image_size, found.candidates, (*remarks, "the faces contradict each other"))
@@ -88,7 +88,26 @@ def detect(
     measured = measure(
         pixels, plan, found.candidates, naming, placement, _contrast(pixels, found.candidates), camera_lens
     )
+    if camera_lens is not None:
+        remarks += _camera_remarks(plan, found.candidates, naming, camera_lens, image_size)
     return _result(plan, name, image_size, found, naming, placement, measured, tuple(remarks))
+
+
+def _camera_remarks(
+    plan: TargetPlan, candidates: Candidates, naming: Naming, lens: Lens, image_size: tuple[int, int]
+) -> list[str]:
+    """A warning if the grids are straighter without the camera that was given than with it."""
+    face = plan.target.ring_face[naming.ring]
+    plane = plan.target.center_in_face_mm[naming.ring, :2]
+    pixel = candidates.ellipse[naming.candidate, :2]
+    groups = [(plane[face == f], pixel[face == f]) for f in np.unique(face)]
+    given, guessed = misfit_px(lens, groups), misfit_px(estimate_lens(groups, image_size), groups)
+    if given <= 2 * guessed + 0.1:
+        return []
+    return [
+        f"the camera does not fit this photo: grids are off by {given:.2f} px with it, by {guessed:.2f} px with a lens "
+        "guessed from them; check --camera"
+    ]
 
 
 def _as_kernels_want(pixels: NDArray[np.generic]) -> NDArray[np.generic]:

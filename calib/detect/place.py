@@ -60,18 +60,19 @@ def place_faces(
 ) -> Placement:
     """Fit lens, homographies and, over several faces, the projection of the solid to the names so far."""
     target = plan.target
-    face = target.ring_face[naming.ring]
-    plane = target.center_in_face_mm[naming.ring, :2]
-    pixel = candidates.ellipse[naming.candidate, :2]
+    lens = _lens(plan, candidates, naming, image_size, camera_lens)
+    straight = lens.straighten(candidates.ellipse[naming.candidate, :2])
+    # Beyond a lens's fold there are no rays.
+    has_ray = np.isfinite(straight).all(axis=1)
+    ring, straight = naming.ring[has_ray], straight[has_ray]
+    face = target.ring_face[ring]
+    plane = target.center_in_face_mm[ring, :2]
     faces = np.unique(face)
-    groups = [(plane[face == f], pixel[face == f]) for f in faces]
-    lens = camera_lens if camera_lens is not None else estimate_lens(groups, image_size)
-    straight = lens.straighten(pixel)
     mapped = np.full((target.face_count, 3, 3), np.nan)
     by_solid = np.full((target.face_count, 3, 3), np.nan)
     mirrored = False
-    if len(faces) > 1 and len(pixel) >= MIN_FOR_PROJECTION:
-        projection = direct_projection(target.center_mm[naming.ring], straight)
+    if len(faces) > 1 and len(ring) >= MIN_FOR_PROJECTION:
+        projection = direct_projection(target.center_mm[ring], straight)
         mirrored = bool(np.linalg.det(projection[:, :3]) < 0)
         every = projection @ target.target_from_face[:, :, [0, 1, 3]]
         front = _shows_front(every, target.outline_mm)
@@ -82,6 +83,18 @@ def place_faces(
         if mine.sum() >= OWN_HOMOGRAPHY or (len(faces) == 1 and mine.sum() >= 4):
             mapped[f] = _robust_homography(plane[mine], straight[mine])
     return Placement(lens, mapped, by_solid, mirrored)
+
+
+def _lens(
+    plan: TargetPlan, candidates: Candidates, naming: Naming, image_size: tuple[int, int], camera_lens: Lens | None
+) -> Lens:
+    """The known lens, or what the named grids show of it."""
+    if camera_lens is not None:
+        return camera_lens
+    face = plan.target.ring_face[naming.ring]
+    plane = plan.target.center_in_face_mm[naming.ring, :2]
+    pixel = candidates.ellipse[naming.candidate, :2]
+    return estimate_lens([(plane[face == f], pixel[face == f]) for f in np.unique(face)], image_size)
 
 
 def direct_projection(point: Floats, image: Floats) -> Floats:
@@ -138,8 +151,9 @@ def predict(plan: TargetPlan, placement: Placement, image_size: tuple[int, int])
         plane = plan.target.center_in_face_mm[row, :2]
         depth = plane @ matrix[2, :2] + matrix[2, 2]
         row, plane = row[depth > 0], plane[depth > 0]
-        straight = homography.apply(matrix, plane)
-        pixel = placement.lens.distort(straight)
+        pixel = placement.lens.distort(homography.apply(matrix, plane))
+        has_ray = np.asarray(np.isfinite(local_form(placement.lens, pixel)[0]).all(axis=(1, 2)))
+        row, plane, pixel = row[has_ray], plane[has_ray], pixel[has_ray]
         rows.append(row)
         centres.append(pixel)
         shapes.append(_shape(plan, placement.lens, matrix, plane, pixel, plan.target.radius_outer_mm[row]))
@@ -147,9 +161,7 @@ def predict(plan: TargetPlan, placement: Placement, image_size: tuple[int, int])
         return Places(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 3)))
     row, centre, shape = np.concatenate(rows), np.concatenate(centres), np.concatenate(shapes)
     size = np.array(image_size)
-    inside = np.asarray(np.isfinite(centre).all(axis=1) & np.isfinite(shape).all(axis=1))
-    with np.errstate(invalid="ignore"):
-        inside &= ((centre > 2) & (centre < size - 3)).all(axis=1) & (shape[:, 0] > 0) & (shape[:, 2] > 0)
+    inside = ((centre > 2) & (centre < size - 3)).all(axis=1) & (shape[:, 0] > 0) & (shape[:, 2] > 0)
     return Places(row[inside], centre[inside], shape[inside])
 
 
@@ -160,8 +172,7 @@ def _shape(plan: TargetPlan, lens: Lens, matrix: Floats, plane: Floats, pixel: F
     east = homography.apply(matrix, plane + right) - homography.apply(matrix, plane - right)
     north = homography.apply(matrix, plane + up) - homography.apply(matrix, plane - up)
     derivative = np.stack([east, north], axis=-1) / (2 * step)
-    good = np.asarray(np.isfinite(pixel).all(axis=1))
-    jacobian, _ = local_form(lens, np.where(good[:, None], pixel, 0.0))
+    jacobian, _ = local_form(lens, pixel)
     spread = np.linalg.solve(jacobian, derivative) * radius_mm[:, None, None]
     gram = np.linalg.pinv(spread @ spread.transpose(0, 2, 1))
     e11 = np.sqrt(np.maximum(gram[:, 1, 1], 1e-12))
@@ -200,17 +211,20 @@ def complete(
     return naming, placement
 
 
-def without_strangers(plan: TargetPlan, candidates: Candidates, naming: Naming) -> tuple[Naming, tuple[int, ...]]:
+def without_strangers(
+    plan: TargetPlan, candidates: Candidates, naming: Naming, image_size: tuple[int, int], camera_lens: Lens | None
+) -> tuple[Naming, tuple[int, ...]]:
     """Drop whole faces that no one projection of the solid brings together with the others.
 
     Each time the face goes without which the others agree best.
     """
     dropped: list[int] = []
-    while (worst := _worst_misfit(plan, candidates, naming)) >= STRANGE:
+    lens = _lens(plan, candidates, naming, image_size, camera_lens)
+    while (worst := _worst_misfit(plan, candidates, naming, lens)) >= STRANGE:
         face = plan.target.ring_face[naming.ring]
         faces, count = np.unique(face, return_counts=True)
         rest = [Naming(naming.candidate[face != f], naming.ring[face != f]) for f in faces]
-        misfit = [_worst_misfit(plan, candidates, part) for part in rest]
+        misfit = [_worst_misfit(plan, candidates, part, lens) for part in rest]
         # Of two faces the one with more features stays: alone, either fits.
         best = min(range(len(faces)), key=lambda k: (misfit[k], count[k]))
         if len(faces) > 2 and misfit[best] >= worst:
@@ -220,20 +234,22 @@ def without_strangers(plan: TargetPlan, candidates: Candidates, naming: Naming) 
     return naming, tuple(dropped)
 
 
-def _worst_misfit(plan: TargetPlan, candidates: Candidates, naming: Naming) -> float:
+def _worst_misfit(plan: TargetPlan, candidates: Candidates, naming: Naming, lens: Lens) -> float:
     """The largest of the faces' median distances from one projection of the solid, in pitches.
 
     0 if there are too few faces to disagree; infinite if only a mirrored projection fits.
     """
-    face = plan.target.ring_face[naming.ring]
+    straight = lens.straighten(candidates.ellipse[naming.candidate, :2])
+    has_ray = np.isfinite(straight).all(axis=1)
+    ring, straight = naming.ring[has_ray], straight[has_ray]
+    face = plan.target.ring_face[ring]
     faces = np.unique(face)
     if len(faces) < 2 or len(face) < MIN_FOR_PROJECTION:
         return 0.0
-    pixel = candidates.ellipse[naming.candidate, :2]
-    projection = direct_projection(plan.target.center_mm[naming.ring], pixel)
+    projection = direct_projection(plan.target.center_mm[ring], straight)
     if np.linalg.det(projection[:, :3]) < 0:
         return np.inf
-    mapped = plan.target.center_mm[naming.ring] @ projection[:, :3].T + projection[:, 3]
-    off = np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - pixel, axis=1)
-    share = off / (plan.pitch_radii * candidates.radius_px[naming.candidate])
+    mapped = plan.target.center_mm[ring] @ projection[:, :3].T + projection[:, 3]
+    off = np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - straight, axis=1)
+    share = off / (plan.pitch_radii * candidates.radius_px[naming.candidate[has_ray]])
     return max(float(np.median(share[face == f])) for f in faces)

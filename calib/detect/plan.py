@@ -98,12 +98,9 @@ def _white_gap_mm(target: TargetGeometry) -> float:
         rows = np.flatnonzero(target.ring_face == face)
         point = target.center_in_face_mm[rows, :2]
         if len(rows) > 1:
-            order = np.argsort(point[:, 0], kind="stable")
-            sorted_point = point[order]
             nearest = np.inf
-            # Neighbours lie within a few places in the order of x only by chance: compare all, in pieces.
             for start in range(0, len(rows), 256):
-                offset = sorted_point[start : start + 256, None] - sorted_point[None]
+                offset = point[start : start + 256, None] - point[None]
                 distance = np.hypot(offset[..., 0], offset[..., 1])
                 distance[distance == 0] = np.inf
                 nearest = min(nearest, float(distance.min()))

@@ -59,12 +59,13 @@ def _pixel(value: float, du: float, dv: float, p: Floats, out: Floats, rows: Flo
     inv_g = 1.0 / out[1]
     # Blur moves a curved edge towards its centre of curvature by s^2 / 2 times the curvature.
     shift = 0.5 * out[9] * p[BLUR]
-    t_outer = (out[0] - 1.0) * inv_g * inv_s + min(shift, MAX_CURVATURE_SHIFT)
+    bent_outer = min(shift, MAX_CURVATURE_SHIFT)
+    t_outer = (out[0] - 1.0) * inv_g * inv_s + bent_outer
     ink, phi_outer = _edge(t_outer)
-    phi_inner = 0.0
-    t_inner = 0.0
+    phi_inner = t_inner = bent_inner = 0.0
     if p[RATIO] > 0.0:
-        t_inner = (out[0] - p[RATIO]) * inv_g * inv_s + min(shift / p[RATIO], MAX_CURVATURE_SHIFT)
+        bent_inner = min(shift / p[RATIO], MAX_CURVATURE_SHIFT)
+        t_inner = (out[0] - p[RATIO]) * inv_g * inv_s + bent_inner
         beyond, phi_inner = _edge(t_inner)
         ink -= beyond
     light = p[WHITE] + p[LIGHT_U] * du + p[LIGHT_V] * dv
@@ -82,7 +83,7 @@ def _pixel(value: float, du: float, dv: float, p: Floats, out: Floats, rows: Flo
     for n in range(5):
         rows[2 + n, k] = per_f * out[4 + n]
     rows[7, k] = -step * phi_inner * inv_g * inv_s
-    rows[8, k] = step * (phi_outer * t_outer - phi_inner * t_inner) * inv_s
+    rows[8, k] = step * (phi_outer * (t_outer - 2.0 * bent_outer) - phi_inner * (t_inner - 2.0 * bent_inner)) * inv_s
     rows[9, k] = shade
     rows[10, k] = shade * du
     rows[11, k] = shade * dv

@@ -33,7 +33,7 @@ NO_STEP = 1e8
 class RingFits:
     """N fits. A fit that failed has `ok` false and numbers without meaning."""
 
-    params: Floats  # (N, 13) see calib.detect.ring_model
+    params: Floats  # (N, 15) see calib.detect.ring_model
     cov_px2: Floats  # (N, 2, 2) of the centre
     cov_line: Floats  # (N, 2, 2) of m
     noise: Floats  # (N,) residual standard deviation in grey levels
@@ -85,22 +85,25 @@ def _descend(
     rows: Floats,
 ) -> float:
     """Levenberg-Marquardt from `start` into `params`; returns the sum of squares, or -1 if there is no way down."""
-    normal, damped, unused = work[0], work[1], work[2]
-    gradient, step, trial = work[4, 0], work[4, 1], work[4, 2]
+    normal, damped, trial_normal = work[0], work[1], work[2]
+    gradient, total, step, trial, trial_gradient = work[4, 0], work[4, 1], work[4, 2], work[4, 3], work[4, 4]
+    unused = work[3]
     origin = start[:2]
     is_ring = start[RATIO] > 0.0
     params[:] = start
     cost = accumulate(image, pixels, count, params, q, origin, False, normal, gradient, unused, rows)
-    noise2 = max(cost / (count - PARAMETERS), 1e-6)
-    prior = add_prior(params, line, information, noise2, is_ring, normal, gradient)
     damping = 1e-4
     for _ in range(MAX_ITERATIONS):
         if damping > NO_STEP:
             return -1.0
+        # The prior weighs in units of the noise, which is known better with every step.
+        noise2 = max(cost / (count - PARAMETERS), 1e-6)
         damped[:] = normal
+        total[:] = gradient
+        prior = add_prior(params, line, information, noise2, is_ring, damped, total)
         for k in range(PARAMETERS):
-            damped[k, k] += damping * normal[k, k] + 1e-30
-        if not cholesky_solve(damped, gradient, step):
+            damped[k, k] += damping * damped[k, k] + 1e-30
+        if not cholesky_solve(damped, total, step):
             damping = max(10.0 * damping, 1e-3)
             continue
         trial[:] = params + step
@@ -110,24 +113,26 @@ def _descend(
             continue
         promised = 0.0
         for k in range(PARAMETERS):
-            promised += gradient[k] * step[k]
+            promised += total[k] * step[k]
         if moved < CONVERGED_PX and promised < 1e-3 * cost + NO_GAIN * count:
             # Neither the centre nor anything else has far to go: taken without looking again.
             params[:] = trial
             break
-        trial_cost = accumulate(image, pixels, count, trial, q, origin, False, damped, step, unused, rows)
-        trial_prior = add_prior(trial, line, information, noise2, is_ring, damped, step)
-        gain = cost + prior - trial_cost - trial_prior
-        if gain < 0.0:
+        trial_cost = accumulate(
+            image, pixels, count, trial, q, origin, False, trial_normal, trial_gradient, unused, rows
+        )
+        trial_prior = add_prior(trial, line, information, noise2, is_ring, damped, total)
+        if trial_cost + trial_prior > cost + prior:
             if moved < 1e-3 * CONVERGED_PX:
                 break
             damping = max(damping * 10.0, 1e-6)
             continue
         params[:] = trial
-        normal[:] = damped
-        gradient[:] = step
-        cost, prior = trial_cost, trial_prior
+        normal[:] = trial_normal
+        gradient[:] = trial_gradient
+        cost = trial_cost
         damping = max(damping * 0.1, 1e-9)
+    add_prior(params, line, information, max(cost / (count - PARAMETERS), 1e-6), is_ring, normal, gradient)
     return cost
 
 
@@ -243,7 +248,7 @@ def fit_rings(
 
     Args:
         image: grey levels, uint8, uint16 or float32.  # (H, W)
-        start: parameters to start from; a ratio of 0 makes a dot.  # (N, 13)
+        start: parameters to start from; a ratio of 0 makes a dot.  # (N, 15)
         limit: how far out, in outer radii, pixels may be used before something else than white comes.
         line: mean of the prior on m.  # (N, 2), default 0
         line_information: inverse covariance of that prior; zero leaves m free.  # (N, 2, 2), default zero

@@ -16,6 +16,8 @@ Brightness: white and ink each vary linearly over the ring,
 
 with `s` the edge's blur in pixels (lens and pixel together) and Phi the normal distribution; h is zero where light only
 multiplies, and takes up veiling light or a black level. A dot has no inner edge: T = 1 - Phi(d_outer / s).
+
+The fits take the derivatives of the distances at the edges, where the brightness changes: dd = dF / |grad F|.
 """
 
 from typing import Final
