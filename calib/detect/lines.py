@@ -16,9 +16,8 @@ Integers: TypeAlias = NDArray[np.int64]
 
 MIN_FOR_LINE = 6
 """A grid of so many features has a homography with something to spare; fewer leave the vanishing line free."""
-OFF_LINE_POINTS = 4
-OFF_LINE_PITCHES = 0.4
-"""So many points must lie so far off the best line for a homography of their own."""
+OFF_ROW = 3
+"""So many of them must stand off any one row: what hangs on a single point shows no misfit when that point is wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +85,14 @@ def fit_lines(plan: TargetPlan, ring: Integers, seen: Seen, lens: Lens, placemen
 
 
 def _spans_plane(point: Floats, plan: TargetPlan) -> bool:
-    """Whether a homography has something to spare: without any one row of the grid, points off a line are left."""
-    offset = point - point.mean(axis=0)
-    _, _, axes = np.linalg.svd(offset, full_matrices=False)
-    across = np.sort(np.abs(offset @ axes[1]))
-    return bool(across[-OFF_LINE_POINTS] > OFF_LINE_PITCHES * plan.pitch_radii * plan.radius_mm)
+    """Whether a homography has something to spare: OFF_ROW points and more are left without any one row of the grid."""
+    pitch = plan.pitch_radii * plan.radius_mm
+    for step in plan.lattice.move_in_radii * np.array([1.0, -1.0]):
+        across = np.sort(point @ np.array([-step[1], step[0]]) / np.linalg.norm(step))
+        row = np.concatenate([[0], np.cumsum(np.diff(across) > 0.25 * pitch)])
+        if len(point) - np.bincount(row).max() < OFF_ROW:
+            return False
+    return True
 
 
 def _weighted_homography(plane: Floats, straight: Floats, sigma: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
