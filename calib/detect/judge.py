@@ -20,6 +20,8 @@ OFF_GRID = "off the grid"
 OUTSIDE = "outside the image"
 FLAT = "seen too small or too flat"
 
+MAX_STRETCH = 0.25
+"""How much longer or shorter, as a logarithm, a circle may look in any direction than its place predicts."""
 MAX_OFF_RADII = 0.2
 """Nothing may lie farther from its place than this share of its radius, however uncertain it is."""
 MAX_SIGMA_PX = 0.5
@@ -47,8 +49,8 @@ def judge(
     usual_contrast = float(np.median(contrast[good])) if good.any() else 1.0
     roughness = fits.noise / np.maximum(contrast, 1e-9)
     usual_roughness = float(np.median(roughness[good])) if good.any() else 0.0
-    area = np.log(np.abs(fits.params[:, E00] * fits.params[:, E11]) / (shape[:, 0] * shape[:, 2]) + 1e-12)
-    usual_area = float(np.median(area[good])) if good.any() else 0.0
+    stretch = _stretch(fits.params[:, E00 : E11 + 1], shape)
+    usual_stretch = float(np.median(stretch[good])) if good.any() else 0.0
     ratio = fits.params[:, RATIO]
     rings = good & ~is_dot
     usual_ratio = float(np.median(ratio[rings])) if rings.any() else plan.ratio
@@ -59,7 +61,7 @@ def judge(
         in_radii = np.linalg.norm(plane_offset(shape, residual_px), axis=1)
         reason[in_radii > MAX_OFF_RADII] = OFF_GRID
     reason[distance > 8 * usual_distance + 5 * np.where(good, sigma, 0) + 0.1] = OFF_GRID
-    odd = np.abs(area - usual_area) > 0.35
+    odd = (np.abs(stretch - usual_stretch) > MAX_STRETCH).any(axis=1)
     odd |= ~is_dot & (np.abs(ratio - usual_ratio) > 0.2)
     reason[odd] = ODD_SHAPE
     reason[sigma > MAX_SIGMA_PX] = VAGUE
@@ -67,3 +69,17 @@ def judge(
     reason[contrast < 0.3 * usual_contrast] = FAINT
     reason[~good] = COVERED
     return reason
+
+
+def _stretch(shape: Floats, predicted: Floats) -> Floats:
+    """Logarithms of the two scales between predicted circles and those seen: the singular values of E_p inv(E).
+
+    Args:
+        shape: E as seen.  # (N, 3)
+        predicted: E_p.  # (N, 3)
+    """
+    lower = np.zeros((2, len(shape), 2, 2))
+    for full, part in zip(lower, (shape, predicted), strict=True):
+        full[:, 0, 0], full[:, 1, 0], full[:, 1, 1] = part.T
+    lower[0, np.abs(np.linalg.det(lower[0])) < 1e-12] = np.eye(2)
+    return np.asarray(np.log(np.maximum(np.linalg.svd(lower[1] @ np.linalg.inv(lower[0]), compute_uv=False), 1e-12)))

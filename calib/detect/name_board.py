@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from calib.detect.alignment import Alignment, GridReader, agreement, alignments
 from calib.detect.candidates import Candidates
 from calib.detect.grid import Grid
+from calib.detect.marks import DOT
 from calib.detect.name_faces import MIN_MARGIN, NamedGrid
 from calib.detect.plan import TargetPlan
 
@@ -65,11 +66,11 @@ def _by_dots(plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: Grid
     if proper is None:
         return BoardName(None, "the dots seen do not form the origin mark")
     score, margin, alignment = proper
+    marks = reader.marks(alignment.on_grid(plan.mark_index))
     # All dots read and no other way to explain them as well; or two of them, and every other way denied.
-    is_whole_mark = score == len(plan.mark_index) and margin > 0
+    is_whole_mark = bool((marks == DOT).all()) and margin > 0
     if not is_whole_mark and (score < 2 or margin < MIN_MARGIN - 1):
         return BoardName(None, "the origin mark could not be read beyond doubt")
-    marks = reader.marks(alignment.on_grid(plan.mark_index))
     return BoardName(NamedGrid(grid, 0, alignment, tuple(map(int, marks)), margin))
 
 
