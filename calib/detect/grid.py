@@ -25,6 +25,9 @@ SHORTEST, LONGEST = 0.75, 1.33
 MAX_TWIST_RAD = 0.4
 SIZE_RATIO = 2.0
 """Neighbours' areas differ by no more than this."""
+SCALE_SAMPLES = 300
+SCALE_LEAST = 6
+"""From so many rings the image's own ratio of pitch and radius is taken."""
 HALF_SPAN = 512
 """Grids reach so many steps from their seed at most."""
 
@@ -236,7 +239,7 @@ def grow_grids(candidates: Candidates, lattice: Lattice, *, across_gaps: bool, s
         candidates.region,
         seeds,
         lattice.move,
-        lattice.move_in_radii,
+        _pitch_scale(candidates, lattice) * lattice.move_in_radii,
         smallest,
         2 if across_gaps else 1,
     )
@@ -245,3 +248,23 @@ def grow_grids(candidates: Candidates, lattice: Lattice, *, across_gaps: bool, s
         row = np.flatnonzero(grid_of == number)
         grids.append(Grid(row, index[row], turn[row]))
     return tuple(sorted(grids, key=lambda grid: -len(grid.row)))
+
+
+def _pitch_scale(candidates: Candidates, lattice: Lattice) -> float:
+    """Pitch over radius as the image shows it, over what the target says; 1 if the image does not say.
+
+    Exposure makes rings look larger or smaller, and of targets made by others the size may be known in part only.
+    """
+    ring = np.flatnonzero(candidates.ratio > 0)
+    ring = ring[:: max(1, len(ring) // SCALE_SAMPLES)]
+    if len(ring) < SCALE_LEAST:
+        return 1.0
+    e = candidates.ellipse[ring]
+    offset = candidates.ellipse[None, :, :2] - e[:, None, :2]
+    u = e[:, 2, None] * offset[..., 0]
+    v = e[:, 3, None] * offset[..., 0] + e[:, 4, None] * offset[..., 1]
+    # The nearest is the ring itself; the nearest neighbour errs low, the next one high.
+    near = np.sqrt(np.partition(u * u + v * v, 2, axis=1)[:, 1:3]).mean(axis=1)
+    scale = near / np.linalg.norm(lattice.move_in_radii, axis=1).min()
+    likely = scale[(scale > SHORTEST) & (scale < LONGEST)]
+    return float(np.median(likely)) if len(likely) >= max(SCALE_LEAST, len(scale) // 3) else 1.0
