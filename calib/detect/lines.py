@@ -45,10 +45,7 @@ class Lines:
 
 def fit_lens(plan: TargetPlan, ring: Integers, seen: Seen, image_size: tuple[int, int]) -> Lens:
     """The lens from the centres so far."""
-    face = plan.target.ring_face[ring]
-    plane = plan.target.center_in_face_mm[ring, :2]
-    groups = [seen.use & (face == f) for f in np.unique(face)]
-    return estimate_lens([(plane[group], seen.center_px[group]) for group in groups], image_size)
+    return estimate_lens(plan.by_face(ring[seen.use], seen.center_px[seen.use]), image_size)
 
 
 def fit_lines(plan: TargetPlan, ring: Integers, seen: Seen, lens: Lens, placement: Placement) -> Lines:

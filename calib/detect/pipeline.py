@@ -37,6 +37,11 @@ class _Found:
     remarks: tuple[str, ...]
     is_mirrored: bool = False
 
+    @property
+    def size(self) -> int:
+        """How many candidates have names."""
+        return sum(len(item.grid.row) for item in self.named)
+
 
 def detect(
     pixels: NDArray[np.generic], target: TargetGeometry, *, name: str, camera: Camera | None = None
@@ -97,10 +102,7 @@ def _camera_remarks(
     plan: TargetPlan, candidates: Candidates, naming: Naming, lens: Lens, image_size: tuple[int, int]
 ) -> list[str]:
     """A warning if the grids are straighter without the camera that was given than with it."""
-    face = plan.target.ring_face[naming.ring]
-    plane = plan.target.center_in_face_mm[naming.ring, :2]
-    pixel = candidates.ellipse[naming.candidate, :2]
-    groups = [(plane[face == f], pixel[face == f]) for f in np.unique(face)]
+    groups = plan.by_face(naming.ring, candidates.ellipse[naming.candidate, :2])
     given, guessed = misfit_px(lens, groups), misfit_px(estimate_lens(groups, image_size), groups)
     if given <= 2 * guessed + 0.1:
         return []
@@ -137,7 +139,9 @@ def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> _F
         candidates = more if candidates is None else merged(candidates, more)
         if candidates.count == before and found is not None:
             continue
-        found = _name(pixels, plan, candidates)
+        new = _name(pixels, plan, candidates)
+        # More candidates can also confuse a grid: what named more stays.
+        found = new if found is None or new.is_mirrored or new.size >= found.size else found
         if found.is_mirrored or _is_whole(pixels, plan, found):
             break
     assert found is not None  # noqa: S101 - there is at least one threshold

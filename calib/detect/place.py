@@ -91,10 +91,7 @@ def _lens(
     """The known lens, or what the named grids show of it."""
     if camera_lens is not None:
         return camera_lens
-    face = plan.target.ring_face[naming.ring]
-    plane = plan.target.center_in_face_mm[naming.ring, :2]
-    pixel = candidates.ellipse[naming.candidate, :2]
-    return estimate_lens([(plane[face == f], pixel[face == f]) for f in np.unique(face)], image_size)
+    return estimate_lens(plan.by_face(naming.ring, candidates.ellipse[naming.candidate, :2]), image_size)
 
 
 def direct_projection(point: Floats, image: Floats) -> Floats:

@@ -44,6 +44,12 @@ class TargetPlan:
         """Distance of neighbours in outer radii."""
         return float(np.linalg.norm(self.lattice.move_in_radii, axis=1).min())
 
+    def by_face(self, ring: Integers, pixel: Floats) -> list[tuple[Floats, Floats]]:
+        """Features face by face: their places in the face's plane in mm, and in the image.  # (N,), (N, 2)"""
+        face = self.target.ring_face[ring]
+        plane = self.target.center_in_face_mm[ring, :2]
+        return [(plane[face == f], pixel[face == f]) for f in np.unique(face)]
+
     def rows_on_all(self, index: Integers) -> Integers:
         """Rows of the target at indices, for each face; -1 where it has nothing.  # (N, 2) -> (F, N)"""
         at = index - self.low
