@@ -12,6 +12,7 @@ from calib.cameras import MODELS
 from calib.types import Camera
 from designer.errors import InputError
 from designer.presets import preset_or_file
+from designer.small_file import parse_json, read_small_text
 from designer.spec_file import RawValue, read_spec_file, shown, suggestion
 
 FORMAT = "ringforge.camera"
@@ -114,16 +115,7 @@ def load_camera(path: Path) -> Camera:
     """
     if path.suffix.lower() == ".toml":
         return camera_from_mapping(read_spec_file(path), str(path))
-    try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"{path}: more than {MAX_FILE_BYTES} bytes; a camera file is a few lines of JSON")
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: line {error.lineno}, column {error.colno}: {error.msg}; not valid JSON") from None
-    except (ValueError, RecursionError):
-        raise InputError(f"{path}: not a camera file: no readable JSON") from None
+    values = parse_json(read_small_text(path, MAX_FILE_BYTES, "a camera file"), path, "a camera file")
     return camera_from_mapping(values, str(path))
 
 

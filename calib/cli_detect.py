@@ -138,7 +138,8 @@ def _search(
     photos = named_photos(found.paths)
     results = []
     columns = (TextColumn("searching"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("searching", total=len(photos))
         for result in detect_photos(
             photos, geometry, detect=detect_one, camera=camera, overlay_folder=staging, jobs=jobs
@@ -186,6 +187,9 @@ def _summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[Ph
         print(f"{len(seen) - len(shown)} more images: their counts are in the records")
     for failure in [*found.failures, *(result.failure for result in results if result.failure)]:
         console.print(f"[yellow]skipped[/] {_plain(failure)}", markup=True)
+    for result in results:
+        if result.overlay_failure:
+            console.print(f"[yellow]{_plain(result.overlay_failure)}[/]", markup=True)
     if found.overlays:
         print(f"left out: {found.overlays} overlays of an earlier run")
     with_target = [one for one in seen if len(one.ring)]

@@ -8,8 +8,9 @@ import csv
 import io
 import json
 import re
+import tempfile
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ MAX_FILE_BYTES = 512 * 2**20
 MAX_SIDE_PX = 1_000_000
 
 _KIND = "# ringforge detections, version "
+_COVARIANCE_FORMAT = ".5e"
 _REALS = ("u", "v", "suu", "suv", "svv", "X", "Y", "Z")
 _IMAGE_LINE = re.compile(r'# image (\d{1,7}) x (\d{1,7}) px (".*")')
 _ANY_NAME = "surrogatepass"
@@ -98,10 +100,10 @@ class _Table:
 
 
 def check_output(path: Path) -> None:
-    """Refuse to overwrite what is not detections, before any work is done.
+    """Refuse a place that cannot be written, or holds something else, before any work is done.
 
     Raises:
-        InputError: not a .csv, a folder, or an existing file of another kind.
+        InputError: not a .csv, a folder, an existing file of another kind, or a folder that takes no files.
     """
     if path.suffix.lower() != ".csv":
         raise InputError(f"{path}: detections are a .csv file; name it so, such as {path.with_suffix('.csv').name}")
@@ -116,6 +118,12 @@ def check_output(path: Path) -> None:
                     raise InputError(f"{place}: exists and holds no detections; choose another name with -o")
         except OSError as error:
             raise InputError(f"{place}: cannot be used: {error.strerror}; choose another name with -o") from None
+    try:
+        folder = next(parent for parent in path.absolute().parents if parent.exists())
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}; choose another place with -o") from None
 
 
 def write_detections(
@@ -126,12 +134,13 @@ def write_detections(
     detector: str,
     failed: Iterable[ImageRecord] = (),
 ) -> None:
-    """Write `NAME.csv` and `NAME.records.json`, both or none.
+    """Write `NAME.csv` and `NAME.records.json`, both or none. Features that a reader would refuse are left out.
 
     Raises:
         InputError: they cannot be written.
-        ValueError: detections of another layout, two of one image, or numbers a reader would refuse.
+        ValueError: detections of another layout, or two of one image.
     """
+    seen = [_storable(one) for one in seen]
     images = (*map(image_record, seen), *failed)
     records = Records(detector, target.layout_id, target.geometry_id, images)
     text = detections_to_csv(seen, target, detector=detector)
@@ -146,7 +155,8 @@ def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry, *, det
     if len({one.image for one in seen}) < len(seen):
         raise ValueError("two images have the same name")
     for one in seen:
-        _check(one, target)
+        if one.layout_id != target.layout_id:
+            raise ValueError(f"{one.image}: named with layout {one.layout_id}, not {target.layout_id}")
         stream.write(f"# image {one.image_size[0]} x {one.image_size[1]} px {json.dumps(one.image)}\n")
     stream.write(",".join(COLUMNS) + "\n")
     for one in seen:
@@ -154,7 +164,7 @@ def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry, *, det
         numbers = [
             *((f"{n}" for n in column) for column in (target.ring_face[ring], ring, *target.ring_index[ring].T)),
             *((f"{x:.6f}" for x in column) for column in one.center_px.T),
-            *((f"{x:.5e}" for x in column) for column in one.cov_px2.reshape(-1, 4)[:, [0, 1, 3]].T),
+            *((f"{x:{_COVARIANCE_FORMAT}}" for x in column) for column in one.cov_px2.reshape(-1, 4)[:, [0, 1, 3]].T),
             *((f"{x:.6f}" for x in column) for column in target.center_mm[ring].T),
         ]
         name = _quoted(one.image)
@@ -167,15 +177,22 @@ def _quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if re.search(r'[\s,"#]', name) else name
 
 
-def _check(one: Detections, target: TargetGeometry) -> None:
-    """Hold detections to what the reader will ask of them: a file that cannot be read back is worth nothing."""
-    if one.layout_id != target.layout_id:
-        raise ValueError(f"{one.image}: named with layout {one.layout_id}, not {target.layout_id}")
-    if len(np.unique(one.ring)) < len(one.ring):
-        raise ValueError(f"{one.image}: a feature was named twice")
-    u_v_ok = np.isfinite(one.center_px).all() and (np.hypot(*one.center_px.T) <= MAX_SIDE_PX).all()
-    if not u_v_ok or not _is_covariance(one.cov_px2).all():
-        raise ValueError(f"{one.image}: a centre is not finite, or a covariance is not positive definite")
+def _storable(one: Detections) -> Detections:
+    """The detections without the features that a reader would refuse, and a remark on them.
+
+    The covariances are judged as they are written: rounding may make one singular.
+    """
+    rounded = [float(f"{x:{_COVARIANCE_FORMAT}}") for x in one.cov_px2.ravel().tolist()]
+    _, place, count = np.unique(one.ring, return_inverse=True, return_counts=True)
+    ok = _is_covariance(np.array(rounded).reshape(-1, 2, 2)) & (count[place] == 1)
+    ok &= np.hypot(*one.center_px.T) <= MAX_SIDE_PX  # false if not finite
+    if ok.all():
+        return one
+    remark = f"{(~ok).sum()} left out: centre or covariance is no usable number, or named twice"
+    return replace(
+        one, ring=one.ring[ok], center_px=one.center_px[ok], cov_px2=one.cov_px2[ok], ellipse_px=one.ellipse_px[ok],
+        remarks=(*one.remarks, remark),
+    )  # fmt: skip
 
 
 def _is_covariance(cov: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -15,6 +15,9 @@ Format = Literal["PNG", "JPEG", "TIFF", "BMP", "PNM"]
 MAX_SCANS = 200
 """Scans of a progressive JPEG; real ones have about ten, and each one is a pass over the whole picture."""
 
+MAX_PAGES = 100
+"""Pages of a TIFF that are counted."""
+
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 _PNG_NEEDED = frozenset({b"IHDR", b"PLTE", b"IDAT", b"IEND"})
 _OTHER_FORMATS: tuple[tuple[int, bytes, str], ...] = (
@@ -191,10 +194,11 @@ def _tiff_header(data: bytes) -> Header:
         kind = {2: "signed numbers", 3: "floating-point numbers"}.get(value.get(339, 1), "numbers of more than 16 bits")
         raise DamagedError(f"holds {kind}; convert it to 8 or 16 bits without sign")
     pages, seen = 1, set[int]()
-    while following and following not in seen and pages < 10_000:
+    while following and following not in seen and pages < MAX_PAGES:
         seen.add(following)
         try:
-            _, _, following = _directory(data, following)
+            (count,) = struct.unpack_from(order + "H", data, following)
+            (following,) = struct.unpack_from(order + "I", data, following + 2 + 12 * count)
         except struct.error:
             raise DamagedError("is cut off: a page is missing; copy it again") from None
         pages += 1

@@ -8,6 +8,7 @@ from typing import Literal
 
 from calib.types import Detections, FaceRecord
 from designer.errors import InputError
+from designer.small_file import parse_json, read_small_text
 
 MAX_FILE_BYTES = 256 * 2**20
 RECORDS_START = b'{\n"format": "ringforge.records"'
@@ -77,18 +78,10 @@ def read_records(path: Path) -> Records:
     """
     from pydantic import TypeAdapter, ValidationError
 
+    document = parse_json(read_small_text(path, MAX_FILE_BYTES, "a records file"), path, "a records file")
     try:
-        if path.stat().st_size > MAX_FILE_BYTES or not path.is_file():
-            raise InputError(f"{path}: not a regular file of at most {MAX_FILE_BYTES} bytes; name a records file")
-        document = json.loads(path.read_bytes())
         return TypeAdapter(Records).validate_python(document)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"])) or "the document"
         raise InputError(f"{path}: {place}: {first['msg']}; detect again") from None
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: not a records file: it is not valid JSON; detect again") from None

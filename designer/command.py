@@ -18,7 +18,8 @@ def run(app: typer.Typer) -> None:
     except InputError as error:
         code = _fail(str(error), BAD_INPUT)
     except OSError as error:
-        code = _fail(f"{error.strerror or error}: cannot write the answer; check where it goes", BAD_INPUT)
+        place = "the answer" if error.filename is None else str(error.filename)
+        code = _fail(f"{place}: cannot be written: {error.strerror or error}; check where -o leads", BAD_INPUT)
     except (typer.Abort, KeyboardInterrupt):
         code = STOPPED
     if code == STOPPED:

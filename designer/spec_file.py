@@ -15,6 +15,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from designer.errors import InputError
 from designer.page_size import page_size_mm
+from designer.small_file import read_small_text
 from designer.spec import Build, Format, IcoSpec, Job, Lattice
 from designer.units import format_mm, parse_length_mm, parse_lengths_mm, parse_percent
 
@@ -275,15 +276,7 @@ def read_spec_file(path: Path) -> dict[str, RawValue]:
     Raises:
         InputError: the file cannot be read or is no TOML; the message names file, line and column.
     """
-    try:
-        is_too_large = path.stat().st_size > MAX_FILE_BYTES
-        text = "" if is_too_large else path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not UTF-8 text, so no TOML") from None
-    if is_too_large:
-        raise InputError(f"{path}: more than {MAX_FILE_BYTES} bytes; a spec is a few lines of TOML")
+    text = read_small_text(path, MAX_FILE_BYTES, "a TOML file of a few lines")
     try:
         return tomllib.loads(text)
     except RecursionError:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from designer.code import CODES
 from designer.errors import InputError
+from designer.small_file import read_small_text
 from designer.spec import TargetSpec, spec_from_mapping, spec_to_mapping
 
 FORMAT = "ringforge.target"
@@ -284,17 +285,9 @@ def load_target(path: Path) -> TargetGeometry:
     Raises:
         InputError: the file cannot be read or is no valid target file; the message names it.
     """
+    text = read_small_text(path, MAX_FILE_BYTES, "a target file (NAME.target.json)")
     try:
-        size = path.stat().st_size
-        if not path.is_file():
-            raise ValueError("not a regular file; name a NAME.target.json")
-        if size > MAX_FILE_BYTES:
-            raise ValueError(f"{size} bytes; a target file has at most {MAX_FILE_BYTES}")
-        return target_from_json(path.read_text(encoding="utf-8"))
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not UTF-8 text, so no target file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+        return target_from_json(text)
     except json.JSONDecodeError as error:
         raise InputError(f"{path}: line {error.lineno}, column {error.colno}: {error.msg}; not valid JSON") from None
     except ValueError as error:

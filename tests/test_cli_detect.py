@@ -20,6 +20,7 @@ from calib.camera_file import camera_to_json
 from calib.cli_detect import run_detect
 from calib.dataset import read_detections
 from calib.detect.batch import Detect, PhotoFile, detect_photos, find_photos, named_photos
+from calib.detect.overlay import draw_overlay
 from calib.records import read_records
 from calib.types import Camera, Detections
 from designer.errors import InputError
@@ -151,6 +152,28 @@ def test_overlays_are_written_and_never_taken_for_photos(folder: Path, capsys: p
     assert not list(folder.rglob(".unfinished*"))
 
 
+def test_a_photo_without_overlay_does_not_stop_the_others(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever breaks in drawing one picture, the detections and the other pictures are there; names may be long."""
+
+    def draw(pixels: NDArray[np.uint8], seen: Detections, target: TargetGeometry) -> NDArray[np.uint8]:
+        if seen.image == "img2.png":
+            raise ZeroDivisionError("flat")
+        return draw_overlay(pixels, seen, target)
+
+    monkeypatch.setattr("calib.detect.batch.draw_overlay", draw)
+    photo(Path("photos") / f"{'long' * 60}.png", 80)
+    assert run("photos", overlay="o", out="d.csv") == 0
+    said, errors = capsys.readouterr()
+    assert errors == ""
+    assert "no overlay for img2.png: ZeroDivisionError: flat" in said
+    assert "0 failures" in said
+    assert "3 overlays" in said
+    assert len(read_detections(Path("d.csv"), BOARD, target_path=Path("t")).view_names) == 4
+    assert len(list(Path("o").iterdir())) == 3
+
+
 def test_a_camera_must_fit_the_photos(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The camera reaches the detector; a photo of another size than the camera's is skipped with both sizes."""
     given = []
@@ -189,6 +212,8 @@ def test_arguments_stand_for_files_folders_and_patterns(folder: Path) -> None:
     assert [str(p) for p in find_photos(["photos/[1].png"]).paths] == ["photos/[1].png"]
     assert {p.name for p in find_photos(["photos"]).paths} == {"[1].png", "img2.png", "img10.png", "img11.png"}
     assert find_photos(["a\0b.png"]).paths == (Path("a\0b.png"),)
+    with pytest.raises(InputError, match="'' is no photo"):
+        find_photos(["photos", ""])
 
 
 def test_results_keep_the_order_and_memory_the_limit(folder: Path) -> None:

@@ -205,19 +205,36 @@ def test_damaged_files_end_in_data_or_one_line(data: st.DataObject, tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("changed", "rule"),
+    "bad",
     [
-        ({"center_px": np.full((3, 2), np.nan)}, "not finite"),
-        ({"cov_px2": np.zeros((3, 2, 2))}, "positive definite"),
-        ({"ring": [1, 1, 2]}, "twice"),
-        ({"layout_id": "x"}, "layout"),
+        {"center_px": np.array([[1, 1], [np.nan, 2], [3, 3]])},
+        {"cov_px2": np.array([np.eye(2), np.zeros((2, 2)), np.eye(2)])},
+        {"cov_px2": np.array([np.eye(2), [[1, 0.9999999], [0.9999999, 1]], np.eye(2)])},
+        {"ring": [1, 2, 2]},
     ],
+    ids=["not finite", "zero", "singular once rounded", "named twice"],
 )
-def test_nothing_is_written_that_could_not_be_read(changed: dict[str, object], rule: str, tmp_path: Path) -> None:
-    """The writer holds to the reader's rules, and leaves no file."""
-    bad = replace(seen("a.png", 3, np.random.default_rng(5)), **changed)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=rule):
-        write_detections(tmp_path / "d.csv", [bad], ICO, detector="test 1")
+def test_a_feature_that_could_not_be_read_back_is_left_out(bad: dict[str, object], tmp_path: Path) -> None:
+    """It is left out with a remark; the others, and the other photos, are written and read."""
+    rng = np.random.default_rng(5)
+    path = tmp_path / "d.csv"
+    dataset = written(path, replace(seen("a.png", 3, rng), **bad), seen("b.png", 4, rng))  # type: ignore[arg-type]
+    kept = 1 if "ring" in bad else 2
+    assert np.bincount(dataset.view).tolist() == [kept, 4]
+    record = read_records(records_path(path)).images[0]
+    assert record.features == kept
+    assert f"{3 - kept} left out" in record.remarks[-1]
+
+
+def test_another_layout_is_not_written(tmp_path: Path) -> None:
+    """Detections of another target are the program's error, and leave no file."""
+    with pytest.raises(ValueError, match="layout"):
+        write_detections(
+            tmp_path / "d.csv",
+            [replace(seen("a.png", 3, np.random.default_rng(5)), layout_id="x")],
+            ICO,
+            detector="test 1",
+        )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -267,6 +284,15 @@ def test_other_files_are_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "e.csv").mkdir()
     with pytest.raises(InputError, match="not a file"):
         check_output(tmp_path / "e.csv")
+
+
+def test_a_place_that_takes_no_file_is_refused_before_the_work(tmp_path: Path) -> None:
+    """A file where a folder should be is found out at once; a folder yet to be made is fine and not made."""
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(InputError, match=r"cannot be written.* -o"):
+        check_output(tmp_path / "file" / "deep" / "d.csv")
+    check_output(tmp_path / "new" / "deep" / "d.csv")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 def test_a_failed_write_leaves_the_earlier_files(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from calib.image_headers import MAX_SCANS
+from calib.image_headers import MAX_PAGES, MAX_SCANS, read_header
 from calib.images import MAX_PIXELS, Photo, read_image
 from designer.errors import InputError
 
@@ -166,6 +166,13 @@ def test_the_content_tells_the_format(tmp_path: Path) -> None:
     photo = read(tmp_path, "a.JPG", encoded(Image.fromarray(GREY), "PNG"))
     assert np.array_equal(photo.pixels, GREY)
     assert photo.remarks == ("the file is PNG, whatever its name says",)
+
+
+def test_pages_are_not_counted_without_end() -> None:
+    """A TIFF of very many pages, which may overlap, costs no more than a few of them."""
+    data = struct.pack("<2sHIH", b"II", 42, 8, 2) + struct.pack("<HHIIHHIII", 256, 4, 1, 9, 257, 4, 1, 9, 38)
+    data += b"".join(struct.pack("<HI", 0, 38 + 6 * k) for k in range(1, 10 * MAX_PAGES))
+    assert read_header(data).page_count == MAX_PAGES
 
 
 def test_the_first_of_several_pages_is_read(tmp_path: Path) -> None:

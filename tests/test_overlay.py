@@ -16,6 +16,7 @@ from calib.detect.where_expected import imaged_face
 from calib.render.rings import ring_truth
 from calib.render.scene import scene_from_target
 from calib.types import Camera, Detections
+from designer.errors import InputError
 from designer.layout import lay_out
 from designer.sizing import size_job
 from designer.spec_file import BoardFile, IcoFile
@@ -214,3 +215,11 @@ def test_small_overlays_are_png_and_large_ones_jpeg(tmp_path: Path) -> None:
     assert np.array_equal(cv2.imread(str(path))[:, :, ::-1], small)
     side = int(np.sqrt(JPEG_ABOVE_PIXELS)) + 10
     assert write_overlay(tmp_path / "b", np.zeros((side, side, 3), np.uint8)).name == "b.jpg"
+
+
+def test_very_long_pictures_are_drawn_or_refused_in_one_line(tmp_path: Path) -> None:
+    """A long strip is not enlarged beyond what image files hold; one that is beyond it anyway is bad input."""
+    seen = empty(BOARD, (16, 20_000))
+    assert max(draw_overlay(np.zeros((20_000, 16), np.uint8), seen, BOARD).shape) <= 65_535
+    with pytest.raises(InputError, match="70000 px"):
+        write_overlay(tmp_path / "a", np.zeros((70_000, 300, 3), np.uint8))

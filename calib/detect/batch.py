@@ -22,6 +22,9 @@ from designer.target import TargetGeometry
 OVERLAY_MARK = ".overlay"
 """Stands in the name of each overlay, so that one is not taken for a photo."""
 
+MAX_NAME_BYTES = 200
+"""Of a photo whose overlay is named after it; file systems take 255 with what is added. Else they are numbered."""
+
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 
@@ -51,6 +54,7 @@ class PhotoResult:
     seen: Detections | None
     failure: str = ""  # one line that names the file
     overlay: Path | None = None
+    overlay_failure: str = ""  # why it was not drawn, in one line that names the photo
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,8 @@ def find_photos(arguments: Sequence[str]) -> Found:
     paths: list[Path] = []
     failures = []
     for argument in arguments:
+        if not argument:
+            raise InputError("'' is no photo; give files, folders or patterns, or '.' for the current folder")
         path = Path(argument)
         if _is(path, Path.is_dir):
             inside = _images_in(path)
@@ -175,8 +181,9 @@ def _one_photo(
         return PhotoResult(photo, seen)
     try:
         return PhotoResult(photo, seen, overlay=write_overlay(overlay, draw_overlay(image.pixels, seen, target)))
-    except InputError as error:
-        return PhotoResult(photo, seen, failure=str(error))
+    except Exception as error:
+        why = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
+        return PhotoResult(photo, seen, overlay_failure=f"no overlay for {photo.name}: {why}")
 
 
 def _overlay_stems(photos: Sequence[PhotoFile], folder: Path | None) -> dict[PhotoFile, Path]:
@@ -184,6 +191,8 @@ def _overlay_stems(photos: Sequence[PhotoFile], folder: Path | None) -> dict[Pho
     if folder is None:
         return {}
     flat = [photo.name.replace("/", "_") for photo in photos]
+    if any(len(os.fsencode(name)) > MAX_NAME_BYTES for name in flat):
+        return {photo: folder / f"{number}{OVERLAY_MARK}" for number, photo in enumerate(photos, 1)}
     stems = [Path(name).stem for name in flat]
     count = Counter(stems)
     names = [stem if count[stem] == 1 else name for stem, name in zip(stems, flat, strict=True)]

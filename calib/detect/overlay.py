@@ -16,6 +16,7 @@ from calib.detect.overlay_frame import MISSING, REJECTED, face_colours, framed, 
 from calib.detect.where_expected import ImagedFace, imaged_face
 from calib.files import write_files
 from calib.types import Detections
+from designer.errors import InputError
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
@@ -28,6 +29,8 @@ _PALE = (70, 235)
 _READABLE_RADIUS_PX = 22.0
 _READABLE_SIDE_PX = 1000
 _MAX_ENLARGED_PIXELS = 9_000_000
+_MAX_SIDE_PX = 64_000
+"""Of an enlarged picture, which header and legend make higher; JPEG ends at 65535."""
 _MIN_TEXT_PX = 9.0
 _AXES_START = (-0.5, -0.5)
 """Lattice index where the axes begin: in the gap before the feature (0, 0)."""
@@ -91,13 +94,15 @@ def write_overlay(stem: Path, overlay: NDArray[np.uint8]) -> Path:
     """Write STEM.png, or STEM.jpg for very large pictures.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: it cannot be encoded or written.
     """
     is_large = overlay.shape[0] * overlay.shape[1] > JPEG_ABOVE_PIXELS
     suffix, options = (
         (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 88]) if is_large else (".png", [cv2.IMWRITE_PNG_COMPRESSION, 4])
     )
-    _, data = cv2.imencode(suffix, cv2.cvtColor(overlay, cv2.COLOR_RGB2BGR), options)
+    done, data = cv2.imencode(suffix, cv2.cvtColor(overlay, cv2.COLOR_RGB2BGR), options)
+    if not done:
+        raise InputError(f"{overlay.shape[1]} x {overlay.shape[0]} px are more than an image file holds")
     path = stem.with_name(stem.name + suffix)
     write_files({path: data.tobytes()})
     return path
@@ -111,7 +116,7 @@ def _canvas(pixels: NDArray[np.uint8] | NDArray[np.uint16], radius: float) -> Ca
     levels = np.arange(np.iinfo(pixels.dtype).max + 1, dtype=np.float64)
     shade = np.clip(_PALE[0] + gain * (levels - float(low)), _PALE[0] - 30, _PALE[1]).astype(np.uint8)
     grey: NDArray[np.uint8] = shade[pixels]
-    largest = max(1.0, np.sqrt(_MAX_ENLARGED_PIXELS / pixels.size))
+    largest = max(1.0, min(np.sqrt(_MAX_ENLARGED_PIXELS / pixels.size), _MAX_SIDE_PX / max(pixels.shape)))
     wanted = max(_READABLE_RADIUS_PX / radius, _READABLE_SIDE_PX / max(pixels.shape))
     scale = int(np.clip(np.ceil(wanted), 1, min(4, largest)))
     if scale > 1:

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from calib.se3 import exp_rotation, look_at, make_pose
 from designer.errors import InputError
+from designer.small_file import JsonValue, parse_json, read_small_text
 
 Array = NDArray[np.float64]
 Region = Literal["hemisphere", "sphere", "cap"]
@@ -22,6 +22,9 @@ MAX_FILE_BYTES = 64 * 2**20
 GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
 COLUMNS = ("rx_rad", "ry_rad", "rz_rad", "tx_mm", "ty_mm", "tz_mm")
 RIGID_TOLERANCE = 1e-6
+MAX_DISTANCE_MM = 1e6
+MAX_TURN_RAD = 1000.0
+"""Farther turns lose digits, and are likely no radians."""
 
 
 @dataclass(frozen=True)
@@ -67,57 +70,70 @@ def load_poses(path: Path) -> Array:
     Raises:
         InputError: the file cannot be read or holds no rigid motions; the message names it.
     """
+    text = read_small_text(path, MAX_FILE_BYTES, "a file of poses")
     try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"{path}: more than {MAX_FILE_BYTES} bytes; too large for a file of poses")
-        text = path.read_text(encoding="utf-8-sig")
-        poses = _poses_from_csv(text) if path.suffix.lower() == ".csv" else _poses_from_json(text)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: line {error.lineno}, column {error.colno}: {error.msg}; not valid JSON") from None
-    except (ValueError, TypeError, RecursionError) as error:
-        raise InputError(f"{path}: {error}") from None
-    if not 0 < len(poses) <= MAX_VIEWS:
-        raise InputError(f"{path}: {len(poses)} poses; give 1 to {MAX_VIEWS}")
+        if path.suffix.lower() == ".csv":
+            poses = _poses_from_csv(text)
+        else:
+            poses = _poses_from_json(parse_json(text, path, "a file of poses"))
+        if not 0 < len(poses) <= MAX_VIEWS:
+            raise ValueError(f"{len(poses)} poses; give 1 to {MAX_VIEWS}")
+        _check_rigid(poses)
+    except (ValueError, csv.Error) as error:
+        raise error if isinstance(error, InputError) else InputError(f"{path}: {error}") from None
     return poses
 
 
-def _poses_from_json(text: str) -> Array:
-    document = json.loads(text)
+def _poses_from_json(document: JsonValue) -> Array:
     if isinstance(document, dict):
         views = document.get("views")
-        if not isinstance(views, list) or not all(isinstance(v, dict) and "cam_from_target" in v for v in views):
-            raise ValueError("no poses: give a list of 4 x 4 matrices, or a truth.json")
-        document = [view["cam_from_target"] for view in views]
+        if not isinstance(views, list):
+            raise ValueError("no poses; give a list of 4 x 4 matrices, or a truth.json")
+        document = [view.get("cam_from_target") if isinstance(view, dict) else None for view in views]
     try:
         poses = np.array(document, dtype=np.float64)
-    except (ValueError, TypeError):
-        raise ValueError("no poses: give a list of 4 x 4 matrices of numbers") from None
+    except (ValueError, TypeError, OverflowError):
+        raise ValueError("no poses; give a list of 4 x 4 matrices of numbers") from None
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise ValueError(f"an array of shape {poses.shape}; poses are a list of 4 x 4 matrices")
-    is_finite = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
-    rotation = np.where(is_finite[:, None, None], poses, 0.0)[:, :3, :3]
-    off = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    last = (poses[:, 3] == np.array([0.0, 0.0, 0.0, 1.0])).all(axis=1)
-    is_rigid = np.logical_and.reduce([is_finite, off < RIGID_TOLERANCE, np.linalg.det(rotation) > 0, last])
-    if not is_rigid.all():
-        raise ValueError(f"pose {int(np.argmin(is_rigid))} (from 0) is no rigid motion: rotation, translation, 0 0 0 1")
     return poses
+
+
+def _check_rigid(poses: Array) -> None:
+    """Refuse the first pose that is no rigid motion, or is absurdly far."""
+    for number, pose in enumerate(poses):
+        rotation, place = pose[:3, :3], pose[:3, 3]
+        if not np.isfinite(pose).all():
+            wrong = "holds a number that is not finite; give finite numbers"
+        elif np.abs(place).max() > MAX_DISTANCE_MM:
+            wrong = f"lies {np.abs(place).max():g} mm away; give at most {MAX_DISTANCE_MM:g} mm"
+        elif (
+            np.abs(rotation).max() > 2
+            or np.abs(rotation @ rotation.T - np.eye(3)).max() > RIGID_TOLERANCE
+            or np.linalg.det(rotation) < 0
+            or (pose[3] != np.array([0.0, 0.0, 0.0, 1.0])).any()
+        ):
+            wrong = "is no rigid motion; give a right-handed rotation, a translation, and the last row 0 0 0 1"
+        else:
+            continue
+        raise ValueError(f"pose {number} (from 0) {wrong}")
 
 
 def _poses_from_csv(text: str) -> Array:
     lines = [row for row in csv.reader(io.StringIO(text)) if row and not row[0].lstrip().startswith("#")]
     if not lines or tuple(name.strip() for name in lines[0]) != COLUMNS:
         raise ValueError(f"the first line must be {','.join(COLUMNS)}")
-    for number, row in enumerate(lines[1:], start=1):
-        if len(row) != len(COLUMNS) or not all(_is_finite(value) for value in row):
-            raise ValueError(f"pose {number} is not {len(COLUMNS)} finite numbers")
+    for number, row in enumerate(lines[1:]):
+        if len(row) != len(COLUMNS) or not all(_is_number(value) for value in row):
+            raise ValueError(f"pose {number} (from 0) is not {len(COLUMNS)} finite numbers; give {','.join(COLUMNS)}")
     values = np.array(lines[1:], dtype=np.float64).reshape(-1, len(COLUMNS))
+    for number, turn in enumerate(np.abs(values[:, :3]).max(axis=1)):
+        if turn > MAX_TURN_RAD:
+            raise ValueError(f"pose {number} (from 0) turns by {turn:g} rad; give at most {MAX_TURN_RAD:g} rad")
     return make_pose(exp_rotation(values[:, :3]), values[:, 3:])
 
 
-def _is_finite(text: str) -> bool:
+def _is_number(text: str) -> bool:
     try:
         return math.isfinite(float(text))
     except ValueError:
