@@ -230,20 +230,22 @@ def _images_table(seen: "Sequence[Detections]", geometry: "TargetGeometry", said
 
 
 def _remarks(one: "Detections") -> list[str]:
-    """What to know of an image, and why rings of seen faces are missing."""
-    from calib.records import face_remarks
+    """What to know of an image, and why rings of seen faces are missing that could have been measured."""
+    from calib.types import TOO_FLAT
 
     missing: dict[str, int] = {}
     for record in one.faces:
         for reason, count in record.missing if record.face is not None else ():
             missing[reason] = missing.get(reason, 0) + count
-    lost = [f"{count} {reason}" for reason, count in missing.items() if count]
-    return [_one_line(remark) for remark in (*one.remarks, *face_remarks(one.faces), *lost)]
+    lost = [f"{count} {reason}" for reason, count in missing.items() if count and reason != TOO_FLAT]
+    return [_one_line(remark) for remark in (*one.remarks, *lost)]
 
 
 def _expected(one: "Detections") -> int:
-    """How many features the named faces have."""
-    return sum(record.rings_expected for record in one.faces if record.face is not None)
+    """How many features of the named faces could have been measured."""
+    from calib.records import measurable
+
+    return sum(measurable(record) for record in one.faces if record.face is not None)
 
 
 def _median_sigma(one: "Detections") -> str:

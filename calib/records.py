@@ -1,12 +1,11 @@
 """The records of a detection run: what happened to each photo, and why rings are missing."""
 
 import json
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-from calib.types import Detections, FaceRecord
+from calib.types import TOO_FLAT, Detections, FaceRecord
 from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
 
@@ -46,13 +45,9 @@ def image_record(seen: Detections) -> ImageRecord:
     return ImageRecord(seen.image, seen.image_size, len(seen.ring), rejected, seen.faces, seen.remarks)
 
 
-def face_remarks(faces: Iterable[FaceRecord]) -> tuple[str, ...]:
-    """The faces' remarks, each said once: `face 3, 7: its code was not read`."""
-    named: dict[str, list[int]] = {}
-    for record in faces:
-        if record.remark:
-            named.setdefault(record.remark, []).extend([] if record.face is None else [record.face])
-    return tuple(f"face {', '.join(map(str, of))}: {remark}" if of else remark for remark, of in named.items())
+def measurable(record: FaceRecord) -> int:
+    """How many features of a face could have been measured: all but those that are seen too flat."""
+    return record.rings_expected - dict(record.missing).get(TOO_FLAT, 0)
 
 
 def records_path(detections: Path) -> Path:

@@ -28,6 +28,9 @@ class Camera:
 
 Mark = Literal["dot", "ring", "unreadable"]
 
+TOO_FLAT = "seen too small or too flat"
+"""Why a feature is missing that no camera could have measured from there."""
+
 
 @dataclass(frozen=True)
 class FaceRecord:

@@ -18,8 +18,8 @@ from calib.dataset import (
     read_detections,
     write_detections,
 )
-from calib.records import ImageRecord, face_remarks, read_records, records_path
-from calib.types import Detections, FaceRecord
+from calib.records import ImageRecord, measurable, read_records, records_path
+from calib.types import TOO_FLAT, Detections, FaceRecord
 from designer.errors import InputError
 from designer.layout import lay_out
 from designer.sizing import size_job
@@ -251,10 +251,11 @@ def test_records_come_back(tmp_path: Path) -> None:
     assert (records.detector, records.layout_id, records.geometry_id) == ("test 1", ICO.layout_id, ICO.geometry_id)
 
 
-def test_a_remark_of_several_faces_is_said_once() -> None:
-    """Faces with the same remark are named together; what belongs to no face stands alone."""
-    faces = [replace(RECORD, face=face, remark="dim") for face in (3, 7)]
-    assert face_remarks([*faces, RECORD, replace(RECORD, face=None, remark="odd")]) == ("face 3, 7: dim", "odd")
+def test_what_is_seen_too_flat_is_not_expected() -> None:
+    """Features that nobody could measure from there do not count as missing."""
+    face = replace(RECORD, rings_found=30, rings_expected=36, missing=((TOO_FLAT, 4), ("off the grid", 2)))
+    assert measurable(face) == 32
+    assert measurable(replace(face, missing=())) == 36
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"format": "ringforge.records"}', "\xff", "[1]"])

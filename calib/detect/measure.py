@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect.candidates import MIN_RADIUS_PX, Candidates, semi_axes_px
-from calib.detect.judge import COVERED, FLAT, OUTSIDE, judge
+from calib.detect.judge import COVERED, OUTSIDE, judge
 from calib.detect.lens import Lens, local_form
 from calib.detect.lines import Lines, Seen, fit_lens, fit_lines
 from calib.detect.marks import DOT, RING, read_marks
@@ -17,6 +17,7 @@ from calib.detect.place import Naming, Placement, Places, predict
 from calib.detect.plan import TargetPlan
 from calib.detect.ring_fit import RingFits, fit_rings
 from calib.detect.ring_model import BLUR, DARKNESS, E00, E11, PARAMETERS, RATIO, WHITE
+from calib.types import TOO_FLAT
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -73,7 +74,7 @@ def measure(
     good = reason == ""
     left_out = np.setdiff1d(np.arange(len(places.ring)), at)
     missing = [
-        (int(r), FLAT if minor < MIN_RADIUS_PX else COVERED)
+        (int(r), TOO_FLAT if minor < MIN_RADIUS_PX else COVERED)
         for r, minor in zip(places.ring[left_out], small[left_out], strict=True)
     ]
     missing += [(int(r), str(why)) for r, why in zip(found.ring[~good], reason[~good], strict=True)]

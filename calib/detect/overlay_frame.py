@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from calib.detect.canvas import Canvas, Colour
-from calib.records import face_remarks
+from calib.records import measurable
 from calib.types import Detections
 from designer.target import TargetGeometry
 
@@ -59,8 +59,8 @@ _Text = tuple[str, Colour]
 
 def _header(seen: Detections, target: TargetGeometry, width: int, height: int) -> NDArray[np.uint8]:
     """Name, counts, faces and remarks, in as many lines as they need."""
-    named = [record for record in seen.faces if record.face is not None]
-    expected = sum(record.rings_expected for record in named)
+    named = [record for record in seen.faces if record.face is not None and measurable(record)]
+    expected = sum(map(measurable, named))
     found = f"{len(seen.ring)} of {expected} features" if named else "target not found"
     title: list[_Text] = [(_cut(seen.image, 60), _INK), (f"{seen.image_size[0]} x {seen.image_size[1]} px", _SOFT)]
     title.append((found, _INK if len(seen.ring) else REJECTED))
@@ -73,11 +73,11 @@ def _header(seen: Detections, target: TargetGeometry, width: int, height: int) -
         faces: list[_Text] = [("faces", _SOFT)]
         for record in sorted(named, key=lambda record: record.face or 0):
             faces.append(
-                (f"{record.face}: {record.rings_found}/{record.rings_expected}", _dark(colours[record.face or 0]))
+                (f"{record.face}: {record.rings_found}/{measurable(record)}", _dark(colours[record.face or 0]))
             )
         rows += _flowed(faces, width, height)
     rejected = 0 if seen.rejected_px is None else len(seen.rejected_px)
-    remarks = [*seen.remarks, *face_remarks(seen.faces)]
+    remarks = [*seen.remarks]
     if rejected:
         remarks.append(f"{rejected} ring-like things without a name")
     if remarks:
