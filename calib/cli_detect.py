@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from designer.command import printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
 NOTHING_FOUND = 1
+WIDE = 240
 MAX_ROWS = 60
 """Images in the table; of a larger set only those are shown that need a look."""
 
@@ -175,7 +178,8 @@ def _summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[Ph
     """A table of the images, what failed, and the sums."""
     from rich.console import Console
 
-    console = Console(highlight=False, soft_wrap=True)
+    # Off a terminal nobody's window is narrow: a line an image.
+    console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDE)
     seen = [result.seen for result in results if result.seen is not None]
     shown = seen if len(seen) <= MAX_ROWS else [one for one in seen if one.remarks or not len(one.ring)][:MAX_ROWS]
     common = _common_remarks(seen)
@@ -276,5 +280,5 @@ def _plain(text: str) -> str:
 
 
 def _one_line(text: str) -> str:
-    """Text without line breaks and without bytes that are no text."""
-    return " ".join(text.encode("utf-8", "backslashreplace").decode().split())
+    """Text without line breaks, bytes that are no text, and characters that would steer a terminal."""
+    return printable(text.encode("utf-8", "backslashreplace").decode())

@@ -23,6 +23,7 @@ from calib.detect.batch import Detect, PhotoFile, detect_photos, find_photos, na
 from calib.detect.overlay import draw_overlay
 from calib.records import read_records
 from calib.types import Camera, Detections
+from designer.command import printable
 from designer.errors import InputError
 from designer.layout import lay_out
 from designer.sizing import size_job
@@ -291,3 +292,17 @@ def test_the_command_line_is_quick_to_help_and_strict_with_options(tmp_path: Pat
         assert answer.returncode == 2, arguments
         assert answer.stderr.count("\n") == 1
         assert answer.stderr.startswith("error: ")
+
+
+def test_a_linked_photo_is_the_same_photo(tmp_path: Path) -> None:
+    """A link beside its photo does not make a second view of it."""
+    photo = tmp_path / "a.png"
+    photo.write_bytes(b"x")
+    link = tmp_path / "b.png"
+    link.symlink_to(photo)
+    assert [one.name for one in named_photos([photo, link])] == ["a.png"]
+
+
+def test_names_cannot_steer_the_terminal() -> None:
+    """Escape sequences and direction marks in file names are shown, not obeyed."""
+    assert printable("a\x1b[31mred\u202e\n b") == "a\\x1b[31mred\\u202e b"

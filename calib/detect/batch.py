@@ -117,9 +117,12 @@ def _in_order(path: Path) -> list[tuple[int, str]]:
 def named_photos(paths: Sequence[Path]) -> tuple[PhotoFile, ...]:
     """The photos with names that differ: the file's name, with as many of its folders as tell it from the others.
 
-    A file given twice is taken once.
+    A file given twice is taken once, through a link too: seen twice, it would count twice in a calibration.
     """
-    given = {Path(os.path.abspath(path)): path for path in paths}
+    once: dict[str, Path] = {}
+    for path in paths:
+        once.setdefault(os.path.realpath(path), path)
+    given = {Path(os.path.abspath(path)): path for path in once.values()}
     depth = dict.fromkeys(given, 1)
     while True:
         name = {path: "/".join(path.parts[-depth[path] :]) for path in given}
