@@ -15,12 +15,33 @@ def frozen_array(values: object, dtype: type[np.generic] = np.float64) -> NDArra
 
 
 @dataclass(frozen=True, eq=False)
+class LearnedMap:
+    """A Gaussian process that takes measured pixels to a distortion-free sensor: the data it was conditioned on.
+
+    The sensor's point is `trend(u) + sum_n k(u, knot_n) weight_n` with the homography `trend` and the squared
+    exponential kernel `k(u, v) = exp(-|u - v|^2 / (2 length_px^2))`; see `calib.cameras.learned`.
+    """
+
+    knot_px: NDArray[np.float64]  # (N, 2) where measured
+    weight: NDArray[np.float64]  # (N, 2) in units of the sensor
+    noise_variance: NDArray[np.float64]  # (N,) of a knot, in units of the kernel's variance
+    trend: NDArray[np.float64]  # (3, 3) homography from pixels to the sensor
+    length_px: float
+    limit: float  # beyond this standard deviation, in units of the kernel's, the map is not known
+
+    def __post_init__(self) -> None:
+        for name in ("knot_px", "weight", "noise_variance", "trend"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+
+
+@dataclass(frozen=True, eq=False)
 class Camera:
     """A camera: a model's name (`calib.cameras.MODELS`), its parameters, and the image it belongs to."""
 
     model: str
     params: NDArray[np.float64]  # (P,) in the model's order and units
     image_size: tuple[int, int]  # width, height in px
+    learned: LearnedMap | None = None  # of models that learn a map
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "params", frozen_array(self.params))
@@ -70,3 +91,73 @@ class Detections:
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
         rejected = np.zeros((0, 2)) if self.rejected_px is None else self.rejected_px
         object.__setattr__(self, "rejected_px", frozen_array(rejected))
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPoints:
+    """The K points of a target whose sightings a camera is solved from, and the planes they lie in."""
+
+    position_mm: NDArray[np.float64]  # (K, 3) in the target's frame
+    face: NDArray[np.int64]  # (K,) row of `plane`; -1: on no known plane
+    plane: NDArray[np.float64]  # (F, 4) unit normal n and offset d (mm) of the plane n X = d
+    geometry_id: str = ""  # of the target file they come from; "" for points from elsewhere
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "face", frozen_array(self.face, np.int64))
+        for name in ("position_mm", "plane"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """M sightings of known points in V views of one camera."""
+
+    image_size: tuple[int, int]  # width, height in px
+    view_names: tuple[str, ...]  # (V,)
+    view: NDArray[np.int64]  # (M,) ascending
+    point: NDArray[np.int64]  # (M,) rows of `points`
+    center_px: NDArray[np.float64]  # (M, 2)
+    cov_px2: NDArray[np.float64] | None  # (M, 2, 2); None: not known, all alike
+    points: KnownPoints
+
+    def __post_init__(self) -> None:
+        for name in ("view", "point"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64))
+        object.__setattr__(self, "center_px", frozen_array(self.center_px))
+        if self.cov_px2 is not None:
+            object.__setattr__(self, "cov_px2", frozen_array(self.cov_px2))
+
+    @property
+    def view_count(self) -> int:
+        """How many views."""
+        return len(self.view_names)
+
+
+Status = Literal["converged", "stopped", "degenerate"]
+"""`stopped`: the steps ran out; `degenerate`: the data do not determine the camera, and the remarks say why."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A camera solved from observations, with V poses and what is known of their accuracy."""
+
+    camera: Camera
+    observations: Observations  # of the views that were solved
+    cam_from_target: NDArray[np.float64]  # (V, 4, 4)
+    residual_px: NDArray[np.float64]  # (M, 2) predicted - measured, of outliers too
+    is_outlier: NDArray[np.bool_]  # (M,) left out of the solution
+    scale: float
+    """Posterior standard deviation of an observation: px, or with weights in units of the stated covariance."""
+    param_covariance: NDArray[np.float64]  # (P, P), zero for fixed parameters
+    pose_covariance: NDArray[np.float64]  # (V, 6, 6) rotation vector (rad), translation (mm), both in the camera's axes
+    fixed: tuple[str, ...]  # parameters that were not estimated
+    weighted: bool  # by the covariances of the observations
+    status: Status
+    remarks: tuple[str, ...]  # why degenerate, what was left out and why; one line each
+    iterations: int
+    seconds: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "is_outlier", frozen_array(self.is_outlier, np.bool_))
+        for name in ("cam_from_target", "residual_px", "param_covariance", "pose_covariance"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))

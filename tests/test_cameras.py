@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from calib.camera_file import camera_from_mapping, camera_or_preset, camera_to_json, load_camera
-from calib.cameras import MODELS, project, rays
+from calib.cameras import MODELS, linearise, parameter_names, project, rays
 from calib.types import Camera
 from designer.errors import InputError
 from designer.presets import preset_names
 
 SIZE = (1000, 800)
 LENSES = {
+    "linear": Camera("pinhole", np.array([900.0, 880, 510, 390]), SIZE),
     "pinhole": Camera("opencv", np.array([900.0, 880, 510, 390, 0, 0, 0, 0, 0]), SIZE),
     "barrel": Camera("opencv", np.array([600.0, 620, 480, 405, -0.3, 0.1, 0.002, -0.001, -0.012]), SIZE),
     "pincushion": Camera("opencv", np.array([700.0, 700, 500, 400, 0.2, 0.05, -0.001, 0.003, 0.01]), SIZE),
@@ -45,6 +46,33 @@ def test_rays_of_projected_points_are_parallel(lens: str) -> None:
     ray = rays(camera, pixels(3))
     point = 357 * ray
     assert np.abs(rays(camera, project(camera, point)) - ray).max() < 1e-13
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_derivatives_agree_with_differences(lens: str) -> None:
+    """`linearise` gives the pixels of `project`, and derivatives that agree with central differences."""
+    camera = LENSES[lens]
+    point = np.random.default_rng(4).uniform(50, 500, (2000, 1)) * rays(camera, pixels()[:2000])
+    found = linearise(camera, np.ascontiguousarray(point.T))
+    assert np.abs(found.pixel.T - project(camera, point)).max() < 1e-10
+    for axis in range(3):
+        step = 1e-4 * np.eye(3)[axis]
+        difference = (project(camera, point + step) - project(camera, point - step)) / 2e-4
+        assert np.abs(found.by_point[:, axis].T - difference).max() < 1e-6
+    for k, value in enumerate(camera.params):
+        step = np.where(np.arange(len(camera.params)) == k, 1e-6 * max(abs(value), 1), 0)
+        up, down = (Camera(camera.model, camera.params + sign * step, SIZE) for sign in (1, -1))
+        difference = (project(up, point) - project(down, point)) / (2 * step[k])
+        assert np.abs(found.by_params[:, k].T - difference).max() < 2e-6 * max(1, np.abs(difference).max())
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_points_without_image_have_no_derivatives(lens: str) -> None:
+    """Where `project` is nan, so is the linearised pixel: behind the camera and beyond the fold."""
+    camera = LENSES[lens]
+    point = np.array([[0.1, 0.2, -1.0], [50.0, 3.0, 1.0], [0.01, 0.02, 1.0], [0.1, 0.1, 0.0]])
+    found = linearise(camera, np.ascontiguousarray(point.T))
+    assert np.array_equal(np.isnan(found.pixel.T), np.isnan(project(camera, point)))
 
 
 @pytest.mark.parametrize("lens", ["pinhole", "barrel", "pincushion"])
@@ -171,4 +199,4 @@ def test_registry_names_are_the_models_own() -> None:
     """Each model is registered under its name, and its parameters begin with those every model has."""
     for name, model in MODELS.items():
         assert model.name == name
-        assert model.parameter_names[:4] == ("fx_px", "fy_px", "cx_px", "cy_px")
+        assert parameter_names(name)[:4] == ("fx_px", "fy_px", "cx_px", "cy_px")

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.detect.small_solve import cholesky_factor, cholesky_invert, cholesky_solve
+from calib.small_solve import cholesky_factor, cholesky_invert, cholesky_solve
 
 
 def spd(

@@ -9,11 +9,15 @@ from numpy.typing import NDArray
 
 from calib.cameras.luhmann import Luhmann
 from calib.cameras.opencv import OpenCv
+from calib.cameras.parameters import Linearised, Parameter
+from calib.cameras.pinhole import Pinhole
 from calib.types import Camera
+
+__all__ = ["MODELS", "CameraModel", "Linearised", "Parameter", "linearise", "parameter_names", "project", "rays"]
 
 
 class CameraModel(Protocol):
-    """One model. All functions are batched over leading axes and pure."""
+    """One model. All functions are pure."""
 
     @property
     def name(self) -> str:
@@ -21,27 +25,41 @@ class CameraModel(Protocol):
         ...
 
     @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """The parameters in the order of `Camera.params`, with their units."""
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What `Camera.params` holds, in its order; the first four are fx, fy, cx, cy in px."""
         ...
 
-    def rays(self, params: NDArray[np.float64], pixel: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rays(self, camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
         """Directions (..., 3), scaled to z = 1, of the light that reaches pixels (..., 2); nan where there is none."""
         ...
 
-    def project(self, params: NDArray[np.float64], point: NDArray[np.float64]) -> NDArray[np.float64]:
+    def project(self, camera: Camera, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pixels (..., 2) of points (..., 3) in the camera frame; nan behind the camera or outside the model."""
         ...
 
+    def linearise(self, camera: Camera, point: NDArray[np.float64]) -> Linearised:
+        """Pixels of points (3, N), coordinate by coordinate, with their derivatives; nan where `project` has it."""
+        ...
 
-MODELS: Mapping[str, CameraModel] = MappingProxyType({model.name: model for model in (OpenCv(), Luhmann())})
+
+MODELS: Mapping[str, CameraModel] = MappingProxyType({model.name: model for model in (OpenCv(), Luhmann(), Pinhole())})
+
+
+def parameter_names(model: str) -> tuple[str, ...]:
+    """The parameters of a model in the order of `Camera.params`."""
+    return tuple(parameter.name for parameter in MODELS[model].parameters)
 
 
 def rays(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
     """Directions (..., 3), scaled to z = 1, of the light that reaches pixels (..., 2); nan where there is none."""
-    return MODELS[camera.model].rays(camera.params, pixel)
+    return MODELS[camera.model].rays(camera, pixel)
 
 
 def project(camera: Camera, point: NDArray[np.float64]) -> NDArray[np.float64]:
     """Pixels (..., 2) of points (..., 3) in the camera frame; nan behind the camera or outside the model."""
-    return MODELS[camera.model].project(camera.params, point)
+    return MODELS[camera.model].project(camera, point)
+
+
+def linearise(camera: Camera, point: NDArray[np.float64]) -> Linearised:
+    """Pixels of points (3, N) in the camera frame, with their derivatives; nan where `project` has it."""
+    return MODELS[camera.model].linearise(camera, point)

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.brown import distort, fold_radius, undistort
+from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter
 from calib.jit import jit
+from calib.types import Camera
 
 Array = NDArray[np.float64]
 
@@ -43,25 +45,75 @@ def _project(params: Array, coefficients: Array, fold: float, point: Array, pixe
             pixel[n, 0], pixel[n, 1] = np.nan, np.nan
 
 
+@jit
+def _linearise(
+    params: Array, coefficients: Array, fold: float, point: Array, pixel: Array, by_point: Array, by_params: Array
+) -> None:
+    """With (a, b) = D^-1(x, y), the derivative by (x, y) is D'^-1, and that by a coefficient c is -D'^-1 dD/dc."""
+    fx, fy, cx, cy = params[0], params[1], params[2], params[3]
+    k1, k2, p1, p2, k3 = coefficients
+    for n in range(point.shape[1]):
+        inverse_depth = 1.0 / point[2, n]
+        x, y = point[0, n] * inverse_depth, point[1, n] * inverse_depth
+        a, b = undistort(coefficients, fold, x, y)
+        if not point[2, n] > 0:
+            a = np.nan
+        pixel[0, n], pixel[1, n] = fx * a + cx, fy * b + cy + 0.0 * a
+        s = a * a + b * b
+        radial = 1 + s * (k1 + s * (k2 + s * k3))
+        slope = 2 * (k1 + s * (2 * k2 + s * 3 * k3))
+        dxx = radial + slope * a * a + 2 * p1 * b + 6 * p2 * a
+        dyy = radial + slope * b * b + 6 * p1 * b + 2 * p2 * a
+        dxy = slope * a * b + 2 * p1 * a + 2 * p2 * b
+        inverse = 1.0 / (dxx * dyy - dxy * dxy)
+        uu, uv, vu, vv = fx * inverse * dyy, -fx * inverse * dxy, -fy * inverse * dxy, fy * inverse * dxx
+        ud, vd = uu * inverse_depth, vv * inverse_depth
+        by_point[0, 0, n], by_point[0, 1, n] = ud, uv * inverse_depth
+        by_point[1, 0, n], by_point[1, 1, n] = vu * inverse_depth, vd
+        by_point[0, 2, n] = -(uu * x + uv * y) * inverse_depth
+        by_point[1, 2, n] = -(vu * x + vv * y) * inverse_depth
+        by_params[0, 0, n], by_params[0, 1, n], by_params[0, 2, n], by_params[0, 3, n] = a, 0.0, 1.0, 0.0
+        by_params[1, 0, n], by_params[1, 1, n], by_params[1, 2, n], by_params[1, 3, n] = 0.0, b, 0.0, 1.0
+        # k1, k2, k3, p1, p2 are -k1, -k2, -k3, -p2 and p1 of the coefficients.
+        u, v = (uu * a + uv * b) * s, (vu * a + vv * b) * s
+        by_params[0, 4, n], by_params[0, 5, n], by_params[0, 6, n] = u, u * s, u * s * s
+        by_params[1, 4, n], by_params[1, 5, n], by_params[1, 6, n] = v, v * s, v * s * s
+        ab2, sa, sb = 2 * a * b, s + 2 * a * a, s + 2 * b * b
+        by_params[0, 7, n], by_params[0, 8, n] = uu * sa + uv * ab2, -(uu * ab2 + uv * sb)
+        by_params[1, 7, n], by_params[1, 8, n] = vu * sa + vv * ab2, -(vu * ab2 + vv * sb)
+
+
 @dataclass(frozen=True)
 class Luhmann:
     """Backward Brown distortion of a pinhole."""
 
     name: str = "luhmann"
-    parameter_names: tuple[str, ...] = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2")
+    parameters: tuple[Parameter, ...] = (
+        *FOCAL_AND_CENTRE,
+        *(Parameter(name, "1") for name in ("k1", "k2", "k3", "p1", "p2")),
+    )
 
-    def rays(self, params: Array, pixel: Array) -> Array:
+    def rays(self, camera: Camera, pixel: Array) -> Array:
         """Directions (..., 3) with z = 1, in closed form; nan where the lens folds over."""
-        coefficients = _coefficients(params)
+        coefficients = _coefficients(camera.params)
         flat = np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 2)
         ray = np.empty((len(flat), 3))
-        _rays(params, coefficients, fold_radius(coefficients), flat, ray)
+        _rays(camera.params, coefficients, fold_radius(coefficients), flat, ray)
         return ray.reshape(*np.shape(pixel)[:-1], 3)
 
-    def project(self, params: Array, point: Array) -> Array:
+    def project(self, camera: Camera, point: Array) -> Array:
         """Pixels (..., 2), by exact inversion; nan behind the camera and outside the lens's image."""
-        coefficients = _coefficients(params)
+        coefficients = _coefficients(camera.params)
         flat = np.ascontiguousarray(point, dtype=np.float64).reshape(-1, 3)
         pixel = np.empty((len(flat), 2))
-        _project(params, coefficients, fold_radius(coefficients), flat, pixel)
+        _project(camera.params, coefficients, fold_radius(coefficients), flat, pixel)
         return pixel.reshape(*np.shape(point)[:-1], 2)
+
+    def linearise(self, camera: Camera, point: Array) -> Linearised:
+        """Pixels of points (3, N) with their derivatives."""
+        coefficients = _coefficients(camera.params)
+        count = point.shape[1]
+        result = Linearised(np.empty((2, count)), np.empty((2, 3, count)), np.empty((2, 9, count)))
+        fold = fold_radius(coefficients)
+        _linearise(camera.params, coefficients, fold, point, result.pixel, result.by_point, result.by_params)
+        return result

@@ -23,7 +23,7 @@ from calib.detect.ring_model import (
     RATIO,
     WHITE,
 )
-from calib.detect.small_solve import cholesky_solve
+from calib.small_solve import cholesky_solve
 from calib.jit import jit
 from calib.threads import in_chunks
 

@@ -29,8 +29,8 @@ def cholesky_factor(a: NDArray[np.float64]) -> bool:
 
 
 @jit
-def _substitute(lower: NDArray[np.float64], x: NDArray[np.float64]) -> None:
-    """Solve L L' x = b in place."""
+def substitute(lower: NDArray[np.float64], x: NDArray[np.float64]) -> None:
+    """Solve L L' x = b in place, b in `x`, with the factor L in the lower triangle."""
     n = lower.shape[0]
     for i in range(n):
         s = x[i]
@@ -50,7 +50,7 @@ def cholesky_solve(a: NDArray[np.float64], b: NDArray[np.float64], x: NDArray[np
     if not cholesky_factor(a):
         return False
     x[:] = b
-    _substitute(a, x)
+    substitute(a, x)
     return True
 
 
@@ -64,5 +64,5 @@ def cholesky_invert(a: NDArray[np.float64], work: NDArray[np.float64], inverse: 
     for column in range(n):
         for row in range(n):
             inverse[row, column] = 1.0 if row == column else 0.0
-        _substitute(work, inverse[:, column])
+        substitute(work, inverse[:, column])
     return True

@@ -1,0 +1,176 @@
+"""First poses, by linear equations: homographies of planar views, direct linear transforms of others.
+
+Both work on points and image coordinates that are moved to their mean and scaled (Hartley 1997), with the last entry
+one: the middle of what is seen lies in front of the camera, so that it is never zero.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.jit import jit
+from calib.small_solve import cholesky_solve
+
+Array = NDArray[np.float64]
+
+FLAT = 0.02
+"""A view whose points are this much thinner than wide is taken for planar; a transform of it would be unsure."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearViews:
+    """What linear equations say of each of V views."""
+
+    projection: Array  # (V, 3, 4) from the plane's or the target's coordinates to the image; nan: not determined
+    target_from_plane: Array  # (V, 4, 4) the frame of the points' plane
+    is_planar: NDArray[np.bool_]  # (V,) the projection's third column is then zero
+
+
+def linear_views(view_start: NDArray[np.int64], position_mm: Array, image: Array) -> LinearViews:
+    """Fit a homography or a projection to each view.
+
+    Args:
+        view_start: first observation of each view (V + 1,); each view has one or more.
+        position_mm: of the observations (3, M).
+        image: their coordinates (2, M) in an image without distortion.
+    """
+    frame, spread = _principal_frames(view_start, position_mm)
+    is_planar = spread[:, 0] < FLAT * spread[:, 2]
+    projection = np.empty((len(frame), 3, 4))
+    _fit_views(view_start, np.ascontiguousarray(position_mm), np.ascontiguousarray(image), frame, is_planar, projection)
+    return LinearViews(projection, frame, is_planar)
+
+
+def _principal_frames(view_start: NDArray[np.int64], position_mm: Array) -> tuple[Array, Array]:
+    """The frame of each view's points, z along their least extent, and their extents in ascending order."""
+    count = np.diff(view_start)
+    first = view_start[:-1]
+    middle = np.add.reduceat(position_mm, first, axis=1) / count
+    offset = position_mm - np.repeat(middle, count, axis=1)
+    products = offset[:, None] * offset[None]
+    scatter = np.add.reduceat(products, first, axis=2).transpose(2, 0, 1) / count[:, None, None]
+    values, vectors = np.linalg.eigh(scatter)
+    frame = np.tile(np.eye(4), (len(count), 1, 1))
+    frame[:, :3, 0], frame[:, :3, 1] = vectors[:, :, 2], vectors[:, :, 1]
+    frame[:, :3, 2] = np.cross(vectors[:, :, 2], vectors[:, :, 1])
+    frame[:, :3, 3] = middle.T
+    return frame, np.sqrt(np.maximum(values, 0))
+
+
+@jit
+def _fit_views(
+    view_start: NDArray[np.int64],
+    position: Array,
+    image: Array,
+    frame: Array,
+    is_planar: NDArray[np.bool_],
+    projection: Array,
+) -> None:
+    for view in range(len(frame)):
+        begin, end = view_start[view], view_start[view + 1]
+        _fit_view(position[:, begin:end], image[:, begin:end], frame[view], is_planar[view], projection[view])
+
+
+@jit
+def _fit_view(position: Array, image: Array, frame: Array, is_planar: bool, projection: Array) -> None:
+    """Least squares on `q . p u - P . p = 0`, with p the point in its frame, and the lower right entry one."""
+    axes = 2 if is_planar else 3
+    local, scale_p = _in_frame(position, frame, axes)
+    middle_u, middle_v = image[0].mean(), image[1].mean()
+    spread = ((image[0] - middle_u) ** 2).sum() + ((image[1] - middle_v) ** 2).sum()
+    projection[:] = np.nan
+    if not spread > 0 or not scale_p < np.inf:
+        return
+    scale_u = np.sqrt(2 * image.shape[1] / spread)
+    unknowns = 3 * axes + 2
+    normal, right, row = np.zeros((unknowns, unknowns)), np.zeros(unknowns), np.zeros(unknowns)
+    for n in range(image.shape[1]):
+        for k in range(2):
+            value = scale_u * (image[k, n] - (middle_u if k == 0 else middle_v))
+            row[:] = 0.0
+            for axis in range(axes):
+                row[k * (axes + 1) + axis] = scale_p * local[axis, n]
+                row[2 * (axes + 1) + axis] = -scale_p * local[axis, n] * value
+            row[k * (axes + 1) + axes] = 1.0
+            for i in range(unknowns):
+                right[i] += row[i] * value
+                for j in range(i + 1):
+                    normal[i, j] += row[i] * row[j]
+    solution = np.empty(unknowns)
+    if not cholesky_solve(normal, right, solution):
+        return
+    projection[:] = 0.0
+    for i in range(3):
+        for axis in range(axes):
+            projection[i, axis] = solution[i * (axes + 1) + axis] * scale_p
+        projection[i, 3] = solution[i * (axes + 1) + axes] if i < 2 else 1.0
+    for axis in range(4):
+        projection[0, axis] = projection[0, axis] / scale_u + middle_u * projection[2, axis]
+        projection[1, axis] = projection[1, axis] / scale_u + middle_v * projection[2, axis]
+
+
+@jit
+def _in_frame(position: Array, frame: Array, axes: int) -> tuple[Array, float]:
+    """Points (3, N) in a frame, and the factor that brings them to a mean square of one per axis."""
+    local = np.empty_like(position)
+    square = 0.0
+    for n in range(position.shape[1]):
+        for axis in range(3):
+            value = 0.0
+            for k in range(3):
+                value += frame[k, axis] * (position[k, n] - frame[k, 3])
+            local[axis, n] = value
+            square += value * value
+    return local, np.sqrt(axes * position.shape[1] / square)
+
+
+def poses_of(views: LinearViews) -> Array:
+    """Poses `cam_from_target` (V, 4, 4) from projections to normalised coordinates; nan where there is none.
+
+    The columns of a homography are two axes and the origin of the plane (Zhang 2000, section 3.1); those of a
+    transform are all three axes. Both are turned to the nearest rotation.
+    """
+    axes = np.array(views.projection[:, :, :3])
+    origin = views.projection[:, :, 3]
+    lengths = np.linalg.norm(axes, axis=1)
+    scale = np.where(views.is_planar, lengths[:, :2].mean(axis=1), lengths.mean(axis=1))[:, None]
+    axes, origin = axes / scale[:, :, None], origin / scale
+    axes[views.is_planar, :, 2] = np.cross(axes[views.is_planar, :, 0], axes[views.is_planar, :, 1])
+    known = np.isfinite(axes).all(axis=(1, 2)) & np.isfinite(origin).all(axis=1)
+    u, _, vt = np.linalg.svd(np.where(known[:, None, None], axes, np.eye(3)))
+    rotation = u @ vt
+    rotation = rotation * np.linalg.det(rotation)[:, None, None]
+    poses = np.tile(np.eye(4), (len(axes), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = rotation, origin
+    target_from_plane = views.target_from_plane
+    plane_from_target = np.array(target_from_plane)
+    plane_from_target[:, :3, :3] = target_from_plane[:, :3, :3].transpose(0, 2, 1)
+    plane_from_target[:, :3, 3] = -np.einsum("vji,vj->vi", target_from_plane[:, :3, :3], target_from_plane[:, :3, 3])
+    result: Array = poses @ plane_from_target
+    return np.where(known[:, None, None], result, np.nan)
+
+
+def focal_of(views: LinearViews) -> float:
+    """The focal length, in the image's units, that the views agree on; nan if they do not determine it.
+
+    The image's origin is taken for the principal point, and pixels for square. Of a homography with the columns a, b
+    then `(a1 b1 + a2 b2) / f^2 + a3 b3 = 0` and `(a1^2 + a2^2 - b1^2 - b2^2) / f^2 + a3^2 - b3^2 = 0` (Zhang 2000);
+    of a transform with the rows m1, m2, m3 (less their parts along m3), `|m1|^2 = |m2|^2 = f^2 |m3|^2`.
+    """
+    with np.errstate(all="ignore"):
+        planar = views.projection[views.is_planar]
+        norm = np.linalg.norm(planar[:, :, :2], axis=(1, 2))[:, None]
+        a, b = planar[:, :, 0] / norm, planar[:, :, 1] / norm
+        left = np.concatenate([a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1], ((a**2 - b**2)[:, :2]).sum(axis=1)])
+        right = np.concatenate([a[:, 2] * b[:, 2], a[:, 2] ** 2 - b[:, 2] ** 2])
+        ok = np.isfinite(left) & np.isfinite(right)
+        inverse_square = -(left[ok] * right[ok]).sum() / (left[ok] ** 2).sum()
+        rows = views.projection[~views.is_planar, :, :3]
+        third = rows[:, 2] / np.linalg.norm(rows[:, 2], axis=1)[:, None]
+        across = rows[:, :2] - np.einsum("vik,vk->vi", rows[:, :2], third)[:, :, None] * third[:, None]
+        squares = (across**2).sum(axis=(1, 2)) / (2 * (rows[:, 2] ** 2).sum(axis=1))
+        solid = squares[np.isfinite(squares) & (squares > 0)]
+        if len(solid):
+            return float(np.sqrt(np.median(solid)))
+        return float(1 / np.sqrt(inverse_square)) if inverse_square > 0 else float("nan")

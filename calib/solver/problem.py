@@ -1,0 +1,85 @@
+"""Observations packed for the kernels: coordinate by coordinate, view after view."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.types import Observations
+
+Array = NDArray[np.float64]
+
+MANY = 2**62
+ENOUGH = 800
+FEWEST = 24
+"""Of a view: six times what a homography needs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """M observations in V views; the observations of view v are those from `view_start[v]` to `view_start[v + 1]`."""
+
+    image_size: tuple[int, int]
+    view_start: NDArray[np.int64]  # (V + 1,)
+    position_mm: Array  # (3, M) in the target's frame
+    measured_px: Array  # (2, M)
+    whitener: Array  # (3, M) a, b, c of [[a, 0], [b, c]], which makes the covariance of an observation unity
+    is_used: NDArray[np.bool_]  # (M,)
+
+    @property
+    def view_count(self) -> int:
+        """V."""
+        return len(self.view_start) - 1
+
+    @property
+    def view(self) -> NDArray[np.int64]:
+        """The view of each observation.  # (M,)"""
+        return np.repeat(np.arange(self.view_count), np.diff(self.view_start))
+
+
+def pack(observations: Observations, *, weighted: bool, is_used: NDArray[np.bool_] | None = None) -> Problem:
+    """The problem of all views.
+
+    Args:
+        observations: what was seen; each view has some.
+        weighted: by the covariances, if they are known.
+        is_used: which observations count (M,); default all.
+    """
+    count = len(observations.view)
+    start = np.searchsorted(observations.view, np.arange(observations.view_count + 1))
+    whitener = np.stack([np.ones(count), np.zeros(count), np.ones(count)])
+    if weighted and observations.cov_px2 is not None:
+        factor = np.linalg.cholesky(observations.cov_px2)
+        a, b, c = factor[:, 0, 0], factor[:, 1, 0], factor[:, 1, 1]
+        whitener = np.stack([1 / a, -b / (a * c), 1 / c])
+    return Problem(
+        observations.image_size,
+        start,
+        np.ascontiguousarray(observations.points.position_mm[observations.point].T),
+        np.ascontiguousarray(observations.center_px.T),
+        whitener,
+        np.ones(count, dtype=bool) if is_used is None else is_used,
+    )
+
+
+def few_per_view(view_count: int) -> int:
+    """How many observations of each view are enough for a rough solution: few where there are many views."""
+    return max(ENOUGH // max(view_count, 1), FEWEST)
+
+
+def select(problem: Problem, views: NDArray[np.int64], per_view: int) -> Problem:
+    """Some views, with at most so many used observations of each, evenly spread over their order."""
+    # Where each view's used observations stand among all used ones.
+    used = np.flatnonzero(problem.is_used)
+    begin = np.searchsorted(used, problem.view_start[views])
+    count = np.searchsorted(used, problem.view_start[views + 1]) - begin
+    taken = np.minimum(count, per_view)
+    start = np.concatenate([[0], np.cumsum(taken)])
+    place = np.arange(start[-1]) - np.repeat(start[:-1], taken)
+    step = np.repeat(count / np.maximum(taken, 1), taken)
+    rows = used[np.repeat(begin, taken) + ((place + 0.5) * step).astype(np.int64)]
+    return Problem(
+        problem.image_size, start, np.ascontiguousarray(problem.position_mm[:, rows]),
+        np.ascontiguousarray(problem.measured_px[:, rows]), np.ascontiguousarray(problem.whitener[:, rows]),
+        np.ones(len(rows), dtype=bool),
+    )  # fmt: skip

@@ -1,0 +1,124 @@
+"""Where the solution starts: a first camera and first poses, without prior knowledge."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import MODELS, rays
+from calib.solver.blocks import RobustLoss
+from calib.solver.levenberg import Minimum, minimise, minimise_poses
+from calib.solver.linear_pose import focal_of, linear_views, poses_of
+from calib.solver.problem import MANY, Problem, few_per_view, select
+from calib.types import Camera
+
+Array = NDArray[np.float64]
+
+FEW_VIEWS = 16
+FOCALS = (0.5, 0.8, 1.3, 2.2, 4.0, 8.0)
+"""First guesses of the focal length where the views do not tell, in units of the image's longer side."""
+GOOD_FIT = 5e-4
+"""Root mean square residual, as a part of the image's longer side, of a start that needs no other tried."""
+COARSE_STEPS = 25
+
+
+def first_camera(model: str, image_size: tuple[int, int], focal_px: float) -> Camera:
+    """A camera without distortion, its principal point in the middle of the image."""
+    params = np.zeros(len(MODELS[model].parameters))
+    params[:4] = focal_px, focal_px, 0.5 * (image_size[0] - 1), 0.5 * (image_size[1] - 1)
+    return Camera(model, params, image_size)
+
+
+def coarse_camera(
+    problem: Problem, model: str, tie: NDArray[np.int64], fixed: Array, focal_px: float | None, loss: RobustLoss
+) -> Camera:
+    """A camera from a few observations of a few views, good enough to start all of them.
+
+    Args:
+        problem: what was seen.
+        model: the camera's.
+        tie: the free parameter that each parameter follows (P,); -1: fixed.
+        fixed: values of the parameters that have one from the start (P,), nan of the others.
+        focal_px: first guess of a person.
+        loss: of the whitened residuals.
+    """
+    views = _spread_views(problem)
+    few = select(problem, views, few_per_view(len(views)))
+    side = max(problem.image_size)
+    best: Minimum | None = None
+    best_cost = np.inf
+    for focal in _focals(few, focal_px, side):
+        camera = _with_fixed(first_camera(model, problem.image_size, focal), tie, fixed)
+        found = _solve_few(few, camera, tie, loss)
+        if found is None:
+            continue
+        cost = float(found.blocks.cost.sum())
+        if cost < best_cost:
+            best, best_cost = found, cost
+        square = float(np.nanmean((found.blocks.residual_px**2).sum(axis=0)))
+        if square < (GOOD_FIT * side) ** 2:
+            break
+    if best is None:
+        return _with_fixed(first_camera(model, problem.image_size, focal_px or float(side)), tie, fixed)
+    return best.camera
+
+
+def _spread_views(problem: Problem) -> NDArray[np.int64]:
+    """Views that are evenly spread over their order."""
+    used = np.add.reduceat(problem.is_used.astype(np.int64), problem.view_start[:-1])
+    views = np.flatnonzero(used >= 4)
+    if len(views) <= FEW_VIEWS:
+        return views
+    return views[((np.arange(FEW_VIEWS) + 0.5) * len(views) / FEW_VIEWS).astype(np.int64)]
+
+
+def _focals(few: Problem, focal_px: float | None, side: int) -> list[float]:
+    """First guesses, the most likely one first."""
+    if focal_px is not None:
+        return [focal_px]
+    middle = 0.5 * (np.array(few.image_size) - 1)
+    centred = (few.measured_px - middle[:, None]) / side
+    found = focal_of(linear_views(few.view_start, few.position_mm, centred))
+    likely = [found * side] if 0.1 < found < 50 else []
+    return [*likely, *(factor * side for factor in FOCALS)]
+
+
+def _with_fixed(camera: Camera, tie: NDArray[np.int64], fixed: Array) -> Camera:
+    """The camera with a person's values, and one value for parameters that are to share it."""
+    params = np.where(np.isnan(fixed), camera.params, fixed)
+    for group in range(int(tie.max(initial=-1)) + 1):
+        params[tie == group] = params[tie == group].mean()
+    return replace(camera, params=params)
+
+
+def _solve_few(few: Problem, camera: Camera, tie: NDArray[np.int64], loss: RobustLoss) -> Minimum | None:
+    """Poses from linear equations, then all unknowns together, the distortion last."""
+    poses = linear_poses(few, camera)
+    ok: NDArray[np.bool_] = np.isfinite(poses).all(axis=(1, 2))
+    if not ok.any():
+        return None
+    few = select(few, np.flatnonzero(ok), MANY)
+    found = minimise_poses(few, camera, poses[ok], loss, max_iterations=3, small_decrease=1e-2)
+    seen = np.isfinite(found.blocks.cost)
+    if not seen.any():
+        return None
+    few = select(few, np.flatnonzero(seen), MANY)
+    found = minimise(
+        few, camera, found.cam_from_target[seen], tie, loss, max_iterations=COARSE_STEPS, small_decrease=1e-4
+    )
+    return found if np.isfinite(found.blocks.cost.sum()) else None
+
+
+def linear_poses(problem: Problem, camera: Camera) -> Array:
+    """Poses (V, 4, 4) by linear equations on the rays of the measured pixels; nan where there is none."""
+    ray = rays(camera, problem.measured_px.T)
+    used = problem.is_used & np.isfinite(ray).all(axis=1)
+    counts = np.add.reduceat(used.astype(np.int64), problem.view_start[:-1])
+    poses = np.full((problem.view_count, 4, 4), np.nan)
+    views = np.flatnonzero(counts >= 4)
+    if not len(views):
+        return poses
+    inside = used & np.isin(problem.view, views)
+    start = np.concatenate([[0], np.cumsum(counts[views])])
+    poses[views] = poses_of(linear_views(start, problem.position_mm[:, inside], ray[inside, :2].T))
+    return poses
