@@ -21,7 +21,7 @@ class Accuracy:
     weakest_eigenvalue: float  # of the normal matrix with a diagonal of ones; 0: not determined
 
 
-def accuracy_of(products: Array, tie: NDArray[np.int64], used: int) -> Accuracy:
+def accuracy_of(products: Array, tie: NDArray[np.int64], used: int, robust_scale: float | None) -> Accuracy:
     """The covariances of camera and poses.
 
     With the normal matrix `[A B; B' C]`, that of the camera is `S^-1` of `S = A - B C^-1 B'`, and that of a pose
@@ -31,13 +31,16 @@ def accuracy_of(products: Array, tie: NDArray[np.int64], used: int) -> Accuracy:
         products: the views' blocks at the minimum (V, P + 7, P + 7).
         tie: the free parameter that each parameter follows (P,); -1: fixed.
         used: observations that count.
+        robust_scale: standard deviation of an observation if weights were lowered, which the squares then do not tell.
     """
     views, parameters = len(products), len(tie)
     free = int(tie.max(initial=-1)) + 1
     redundancy = 2 * used - free - 6 * views
     squares = float(products[:, -1, -1].sum())
     scale = float(np.sqrt(squares / redundancy)) if redundancy > 0 else float("nan")
-    spread = (tie[:, None] == np.arange(free)).astype(np.float64)  # (P, Q)
+    if robust_scale is not None:
+        scale = robust_scale
+    spread: Array = (tie[:, None] == np.arange(free)).astype(np.float64)  # (P, Q)
     nothing = Accuracy(
         scale, np.full((parameters, parameters), np.nan), np.full((views, 6, 6), np.nan), np.zeros(parameters), 0.0
     )
@@ -47,7 +50,9 @@ def accuracy_of(products: Array, tie: NDArray[np.int64], used: int) -> Accuracy:
     except np.linalg.LinAlgError:
         return nothing
     if free == 0:
-        return Accuracy(scale, np.zeros((parameters, parameters)), scale**2 * pose_inverse, np.zeros(parameters), 1.0)
+        return Accuracy(
+            scale, np.zeros((parameters, parameters)), np.asarray(scale**2 * pose_inverse), np.zeros(parameters), 1.0
+        )
     diagonal = np.diagonal(normal)
     before = np.einsum("vpp->p", products[:, :parameters, :parameters]) @ spread
     # Against what a parameter had before the poses were let free: a direction that they take up whole is close to 0.

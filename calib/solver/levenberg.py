@@ -167,7 +167,7 @@ def _pose_steps(products: Array, damping: Array) -> Array:
     """Damped steps (V, 6) of the poses; none where a pose is not determined."""
     normal = products[:, -7:-1, -7:-1] * (1 + damping[:, None, None] * np.eye(6))
     gradient = products[:, -7:-1, -1]
-    ok: NDArray[np.bool_] = np.isfinite(normal).all(axis=(1, 2)) & np.isfinite(gradient).all(axis=1)
+    ok: NDArray[np.bool_] = np.asarray(np.isfinite(normal).all(axis=(1, 2)) & np.isfinite(gradient).all(axis=1))
     ok &= (np.diagonal(normal, axis1=1, axis2=2) > 0).all(axis=1)
     safe = np.where(ok[:, None, None], normal, np.eye(6))
     root = np.sqrt(np.diagonal(safe, axis1=1, axis2=2))

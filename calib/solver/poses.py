@@ -30,7 +30,7 @@ def first_poses(problem: Problem, camera: Camera, loss: RobustLoss) -> FirstPose
     """A pose of every view, from a few of its observations."""
     few = select(problem, np.arange(problem.view_count), few_per_view(problem.view_count))
     poses = linear_poses(few, camera)
-    found: NDArray[np.bool_] = np.isfinite(poses).all(axis=(1, 2))
+    found: NDArray[np.bool_] = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     if found.any():
         views = np.flatnonzero(found)
         inside = select(few, views, MANY)

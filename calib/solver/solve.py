@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 MEDIAN_LENGTH = 1.1774100225154747
 """Median length of a normal vector in the plane, sqrt(2 ln 2), in standard deviations of a coordinate."""
+FAR_OFF = 6.0
 NEAR = 1e-10
 """Damping to begin the last descent with."""
 ROUNDS = 6
@@ -34,6 +35,7 @@ class _Robust:
 
     minimum: Minimum
     is_used: NDArray[np.bool_]
+    sigma: float  # from the median residual, whitened
 
 
 def solve(observations: Observations, model: str, options: SolveOptions | None = None) -> Calibration:
@@ -78,7 +80,7 @@ def _descend(problem: Problem, camera: Camera, poses: Array, tie: Tie, options: 
         camera, poses = found.camera, found.cam_from_target
     found = minimise(problem, camera, poses, tie.row, RobustLoss(), max_iterations=steps, damping=NEAR)
     if options.loss == "squares" and options.reject_sigma is None:
-        return _Robust(found, problem.is_used)
+        return _Robust(found, problem.is_used, _sigma(problem, found))
     return _robust(problem, found, tie, options)
 
 
@@ -104,7 +106,7 @@ def _robust(problem: Problem, found: Minimum, tie: Tie, options: SolveOptions) -
         same, is_used = np.array_equal(keeps, is_used), keeps
         if same and options.loss == "squares":
             break
-    return _Robust(found, is_used)
+    return _Robust(found, is_used, _sigma(problem, found))
 
 
 def _sigma(problem: Problem, found: Minimum) -> float:
@@ -123,7 +125,8 @@ def _calibration(
     observations: Observations, robust: _Robust, tie: Tie, options: SolveOptions, remarks: list[str], seconds: float
 ) -> Calibration:
     found = robust.minimum
-    accuracy = accuracy_of(found.blocks.products, tie.row, int(robust.is_used.sum()))
+    robust_scale = None if options.loss == "squares" else robust.sigma
+    accuracy = accuracy_of(found.blocks.products, tie.row, int(robust.is_used.sum()), robust_scale)
     reason = why_degenerate(observations, found, accuracy, tie)
     status: Status = "degenerate" if reason else "converged" if found.converged else "stopped"
     if reason:
@@ -131,6 +134,8 @@ def _calibration(
     elif not found.converged:
         remarks = [f"stopped after {found.iterations} steps, short of the minimum; allow more", *remarks]
     left_out = int((~robust.is_used).sum())
+    if options.reject_sigma is None:
+        remarks = [*remarks, *_far_off(observations, robust, options)]
     if left_out:
         views = len(np.unique(observations.view[~robust.is_used]))
         limit = f"beyond {options.reject_sigma:g} robust standard deviations"
@@ -140,6 +145,23 @@ def _calibration(
         accuracy.scale, accuracy.param_covariance, accuracy.pose_covariance, tie.fixed,
         options.weighted and observations.cov_px2 is not None, status, tuple(remarks), found.iterations, seconds,
     )  # fmt: skip
+
+
+def _far_off(observations: Observations, robust: _Robust, options: SolveOptions) -> list[str]:
+    """A word on observations that noise does not explain, if they were neither left out nor weighed down."""
+    if options.loss != "squares":
+        return []
+    problem = pack(observations, weighted=options.weighted)
+    length = np.hypot(*_whitened(problem, robust.minimum.blocks.residual_px))
+    far = np.flatnonzero(length > FAR_OFF * robust.sigma)
+    if not len(far):
+        return []
+    worst = int(far[np.argmax(length[far])])
+    off = float(np.hypot(*robust.minimum.blocks.residual_px[:, worst]))
+    return [
+        f"{len(far)} of {len(length)} observations are off by more than {FAR_OFF:g} robust standard deviations, the "
+        f"worst by {off:.3g} px in {observations.view_names[observations.view[worst]]}; reject them or look at them"
+    ]
 
 
 def _require_equations(problem: Problem, tie: Tie) -> None:

@@ -74,12 +74,11 @@ def _spread_views(problem: Problem) -> NDArray[np.int64]:
 
 def _focals(few: Problem, focal_px: float | None, side: int) -> list[float]:
     """First guesses, the most likely one first."""
-    if focal_px is not None:
-        return [focal_px]
     middle = 0.5 * (np.array(few.image_size) - 1)
     centred = (few.measured_px - middle[:, None]) / side
     found = focal_of(linear_views(few.view_start, few.position_mm, centred))
-    likely = [found * side] if 0.1 < found < 50 else []
+    likely = [] if focal_px is None else [focal_px]
+    likely += [found * side] if 0.1 < found < 50 else []
     return [*likely, *(factor * side for factor in FOCALS)]
 
 
@@ -94,7 +93,7 @@ def _with_fixed(camera: Camera, tie: NDArray[np.int64], fixed: Array) -> Camera:
 def _solve_few(few: Problem, camera: Camera, tie: NDArray[np.int64], loss: RobustLoss) -> Minimum | None:
     """Poses from linear equations, then all unknowns together, the distortion last."""
     poses = linear_poses(few, camera)
-    ok: NDArray[np.bool_] = np.isfinite(poses).all(axis=(1, 2))
+    ok: NDArray[np.bool_] = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     if not ok.any():
         return None
     few = select(few, np.flatnonzero(ok), MANY)

@@ -24,7 +24,7 @@ def projected_covariance_px2(camera: Camera, param_covariance: Array, pixel: Arr
     parameter, the change by dp is `(G + R W) dp`.
     """
     by_params, by_rotation = _derivatives(camera, image_grid(camera.image_size))
-    seen: NDArray[np.bool_] = np.isfinite(by_params).all(axis=(1, 2))
+    seen: NDArray[np.bool_] = np.asarray(np.isfinite(by_params).all(axis=(1, 2)))
     turn, *_ = np.linalg.lstsq(
         by_rotation[seen].reshape(-1, 3), -by_params[seen].reshape(-1, by_params.shape[2]), rcond=None
     )
@@ -37,7 +37,7 @@ def projected_covariance_px2(camera: Camera, param_covariance: Array, pixel: Arr
 def projected_sigma_px(camera: Camera, param_covariance: Array, pixel: Array) -> Array:
     """Standard deviations (N,) of the same along their worse axes."""
     covariance = projected_covariance_px2(camera, param_covariance, pixel)
-    known: NDArray[np.bool_] = np.isfinite(covariance).all(axis=(1, 2))
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     largest = np.linalg.eigvalsh(np.where(known[:, None, None], covariance, 0.0))[:, 1]
     return np.where(known, np.sqrt(np.maximum(largest, 0.0)), np.nan)
 
@@ -53,7 +53,7 @@ def image_grid(image_size: tuple[int, int], columns_rows: tuple[int, int] = GRID
 def _derivatives(camera: Camera, pixel: Array) -> tuple[Array, Array]:
     """Derivatives of the image of each pixel's direction by the parameters (N, 2, P) and by a rotation (N, 2, 3)."""
     ray = rays(camera, pixel)
-    known: NDArray[np.bool_] = np.isfinite(ray).all(axis=1)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(ray).all(axis=1))
     point = np.where(known[:, None], ray, [0.0, 0.0, 1.0])
     seen = linearise(camera, np.ascontiguousarray(point.T))
     by_params = seen.by_params.transpose(2, 0, 1)
