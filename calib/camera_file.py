@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from calib.cameras import MODELS
+from calib.cameras import MODELS, parameter_names
 from calib.types import Camera
 from designer.errors import InputError
 from designer.presets import preset_or_file
@@ -39,7 +39,7 @@ class _CameraFile(BaseModel):
 
 def camera_to_json(camera: Camera) -> str:
     """The text of `camera.json`; it reads back bit for bit."""
-    names = MODELS[camera.model].parameter_names
+    names = parameter_names(camera.model)
     document = {
         "format": FORMAT,
         "version": VERSION,
@@ -78,8 +78,8 @@ def _camera(file: _CameraFile, origin: str) -> Camera:
         hint = suggestion(file.model, list(MODELS)) or f"; there are {', '.join(MODELS)}"
         raise InputError(f"{origin}: unknown camera model {shown(file.model)}{hint}")
     given = file.parameters
-    for name in given.keys() - set(model.parameter_names):
-        hint = suggestion(name, list(model.parameter_names))
+    for name in given.keys() - set(parameter_names(model.name)):
+        hint = suggestion(name, list(parameter_names(model.name)))
         raise InputError(f"{origin}: unknown parameter {shown(name)} of model {model.name!r}{hint}")
     for name in REQUIRED:
         if name not in given:
@@ -89,7 +89,7 @@ def _camera(file: _CameraFile, origin: str) -> Camera:
             raise InputError(f"{origin}: {name} {given[name]:g}: a focal length must be more than zero pixels")
     if not all(math.isfinite(value) for value in given.values()):
         raise InputError(f"{origin}: parameters must be finite numbers")
-    params = np.array([given.get(name, 0.0) for name in model.parameter_names])
+    params = np.array([given.get(name, 0.0) for name in parameter_names(model.name)])
     return Camera(model.name, params, file.image_size)
 
 

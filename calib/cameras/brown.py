@@ -23,7 +23,7 @@ ACCEPTED_RESIDUAL = 1e-12
 def _slope(coefficients: Array, square: float) -> float:
     """Growth of the radial part with the radius, `1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3` at `s = r^2`."""
     k1, k2, _, _, k3 = coefficients
-    return 1 + square * (3 * k1 + square * (5 * k2 + square * 7 * k3))
+    return float(1 + square * (3 * k1 + square * (5 * k2 + square * 7 * k3)))
 
 
 @jit
@@ -52,7 +52,7 @@ def _first_zero(coefficients: Array) -> float:
             while True:
                 middle = 0.5 * (low + high)
                 if middle <= low or middle >= high:
-                    return high
+                    return float(high)
                 if _slope(coefficients, middle) > 0:
                     low = middle
                 else:

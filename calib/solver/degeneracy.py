@@ -44,8 +44,8 @@ def why_degenerate(observations: Observations, found: Minimum, accuracy: Accurac
         if sure:
             return ""
         return (
-            f"{seen} of a plane: the focal length is not determined ({_focal_text(focal, sigma)}); take more views from "
-            f"different sides, photograph a 3D target, or fix parameters"
+            f"{seen} of a plane: the focal length is not determined ({_focal_text(focal, sigma)}); take more views "
+            f"from different sides, photograph a 3D target, or fix parameters"
         )
     names = parameter_names(found.camera.model)
     part = np.abs(accuracy.weakest)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import MODELS
 from calib.jit import jit
+from calib.small_solve import cholesky_factor, substitute
 from calib.solver.blocks import Blocks, RobustLoss, view_blocks
 from calib.solver.problem import Problem
 from calib.solver.schur import damped_step
@@ -106,11 +107,11 @@ def minimise_poses(
     iterations = 0
     while open_views.any() and iterations < max_iterations:
         iterations += 1
-        step = _pose_steps(blocks.products, damping)
+        step, promised = np.empty((views, 6)), np.empty(views)
+        _pose_steps(blocks.products, damping, step, promised)
         trial = np.where(open_views[:, None, None], move_poses(poses, step), poses)
         there = view_blocks(problem, camera, trial, loss)
         better = open_views & (there.cost < blocks.cost)
-        promised = _promised(blocks.products, step)
         small = promised <= small_decrease * blocks.cost + PERFECT_PX**2 * np.diff(problem.view_start)
         poses = np.where(better[:, None, None], trial, poses)
         blocks = _chosen(problem, blocks, there, better)
@@ -163,24 +164,35 @@ def _allowed(camera: Camera) -> bool:
     return all(bound.lower < x < bound.upper for bound, x in zip(bounds, camera.params.tolist(), strict=True))
 
 
-def _pose_steps(products: Array, damping: Array) -> Array:
-    """Damped steps (V, 6) of the poses; none where a pose is not determined."""
-    normal = products[:, -7:-1, -7:-1] * (1 + damping[:, None, None] * np.eye(6))
-    gradient = products[:, -7:-1, -1]
-    ok: NDArray[np.bool_] = np.asarray(np.isfinite(normal).all(axis=(1, 2)) & np.isfinite(gradient).all(axis=1))
-    ok &= (np.diagonal(normal, axis1=1, axis2=2) > 0).all(axis=1)
-    safe = np.where(ok[:, None, None], normal, np.eye(6))
-    root = np.sqrt(np.diagonal(safe, axis1=1, axis2=2))
-    scaled = safe / (root[:, :, None] * root[:, None, :]) + 1e-14 * np.eye(6)
-    step: Array = -np.linalg.solve(scaled, (gradient / root)[..., None])[..., 0] / root
-    return np.where(ok[:, None], step, 0.0)
+@jit
+def _pose_steps(products: Array, damping: Array, step: Array, promised: Array) -> None:
+    """Damped steps (V, 6) of the poses and the decrease of each view's cost by the undamped quadratic model (V,).
 
-
-def _promised(products: Array, step: Array) -> Array:
-    """Decrease of each view's cost by the undamped quadratic model.  # (V,)"""
-    normal, gradient = products[:, -7:-1, -7:-1], products[:, -7:-1, -1]
-    promised: Array = -2 * (gradient * step).sum(axis=1) - np.einsum("vi,vij,vj->v", step, normal, step)
-    return promised
+    Both are zero where a pose is not determined.
+    """
+    first = products.shape[1] - 7
+    normal, root = np.empty((6, 6)), np.empty(6)
+    for view in range(len(products)):
+        h, x = products[view, first:, first:], step[view]
+        promised[view] = 0.0
+        for i in range(6):
+            root[i] = np.sqrt(h[i, i])
+        for i in range(6):
+            x[i] = -h[i, 6] / root[i]
+            for j in range(6):
+                normal[i, j] = h[i, j] / (root[i] * root[j])
+            normal[i, i] = 1 + damping[view] + 1e-14
+        if not cholesky_factor(normal):
+            x[:] = 0.0
+            continue
+        substitute(normal, x)
+        for i in range(6):
+            x[i] /= root[i]
+        for i in range(6):
+            row = 2 * h[i, 6]
+            for j in range(6):
+                row += h[i, j] * x[j]
+            promised[view] -= x[i] * row
 
 
 def _chosen(problem: Problem, old: Blocks, new: Blocks, better: NDArray[np.bool_]) -> Blocks:

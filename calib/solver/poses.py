@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.se3 import compose, invert
-from calib.solver.blocks import RobustLoss
+from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.levenberg import minimise_poses
 from calib.solver.linear_pose import linear_views
 from calib.solver.problem import MANY, Problem, few_per_view, select
@@ -15,6 +15,7 @@ from calib.types import Camera
 
 Array = NDArray[np.float64]
 
+HOPELESS = 300.0
 STEPS = 12
 
 
@@ -35,10 +36,8 @@ def first_poses(problem: Problem, camera: Camera, loss: RobustLoss) -> FirstPose
         views = np.flatnonzero(found)
         inside = select(few, views, MANY)
         best, cost = _refined(inside, camera, poses[views], loss)
-        other, other_cost = _refined(inside, camera, _flipped(inside, best), loss)
-        better = other_cost < cost
-        poses[views] = np.where(better[:, None, None], other, best)
-        found[views] = np.isfinite(np.minimum(cost, other_cost))
+        poses[views], cost = _better_of_two(inside, camera, best, cost, loss)
+        found[views] = np.isfinite(cost)
     return FirstPoses(np.where(found[:, None, None], poses, np.nan), found)
 
 
@@ -47,6 +46,21 @@ def _refined(few: Problem, camera: Camera, poses: Array, loss: RobustLoss) -> tu
     minimum = minimise_poses(few, camera, poses, loss, max_iterations=STEPS, small_decrease=1e-4)
     cost = minimum.blocks.cost
     return minimum.cam_from_target, np.where(np.isfinite(cost), cost, np.inf)
+
+
+def _better_of_two(few: Problem, camera: Camera, poses: Array, cost: Array, loss: RobustLoss) -> tuple[Array, Array]:
+    """Poses and costs with those views turned over that are better so."""
+    other = _flipped(few, poses)
+    start = view_blocks(few, camera, other, loss).cost
+    # Near a plane the other pose shows something else altogether; it need not be tried.
+    views = np.flatnonzero(~(start > HOPELESS * cost))
+    if not len(views):
+        return poses, cost
+    other, other_cost = _refined(select(few, views, MANY), camera, other[views], loss)
+    better = other_cost < cost[views]
+    poses, cost = np.array(poses), np.array(cost)
+    poses[views[better]], cost[views[better]] = other[better], other_cost[better]
+    return poses, cost
 
 
 def _flipped(problem: Problem, cam_from_target: Array) -> Array:
