@@ -49,9 +49,7 @@ def pack(observations: Observations, *, weighted: bool, is_used: NDArray[np.bool
     start = np.searchsorted(observations.view, np.arange(observations.view_count + 1))
     whitener = np.stack([np.ones(count), np.zeros(count), np.ones(count)])
     if weighted and observations.cov_px2 is not None:
-        factor = np.linalg.cholesky(observations.cov_px2)
-        a, b, c = factor[:, 0, 0], factor[:, 1, 0], factor[:, 1, 1]
-        whitener = np.stack([1 / a, -b / (a * c), 1 / c])
+        whitener = whiteners(observations.cov_px2)
     return Problem(
         observations.image_size,
         start,
@@ -60,6 +58,14 @@ def pack(observations: Observations, *, weighted: bool, is_used: NDArray[np.bool
         whitener,
         np.ones(count, dtype=bool) if is_used is None else is_used,
     )
+
+
+def whiteners(cov_px2: Array) -> Array:
+    """The inverses of the Cholesky factors of covariances (M, 2, 2): a, b, c of [[a, 0], [b, c]].  # (3, M)"""
+    a = np.sqrt(cov_px2[:, 0, 0])
+    b = cov_px2[:, 1, 0] / a
+    c = np.sqrt(cov_px2[:, 1, 1] - b**2)
+    return np.stack([1 / a, -b / (a * c), 1 / c])
 
 
 def few_per_view(view_count: int) -> int:

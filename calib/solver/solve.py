@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.solver.blocks import RobustLoss
+from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.covariance import accuracy_of
 from calib.solver.degeneracy import why_degenerate
 from calib.solver.levenberg import Minimum, minimise
-from calib.solver.options import SolveOptions
+from calib.solver.options import Loss, SolveOptions
+from calib.solver.outliers import deviations, robust_sigma, whitened
 from calib.solver.poses import first_poses
 from calib.solver.problem import Problem, few_per_view, pack, select
 from calib.solver.start import coarse_camera
@@ -20,8 +21,6 @@ from designer.errors import InputError
 
 Array = NDArray[np.float64]
 
-MEDIAN_LENGTH = 1.1774100225154747
-"""Median length of a normal vector in the plane, sqrt(2 ln 2), in standard deviations of a coordinate."""
 FAR_OFF = 6.0
 NEAR = 1e-10
 """Damping to begin the last descent with."""
@@ -31,11 +30,12 @@ ROUNDS = 6
 
 @dataclass(frozen=True, eq=False)
 class _Robust:
-    """A minimum, what was left out for it, and the standard deviation that outliers are judged by."""
+    """A minimum, what was left out for it, and how far off each observation is."""
 
     minimum: Minimum
     is_used: NDArray[np.bool_]
-    sigma: float  # from the median residual, whitened
+    sigma: float  # of a whitened coordinate
+    deviation: Array  # (M,) in robust standard deviations
 
 
 def solve(observations: Observations, model: str, options: SolveOptions | None = None) -> Calibration:
@@ -66,59 +66,69 @@ def solve(observations: Observations, model: str, options: SolveOptions | None =
         observations = keep_views(observations, first.found)
         problem = pack(observations, weighted=options.weighted)
         _require_equations(problem, tie)
-    robust = _descend(problem, camera, first.cam_from_target[first.found], tie, options)
+    robust = _descend(problem, camera, first.cam_from_target[first.found], tie, options, observations.cov_px2)
     return _calibration(observations, robust, tie, options, remarks, time.perf_counter() - begin)
 
 
-def _descend(problem: Problem, camera: Camera, poses: Array, tie: Tie, options: SolveOptions) -> _Robust:
+def _descend(
+    problem: Problem, camera: Camera, poses: Array, tie: Tie, options: SolveOptions, cov: Array | None
+) -> _Robust:
     """Down to the minimum, of a part of the observations first: the last steps are then two or three."""
     steps = options.max_iterations
+    is_robust = options.loss != "squares" or options.reject_sigma is not None
+    starts = [(camera, poses), (_without_lens(camera, tie), poses)]
     few = few_per_view(problem.view_count)
     if len(problem.is_used) > 2 * few * problem.view_count:
         thin = select(problem, np.arange(problem.view_count), few)
-        found = minimise(thin, camera, poses, tie.row, RobustLoss(), max_iterations=steps, small_decrease=1e-6)
-        camera, poses = found.camera, found.cam_from_target
-    found = minimise(problem, camera, poses, tie.row, RobustLoss(), max_iterations=steps, damping=NEAR)
-    if options.loss == "squares" and options.reject_sigma is None:
-        return _Robust(found, problem.is_used, _sigma(problem, found))
-    return _robust(problem, found, tie, options)
-
-
-def _robust(problem: Problem, found: Minimum, tie: Tie, options: SolveOptions) -> _Robust:
-    """Weigh down or leave out what lies far off, until nothing changes."""
+        loss = _forgetful(thin, camera, poses) if is_robust else RobustLoss()
+        near = minimise(thin, camera, poses, tie.row, loss, max_iterations=steps, small_decrease=1e-6)
+        starts.insert(0, (near.camera, near.cam_from_target))
+    for camera, poses in starts:
+        loss = _forgetful(problem, camera, poses) if is_robust else RobustLoss()
+        found = minimise(problem, camera, poses, tie.row, loss, max_iterations=steps, damping=NEAR)
+        if np.isfinite(found.blocks.cost).all():
+            break  # else the lens, fitted to a part, folds the image over where the rest lies
     is_used = problem.is_used
-    # Squares alone are drawn by outliers; a loss that forgets them finds the others first.
-    for _ in range(0 if options.reject_sigma is None else 3):
-        found = minimise(
-            problem, found.camera, found.cam_from_target, tie.row, RobustLoss("cauchy", _sigma(problem, found)),
-            max_iterations=options.max_iterations,
-        )  # fmt: skip
-    for _ in range(ROUNDS):
-        sigma = _sigma(problem, found)
-        length = np.hypot(*_whitened(problem, found.blocks.residual_px))
-        limit = np.inf if options.reject_sigma is None else options.reject_sigma * sigma
-        keeps = problem.is_used & (length <= limit)
-        again = replace(problem, is_used=keeps)
-        found = minimise(
-            again, found.camera, found.cam_from_target, tie.row, RobustLoss(options.loss, sigma),
-            max_iterations=options.max_iterations,
-        )  # fmt: skip
+    if is_robust:
+        found, is_used = _robust(problem, found, tie, options, cov)
+    residual = found.blocks.residual_px
+    return _Robust(found, is_used, robust_sigma(whitened(problem.whitener, residual)), deviations(residual, cov))
+
+
+def _without_lens(camera: Camera, tie: Tie) -> Camera:
+    """The camera with no distortion but what a person fixed."""
+    params = np.where((np.arange(len(camera.params)) < 4) | (tie.row < 0), camera.params, 0.0)
+    return replace(camera, params=params)
+
+
+def _forgetful(problem: Problem, camera: Camera, poses: Array) -> RobustLoss:
+    """A loss that outliers do not draw: squares alone would follow them before they can be told."""
+    residual = view_blocks(problem, camera, poses, RobustLoss()).residual_px
+    return RobustLoss("cauchy", robust_sigma(whitened(problem.whitener, residual)))
+
+
+def _robust(
+    problem: Problem, found: Minimum, tie: Tie, options: SolveOptions, cov: Array | None
+) -> tuple[Minimum, NDArray[np.bool_]]:
+    """Weigh down or leave out what lies far off, until nothing changes."""
+    is_used, steps, taken = problem.is_used, options.max_iterations, found.iterations
+    limit = np.inf if options.reject_sigma is None else options.reject_sigma
+    kinds: list[Loss] = [options.loss] * ROUNDS if options.reject_sigma is None else ["cauchy"] * 3
+    for kind in kinds:
+        loss = RobustLoss(kind, robust_sigma(whitened(problem.whitener, found.blocks.residual_px)))
+        found = minimise(problem, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)
+        taken += found.iterations
+    for _ in range(0 if options.reject_sigma is None else ROUNDS):
+        residual = found.blocks.residual_px
+        keeps = problem.is_used & (deviations(residual, cov) <= limit)
+        loss = RobustLoss(options.loss, robust_sigma(whitened(problem.whitener, residual)))
+        kept = replace(problem, is_used=keeps)
+        found = minimise(kept, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)
+        taken += found.iterations
         same, is_used = np.array_equal(keeps, is_used), keeps
-        if same and options.loss == "squares":
+        if same:
             break
-    return _Robust(found, is_used, _sigma(problem, found))
-
-
-def _sigma(problem: Problem, found: Minimum) -> float:
-    """Standard deviation of a whitened coordinate, from the median length: outliers do not move it."""
-    length = np.hypot(*_whitened(problem, found.blocks.residual_px))
-    return max(float(np.nanmedian(length)) / MEDIAN_LENGTH, 1e-9)
-
-
-def _whitened(problem: Problem, residual_px: Array) -> Array:
-    """Residuals (2, M) in standard deviations."""
-    a, b, c = problem.whitener
-    return np.stack([a * residual_px[0], b * residual_px[0] + c * residual_px[1]])
+    return replace(found, iterations=taken), is_used
 
 
 def _calibration(
@@ -134,8 +144,8 @@ def _calibration(
     elif not found.converged:
         remarks = [f"stopped after {found.iterations} steps, short of the minimum; allow more", *remarks]
     left_out = int((~robust.is_used).sum())
-    if options.reject_sigma is None:
-        remarks = [*remarks, *_far_off(observations, robust, options)]
+    if options.reject_sigma is None and options.loss == "squares":
+        remarks = [*remarks, *_far_off(observations, robust)]
     if left_out:
         views = len(np.unique(observations.view[~robust.is_used]))
         limit = f"beyond {options.reject_sigma:g} robust standard deviations"
@@ -147,20 +157,17 @@ def _calibration(
     )  # fmt: skip
 
 
-def _far_off(observations: Observations, robust: _Robust, options: SolveOptions) -> list[str]:
+def _far_off(observations: Observations, robust: _Robust) -> list[str]:
     """A word on observations that noise does not explain, if they were neither left out nor weighed down."""
-    if options.loss != "squares":
-        return []
-    problem = pack(observations, weighted=options.weighted)
-    length = np.hypot(*_whitened(problem, robust.minimum.blocks.residual_px))
-    far = np.flatnonzero(length > FAR_OFF * robust.sigma)
+    far = np.flatnonzero(robust.deviation > FAR_OFF)
     if not len(far):
         return []
-    worst = int(far[np.argmax(length[far])])
+    worst = int(far[np.argmax(robust.deviation[far])])
     off = float(np.hypot(*robust.minimum.blocks.residual_px[:, worst]))
     return [
-        f"{len(far)} of {len(length)} observations are off by more than {FAR_OFF:g} robust standard deviations, the "
-        f"worst by {off:.3g} px in {observations.view_names[observations.view[worst]]}; reject them or look at them"
+        f"{len(far)} of {len(robust.deviation)} observations are off by more than {FAR_OFF:g} robust standard "
+        f"deviations, the worst by {off:.3g} px in {observations.view_names[observations.view[worst]]}; look at them, "
+        "or reject them"
     ]
 
 

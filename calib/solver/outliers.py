@@ -1,0 +1,39 @@
+"""How far off an observation is, in standard deviations that outliers do not move."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.solver.problem import whiteners
+
+Array = NDArray[np.float64]
+
+MEDIAN_LENGTH = 1.1774100225154747
+"""Median length of a normal vector in the plane, sqrt(2 ln 2), in standard deviations of a coordinate."""
+LEAST_SIGMA = 1e-9
+"""Perfect data have no outliers."""
+
+
+def whitened(whitener: Array, residual_px: Array) -> Array:
+    """Residuals (2, M) in units of their standard deviations, by whiteners (3, M)."""
+    a, b, c = whitener
+    return np.stack([a * residual_px[0], b * residual_px[0] + c * residual_px[1]])
+
+
+def robust_sigma(residual: Array) -> float:
+    """Standard deviation of a coordinate of residuals (2, M), from their median length."""
+    return max(float(np.nanmedian(np.hypot(*residual))) / MEDIAN_LENGTH, LEAST_SIGMA)
+
+
+def deviations(residual_px: Array, cov_px2: Array | None) -> Array:
+    """Lengths (M,) of residuals (2, M) in robust standard deviations.
+
+    With covariances, the shorter of the lengths in pixels and in stated standard deviations: a ring that is seen all
+    but edge-on may be off by more pixels than others, and where the model's errors outgrow the noise, one that is
+    seen well may be off by many of its small standard deviations. Neither is an outlier.
+    """
+    length: Array = np.hypot(*residual_px) / robust_sigma(residual_px)
+    if cov_px2 is None:
+        return length
+    standard = whitened(whiteners(cov_px2), residual_px)
+    shorter: Array = np.minimum(length, np.hypot(*standard) / robust_sigma(standard))
+    return shorter
