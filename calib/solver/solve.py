@@ -83,9 +83,9 @@ def _descend(
         loss = _forgetful(thin, camera, poses) if is_robust else RobustLoss()
         near = minimise(thin, camera, poses, tie.row, loss, max_iterations=steps, small_decrease=1e-6)
         starts.insert(0, (near.camera, near.cam_from_target))
-    for camera, poses in starts:
-        loss = _forgetful(problem, camera, poses) if is_robust else RobustLoss()
-        found = minimise(problem, camera, poses, tie.row, loss, max_iterations=steps, damping=NEAR)
+    for start in starts:
+        loss = _forgetful(problem, *start) if is_robust else RobustLoss()
+        found = minimise(problem, *start, tie.row, loss, max_iterations=steps, damping=NEAR)
         if np.isfinite(found.blocks.cost).all():
             break  # else the lens, fitted to a part, folds the image over where the rest lies
     is_used = problem.is_used

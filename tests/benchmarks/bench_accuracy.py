@@ -3,8 +3,8 @@
 `python -m tests.benchmarks.bench_accuracy [FOLDER]`; rendered photos stay in FOLDER and are used again.
 
 The paper (Table 2, 120 images) states the means of 10,000 bootstrap samples; ours are one solution of all photos.
-`binary` renders as the paper does, one ray a pixel, black or white; `area` is what a good camera delivers: anti-aliased, a
-blur of 0.7 px, noise of a hundredth of the contrast.
+`binary` renders as the paper does, one ray a pixel, black or white; `area` is what a good camera delivers:
+anti-aliased, a blur of 0.7 px, noise of a hundredth of the contrast.
 """
 
 import os
