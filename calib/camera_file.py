@@ -1,15 +1,16 @@
 """Camera files: `camera.json`, and templates or a person's own TOML with the same keys."""
 
 import json
-import math
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from calib.cameras import MODELS, parameter_names
-from calib.types import Camera
+from calib.cameras import MODELS, CameraModel, parameter_names
+from calib.learned_map_file import LearnedMapFile, learned_map_from_file, learned_map_lines
+from calib.types import Camera, LearnedMap
 from designer.errors import InputError
 from designer.presets import preset_or_file
 from designer.small_file import parse_json, read_small_text
@@ -21,6 +22,8 @@ MAX_FILE_BYTES = 2**20
 MAX_SIDE_PX = 100_000
 REQUIRED = ("fx_px", "fy_px", "cx_px", "cy_px")
 """What every model has; the lens's other parameters are 0 if left out."""
+LEARNING = ("virtual",)
+"""Models that are nothing without a learned map."""
 
 Side = Annotated[int, Field(ge=1, le=MAX_SIDE_PX, strict=True)]
 
@@ -35,6 +38,7 @@ class _CameraFile(BaseModel):
     model: str
     image_size: tuple[Side, Side]
     parameters: dict[str, Annotated[float, Field(strict=True, allow_inf_nan=False)]]
+    learned_map: LearnedMapFile | None = None
 
 
 def camera_to_json(camera: Camera) -> str:
@@ -47,7 +51,11 @@ def camera_to_json(camera: Camera) -> str:
         "image_size": list(camera.image_size),
         "parameters": dict(zip(names, camera.params.tolist(), strict=True)),
     }
-    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+    text = json.dumps(document, indent=2, allow_nan=False)
+    if camera.learned is not None:
+        lines = ",\n    ".join(learned_map_lines(camera.learned))
+        text = text.removesuffix("\n}") + f',\n  "learned_map": {{\n    {lines}\n  }}\n}}'
+    return text + "\n"
 
 
 def camera_from_mapping(values: RawValue, origin: str) -> Camera:
@@ -77,9 +85,16 @@ def _camera(file: _CameraFile, origin: str) -> Camera:
     if model is None:
         hint = suggestion(file.model, list(MODELS)) or f"; there are {', '.join(MODELS)}"
         raise InputError(f"{origin}: unknown camera model {shown(file.model)}{hint}")
+    params = _parameters(file, model, origin)
+    return Camera(model.name, params, file.image_size, _learned_map(file, origin))
+
+
+def _parameters(file: _CameraFile, model: CameraModel, origin: str) -> NDArray[np.float64]:
+    """The parameters in the model's order, each within its bounds."""
     given = file.parameters
-    for name in given.keys() - set(parameter_names(model.name)):
-        hint = suggestion(name, list(parameter_names(model.name)))
+    names = parameter_names(model.name)
+    for name in given.keys() - set(names):
+        hint = suggestion(name, list(names))
         raise InputError(f"{origin}: unknown parameter {shown(name)} of model {model.name!r}{hint}")
     for name in REQUIRED:
         if name not in given:
@@ -87,10 +102,23 @@ def _camera(file: _CameraFile, origin: str) -> Camera:
     for name in ("fx_px", "fy_px"):
         if not given[name] > 0:
             raise InputError(f"{origin}: {name} {given[name]:g}: a focal length must be more than zero pixels")
-    if not all(math.isfinite(value) for value in given.values()):
-        raise InputError(f"{origin}: parameters must be finite numbers")
-    params = np.array([given.get(name, 0.0) for name in parameter_names(model.name)])
-    return Camera(model.name, params, file.image_size)
+    for parameter in model.parameters:
+        value = given.get(parameter.name, 0.0)
+        if not parameter.lower < value < parameter.upper:
+            bounds = f"more than {parameter.lower:g} and less than {parameter.upper:g}"
+            raise InputError(f"{origin}: {parameter.name} {value:g}: must be {bounds}")
+    return np.array([given.get(name, 0.0) for name in names])
+
+
+def _learned_map(file: _CameraFile, origin: str) -> LearnedMap | None:
+    """The learned map of a model that needs one."""
+    if (file.learned_map is not None) == (file.model in LEARNING):
+        return None if file.learned_map is None else learned_map_from_file(file.learned_map, file.image_size, origin)
+    if file.learned_map is None:
+        raise InputError(
+            f"{origin}: model {file.model!r} needs a learned_map, and there is none; solve the camera again"
+        )
+    raise InputError(f"{origin}: model {file.model!r} has no learned_map; leave it out")
 
 
 def _explain(error: ValidationError) -> str:

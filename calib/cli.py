@@ -5,8 +5,15 @@ from typing import Annotated
 
 import typer
 
+from calib.cli_convert import convert
 from calib.cli_detect import detect
+from calib.cli_diff import diff
+from calib.cli_evaluate import evaluate
+from calib.cli_pose import pose
 from calib.cli_render import render
+from calib.cli_run import run as run_all
+from calib.cli_solve import solve
+from calib.cli_undistort import undistort
 from designer.command import run
 
 app = typer.Typer(name="calib", help="Use calibration targets.", rich_markup_mode=None, pretty_exceptions_enable=False)
@@ -35,8 +42,9 @@ def target(file: Annotated[Path, typer.Argument(help="a target file (NAME.target
     print(f"  layout id {geometry.layout_id}, geometry id {geometry.geometry_id}")
 
 
-app.command()(render)
-app.command()(detect)
+app.command("run")(run_all)
+for command in (render, detect, solve, evaluate, convert, undistort, pose, diff):
+    app.command()(command)
 
 
 def main() -> None:

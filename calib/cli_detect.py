@@ -78,19 +78,19 @@ def run_detect(
     check_output(table)
     found = find_photos(arguments)
     start = time.perf_counter()
-    with _staging(overlay) as staging:
-        results = _search(detect_one, found, geometry, camera, staging, jobs)
+    with staging_folder(overlay) as staging:
+        results = search_photos(detect_one, found, geometry, camera, staging, jobs)
         seen = [result.seen for result in results if result.seen is not None]
         if not seen:
             failures = [*found.failures, *(result.failure for result in results)]
             others = f" (and {len(failures) - 1} more like it)" if len(failures) > 1 else ""
             raise InputError(f"{failures[0] if failures else 'no photos left to search'}{others}")
         seconds = time.perf_counter() - start
-        _write(table, results, seen, geometry)
+        write_results(table, results, seen, geometry)
         if overlay is not None and staging is not None:
             for picture in staging.iterdir():
                 picture.replace(overlay / picture.name)
-    _summarise(geometry, found, results, seconds)
+    summarise(geometry, found, results, seconds)
     _say_files(table, overlay, results)
     if not any(len(one.ring) for one in seen):
         raise typer.Exit(NOTHING_FOUND)
@@ -104,7 +104,7 @@ def _table_path(out: Path | None, target: Path) -> Path:
 
 
 @contextmanager
-def _staging(overlay: Path | None) -> Iterator[Path | None]:
+def staging_folder(overlay: Path | None) -> Iterator[Path | None]:
     """A folder beside the overlays' final place, gone afterwards, so that a stopped run leaves no pictures."""
     if overlay is None:
         yield None
@@ -124,7 +124,7 @@ def _staging(overlay: Path | None) -> Iterator[Path | None]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _search(
+def search_photos(
     detect_one: "Detect",
     found: "Found",
     geometry: "TargetGeometry",
@@ -152,19 +152,20 @@ def _search(
     return results
 
 
-def _write(
+def write_results(
     table: Path, results: "Sequence[PhotoResult]", seen: "Sequence[Detections]", geometry: "TargetGeometry"
 ) -> None:
+    """Write the table and the records, photos that could not be searched among them."""
     from calib.dataset import write_detections
     from calib.records import ImageRecord
 
     failed = [
         ImageRecord(result.photo.name, None, 0, 0, (), (), result.failure) for result in results if result.seen is None
     ]
-    write_detections(table, seen, geometry, detector=_program(), failed=failed)
+    write_detections(table, seen, geometry, detector=program(), failed=failed)
 
 
-def _program() -> str:
+def program() -> str:
     """Name and version, for the record."""
     from importlib.metadata import PackageNotFoundError, version
 
@@ -174,7 +175,7 @@ def _program() -> str:
         return "ringforge, not installed"
 
 
-def _summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[PhotoResult]", seconds: float) -> None:
+def summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[PhotoResult]", seconds: float) -> None:
     """A table of the images, what failed, and the sums."""
     from rich.console import Console
 
@@ -209,7 +210,7 @@ def _common_remarks(seen: "Sequence[Detections]") -> list[str]:
     """What holds for every one of several images, to be said once."""
     if len(seen) < 2:
         return []
-    return [_one_line(remark) for remark in seen[0].remarks if all(remark in one.remarks for one in seen)]
+    return [one_line(remark) for remark in seen[0].remarks if all(remark in one.remarks for one in seen)]
 
 
 def _images_table(seen: "Sequence[Detections]", geometry: "TargetGeometry", said: Sequence[str]) -> "Table":
@@ -229,7 +230,7 @@ def _images_table(seen: "Sequence[Detections]", geometry: "TargetGeometry", said
         faces = [Text(" ".join(map(str, named)))] if geometry.face_count > 1 else []
         count = Text(f"{len(one.ring)}/{_expected(one)}" if len(one.ring) else "none", "" if len(one.ring) else "red")
         remarks = "; ".join(remark for remark in _remarks(one) if remark not in said)
-        table.add_row(Text(_one_line(one.image)), *faces, count, _median_sigma(one), Text(remarks))
+        table.add_row(Text(one_line(one.image)), *faces, count, _median_sigma(one), Text(remarks))
     return table
 
 
@@ -242,7 +243,7 @@ def _remarks(one: "Detections") -> list[str]:
         for reason, count in record.missing if record.face is not None else ():
             missing[reason] = missing.get(reason, 0) + count
     lost = [f"{count} {reason}" for reason, count in missing.items() if count and reason != TOO_FLAT]
-    return [_one_line(remark) for remark in (*one.remarks, *lost)]
+    return [one_line(remark) for remark in (*one.remarks, *lost)]
 
 
 def _expected(one: "Detections") -> int:
@@ -276,9 +277,9 @@ def _say_files(table: Path, overlay: Path | None, results: "Sequence[PhotoResult
 
 def _plain(text: str) -> str:
     """Text that rich prints as it is."""
-    return _one_line(text).replace("[", r"\[")
+    return one_line(text).replace("[", r"\[")
 
 
-def _one_line(text: str) -> str:
+def one_line(text: str) -> str:
     """Text without line breaks, bytes that are no text, and characters that would steer a terminal."""
     return printable(text.encode("utf-8", "backslashreplace").decode())

@@ -4,7 +4,6 @@ One line a feature, after comment lines that hold the ids and the size of each i
 and why some are missing, is in the records. Both are plain text.
 """
 
-import csv
 import io
 import json
 import re
@@ -16,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.csv_table import ANY_NAME, Table, read_table, read_text
 from calib.files import write_files
 from calib.records import RECORDS_START, ImageRecord, Records, image_record, records_path, records_to_json
 from calib.types import Detections, frozen_array
@@ -25,17 +25,12 @@ from designer.target import TargetGeometry
 VERSION = 1
 FIRST_LINE = f"# ringforge detections, version {VERSION}"
 COLUMNS = ("image", "face", "ring", "i", "j", "u", "v", "suu", "suv", "svv", "X", "Y", "Z")
-MAX_FILE_BYTES = 512 * 2**20
 MAX_SIDE_PX = 1_000_000
 
 _KIND = "# ringforge detections, version "
 _COVARIANCE_FORMAT = ".5e"
 _REALS = ("u", "v", "suu", "suv", "svv", "X", "Y", "Z")
 _IMAGE_LINE = re.compile(r'# image (\d{1,7}) x (\d{1,7}) px (".*")')
-_ANY_NAME = "surrogatepass"
-"""Python's way with file names that are no text: they are read back as they were."""
-_WHOLE = re.compile(r"-?[0-9]{1,9}")
-_REAL = re.compile(r"[-+]?(?:[0-9]{1,20}\.?[0-9]{0,20}|\.[0-9]{1,20})(?:[eE][-+]?[0-9]{1,3})?")
 _ID_LINE = re.compile(r"# (layout_id|geometry_id|detector) (\S.*)")
 
 
@@ -67,36 +62,6 @@ class _Header:
     geometry_id: str
     sizes: dict[str, tuple[int, int]]  # of each image
     line_count: int
-
-
-@dataclass(frozen=True)
-class _Table:
-    """The cells below the column names, column by column, and the line each row ends in."""
-
-    path: Path
-    lines: list[int]
-    cells: dict[str, tuple[str, ...]]
-
-    def require(self, ok: NDArray[np.bool_], rule: str) -> None:
-        """Refuse the first row that is not ok, by its line."""
-        if not ok.all():
-            raise InputError(f"{self.path}: line {self.lines[int(np.argmin(ok))]}: {rule}")
-
-    def whole_numbers(self, name: str) -> NDArray[np.int64]:
-        """A column of whole numbers."""
-        self._require_pattern(name, _WHOLE, "a whole number")
-        return np.array(list(map(int, self.cells[name])), dtype=np.int64)
-
-    def reals(self, name: str) -> NDArray[np.float64]:
-        """A column of finite numbers."""
-        self._require_pattern(name, _REAL, "a finite number")
-        numbers = np.array(list(map(float, self.cells[name])), dtype=np.float64)
-        self.require(np.abs(numbers) < np.inf, f"{name} must be a finite number")
-        return numbers
-
-    def _require_pattern(self, name: str, pattern: re.Pattern[str], what: str) -> None:
-        ok = np.array([pattern.fullmatch(cell) is not None for cell in self.cells[name]], dtype=bool)
-        self.require(ok, f"{name} must be {what}")
 
 
 def check_output(path: Path) -> None:
@@ -144,7 +109,7 @@ def write_detections(
     images = (*map(image_record, seen), *failed)
     records = Records(detector, target.layout_id, target.geometry_id, images)
     text = detections_to_csv(seen, target, detector=detector)
-    write_files({records_path(path): records_to_json(records), path: text.encode("utf-8", _ANY_NAME)})
+    write_files({records_path(path): records_to_json(records), path: text.encode("utf-8", ANY_NAME)})
 
 
 def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry, *, detector: str) -> str:
@@ -184,7 +149,7 @@ def _storable(one: Detections) -> Detections:
     """
     rounded = [float(f"{x:{_COVARIANCE_FORMAT}}") for x in one.cov_px2.ravel().tolist()]
     _, place, count = np.unique(one.ring, return_inverse=True, return_counts=True)
-    ok = _is_covariance(np.array(rounded).reshape(-1, 2, 2)) & (count[place] == 1)
+    ok = is_covariance(np.array(rounded).reshape(-1, 2, 2)) & (count[place] == 1)
     ok &= np.hypot(*one.center_px.T) <= MAX_SIDE_PX  # false if not finite
     if ok.all():
         return one
@@ -195,7 +160,7 @@ def _storable(one: Detections) -> Detections:
     )  # fmt: skip
 
 
-def _is_covariance(cov: NDArray[np.float64]) -> NDArray[np.bool_]:
+def is_covariance(cov: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which matrices are positive definite.  # (N, 2, 2) -> (N,)"""
     with np.errstate(over="ignore", invalid="ignore"):
         determinant = cov[:, 0, 0] * cov[:, 1, 1] - cov[:, 0, 1] ** 2
@@ -210,14 +175,14 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
         InputError: not a detections file, of another version or layout, or a line that breaks a rule; it names the
             file and the line, and the target's file where the two do not fit.
     """
-    stream = io.StringIO(_read_text(path), newline="")
+    stream = io.StringIO(read_text(path, "a detections file"), newline="")
     header = _read_header(path, stream)
     if header.layout_id != target.layout_id:
         raise InputError(
             f"{path}: made with a target of layout {header.layout_id}, but {target_path} has {target.layout_id}; "
             "give the target that the photos show"
         )
-    table = _read_table(path, stream, header.line_count + 1)
+    table = read_table(path, stream, header.line_count + 1, _column_fault)
     ring = _checked_rings(table, target)
     view_of = {name: k for k, name in enumerate(header.sizes)}
     view = np.array([view_of.get(name, -1) for name in table.cells["image"]], dtype=np.int64)
@@ -226,7 +191,7 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
     center: NDArray[np.float64] = np.stack([real["u"], real["v"]], axis=1)
     cov = np.stack([real[name] for name in ("suu", "suv", "suv", "svv")], axis=1).reshape(-1, 2, 2)
     table.require(np.hypot(real["u"], real["v"]) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
-    table.require(_is_covariance(cov), "suu, suv, svv must be a covariance, which is positive definite")
+    table.require(is_covariance(cov), "suu, suv, svv must be a covariance, which is positive definite")
     order = np.lexsort((ring, view))
     again = np.zeros(len(ring), dtype=bool)
     again[order[1:]] = (np.diff(view[order]) == 0) & (np.diff(ring[order]) == 0)
@@ -237,7 +202,7 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
     )  # fmt: skip
 
 
-def _checked_rings(table: _Table, target: TargetGeometry) -> NDArray[np.int64]:
+def _checked_rings(table: Table, target: TargetGeometry) -> NDArray[np.int64]:
     """The rows of the target's arrays, which face, i and j must agree with."""
     ring = table.whole_numbers("ring")
     last = target.ring_count - 1
@@ -245,19 +210,6 @@ def _checked_rings(table: _Table, target: TargetGeometry) -> NDArray[np.int64]:
     for name, expected in (("face", target.ring_face), ("i", target.ring_index[:, 0]), ("j", target.ring_index[:, 1])):
         table.require(table.whole_numbers(name) == expected[ring], f"{name} is not that of the ring in the target")
     return ring
-
-
-def _read_text(path: Path) -> str:
-    try:
-        if path.exists() and not path.is_file():
-            raise InputError(f"{path}: not a regular file; name a detections.csv")
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"{path}: {path.stat().st_size} bytes; at most {MAX_FILE_BYTES} are read")
-        return path.read_bytes().decode("utf-8", _ANY_NAME).removeprefix("\ufeff")
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not UTF-8 text, so no detections file; detect again") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
 
 
 def _read_header(path: Path, stream: io.StringIO) -> _Header:
@@ -300,22 +252,5 @@ def _image_line(path: Path, number: int, line: str) -> tuple[str, tuple[int, int
     return name, size
 
 
-def _read_table(path: Path, stream: io.StringIO, first_line: int) -> _Table:
-    """The cells below the comment lines."""
-    reader = csv.reader(stream, strict=True)
-    rows: list[list[str]] = []
-    lines: list[int] = []
-    try:
-        if tuple(next(reader, ())) != COLUMNS:
-            raise InputError(f"{path}: line {first_line}: the columns must be {','.join(COLUMNS)}")
-        for row in reader:
-            if row:
-                rows.append(row)
-                lines.append(first_line - 1 + reader.line_num)
-    except csv.Error as error:
-        raise InputError(f"{path}: line {first_line - 1 + reader.line_num}: {error}; not valid CSV") from None
-    for row, line in zip(rows, lines, strict=True):
-        if len(row) != len(COLUMNS):
-            raise InputError(f"{path}: line {line}: {len(row)} values; a line has {len(COLUMNS)}")
-    columns = zip(*rows, strict=True) if rows else ((),) * len(COLUMNS)
-    return _Table(path, lines, dict(zip(COLUMNS, columns, strict=True)))
+def _column_fault(columns: tuple[str, ...]) -> str:
+    return "" if columns == COLUMNS else f"the columns must be {','.join(COLUMNS)}"

@@ -1,11 +1,29 @@
 """Writing files so that they are whole or as they were."""
 
 import os
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from secrets import token_hex
 
 from designer.errors import InputError
+
+MAX_NAME_BYTES = 200
+"""Of a file that is named after another; file systems take 255 with what is added."""
+
+
+def distinct_stems(names: Sequence[str]) -> list[str]:
+    """A name without suffix for what is made of each of several files, their names distinct and with `/` for folders.
+
+    Names that differ in their suffix or folders only keep them; if that does not do, they are numbered.
+    """
+    flat = [name.replace("/", "_") for name in names]
+    stems = [Path(name).stem for name in flat]
+    count = Counter(stems)
+    kept = [stem if count[stem] == 1 else name for stem, name in zip(stems, flat, strict=True)]
+    if len(set(kept)) < len(kept) or any(len(os.fsencode(name)) > MAX_NAME_BYTES for name in kept):
+        return [str(number) for number in range(1, len(kept) + 1)]
+    return kept
 
 
 def write_files(files: Mapping[Path, bytes]) -> None:

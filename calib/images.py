@@ -1,4 +1,4 @@
-"""Reading photos: pixels as the sensor saw them, in grey."""
+"""Reading photos: pixels as the sensor saw them, in grey or in colour."""
 
 import os
 import stat
@@ -34,9 +34,9 @@ Grey = NDArray[np.uint8] | NDArray[np.uint16]
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """An image in grey, in sensor orientation, and what a person should know of its file."""
+    """An image in sensor orientation, and what a person should know of its file."""
 
-    pixels: Grey  # (H, W)
+    pixels: Grey  # (H, W), or of `read_colour` as the file has it
     remarks: tuple[str, ...]
 
 
@@ -50,16 +50,42 @@ def read_image(path: Path) -> Photo:
     Raises:
         InputError: no image, cut off or damaged, too large, of another depth, or not to be read; it names the file.
     """
+    decoded = _read(path, in_colour=False)
+    return Photo(_grey(decoded.pixels), tuple(_remarks(path, decoded.header, drops_alpha=_has_alpha(decoded.pixels))))
+
+
+def read_colour(path: Path) -> Photo:
+    """Read the same files as `read_image`, channels and all.
+
+    Returns:
+        Pixels in grey (H, W), or blue, green, red and possibly alpha (H, W, C).
+
+    Raises:
+        InputError: as `read_image` does.
+    """
+    decoded = _read(path, in_colour=True)
+    return Photo(decoded.pixels, tuple(_remarks(path, decoded.header, drops_alpha=False)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Decoded:
+    """What a file holds."""
+
+    pixels: Grey  # (H, W), or blue, green, red and possibly alpha (H, W, C)
+    header: Header
+
+
+def _read(path: Path, *, in_colour: bool) -> _Decoded:
+    """Read and decode a file within the limits."""
     data = _read_file(path)
     try:
         header = read_header(data)
         if header.width * header.height > MAX_PIXELS:
             size = f"{header.width} x {header.height} px"
             raise DamagedError(f"has {size}; at most {MAX_PIXELS // 1_000_000} million are read: scale it down")
-        pixels, is_transparent = _decode(data, header)
+        return _Decoded(_decode(data, header, in_colour=in_colour), header)
     except DamagedError as error:
         raise InputError(f"{path}: {error}") from None
-    return Photo(pixels, tuple(_remarks(path, header, is_transparent=is_transparent)))
 
 
 def _read_file(path: Path) -> bytes:
@@ -83,14 +109,14 @@ def _read_file(path: Path) -> bytes:
         raise InputError(f"{os.fspath(path)!r}: is no file name: {error}") from None
 
 
-def _decode(data: bytes, header: Header) -> tuple[Grey, bool]:
-    """Grey pixels, and whether the file has an alpha channel."""
+def _decode(data: bytes, header: Header, *, in_colour: bool) -> Grey:
+    """The pixels as the file has them; without colour a JPEG gives its grey."""
     import cv2
 
     flags = cv2.IMREAD_UNCHANGED
     if header.format == "JPEG":
-        # Decodes the luminance only: several times faster than colour, and the same grey.
-        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+        # Without colour only the luminance is decoded: several times faster, and the same grey.
+        flags = cv2.IMREAD_IGNORE_ORIENTATION | (cv2.IMREAD_ANYCOLOR if in_colour else cv2.IMREAD_GRAYSCALE)
     elif header.format == "PNG":
         data = needed_png(data)
     elif header.format == "TIFF" and header.orientation != 1 and header.orientation_at is not None:
@@ -109,22 +135,23 @@ def _decode(data: bytes, header: Header) -> tuple[Grey, bool]:
         raise DamagedError("its header does not fit its content; copy it again")
     if image.dtype not in (np.uint8, np.uint16):
         raise DamagedError(f"holds {image.dtype} values; convert it to 8 or 16 bits without sign")
-    is_transparent = image.ndim == 3 and image.shape[2] == 4
-    grey = _grey(cast("Grey", image))  # its type was checked
-    if header.is_white_zero and grey.dtype == np.uint16:
-        grey = np.bitwise_not(grey)  # the decoder does it for 8 bits only
-    return grey, is_transparent
+    pixels = cast("Grey", image[:, :, 0] if image.shape[2:] == (1,) else image)  # its type was checked
+    if header.is_white_zero and pixels.dtype == np.uint16:
+        pixels = np.bitwise_not(pixels)  # the decoder does it for 8 bits only
+    return pixels
+
+
+def _has_alpha(pixels: Grey) -> bool:
+    return pixels.ndim == 3 and pixels.shape[2] == 4
 
 
 def _grey(image: Grey) -> Grey:
-    """One channel from one, three (blue, green, red) or four."""
+    """Grey from grey, or from three channels (blue, green, red) or four."""
     import cv2
 
     if image.ndim == 2:
         return image
-    if image.shape[2] == 1:
-        return image[:, :, 0]
-    code = cv2.COLOR_BGRA2GRAY if image.shape[2] == 4 else cv2.COLOR_BGR2GRAY
+    code = cv2.COLOR_BGRA2GRAY if _has_alpha(image) else cv2.COLOR_BGR2GRAY
     return cast("Grey", cv2.cvtColor(image, code))
 
 
@@ -135,7 +162,7 @@ def _patched(data: bytes, at: int, value: bytes) -> bytes:
     return bytes(changed)
 
 
-def _remarks(path: Path, header: Header, *, is_transparent: bool) -> list[str]:
+def _remarks(path: Path, header: Header, *, drops_alpha: bool) -> list[str]:
     """What a person should know of the file."""
     remarks = []
     if path.suffix.lower() not in SUFFIXES_OF[header.format]:
@@ -145,6 +172,6 @@ def _remarks(path: Path, header: Header, *, is_transparent: bool) -> list[str]:
         remarks.append(f"read as the sensor saw it: viewers show it {turn} (orientation {header.orientation})")
     if header.page_count > 1:
         remarks.append(f"page 1 of {header.page_count} read")
-    if is_transparent:
+    if drops_alpha:
         remarks.append("transparency ignored")
     return remarks

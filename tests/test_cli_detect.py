@@ -243,7 +243,7 @@ def test_results_keep_the_order_and_memory_the_limit(folder: Path) -> None:
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
 def test_a_stopped_run_leaves_nothing(stop: type[BaseException], folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that is interrupted before its end writes no table, no overlay, and no temporary file."""
-    monkeypatch.setattr("calib.cli_detect._write", raising(stop))
+    monkeypatch.setattr("calib.cli_detect.write_results", raising(stop))
     with pytest.raises(stop):
         run("photos", out="d.csv", overlay="o")
     assert list(Path("o").iterdir()) == []

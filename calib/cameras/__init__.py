@@ -11,6 +11,7 @@ from calib.cameras.luhmann import Luhmann
 from calib.cameras.opencv import OpenCv
 from calib.cameras.parameters import Linearised, Parameter
 from calib.cameras.pinhole import Pinhole
+from calib.cameras.virtual import Virtual
 from calib.types import Camera
 
 __all__ = ["MODELS", "CameraModel", "Linearised", "Parameter", "linearise", "parameter_names", "project", "rays"]
@@ -42,7 +43,9 @@ class CameraModel(Protocol):
         ...
 
 
-MODELS: Mapping[str, CameraModel] = MappingProxyType({model.name: model for model in (OpenCv(), Luhmann(), Pinhole())})
+MODELS: Mapping[str, CameraModel] = MappingProxyType(
+    {model.name: model for model in (OpenCv(), Luhmann(), Pinhole(), Virtual())}
+)
 
 
 def parameter_names(model: str) -> tuple[str, ...]:

@@ -23,15 +23,18 @@ Array = NDArray[np.float64]
 
 STEPS_PER_LENGTH = 8.0
 """Nodes of the first table along a length of the kernel; doubled until `TABLE_ERROR` is met."""
-TABLE_ERROR = 1e-7
+TABLE_ERROR = 1e-6
 """Largest error of the table, in units of the sensor."""
 MAX_NODES = 1_000_000
+MAX_KNOTS = 1000
+MAX_LENGTHS = 40.0
+"""A side of the image has at most so many lengths of the kernel, so that tables stay small."""
 LEAST_CELLS = 48
 """Of the table of what is known, along the longer side of the image."""
 LEAST_VARIANCE = 1e-14
 MAX_STEPS = 30
-CLOSE_ENOUGH = 1e-9
-"""A larger residual of the inverse, in units of the sensor, means that there is no inverse."""
+LAST_STEP_PX = 1e-5
+"""A step of Newton's method below it leaves an error of about its square times the map's curvature: nothing."""
 KERNEL_VALUES_AT_ONCE = 2_000_000
 
 
@@ -118,14 +121,35 @@ def _inverse_factor(learned: LearnedMap) -> Array:
 @lru_cache(maxsize=8)
 def table_of(learned: LearnedMap, image_size: tuple[int, int]) -> Table:
     """The map's table over an image; kept for the maps last used."""
-    first = np.array([-0.5, -0.5])
-    last = np.array(image_size, dtype=np.float64) - 0.5
-    spline = _spline(learned, first, last)
+    spline = spline_of(learned, image_size)
+    first, last = _edges(image_size)
     step = min(learned.length_px / STEPS_PER_LENGTH, float((last - first).max()) / LEAST_CELLS)
     pixel = _grid(first, step, _node_count(first, last, step))
     variance = exact_variance(learned, pixel.reshape(-1, 2)).reshape(pixel.shape[:2])
     region = Region(first, last, step, np.log(np.maximum(variance, LEAST_VARIANCE)), 2 * float(np.log(learned.limit)))
     return Table(spline, region, _starts(spline, pixel, region.log_variance <= region.log_limit))
+
+
+@lru_cache(maxsize=8)
+def spline_of(learned: LearnedMap, image_size: tuple[int, int]) -> Spline:
+    """The coarsest table of the map alone that is exact enough.
+
+    The error of Hermite's interpolation is at most step^4 / 384 of the fourth derivative along each axis; it is
+    measured where it is largest.
+    """
+    first, last = _edges(image_size)
+    step = min(learned.length_px / STEPS_PER_LENGTH, float((last - first).max()))
+    while True:
+        count = _node_count(first, last, step)
+        node = _nodes(learned, first, step, count)
+        if _table_error(learned, node, first, step) <= TABLE_ERROR or 4 * count.prod() > MAX_NODES:
+            return Spline(learned.trend, first, step, node)
+        step /= 2
+
+
+def _edges(image_size: tuple[int, int]) -> tuple[Array, Array]:
+    """The upper left and the lower right corner of an image."""
+    return np.array([-0.5, -0.5]), np.array(image_size, dtype=np.float64) - 0.5
 
 
 def _node_count(first: Array, last: Array, step: float) -> NDArray[np.int64]:
@@ -137,21 +161,6 @@ def _node_count(first: Array, last: Array, step: float) -> NDArray[np.int64]:
 def _grid(first: Array, step: float, count: NDArray[np.int64]) -> Array:
     """The nodes' pixels.  # (H, W, 2)"""
     return np.stack(np.meshgrid(*(first[k] + step * np.arange(count[k]) for k in range(2))), axis=-1)
-
-
-def _spline(learned: LearnedMap, first: Array, last: Array) -> Spline:
-    """The coarsest table that is exact enough.
-
-    The error of Hermite's interpolation is at most step^4 / 384 of the fourth derivative along each axis; it is
-    measured where it is largest.
-    """
-    step = min(learned.length_px / STEPS_PER_LENGTH, float((last - first).max()))
-    while True:
-        count = _node_count(first, last, step)
-        node = _nodes(learned, first, step, count)
-        if _table_error(learned, node, first, step) <= TABLE_ERROR or 4 * count.prod() > MAX_NODES:
-            return Spline(learned.trend, first, step, node)
-        step /= 2
 
 
 def _nodes(learned: LearnedMap, first: Array, step: float, count: NDArray[np.int64]) -> Array:
@@ -268,7 +277,7 @@ def is_known(region: Region, u: float, v: float) -> bool:
     s, t = s - j, t - i
     upper = (1 - s) * table[i, j] + s * table[i, j + 1]
     lower = (1 - s) * table[i + 1, j] + s * table[i + 1, j + 1]
-    return (1 - t) * upper + t * lower <= region.log_limit
+    return bool((1 - t) * upper + t * lower <= region.log_limit)
 
 
 @jit
@@ -284,23 +293,22 @@ def search(table: Table, x: float, y: float) -> tuple[float, float]:
         return np.nan, np.nan
     j, i = min(max(int(a), 0), columns - 1), min(max(int(b), 0), rows - 1)
     u, v = starts.pixel[i, j, 0], starts.pixel[i, j, 1]
-    longest, off = 4 * table.region.step_px, np.inf
+    longest = 4 * table.region.step_px
     low_u, low_v = table.region.first_px[0] - longest, table.region.first_px[1] - longest
     high_u, high_v = table.region.last_px[0] + longest, table.region.last_px[1] + longest
     for _ in range(MAX_STEPS):
         px, py, xu, xv, yu, yv = read(spline, u, v)
-        last, off = off, abs(px - x) + abs(py - y)
-        if not off < np.inf:
-            return np.nan, np.nan
-        if off == 0 or (off < CLOSE_ENOUGH and off >= 0.5 * last):
-            break
         determinant = xu * yv - xv * yu
         du = (yv * (x - px) - xv * (y - py)) / determinant
         dv = (xu * (y - py) - yu * (x - px)) / determinant
         length = np.sqrt(du * du + dv * dv)
-        scale = 1.0 if length <= longest else longest / length
+        if length < LAST_STEP_PX:
+            return u + du, v + dv
+        if not length < np.inf:
+            break
+        scale = min(1.0, longest / length)
         u, v = min(max(u + scale * du, low_u), high_u), min(max(v + scale * dv, low_v), high_v)
-    return (u, v) if off < CLOSE_ENOUGH else (np.nan, np.nan)
+    return np.nan, np.nan
 
 
 @jit
@@ -323,25 +331,29 @@ def _pixels(table: Table, point: Array, pixel: Array) -> None:
         pixel[n, 0], pixel[n, 1] = search(table, point[n, 0], point[n, 1])
 
 
-class Mapped(NamedTuple):
+class Moved(NamedTuple):
     """Pixels taken to the sensor."""
 
     point: Array  # (N, 2)
     jacobian: Array  # (N, 2, 2) derivative of the point by the pixel
-    known: NDArray[np.bool_]  # (N,)
 
 
-def mapped(table: Table, pixel: Array) -> Mapped:
+def to_sensor(learned: LearnedMap, image_size: tuple[int, int], pixel: Array) -> Moved:
     """The map at pixels (N, 2) of the image, also where it is not known."""
-    pixel = np.ascontiguousarray(pixel, dtype=np.float64)
-    result = Mapped(np.empty((len(pixel), 2)), np.empty((len(pixel), 2, 2)), np.empty(len(pixel), dtype=np.bool_))
-    _points(table.spline, pixel, result.point, result.jacobian)
-    _known(table.region, pixel, result.known)
+    result = Moved(np.empty((len(pixel), 2)), np.empty((len(pixel), 2, 2)))
+    _points(spline_of(learned, image_size), np.ascontiguousarray(pixel, dtype=np.float64), *result)
     return result
 
 
-def pixels_of(table: Table, point: Array) -> Array:
+def known_at(learned: LearnedMap, image_size: tuple[int, int], pixel: Array) -> NDArray[np.bool_]:
+    """Whether the map is known at pixels (N, 2).  # (N,)"""
+    known = np.empty(len(pixel), dtype=np.bool_)
+    _known(table_of(learned, image_size).region, np.ascontiguousarray(pixel, dtype=np.float64), known)
+    return known
+
+
+def to_image(learned: LearnedMap, image_size: tuple[int, int], point: Array) -> Array:
     """The pixels that the map takes to points (N, 2) of the sensor, also a little outside what is known; or nan."""
     pixel = np.empty((len(point), 2))
-    _pixels(table, np.ascontiguousarray(point, dtype=np.float64), pixel)
+    _pixels(table_of(learned, image_size), np.ascontiguousarray(point, dtype=np.float64), pixel)
     return pixel

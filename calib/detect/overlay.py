@@ -65,7 +65,7 @@ def draw_overlay(
     """The overlay of one photo.  # (H, W) -> (H', W', 3) red, green, blue"""
     radii = seen.ellipse_px[:, 2][np.isfinite(seen.ellipse_px[:, 2])]
     radius = max(1.0, float(np.median(radii)) if len(radii) else min(pixels.shape) / 40)
-    canvas = _canvas(pixels, radius)
+    canvas = pale_canvas(pixels, radius)
     minor = seen.ellipse_px[:, 3][np.isfinite(seen.ellipse_px[:, 3])]
     pen = _Pen(
         width=float(np.clip(radius * canvas.scale / 11, 1.4, 12)),
@@ -108,7 +108,7 @@ def write_overlay(stem: Path, overlay: NDArray[np.uint8]) -> Path:
     return path
 
 
-def _canvas(pixels: NDArray[np.uint8] | NDArray[np.uint16], radius: float) -> Canvas:
+def pale_canvas(pixels: NDArray[np.uint8] | NDArray[np.uint16], radius: float) -> Canvas:
     """The photo in pale grey, enlarged by a whole number if its rings are small."""
     sample = pixels[:: max(1, pixels.shape[0] // 500), :: max(1, pixels.shape[1] // 500)]
     low, high = np.percentile(sample, [0.5, 99.5])

@@ -1,0 +1,33 @@
+"""One way to solve every camera model."""
+
+from calib.solve_virtual import Reference, solve_virtual
+from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
+from calib.types import Calibration, Observations
+
+ALL_VIEWS = "all"
+"""As the reference: the map is learned from all views."""
+
+MODELS_TO_SOLVE = ("luhmann", "opencv", "virtual")
+"""What `--model all` means: the three models of the paper."""
+
+
+def calibrate(
+    observations: Observations, model: str, options: SolveOptions, reference: Reference | None = None
+) -> Calibration:
+    """Solve a camera of any model.
+
+    Args:
+        observations: what was seen.
+        model: its name.
+        options: weights, losses, fixed and shared parameters.
+        reference: the photo that a learned map is of, or `ALL_VIEWS`; only `virtual` heeds it.
+
+    Raises:
+        InputError: the observations or the options do not do.
+    """
+    if model == "virtual":
+        if reference == ALL_VIEWS:
+            return solve_virtual(observations, options, all_views=True)
+        return solve_virtual(observations, options, reference)
+    return solve(observations, model, options)

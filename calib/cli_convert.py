@@ -1,0 +1,137 @@
+"""The command `calib convert`."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from designer.command import printable
+from designer.errors import InputError
+
+if TYPE_CHECKING:
+    from calib.interop import CameraFormat
+    from calib.refit import Refit
+    from calib.types import Camera
+
+LARGE_PX = 0.05
+"""A larger residual is worth a warning: calibrations are good to some hundredths of a pixel."""
+
+_FORMATS = "opencv|ros|kalibr|colmap|mrcal|metashape|json"
+
+
+def convert(
+    camera: Annotated[str, typer.Argument(help="camera file of any of these kinds, a folder with one, or a template")],
+    *,
+    to: Annotated[str, typer.Option(help=f"kind of file to write: {_FORMATS}", metavar="FORMAT")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="file to write", metavar="FILE")],
+    source: Annotated[
+        str | None, typer.Option("--from", help="kind of file to read (default: found out)", metavar="FORMAT")
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option(help="camera model to write: opencv|luhmann|pinhole (default: what the file can hold)")
+    ] = None,
+    without: Annotated[
+        list[str] | None, typer.Option(help="lens parameter to leave out, such as k3", metavar="NAME")
+    ] = None,
+) -> None:
+    """Write a camera as a file of another tool, or read one of its files.
+
+    What a file cannot hold is fitted over the whole image by what it can, and the residual is told in pixels.
+    Of a file with several cameras one is named as in chain.yaml#cam1.
+    """
+    from calib.files import write_files
+    from calib.interop.converting import fit_to_format
+    from calib.interop.reading import find_format, open_camera
+
+    target = find_format(to)
+    opened = open_camera(camera, source)
+    _check_output(out, target, camera)
+    written, refit = fit_to_format(opened.read.camera, target, model, _lens_parameters(without, opened.read.camera))
+    write_files({out: target.write(written).encode()})
+    print(f"read   {printable(camera)}: {opened.format.title}, {_described(opened.read.camera)}")
+    for remark in opened.read.remarks:
+        print(f"       {remark}")
+    residuals = [one for one in (opened.read.refit, refit) if one is not None]
+    for one in residuals:
+        _say_refit(one)
+    print(f"wrote  {printable(str(out))}: {target.title}, {_described(written)}")
+    for loss in _lost(opened.read.camera, written, target):
+        print(f"lost   {loss}")
+    if not residuals:
+        print("exact  no fit was needed")
+    elif max(one.max_px for one in residuals) > LARGE_PX:
+        print(f"warning: the two cameras differ by more than {LARGE_PX:g} px somewhere; see where with calib diff")
+    print(f"open   {target.opens_with.format(file=printable(str(out)), url=out.absolute().as_uri())}")
+
+
+def _lens_parameters(names: list[str] | None, camera: "Camera") -> tuple[str, ...]:
+    """Names of lens parameters, checked."""
+    from calib.cameras import parameter_names
+    from calib.refit import FAMILIES, FOCAL_AND_CENTRE
+    from designer.spec_file import shown
+
+    known = sorted({name for model in FAMILIES for name in parameter_names(model)[FOCAL_AND_CENTRE:]})
+    for name in names or ():
+        if name not in known:
+            raise InputError(f"--without {shown(name)}: no lens parameter; there are {', '.join(known)}")
+    return tuple(names or ())
+
+
+def _check_output(out: Path, target: "CameraFormat", source: str) -> None:
+    """Refuse a place that is a folder, the input, or holds something else, before any work is done."""
+    from calib.interop.reading import HEAD, recognise
+
+    if out.is_dir():
+        raise InputError(f"{out}: is a folder; name the file with -o, such as {out / target.file_name}")
+    if not os.path.lexists(out):
+        return
+    try:
+        if not out.is_file():
+            raise InputError(f"{out}: is not a file; choose another name with -o")
+        if os.path.lexists(source) and out.samefile(source):
+            raise InputError(f"{out}: is the file to read; choose another name with -o")
+        with out.open("rb") as stream:
+            head = stream.read(HEAD).decode("utf-8", "replace")
+    except OSError as error:
+        raise InputError(f"{out}: cannot be used: {error.strerror}; choose another name with -o") from None
+    if head.strip() and recognise(head) is None:
+        raise InputError(f"{out}: exists and holds no camera; choose another name with -o")
+
+
+def _described(camera: "Camera") -> str:
+    """Model, image size and the linear part."""
+    fx, fy, cx, cy = camera.params[:4]
+    width, height = camera.image_size
+    return f"{camera.model}, {width} x {height} px, f {fx:.2f} {fy:.2f}, centre {cx:.2f} {cy:.2f} px"
+
+
+def _say_refit(refit: "Refit") -> None:
+    """The residual of a fit, and over how much of the image it was made."""
+    import numpy as np
+
+    known = "the whole image" if refit.known == 1 else f"the {100 * refit.known:.0f} % of the image that is known"
+    print(f"fitted {refit.camera.model} over {known}: RMS {refit.rms_px:.4f} px, max {refit.max_px:.4f} px")
+    if refit.turn_rad:
+        print(
+            f"turned its frame by {np.degrees(refit.turn_rad):.3f} deg: poses found with the old camera are not in it"
+        )
+
+
+def _lost(camera: "Camera", written: "Camera", target: "CameraFormat") -> list[str]:
+    """What the file does not say that the camera knew."""
+    import numpy as np
+
+    from calib.cameras import parameter_names
+    from calib.refit import FOCAL_AND_CENTRE
+
+    values = dict(zip(parameter_names(camera.model), camera.params.tolist(), strict=True))
+    lost = []
+    gone = [name for name in target.cannot_hold if values.get(name)]
+    if gone:
+        lost.append(f"{' '.join(gone)}, for which {target.title} has no place; the others make up for what they can")
+    if camera.learned is not None and written.learned is None:
+        lost.append("where the map is known; the file's lens goes on to the edges of the image, untried")
+    elif written.model == "pinhole" and np.any(camera.params[FOCAL_AND_CENTRE:]):
+        lost.append("the lens's distortion")
+    return lost

@@ -1,0 +1,122 @@
+"""The command `calib diff`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from designer.command import printable
+from designer.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from calib.camera_difference import CameraDifference
+
+
+def diff(
+    a: Annotated[str, typer.Argument(help="camera file of any kind that calib convert reads, or a folder with one")],
+    b: Annotated[str, typer.Argument(help="another camera of the same image size")],
+    *,
+    radius: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            help="fit the rotation that is removed only this near to the centre, in px; 0: remove none "
+            "(default: fit it to the whole image)",
+            metavar="PX",
+        ),
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(help="draw the map of differences", metavar="FILE.png")] = None,
+) -> None:
+    """Compare two cameras: how far apart they see the same light, in px over the image.
+
+    The frames of two calibrations are never quite parallel, so the best rotation between them is removed first.
+    """
+    from calib.camera_difference import camera_difference
+    from calib.interop.reading import open_camera
+
+    if picture is not None and (picture.suffix.lower() != ".png" or picture.is_dir()):
+        raise InputError(f"{picture}: the picture is a .png file; name it so, such as {picture.stem or 'diff'}.png")
+    opened = [open_camera(name) for name in (a, b)]
+    difference = camera_difference(opened[0].read.camera, opened[1].read.camera, radius_px=radius)
+    for mark, name, one in zip("AB", (a, b), opened, strict=True):
+        width, height = one.read.camera.image_size
+        print(f"{mark}  {printable(name)}: {one.format.title}, {one.read.camera.model}, {width} x {height} px")
+        for remark in one.read.remarks:
+            fitted = "" if one.read.refit is None else f": max {one.read.refit.max_px:.4f} px off"
+            print(f"   {remark}{fitted}")
+    print(f"{_rotation(difference)}\n")
+    _table(difference)
+    _say_where(difference)
+    if picture is None:
+        print("next  the same command with --picture FILE.png draws the map")
+        return
+    from calib.difference_picture import difference_picture
+    from calib.files import write_files
+
+    title = f"from {printable(a)} to {printable(b)}; {_rotation(difference)}"
+    rms, _, largest = _summary(difference.length_px)
+    write_files({picture: difference_picture(difference, title, f"RMS {rms:.4f} px, max {largest:.4f} px")})
+    print(f"wrote {printable(str(picture))}: the map; arrows lead from where A sees the light to where B does")
+
+
+def _rotation(difference: "CameraDifference") -> str:
+    """What was removed."""
+    import numpy as np
+
+    if difference.radius_px == 0:
+        return "no rotation removed"
+    whole = difference.radius_px >= np.hypot(*difference.image_size) / 2
+    where = "the whole image" if whole else f"{difference.radius_px:g} px about the centre"
+    return f"rotation removed: {np.degrees(difference.turn_rad):.4f} deg, fitted to {where}"
+
+
+def _table(difference: "CameraDifference") -> None:
+    """RMS, median and max of the whole image, and from its centre to its corners."""
+    import numpy as np
+    from rich.console import Console
+    from rich.table import Table
+
+    half_diagonal = np.hypot(*difference.image_size) / 2
+    part = difference.off_centre_px / half_diagonal
+    zones: list[tuple[str, NDArray[np.bool_]]] = [
+        ("whole image", part >= 0),
+        ("centre", part < 1 / 3),
+        ("between", (part >= 1 / 3) & (part < 2 / 3)),
+        ("corners", part >= 2 / 3),
+    ]
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    table.add_column("difference (px)")
+    for column in ("RMS", "median", "max"):
+        table.add_column(column, justify="right")
+    for name, rows in zones:
+        known = difference.length_px[rows]
+        if np.isfinite(known).any():
+            table.add_row(name, *(f"{value:.4f}" for value in _summary(known)))
+        else:
+            table.add_row(name, "not known", "", "")
+    Console(highlight=False, soft_wrap=True).print(table)
+
+
+def _summary(length_px: "NDArray[np.float64]") -> tuple[float, float, float]:
+    """RMS, median and max of the lengths that are known."""
+    import numpy as np
+
+    known = length_px[np.isfinite(length_px)]
+    return float(np.sqrt(np.mean(known**2))), float(np.median(known)), float(known.max())
+
+
+def _say_where(difference: "CameraDifference") -> None:
+    """Where the difference is largest, and how much of the image is compared."""
+    import numpy as np
+
+    length = difference.length_px
+    row, column = np.unravel_index(np.nanargmax(length), length.shape)
+    u, v = difference.pixel[row, column]
+    du, dv = np.round(difference.difference_px[row, column], 4) + 0.0  # no -0.0000
+    print(f"\nlargest at pixel ({u:.0f}, {v:.0f}): B sees its light ({du:+.4f}, {dv:+.4f}) px away")
+    unknown = int(np.isnan(length).sum())
+    if unknown:
+        print(f"not compared: {unknown} of {length.size} pixels looked at, where a camera does not know what it sees")

@@ -1,0 +1,173 @@
+"""The command `calib undistort`."""
+
+import math
+import shlex
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from calib.camera_argument import CameraArgument, read_camera
+from calib.cli_detect import one_line
+from designer.command import STOPPED
+from designer.errors import InputError
+
+if TYPE_CHECKING:
+    from calib.detect.batch import PhotoFile
+    from calib.resample import Pixels
+    from calib.types import Camera
+
+MARK = ".undistorted"
+"""Stands in the name of each undistorted photo, so that one is not taken for a photo of the camera."""
+CAMERA_FILE = "camera.json"
+FOCAL_RANGE_PX = (1.0, 1e7)
+
+
+@dataclass(frozen=True)
+class _Done:
+    """What came of one photo."""
+
+    photo: "PhotoFile"
+    share_filled: float = 0.0
+    remarks: tuple[str, ...] = ()
+    failure: str = ""  # one line that names the file
+
+
+def undistort(
+    camera: CameraArgument,
+    photos: Annotated[list[str], typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")],
+    *,
+    out: Annotated[Path, typer.Option("--out", "-o", help="folder for the photos and the new camera file")],
+    alpha: Annotated[
+        float | None,
+        typer.Option(
+            min=0, max=1, help="0: no black regions; 1: all that the photos show (default: focal length kept)"
+        ),
+    ] = None,
+    focal_px: Annotated[float | None, typer.Option(help="focal length of the new camera, in px")] = None,
+) -> None:
+    """Resample photos to what a pinhole camera would have taken.
+
+    Each becomes NAME.undistorted.png with its bit depth and channels. The new camera.json belongs to them.
+    """
+    from calib.detect.batch import find_photos, named_photos
+    from calib.undistort import pinhole_of
+
+    if alpha is not None and focal_px is not None:
+        raise InputError("--alpha and --focal-px both set the focal length; give one of them")
+    if alpha is not None and math.isnan(alpha):
+        raise InputError("--alpha nan: must be from 0 to 1")
+    if focal_px is not None and not FOCAL_RANGE_PX[0] <= focal_px <= FOCAL_RANGE_PX[1]:
+        raise InputError(f"--focal-px {focal_px:g}: must be from {FOCAL_RANGE_PX[0]:g} to {FOCAL_RANGE_PX[1]:g}")
+    taken = read_camera(camera)
+    pinhole = pinhole_of(taken, alpha=alpha, focal_px=focal_px)
+    place = out / CAMERA_FILE
+    _check_out(out, place)
+    found = find_photos(photos)
+    named = named_photos(found.paths)
+    files = [photo for photo in named if not Path(photo.name).stem.endswith(MARK)]
+    done = _undistort_all(files, place, taken, pinhole)
+    failures = [*found.failures, *(one.failure for one in done if one.failure)]
+    if all(one.failure for one in done):
+        others = f" (and {len(failures) - 1} more like it)" if len(failures) > 1 else ""
+        raise InputError(f"{failures[0] if failures else 'no photos to undistort'}{others}")
+    if len(named) > len(files):
+        print(f"left out: {len(named) - len(files)} undistorted photos of an earlier run")
+    _summarise(done, failures, taken, pinhole, place)
+
+
+def _undistort_all(photos: "Sequence[PhotoFile]", place: Path, camera: "Camera", pinhole: "Camera") -> list[_Done]:
+    """One photo after the other into the folder of the new camera's file, which comes with the first that succeeds."""
+    from calib.camera_file import camera_to_json
+    from calib.files import distinct_stems, write_files
+    from calib.progress import progress_bar
+
+    done: list[_Done] = []
+    try:
+        with progress_bar("undistorting", len(photos)) as tell:
+            for photo, stem in zip(photos, distinct_stems([photo.name for photo in photos]), strict=True):
+                result = place.with_name(f"{stem}{MARK}.png")
+                is_first = all(one.failure for one in done)
+                done.append(_one(photo, result, camera, pinhole, tell, len(done)))
+                if is_first and not done[-1].failure:
+                    write_files({place: camera_to_json(pinhole).encode()})
+                tell(len(done))
+    except KeyboardInterrupt:
+        good = sum(not one.failure for one in done)
+        typer.echo(f"stopped: {good} of {len(photos)} photos are in {place.parent}", err=True)
+        raise SystemExit(STOPPED) from None
+    return done
+
+
+def _check_out(out: Path, place: Path) -> None:
+    """Refuse a folder that is none, or holds another camera, before any work is done."""
+    from calib.camera_file import load_camera
+
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: is a file, not a folder; choose another with -o")
+    if not place.exists():
+        return
+    try:
+        is_ours = load_camera(place).model == "pinhole"
+    except InputError:
+        is_ours = False
+    if not is_ours:
+        raise InputError(f"{place}: exists and is no pinhole camera of an earlier run; choose another folder with -o")
+
+
+def _one(
+    photo: "PhotoFile", result: Path, camera: "Camera", pinhole: "Camera", tell: Callable[[float], None], before: int
+) -> _Done:
+    """One photo from file to file. No fault of a photo ends the run."""
+    from calib.files import write_files
+    from calib.images import read_colour
+    from calib.undistort import undistort as undistort_pixels
+
+    try:
+        image = read_colour(photo.path)
+        size = image.pixels.shape[1], image.pixels.shape[0]
+        if size != camera.image_size:
+            raise InputError(
+                f"{photo.path}: has {size[0]} x {size[1]} px, but the camera file is of one with "
+                f"{camera.image_size[0]} x {camera.image_size[1]} px; give photos and camera of one size"
+            )
+        undistorted = undistort_pixels(image.pixels, camera, pinhole, progress=lambda share: tell(before + 0.9 * share))
+        write_files({result: _png(undistorted.pixels)})
+    except InputError as error:
+        return _Done(photo, failure=str(error))
+    except Exception as error:
+        return _Done(photo, failure=f"{photo.path}: cannot be undistorted: {type(error).__name__}: {error}")
+    return _Done(photo, undistorted.share_filled, image.remarks)
+
+
+def _png(pixels: "Pixels") -> bytes:
+    import cv2
+
+    done, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    if not done:
+        raise InputError(f"{pixels.shape[1]} x {pixels.shape[0]} px are more than an image file holds")
+    return data.tobytes()
+
+
+def _summarise(
+    done: Sequence[_Done], failures: Sequence[str], camera: "Camera", pinhole: "Camera", place: Path
+) -> None:
+    """What was done, what was not, and what the new camera is."""
+    good = [one for one in done if not one.failure]
+    for failure in failures:
+        print(f"skipped {one_line(failure)}")
+    for one in good:
+        for remark in one.remarks:
+            print(f"{one_line(one.photo.name)}: {remark}")
+    fx, fy, cx, cy = pinhole.params
+    kept = "as the camera's" if fx == camera.params[0] else f"the camera has {camera.params[0]:.2f}"
+    black = 1 - min(one.share_filled for one in good)
+    photos = "1 photo" if len(good) == 1 else f"{len(good)} photos"
+    print(f"{photos} undistorted, {len(failures)} failures; focal length {fx:.2f} px ({kept})")
+    if black > 0:
+        print(f"  {100 * black:.1f} % of the pixels are black: the photos show nothing there; --alpha 0 avoids it")
+    print(f"wrote {place.parent}: NAME{MARK}.png")
+    print(f"      {place}: their pinhole, fx {fx:.3f} fy {fy:.3f} cx {cx:.3f} cy {cy:.3f} px")
+    print(f"next  calib convert {shlex.quote(str(place))} --to colmap -o cameras.txt  writes it for COLMAP")

@@ -1,0 +1,122 @@
+"""Tables in text files: read whole, column by column, with the line named where a value breaks a rule."""
+
+import csv
+import io
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from designer.errors import InputError
+
+MAX_FILE_BYTES = 512 * 2**20
+ANY_NAME = "surrogatepass"
+"""Python's way with file names that are no text: they are read back as they were."""
+
+_WHOLE = re.compile(r"-?[0-9]{1,9}")
+_REAL = re.compile(r"[-+]?(?:[0-9]{1,20}\.?[0-9]{0,20}|\.[0-9]{1,20})(?:[eE][-+]?[0-9]{1,3})?")
+
+
+@dataclass(frozen=True)
+class Table:
+    """The cells below the column names, column by column, and the line each row ends in."""
+
+    path: Path
+    lines: list[int]
+    cells: dict[str, tuple[str, ...]]
+
+    def require(self, ok: NDArray[np.bool_], rule: str) -> None:
+        """Refuse the first row that is not ok, by its line."""
+        if not ok.all():
+            raise InputError(f"{self.path}: line {self.lines[int(np.argmin(ok))]}: {rule}")
+
+    def whole_numbers(self, name: str) -> NDArray[np.int64]:
+        """A column of whole numbers."""
+        self._require_pattern(name, _WHOLE, "a whole number")
+        return np.array(list(map(int, self.cells[name])), dtype=np.int64)
+
+    def reals(self, name: str) -> NDArray[np.float64]:
+        """A column of finite numbers."""
+        self._require_pattern(name, _REAL, "a finite number")
+        numbers = np.array(list(map(float, self.cells[name])), dtype=np.float64)
+        self.require(np.abs(numbers) < np.inf, f"{name} must be a finite number")
+        return numbers
+
+    def _require_pattern(self, name: str, pattern: re.Pattern[str], what: str) -> None:
+        ok = np.array([pattern.fullmatch(cell) is not None for cell in self.cells[name]], dtype=bool)
+        self.require(ok, f"{name} must be {what}")
+
+
+def read_text(path: Path, kind: str, max_bytes: int = MAX_FILE_BYTES) -> str:
+    """The text of a table's file, without a byte-order mark.
+
+    Args:
+        path: the file.
+        kind: what it should be, with its article, as in "a detections file".
+        max_bytes: a larger file is refused.
+
+    Raises:
+        InputError: no regular file, too large, or not UTF-8 text; the message names it.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path}: not a regular file; name {kind}")
+        if path.stat().st_size > max_bytes:
+            raise InputError(f"{path}: {path.stat().st_size} bytes; at most {max_bytes} are read")
+        return path.read_bytes().decode("utf-8", ANY_NAME).removeprefix("\ufeff")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not UTF-8 text, so not {kind}; write it again") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{str(path)!r}: is no file name: {error}; check the path") from None
+
+
+def is_real(cell: str) -> bool:
+    """Whether a text is a number, which may still be too large to be finite."""
+    return _REAL.fullmatch(cell) is not None
+
+
+def read_table(
+    path: Path,
+    stream: io.StringIO,
+    first_line: int,
+    column_fault: Callable[[tuple[str, ...]], str],
+    *,
+    skip_spaces: bool = False,
+) -> Table:
+    """The rows of comma-separated values from the line of column names on.
+
+    Args:
+        path: what messages name.
+        stream: a text whose line ends are as in the file, at the line of column names.
+        first_line: the number of that line.
+        column_fault: what is wrong with the names of the columns, "" if nothing.
+        skip_spaces: spaces after a comma do not count.
+
+    Raises:
+        InputError: not CSV, columns that are not accepted, or a row of another length; the message names the line.
+    """
+    reader = csv.reader(stream, strict=True, skipinitialspace=skip_spaces)
+    rows: list[list[str]] = []
+    lines: list[int] = []
+    try:
+        columns = tuple(next(reader, ()))
+        if fault := column_fault(columns):
+            raise InputError(f"{path}: line {first_line}: {fault}")
+        for row in reader:
+            if row:
+                rows.append(row)
+                lines.append(first_line - 1 + reader.line_num)
+    except csv.Error as error:
+        raise InputError(f"{path}: line {first_line - 1 + reader.line_num}: {error}; not valid CSV") from None
+    for row, line in zip(rows, lines, strict=True):
+        if len(row) != len(columns):
+            raise InputError(f"{path}: line {line}: {len(row)} values; a line has {len(columns)}")
+    values = zip(*rows, strict=True) if rows else ((),) * len(columns)
+    return Table(path, lines, dict(zip(columns, values, strict=True)))

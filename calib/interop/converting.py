@@ -1,0 +1,46 @@
+"""A camera made to fit a format: its model, and what the format has no place for."""
+
+from collections.abc import Collection
+
+from calib.interop.format import CameraFormat
+from calib.refit import FAMILIES, Refit, refit
+from calib.types import Camera
+from designer.errors import InputError
+from designer.spec_file import shown, suggestion
+
+WITHOUT_LENS = "pinhole"
+"""Every format holds it."""
+
+
+def fit_to_format(
+    camera: Camera, target: CameraFormat, model: str | None = None, zero: Collection[str] = ()
+) -> tuple[Camera, Refit | None]:
+    """The camera as the format can hold it, and the fit that took, if any.
+
+    Args:
+        camera: of any model.
+        target: the format to be written.
+        model: the model to convert to; the camera's own where the format holds it, if not given.
+        zero: lens parameters to leave out besides those the format cannot hold.
+
+    Raises:
+        InputError: a model that the format cannot hold.
+    """
+    model = model or _own_or_nearest(camera, target)
+    if target.model is None and model == camera.model and not zero:
+        return camera, None  # of a learned map too, which cannot be fitted
+    if model not in FAMILIES:
+        hint = suggestion(model, list(FAMILIES)) or f"; there are {', '.join(FAMILIES)}"
+        raise InputError(f"model {shown(model)} cannot be fitted to a camera{hint}")
+    if target.model is not None and model not in (target.model, WITHOUT_LENS):
+        holds = f"{target.title} holds model {target.model} or {WITHOUT_LENS}"
+        raise InputError(f"{holds}, not {shown(model)}; leave out --model, or use --to json")
+    result = refit(camera, model, zero=(*zero, *target.cannot_hold), turn=camera.learned is not None)
+    return result.camera, None if result.is_exact else result
+
+
+def _own_or_nearest(camera: Camera, target: CameraFormat) -> str:
+    """The camera's model where the format holds it, else the one it holds."""
+    if target.model is None or camera.model in (target.model, WITHOUT_LENS):
+        return camera.model
+    return target.model

@@ -1,0 +1,102 @@
+"""OpenCV's YAML files, as `cv2.FileStorage` writes and reads them."""
+
+import re
+from collections.abc import Mapping
+
+from calib.interop.format import CameraFormat, ReadCamera
+from calib.interop.lens import brown_camera
+from calib.interop.values import image_size, mapping, numbers, real, required
+from calib.interop.yaml_text import only_keys, parse_yaml
+from calib.types import Camera
+from designer.errors import InputError
+
+MATRIX = ("camera_matrix", "cameraMatrix", "K")
+LENS = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D")
+SIZE = ("image_size", "imageSize", "image_width", "image_height", "width", "height")
+FISHEYE = "fisheye_model"
+COUNTS = (4, 5, 8, 12, 14)
+TILT = slice(12, 14)
+MAX_FILE_BYTES = 2**22
+"""A file may hold all image points of a calibration."""
+
+_RECOGNISED = re.compile(rf"^(?:{'|'.join(MATRIX)})\s*:|!!opencv-matrix", re.MULTILINE)
+
+
+def _recognises(head: str) -> bool:
+    return _RECOGNISED.search(head) is not None
+
+
+def write(camera: Camera) -> str:
+    """The text for a camera of model `opencv` or `pinhole`."""
+    fx, fy, cx, cy, *lens = camera.params.tolist()
+    width, height = camera.image_size
+    matrix = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
+    return (
+        f"%YAML:1.0\n---\nimage_width: {width}\nimage_height: {height}\n"
+        f"camera_matrix: {_matrix(3, 3, matrix)}"
+        f"distortion_coefficients: {_matrix(1, 5, lens or [0.0] * 5)}"
+    )
+
+
+def _matrix(rows: int, columns: int, values: list[float]) -> str:
+    data = ", ".join(map(real, values))
+    return f"!!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ {data} ]\n"
+
+
+def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
+    """The camera in a text.
+
+    Raises:
+        InputError: not such a file, or a lens that is no relative of Brown's.
+    """
+    tree = parse_yaml(only_keys(text, (*MATRIX, *LENS, *SIZE, FISHEYE)), origin)
+    values = mapping({} if tree is None else tree, "the file", origin)
+    size = _image_size(values, origin)
+    linear = linear_part(numbers(_data(required(values, MATRIX, origin)), MATRIX[0], origin, (9,)), origin)
+    lens = numbers(_data(required(values, LENS, origin)), LENS[0], origin, (0, *COUNTS))
+    if any(lens[TILT]):
+        raise InputError(f"{origin}: a tilted sensor (tau) is not supported; calibrate without CALIB_TILTED_MODEL")
+    if values.get(FISHEYE) not in (None, "", "0", "false"):
+        raise InputError(f"{origin}: a fisheye lens is not supported; calibrate without the fisheye model")
+    return brown_camera(linear, lens[: TILT.start], size, origin)
+
+
+def _image_size(values: Mapping[str, object], origin: str) -> tuple[int, int]:
+    both = values.get("image_size", values.get("imageSize"))
+    if both is not None:
+        return image_size(both, origin)
+    hint = "; add image_width and image_height, in pixels"
+    return image_size([required(values, (f"image_{side}", side), origin, hint) for side in ("width", "height")], origin)
+
+
+def _data(matrix: object) -> object:
+    """The numbers of a matrix: under `data`, or a plain list."""
+    return matrix.get("data") if isinstance(matrix, dict) else matrix
+
+
+def linear_part(matrix: list[float], origin: str) -> list[float]:
+    """Values fx fy cx cy of a camera matrix, row by row.
+
+    Raises:
+        InputError: a matrix with skew, or none at all.
+    """
+    fx, skew, cx, zero, fy, cy, *last = matrix
+    if [zero, *last] != [0.0, 0.0, 0.0, 1.0]:
+        raise InputError(f"{origin}: not a camera matrix: it must be fx 0 cx, 0 fy cy, 0 0 1, row by row")
+    if skew:
+        raise InputError(
+            f"{origin}: camera matrix with skew {skew:g}: not supported; calibrate with rectangular pixels"
+        )
+    return [fx, fy, cx, cy]
+
+
+OPENCV = CameraFormat(
+    name="opencv",
+    title="OpenCV YAML",
+    file_name="camera.yaml",
+    opens_with='in Python: cv2.FileStorage("{file}", cv2.FILE_STORAGE_READ).getNode("camera_matrix").mat()',
+    recognises=_recognises,
+    write=write,
+    read=read,
+    max_bytes=MAX_FILE_BYTES,
+)

@@ -1,0 +1,33 @@
+"""This program's own `camera.json`."""
+
+from pathlib import Path
+
+from calib.camera_file import FORMAT, MAX_FILE_BYTES, camera_from_mapping, camera_to_json
+from calib.interop.format import CameraFormat, ReadCamera
+from designer.small_file import parse_json
+
+
+def _recognises(head: str) -> bool:
+    return head.lstrip().startswith("{") and f'"{FORMAT}"' in head
+
+
+def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
+    """The camera in a text.
+
+    Raises:
+        InputError: not such a file, or a value that breaks a rule.
+    """
+    return ReadCamera(camera_from_mapping(parse_json(text, Path(origin), "a camera file"), origin))
+
+
+JSON = CameraFormat(
+    name="json",
+    title="camera.json",
+    file_name="camera.json",
+    opens_with="calib undistort {file} PHOTOS... -o DIR",
+    recognises=_recognises,
+    write=camera_to_json,
+    read=read,
+    model=None,
+    max_bytes=MAX_FILE_BYTES,
+)

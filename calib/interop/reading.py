@@ -1,0 +1,88 @@
+"""Camera files of any kind that is known, found out by their content."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib.camera_file import camera_or_preset
+from calib.interop import FORMATS
+from calib.interop.format import CameraFormat, ReadCamera
+from calib.interop.own_json import JSON
+from designer.errors import InputError
+from designer.presets import preset_names
+from designer.small_file import read_small_text
+from designer.spec_file import shown, suggestion
+
+HEAD = 2**16
+"""Characters from which a file's kind is told."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedCamera:
+    """A camera with the kind of file it came from."""
+
+    format: CameraFormat
+    read: ReadCamera
+
+
+def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
+    """The camera of a file, of a template, or of one of a file's several cameras, named as in `FILE#NAME`.
+
+    Args:
+        name: what a person typed; a folder stands for its `camera.json`.
+        format_name: one of `FORMATS`; found out if not given.
+
+    Raises:
+        InputError: no such file, of no known kind, or not valid; the message names it.
+    """
+    known = None if format_name is None else find_format(format_name)
+    if known in (None, JSON) and (name in preset_names("cameras") or Path(name).suffix.lower() == ".toml"):
+        return OpenedCamera(JSON, ReadCamera(camera_or_preset(name)))
+    path, wanted = _split(name)
+    if path.is_dir():
+        path = path / JSON.file_name
+    largest = max(one.max_bytes for one in FORMATS.values()) if known is None else known.max_bytes
+    text = read_small_text(path, largest, "a camera file")
+    kind = known or recognise(text)
+    if kind is None:
+        raise InputError(f"{path}: {_why_unknown(text)}; if you know, say --from {'|'.join(FORMATS)}")
+    if len(text) > kind.max_bytes:
+        raise InputError(f"{path}: more than {kind.max_bytes} bytes; {kind.title} is smaller")
+    if wanted is not None and not kind.holds_many:
+        raise InputError(f"{path}: {kind.title} holds one camera; leave out {shown('#' + wanted)}")
+    return OpenedCamera(kind, kind.read(text, str(path), wanted))
+
+
+def find_format(name: str) -> CameraFormat:
+    """The format of that name.
+
+    Raises:
+        InputError: there is none.
+    """
+    if name not in FORMATS:
+        hint = suggestion(name, list(FORMATS)) or f"; there are {', '.join(FORMATS)}"
+        raise InputError(f"unknown camera format {shown(name)}{hint}")
+    return FORMATS[name]
+
+
+def recognise(text: str) -> CameraFormat | None:
+    """The kind of file a text looks like, if it looks like any."""
+    return next((one for one in FORMATS.values() if one.recognises(text[:HEAD])), None)
+
+
+def _split(name: str) -> tuple[Path, str | None]:
+    """File and camera; a file may have the mark in its own name."""
+    path, mark, camera = name.rpartition("#")
+    if not mark or os.path.lexists(name):
+        return Path(name), None
+    return Path(path), camera
+
+
+def _why_unknown(text: str) -> str:
+    """What a file may be that is no camera file."""
+    head = text[:HEAD]
+    if "<opencv_storage>" in head:
+        return "OpenCV's XML is not read; save it as .yaml"
+    if '"ringforge.' in head:
+        return "no camera file; name the camera.json beside it"
+    return "not a camera file of a known kind"

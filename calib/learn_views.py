@@ -1,0 +1,152 @@
+"""Learning the map from all views of any target, map and pinhole in turn.
+
+With poses and pinhole given, every sighting says where on the sensor its pixel lies: the pinhole projection of its
+point. Thousands of them are too many for a Gaussian process, so they are averaged in cells of the image; what is
+averaged is how far they lie from the map so far, which is nearly constant in a cell. With the map given, the pinhole
+and the poses are solved. The alternation is a fixed-point iteration on the cells' points; it is sped up by Anderson's
+method (J. ACM 12, 1965), which combines the last steps so that they all but cancel.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import rays
+from calib.cameras.learned import to_sensor
+from calib.image_cells import Cells, cells_of
+from calib.learn_map import Learned, Process, Samples, learn_map
+from calib.se3 import transform
+from calib.solve_on_sensor import move_to_sensor, rows_of_views
+from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
+from calib.types import Calibration, Camera, Observations
+from designer.errors import InputError
+
+Array = NDArray[np.float64]
+SensorMap = Callable[[Array], Array]
+
+MIN_VIEWS = 3
+MAX_ROUNDS = 30
+SMALL_CHANGE_PX = 1e-3
+LEARN_IN_ROUNDS = 1, 4
+"""When the process is learned too. The first takes for noise what the poses bear of the lens model's errors; by the
+last these are gone."""
+HISTORY = 5
+"""Steps that are combined."""
+
+
+@dataclass(frozen=True, eq=False)
+class FromViews:
+    """A map learned from all views."""
+
+    learned: Learned
+    rounds: int
+    change_px: float  # of the last round
+
+
+def learn_from_views(start: Calibration, options: SolveOptions) -> FromViews:
+    """Learn the map that fits all views.
+
+    Args:
+        start: the same views solved with a lens model, which gives the first poses and the first map.
+        options: of the solution.
+
+    Raises:
+        InputError: too few views.
+    """
+    seen = start.observations
+    if seen.view_count < MIN_VIEWS:
+        raise InputError(
+            f"{seen.view_count} views to learn a map of the lens from: at least {MIN_VIEWS} are needed to tell it "
+            "from the poses; take more photos, or give a photo of a board that fills the image (--reference)"
+        )
+    weights = seen.cov_px2 if options.weighted else None
+    variance = np.ones(len(seen.view)) if weights is None else 0.5 * np.trace(weights, axis1=1, axis2=2)
+    return _alternate(seen, variance, start, options)
+
+
+def _alternate(seen: Observations, variance: Array, start: Calibration, options: SolveOptions) -> FromViews:
+    """Rounds of learning the map and solving the pinhole."""
+    cells = cells_of(seen.center_px, variance)
+    point = _updated(_map_of_camera(start.camera), seen, start, cells)
+    points: list[Array] = []
+    steps: list[Array] = []
+    process: Process | None = None
+    for count in range(1, MAX_ROUNDS + 1):
+        samples = Samples(cells.pixel, point, cells.variance, cells.measurements)
+        learned = learn_map(samples, seen.image_size, process, improve=count in LEARN_IN_ROUNDS)
+        process = learned.process
+        moved = move_to_sensor(seen, learned.map, weighted=options.weighted)
+        solved = solve(moved.observations, "pinhole", replace(options, weighted=True))
+        step = _updated(_map_of(learned, seen.image_size), seen, solved, cells) - point
+        step = _without_gauge(step, point, solved.camera.params, cells.variance)
+        change = _largest_px(step, learned, cells.pixel, seen.image_size)
+        if change < SMALL_CHANGE_PX and count > LEARN_IN_ROUNDS[-1]:
+            break
+        points, steps = [*points, point][-HISTORY - 1 :], [*steps, step][-HISTORY - 1 :]
+        point = _combined(points, steps, cells.variance)
+    return FromViews(learned, count, change)
+
+
+def _without_gauge(step: Array, point: Array, params: Array, variance: Array) -> Array:
+    """A step (N, 2) without what pinhole and poses would make good.
+
+    Turning the camera in all views, or changing its focal lengths and centre, moves the points of the sensor, and no
+    sighting objects. Those seven motions would add up from round to round.
+    """
+    focal, centre = params[:2], params[2:4]
+    x, y = ((point - centre) / focal).T
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    motions = [(x, zero), (zero, y), (one, zero), (zero, one), (x * y, 1 + y * y), (1 + x * x, x * y), (-y, x)]
+    basis = np.stack([np.stack(motion, axis=1) * focal for motion in motions], axis=-1).reshape(-1, len(motions))
+    weight = np.repeat(1 / np.sqrt(variance), 2)
+    share = np.linalg.lstsq(basis * weight[:, None], step.ravel() * weight, rcond=None)[0]
+    rest: Array = step - (basis @ share).reshape(-1, 2)
+    return rest
+
+
+def _largest_px(step: Array, learned: Learned, pixel: Array, image_size: tuple[int, int]) -> float:
+    """The largest of some steps (N, 2) on the sensor, in pixels of the image."""
+    jacobian = to_sensor(learned.map, image_size, pixel).jacobian
+    return float(np.abs(np.linalg.solve(jacobian, step[:, :, None])).max())
+
+
+def _map_of_camera(camera: Camera) -> SensorMap:
+    """The map of a lens model: its rays on its own pinhole's image, or the pixel itself where it has no ray."""
+
+    def sensor_map(pixel: Array) -> Array:
+        point = rays(camera, pixel)[:, :2] * camera.params[:2] + camera.params[2:4]
+        return np.where(np.isfinite(point), point, pixel)
+
+    return sensor_map
+
+
+def _map_of(learned: Learned, image_size: tuple[int, int]) -> SensorMap:
+    return lambda pixel: to_sensor(learned.map, image_size, pixel).point
+
+
+def _updated(sensor_map: SensorMap, seen: Observations, solved: Calibration, cells: Cells) -> Array:
+    """Where the pinhole projections of a solution put the cells' pixels, by way of the map so far.  # (N, 2)"""
+    inside, params = solved.observations, solved.camera.params
+    there = transform(solved.cam_from_target[inside.view], inside.points.position_mm[inside.point])
+    projected = there[:, :2] / there[:, 2:] * params[:2] + params[2:4]
+    rows = rows_of_views(seen, inside.view_names)
+    off, used = np.zeros((len(rows), 2)), np.zeros(len(rows), dtype=bool)
+    off[rows] = projected - sensor_map(seen.center_px[rows])
+    used[rows] = ~solved.is_outlier
+    return sensor_map(cells.pixel) + cells.mean(off, used)
+
+
+def _combined(points: list[Array], steps: list[Array], variance: Array) -> Array:
+    """The next point of a fixed-point iteration, from the last points and the steps taken there (Anderson, type II)."""
+    point, step = points[-1], steps[-1]
+    if len(points) < 2:
+        return point + step
+    weight = np.repeat(1 / np.sqrt(variance), 2)
+    by_step = np.diff(np.stack([one.ravel() for one in steps]), axis=0).T
+    by_point = np.diff(np.stack([one.ravel() for one in points]), axis=0).T
+    share = np.linalg.lstsq(by_step * weight[:, None], step.ravel() * weight, rcond=1e-6)[0]
+    combined: Array = point + step - ((by_point + by_step) @ share).reshape(-1, 2)
+    return combined

@@ -1,0 +1,120 @@
+"""The errors of one metric, and what is said of many of them."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.types import frozen_array
+
+COUNTED = ""
+"""The reason of an error that is not left out."""
+OUTLIER = "outlier"
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """N error vectors of D components, and why some of them do not count."""
+
+    metric: str
+    subject: str  # what one error is of
+    unit: str
+    axes: tuple[str, ...]  # (D,) names of the components
+    vector: NDArray[np.float64]  # (N, D) nan where there is none
+    reason: NDArray[np.int64]  # (N,) row of `reasons`
+    reasons: tuple[str, ...]  # why an error is left out of summaries; the first is COUNTED
+    view: NDArray[np.int64] | None = None  # (N,) None: an error is of no single view
+    point: NDArray[np.int64] | None = None  # (N,) None: of no single point
+    sighting: NDArray[np.int64] | None = None  # (N,) row of the observations; None: of no single one
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vector", frozen_array(self.vector))
+        for name in ("reason", "view", "point", "sighting"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64))
+
+    @cached_property
+    def size(self) -> NDArray[np.float64]:
+        """Euclidean norms.  # (N,)"""
+        size: NDArray[np.float64] = np.sqrt(np.einsum("nd,nd->n", self.vector, self.vector))
+        return size
+
+    @property
+    def is_counted(self) -> NDArray[np.bool_]:
+        """Which errors enter summaries.  # (N,)"""
+        counted: NDArray[np.bool_] = self.reason == 0
+        return counted
+
+    @property
+    def left_out(self) -> tuple[tuple[str, int], ...]:
+        """Why errors do not count, and how many."""
+        counts = np.bincount(self.reason, minlength=len(self.reasons))
+        return tuple((reason, int(n)) for reason, n in zip(self.reasons[1:], counts[1:].tolist(), strict=True) if n)
+
+
+def is_known(vector: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which vectors are finite numbers.  # (N, D) -> (N,)"""
+    known: NDArray[np.bool_] = np.isfinite(vector.sum(axis=1))
+    return known
+
+
+def first_reason(count: int, *faults: tuple[str, NDArray[np.bool_]]) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+    """The first fault of each of `count` errors: its row in the reasons, and the reasons with COUNTED first."""
+    rows = np.zeros(count, dtype=np.int64)
+    for row, (_, is_faulty) in reversed(list(enumerate(faults, start=1))):
+        rows[is_faulty] = row
+    return rows, (COUNTED, *(reason for reason, _ in faults))
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What is said of `count` errors; nan if there are none."""
+
+    count: int
+    rmse: float
+    """Root of the mean squared Euclidean norm, as in the paper."""
+    mean: float  # of the norms, as the others
+    median: float
+    percentile_95: float
+    largest: float
+
+
+def summarise(errors: Errors) -> Summary:
+    """The summary of all errors that count."""
+    return summarise_groups(errors, np.zeros(len(errors.reason), dtype=np.int64), 1)[0]
+
+
+def summarise_groups(errors: Errors, group: NDArray[np.int64], group_count: int) -> tuple[Summary, ...]:
+    """The summary of each group.
+
+    Args:
+        errors: N errors.
+        group: (N,) the group of each, 0 to `group_count` - 1; -1: in none.
+        group_count: how many groups there are.
+    """
+    rows = np.flatnonzero(errors.is_counted & (group >= 0))
+    size, group = errors.size[rows], group[rows]
+    count = np.bincount(group, minlength=group_count)
+    total = np.bincount(group, weights=size, minlength=group_count)
+    square = np.bincount(group, weights=size**2, minlength=group_count)
+    ascending = np.split(size[np.lexsort((size, group))], np.cumsum(count)[:-1])
+    return tuple(map(_summary, ascending, total.tolist(), square.tolist()))
+
+
+def _summary(ascending: NDArray[np.float64], total: float, square: float) -> Summary:
+    """The summary of sorted errors with their sum and the sum of their squares."""
+    count = len(ascending)
+    if not count:
+        return Summary(0, *[math.nan] * 5)
+    median, percentile_95 = _quantile(ascending, 0.5), _quantile(ascending, 0.95)
+    return Summary(count, math.sqrt(square / count), total / count, median, percentile_95, float(ascending[-1]))
+
+
+def _quantile(ascending: NDArray[np.float64], share: float) -> float:
+    """Linear between the nearest two of sorted values, as numpy's default."""
+    place = share * (len(ascending) - 1)
+    below = int(place)
+    above = min(below + 1, len(ascending) - 1)
+    return float(ascending[below] + (place - below) * (ascending[above] - ascending[below]))

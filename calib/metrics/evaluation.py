@@ -1,0 +1,128 @@
+"""All metrics of a calibration, summarised over everything, by view, by point and by face."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.metrics import METRICS
+from calib.metrics.errors import Errors, Summary, summarise_groups
+from calib.metrics.prediction import predict
+from calib.truth import Truth, true_poses
+from calib.types import Calibration
+from designer.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The errors of a calibration by all metrics that apply."""
+
+    calibration: Calibration
+    errors: tuple[Errors, ...]
+    truth: Truth | None = None
+    folds: int = 0
+    """In how many parts the views were held out of the solution in turn; 0: they are those it was solved from."""
+    remarks: tuple[str, ...] = ()  # what to know of the errors, one line each
+
+    def of(self, metric: str) -> Errors | None:
+        """The errors of one metric; None if it does not apply."""
+        return next((errors for errors in self.errors if errors.metric == metric), None)
+
+
+def evaluate(calibration: Calibration, truth: Truth | None = None) -> Evaluation:
+    """Apply all metrics to the views that a calibration was solved from.
+
+    Args:
+        calibration: what to evaluate.
+        truth: of its photos, if they were rendered.
+
+    Raises:
+        InputError: the truth knows none of the views.
+    """
+    remarks = () if truth is None else truth_remarks(calibration, truth)
+    return Evaluation(calibration, errors_of(calibration, truth), truth, remarks=remarks)
+
+
+def errors_of(calibration: Calibration, truth: Truth | None) -> tuple[Errors, ...]:
+    """The errors of all metrics that apply."""
+    poses = None if truth is None else true_poses(truth, calibration.observations.view_names)
+    prediction = predict(calibration, poses)
+    return tuple(found for metric in METRICS.values() if (found := metric(prediction)) is not None)
+
+
+def truth_remarks(calibration: Calibration, truth: Truth) -> tuple[str, ...]:
+    """What to know of a truth that does not quite fit.
+
+    Raises:
+        InputError: it knows none of the views.
+    """
+    names = calibration.observations.view_names
+    known = len(set(names) & set(truth.files))
+    if not known:
+        raise InputError(
+            f"the truth is of {truth.files[0]!r} and {len(truth.files) - 1} more, none of which was calibrated with "
+            f"(such as {names[0]!r}); give the truth.json beside the photos"
+        )
+    remarks = []
+    if known < len(names):
+        remarks.append(f"the truth knows {known} of {len(names)} views")
+    if calibration.observations.points.geometry_id not in ("", truth.geometry_id):
+        remarks.append(
+            "the photos were rendered of another geometry than the calibration was solved with: "
+            "pose errors contain the difference"
+        )
+    return tuple(remarks)
+
+
+def by_view(evaluation: Evaluation, errors: Errors) -> tuple[Summary, ...] | None:
+    """A summary of each view; None if an error is of no single view."""
+    if errors.view is None:
+        return None
+    return summarise_groups(errors, errors.view, evaluation.calibration.observations.view_count)
+
+
+def by_point(evaluation: Evaluation, errors: Errors) -> tuple[Summary, ...] | None:
+    """A summary of each point of the target; None if an error is of no single point."""
+    if errors.point is None:
+        return None
+    return summarise_groups(errors, errors.point, len(evaluation.calibration.observations.points.face))
+
+
+def by_face(evaluation: Evaluation, errors: Errors) -> tuple[Summary, ...] | None:
+    """A summary of each plane of the target; None if an error is of no single point."""
+    if errors.point is None:
+        return None
+    points = evaluation.calibration.observations.points
+    return summarise_groups(errors, points.face[errors.point], len(points.plane))
+
+
+def joined(calibration: Calibration, parts: Sequence[Errors], views: Sequence[NDArray[np.int64]]) -> Errors:
+    """The errors of one metric in several sets of a calibration's views, as one.
+
+    Args:
+        calibration: of all views.
+        parts: errors of each set.
+        views: the numbers in the whole of each set's views, ascending.
+    """
+    first = parts[0]
+    rows = [np.flatnonzero(np.isin(calibration.observations.view, some)) for some in views]
+    return Errors(
+        first.metric, first.subject, first.unit, first.axes,
+        np.concatenate([part.vector for part in parts]),
+        np.concatenate([part.reason for part in parts]),
+        first.reasons,
+        view=_in_whole([part.view for part in parts], views),
+        point=_in_whole([part.point for part in parts], None),
+        sighting=_in_whole([part.sighting for part in parts], rows),
+    )  # fmt: skip
+
+
+def _in_whole(
+    numbers: Sequence[NDArray[np.int64] | None], place: Sequence[NDArray[np.int64]] | None
+) -> NDArray[np.int64] | None:
+    """Numbers within each part as numbers within the whole, given their places there; None if there are none."""
+    given = [one for one in numbers if one is not None]
+    if len(given) < len(numbers):
+        return None
+    return np.concatenate(given if place is None else [there[one] for one, there in zip(given, place, strict=True)])

@@ -1,0 +1,278 @@
+"""What a camera is solved from: the sightings that can be used, and one line on each kind that was left out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.dataset import Dataset
+from calib.mirrored import mirrored_views
+from calib.types import Detections, KnownPoints, Observations, frozen_array
+from designer.errors import InputError
+from designer.target import TargetGeometry
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LEAST_POINTS = 4
+"""Of a view: a homography has eight unknowns."""
+ON_A_LINE = 1e-3
+"""Points this much thinner than long lie on a line."""
+SAME_PX = 1e-3
+"""Two views whose centres differ by less than this are one photo twice."""
+ALIKE = (0.05, 0.06)
+"""Copies of one photo, saved again: root mean square difference in px, and mean square over what noise would give."""
+_CELL_PX = 0.5
+_NEIGHBOURS = 8
+"""Views that see a point at the same place and are compared with each other; from a tripod there may be many."""
+_NAMED = 4
+"""Views that a remark names; the others are counted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Observations to solve a camera from."""
+
+    observations: Observations
+    remarks: tuple[str, ...]  # what was left out or should be known, one line each
+
+
+@dataclass(frozen=True, eq=False)
+class AllSightings:
+    """All that a source holds: M sightings in V views, whose images may differ in size."""
+
+    view_names: tuple[str, ...]  # (V,)
+    image_sizes: tuple[tuple[int, int], ...]  # (V,) width, height in px
+    view: NDArray[np.int64]  # (M,) ascending
+    point: NDArray[np.int64]  # (M,) rows of `points`
+    center_px: NDArray[np.float64]  # (M, 2)
+    cov_px2: NDArray[np.float64] | None  # (M, 2, 2)
+    points: KnownPoints
+
+    def __post_init__(self) -> None:
+        for name in ("view", "point"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64))
+        object.__setattr__(self, "center_px", frozen_array(self.center_px))
+
+
+def known_points(target: TargetGeometry) -> KnownPoints:
+    """A target's features and the planes of its faces, normals outwards."""
+    normal, origin = target.target_from_face[:, :3, 2], target.target_from_face[:, :3, 3]
+    plane = np.column_stack([normal, (normal * origin).sum(axis=1)])
+    return KnownPoints(target.center_mm, target.ring_face, plane, target.geometry_id)
+
+
+def dataset_of(seen: Sequence[Detections]) -> Dataset:
+    """The detections of several photos of one target as one dataset, as if written and read.
+
+    Raises:
+        ValueError: no photos, or of targets with different layouts.
+    """
+    if len({one.layout_id for one in seen}) != 1:
+        raise ValueError("photos of one target are needed, and at least one")
+    return Dataset(
+        seen[0].layout_id, seen[0].geometry_id, tuple(one.image for one in seen),
+        tuple(one.image_size for one in seen),
+        np.repeat(np.arange(len(seen)), [len(one.ring) for one in seen]),
+        np.concatenate([one.ring for one in seen]),
+        np.concatenate([one.center_px for one in seen]),
+        np.concatenate([one.cov_px2 for one in seen]),
+    )  # fmt: skip
+
+
+def observations_from_detections(dataset: Dataset, target: TargetGeometry, *, origin: str = "detections") -> Prepared:
+    """The sightings of a target's rings that can be used. X, Y, Z are those of the target in use.
+
+    Args:
+        dataset: what was seen.
+        target: of the same layout, nominal or measured.
+        origin: what messages name: the file.
+
+    Raises:
+        InputError: no view can be used, or it is not clear which; the message says why.
+        ValueError: the target has another layout.
+    """
+    if dataset.layout_id != target.layout_id:
+        raise ValueError(f"detections of layout {dataset.layout_id}, but the target has {target.layout_id}")
+    remarks: tuple[str, ...] = ()
+    if dataset.geometry_id != target.geometry_id:
+        remarks = (
+            f"detected with geometry {dataset.geometry_id}, solved with the {target.source} geometry "
+            f"{target.geometry_id} of the target file",
+        )
+    sightings = _sightings_of(dataset, target)
+    return prepare(sightings, has_fronts=True, origin=origin, remarks=remarks)
+
+
+def observations_for_poses(dataset: Dataset, target: TargetGeometry) -> Observations | None:
+    """The sightings in views with points enough for a pose, all of one size; None if there are none.
+
+    A photo may come twice, and needs no other to be judged by.
+    """
+    sightings = _sightings_of(dataset, target)
+    kept = ~_on_a_line(sightings)
+    if not kept.any():
+        return None
+    return _select(sightings, dataset.image_sizes[int(np.argmax(kept))], kept)
+
+
+def _sightings_of(dataset: Dataset, target: TargetGeometry) -> AllSightings:
+    return AllSightings(
+        dataset.view_names, dataset.image_sizes, dataset.view, dataset.ring, dataset.center_px, dataset.cov_px2,
+        known_points(target),
+    )  # fmt: skip
+
+
+def prepare(sightings: AllSightings, *, has_fronts: bool, origin: str, remarks: tuple[str, ...] = ()) -> Prepared:
+    """Leave out what cannot be used, and say so.
+
+    Args:
+        sightings: all there is.
+        has_fronts: the planes' normals point to the side that is seen.
+        origin: what messages name: the file.
+        remarks: what is known already.
+
+    Raises:
+        InputError: no view is left, the image sizes are tied, or all is mirrored; the message says why.
+    """
+    said = list(remarks)
+    names = sightings.view_names
+    count = np.bincount(sightings.view, minlength=len(names))
+    kept = count >= LEAST_POINTS
+    _say(said, names, count == 0, "that show none of the points")
+    _say(said, names, ~kept & (count > 0), f"that show fewer than {LEAST_POINTS} points")
+    lined = kept & _on_a_line(sightings)
+    _say(said, names, lined, "whose points lie on a line, all or all but one")
+    kept &= ~lined
+    size = _common_size(sightings, kept, origin, said)
+    other = np.array([one != size for one in sightings.image_sizes], dtype=bool) & kept
+    _say(said, names, other, f"that are not of {size[0]} x {size[1]} px as the others")
+    kept &= ~other
+    seen = _select(sightings, size, kept)
+    copies = _copies(seen)
+    _say(said, seen.view_names, copies >= 0, "that are another one once more", of=copies)
+    seen = keep_views(seen, copies < 0)
+    mirrored = mirrored_views(seen, has_fronts=has_fronts, origin=origin)
+    _say(said, seen.view_names, mirrored, "that show the points mirrored")
+    return Prepared(keep_views(seen, ~mirrored), tuple(said))
+
+
+def _say(
+    said: list[str], names: Sequence[str], which: Flags, reason: str, *, of: NDArray[np.int64] | None = None
+) -> None:
+    """Add a line on the views that are left out for one reason."""
+    views = np.flatnonzero(which).tolist()
+    if not views:
+        return
+    shown = [names[view] if of is None else f"{names[view]} (as {names[of[view]]})" for view in views[:_NAMED]]
+    more = f" and {len(views) - _NAMED} more" if len(views) > _NAMED else ""
+    said.append(f"left out views {reason}: {', '.join(shown)}{more}")
+
+
+def _common_size(sightings: AllSightings, kept: Flags, origin: str, said: Sequence[str]) -> tuple[int, int]:
+    """The image size of most views.
+
+    Raises:
+        InputError: there are no views, or two sizes have the most.
+    """
+    sizes = [size for size, ok in zip(sightings.image_sizes, kept, strict=True) if ok]
+    if not sizes:
+        why = f" ({said[-1]})" if said else ""
+        raise InputError(
+            f"{origin}: no view is left to solve from{why}; give photos that show at least {LEAST_POINTS} points "
+            "which are not on a line"
+        )
+    most = sorted(set(sizes), key=lambda size: (-sizes.count(size), size))
+    if len(most) > 1 and sizes.count(most[0]) == sizes.count(most[1]):
+        listed = " and ".join(f"{size[0]} x {size[1]} px" for size in most[:2])
+        raise InputError(
+            f"{origin}: as many images of {listed}; a camera has one image size: give the photos of one only"
+        )
+    return most[0]
+
+
+def _on_a_line(sightings: AllSightings) -> Flags:
+    """Views whose points lie on a line, all or all but one: they have no unique homography.  # (V,)"""
+    start = np.searchsorted(sightings.view, np.arange(len(sightings.view_names) + 1))
+    rows = (sightings.point[first:last] for first, last in pairwise(start))
+    return np.array([_is_lined(sightings.points.position_mm[row]) for row in rows], dtype=bool)
+
+
+def _is_lined(position: Array) -> bool:
+    """Whether points lie on a line, all or all but one.  # (N, 3)
+
+    Then their scatter has one eigenvalue that is not zero, so that its principal minors add up to zero.
+    """
+    count = len(position)
+    if count < LEAST_POINTS:
+        return True
+    offset = position - position.mean(axis=0)
+    part = offset[:, :, None] * offset[:, None]
+    scatter = part.sum(axis=0)
+    each = np.concatenate([scatter[None], scatter - count / (count - 1) * part])  # with all; without each one
+    trace = np.trace(each, axis1=1, axis2=2)
+    minors = 0.5 * (trace**2 - (each**2).sum(axis=(1, 2)))
+    return not bool((minors > ON_A_LINE**2 * trace**2).all())
+
+
+def _select(sightings: AllSightings, size: tuple[int, int], kept: Flags) -> Observations:
+    """The observations of some views."""
+    everything = Observations(
+        size, sightings.view_names, sightings.view, sightings.point, sightings.center_px, sightings.cov_px2,
+        sightings.points,
+    )  # fmt: skip
+    return keep_views(everything, kept)
+
+
+def keep_views(seen: Observations, kept: Flags) -> Observations:
+    """The observations of the views that are kept.  # kept (V,)"""
+    rows = kept[seen.view]
+    return replace(
+        seen,
+        view_names=tuple(name for name, ok in zip(seen.view_names, kept, strict=True) if ok),
+        view=(np.cumsum(kept) - 1)[seen.view[rows]],
+        point=seen.point[rows],
+        center_px=seen.center_px[rows],
+        cov_px2=None if seen.cov_px2 is None else seen.cov_px2[rows],
+    )
+
+
+def _copies(seen: Observations) -> NDArray[np.int64]:
+    """For each view the earlier view that it is a copy of, or -1.  # (V,)
+
+    Candidates are views that see any one point at the same place; they are then compared in full.
+    """
+    cell = np.rint(seen.center_px / _CELL_PX)
+    order = np.lexsort((seen.view, cell[:, 1], cell[:, 0], seen.point))
+    key = np.column_stack([seen.point, cell])[order]
+    found = [np.zeros((0, 2), dtype=np.int64)]
+    for step in range(1, _NEIGHBOURS + 1):
+        again = np.flatnonzero((key[step:] == key[:-step]).all(axis=1))
+        found.append(np.unique(np.column_stack([seen.view[order[again]], seen.view[order[again + step]]]), axis=0))
+    pairs = np.unique(np.concatenate(found), axis=0)
+    start = np.searchsorted(seen.view, np.arange(seen.view_count + 1))
+    copy_of = np.full(seen.view_count, -1, dtype=np.int64)
+    for first, second in pairs.tolist():
+        rows = (np.arange(start[view], start[view + 1]) for view in (first, second))
+        if copy_of[second] < 0 and _is_copy(seen, *rows):
+            copy_of[second] = copy_of[first] if copy_of[first] >= 0 else first
+    return copy_of
+
+
+def _is_copy(seen: Observations, first: NDArray[np.int64], second: NDArray[np.int64]) -> bool:
+    """Whether two views agree better than two photos would, even from a tripod: their noise would differ."""
+    _, in_first, in_second = np.intersect1d(seen.point[first], seen.point[second], return_indices=True)
+    if len(in_first) < 0.9 * max(len(first), len(second)):
+        return False
+    first, second = first[in_first], second[in_second]
+    difference = seen.center_px[first] - seen.center_px[second]
+    if np.abs(difference).max() < SAME_PX:
+        return True
+    if seen.cov_px2 is None:
+        return False
+    noise = seen.cov_px2[first] + seen.cov_px2[second]
+    square = np.einsum("ni,ni->n", difference, np.linalg.solve(noise, difference[:, :, None])[:, :, 0])
+    length = float(np.sqrt((difference**2).sum(axis=1).mean()))
+    return length < ALIKE[0] and float(square.mean()) / 2 < ALIKE[1]

@@ -1,0 +1,55 @@
+"""Several models solved from the same observations, each written to its folder as soon as it is there."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib.calibrate import calibrate
+from calib.calibration_file import Provenance, write_calibration
+from calib.metrics.evaluation import Evaluation, evaluate
+from calib.solve_settings import SolvePlan
+from calib.solve_virtual import Reference
+from calib.truth import Truth
+from calib.types import Observations
+from designer.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What came of one model: an evaluated calibration in a folder, or why there is none."""
+
+    model: str
+    folder: Path
+    evaluation: Evaluation | None
+    files: tuple[Path, ...] = ()
+    failure: str = ""
+
+
+def solve_models(
+    observations: Observations,
+    plan: SolvePlan,
+    folder: Path,
+    *,
+    provenance: Callable[[str], Provenance],
+    reference: Reference | None,
+    truth: Truth | None,
+) -> Iterator[Solution]:
+    """Solve each model, write it, and evaluate it. One that cannot be solved does not stop the others.
+
+    Args:
+        observations: what was seen.
+        plan: models and options.
+        folder: where to; with several models, each has a folder of its name in it.
+        provenance: of a model's solution.
+        reference: the photo that a learned map is of.
+        truth: of rendered photos.
+    """
+    for model in plan.models:
+        place = folder if len(plan.models) == 1 else folder / model
+        try:
+            calibration = calibrate(observations, model, plan.options_of(model), reference)
+            evaluation = evaluate(calibration, truth)
+        except InputError as error:
+            yield Solution(model, place, None, failure=str(error))
+            continue
+        yield Solution(model, place, evaluation, tuple(write_calibration(place, calibration, provenance(model))))

@@ -1,0 +1,117 @@
+"""The pinhole behind a learned map: solved on the sensor, its residuals told in measured pixels."""
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.learned import known_at, to_image, to_sensor
+from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
+from calib.types import Calibration, Camera, LearnedMap, Observations
+from designer.errors import InputError
+
+Array = NDArray[np.float64]
+
+MARGIN_PX = 1.0
+"""The map is known so far around a sighting that is used, so that its prediction is known too."""
+MIN_SIGHTINGS = 6
+"""Of a view that is used: its pose has six unknowns."""
+
+
+@dataclass(frozen=True, eq=False)
+class OnSensor:
+    """Observations whose pixels are points of the sensor."""
+
+    observations: Observations  # covariances: those that a measured pixel with the covariance 1, or its own, has there
+    jacobian: Array  # (M, 2, 2) derivative of the sensor's point by the pixel
+
+
+def move_to_sensor(observations: Observations, learned: LearnedMap, *, weighted: bool) -> OnSensor:
+    """Take observations to the sensor; weighted by the covariances there, they count as in the image."""
+    there = to_sensor(learned, observations.image_size, observations.center_px)
+    cov = np.broadcast_to(np.eye(2), there.jacobian.shape)
+    if weighted and observations.cov_px2 is not None:
+        cov = observations.cov_px2
+    cov = there.jacobian @ cov @ there.jacobian.transpose(0, 2, 1)
+    return OnSensor(replace(observations, center_px=there.point, cov_px2=cov), there.jacobian)
+
+
+def solve_on_sensor(observations: Observations, learned: LearnedMap, options: SolveOptions) -> Calibration:
+    """Solve the pinhole of a virtual camera whose map is known; the map's own uncertainty is not in the covariances.
+
+    Sightings where the map is not known are left out, and the remarks say so.
+
+    Raises:
+        InputError: too few sightings are left.
+    """
+    begin = time.perf_counter()
+    kept, remarks = _known_part(observations, learned)
+    moved = move_to_sensor(kept, learned, weighted=options.weighted)
+    solved = solve(moved.observations, "pinhole", replace(options, weighted=True))
+    rows = rows_of_views(kept, solved.observations.view_names)
+    kept = keep_rows(kept, rows)
+    return replace(
+        solved,
+        camera=Camera("virtual", solved.camera.params, kept.image_size, learned),
+        observations=kept,
+        residual_px=_in_image(learned, kept, solved, moved.jacobian[rows]),
+        weighted=options.weighted and kept.cov_px2 is not None,
+        remarks=(*solved.remarks, *remarks),
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def _in_image(learned: LearnedMap, observations: Observations, solved: Calibration, jacobian: Array) -> Array:
+    """Residuals in measured pixels, by inverting the map where a point is predicted.  # (M, 2)"""
+    predicted = solved.observations.center_px + solved.residual_px
+    residual = to_image(learned, observations.image_size, predicted) - observations.center_px
+    # Far outside the map, as the prediction of a grossly wrong sighting may be, there is only its tangent.
+    tangent = np.linalg.solve(jacobian, solved.residual_px[:, :, None])[:, :, 0]
+    return np.where(np.isfinite(residual), residual, tangent)
+
+
+def _known_part(observations: Observations, learned: LearnedMap) -> tuple[Observations, tuple[str, ...]]:
+    """The sightings where the map is known, in views that keep enough of them, and what is left out."""
+    known = np.ones(len(observations.view), dtype=bool)
+    for step in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+        known &= known_at(learned, observations.image_size, observations.center_px + MARGIN_PX * np.array(step))
+    counts = np.bincount(observations.view[known], minlength=observations.view_count)
+    enough = counts >= MIN_SIGHTINGS
+    remarks = []
+    if not known.all():
+        remarks.append(
+            f"{(~known).sum()} of {len(known)} sightings lie where the learned map is not known and were left out"
+        )
+    lost = int((~enough).sum())
+    if lost:
+        remarks.append(f"{lost} of {len(enough)} views left out: fewer than {MIN_SIGHTINGS} sightings on the known map")
+    if not enough.any():
+        raise InputError(
+            f"no view has {MIN_SIGHTINGS} sightings where the learned map is known; "
+            "learn it from a photo whose board fills the image"
+        )
+    return keep_rows(observations, known & enough[observations.view]), tuple(remarks)
+
+
+def rows_of_views(observations: Observations, view_names: tuple[str, ...]) -> NDArray[np.bool_]:
+    """Which observations are of the views named.  # (M,)"""
+    kept = np.array([name in set(view_names) for name in observations.view_names], dtype=bool)
+    rows: NDArray[np.bool_] = kept[observations.view]
+    return rows
+
+
+def keep_rows(observations: Observations, rows: NDArray[np.bool_]) -> Observations:
+    """Some observations (M,), without the views that keep none."""
+    if rows.all():
+        return observations
+    views, view = np.unique(observations.view[rows], return_inverse=True)
+    return replace(
+        observations,
+        view_names=tuple(observations.view_names[view] for view in views.tolist()),
+        view=view,
+        point=observations.point[rows],
+        center_px=observations.center_px[rows],
+        cov_px2=None if observations.cov_px2 is None else observations.cov_px2[rows],
+    )

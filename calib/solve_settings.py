@@ -1,0 +1,119 @@
+"""A person's words about a solution, as the command line has them, made into options."""
+
+import re
+from dataclasses import dataclass, replace
+
+from calib.calibrate import MODELS_TO_SOLVE
+from calib.cameras import MODELS, parameter_names
+from calib.solver.options import SolveOptions
+from designer.errors import InputError
+from designer.spec_file import suggestion
+
+ALL = "all"
+MAX_FOCAL_PX = 1e7
+_ASSIGNMENT = re.compile(r"\s*([A-Za-z0-9_]+)\s*(?:=\s*(\S+)\s*)?")
+_FOCAL = re.compile(r"\s*([0-9.eE+]{1,30})\s*(px)?\s*")
+
+
+@dataclass(frozen=True)
+class SolvePlan:
+    """The models to solve, each with its options."""
+
+    models: tuple[str, ...]
+    options: SolveOptions  # with the names of every model asked for
+
+    def options_of(self, model: str) -> SolveOptions:
+        """The options without the parameters that this model does not have."""
+        names = parameter_names(model)
+        return replace(
+            self.options,
+            fixed=tuple(pair for pair in self.options.fixed if pair[0] in names),
+            shared=tuple(group for group in self.options.shared if all(name in names for name in group)),
+        )
+
+
+def plan_from_words(
+    model: str,
+    *,
+    fix: list[str],
+    share: list[str],
+    focal: str | None,
+    loss: str,
+    reject: float | None,
+    weighted: bool,
+) -> SolvePlan:
+    """What to solve, and how.
+
+    Args:
+        model: a model's name, or `all`.
+        fix: parameters to keep: `k3`, or `k3=0`.
+        share: parameters that have one value: `fx_px,fy_px`.
+        focal: a first guess of the focal length, `2500px`.
+        loss: squares, huber or cauchy.
+        reject: leave out what is farther off than so many robust standard deviations.
+        weighted: by the covariances of the observations.
+
+    Raises:
+        InputError: a word that means nothing; the message says what may stand there.
+    """
+    models = MODELS_TO_SOLVE if model == ALL else (model,)
+    for name in models:
+        if name not in MODELS:
+            hint = suggestion(name, [*MODELS, ALL]) or f"; there are {', '.join(MODELS)} and {ALL}"
+            raise InputError(f"--model {name!r}: no such model{hint}")
+    if reject is not None and not 1 <= reject < float("inf"):
+        raise InputError(f"--reject {reject:g}: give 1 or more standard deviations, such as 4")
+    if loss not in ("squares", "huber", "cauchy"):
+        raise InputError(f"--loss {loss!r}: it must be squares, huber or cauchy")
+    known = {name for one in models for name in parameter_names(one)}
+    fixed = tuple(_fixed(text, known) for text in fix)
+    shared = tuple(_shared(text, known) for text in share)
+    options = SolveOptions(
+        weighted=weighted,
+        loss="huber" if loss == "huber" else "cauchy" if loss == "cauchy" else "squares",
+        reject_sigma=reject,
+        fixed=fixed,
+        shared=shared,
+        focal_px=None if focal is None else _focal_px(focal),
+    )
+    return SolvePlan(models, options)
+
+
+def _fixed(text: str, known: set[str]) -> tuple[str, float | None]:
+    match = _ASSIGNMENT.fullmatch(text)
+    if match is None:
+        raise InputError(f"--fix {text!r}: name a parameter, such as k3, or give it a value, such as k3=0")
+    _require_known(match[1], known, "--fix")
+    if match[2] is None:
+        return match[1], None
+    try:
+        value = float(match[2])
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < float("inf"):
+        raise InputError(f"--fix {text!r}: {match[2]!r} is no finite number; write it as in k3=0")
+    return match[1], value
+
+
+def _shared(text: str, known: set[str]) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(","))
+    for name in names:
+        _require_known(name, known, "--share")
+    return names
+
+
+def _require_known(name: str, known: set[str], option: str) -> None:
+    if name not in known:
+        hint = suggestion(name, sorted(known)) or f"; there are {', '.join(sorted(known))}"
+        raise InputError(f"{option} {name!r}: no such parameter{hint}")
+
+
+def _focal_px(text: str) -> float:
+    match = _FOCAL.fullmatch(text)
+    try:
+        value = float(match[1]) if match else float("nan")
+    except ValueError:
+        value = float("nan")
+    if not 0 < value <= MAX_FOCAL_PX:
+        raise InputError(f"--focal {text!r}: give a length in pixels such as 2500px, more than 0")
+    return value

@@ -1,0 +1,167 @@
+"""The virtual camera: the map learned from one photo of a board, or from all views; then the pinhole behind it.
+
+After De Boi, Pathak, Oliveira and Penne, "How to turn your camera into a perfect pinhole model", 2023: a single photo
+of a planar grid spans the sensor. A target that is no plane takes a photo of a board, or the map of all views.
+"""
+
+import math
+import time
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.learned import exact_point, known_at
+from calib.learn_map import Samples, learn_from_many
+from calib.learn_views import SMALL_CHANGE_PX, learn_from_views
+from calib.reference_photo import choose_view, on_plane_mm, samples_of_plane
+from calib.solve_on_sensor import solve_on_sensor
+from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
+from calib.types import Calibration, LearnedMap, Observations
+from designer.errors import InputError
+
+Array = NDArray[np.float64]
+
+Reference: TypeAlias = str | Observations
+"""The photo that the map is learned from: the name of a view, or the sightings of a board in a photo of its own."""
+
+START_MODEL = "luhmann"
+COVERAGE_GRID = 60
+MEDIAN_LENGTH = math.sqrt(2 * math.log(2))
+"""Median length of a normal vector in the plane, in standard deviations of a coordinate."""
+
+
+def solve_virtual(
+    observations: Observations,
+    options: SolveOptions | None = None,
+    reference: Reference | None = None,
+    *,
+    all_views: bool = False,
+) -> Calibration:
+    """Solve a virtual camera.
+
+    Args:
+        observations: what was seen.
+        options: of the pinhole's solution.
+        reference: the photo to learn the map from; None: of a board the view that covers the image best, of other
+            targets all views.
+        all_views: learn the map from all views, of a board too.
+
+    Raises:
+        InputError: no such view, a reference that does not do, or too few sightings.
+    """
+    from threadpoolctl import threadpool_limits
+
+    begin = time.perf_counter()
+    options = options or SolveOptions()
+    if reference is not None and all_views:
+        raise InputError("the map is learned either from a reference photo or from all views; ask for one of them")
+    plane = on_plane_mm(observations.points, observations.point)
+    # The matrices are small: several threads only wait for each other, and round differently.
+    with threadpool_limits(1):
+        if all_views or (reference is None and plane is None):
+            solved = _from_all_views(observations, options)
+        else:
+            solved = _from_photo(observations, plane, reference, options)
+    return replace(solved, seconds=time.perf_counter() - begin)
+
+
+def _from_photo(
+    observations: Observations, plane_mm: Array | None, reference: Reference | None, options: SolveOptions
+) -> Calibration:
+    """The pinhole behind a map learned from one photo of a plane."""
+    if isinstance(reference, Observations):
+        photo, view, plane_mm = _board_photo(reference, observations.image_size)
+    elif plane_mm is None:
+        raise InputError(
+            f"{reference}: the points of this target lie on no plane, so none of its photos spans a sensor; "
+            "give a photo of a board, or learn the map from all views"
+        )
+    else:
+        photo, view = observations, _named_view(observations, plane_mm, reference)
+    learned, remarks = _learned_from(photo, view, plane_mm, options.reject_sigma)
+    solved = solve_on_sensor(observations, learned, options)
+    return replace(solved, remarks=(*remarks, *solved.remarks))
+
+
+def _board_photo(board: Observations, image_size: tuple[int, int]) -> tuple[Observations, int, Array]:
+    """A photo of a board beside the observations, its view, and its points in the plane (K, 2)."""
+    if board.image_size != image_size:
+        raise InputError(
+            f"{board.view_names[0]}: {board.image_size[0]} x {board.image_size[1]} px, but the photos have "
+            f"{image_size[0]} x {image_size[1]}; take the reference with the same camera and settings"
+        )
+    plane_mm = on_plane_mm(board.points, board.point)
+    if plane_mm is None:
+        raise InputError(f"{board.view_names[0]}: too few points on a plane to learn a map from; show more of a board")
+    return board, choose_view(board, plane_mm), plane_mm
+
+
+def _named_view(observations: Observations, plane_mm: Array, name: str | None) -> int:
+    """The view of a name, or the best one."""
+    if name is None:
+        return choose_view(observations, plane_mm)
+    if name not in observations.view_names:
+        raise InputError(f"{name}: no such view; name one of the photos that are solved")
+    return observations.view_names.index(name)
+
+
+def _learned_from(
+    photo: Observations, view: int, plane_mm: Array, reject_sigma: float | None
+) -> tuple[LearnedMap, list[str]]:
+    """The map learned from one view, and what to say of it."""
+    rows = np.flatnonzero(photo.view == view)
+    name, remarks = photo.view_names[view], []
+    samples = _samples(photo, rows, plane_mm)
+    learned = learn_from_many(samples, photo.image_size).map
+    off = _misfit(samples, learned)
+    if reject_sigma is not None and (far := off > reject_sigma * np.median(off) / MEDIAN_LENGTH).any():
+        remarks.append(
+            f"{name}: {far.sum()} of {len(rows)} points left out of the map: off by up to {off.max():.3g} px"
+        )
+        samples = _samples(photo, rows[~far], plane_mm)
+        learned = learn_from_many(samples, photo.image_size).map
+        off = _misfit(samples, learned)
+    size = float(np.sqrt((off**2).mean()))
+    origin = f"map learned from {name}: {len(off)} points, {size:.3f} px left of them"
+    return learned, [f"{origin}; {_known_text(learned, photo.image_size)}", *remarks]
+
+
+def _samples(photo: Observations, rows: NDArray[np.int64], plane_mm: Array) -> Samples:
+    """What a map is learned from."""
+    cov = None if photo.cov_px2 is None else photo.cov_px2[rows]
+    return samples_of_plane(photo.center_px[rows], plane_mm[photo.point[rows]], cov)
+
+
+def _misfit(samples: Samples, learned: LearnedMap) -> Array:
+    """How far the map takes samples from their points, in units of the sensor.  # (N,)"""
+    off = exact_point(learned, samples.pixel) - samples.point
+    distance: Array = np.linalg.norm(off, axis=1)
+    return distance
+
+
+def _known_text(learned: LearnedMap, image_size: tuple[int, int]) -> str:
+    """How much of the image the map is known in."""
+    axes = (np.linspace(0, side - 1, COVERAGE_GRID) for side in image_size)
+    pixel = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    return f"known in {100 * known_at(learned, image_size, pixel).mean():.0f} % of the image"
+
+
+def _from_all_views(observations: Observations, options: SolveOptions) -> Calibration:
+    """The pinhole behind a map learned from all views."""
+    start = solve(observations, START_MODEL, options)
+    found = learn_from_views(start, options)
+    learned = found.learned.map
+    solved = solve_on_sensor(start.observations, learned, options)
+    origin = f"map learned from all {start.observations.view_count} views in {found.rounds} rounds"
+    remarks = [f"{origin}; {_known_text(learned, observations.image_size)}"]
+    remarks += [remark for remark in start.remarks if ": left out:" in remark]
+    if found.change_px >= SMALL_CHANGE_PX and solved.status == "converged":
+        remarks.append(f"the map still changed by {found.change_px:.1g} px in the last round")
+        solved = replace(solved, status="stopped")
+    if start.status == "degenerate":
+        remarks += [f"{START_MODEL}, the start: {remark}" for remark in start.remarks]
+        solved = replace(solved, status="degenerate")
+    return replace(solved, remarks=(*remarks, *solved.remarks))
