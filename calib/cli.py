@@ -5,15 +5,15 @@ from typing import Annotated
 
 import typer
 
-from calib.cli_convert import convert
-from calib.cli_detect import detect
-from calib.cli_diff import diff
-from calib.cli_evaluate import evaluate
-from calib.cli_pose import pose
-from calib.cli_render import render
-from calib.cli_run import run as run_all
-from calib.cli_solve import solve
-from calib.cli_undistort import undistort
+from calib.commands.convert import convert
+from calib.commands.detect import detect
+from calib.commands.diff import diff
+from calib.commands.evaluate import evaluate
+from calib.commands.pose import pose
+from calib.commands.render import render
+from calib.commands.run import run as run_all
+from calib.commands.solve import solve
+from calib.commands.undistort import undistort
 from designer.command import run
 
 app = typer.Typer(name="calib", help="Use calibration targets.", rich_markup_mode=None, pretty_exceptions_enable=False)

@@ -55,6 +55,10 @@ class Samples:
     variance: Array  # (N,) of a coordinate of the pixel, up to a common factor
     measurements: NDArray[np.int64]  # (N,) how many each is the mean of
 
+    def part(self, kept: NDArray[np.bool_]) -> "Samples":
+        """Some of the samples.  # (N,)"""
+        return Samples(self.pixel[kept], self.point[kept], self.variance[kept], self.measurements[kept])
+
 
 @dataclass(frozen=True)
 class Process:

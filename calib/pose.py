@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.dataset import Dataset
-from calib.observations import observations_for_poses
+from calib.inputs.dataset import Dataset
+from calib.inputs.observations import observations_for_poses
 from calib.se3 import log_rotation, skew
 from calib.solver.pose import solve_poses
 from calib.types import Camera

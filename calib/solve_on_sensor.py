@@ -79,20 +79,19 @@ def _known_part(observations: Observations, learned: LearnedMap) -> tuple[Observ
         known &= known_at(learned, observations.image_size, observations.center_px + MARGIN_PX * np.array(step))
     counts = np.bincount(observations.view[known], minlength=observations.view_count)
     enough = counts >= MIN_SIGHTINGS
-    remarks = []
-    if not known.all():
-        remarks.append(
-            f"{(~known).sum()} of {len(known)} sightings lie where the learned map is not known and were left out"
-        )
-    lost = int((~enough).sum())
-    if lost:
-        remarks.append(f"{lost} of {len(enough)} views left out: fewer than {MIN_SIGHTINGS} sightings on the known map")
     if not enough.any():
         raise InputError(
             f"no view has {MIN_SIGHTINGS} sightings where the learned map is known; "
             "learn it from a photo whose board fills the image"
         )
-    return keep_rows(observations, known & enough[observations.view]), tuple(remarks)
+    kept = known & enough[observations.view]
+    remarks = []
+    if not kept.all():
+        remarks.append(f"{(~kept).sum()} of {len(kept)} sightings left out: the learned map is not known there")
+    if not enough.all():
+        few = f"with fewer than {MIN_SIGHTINGS} sightings on the known map"
+        remarks.append(f"{(~enough).sum()} of {len(enough)} views left out, {few}")
+    return keep_rows(observations, kept), tuple(remarks)
 
 
 def rows_of_views(observations: Observations, view_names: tuple[str, ...]) -> NDArray[np.bool_]:

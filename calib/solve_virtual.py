@@ -29,6 +29,7 @@ Reference: TypeAlias = str | Observations
 
 START_MODEL = "luhmann"
 COVERAGE_GRID = 60
+OUTLIER_ROUNDS = 5
 MEDIAN_LENGTH = math.sqrt(2 * math.log(2))
 """Median length of a normal vector in the plane, in standard deviations of a coordinate."""
 
@@ -113,26 +114,25 @@ def _learned_from(
 ) -> tuple[LearnedMap, list[str]]:
     """The map learned from one view, and what to say of it."""
     rows = np.flatnonzero(photo.view == view)
-    name, remarks = photo.view_names[view], []
-    samples = _samples(photo, rows, plane_mm)
-    learned = learn_from_many(samples, photo.image_size).map
-    off = _misfit(samples, learned)
-    if reject_sigma is not None and (far := off > reject_sigma * np.median(off) / MEDIAN_LENGTH).any():
-        remarks.append(
-            f"{name}: {far.sum()} of {len(rows)} points left out of the map: off by up to {off.max():.3g} px"
-        )
-        samples = _samples(photo, rows[~far], plane_mm)
-        learned = learn_from_many(samples, photo.image_size).map
-        off = _misfit(samples, learned)
-    size = float(np.sqrt((off**2).mean()))
-    origin = f"map learned from {name}: {len(off)} points, {size:.3f} px left of them"
-    return learned, [f"{origin}; {_known_text(learned, photo.image_size)}", *remarks]
-
-
-def _samples(photo: Observations, rows: NDArray[np.int64], plane_mm: Array) -> Samples:
-    """What a map is learned from."""
     cov = None if photo.cov_px2 is None else photo.cov_px2[rows]
-    return samples_of_plane(photo.center_px[rows], plane_mm[photo.point[rows]], cov)
+    samples = samples_of_plane(photo.center_px[rows], plane_mm[photo.point[rows]], cov)
+    learned = learn_from_many(samples, photo.image_size).map
+    off, kept = _misfit(samples, learned), np.ones(len(rows), dtype=bool)
+    for _ in range(OUTLIER_ROUNDS if reject_sigma is not None else 0):
+        near = off <= (reject_sigma or math.inf) * np.median(off[kept]) / MEDIAN_LENGTH
+        if np.array_equal(near, kept):
+            break
+        # Outliers bend the map so that their neighbours seem off too; without them these come back.
+        kept = near
+        learned = learn_from_many(samples.part(kept), photo.image_size).map
+        off = _misfit(samples, learned)
+    size = float(np.sqrt((off[kept] ** 2).mean()))
+    origin = f"map learned from {photo.view_names[view]}: {kept.sum()} points, {size:.3f} px left of them"
+    remarks = [f"{origin}; {_known_text(learned, photo.image_size)}"]
+    if not kept.all():
+        far = f"{(~kept).sum()} of {len(kept)} points of {photo.view_names[view]}"
+        remarks.append(f"{far} left out of the map: off by more than {reject_sigma:g} robust standard deviations")
+    return learned, remarks
 
 
 def _misfit(samples: Samples, learned: LearnedMap) -> Array:

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import MODELS, project
+from calib.inputs.observations import known_points
 from calib.metrics.prediction import centers_mm
-from calib.observations import known_points
 from calib.render.poses import fibonacci_cap
 from calib.se3 import look_at, transform
 from calib.types import Calibration, Camera, KnownPoints, Observations

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project
-from calib.observations import known_points
+from calib.inputs.observations import known_points
 from calib.render.poses import fibonacci_cap
 from calib.se3 import look_at, transform
 from calib.types import Camera, KnownPoints, Observations

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.calibration_file import Provenance, read_calibration, write_calibration
 from calib.camera_file import load_camera
 from calib.files import write_files
-from calib.observation_table import COLUMNS, FIRST_LINE, read_sightings
+from calib.results.calibration_file import Provenance, read_calibration, write_calibration
+from calib.results.observation_table import COLUMNS, FIRST_LINE, read_sightings
 from calib.solver.options import SolveOptions
 from calib.types import Calibration, Camera, KnownPoints, LearnedMap
 from designer.errors import InputError

@@ -9,7 +9,7 @@ from foreign_cameras import CAMERAS, SIZE, whole_image
 
 from calib.camera_file import camera_to_json, load_camera
 from calib.cameras import project
-from calib.cli_convert import convert
+from calib.commands.convert import convert
 from calib.interop import FORMATS
 from calib.interop.reading import open_camera
 from designer.errors import InputError

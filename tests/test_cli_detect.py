@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from sightings import pinhole, sighting, view_from
 
 from calib.camera_file import camera_to_json
-from calib.cli_detect import run_detect
-from calib.dataset import read_detections
+from calib.commands.detect import run_detect
 from calib.detect.batch import Detect, PhotoFile, detect_photos, find_photos, named_photos
 from calib.detect.overlay import draw_overlay
-from calib.records import read_records
+from calib.inputs.dataset import read_detections
+from calib.inputs.records import read_records
 from calib.types import Camera, Detections
 from designer.command import printable
 from designer.errors import InputError
@@ -243,7 +243,7 @@ def test_results_keep_the_order_and_memory_the_limit(folder: Path) -> None:
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
 def test_a_stopped_run_leaves_nothing(stop: type[BaseException], folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that is interrupted before its end writes no table, no overlay, and no temporary file."""
-    monkeypatch.setattr("calib.cli_detect.write_results", raising(stop))
+    monkeypatch.setattr("calib.commands.detect.write_results", raising(stop))
     with pytest.raises(stop):
         run("photos", out="d.csv", overlay="o")
     assert list(Path("o").iterdir()) == []

@@ -9,7 +9,7 @@ from foreign_cameras import CAMERAS, SIZE
 
 from calib.camera_difference import camera_difference
 from calib.camera_file import camera_to_json
-from calib.cli_diff import diff
+from calib.commands.diff import diff
 from calib.interop import FORMATS
 from calib.types import Camera
 from designer.errors import InputError

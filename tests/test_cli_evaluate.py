@@ -13,14 +13,14 @@ from rich.console import Console
 from rich.table import Table
 from typer.testing import CliRunner, Result
 
-from calib.calibration_file import Provenance, write_calibration
-from calib.cli_evaluate import evaluate as command
-from calib.evaluation_files import evaluation_files
-from calib.evaluation_table import comparison_table, figure, with_digits
+from calib.commands.evaluate import evaluate as command
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import by_point, by_view, evaluate
 from calib.render.job import RenderJob, truth_text
 from calib.render.options import RenderOptions
+from calib.results.calibration_file import Provenance, write_calibration
+from calib.results.evaluation_files import evaluation_files
+from calib.results.evaluation_table import comparison_table, figure, with_digits
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.types import Calibration

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from calib.camera_file import camera_to_json, load_camera
-from calib.cli_undistort import undistort
-from calib.images import read_colour
+from calib.commands.undistort import undistort
+from calib.inputs.images import read_colour
 from calib.types import Camera
 from calib.undistort import pinhole_of
 from calib.undistort import undistort as undistort_pixels
@@ -174,7 +174,9 @@ def test_bad_options_are_refused(folder: Path, options: dict[str, float], rule: 
 
 def test_the_module_is_quick_to_import() -> None:
     """Importing the command loads neither OpenCV nor numba, so that `calib --help` stays quick."""
-    code = "import sys, calib.cli_undistort, calib.cli_pose; print({'cv2', 'numba', 'numpy'} & set(sys.modules))"
+    code = (
+        "import sys, calib.commands.undistort, calib.commands.pose; print({'cv2', 'numba', 'numpy'} & set(sys.modules))"
+    )
     answer = subprocess.run(
         [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True, timeout=60
     )

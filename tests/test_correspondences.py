@@ -10,11 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.corners_vnl import Grid
-from calib.correspondences import parse_pair, read_correspondences, read_observations
-from calib.dataset import write_detections
-from calib.known_planes import points_with_planes
-from calib.observations import known_points
+from calib.inputs.corners_vnl import Grid
+from calib.inputs.correspondences import parse_pair, read_correspondences, read_observations
+from calib.inputs.dataset import write_detections
+from calib.inputs.known_planes import points_with_planes
+from calib.inputs.observations import known_points
 from calib.types import Detections, KnownPoints, Observations
 from designer.errors import InputError
 from designer.target import target_to_json

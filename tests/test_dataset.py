@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.dataset import (
+from calib.inputs.dataset import (
     COLUMNS,
     FIRST_LINE,
     Dataset,
@@ -18,7 +18,7 @@ from calib.dataset import (
     read_detections,
     write_detections,
 )
-from calib.records import ImageRecord, measurable, read_records, records_path
+from calib.inputs.records import ImageRecord, measurable, read_records, records_path
 from calib.types import TOO_FLAT, Detections, FaceRecord
 from designer.errors import InputError
 from designer.layout import lay_out

@@ -13,8 +13,8 @@ from calib.figures import calibration_figures, comparison_figures
 from calib.figures.cells import LEAST_PER_CELL, cells_of, columns_rows
 from calib.figures.fields import residuals_of
 from calib.figures.style import round_length
+from calib.inputs.observations import known_points
 from calib.metrics.evaluation import evaluate
-from calib.observations import known_points
 from calib.types import Calibration, Camera
 from tests.calibrations import board, calibration_of, camera, example, icosahedron, poses_around, seen_by
 

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from calib.image_headers import MAX_PAGES, MAX_SCANS, read_header
-from calib.images import MAX_PIXELS, Photo, read_image
+from calib.inputs.image_headers import MAX_PAGES, MAX_SCANS, read_header
+from calib.inputs.images import MAX_PIXELS, Photo, read_image
 from designer.errors import InputError
 
 WIDTH, HEIGHT = 23, 17

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calib.cameras import rays
+from calib.inputs.observations import known_points
 from calib.metrics import METRICS
 from calib.metrics.errors import Errors, Summary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation, by_face, by_point, by_view, evaluate
 from calib.metrics.held_out import evaluate_held_out
 from calib.metrics.prediction import centers_mm, predict
-from calib.observations import known_points
+from calib.results.truth import Truth
 from calib.se3 import compose, exp_rotation, invert, look_at, make_pose, transform
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.truth import Truth
 from calib.types import Calibration, Camera, KnownPoints, Observations
 from designer.errors import InputError
 from tests.calibrations import board, calibration_of, camera, example, icosahedron, poses_around, seen_by

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.mirrored import facing, handedness, mirrored_views
-from calib.observations import known_points
+from calib.inputs.mirrored import facing, handedness, mirrored_views
+from calib.inputs.observations import known_points
 from calib.se3 import look_at
 from calib.types import Camera, KnownPoints, Observations
 from designer.errors import InputError

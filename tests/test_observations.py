@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.dataset import Dataset, read_detections, write_detections
-from calib.observations import (
+from calib.inputs.dataset import Dataset, read_detections, write_detections
+from calib.inputs.observations import (
     Prepared,
     dataset_of,
     known_points,

@@ -14,10 +14,10 @@ import typer
 from numpy.typing import NDArray
 
 from calib.camera_file import camera_to_json
-from calib.cli_pose import run_pose
-from calib.dataset import Dataset
+from calib.commands.pose import run_pose
 from calib.detect.batch import find_photos
-from calib.observations import dataset_of, known_points
+from calib.inputs.dataset import Dataset
+from calib.inputs.observations import dataset_of, known_points
 from calib.pose import CSV_COLUMNS, TargetPose, poses_to_csv, poses_to_json, target_poses
 from calib.render.poses import load_poses
 from calib.se3 import exp_rotation, transform

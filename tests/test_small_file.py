@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from calib.camera_file import load_camera
-from calib.records import read_records
+from calib.inputs.records import read_records
 from calib.render.poses import load_poses
 from designer.errors import InputError
 from designer.small_file import read_small_text

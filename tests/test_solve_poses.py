@@ -56,7 +56,7 @@ def test_true_poses_are_found_without_noise(model: str, target: str) -> None:
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_poses_are_those_of_scipy_with_opencv(target: str) -> None:
-    """scipy's least squares over cv2.projectPoints, from the true poses, ends at the same ones."""
+    """Scipy's least squares over cv2.projectPoints, from the true poses, ends at the same ones."""
     rng = np.random.default_rng(1)
     poses = poses_around(6, rng, half_angle_deg=HALF_ANGLE_DEG[target])
     seen = observe(CAMERAS["opencv"], TARGETS[target], poses, rng, noise_px=NOISE_PX)

@@ -59,7 +59,7 @@ def test_truth_is_found_without_noise(model: str, target: str) -> None:
 
 @pytest.mark.parametrize("model", CAMERAS)
 def test_one_photo_of_an_icosahedron_is_enough(model: str) -> None:
-    """A single photo of an icosahedron, without noise, gives its camera; with noise, within four standard deviations."""
+    """A single photo of an icosahedron gives its camera, and with noise one within four standard deviations of it."""
     rng = np.random.default_rng(3)
     poses = pose_from((130.0, 250.0, 260.0))
     exact = observe(CAMERAS[model], TARGETS["icosahedron"], poses, rng)
@@ -154,7 +154,7 @@ SCIPY_CASES = {
 
 @pytest.mark.parametrize("case", SCIPY_CASES)
 def test_the_minimum_is_that_of_scipy(case: str) -> None:
-    """Model `luhmann` ends where scipy's least squares of the published formula ends, also weighted, fixed and shared."""
+    """Model `luhmann` ends where scipy ends with the published formula, also weighted, with fixed and shared values."""
     options = SCIPY_CASES[case]
     rng = np.random.default_rng(7)
     camera = replace(CAMERAS["luhmann"], params=np.array([2500.0, 2500, 1230, 1010, -0.12, 0.05, 0.01, 3e-4, 3e-4]))

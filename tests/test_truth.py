@@ -8,9 +8,9 @@ import pytest
 
 from calib.render.job import RenderJob, truth_text
 from calib.render.options import RenderOptions
-from calib.rigid import rigid_fault
+from calib.results.rigid import rigid_fault
+from calib.results.truth import Truth, read_truth, true_poses
 from calib.se3 import exp_rotation, make_pose
-from calib.truth import Truth, read_truth, true_poses
 from designer.errors import InputError
 from tests.calibrations import board, camera, poses_around
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect.overlay import draw_overlay, write_overlay
-from calib.images import SUFFIXES_OF, read_image
+from calib.inputs.images import SUFFIXES_OF, read_image
 from calib.types import Camera, Detections
 from designer.errors import InputError
 from designer.target import TargetGeometry

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from calib.detect.canvas import Canvas, Colour
-from calib.records import measurable
+from calib.inputs.records import measurable
 from calib.types import Detections
 from designer.target import TargetGeometry
 

@@ -23,8 +23,8 @@ from calib.detect.ring_model import (
     RATIO,
     WHITE,
 )
-from calib.small_solve import cholesky_solve
 from calib.jit import jit
+from calib.small_solve import cholesky_solve
 from calib.threads import in_chunks
 
 Floats: TypeAlias = NDArray[np.float64]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from calib.detect.ring_equations import CHUNK, accumulate, add_prior
 from calib.detect.ring_model import BLUR, CENTER_U, CENTER_V, DARKNESS, E00, E10, E11, M0, M1, PARAMETERS, RATIO, WHITE
 from calib.detect.ring_pixels import MAX_PIXELS, choose_pixels
-from calib.small_solve import cholesky_invert, cholesky_solve
 from calib.jit import jit
+from calib.small_solve import cholesky_invert, cholesky_solve
 from calib.threads import in_chunks
 
 Floats: TypeAlias = NDArray[np.float64]

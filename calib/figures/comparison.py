@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.evaluation_table import figure as digits
 from calib.figures.cells import cells_of, columns_rows
 from calib.figures.fields import draw_means, residuals_of
 from calib.figures.style import BLUE, GREEN, GREY, ORANGE, VERMILION, WIDTH_PX, bar_beside
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation
+from calib.results.evaluation_table import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

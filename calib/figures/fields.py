@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.evaluation_table import figure as digits
 from calib.figures.cells import LEAST_PER_CELL, Cells, cells_of, columns_rows
 from calib.figures.style import BLUE, EMPTY, INK, NOTE_POINTS, SEQUENTIAL, VERMILION, image_axes, note, round_length
 from calib.metrics.evaluation import Evaluation
+from calib.results.evaluation_table import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,12 +4,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.evaluation_table import figure as digits
 from calib.figures.cells import cells_of, columns_rows
 from calib.figures.fields import Residuals
 from calib.figures.style import BLUE, EMPTY, INK, ORANGE, SEQUENTIAL, VERMILION, bar_beside, image_axes, note, nothing
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, by_view
+from calib.results.evaluation_table import figure as digits
 from calib.solver.uncertainty import image_grid, projected_sigma_px
 from calib.types import Calibration
 from designer.command import printable

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.metrics import METRICS
 from calib.metrics.errors import Errors, Summary, summarise_groups
 from calib.metrics.prediction import predict
-from calib.truth import Truth, true_poses
+from calib.results.truth import Truth, true_poses
 from calib.types import Calibration
 from designer.errors import InputError
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from calib.cameras import rays
 from calib.metrics.errors import is_known
 from calib.metrics.evaluation import Evaluation, errors_of, joined, truth_remarks
+from calib.results.truth import Truth
 from calib.solver.pose import solve_poses
 from calib.solver.solve import keep_views
-from calib.truth import Truth
 from calib.types import Calibration, Observations
 from designer.errors import InputError
 

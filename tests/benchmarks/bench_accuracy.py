@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 from calib.camera_file import camera_or_preset
 from calib.detect.batch import detect_photos, named_photos
 from calib.detect.pipeline import detect
+from calib.inputs.observations import dataset_of, observations_from_detections
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
-from calib.observations import dataset_of, observations_from_detections
 from calib.render.job import RenderJob, run_job
 from calib.render.options import RenderOptions
 from calib.render.poses import PoseGrid, grid_poses
+from calib.results.truth import Truth, read_truth, true_poses
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.truth import Truth, read_truth, true_poses
 from calib.types import Camera, Observations
 from designer.layout import lay_out
 from designer.spec import BoardSpec, IcoSpec

@@ -19,8 +19,8 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 from calib.camera_file import camera_from_mapping, camera_to_json
 from calib.cameras import parameter_names
 from calib.files import write_files
-from calib.observation_table import observations_to_csv, read_sightings
-from calib.rigid import rigid_fault
+from calib.results.observation_table import observations_to_csv, read_sightings
+from calib.results.rigid import rigid_fault
 from calib.solver.options import SolveOptions
 from calib.types import Calibration, KnownPoints, Observations, Status
 from designer.errors import InputError

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.csv_table import is_real
-from calib.observations import AllSightings
+from calib.inputs.csv_table import is_real
+from calib.inputs.observations import AllSightings
 from calib.types import KnownPoints
 from designer.errors import InputError
 

@@ -7,7 +7,7 @@ import typer
 if TYPE_CHECKING:
     from calib.types import Camera
 
-CameraArgument = Annotated[str, typer.Argument(help="camera file (camera.json), or a camera template")]
+CameraArgument = Annotated[str, typer.Argument(help="camera file of ours or of another tool, or a camera template")]
 
 
 def read_camera(name: str) -> "Camera":
@@ -16,6 +16,6 @@ def read_camera(name: str) -> "Camera":
     Raises:
         InputError: neither a template nor a valid file.
     """
-    from calib.camera_file import camera_or_preset
+    from calib.interop.reading import open_camera
 
-    return camera_or_preset(name)
+    return open_camera(name).read.camera

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.csv_table import ANY_NAME, Table, read_table, read_text
 from calib.files import write_files
-from calib.records import RECORDS_START, ImageRecord, Records, image_record, records_path, records_to_json
+from calib.inputs.csv_table import ANY_NAME, Table, read_table, read_text
+from calib.inputs.records import RECORDS_START, ImageRecord, Records, image_record, records_path, records_to_json
 from calib.types import Detections, frozen_array
 from designer.errors import InputError
 from designer.target import TargetGeometry

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.dataset import Dataset
-from calib.mirrored import mirrored_views
+from calib.inputs.dataset import Dataset
+from calib.inputs.mirrored import mirrored_views
 from calib.types import Detections, KnownPoints, Observations, frozen_array
 from designer.errors import InputError
 from designer.target import TargetGeometry

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.camera_argument import CameraArgument, read_camera
-from calib.cli_detect import one_line
+from calib.commands.camera_argument import CameraArgument, read_camera
+from calib.commands.detect import one_line
 from designer.command import STOPPED
 from designer.errors import InputError
 
@@ -81,8 +81,8 @@ def undistort(
 def _undistort_all(photos: "Sequence[PhotoFile]", place: Path, camera: "Camera", pinhole: "Camera") -> list[_Done]:
     """One photo after the other into the folder of the new camera's file, which comes with the first that succeeds."""
     from calib.camera_file import camera_to_json
+    from calib.commands.progress import progress_bar
     from calib.files import distinct_stems, write_files
-    from calib.progress import progress_bar
 
     done: list[_Done] = []
     try:
@@ -122,7 +122,7 @@ def _one(
 ) -> _Done:
     """One photo from file to file. No fault of a photo ends the run."""
     from calib.files import write_files
-    from calib.images import read_colour
+    from calib.inputs.images import read_colour
     from calib.undistort import undistort as undistort_pixels
 
     try:

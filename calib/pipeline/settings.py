@@ -3,8 +3,8 @@
 import re
 from dataclasses import dataclass, replace
 
-from calib.calibrate import MODELS_TO_SOLVE
 from calib.cameras import MODELS, parameter_names
+from calib.pipeline.calibrate import MODELS_TO_SOLVE
 from calib.solver.options import SolveOptions
 from designer.errors import InputError
 from designer.spec_file import suggestion

@@ -12,10 +12,10 @@ from designer.errors import InputError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from calib.calibration_file import Provenance
     from calib.metrics.evaluation import Evaluation
     from calib.metrics.held_out import Solve
-    from calib.truth import Truth
+    from calib.results.calibration_file import Provenance
+    from calib.results.truth import Truth
     from calib.types import Calibration
 
 DEGENERATE = 1
@@ -42,11 +42,11 @@ def evaluate(
 
     The exit code is 1 if the photos do not determine the camera.
     """
-    from calib.calibration_file import CALIBRATION_FILE, read_calibration
-    from calib.evaluation_files import METRICS_FILE, evaluation_files
     from calib.files import write_files
     from calib.metrics.evaluation import evaluate as evaluate_one
-    from calib.truth import read_truth
+    from calib.results.calibration_file import CALIBRATION_FILE, read_calibration
+    from calib.results.evaluation_files import METRICS_FILE, evaluation_files
+    from calib.results.truth import read_truth
 
     path = calibration / CALIBRATION_FILE if calibration.is_dir() else calibration
     solved, provenance = read_calibration(path)
@@ -80,7 +80,7 @@ def _held_out(calibration: "Calibration", provenance: "Provenance", folds: int, 
 
 def _solver_of(calibration: "Calibration", provenance: "Provenance") -> "Solve":
     """Solves again as the calibration was solved."""
-    from calib.calibrate import calibrate
+    from calib.pipeline.calibrate import calibrate
 
     if dict(provenance.settings).get(REFERENCE):
         raise InputError(
@@ -92,7 +92,7 @@ def _solver_of(calibration: "Calibration", provenance: "Provenance") -> "Solve":
 
 def _summarise(path: Path, evaluation: "Evaluation") -> None:
     """All tables, what was left out, and what the figures are worth."""
-    from calib.evaluation_table import (
+    from calib.results.evaluation_table import (
         faces_table,
         metrics_table,
         parameters_table,

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.cli_detect import WIDE, program
+from calib.commands.detect import WIDE, program
 from designer.command import printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
-    from calib.corners_vnl import Grid
-    from calib.solutions import Solution
-    from calib.solve_settings import SolvePlan
+    from calib.inputs.corners_vnl import Grid
+    from calib.pipeline.settings import SolvePlan
+    from calib.pipeline.solutions import Solution
+    from calib.results.truth import Truth
     from calib.solve_virtual import Reference
-    from calib.truth import Truth
     from calib.types import Calibration, Observations
 
 DEGENERATE = 1
@@ -67,14 +67,18 @@ def solve(
 
     The exit code is 1 if the observations do not determine the camera.
     """
-    from calib.correspondences import parse_pair, read_observations
-    from calib.dataset import MAX_SIDE_PX
+    from calib.inputs.correspondences import parse_pair, read_observations
+    from calib.inputs.dataset import MAX_SIDE_PX
 
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     size = None if image_size is None else parse_pair("--image-size", image_size, MAX_SIDE_PX)
     prepared = read_observations(detections, target, image_size=size, grid=_grid(grid, pitch))
     check_folder(out)
-    settings = (("detections", detections.name), ("target", "" if target is None else target.name))
+    settings = (
+        ("detections", detections.name),
+        ("target", "" if target is None else target.name),
+        *reference_setting(reference),
+    )
     for remark in prepared.remarks:
         print(printable(remark))
     solutions = solve_and_say(
@@ -95,7 +99,7 @@ def plan_of(
     weighted: bool,
 ) -> "SolvePlan":
     """The options of the command line."""
-    from calib.solve_settings import plan_from_words
+    from calib.pipeline.settings import plan_from_words
 
     return plan_from_words(
         model, fix=fix or [], share=share or [], focal=focal, loss=loss, reject=reject, weighted=weighted
@@ -123,8 +127,8 @@ def reference_of(reference: str | None, target: Path | None) -> "Reference | Non
     if reference is None:
         raise InputError(f"--reference-target {target}: name the photo of this board too, with --reference PHOTO")
     from calib.detect.pipeline import detect
-    from calib.images import read_image
-    from calib.observations import dataset_of, observations_from_detections
+    from calib.inputs.images import read_image
+    from calib.inputs.observations import dataset_of, observations_from_detections
     from designer.target import load_target
 
     board = load_target(target)
@@ -132,6 +136,11 @@ def reference_of(reference: str | None, target: Path | None) -> "Reference | Non
     if not len(seen.ring):
         raise InputError(f"{reference}: shows no rings of {target}; give a photo of that board")
     return observations_from_detections(dataset_of([seen]), board, origin=reference).observations
+
+
+def reference_setting(reference: str | None) -> tuple[tuple[str, str], ...]:
+    """The choice of a reference, for the record."""
+    return () if reference is None else (("reference", reference),)
 
 
 def solve_and_say(
@@ -150,9 +159,9 @@ def solve_and_say(
     """
     from rich.console import Console
 
-    from calib.calibration_file import Provenance
-    from calib.evaluation_table import comparison_table, parameters_table
-    from calib.solutions import solve_models
+    from calib.pipeline.solutions import solve_models
+    from calib.results.calibration_file import Provenance
+    from calib.results.evaluation_table import comparison_table, parameters_table
 
     def provenance(model: str) -> Provenance:
         return Provenance(
@@ -196,9 +205,23 @@ def say_files(folder: Path, solutions: "Sequence[Solution]") -> None:
     for solution in solutions:
         if solution.files:
             print(f"wrote {solution.folder}: {', '.join(path.name for path in solution.files)}")
-    best = next(solution for solution in solutions if solution.evaluation is not None)
+    best = _best(solutions)
     print(f"next  calib evaluate {best.folder / 'calibration.json'}")
     print(f"      calib convert {best.folder / 'camera.json'} --to colmap -o cameras.txt   (opencv, ros, kalibr, ...)")
+
+
+def _best(solutions: "Sequence[Solution]") -> "Solution":
+    """The one that is determined and leaves least, sightings it does not know counted out."""
+    from calib.metrics.errors import summarise
+
+    def left(solution: "Solution") -> tuple[bool, float]:
+        evaluation = solution.evaluation
+        errors = None if evaluation is None else evaluation.of("reprojection")
+        if evaluation is None or errors is None:
+            return True, float("inf")
+        return evaluation.calibration.status != "converged", summarise(errors).rmse
+
+    return min((solution for solution in solutions if solution.evaluation is not None), key=left)
 
 
 def leave_if_degenerate(solutions: "Sequence[Solution]") -> None:
@@ -210,8 +233,8 @@ def leave_if_degenerate(solutions: "Sequence[Solution]") -> None:
 
 def _grid(grid: str | None, pitch: str | None) -> "Grid | None":
     """The corners' grid, if one is given."""
-    from calib.corners_vnl import Grid
-    from calib.correspondences import MAX_GRID, parse_pair
+    from calib.inputs.corners_vnl import Grid
+    from calib.inputs.correspondences import MAX_GRID, parse_pair
     from designer.units import parse_length_mm
 
     if grid is None and pitch is None:

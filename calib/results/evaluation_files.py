@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import MODELS
-from calib.csv_table import ANY_NAME
+from calib.inputs.csv_table import ANY_NAME
 from calib.metrics.errors import Errors, Summary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation
-from calib.observation_table import quoted
+from calib.results.observation_table import quoted
 
 FORMAT = "ringforge.metrics"
 VERSION = 1

@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from calib.calibrate import calibrate
-from calib.calibration_file import Provenance, write_calibration
 from calib.metrics.evaluation import Evaluation, evaluate
-from calib.solve_settings import SolvePlan
+from calib.pipeline.calibrate import calibrate
+from calib.pipeline.settings import SolvePlan
+from calib.results.calibration_file import Provenance, write_calibration
+from calib.results.truth import Truth
 from calib.solve_virtual import Reference
-from calib.truth import Truth
 from calib.types import Observations
 from designer.errors import InputError
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.corners_vnl import Grid, is_corners, sightings_from_corners
-from calib.csv_table import Table, read_table, read_text
-from calib.dataset import FIRST_LINE, MAX_SIDE_PX, is_covariance, read_detections
-from calib.known_planes import MAX_FACE, points_with_planes
-from calib.observations import AllSightings, Prepared, observations_from_detections, prepare
+from calib.inputs.corners_vnl import Grid, is_corners, sightings_from_corners
+from calib.inputs.csv_table import Table, read_table, read_text
+from calib.inputs.dataset import FIRST_LINE, MAX_SIDE_PX, is_covariance, read_detections
+from calib.inputs.known_planes import MAX_FACE, points_with_planes
+from calib.inputs.observations import AllSightings, Prepared, observations_from_detections, prepare
 from designer.errors import InputError
 from designer.spec_file import shown, suggestion
 from designer.target import load_target

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera_file import camera_from_mapping
-from calib.rigid import rigid_fault
+from calib.results.rigid import rigid_fault
 from calib.types import Camera, frozen_array
 from designer.errors import InputError
 from designer.small_file import JsonValue, parse_json, read_small_text

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.cli_detect import search_photos, staging_folder, summarise, write_results
-from calib.cli_solve import (
+from calib.commands.detect import search_photos, staging_folder, summarise, write_results
+from calib.commands.solve import (
     FixOption,
     FocalOption,
     LossOption,
@@ -23,6 +23,7 @@ from calib.cli_solve import (
     leave_if_degenerate,
     plan_of,
     reference_of,
+    reference_setting,
     say_files,
     solve_and_say,
 )
@@ -31,8 +32,8 @@ from designer.errors import InputError
 
 if TYPE_CHECKING:
     from calib.detect.batch import Found, PhotoResult
-    from calib.solutions import Solution
-    from calib.solve_settings import SolvePlan
+    from calib.pipeline.settings import SolvePlan
+    from calib.pipeline.solutions import Solution
     from calib.types import Camera
     from designer.target import TargetGeometry
 
@@ -65,8 +66,8 @@ def run(
     The exit code is 1 if nothing was found, or if the photos do not determine the camera.
     """
     from calib.detect.batch import find_photos
-    from calib.observations import dataset_of, observations_from_detections
-    from calib.truth import read_truth
+    from calib.inputs.observations import dataset_of, observations_from_detections
+    from calib.results.truth import read_truth
     from designer.target import load_target
 
     geometry = load_target(target)
@@ -84,7 +85,7 @@ def run(
     prepared = observations_from_detections(dataset_of(seen), geometry, origin="the photos")
     for remark in prepared.remarks:
         print(printable(remark))
-    settings = (("target", target.name), ("photos", str(len(found.paths))))
+    settings = (("target", target.name), ("photos", str(len(found.paths))), *reference_setting(reference))
     solutions = solve_and_say(prepared.observations, plan, folder, settings=settings, reference=board, truth=known)
     print(f"\nwrote {folder}: detections.csv, detections.records.json; overlays: look at some of them first")
     _draw(solutions, folder)
@@ -94,9 +95,9 @@ def run(
 
 def _draw(solutions: "Sequence[Solution]", folder: Path) -> None:
     """The tables and pictures of each model, and one that compares them."""
-    from calib.evaluation_files import evaluation_files
     from calib.figures import calibration_figures, comparison_figures
     from calib.files import write_files
+    from calib.results.evaluation_files import evaluation_files
 
     evaluated = [(one.folder, one.evaluation) for one in solutions if one.evaluation is not None]
     for place, evaluation in evaluated:
@@ -150,8 +151,8 @@ def _first_camera(
     """A camera good enough to see rings through its lens; None if the photos do not determine one."""
     from dataclasses import replace
 
-    from calib.exif import exif_focal_px
-    from calib.observations import dataset_of, observations_from_detections
+    from calib.inputs.exif import exif_focal_px
+    from calib.inputs.observations import dataset_of, observations_from_detections
     from calib.solver.options import SolveOptions
     from calib.solver.solve import solve
 

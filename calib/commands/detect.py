@@ -68,8 +68,8 @@ def run_detect(
 ) -> None:
     """The command with a detector of choice."""
     from calib.camera_file import camera_or_preset
-    from calib.dataset import check_output
     from calib.detect.batch import find_photos
+    from calib.inputs.dataset import check_output
     from designer.target import load_target
 
     geometry = load_target(target)
@@ -156,8 +156,8 @@ def write_results(
     table: Path, results: "Sequence[PhotoResult]", seen: "Sequence[Detections]", geometry: "TargetGeometry"
 ) -> None:
     """Write the table and the records, photos that could not be searched among them."""
-    from calib.dataset import write_detections
-    from calib.records import ImageRecord
+    from calib.inputs.dataset import write_detections
+    from calib.inputs.records import ImageRecord
 
     failed = [
         ImageRecord(result.photo.name, None, 0, 0, (), (), result.failure) for result in results if result.seen is None
@@ -248,7 +248,7 @@ def _remarks(one: "Detections") -> list[str]:
 
 def _expected(one: "Detections") -> int:
     """How many features of the named faces could have been measured."""
-    from calib.records import measurable
+    from calib.inputs.records import measurable
 
     return sum(measurable(record) for record in one.faces if record.face is not None)
 
@@ -264,7 +264,7 @@ def _median_sigma(one: "Detections") -> str:
 
 def _say_files(table: Path, overlay: Path | None, results: "Sequence[PhotoResult]") -> None:
     """What was written, and what it is for."""
-    from calib.records import records_path
+    from calib.inputs.records import records_path
 
     print(f"wrote {table}: one line a feature, which is what a calibration reads")
     print(f"      {records_path(table)}: what was read of each face, and why rings are missing")

@@ -15,7 +15,7 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.csv_table import ANY_NAME, MAX_FILE_BYTES
+from calib.inputs.csv_table import ANY_NAME, MAX_FILE_BYTES
 from calib.types import Calibration, KnownPoints
 from designer.errors import InputError
 

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.image_headers import DamagedError, Format, Header, needed_png, read_header
+from calib.inputs.image_headers import DamagedError, Format, Header, needed_png, read_header
 from designer.errors import InputError
 
 MAX_PIXELS = 250_000_000

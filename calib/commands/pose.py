@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.camera_argument import CameraArgument, read_camera
-from calib.cli_detect import WIDE, one_line, search_photos, staging_folder
+from calib.commands.camera_argument import CameraArgument, read_camera
+from calib.commands.detect import WIDE, one_line, search_photos, staging_folder
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def run_pose(
 ) -> None:
     """The command with a detector of choice."""
     from calib.detect.batch import find_photos
-    from calib.observations import dataset_of
+    from calib.inputs.observations import dataset_of
     from calib.pose import check_output, target_poses
     from designer.target import load_target
 
@@ -136,7 +136,7 @@ def _draw(
     from calib.detect.batch import OVERLAY_MARK
     from calib.detect.overlay import write_overlay
     from calib.files import distinct_stems
-    from calib.images import read_image
+    from calib.inputs.images import read_image
     from calib.pose_overlay import draw_pose
 
     stems = distinct_stems([result.photo.name for result in results])

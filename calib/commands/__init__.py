@@ -1,0 +1,1 @@
+"""The commands of `calib`, one a file: thin, and the only place with a screen."""

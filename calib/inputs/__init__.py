@@ -1,0 +1,1 @@
+"""What a calibration starts from: photos, detections and correspondences, read with suspicion."""

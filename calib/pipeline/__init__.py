@@ -1,0 +1,1 @@
+"""From observations to calibrations of several models."""

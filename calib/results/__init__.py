@@ -1,0 +1,1 @@
+"""Calibrations and evaluations as files and tables."""
