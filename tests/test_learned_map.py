@@ -16,10 +16,19 @@ from virtual_scenes import (
     wavy_map,
 )
 
-from calib.cameras.learned import exact_point, exact_variance, known_at, spline_of, to_image, to_sensor, trend_at
-from calib.image_cells import cells_of
-from calib.learn_map import Samples, learn_from_many, learn_map
+from calib.cameras.learned import (
+    exact_jacobian,
+    exact_point,
+    exact_variance,
+    known_at,
+    spline_of,
+    to_image,
+    to_sensor,
+    trend_at,
+)
 from calib.types import LearnedMap
+from calib.virtual.image_cells import cells_of
+from calib.virtual.learn_map import Samples, learn_from_many, learn_map
 from designer.errors import InputError
 
 NOISE_PX = 0.05
@@ -57,6 +66,7 @@ def test_table_is_the_sum_over_knots(wavy: LearnedMap) -> None:
         step = np.eye(2)[axis]
         slope = (exact_point(wavy, pixel + step) - exact_point(wavy, pixel - step)) / 2
         assert np.abs(moved.jacobian[:, :, axis] - slope).max() < 2e-6  # of the difference quotient
+    assert np.abs(moved.jacobian - exact_jacobian(wavy, pixel)).max() < 1e-7
 
 
 def test_jacobian_is_that_of_the_table(wavy: LearnedMap) -> None:
@@ -80,9 +90,9 @@ def test_inverse_is_exact(wavy: LearnedMap) -> None:
 
 def test_inverse_of_a_strong_fisheye_is_exact() -> None:
     """The inverse finds the pixel where the map stretches the edge of the image several times."""
-    direction = board_in((-0.3, 1.3), 24, 24)
+    direction = board_in((-0.3, 1.3), 21, 21)
     direction[:, :2] *= 1.6
-    pixel = fisheye_px(direction, 1500.0)
+    pixel = fisheye_px(direction) + 0.02 * np.random.default_rng(0).standard_normal((len(direction), 2))
     learned = learn_map(samples_of(pixel, 1500 * direction[:, :2]), SIZE).map
     pixel = pixels()
     known = known_at(learned, SIZE, pixel)
@@ -147,7 +157,7 @@ def test_errors_are_as_large_as_the_process_says() -> None:
     """The map's errors, over the standard deviations it states, have a root mean square of about 1."""
     direction = board_in((0.02, 0.98))
     ratio = []
-    for seed in range(4):
+    for seed in range(3):
         noise = NOISE_PX * np.random.default_rng(seed).standard_normal((len(direction), 2))
         learned = learn_map(samples_of(bent(sensor_of(direction)) + noise, sensor_of(direction)), SIZE)
         inside = pixels(seed=seed) * 0.9 + 0.05 * np.array(SIZE)

@@ -9,14 +9,14 @@ from virtual_scenes import angle_px, large_board, through_waves, true_rays
 
 from calib.cameras import project, rays
 from calib.cameras.learned import known_at
-from calib.learn_views import _without_gauge
-from calib.reference_photo import choose_view, on_plane_mm, sensor_points
 from calib.se3 import exp_rotation, invert, look_at, transform
-from calib.solve_virtual import solve_virtual
 from calib.solver.options import SolveOptions
 from calib.solver.pose import solve_poses
 from calib.solver.solve import solve
 from calib.types import Calibration, Camera, Observations
+from calib.virtual.learn_views import _without_gauge
+from calib.virtual.reference_photo import choose_view, on_plane_mm, sensor_points
+from calib.virtual.solve_virtual import solve_virtual
 from designer.errors import InputError
 
 NOISE_PX = 0.03

@@ -22,7 +22,7 @@ def test_the_fold_is_the_first_root_of_the_slope() -> None:
     for _ in range(3000):
         coefficients = random_coefficients(rng, 0.0)
         k1, k2, _, _, k3 = coefficients
-        roots = np.roots(np.trim_zeros([7 * k3, 5 * k2, 3 * k1, 1.0], "f"))
+        roots = np.roots(np.array([7 * k3, 5 * k2, 3 * k1, 1.0]))
         real = roots[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0)].real
         expected = np.sqrt(real.min()) if len(real) else np.inf
         assert fold_radius(coefficients) == pytest.approx(expected, rel=1e-6)

@@ -120,6 +120,22 @@ def test_a_photo_that_makes_no_sense_does_not_spoil_the_others(which: int) -> No
     assert any(f"view{which}.png" in remark or "left out" in remark for remark in found.remarks)
 
 
+@pytest.mark.parametrize("noise_px", [1.0, 5.0, 30.0, 200.0, 1000.0])
+@pytest.mark.parametrize("target", ["board", "icosahedron"])
+def test_a_photo_of_nothing_but_noise_does_not_spoil_the_others(target: str, noise_px: float) -> None:
+    """One view too noisy by any amount: the others' camera is found, even if hardly a point of that view is left."""
+    seen = scene(target)
+    for which in range(0, VIEWS, 3):
+        rng = np.random.default_rng(which)
+        bad = seen.view == which
+        pixel = seen.center_px + noise_px * bad[:, None] * rng.standard_normal(seen.center_px.shape)
+        found = solve(replace(seen, center_px=pixel), "opencv", SolveOptions(reject_sigma=4.5))
+        assert found.status == "converged"
+        sigma = sigma_of(found.param_covariance)
+        assert (np.abs(found.camera.params - CAMERAS["opencv"].params) < 5 * sigma).all()
+        assert found.scale < 1.1 * NOISE_PX
+
+
 @pytest.mark.parametrize("share", [0.01, 0.2])
 def test_points_named_wrong_that_the_lens_cannot_show(share: float) -> None:
     """Wide lens, board larger than the image: wrong names of points beyond the lens's fold are outliers like others."""

@@ -12,10 +12,10 @@ from calib.solver.blocks import KNEE, RobustLoss, view_blocks
 from calib.solver.covariance import accuracy_of
 from calib.solver.levenberg import move_poses
 from calib.solver.options import Loss, SolveOptions
-from calib.solver.problem import Problem, few_per_view, pack, select
+from calib.solver.problem import few_per_view, pack, select
 from calib.solver.schur import damped_step
 from calib.solver.tie import tie_parameters
-from calib.types import Camera, Observations
+from calib.types import Camera, KnownPoints, Observations
 from tests.solver_scenes import CAMERAS, board, observe, poses_around, random_covariances
 
 Array = NDArray[np.float64]
@@ -158,7 +158,7 @@ def test_covariances_are_the_inverse_of_the_dense_equations(case: str) -> None:
     normal, _ = dense(blocks.products, free)
     scale = 1 / np.sqrt(np.diag(normal))
     inverse = scale[:, None] * np.linalg.inv(normal * scale[:, None] * scale) * scale
-    accuracy = accuracy_of(blocks.products, free, len(seen.view), None)
+    accuracy = accuracy_of(blocks.products, free, len(seen.view))
     count = int(free.max(initial=-1)) + 1
     spread = (free[:, None] == np.arange(count)).astype(float)
     expected_scale = np.sqrt(blocks.products[:, -1, -1].sum() / (2 * len(seen.view) - len(normal)))
@@ -196,14 +196,17 @@ def test_moving_a_pose_turns_it_about_the_camera_axes() -> None:
     assert np.abs(move_poses(poses, step) - expected).max() < 1e-13
 
 
-def thin_problem(columns: int, rows: int, views: int) -> Problem:
-    """Views that show a whole grid, row by row."""
+def whole_grid(columns: int, rows: int, views: int) -> Observations:
+    """Views that show a whole grid, row by row, each point at its own column and row."""
     u, v = np.meshgrid(np.arange(columns, dtype=float), np.arange(rows, dtype=float))
-    grid = np.stack([u.ravel(), v.ravel()])
+    grid = np.stack([u.ravel(), v.ravel()], axis=1)
     count = columns * rows
-    return Problem(
-        (100, 100), count * np.arange(views + 1), np.tile(np.vstack([grid, np.zeros(count)]), (1, views)),
-        np.tile(grid, (1, views)), np.ones((3, count * views)), np.ones(count * views, dtype=bool),
+    points = KnownPoints(
+        np.column_stack([grid, np.zeros(count)]), np.zeros(count, dtype=np.int64), np.array([[0, 0, 1.0, 0]])
+    )
+    return Observations(
+        (columns, rows), tuple(f"view{n}" for n in range(views)), np.repeat(np.arange(views), count),
+        np.tile(np.arange(count), views), np.tile(grid, (views, 1)), None, points,
     )  # fmt: skip
 
 
@@ -212,7 +215,7 @@ def test_a_few_points_of_a_grid_span_it(columns: int) -> None:
     """The few observations taken of a view spread over its points in both directions, whatever their order's period."""
     for views in (1, 16, 20, 32, 33, 60):
         for rows in (12, 24, 25, 40, 50):
-            problem = thin_problem(columns, rows, views)
+            problem = pack(whole_grid(columns, rows, views), weighted=False)
             few = select(problem, np.arange(views), few_per_view(views))
             for view in range(views):
                 place = few.measured_px[:, few.view_start[view] : few.view_start[view + 1]]
@@ -223,10 +226,9 @@ def test_a_few_points_of_a_grid_span_it(columns: int) -> None:
 
 def test_observations_that_do_not_count_are_never_taken() -> None:
     """The few observations of a view are used ones, each at most once, and all of them where there are few."""
-    problem = thin_problem(21, 21, 10)
     is_used = np.random.default_rng(0).random(4410) < 0.1
     is_used[441:882] = False
-    few = select(replace(problem, is_used=is_used), np.arange(10), 30)
+    few = select(pack(whole_grid(21, 21, 10), weighted=False, is_used=is_used), np.arange(10), 30)
     assert np.diff(few.view_start).tolist() == np.minimum(is_used.reshape(10, -1).sum(axis=1), 30).tolist()
     for view in range(10):
         taken = few.measured_px[:, few.view_start[view] : few.view_start[view + 1]]

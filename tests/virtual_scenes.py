@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from solver_scenes import SIZE, board
 
 from calib.cameras import rays
-from calib.learn_map import Samples, learn_map
 from calib.types import Camera, KnownPoints, LearnedMap, Observations
+from calib.virtual.learn_map import Samples, learn_map
 
 Array = NDArray[np.float64]
 

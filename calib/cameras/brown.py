@@ -130,8 +130,11 @@ def undistort(coefficients: Array, fold: float, x: float, y: float) -> tuple[flo
         dbb = radial + slope * b * b + 6 * p1 * b + 2 * p2 * a
         dab = slope * a * b + 2 * p1 * a + 2 * p2 * b
         determinant = daa * dbb - dab * dab
-        a -= (dbb * e - dab * f) / determinant
-        b -= (daa * f - dab * e) / determinant
+        da, db = (dbb * e - dab * f) / determinant, (daa * f - dab * e) / determinant
+        # Near the fold the slope all but vanishes, and a whole step would leave what can be inverted.
+        while not (a - da) ** 2 + (b - db) ** 2 < fold * fold and abs(da) + abs(db) > 1e-17 * distorted:
+            da, db = 0.5 * da, 0.5 * db
+        a, b = a - da, b - db
     if not residual < ACCEPTED_RESIDUAL * distorted or not a * a + b * b < fold * fold:
         return np.nan, np.nan
     return a, b

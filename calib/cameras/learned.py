@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.jit import jit
+from calib.one_thread import one_thread
 from calib.types import LearnedMap
 
 Array = NDArray[np.float64]
@@ -88,6 +89,7 @@ def trend_at(trend: Array, pixel: Array) -> Array:
     return point
 
 
+@one_thread
 def exact_point(learned: LearnedMap, pixel: Array) -> Array:
     """The map at pixels (N, 2), knot by knot, known or not.  # (N, 2)"""
     point = trend_at(learned.trend, pixel)
@@ -98,27 +100,42 @@ def exact_point(learned: LearnedMap, pixel: Array) -> Array:
     return point
 
 
+@one_thread
+def exact_jacobian(learned: LearnedMap, pixel: Array) -> Array:
+    """The derivative of the map by the pixel at pixels (N, 2), knot by knot.  # (N, 2, 2)"""
+    trend, knot, length = learned.trend, learned.knot_px, learned.length_px
+    jacobian = trend[None, :2, :2] - trend_at(trend, pixel)[:, :, None] * trend[None, None, 2, :2]
+    jacobian /= (pixel @ trend[2, :2] + trend[2, 2])[:, None, None]
+    at_once = max(1, KERNEL_VALUES_AT_ONCE // max(len(knot), 1))
+    for at in range(0, len(pixel), at_once):
+        rows = slice(at, at + at_once)
+        values = kernel(pixel[rows], knot, length)
+        for axis in range(2):
+            away = (pixel[rows, None, axis] - knot[None, :, axis]) / length**2
+            jacobian[rows, :, axis] -= (away * values) @ learned.weight
+    return jacobian
+
+
+@one_thread
 def exact_variance(learned: LearnedMap, pixel: Array) -> Array:
     """What is not known of the map at pixels (N, 2), in units of the kernel's variance.  # (N,)"""
-    factor = _inverse_factor(learned)
+    from scipy.linalg import solve_triangular
+
+    gram = kernel(learned.knot_px, learned.knot_px, learned.length_px)
+    gram[np.diag_indices_from(gram)] += learned.noise_variance
+    factor = np.linalg.cholesky(gram)
     variance = np.empty(len(pixel))
     at_once = max(1, KERNEL_VALUES_AT_ONCE // max(len(learned.knot_px), 1))
     for at in range(0, len(pixel), at_once):
         rows = slice(at, at + at_once)
-        explained = kernel(pixel[rows], learned.knot_px, learned.length_px) @ factor
-        variance[rows] = 1 - (explained * explained).sum(axis=1)
+        # Not by the factor's inverse: what is left of 1 may be a part in 10^11.
+        explained = solve_triangular(factor, kernel(learned.knot_px, pixel[rows], learned.length_px), lower=True)
+        variance[rows] = 1 - (explained * explained).sum(axis=0)
     return np.maximum(variance, 0.0)
 
 
-def _inverse_factor(learned: LearnedMap) -> Array:
-    """L with `L L' = (K + diag(noise_variance))^-1`.  # (N, N)"""
-    gram = kernel(learned.knot_px, learned.knot_px, learned.length_px)
-    gram[np.diag_indices_from(gram)] += learned.noise_variance
-    factor: Array = np.linalg.inv(np.linalg.cholesky(gram)).T
-    return factor
-
-
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=2)
+@one_thread
 def table_of(learned: LearnedMap, image_size: tuple[int, int]) -> Table:
     """The map's table over an image; kept for the maps last used."""
     spline = spline_of(learned, image_size)
@@ -130,7 +147,8 @@ def table_of(learned: LearnedMap, image_size: tuple[int, int]) -> Table:
     return Table(spline, region, _starts(spline, pixel, region.log_variance <= region.log_limit))
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=2)
+@one_thread
 def spline_of(learned: LearnedMap, image_size: tuple[int, int]) -> Spline:
     """The coarsest table of the map alone that is exact enough.
 

@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from designer.command import printable
+
 if TYPE_CHECKING:
     from calib.types import Camera
 
@@ -18,4 +20,9 @@ def read_camera(name: str) -> "Camera":
     """
     from calib.interop.reading import open_camera
 
-    return open_camera(name).read.camera
+    read = open_camera(name).read
+    if read.refit is not None:
+        print(f"{printable(name)}: its lens is fitted, RMS {read.refit.rms_px:.4f} px, max {read.refit.max_px:.4f} px")
+    for remark in read.remarks:
+        print(f"{printable(name)}: {printable(remark)}")
+    return read.camera

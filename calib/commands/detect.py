@@ -39,7 +39,10 @@ def detect(
         Path | None, typer.Option(help="folder for pictures that show what was and was not found", metavar="DIR")
     ] = None,
     camera: Annotated[
-        str | None, typer.Option(help="camera file or template: centres become surer where its lens is known")
+        str | None,
+        typer.Option(
+            help="camera file (of ours or another tool) or template: centres become surer where its lens is known"
+        ),
     ] = None,
     jobs: Annotated[
         int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
@@ -67,13 +70,13 @@ def run_detect(
     jobs: int,
 ) -> None:
     """The command with a detector of choice."""
-    from calib.camera_file import camera_or_preset
+    from calib.commands.camera_argument import read_camera
     from calib.detect.batch import find_photos
     from calib.inputs.dataset import check_output
     from designer.target import load_target
 
     geometry = load_target(target)
-    camera = None if camera_name is None else camera_or_preset(camera_name)
+    camera = None if camera_name is None else read_camera(camera_name)
     table = _table_path(out, target)
     check_output(table)
     found = find_photos(arguments)

@@ -66,14 +66,14 @@ def render(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace another set in the folder")] = False,
 ) -> None:
     """Render synthetic photos of a target from known poses."""
-    from calib.camera_file import camera_or_preset
+    from calib.commands.camera_argument import read_camera
     from calib.render.job import FileFormat, RenderJob
     from calib.render.options import RenderOptions, Sampling
     from calib.render.poses import load_poses
     from calib.render.quantities import bounded, choice, length, parse_number, parse_pixels, share, whole
     from designer.target import load_target
 
-    geometry, cam = load_target(target), camera_or_preset(camera)
+    geometry, cam = load_target(target), read_camera(camera)
     options = RenderOptions(
         sampling=cast("Sampling", choice("--sampling", sampling, get_args(Sampling))),
         black=share("--black", black, 0, 100),

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from calib.pipeline.settings import SolvePlan
     from calib.pipeline.solutions import Solution
     from calib.results.truth import Truth
-    from calib.solve_virtual import Reference
     from calib.types import Calibration, Observations
+    from calib.virtual.solve_virtual import Reference
 
 DEGENERATE = 1
 

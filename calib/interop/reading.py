@@ -36,7 +36,7 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
         InputError: no such file, of no known kind, or not valid; the message names it.
     """
     known = None if format_name is None else find_format(format_name)
-    if known in (None, JSON) and (name in preset_names("cameras") or Path(name).suffix.lower() == ".toml"):
+    if known in (None, JSON) and (name in preset_names("cameras") or _is_ours_alone(Path(name))):
         return OpenedCamera(JSON, ReadCamera(camera_or_preset(name)))
     path, wanted = _split(name)
     if path.is_dir():
@@ -51,6 +51,11 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     if wanted is not None and not kind.holds_many:
         raise InputError(f"{path}: {kind.title} holds one camera; leave out {shown('#' + wanted)}")
     return OpenedCamera(kind, kind.read(text, str(path), wanted))
+
+
+def _is_ours_alone(path: Path) -> bool:
+    """Whether a name is that of a TOML file, or a template's misspelt."""
+    return path.suffix.lower() == ".toml" or (not path.suffix and not path.parent.name and not path.exists())
 
 
 def find_format(name: str) -> CameraFormat:

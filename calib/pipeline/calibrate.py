@@ -1,9 +1,9 @@
 """One way to solve every camera model."""
 
-from calib.solve_virtual import Reference, solve_virtual
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.types import Calibration, Observations
+from calib.virtual.solve_virtual import Reference, solve_virtual
 
 ALL_VIEWS = "all"
 """As the reference: the map is learned from all views."""

@@ -9,8 +9,8 @@ from calib.pipeline.calibrate import calibrate
 from calib.pipeline.settings import SolvePlan
 from calib.results.calibration_file import Provenance, write_calibration
 from calib.results.truth import Truth
-from calib.solve_virtual import Reference
 from calib.types import Observations
+from calib.virtual.solve_virtual import Reference
 from designer.errors import InputError
 
 

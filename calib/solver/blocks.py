@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 CHUNK = 2000
 """Observations at a time; their derivatives stay in the processor's cache."""
 
+NO_IMAGE = 1e8
+"""Squared length, in knees, that robust losses give to points that the camera does not show."""
+
 LOSSES: dict[Loss, int] = {"squares": 0, "huber": 1, "cauchy": 2}
 KNEE: dict[Loss, float] = {"squares": np.inf, "huber": 1.345, "cauchy": 2.385}
 """Where the losses bend, in standard deviations: 95 % efficient on normal noise (Holland and Welsch 1977)."""
@@ -105,7 +108,15 @@ def _fill(
             continue
         a, b, c2 = whitener[0, m], whitener[1, m], whitener[2, m]
         ru, rv = a * du, b * du + c2 * dv
-        loss, weight = _loss(kind, knee, ru * ru + rv * rv)
+        square = ru * ru + rv * rv
+        if kind != 0 and not square < NO_IMAGE * knee * knee:
+            square = NO_IMAGE * knee * knee  # the point has no image, or one that is lost: an outlier without a pull
+            for c in range(last + 1):
+                rows[c, n] = 0.0
+                rows[c, count + n] = 0.0
+            total += _loss(kind, knee, square)[0]
+            continue
+        loss, weight = _loss(kind, knee, square)
         total += loss
         root = np.sqrt(weight)
         a, b, c2 = root * a, root * b, root * c2

@@ -21,7 +21,9 @@ class Accuracy:
     weakest_eigenvalue: float  # of the normal matrix with a diagonal of ones; 0: not determined
 
 
-def accuracy_of(products: Array, tie: NDArray[np.int64], used: int, robust_scale: float | None) -> Accuracy:
+def accuracy_of(
+    products: Array, tie: NDArray[np.int64], used: int, robust: tuple[float, float] | None = None
+) -> Accuracy:
     """The covariances of camera and poses.
 
     With the normal matrix `[A B; B' C]`, that of the camera is `S^-1` of `S = A - B C^-1 B'`, and that of a pose
@@ -31,15 +33,17 @@ def accuracy_of(products: Array, tie: NDArray[np.int64], used: int, robust_scale
         products: the views' blocks at the minimum (V, P + 7, P + 7).
         tie: the free parameter that each parameter follows (P,); -1: fixed.
         used: observations that count.
-        robust_scale: standard deviation of an observation if weights were lowered, which the squares then do not tell.
+        robust: if weights were lowered, the standard deviation of an observation, which the squares then do not tell,
+            and the factor that makes the inverse normal matrix a covariance.
     """
     views, parameters = len(products), len(tie)
     free = int(tie.max(initial=-1)) + 1
     redundancy = 2 * used - free - 6 * views
     squares = float(products[:, -1, -1].sum())
     scale = float(np.sqrt(squares / redundancy)) if redundancy > 0 else float("nan")
-    if robust_scale is not None:
-        scale = robust_scale
+    factor = scale**2
+    if robust is not None and redundancy > 0:
+        scale, factor = robust[0], robust[1] * 2 * used / redundancy
     spread: Array = (tie[:, None] == np.arange(free)).astype(np.float64)  # (P, Q)
     nothing = Accuracy(
         scale, np.full((parameters, parameters), np.nan), np.full((views, 6, 6), np.nan), np.zeros(parameters), 0.0
@@ -51,7 +55,7 @@ def accuracy_of(products: Array, tie: NDArray[np.int64], used: int, robust_scale
         return nothing
     if free == 0:
         return Accuracy(
-            scale, np.zeros((parameters, parameters)), np.asarray(scale**2 * pose_inverse), np.zeros(parameters), 1.0
+            scale, np.zeros((parameters, parameters)), np.asarray(factor * pose_inverse), np.zeros(parameters), 1.0
         )
     diagonal = np.diagonal(normal)
     before = np.einsum("vpp->p", products[:, :parameters, :parameters]) @ spread
@@ -66,4 +70,4 @@ def accuracy_of(products: Array, tie: NDArray[np.int64], used: int, robust_scale
         return Accuracy(scale, nothing.param_covariance, nothing.pose_covariance, weakest, 0.0)
     inverse = (vectors / values) @ vectors.T / (root[:, None] * root)
     pose = pose_inverse + inverse_times @ inverse @ inverse_times.transpose(0, 2, 1)
-    return Accuracy(scale, scale**2 * spread @ inverse @ spread.T, scale**2 * pose, weakest, weakest_eigenvalue)
+    return Accuracy(scale, factor * spread @ inverse @ spread.T, factor * pose, weakest, weakest_eigenvalue)

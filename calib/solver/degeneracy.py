@@ -24,15 +24,16 @@ def why_degenerate(observations: Observations, found: Minimum, accuracy: Accurac
     """One line with the reason and the remedy; empty if the camera is determined."""
     if not np.isfinite(accuracy.scale):
         return "as many unknowns as equations: no accuracy can be stated; take more photos"
-    typical = float(np.sqrt(np.median((found.blocks.residual_px**2).sum(axis=0))))
+    typical = float(np.sqrt(np.nanmedian((found.blocks.residual_px**2).sum(axis=0))))
     if not typical < NO_FIT * max(observations.image_size):
         return f"residuals of {typical:.3g} px: the points and the pixels do not belong together; check their names"
     sigma = np.sqrt(np.diagonal(accuracy.param_covariance)[:2])
     focal = found.camera.params[:2]
     sure = np.isfinite(sigma).all() and (sigma < UNSURE_FOCAL * focal).all()
-    if sure and accuracy.weakest_eigenvalue > SINGULAR and found.converged:
+    determined = bool(sure and accuracy.weakest_eigenvalue > SINGULAR)
+    if determined and found.converged:
         return ""
-    if not (sure and found.converged) and _is_planar(observations) and (tie.row[:2] >= 0).any():
+    if _is_planar(observations) and (tie.row[:2] >= 0).any():
         views = observations.view_count
         seen = "the one view" if views == 1 else f"all {views} views"
         tilt = _largest_tilt_deg(observations, found.cam_from_target)
@@ -41,16 +42,15 @@ def why_degenerate(observations: Observations, found: Minimum, accuracy: Accurac
                 f"{seen} of a plane seen straight on (tilted {tilt:.1f} deg at most): focal length and distance cannot "
                 f"be told apart; tilt the target by 20 to 50 deg, or fix the focal length"
             )
-        if sure:
-            return ""
-        return (
-            f"{seen} of a plane: the focal length is not determined ({_focal_text(focal, sigma)}); take more views "
-            f"from different sides, photograph a 3D target, or fix parameters"
-        )
+        if not sure:
+            return (
+                f"{seen} of a plane: the focal length is not determined ({_focal_text(focal, sigma)}); take more "
+                f"views from different sides, photograph a 3D target, or fix parameters"
+            )
     names = parameter_names(found.camera.model)
     part = np.abs(accuracy.weakest)
     weak = [name for name, share in zip(names, part.tolist(), strict=True) if share > 0.3 * max(part.max(), 1e-300)]
-    if sure and accuracy.weakest_eigenvalue > SINGULAR:
+    if determined:
         return ""
     if not sure:
         return f"the focal length is not determined ({_focal_text(focal, sigma)}); take more views, or fix parameters"

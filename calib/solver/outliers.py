@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.solver.blocks import KNEE, RobustLoss
 from calib.solver.problem import whiteners
 
 Array = NDArray[np.float64]
@@ -22,6 +23,31 @@ def whitened(whitener: Array, residual_px: Array) -> Array:
 def robust_sigma(residual: Array) -> float:
     """Standard deviation of a coordinate of residuals (2, M), from their median length."""
     return max(float(np.nanmedian(np.hypot(*residual))) / MEDIAN_LENGTH, LEAST_SIGMA)
+
+
+def forgetful(residual: Array) -> RobustLoss:
+    """A loss that outliers among such residuals (2, M) do not draw: squares would follow them before they are told."""
+    return RobustLoss("cauchy", robust_sigma(residual))
+
+
+def robust_covariance_factor(length: Array, loss: RobustLoss) -> float:
+    """What the inverse of the weighted normal matrix is to be multiplied with for a covariance.
+
+    With weights w(r) of residuals' lengths r, an M-estimator has the covariance `(J'J)^-1 E[w^2 r^2] / 2 / E[w + r w' /
+    2]^2` (Huber 1981, section 7.6, in two dimensions), and the normal matrix is about `E[w] J'J`.
+
+    Args:
+        length: of the whitened residuals that count (M,).
+        loss: that they were solved with.
+    """
+    knee = KNEE[loss.kind] * loss.sigma
+    if loss.kind == "huber":
+        weight = np.where(length <= knee, 1.0, knee / np.maximum(length, 1e-300))
+        slope = np.where(length <= knee, 1.0, 0.5 * weight)
+    else:
+        weight = 1 / (1 + (length / knee) ** 2)
+        slope = weight**2
+    return float(weight.mean() * 0.5 * (weight**2 * length**2).mean() / slope.mean() ** 2)
 
 
 def deviations(residual_px: Array, cov_px2: Array | None) -> Array:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calib.solver.blocks import RobustLoss
 from calib.solver.levenberg import minimise_poses
 from calib.solver.poses import first_poses
-from calib.solver.problem import pack
+from calib.solver.problem import pack, target_covariance, target_poses
 from calib.types import Camera, Observations
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def solve_poses(camera: Camera, observations: Observations, *, weighted: bool = 
         weighted: by the covariances of the observations.
     """
     problem = pack(observations, weighted=weighted)
-    first = first_poses(problem, camera, RobustLoss())
+    first = first_poses(problem, camera, is_robust=False)
     start = np.where(first.found[:, None, None], first.cam_from_target, np.eye(4))
     minimum = minimise_poses(problem, camera, start, RobustLoss(), max_iterations=STEPS)
     found = first.found & np.isfinite(minimum.blocks.cost)
@@ -46,9 +46,11 @@ def solve_poses(camera: Camera, observations: Observations, *, weighted: bool = 
     scale = float(np.sqrt(squares / redundancy)) if redundancy > 0 else float("nan")
     normal = np.where(found[:, None, None], minimum.blocks.products[:, -7:-1, -7:-1], np.eye(6))
     lost = ~found
+    poses = minimum.cam_from_target
+    covariance = target_covariance(problem, poses, scale**2 * np.linalg.inv(normal))
     return Poses(
-        np.where(lost[:, None, None], np.nan, minimum.cam_from_target),
-        np.where(lost[:, None, None], np.nan, scale**2 * np.linalg.inv(normal)),
+        np.where(lost[:, None, None], np.nan, target_poses(problem, poses)),
+        np.where(lost[:, None, None], np.nan, covariance),
         np.where(lost[observations.view][:, None], np.nan, minimum.blocks.residual_px.T),
         scale,
     )

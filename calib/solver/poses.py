@@ -1,22 +1,30 @@
-"""First poses of all views for a first camera, the better of both where a plane leaves two."""
+"""First poses of all views for a first camera: of several linear ones, and of both that a plane leaves, the best."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import rays
 from calib.se3 import compose, invert
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.levenberg import minimise_poses
-from calib.solver.linear_pose import linear_views
+from calib.solver.linear_pose import linear_views, weak_perspective_poses
+from calib.solver.outliers import forgetful
 from calib.solver.problem import MANY, Problem, few_per_view, select
 from calib.solver.start import linear_poses
 from calib.types import Camera
 
 Array = NDArray[np.float64]
 
+POOR = 25.0
+"""Mean square residual of a view, in units of the median view's, of which another start may find a better pose."""
+SCARCE = 12
+"""Points with which a first pose is unsure."""
 HOPELESS = 300.0
-STEPS = 12
+"""A start this many times worse than what is known leads nowhere better."""
+STEPS = 15
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,40 +35,81 @@ class FirstPoses:
     found: NDArray[np.bool_]  # (V,)
 
 
-def first_poses(problem: Problem, camera: Camera, loss: RobustLoss) -> FirstPoses:
+@dataclass(frozen=True, eq=False)
+class _Best:
+    """The best poses so far and their costs; infinite: none."""
+
+    poses: Array  # (V, 4, 4)
+    cost: Array  # (V,)
+
+
+def first_poses(problem: Problem, camera: Camera, *, is_robust: bool) -> FirstPoses:
     """A pose of every view, from a few of its observations."""
     few = select(problem, np.arange(problem.view_count), few_per_view(problem.view_count))
-    poses = linear_poses(few, camera)
-    found: NDArray[np.bool_] = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
-    if found.any():
-        views = np.flatnonzero(found)
-        inside = select(few, views, MANY)
-        best, cost = _refined(inside, camera, poses[views], loss)
-        poses[views], cost = _better_of_two(inside, camera, best, cost, loss)
-        found[views] = np.isfinite(cost)
-    return FirstPoses(np.where(found[:, None, None], poses, np.nan), found)
+    start = linear_poses(few, camera, is_robust=is_robust)
+    loss = RobustLoss()
+    if is_robust:
+        ok: NDArray[np.bool_] = np.asarray(np.isfinite(start).all(axis=(1, 2)))
+        loss = forgetful(view_blocks(few, camera, np.where(ok[:, None, None], start, np.eye(4)), loss).residual_px)
+    views = few.view_count
+    best = _Best(np.tile(np.eye(4), (views, 1, 1)), np.full(views, np.inf))
+    best = _improved(few, camera, best, start, np.arange(views), loss)
+    unsure = _unsure(few, best)
+    others: tuple[Callable[[Problem], Array], ...] = (
+        lambda part: linear_poses(part, camera, is_robust=is_robust, as_planes=True),
+        lambda part: _weak_perspective(part, camera),
+    )
+    for other in others if len(unsure) else ():
+        best = _improved(few, camera, best, other(select(few, unsure, MANY)), unsure, loss)
+    best = _turned_over(few, camera, best, loss)
+    found = np.isfinite(best.cost)
+    return FirstPoses(np.where(found[:, None, None], best.poses, np.nan), found)
 
 
-def _refined(few: Problem, camera: Camera, poses: Array, loss: RobustLoss) -> tuple[Array, Array]:
-    """Poses at their minima, and their costs, infinite where there is none."""
-    minimum = minimise_poses(few, camera, poses, loss, max_iterations=STEPS, small_decrease=1e-4)
-    cost = minimum.blocks.cost
-    return minimum.cam_from_target, np.where(np.isfinite(cost), cost, np.inf)
+def _unsure(few: Problem, best: _Best) -> NDArray[np.int64]:
+    """Views that have no pose, one that fits badly, or few points."""
+    count = np.diff(few.view_start)
+    square = best.cost / count
+    known = square[np.isfinite(square)]
+    limit = POOR * float(np.median(known)) if len(known) else 0.0
+    return np.flatnonzero(~(square <= limit) | (count < SCARCE))
 
 
-def _better_of_two(few: Problem, camera: Camera, poses: Array, cost: Array, loss: RobustLoss) -> tuple[Array, Array]:
-    """Poses and costs with those views turned over that are better so."""
-    other = _flipped(few, poses)
-    start = view_blocks(few, camera, other, loss).cost
-    # Near a plane the other pose shows something else altogether; it need not be tried.
-    views = np.flatnonzero(~(start > HOPELESS * cost))
+def _weak_perspective(part: Problem, camera: Camera) -> Array:
+    """Poses by weak perspective; nan where a ray is missing."""
+    ray = rays(camera, part.measured_px.T)[:, :2].T
+    lost = np.add.reduceat(~np.isfinite(ray).all(axis=0), part.view_start[:-1]) > 0
+    poses = weak_perspective_poses(part.view_start, part.position_mm, np.nan_to_num(ray))
+    return np.where(lost[:, None, None], np.nan, poses)
+
+
+def _improved(
+    few: Problem, camera: Camera, best: _Best, start: Array, views: NDArray[np.int64], loss: RobustLoss
+) -> _Best:
+    """The best poses after a descent of some views from other starts (len(views), 4, 4), nan: none."""
+    ok = np.isfinite(start).all(axis=(1, 2))
+    views, start = views[ok], start[ok]
     if not len(views):
-        return poses, cost
-    other, other_cost = _refined(select(few, views, MANY), camera, other[views], loss)
-    better = other_cost < cost[views]
-    poses, cost = np.array(poses), np.array(cost)
-    poses[views[better]], cost[views[better]] = other[better], other_cost[better]
-    return poses, cost
+        return best
+    minimum = minimise_poses(select(few, views, MANY), camera, start, loss, max_iterations=STEPS, small_decrease=1e-4)
+    better = minimum.blocks.cost < best.cost[views]
+    poses, cost = np.array(best.poses), np.array(best.cost)
+    poses[views[better]] = minimum.cam_from_target[better]
+    cost[views[better]] = minimum.blocks.cost[better]
+    return _Best(poses, cost)
+
+
+def _turned_over(few: Problem, camera: Camera, best: _Best, loss: RobustLoss) -> _Best:
+    """The best poses, those turned over that are better so."""
+    known = np.flatnonzero(np.isfinite(best.cost))
+    if not len(known):
+        return best
+    part = select(few, known, MANY)
+    other = _flipped(part, best.poses[known])
+    start = view_blocks(part, camera, other, loss).cost
+    # Near a plane the other pose shows something else altogether; it need not be tried.
+    tried = ~(start > HOPELESS * best.cost[known])
+    return _improved(few, camera, best, other[tried], known[tried], loss)
 
 
 def _flipped(problem: Problem, cam_from_target: Array) -> Array:
@@ -70,9 +119,8 @@ def _flipped(problem: Problem, cam_from_target: Array) -> Array:
     (Schweighofer and Pinz 2006). For points that are not in a plane the pose is merely another start.
     """
     frame = linear_views(problem.view_start, problem.position_mm, problem.measured_px).target_from_plane
-    pose = compose(cam_from_target, frame)
+    pose = np.array(compose(cam_from_target, frame))
     sight = pose[:, :3, 3] / np.linalg.norm(pose[:, :3, 3], axis=1, keepdims=True)
     mirror = np.eye(3) - 2 * sight[:, :, None] * sight[:, None, :]
-    pose = np.array(pose)
     pose[:, :3, :3] = mirror @ pose[:, :3, :3] @ np.diag([1.0, 1.0, -1.0])
     return compose(pose, invert(frame))

@@ -1,14 +1,16 @@
 """Observations packed for the kernels: coordinate by coordinate, view after view."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.se3 import skew
 from calib.types import Observations
 
 Array = NDArray[np.float64]
 
+GOLDEN = 0.6180339887498949
 MANY = 2**62
 ENOUGH = 800
 FEWEST = 24
@@ -21,10 +23,11 @@ class Problem:
 
     image_size: tuple[int, int]
     view_start: NDArray[np.int64]  # (V + 1,)
-    position_mm: Array  # (3, M) in the target's frame
+    position_mm: Array  # (3, M) in the target's axes, from `origin_mm`
     measured_px: Array  # (2, M)
     whitener: Array  # (3, M) a, b, c of [[a, 0], [b, c]], which makes the covariance of an observation unity
     is_used: NDArray[np.bool_]  # (M,)
+    origin_mm: Array = field(default_factory=lambda: np.zeros(3))  # (3,) the points' middle: a far one costs digits
 
     @property
     def view_count(self) -> int:
@@ -50,14 +53,35 @@ def pack(observations: Observations, *, weighted: bool, is_used: NDArray[np.bool
     whitener = np.stack([np.ones(count), np.zeros(count), np.ones(count)])
     if weighted and observations.cov_px2 is not None:
         whitener = whiteners(observations.cov_px2)
+    position = observations.points.position_mm
+    origin = 0.5 * (position.min(axis=0) + position.max(axis=0))
     return Problem(
         observations.image_size,
         start,
-        np.ascontiguousarray(observations.points.position_mm[observations.point].T),
+        np.ascontiguousarray((position - origin)[observations.point].T),
         np.ascontiguousarray(observations.center_px.T),
         whitener,
         np.ones(count, dtype=bool) if is_used is None else is_used,
+        origin,
     )
+
+
+def target_poses(problem: Problem, poses: Array) -> Array:
+    """Poses `cam_from_target` (V, 4, 4) of those that the problem has from its own origin."""
+    moved = np.array(poses)
+    moved[:, :3, 3] -= moved[:, :3, :3] @ problem.origin_mm
+    return moved
+
+
+def target_covariance(problem: Problem, poses: Array, covariance: Array) -> Array:
+    """Covariances (V, 6, 6) of `target_poses`, of the poses' own.
+
+    A turn by w about the problem's origin o moves the target's by `w x (-R o) = (R o) x w`.
+    """
+    jacobian = np.tile(np.eye(6), (len(poses), 1, 1))
+    jacobian[:, 3:, :3] = skew(poses[:, :3, :3] @ problem.origin_mm)
+    moved: Array = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
+    return moved
 
 
 def whiteners(cov_px2: Array) -> Array:
@@ -83,9 +107,11 @@ def select(problem: Problem, views: NDArray[np.int64], per_view: int) -> Problem
     start = np.concatenate([[0], np.cumsum(taken)])
     place = np.arange(start[-1]) - np.repeat(start[:-1], taken)
     step = np.repeat(count / np.maximum(taken, 1), taken)
-    rows = used[np.repeat(begin, taken) + ((place + 0.5) * step).astype(np.int64)]
+    # Not in even steps: those would follow a column of a grid whose rows are as long.
+    shift = (GOLDEN * place) % 1.0
+    rows = used[np.repeat(begin, taken) + ((place + shift) * step).astype(np.int64)]
     return Problem(
         problem.image_size, start, np.ascontiguousarray(problem.position_mm[:, rows]),
         np.ascontiguousarray(problem.measured_px[:, rows]), np.ascontiguousarray(problem.whitener[:, rows]),
-        np.ones(len(rows), dtype=bool),
+        np.ones(len(rows), dtype=bool), problem.origin_mm,
     )  # fmt: skip

@@ -1,19 +1,17 @@
 """The solution: from observations, without prior knowledge, to a calibration."""
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.covariance import accuracy_of
 from calib.solver.degeneracy import why_degenerate
-from calib.solver.levenberg import Minimum, minimise
-from calib.solver.options import Loss, SolveOptions
-from calib.solver.outliers import deviations, robust_sigma, whitened
-from calib.solver.poses import first_poses
-from calib.solver.problem import Problem, few_per_view, pack, select
+from calib.solver.descend import Descended, descend, is_robust, without_lens
+from calib.solver.options import SolveOptions
+from calib.solver.poses import FirstPoses, first_poses
+from calib.solver.problem import Problem, pack, target_covariance, target_poses
 from calib.solver.start import coarse_camera
 from calib.solver.tie import Tie, tie_parameters
 from calib.types import Calibration, Camera, Observations, Status
@@ -22,20 +20,6 @@ from designer.errors import InputError
 Array = NDArray[np.float64]
 
 FAR_OFF = 6.0
-NEAR = 1e-10
-"""Damping to begin the last descent with."""
-ROUNDS = 6
-"""Of weighing or leaving out outliers and solving again."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Robust:
-    """A minimum, what was left out for it, and how far off each observation is."""
-
-    minimum: Minimum
-    is_used: NDArray[np.bool_]
-    sigma: float  # of a whitened coordinate
-    deviation: Array  # (M,) in robust standard deviations
 
 
 def solve(observations: Observations, model: str, options: SolveOptions | None = None) -> Calibration:
@@ -54,11 +38,12 @@ def solve(observations: Observations, model: str, options: SolveOptions | None =
     """
     begin = time.perf_counter()
     options = options or SolveOptions()
+    _check(options)
     tie = tie_parameters(model, options)
     problem = pack(observations, weighted=options.weighted)
     _require_equations(problem, tie)
-    camera = coarse_camera(problem, model, tie.row, tie.value, options.focal_px, RobustLoss())
-    first = first_poses(problem, camera, RobustLoss())
+    camera = coarse_camera(problem, model, tie.row, tie.value, options.focal_px, is_robust=is_robust(options))
+    first = _poses(problem, camera, tie, options)
     if not first.found.any():
         raise InputError("no view has a pose that shows its points; check that points and pixels belong together")
     remarks = _left_out(observations, first.found)
@@ -66,106 +51,70 @@ def solve(observations: Observations, model: str, options: SolveOptions | None =
         observations = keep_views(observations, first.found)
         problem = pack(observations, weighted=options.weighted)
         _require_equations(problem, tie)
-    robust = _descend(problem, camera, first.cam_from_target[first.found], tie, options, observations.cov_px2)
-    return _calibration(observations, robust, tie, options, remarks, time.perf_counter() - begin)
+    descended = descend(problem, camera, first.cam_from_target[first.found], tie, options, observations.cov_px2)
+    return _calibration(observations, problem, descended, tie, options, remarks, time.perf_counter() - begin)
 
 
-def _descend(
-    problem: Problem, camera: Camera, poses: Array, tie: Tie, options: SolveOptions, cov: Array | None
-) -> _Robust:
-    """Down to the minimum, of a part of the observations first: the last steps are then two or three."""
-    steps = options.max_iterations
-    is_robust = options.loss != "squares" or options.reject_sigma is not None
-    starts = [(camera, poses), (_without_lens(camera, tie), poses)]
-    few = few_per_view(problem.view_count)
-    if len(problem.is_used) > 2 * few * problem.view_count:
-        thin = select(problem, np.arange(problem.view_count), few)
-        loss = _forgetful(thin, camera, poses) if is_robust else RobustLoss()
-        near = minimise(thin, camera, poses, tie.row, loss, max_iterations=steps, small_decrease=1e-6)
-        starts.insert(0, (near.camera, near.cam_from_target))
-    for start in starts:
-        loss = _forgetful(problem, *start) if is_robust else RobustLoss()
-        found = minimise(problem, *start, tie.row, loss, max_iterations=steps, damping=NEAR)
-        if np.isfinite(found.blocks.cost).all():
-            break  # else the lens, fitted to a part, folds the image over where the rest lies
-    is_used = problem.is_used
-    if is_robust:
-        found, is_used = _robust(problem, found, tie, options, cov)
-    residual = found.blocks.residual_px
-    return _Robust(found, is_used, robust_sigma(whitened(problem.whitener, residual)), deviations(residual, cov))
+def _check(options: SolveOptions) -> None:
+    """Refuse numbers that mean nothing."""
+    if options.reject_sigma is not None and not 0 < options.reject_sigma < np.inf:
+        raise InputError(f"reject {options.reject_sigma:g}: give more than 0 standard deviations, such as 4")
+    if options.focal_px is not None and not 0 < options.focal_px < np.inf:
+        raise InputError(f"focal length {options.focal_px:g} px: must be more than 0")
 
 
-def _without_lens(camera: Camera, tie: Tie) -> Camera:
-    """The camera with no distortion but what a person fixed."""
-    params = np.where((np.arange(len(camera.params)) < 4) | (tie.row < 0), camera.params, 0.0)
-    return replace(camera, params=params)
-
-
-def _forgetful(problem: Problem, camera: Camera, poses: Array) -> RobustLoss:
-    """A loss that outliers do not draw: squares alone would follow them before they can be told."""
-    residual = view_blocks(problem, camera, poses, RobustLoss()).residual_px
-    return RobustLoss("cauchy", robust_sigma(whitened(problem.whitener, residual)))
-
-
-def _robust(
-    problem: Problem, found: Minimum, tie: Tie, options: SolveOptions, cov: Array | None
-) -> tuple[Minimum, NDArray[np.bool_]]:
-    """Weigh down or leave out what lies far off, until nothing changes."""
-    is_used, steps, taken = problem.is_used, options.max_iterations, found.iterations
-    limit = np.inf if options.reject_sigma is None else options.reject_sigma
-    kinds: list[Loss] = [options.loss] * ROUNDS if options.reject_sigma is None else ["cauchy"] * 3
-    for kind in kinds:
-        loss = RobustLoss(kind, robust_sigma(whitened(problem.whitener, found.blocks.residual_px)))
-        found = minimise(problem, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)
-        taken += found.iterations
-    for _ in range(0 if options.reject_sigma is None else ROUNDS):
-        residual = found.blocks.residual_px
-        keeps = problem.is_used & (deviations(residual, cov) <= limit)
-        loss = RobustLoss(options.loss, robust_sigma(whitened(problem.whitener, residual)))
-        kept = replace(problem, is_used=keeps)
-        found = minimise(kept, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)
-        taken += found.iterations
-        same, is_used = np.array_equal(keeps, is_used), keeps
-        if same:
-            break
-    return replace(found, iterations=taken), is_used
+def _poses(problem: Problem, camera: Camera, tie: Tie, options: SolveOptions) -> FirstPoses:
+    """First poses; where the first camera's lens has no rays for a view, those without a lens."""
+    first = first_poses(problem, camera, is_robust=is_robust(options))
+    if first.found.all():
+        return first
+    plain = first_poses(problem, without_lens(camera, tie), is_robust=is_robust(options))
+    poses = np.where(first.found[:, None, None], first.cam_from_target, plain.cam_from_target)
+    return FirstPoses(poses, first.found | plain.found)
 
 
 def _calibration(
-    observations: Observations, robust: _Robust, tie: Tie, options: SolveOptions, remarks: list[str], seconds: float
+    observations: Observations,
+    problem: Problem,
+    descended: Descended,
+    tie: Tie,
+    options: SolveOptions,
+    remarks: list[str],
+    seconds: float,
 ) -> Calibration:
-    found = robust.minimum
-    robust_scale = None if options.loss == "squares" else robust.sigma
-    accuracy = accuracy_of(found.blocks.products, tie.row, int(robust.is_used.sum()), robust_scale)
+    found, is_used = descended.minimum, descended.is_used
+    robust = None if descended.covariance_factor is None else (descended.sigma, descended.covariance_factor)
+    accuracy = accuracy_of(found.blocks.products, tie.row, int(is_used.sum()), robust)
     reason = why_degenerate(observations, found, accuracy, tie)
     status: Status = "degenerate" if reason else "converged" if found.converged else "stopped"
     if reason:
         remarks = [reason, *remarks]
     elif not found.converged:
         remarks = [f"stopped after {found.iterations} steps, short of the minimum; allow more", *remarks]
-    left_out = int((~robust.is_used).sum())
-    if options.reject_sigma is None and options.loss == "squares":
-        remarks = [*remarks, *_far_off(observations, robust)]
+    left_out = int((~is_used).sum())
+    if not is_robust(options):
+        remarks = [*remarks, *_far_off(observations, descended)]
     if left_out:
-        views = len(np.unique(observations.view[~robust.is_used]))
+        views = len(np.unique(observations.view[~is_used]))
         limit = f"beyond {options.reject_sigma:g} robust standard deviations"
-        remarks = [*remarks, f"{left_out} of {len(robust.is_used)} observations in {views} views left out: {limit}"]
+        remarks = [*remarks, f"{left_out} of {len(is_used)} observations in {views} views left out: {limit}"]
     return Calibration(
-        found.camera, observations, found.cam_from_target, found.blocks.residual_px.T, ~robust.is_used,
-        accuracy.scale, accuracy.param_covariance, accuracy.pose_covariance, tie.fixed,
+        found.camera, observations, target_poses(problem, found.cam_from_target), found.blocks.residual_px.T,
+        ~is_used, accuracy.scale, accuracy.param_covariance,
+        target_covariance(problem, found.cam_from_target, accuracy.pose_covariance), tie.fixed,
         options.weighted and observations.cov_px2 is not None, status, tuple(remarks), found.iterations, seconds,
     )  # fmt: skip
 
 
-def _far_off(observations: Observations, robust: _Robust) -> list[str]:
+def _far_off(observations: Observations, descended: Descended) -> list[str]:
     """A word on observations that noise does not explain, if they were neither left out nor weighed down."""
-    far = np.flatnonzero(robust.deviation > FAR_OFF)
+    far = np.flatnonzero(descended.deviation > FAR_OFF)
     if not len(far):
         return []
-    worst = int(far[np.argmax(robust.deviation[far])])
-    off = float(np.hypot(*robust.minimum.blocks.residual_px[:, worst]))
+    worst = int(far[np.argmax(descended.deviation[far])])
+    off = float(np.hypot(*descended.minimum.blocks.residual_px[:, worst]))
     return [
-        f"{len(far)} of {len(robust.deviation)} observations are off by more than {FAR_OFF:g} robust standard "
+        f"{len(far)} of {len(descended.deviation)} observations are off by more than {FAR_OFF:g} robust standard "
         f"deviations, the worst by {off:.3g} px in {observations.view_names[observations.view[worst]]}; look at them, "
         "or reject them"
     ]

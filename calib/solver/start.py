@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import MODELS, rays
-from calib.solver.blocks import RobustLoss
+from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.levenberg import Minimum, minimise, minimise_poses
 from calib.solver.linear_pose import focal_of, linear_views, poses_of
+from calib.solver.outliers import forgetful
 from calib.solver.problem import MANY, Problem, few_per_view, select
 from calib.types import Camera
 
@@ -30,7 +31,7 @@ def first_camera(model: str, image_size: tuple[int, int], focal_px: float) -> Ca
 
 
 def coarse_camera(
-    problem: Problem, model: str, tie: NDArray[np.int64], fixed: Array, focal_px: float | None, loss: RobustLoss
+    problem: Problem, model: str, tie: NDArray[np.int64], fixed: Array, focal_px: float | None, *, is_robust: bool
 ) -> Camera:
     """A camera from a few observations of a few views, good enough to start all of them.
 
@@ -40,23 +41,23 @@ def coarse_camera(
         tie: the free parameter that each parameter follows (P,); -1: fixed.
         fixed: values of the parameters that have one from the start (P,), nan of the others.
         focal_px: first guess of a person.
-        loss: of the whitened residuals.
+        is_robust: start from what most observations of a view agree on.
     """
     views = _spread_views(problem)
     few = select(problem, views, few_per_view(len(views)))
     side = max(problem.image_size)
     best: Minimum | None = None
     best_cost = np.inf
-    for focal in _focals(few, focal_px, side):
+    for focal in _focals(few, focal_px, side, is_robust=is_robust):
         camera = _with_fixed(first_camera(model, problem.image_size, focal), tie, fixed)
-        found = _solve_few(few, camera, tie, loss)
+        found = _solve_few(few, camera, tie, is_robust=is_robust)
         if found is None:
             continue
-        cost = float(found.blocks.cost.sum())
+        square = (found.blocks.residual_px**2).sum(axis=0)
+        cost = float(np.nanmedian(square)) if is_robust else float(found.blocks.cost.sum()) / len(square)
         if cost < best_cost:
             best, best_cost = found, cost
-        square = float(np.nanmean((found.blocks.residual_px**2).sum(axis=0)))
-        if square < (GOOD_FIT * side) ** 2:
+        if cost < (GOOD_FIT * side) ** 2:
             break
     if best is None:
         return _with_fixed(first_camera(model, problem.image_size, focal_px or float(side)), tie, fixed)
@@ -72,11 +73,11 @@ def _spread_views(problem: Problem) -> NDArray[np.int64]:
     return views[((np.arange(FEW_VIEWS) + 0.5) * len(views) / FEW_VIEWS).astype(np.int64)]
 
 
-def _focals(few: Problem, focal_px: float | None, side: int) -> list[float]:
+def _focals(few: Problem, focal_px: float | None, side: int, *, is_robust: bool) -> list[float]:
     """First guesses, the most likely one first."""
     middle = 0.5 * (np.array(few.image_size) - 1)
     centred = (few.measured_px - middle[:, None]) / side
-    found = focal_of(linear_views(few.view_start, few.position_mm, centred))
+    found = focal_of(linear_views(few.view_start, few.position_mm, centred, is_robust=is_robust))
     likely = [] if focal_px is None else [focal_px]
     likely += [found * side] if 0.1 < found < 50 else []
     return [*likely, *(factor * side for factor in FOCALS)]
@@ -90,13 +91,16 @@ def _with_fixed(camera: Camera, tie: NDArray[np.int64], fixed: Array) -> Camera:
     return replace(camera, params=params)
 
 
-def _solve_few(few: Problem, camera: Camera, tie: NDArray[np.int64], loss: RobustLoss) -> Minimum | None:
+def _solve_few(few: Problem, camera: Camera, tie: NDArray[np.int64], *, is_robust: bool) -> Minimum | None:
     """Poses from linear equations, then all unknowns together, the distortion last."""
-    poses = linear_poses(few, camera)
+    poses = linear_poses(few, camera, is_robust=is_robust)
     ok: NDArray[np.bool_] = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     if not ok.any():
         return None
     few = select(few, np.flatnonzero(ok), MANY)
+    loss = RobustLoss()
+    if is_robust:
+        loss = forgetful(view_blocks(few, camera, poses[ok], loss).residual_px)
     found = minimise_poses(few, camera, poses[ok], loss, max_iterations=3, small_decrease=1e-2)
     seen = np.isfinite(found.blocks.cost)
     if not seen.any():
@@ -108,7 +112,7 @@ def _solve_few(few: Problem, camera: Camera, tie: NDArray[np.int64], loss: Robus
     return found if np.isfinite(found.blocks.cost.sum()) else None
 
 
-def linear_poses(problem: Problem, camera: Camera) -> Array:
+def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes: bool = False) -> Array:
     """Poses (V, 4, 4) by linear equations on the rays of the measured pixels; nan where there is none."""
     ray = rays(camera, problem.measured_px.T)
     used = problem.is_used & np.isfinite(ray).all(axis=1)
@@ -119,5 +123,7 @@ def linear_poses(problem: Problem, camera: Camera) -> Array:
         return poses
     inside = used & np.isin(problem.view, views)
     start = np.concatenate([[0], np.cumsum(counts[views])])
-    poses[views] = poses_of(linear_views(start, problem.position_mm[:, inside], ray[inside, :2].T))
+    image = ray[inside, :2].T
+    fitted = linear_views(start, problem.position_mm[:, inside], image, as_planes=as_planes, is_robust=is_robust)
+    poses[views] = poses_of(fitted)
     return poses

@@ -100,7 +100,7 @@ def opencv(seen: Observations) -> Solution:
     pixel = list(seen.center_px.astype(np.float32).reshape(seen.view_count, count, 2))
     position = [seen.points.position_mm.astype(np.float32)] * seen.view_count
     begin = time.perf_counter()
-    rms, matrix, lens, _, _ = cv2.calibrateCamera(position, pixel, seen.image_size, None, None)  # type: ignore[call-overload]
+    rms, matrix, lens, _, _ = cv2.calibrateCamera(position, pixel, seen.image_size, None, None)
     seconds = time.perf_counter() - begin
     return Solution(
         seconds, np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *lens.ravel()]), float(rms)

@@ -11,6 +11,9 @@ import time
 
 import mrcal
 import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 data = np.load(sys.argv[1])
 observations, size = data["observations"], data["image_size"]  # (V, H, W, 3) u v weight; (2,)
@@ -19,14 +22,17 @@ frames = np.column_stack([np.arange(len(observations)), np.zeros(len(observation
 cameras = np.column_stack([frames, np.full(len(frames), -1)]).astype(np.int32)
 
 
-def descend(lens, intrinsics, extrinsics, poses, core, everything):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def descend(
+    lens: str, intrinsics: Array, extrinsics: Array, poses: Array, *, core: bool, everything: bool
+) -> dict[str, Array]:
     """One call of the solver, which changes its arguments in place."""
-    return mrcal.optimize(
+    stats: dict[str, Array] = mrcal.optimize(
         intrinsics, extrinsics, poses, None, observations, cameras, None, None, lens, imagersizes=size[None],
         do_optimize_intrinsics_core=core, do_optimize_intrinsics_distortions=everything,
         do_optimize_calobject_warp=False, calibration_object_spacing=spacing, do_apply_outlier_rejection=False,
         do_apply_regularization=everything, verbose=False,
     )  # fmt: skip
+    return stats
 
 
 begin = time.perf_counter()
@@ -35,11 +41,11 @@ start = mrcal.seed_stereographic(
     object_spacing=spacing,
 )  # fmt: skip
 intrinsics, extrinsics, poses = start
-descend("LENSMODEL_STEREOGRAPHIC", intrinsics, extrinsics, poses, False, False)
-descend("LENSMODEL_STEREOGRAPHIC", intrinsics, extrinsics, poses, True, False)
+descend("LENSMODEL_STEREOGRAPHIC", intrinsics, extrinsics, poses, core=False, everything=False)
+descend("LENSMODEL_STEREOGRAPHIC", intrinsics, extrinsics, poses, core=True, everything=False)
 lens = 1e-6 * np.random.default_rng(0).uniform(-1, 1, (1, 5))
 intrinsics = np.concatenate([intrinsics, lens], axis=1)
-stats = descend("LENSMODEL_OPENCV5", intrinsics, extrinsics, poses, True, True)
+stats = descend("LENSMODEL_OPENCV5", intrinsics, extrinsics, poses, core=True, everything=True)
 seconds = time.perf_counter() - begin
 residual = np.asarray(stats["x"])[: 2 * observations[..., 0].size]
 result = {"seconds": seconds, "params": intrinsics[0].tolist(), "rms_px": float(np.sqrt(2 * (residual**2).mean()))}

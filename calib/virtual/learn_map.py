@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.learned import MAX_LENGTHS, to_sensor, trend_at
+from calib.cameras.learned import MAX_LENGTHS, exact_jacobian, to_sensor, trend_at
 from calib.detect.homography import fit
-from calib.image_cells import MAX_CELLS, cells_of
+from calib.one_thread import one_thread
 from calib.types import LearnedMap
+from calib.virtual.image_cells import MAX_CELLS, cells_of
 from designer.errors import InputError
 
 Array = NDArray[np.float64]
@@ -112,8 +113,6 @@ def learn_map(
     Raises:
         InputError: too few samples.
     """
-    from threadpoolctl import threadpool_limits
-
     if len(samples.pixel) < MIN_SAMPLES:
         raise InputError(
             f"{len(samples.pixel)} points to learn a map of the lens from; at least {MIN_SAMPLES} are needed: "
@@ -121,19 +120,20 @@ def learn_map(
         )
     trend, _, _ = fit(samples.pixel, samples.point, 1 / samples.variance)
     task = _Task(samples, image_size, trend, samples.point - trend_at(trend, samples.pixel))
-    # The matrices are small: several threads only wait for each other, and round differently.
-    with threadpool_limits(1):
-        return _learned(task, process, improve=improve)
+    return _learned(task, process, improve=improve)
 
 
+@one_thread
 def _learned(task: _Task, process: Process | None, *, improve: bool) -> Learned:
-    stretch = _stretch_of_trend(task)
+    pixel = task.samples.pixel
+    only_trend = LearnedMap(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), task.trend, 1.0, 1.0)
+    stretch = _stretch(only_trend, pixel)
     process = process or _first_process(task, stretch)
     for _ in range(ROUNDS if improve else 0):
         # The noise is that of the measured pixel, so it depends on how the map stretches there.
-        stretch = _stretch_of_map(task, _conditioned(task, stretch, process))
+        stretch = _stretch(_conditioned(task, stretch, process), pixel)
         process = _better_process(task, stretch, process)
-    stretch = _stretch_of_map(task, _conditioned(task, stretch, process))
+    stretch = _stretch(_conditioned(task, stretch, process), pixel)
     return Learned(_conditioned(task, stretch, process), process)
 
 
@@ -157,18 +157,9 @@ def learn_from_many(samples: Samples, image_size: tuple[int, int]) -> Learned:
     return learned
 
 
-def _stretch_of_trend(task: _Task) -> Array:
-    """Mean square stretch of the homography at the samples: how much of a pixel's variance reaches the sensor."""
-    pixel, trend = task.samples.pixel, task.trend
-    jacobian = trend[None, :2, :2] - trend_at(trend, pixel)[:, :, None] * trend[None, None, 2, :2]
-    jacobian /= (pixel @ trend[2, :2] + trend[2, 2])[:, None, None]
-    stretch: Array = 0.5 * (jacobian**2).sum(axis=(1, 2))
-    return stretch
-
-
-def _stretch_of_map(task: _Task, learned: LearnedMap) -> Array:
-    """As `_stretch_of_trend`, of a learned map."""
-    stretch: Array = 0.5 * (to_sensor(learned, task.image_size, task.samples.pixel).jacobian ** 2).sum(axis=(1, 2))
+def _stretch(learned: LearnedMap, pixel: Array) -> Array:
+    """Mean square stretch of a map at pixels (N, 2): how much of a pixel's variance reaches the sensor.  # (N,)"""
+    stretch: Array = 0.5 * (exact_jacobian(learned, pixel) ** 2).sum(axis=(1, 2))
     return stretch
 
 

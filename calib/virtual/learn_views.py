@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.learned import to_sensor
-from calib.image_cells import Cells, cells_of
-from calib.learn_map import Learned, Process, Samples, learn_map
 from calib.se3 import transform
-from calib.solve_on_sensor import move_to_sensor, rows_of_views
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.types import Calibration, Camera, Observations
+from calib.virtual.image_cells import Cells, cells_of
+from calib.virtual.learn_map import Learned, Process, Samples, learn_map
+from calib.virtual.solve_on_sensor import move_to_sensor, rows_of_views
 from designer.errors import InputError
 
 Array = NDArray[np.float64]

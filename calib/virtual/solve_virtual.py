@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.learned import exact_point, known_at
-from calib.learn_map import Samples, learn_from_many
-from calib.learn_views import SMALL_CHANGE_PX, learn_from_views
-from calib.reference_photo import choose_view, on_plane_mm, samples_of_plane
-from calib.solve_on_sensor import solve_on_sensor
+from calib.one_thread import one_thread
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.types import Calibration, LearnedMap, Observations
+from calib.virtual.learn_map import Samples, learn_from_many
+from calib.virtual.learn_views import SMALL_CHANGE_PX, learn_from_views
+from calib.virtual.reference_photo import choose_view, on_plane_mm, samples_of_plane
+from calib.virtual.solve_on_sensor import solve_on_sensor
 from designer.errors import InputError
 
 Array = NDArray[np.float64]
@@ -34,6 +35,7 @@ MEDIAN_LENGTH = math.sqrt(2 * math.log(2))
 """Median length of a normal vector in the plane, in standard deviations of a coordinate."""
 
 
+@one_thread
 def solve_virtual(
     observations: Observations,
     options: SolveOptions | None = None,
@@ -53,19 +55,15 @@ def solve_virtual(
     Raises:
         InputError: no such view, a reference that does not do, or too few sightings.
     """
-    from threadpoolctl import threadpool_limits
-
     begin = time.perf_counter()
     options = options or SolveOptions()
     if reference is not None and all_views:
         raise InputError("the map is learned either from a reference photo or from all views; ask for one of them")
     plane = on_plane_mm(observations.points, observations.point)
-    # The matrices are small: several threads only wait for each other, and round differently.
-    with threadpool_limits(1):
-        if all_views or (reference is None and plane is None):
-            solved = _from_all_views(observations, options)
-        else:
-            solved = _from_photo(observations, plane, reference, options)
+    if all_views or (reference is None and plane is None):
+        solved = _from_all_views(observations, options)
+    else:
+        solved = _from_photo(observations, plane, reference, options)
     return replace(solved, seconds=time.perf_counter() - begin)
 
 

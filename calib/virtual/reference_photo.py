@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect.homography import apply, direct
-from calib.learn_map import MIN_SAMPLES, Samples
 from calib.types import KnownPoints, Observations
+from calib.virtual.learn_map import MIN_SAMPLES, Samples
 from designer.errors import InputError
 
 Array = NDArray[np.float64]

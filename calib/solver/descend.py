@@ -1,0 +1,113 @@
+"""The descent from a first camera and first poses to the minimum, and what robustness asks for after it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.solver.blocks import RobustLoss, view_blocks
+from calib.solver.levenberg import Minimum, minimise
+from calib.solver.options import Loss, SolveOptions
+from calib.solver.outliers import deviations, forgetful, robust_covariance_factor, robust_sigma, whitened
+from calib.solver.problem import Problem, few_per_view, select
+from calib.solver.tie import Tie
+from calib.types import Camera
+
+Array = NDArray[np.float64]
+
+NEAR = 1e-10
+"""Damping to begin the last descent with."""
+ROUNDS = 6
+"""Of weighing or leaving out outliers and solving again."""
+
+
+@dataclass(frozen=True, eq=False)
+class Descended:
+    """A minimum, what was left out for it, and how far off each observation is."""
+
+    minimum: Minimum
+    is_used: NDArray[np.bool_]  # (M,)
+    deviation: Array  # (M,) in robust standard deviations
+    sigma: float  # of a whitened coordinate, from the median
+    covariance_factor: float | None  # of the inverse normal matrix, if weights were lowered
+
+
+def descend(
+    problem: Problem, camera: Camera, poses: Array, tie: Tie, options: SolveOptions, cov_px2: Array | None
+) -> Descended:
+    """Down to the minimum, of a part of the observations first: the last steps are then two or three.
+
+    Args:
+        problem: what was seen.
+        camera: where to start.
+        poses: where to start (V, 4, 4).
+        tie: free, fixed and shared parameters.
+        options: losses and limits.
+        cov_px2: of the observations (M, 2, 2), if known.
+    """
+    steps = options.max_iterations
+    starts = [(camera, poses), (without_lens(camera, tie), poses)]
+    few = few_per_view(problem.view_count)
+    if len(problem.is_used) > 2 * few * problem.view_count:
+        thin = select(problem, np.arange(problem.view_count), few)
+        loss = _first_loss(thin, camera, poses, options)
+        near = minimise(thin, camera, poses, tie.row, loss, max_iterations=steps, small_decrease=1e-6)
+        starts.insert(0, (near.camera, near.cam_from_target))
+    for start in starts:
+        loss = _first_loss(problem, *start, options)
+        found = minimise(problem, *start, tie.row, loss, max_iterations=steps, damping=NEAR)
+        if np.isfinite(found.blocks.cost).all():
+            break  # else the lens, fitted to a part, folds the image over where the rest lies
+    is_used = problem.is_used
+    if is_robust(options):
+        found, is_used = _forgiving(problem, found, tie, options, cov_px2)
+    residual = found.blocks.residual_px
+    standard = whitened(problem.whitener, residual)
+    sigma, factor = robust_sigma(standard), None
+    if options.loss != "squares":
+        length = np.hypot(*standard)[is_used]
+        factor = robust_covariance_factor(length[np.isfinite(length)], RobustLoss(options.loss, sigma))
+    return Descended(found, is_used, deviations(residual, cov_px2), sigma, factor)
+
+
+def is_robust(options: SolveOptions) -> bool:
+    """Whether outliers are expected."""
+    return options.loss != "squares" or options.reject_sigma is not None
+
+
+def without_lens(camera: Camera, tie: Tie) -> Camera:
+    """The camera with no distortion but what a person fixed."""
+    params = np.where((np.arange(len(camera.params)) < 4) | (tie.row < 0), camera.params, 0.0)
+    return replace(camera, params=params)
+
+
+def _first_loss(problem: Problem, camera: Camera, poses: Array, options: SolveOptions) -> RobustLoss:
+    """Squares, or a loss that does not follow outliers."""
+    if not is_robust(options):
+        return RobustLoss()
+    residual = view_blocks(problem, camera, poses, RobustLoss()).residual_px
+    return forgetful(whitened(problem.whitener, residual))
+
+
+def _forgiving(
+    problem: Problem, found: Minimum, tie: Tie, options: SolveOptions, cov_px2: Array | None
+) -> tuple[Minimum, NDArray[np.bool_]]:
+    """Weigh down or leave out what lies far off, until nothing changes."""
+    is_used, steps, taken = problem.is_used, options.max_iterations, found.iterations
+    limit = np.inf if options.reject_sigma is None else options.reject_sigma
+    kinds: list[Loss] = [options.loss] * ROUNDS if options.reject_sigma is None else ["cauchy"] * 3
+    for kind in kinds:
+        loss = RobustLoss(kind, robust_sigma(whitened(problem.whitener, found.blocks.residual_px)))
+        found = minimise(problem, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)
+        taken += found.iterations
+    for _ in range(0 if options.reject_sigma is None else ROUNDS):
+        residual = found.blocks.residual_px
+        keeps = problem.is_used & (deviations(residual, cov_px2) <= limit)
+        loss = RobustLoss(options.loss, robust_sigma(whitened(problem.whitener, residual)))
+        kept = replace(problem, is_used=keeps)
+        found = minimise(kept, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)
+        taken += found.iterations
+        same, is_used = np.array_equal(keeps, is_used), keeps
+        if same:
+            break
+    return replace(found, iterations=taken), is_used
