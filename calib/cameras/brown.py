@@ -96,7 +96,7 @@ def _radius_of(coefficients: Array, fold: float, distorted: float) -> float:
         else:
             low = max(low, radius)
         slope = 1 + s * (3 * k1 + s * (5 * k2 + s * 7 * k3))
-        step = radius - residual / slope if slope > 0 else high
+        step = radius - residual / slope if slope > 0 else -1.0
         if not low <= step <= high:
             step = 0.5 * (low + high) if high < np.inf else 2 * radius
         if abs(step - radius) <= 1e-3 * radius:  # the rest is left to the steps in two dimensions

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 NEAR = 1e-10
 """Damping to begin the last descent with."""
+LEAST_POINTS = 4
 ROUNDS = 6
 """Of weighing or leaving out outliers and solving again."""
 
@@ -30,6 +31,7 @@ class Descended:
     deviation: Array  # (M,) in robust standard deviations
     sigma: float  # of a whitened coordinate, from the median
     covariance_factor: float | None  # of the inverse normal matrix, if weights were lowered
+    is_lost: NDArray[np.bool_]  # (V,) views with too few observations left for a pose; the minimum is then none
 
 
 def descend(
@@ -67,7 +69,13 @@ def descend(
     if options.loss != "squares":
         length = np.hypot(*standard)[is_used]
         factor = robust_covariance_factor(length[np.isfinite(length)], RobustLoss(options.loss, sigma))
-    return Descended(found, is_used, deviations(residual, cov_px2), sigma, factor)
+    return Descended(found, is_used, deviations(residual, cov_px2), sigma, factor, _lost(problem, is_used))
+
+
+def _lost(problem: Problem, is_used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Views of which fewer observations count than a pose needs."""
+    lost: NDArray[np.bool_] = np.add.reduceat(is_used.astype(np.int64), problem.view_start[:-1]) < LEAST_POINTS
+    return lost
 
 
 def is_robust(options: SolveOptions) -> bool:
@@ -103,6 +111,8 @@ def _forgiving(
     for _ in range(0 if options.reject_sigma is None else ROUNDS):
         residual = found.blocks.residual_px
         keeps = problem.is_used & (deviations(residual, cov_px2) <= limit)
+        if _lost(problem, keeps).any():
+            return found, keeps
         loss = RobustLoss(options.loss, robust_sigma(whitened(problem.whitener, residual)))
         kept = replace(problem, is_used=keeps)
         found = minimise(kept, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import MODELS
 from calib.jit import jit
+from calib.se3 import exp_rotation
 from calib.small_solve import cholesky_factor, substitute
 from calib.solver.blocks import Blocks, RobustLoss, view_blocks
 from calib.solver.problem import Problem
@@ -20,7 +21,7 @@ LARGEST_DAMPING = 1e12
 SMALLEST_DAMPING = 1e-14
 SMALL_DECREASE = 1e-15
 """Of the cost: with 100,000 observations the unknowns are then within 1e-5 standard deviations of the minimum."""
-ROUNDING = 1e-10
+ROUNDING = 1e-13
 """Of the cost: a step that promises less and does not deliver is lost in rounding."""
 PERFECT_PX = 1e-11
 """Root mean square of residuals that are nothing but rounding."""
@@ -68,13 +69,15 @@ def minimise(
         step = damped_step(blocks.products, tie, damping)
         if step.solvable and step.predicted <= small_decrease * cost + perfect:
             return Minimum(camera, cam_from_target, blocks, iteration, converged=True)
-        trial, poses = _moved(camera, tie, step.free), move_poses(cam_from_target, step.pose)
+        trial = _moved(camera, tie, step.free)
+        poses = move_poses(cam_from_target, step.pose, _turn_of_centre(camera, trial))
         if step.solvable and _allowed(trial):
             there = view_blocks(problem, trial, poses, loss)
             trial_cost = float(there.cost.sum())
             if trial_cost < cost:
                 gain = (cost - trial_cost) / step.predicted
-                damping, growth = max(damping * _shrinkage(gain), SMALLEST_DAMPING), 2.0
+                bold = 1e-3 if growth == 2.0 else 0.2  # not at once where bolder steps have just failed
+                damping, growth = max(damping * _shrinkage(gain, bold), SMALLEST_DAMPING), 2.0
                 camera, cam_from_target, blocks, cost = trial, poses, there, trial_cost
                 continue
             if step.predicted <= ROUNDING * cost:
@@ -85,9 +88,16 @@ def minimise(
     return Minimum(camera, cam_from_target, blocks, max_iterations, converged=False)
 
 
-def _shrinkage(gain: float) -> float:
+def _shrinkage(gain: float, bold: float) -> float:
     """Factor of the damping after a step that gained this part of what it promised; bolder than Nielsen 1999."""
-    return 1e-3 if gain > 0.9 else max(1 / 3, 1 - (2 * gain - 1) ** 3)
+    return bold if gain > 0.9 else max(1 / 3, 1 - (2 * gain - 1) ** 3)
+
+
+def _turn_of_centre(camera: Camera, trial: Camera) -> Array:
+    """The rotation vector of the camera that undoes, in the middle of the image, a shift of the principal point."""
+    du, dv = trial.params[2:4] - camera.params[2:4]
+    fx, fy = trial.params[:2]
+    return np.array([dv / fy, -du / fx, 0.0])
 
 
 def minimise_poses(
@@ -120,10 +130,24 @@ def minimise_poses(
     return Minimum(camera, poses, blocks, iterations, converged=not open_views.any())
 
 
-def move_poses(cam_from_target: Array, step: Array) -> Array:
-    """Poses (V, 4, 4) turned by the rotation vectors and shifted by the last three of steps (V, 6)."""
+def move_poses(cam_from_target: Array, step: Array, turn: Array | None = None) -> Array:
+    """Poses (V, 4, 4) turned by the rotation vectors and shifted by the last three of steps (V, 6).
+
+    Args:
+        cam_from_target: where from.
+        step: whereto, to first order.
+        turn: rotation vector (3,) of the camera that is part of every step. It is made as such, translations turned
+            too, which a step along the valley of principal point and direction has to be if it is not to leave it.
+    """
     moved = np.array(cam_from_target)
-    _move_poses(moved, np.ascontiguousarray(step))
+    if turn is None:
+        _move_poses(moved, np.ascontiguousarray(step))
+        return moved
+    rest = np.array(step)
+    rest[:, :3] -= turn
+    rest[:, 3:] -= np.cross(turn, moved[:, :3, 3])
+    _move_poses(moved, rest)
+    moved[:, :3] = exp_rotation(turn) @ moved[:, :3]
     return moved
 
 

@@ -237,22 +237,27 @@ def weak_perspective_poses(view_start: NDArray[np.int64], position_mm: Array, ra
         position_mm: of the observations (3, M).
         ray: x and y of their directions at z = 1 (2, M).
     """
-    poses = np.tile(np.eye(4), (len(view_start) - 1, 1, 1))
-    for view, (begin, end) in enumerate(zip(view_start[:-1].tolist(), view_start[1:].tolist(), strict=True)):
-        middle, sight = position_mm[:, begin:end].mean(axis=1), ray[:, begin:end].mean(axis=1)
-        offset = (position_mm[:, begin:end] - middle[:, None]).T
-        rows, _, rank, _ = np.linalg.lstsq(offset, (ray[:, begin:end] - sight[:, None]).T, rcond=SOLID)
-        scale = float(np.linalg.norm(rows, axis=0).max())
-        if rank < 3 or not scale > 0:
-            poses[view] = np.nan
-            continue
-        across = np.cross(rows[:, 0], rows[:, 1])
-        u, _, vt = np.linalg.svd(np.vstack([rows.T / scale, across / max(float(np.linalg.norm(across)), 1e-300)]))
-        rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-        # The camera's axis is turned to where the points are seen.
-        poses[view, :3, :3] = rotation
-        poses[view, :3, 3] = np.append(sight, 1.0) / scale - rotation @ middle
-    return poses
+    first, count = view_start[:-1], np.diff(view_start)
+    middle, sight = (np.add.reduceat(values, first, axis=1) / count for values in (position_mm, ray))
+    offset, seen = position_mm - np.repeat(middle, count, axis=1), ray - np.repeat(sight, count, axis=1)
+    normal = np.add.reduceat(offset[:, None] * offset[None], first, axis=2).transpose(2, 0, 1)
+    right = np.add.reduceat(offset[:, None] * seen[None], first, axis=2).transpose(2, 0, 1)
+    extent = np.linalg.eigvalsh(normal)
+    is_solid = extent[:, 0] > SOLID**2 * extent[:, 2]
+    rows = np.linalg.solve(np.where(is_solid[:, None, None], normal, np.eye(3)), right).transpose(0, 2, 1)
+    scale = np.linalg.norm(rows, axis=2).max(axis=1)
+    is_solid &= scale > 0
+    scale = np.where(is_solid, scale, 1.0)
+    rows = np.where(is_solid[:, None, None], rows / scale[:, None, None], np.eye(3)[:2])
+    across = np.cross(rows[:, 0], rows[:, 1])
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+    u, _, vt = np.linalg.svd(np.concatenate([rows, across[:, None]], axis=1))
+    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+    poses = np.tile(np.eye(4), (len(count), 1, 1))
+    poses[:, :3, :3] = u @ vt
+    in_sight = np.column_stack([sight.T, np.ones(len(count))]) / scale[:, None]
+    poses[:, :3, 3] = in_sight - np.einsum("vij,jv->vi", poses[:, :3, :3], middle)
+    return np.where(is_solid[:, None, None], poses, np.nan)
 
 
 def focal_of(views: LinearViews) -> float:

@@ -16,4 +16,4 @@ class SolveOptions:
     fixed: tuple[tuple[str, float | None], ...] = ()  # parameter and value; None: the value it starts from
     shared: tuple[tuple[str, ...], ...] = ()  # groups of parameters that have one value
     focal_px: float | None = None  # first guess
-    max_iterations: int = 50
+    max_iterations: int = 100

@@ -1,16 +1,14 @@
 """First poses of all views for a first camera: of several linear ones, and of both that a plane leaves, the best."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import rays
 from calib.se3 import compose, invert
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.levenberg import minimise_poses
-from calib.solver.linear_pose import linear_views, weak_perspective_poses
+from calib.solver.linear_pose import linear_views
 from calib.solver.outliers import forgetful
 from calib.solver.problem import MANY, Problem, few_per_view, select
 from calib.solver.start import linear_poses
@@ -55,12 +53,9 @@ def first_poses(problem: Problem, camera: Camera, *, is_robust: bool) -> FirstPo
     best = _Best(np.tile(np.eye(4), (views, 1, 1)), np.full(views, np.inf))
     best = _improved(few, camera, best, start, np.arange(views), loss)
     unsure = _unsure(few, best)
-    others: tuple[Callable[[Problem], Array], ...] = (
-        lambda part: linear_poses(part, camera, is_robust=is_robust, as_planes=True),
-        lambda part: _weak_perspective(part, camera),
-    )
-    for other in others if len(unsure) else ():
-        best = _improved(few, camera, best, other(select(few, unsure, MANY)), unsure, loss)
+    if len(unsure):
+        flat = linear_poses(select(few, unsure, MANY), camera, is_robust=is_robust, as_planes=True)
+        best = _improved(few, camera, best, flat, unsure, loss)
     best = _turned_over(few, camera, best, loss)
     found = np.isfinite(best.cost)
     return FirstPoses(np.where(found[:, None, None], best.poses, np.nan), found)
@@ -73,14 +68,6 @@ def _unsure(few: Problem, best: _Best) -> NDArray[np.int64]:
     known = square[np.isfinite(square)]
     limit = POOR * float(np.median(known)) if len(known) else 0.0
     return np.flatnonzero(~(square <= limit) | (count < SCARCE))
-
-
-def _weak_perspective(part: Problem, camera: Camera) -> Array:
-    """Poses by weak perspective; nan where a ray is missing."""
-    ray = rays(camera, part.measured_px.T)[:, :2].T
-    lost = np.add.reduceat(~np.isfinite(ray).all(axis=0), part.view_start[:-1]) > 0
-    poses = weak_perspective_poses(part.view_start, part.position_mm, np.nan_to_num(ray))
-    return np.where(lost[:, None, None], np.nan, poses)
 
 
 def _improved(

@@ -108,8 +108,9 @@ def select(problem: Problem, views: NDArray[np.int64], per_view: int) -> Problem
     place = np.arange(start[-1]) - np.repeat(start[:-1], taken)
     step = np.repeat(count / np.maximum(taken, 1), taken)
     # Not in even steps: those would follow a column of a grid whose rows are as long.
-    shift = (GOLDEN * place) % 1.0
-    rows = used[np.repeat(begin, taken) + ((place + shift) * step).astype(np.int64)]
+    cell = (place * step).astype(np.int64)
+    width = ((place + 1) * step).astype(np.int64) - cell
+    rows = used[np.repeat(begin, taken) + cell + ((GOLDEN * place) % 1.0 * width).astype(np.int64)]
     return Problem(
         problem.image_size, start, np.ascontiguousarray(problem.position_mm[:, rows]),
         np.ascontiguousarray(problem.measured_px[:, rows]), np.ascontiguousarray(problem.whitener[:, rows]),

@@ -51,7 +51,15 @@ def solve(observations: Observations, model: str, options: SolveOptions | None =
         observations = keep_views(observations, first.found)
         problem = pack(observations, weighted=options.weighted)
         _require_equations(problem, tie)
-    descended = descend(problem, camera, first.cam_from_target[first.found], tie, options, observations.cov_px2)
+    poses = first.cam_from_target[first.found]
+    descended = descend(problem, camera, poses, tie, options, observations.cov_px2)
+    while is_robust(options) and descended.is_lost.any() and not descended.is_lost.all():
+        remarks += _lost(observations, descended)
+        poses = poses[~descended.is_lost]
+        observations = keep_views(observations, ~descended.is_lost)
+        problem = pack(observations, weighted=options.weighted)
+        _require_equations(problem, tie)
+        descended = descend(problem, camera, poses, tie, options, observations.cov_px2)
     return _calibration(observations, problem, descended, tie, options, remarks, time.perf_counter() - begin)
 
 
@@ -136,6 +144,14 @@ def _left_out(observations: Observations, found: NDArray[np.bool_]) -> list[str]
     return [
         f"{observations.view_names[view]}: left out: no pose shows its points where they were seen"
         for view in np.flatnonzero(~found).tolist()
+    ]
+
+
+def _lost(observations: Observations, descended: Descended) -> list[str]:
+    """What to say of views that are nearly all outliers."""
+    return [
+        f"{observations.view_names[view]}: left out: nearly all of its observations are outliers"
+        for view in np.flatnonzero(descended.is_lost).tolist()
     ]
 
 

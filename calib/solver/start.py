@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calib.cameras import MODELS, rays
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.levenberg import Minimum, minimise, minimise_poses
-from calib.solver.linear_pose import focal_of, linear_views, poses_of
+from calib.solver.linear_pose import focal_of, linear_views, poses_of, weak_perspective_poses
 from calib.solver.outliers import forgetful
 from calib.solver.problem import MANY, Problem, few_per_view, select
 from calib.types import Camera
@@ -113,7 +113,11 @@ def _solve_few(few: Problem, camera: Camera, tie: NDArray[np.int64], *, is_robus
 
 
 def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes: bool = False) -> Array:
-    """Poses (V, 4, 4) by linear equations on the rays of the measured pixels; nan where there is none."""
+    """Poses (V, 4, 4) by linear equations on the rays of the measured pixels; nan where there is none.
+
+    Of a solid, a projection and weak perspective are tried: the one is exact, the other stands few points, and a plane
+    with a point or two beside it.
+    """
     ray = rays(camera, problem.measured_px.T)
     used = problem.is_used & np.isfinite(ray).all(axis=1)
     counts = np.add.reduceat(used.astype(np.int64), problem.view_start[:-1])
@@ -123,7 +127,29 @@ def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes
         return poses
     inside = used & np.isin(problem.view, views)
     start = np.concatenate([[0], np.cumsum(counts[views])])
-    image = ray[inside, :2].T
-    fitted = linear_views(start, problem.position_mm[:, inside], image, as_planes=as_planes, is_robust=is_robust)
+    position, image = problem.position_mm[:, inside], ray[inside, :2].T
+    fitted = linear_views(start, position, image, as_planes=as_planes, is_robust=is_robust)
     poses[views] = poses_of(fitted)
+    if not as_planes and not fitted.is_planar.all():
+        other = np.full_like(poses, np.nan)
+        other[views] = weak_perspective_poses(start, position, image)
+        poses = _closer(problem, camera, poses, other)
     return poses
+
+
+def _closer(problem: Problem, camera: Camera, poses: Array, other: Array) -> Array:
+    """Of two poses of each view (V, 4, 4), nan: none, the one that shows the points nearer to where they were seen."""
+    median = [_median_squares(problem, camera, one) for one in (poses, other)]
+    return np.where((median[1] < median[0])[:, None, None], other, poses)
+
+
+def _median_squares(problem: Problem, camera: Camera, poses: Array) -> Array:
+    """Median squared distance in each view (V,); infinite without a pose."""
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+    shown = np.where(known[:, None, None], poses, np.eye(4))
+    square = (view_blocks(problem, camera, shown, RobustLoss()).residual_px ** 2).sum(axis=0)
+    square = np.where(np.isfinite(square), square, np.inf)
+    order = np.lexsort((square, problem.view))
+    middle = (problem.view_start[:-1] + problem.view_start[1:]) // 2
+    median: Array = np.where(known, square[order][middle], np.inf)
+    return median
