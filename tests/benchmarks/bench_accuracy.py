@@ -28,7 +28,7 @@ from calib.render.options import RenderOptions
 from calib.render.poses import PoseGrid, grid_poses
 from calib.results.truth import Truth, read_truth, true_poses
 from calib.solver.options import SolveOptions
-from calib.solver.solve import solve
+from calib.solver.solve import keep_views, solve
 from calib.types import Camera, Observations
 from designer.layout import lay_out
 from designer.spec import BoardSpec, IcoSpec
@@ -126,6 +126,28 @@ def study(name: str, target: TargetGeometry, photos: Photos, folder: Path, weigh
                 + f"  mean pose {mean_pose:.5f}  {len(calibration.observations.view)} sightings"
             )
     sys.stdout.flush()
+    if len(target.target_from_face) > 1 and photos.name == "area":
+        alone(observe(target, folder, None), truth)
+
+
+def alone(seen: Observations, truth: Truth) -> None:
+    """Each photo on its own, detected without a camera: the focal length, and whether its sigma covers its error."""
+    true_px = truth.camera.params[0]
+    for weighted in (False, True):
+        errors, sigmas = [], []
+        for view in range(seen.view_count):
+            photo = keep_views(seen, np.arange(seen.view_count) == view)
+            calibration = solve(photo, "luhmann", SolveOptions(weighted=weighted))
+            errors.append(calibration.camera.params[0] - true_px)
+            sigmas.append(np.sqrt(calibration.param_covariance[0, 0]))
+        error, sigma = np.abs(errors), np.array(sigmas)
+        part = error / true_px
+        print(
+            f"one photo alone, {'weighted' if weighted else 'alike'}: focal length off by {np.median(part):.4%} "
+            f"(median), {np.quantile(part, 0.95):.4%} (95 %), {part.max():.4%} (worst of {len(part)}); "
+            f"within .05 %: {(part < 5e-4).mean():.0%}; within 1, 2, 3 sigma: "
+            + ", ".join(f"{(error < k * sigma).mean():.0%}" for k in (1, 2, 3))
+        )
 
 
 def main() -> None:
