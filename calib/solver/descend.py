@@ -29,8 +29,7 @@ class Descended:
     minimum: Minimum
     is_used: NDArray[np.bool_]  # (M,)
     deviation: Array  # (M,) in robust standard deviations
-    sigma: float  # of a whitened coordinate, from the median
-    covariance_factor: float | None  # of the inverse normal matrix, if weights were lowered
+    robust: tuple[float, float] | None  # if weights were lowered: sigma of a whitened coordinate, factor of covariances
     is_lost: NDArray[np.bool_]  # (V,) views with too few observations left for a pose; the minimum is then none
 
 
@@ -64,12 +63,12 @@ def descend(
     if is_robust(options):
         found, is_used = _forgiving(problem, found, tie, options, cov_px2)
     residual = found.blocks.residual_px
-    standard = whitened(problem.whitener, residual)
-    sigma, factor = robust_sigma(standard), None
+    robust = None
     if options.loss != "squares":
-        length = np.hypot(*standard)[is_used]
-        factor = robust_covariance_factor(length[np.isfinite(length)], RobustLoss(options.loss, sigma))
-    return Descended(found, is_used, deviations(residual, cov_px2), sigma, factor, _lost(problem, is_used))
+        standard = whitened(problem.whitener, residual)
+        sigma, length = robust_sigma(standard), np.hypot(*standard)[is_used]
+        robust = sigma, robust_covariance_factor(length[np.isfinite(length)], RobustLoss(options.loss, sigma))
+    return Descended(found, is_used, deviations(residual, cov_px2), robust, _lost(problem, is_used))
 
 
 def _lost(problem: Problem, is_used: NDArray[np.bool_]) -> NDArray[np.bool_]:

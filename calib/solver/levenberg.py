@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from calib.cameras import MODELS
 from calib.jit import jit
-from calib.se3 import exp_rotation
 from calib.small_solve import cholesky_factor, substitute
 from calib.solver.blocks import Blocks, RobustLoss, view_blocks
 from calib.solver.problem import Problem
@@ -140,39 +139,44 @@ def move_poses(cam_from_target: Array, step: Array, turn: Array | None = None) -
             too, which a step along the valley of principal point and direction has to be if it is not to leave it.
     """
     moved = np.array(cam_from_target)
-    if turn is None:
-        _move_poses(moved, np.ascontiguousarray(step))
-        return moved
-    rest = np.array(step)
-    rest[:, :3] -= turn
-    rest[:, 3:] -= np.cross(turn, moved[:, :3, 3])
-    _move_poses(moved, rest)
-    moved[:, :3] = exp_rotation(turn) @ moved[:, :3]
+    _move_poses(moved, np.ascontiguousarray(step), np.zeros(3) if turn is None else turn)
     return moved
 
 
 @jit
-def _move_poses(pose: Array, step: Array) -> None:
-    """Rodrigues' formula; see `calib.se3.exp_rotation`."""
-    turned = np.empty((3, 3))
+def _move_poses(pose: Array, step: Array, turn: Array) -> None:
+    """What is not of the turn moves the target, then the turn the camera."""
+    rest = np.empty(3)
     for view in range(len(pose)):
-        x, y, z = step[view, 0], step[view, 1], step[view, 2]
-        square = x * x + y * y + z * z
-        angle = np.sqrt(square)
-        if angle < 1e-4:
-            first, second = 1 - square / 6, 0.5 - square / 24
-        else:
-            first, second = np.sin(angle) / angle, 2 * (np.sin(0.5 * angle) / angle) ** 2
-        for column in range(3):
-            a, b, c = pose[view, 0, column], pose[view, 1, column], pose[view, 2, column]
-            p, q, r = y * c - z * b, z * a - x * c, x * b - y * a  # the step's cross product with the column
-            turned[0, column] = a + first * p + second * (y * r - z * q)
-            turned[1, column] = b + first * q + second * (z * p - x * r)
-            turned[2, column] = c + first * r + second * (x * q - y * p)
+        t = pose[view, :, 3]
+        x, y, z = turn[1] * t[2] - turn[2] * t[1], turn[2] * t[0] - turn[0] * t[2], turn[0] * t[1] - turn[1] * t[0]
         for i in range(3):
-            for j in range(3):
-                pose[view, i, j] = turned[i, j]
-            pose[view, i, 3] += step[view, 3 + i]
+            rest[i] = step[view, i] - turn[i]
+        _rotate(pose[view], rest, 3)
+        t[0] += step[view, 3] - x
+        t[1] += step[view, 4] - y
+        t[2] += step[view, 5] - z
+        _rotate(pose[view], turn, 4)
+
+
+@jit
+def _rotate(pose: Array, vector: Array, columns: int) -> None:
+    """Turn the first columns by a rotation vector: Rodrigues' formula, see `calib.se3.exp_rotation`."""
+    x, y, z = vector
+    square = x * x + y * y + z * z
+    if square == 0:
+        return
+    angle = np.sqrt(square)
+    if angle < 1e-4:
+        first, second = 1 - square / 6, 0.5 - square / 24
+    else:
+        first, second = np.sin(angle) / angle, 2 * (np.sin(0.5 * angle) / angle) ** 2
+    for column in range(columns):
+        a, b, c = pose[0, column], pose[1, column], pose[2, column]
+        p, q, r = y * c - z * b, z * a - x * c, x * b - y * a  # the vector's cross product with the column
+        pose[0, column] = a + first * p + second * (y * r - z * q)
+        pose[1, column] = b + first * q + second * (z * p - x * r)
+        pose[2, column] = c + first * r + second * (x * q - y * p)
 
 
 def _moved(camera: Camera, tie: NDArray[np.int64], free: Array) -> Camera:

@@ -1,5 +1,7 @@
 """How far off an observation is, in standard deviations that outliers do not move."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +24,9 @@ def whitened(whitener: Array, residual_px: Array) -> Array:
 
 def robust_sigma(residual: Array) -> float:
     """Standard deviation of a coordinate of residuals (2, M), from their median length."""
-    return max(float(np.nanmedian(np.hypot(*residual))) / MEDIAN_LENGTH, LEAST_SIGMA)
+    square = (residual**2).sum(axis=0)
+    square = square[np.isfinite(square)]
+    return max(math.sqrt(np.median(square)) / MEDIAN_LENGTH, LEAST_SIGMA) if len(square) else math.inf
 
 
 def forgetful(residual: Array) -> RobustLoss:

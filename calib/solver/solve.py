@@ -91,8 +91,7 @@ def _calibration(
     seconds: float,
 ) -> Calibration:
     found, is_used = descended.minimum, descended.is_used
-    robust = None if descended.covariance_factor is None else (descended.sigma, descended.covariance_factor)
-    accuracy = accuracy_of(found.blocks.products, tie.row, int(is_used.sum()), robust)
+    accuracy = accuracy_of(found.blocks.products, tie.row, int(is_used.sum()), descended.robust)
     reason = why_degenerate(observations, found, accuracy, tie)
     status: Status = "degenerate" if reason else "converged" if found.converged else "stopped"
     if reason:
