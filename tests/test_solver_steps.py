@@ -86,7 +86,7 @@ def test_blocks_are_the_products_of_jacobians(model: str, kind: Loss) -> None:
     camera = CAMERAS[model]
     is_used = np.random.default_rng(3).random(len(seen.view)) < 0.8
     loss = RobustLoss(kind, 4.0)
-    blocks = view_blocks(pack(seen, weighted=True, is_used=is_used), camera, poses, loss)
+    blocks = view_blocks(replace(pack(seen, weighted=True), is_used=is_used), camera, poses, loss)
     residual, slope = whitened(seen, camera, poses), jacobian(seen, camera, poses)
     cost, weight = loss_and_weight(kind, KNEE[kind] * loss.sigma, np.linalg.norm(residual, axis=1))
     assert kind == "squares" or 0.1 < (weight < 1).mean() < 1.1
@@ -228,7 +228,7 @@ def test_observations_that_do_not_count_are_never_taken() -> None:
     """The few observations of a view are used ones, each at most once, and all of them where there are few."""
     is_used = np.random.default_rng(0).random(4410) < 0.1
     is_used[441:882] = False
-    few = select(pack(whole_grid(21, 21, 10), weighted=False, is_used=is_used), np.arange(10), 30)
+    few = select(replace(pack(whole_grid(21, 21, 10), weighted=False), is_used=is_used), np.arange(10), 30)
     assert np.diff(few.view_start).tolist() == np.minimum(is_used.reshape(10, -1).sum(axis=1), 30).tolist()
     for view in range(10):
         taken = few.measured_px[:, few.view_start[view] : few.view_start[view + 1]]

@@ -40,16 +40,20 @@ class Problem:
         return np.repeat(np.arange(self.view_count), np.diff(self.view_start))
 
 
-def pack(observations: Observations, *, weighted: bool, is_used: NDArray[np.bool_] | None = None) -> Problem:
+def pack(observations: Observations, *, weighted: bool) -> Problem:
     """The problem of all views.
 
     Args:
         observations: what was seen; each view has some.
         weighted: by the covariances, if they are known.
-        is_used: which observations count (M,); default all.
+
+    Raises:
+        ValueError: a view without observations.
     """
     count = len(observations.view)
     start = np.searchsorted(observations.view, np.arange(observations.view_count + 1))
+    if (np.diff(start) == 0).any():
+        raise ValueError("a view without observations; leave it out")
     whitener = np.stack([np.ones(count), np.zeros(count), np.ones(count)])
     if weighted and observations.cov_px2 is not None:
         whitener = whiteners(observations.cov_px2)
@@ -61,7 +65,7 @@ def pack(observations: Observations, *, weighted: bool, is_used: NDArray[np.bool
         np.ascontiguousarray((position - origin)[observations.point].T),
         np.ascontiguousarray(observations.center_px.T),
         whitener,
-        np.ones(count, dtype=bool) if is_used is None else is_used,
+        np.ones(count, dtype=bool),
         origin,
     )
 
