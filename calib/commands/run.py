@@ -2,13 +2,25 @@
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.detect import search_photos, staging_folder, summarise, write_results
+from calib.commands.detect import one_line, search_photos, staging_folder, summarise, write_results
+from calib.commands.solutions import (
+    Work,
+    advise,
+    leave_if_degenerate,
+    quoted,
+    say_files,
+    shown,
+    solve_and_say,
+    stop,
+)
 from calib.commands.solve import (
     FixOption,
     FocalOption,
@@ -20,24 +32,23 @@ from calib.commands.solve import (
     ShareOption,
     WeightedOption,
     check_folder,
-    leave_if_degenerate,
     plan_of,
     reference_of,
-    reference_setting,
-    say_files,
-    solve_and_say,
+    reference_settings,
 )
-from designer.command import printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
-    from calib.detect.batch import Found, PhotoResult
+    from calib.detect.batch import Detect, Found, PhotoResult, Pixels
     from calib.pipeline.settings import SolvePlan
     from calib.pipeline.solutions import Solution
-    from calib.types import Camera
+    from calib.results.truth import Truth
+    from calib.types import Camera, Detections
     from designer.target import TargetGeometry
 
 NOTHING_FOUND = 1
+LEAST_VIEWS_HELD_OUT = 6
+"""Fewer are not worth the advice to hold some out."""
 
 
 def run(
@@ -65,50 +76,100 @@ def run(
 
     The exit code is 1 if nothing was found, or if the photos do not determine the camera.
     """
-    from calib.detect.batch import find_photos
+    from calib.detect.batch import find_photos, named_photos
     from calib.inputs.observations import dataset_of, observations_from_detections
-    from calib.results.truth import read_truth
     from designer.target import load_target
 
     geometry = load_target(target)
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
-    board = reference_of(reference, reference_target)
     folder = out if out is not None else _default_folder(target)
     check_folder(folder)
-    found = find_photos(photos)
+    found = _without_pictures(find_photos(photos), folder)
     truth_path = truth if truth is not None else _truth_beside(found.paths)
-    known = None if truth_path is None else read_truth(truth_path)
-    results = _detect_twice(geometry, found, plan, folder, jobs or os.cpu_count() or 1)
-    seen = [result.seen for result in results if result.seen is not None and len(result.seen.ring)]
+    known = None if truth_path is None else _read_truth(truth_path, is_asked=truth is not None)
+    views = [photo.name for photo in named_photos(found.paths)]
+    map_of = reference_of(reference, reference_target, plan, views) if views else None
+    results, plan = _detect_twice(geometry, found, plan, folder, jobs or os.cpu_count() or 1)
+    seen = _with_target(results)
     if not seen:
+        print("next  look at the overlays: is it the target of this file, sharp and large enough?")
         raise typer.Exit(NOTHING_FOUND)
     prepared = observations_from_detections(dataset_of(seen), geometry, origin="the photos")
-    for remark in prepared.remarks:
-        print(printable(remark))
-    settings = (("target", target.name), ("photos", str(len(found.paths))), *reference_setting(reference))
-    solutions = solve_and_say(prepared.observations, plan, folder, settings=settings, reference=board, truth=known)
-    print(f"\nwrote {folder}: detections.csv, detections.records.json; overlays: look at some of them first")
-    _draw(solutions, folder)
-    say_files(folder, solutions)
+    settings = (
+        ("target", target.name), ("photos", str(len(found.paths))), *reference_settings(reference, reference_target),
+    )  # fmt: skip
+    table = folder / "detections.csv"
+    work = Work(
+        prepared.observations, prepared.remarks, plan, folder, geometry.layout_id, settings, map_of, known, (table,)
+    )
+    solutions = _draw(solve_and_say(work), folder, table)
+    _advise(solutions, folder, None if known is None else truth_path)
     leave_if_degenerate(solutions)
 
 
-def _draw(solutions: "Sequence[Solution]", folder: Path) -> None:
-    """The tables and pictures of each model, and one that compares them."""
+def _draw(solutions: "Sequence[Solution]", folder: Path, table: Path) -> "list[Solution]":
+    """Write tables and pictures of each model, and one that compares them; the solutions with their files."""
+    from rich.console import Console
+
     from calib.figures import calibration_figures, comparison_figures
     from calib.files import write_files
     from calib.results.evaluation_files import evaluation_files
 
-    evaluated = [(one.folder, one.evaluation) for one in solutions if one.evaluation is not None]
-    for place, evaluation in evaluated:
-        write_files(evaluation_files(evaluation, place) | calibration_figures(evaluation, place))
-    if len(evaluated) > 1:
-        write_files(comparison_figures([evaluation for _, evaluation in evaluated], folder))
-        print("      comparison.png: the models side by side; metrics*.csv and calibration.png of each in its folder")
+    waiting, drawn = Console(stderr=True), []
+    try:
+        with waiting.status("drawing", spinner="dots") if waiting.is_terminal else nullcontext():
+            for one in solutions:
+                files: dict[Path, bytes] = {}
+                if one.evaluation is not None:
+                    files = evaluation_files(one.evaluation, one.folder) | calibration_figures(
+                        one.evaluation, one.folder
+                    )
+                    write_files(files)
+                drawn.append(replace(one, files=(*one.files, *files)))
+            evaluations = [one.evaluation for one in solutions if one.evaluation is not None]
+            comparison = comparison_figures(evaluations, folder) if len(evaluations) > 1 else {}
+            write_files(comparison)
+    except KeyboardInterrupt:
+        stop([table, *(one.folder for one in solutions if one.files)])
+    print()
+    say_files(drawn)
+    for path in comparison:
+        print(f"wrote {shown(path)}: the models side by side")
+    return drawn
+
+
+def _advise(solutions: "Sequence[Solution]", folder: Path, truth: Path | None) -> None:
+    """What to look at, and what to type next."""
+    from calib.figures import CALIBRATION_PICTURE, COMPARISON_PICTURE
+
+    several = sum(one.evaluation is not None for one in solutions) > 1
+    picture = COMPARISON_PICTURE if several else CALIBRATION_PICTURE
+    look = f"look at {shown(folder / picture)} and some of the overlays before you trust the numbers"
+
+    def evaluate(best: "Solution") -> str:
+        enough = best.evaluation is not None and (
+            best.evaluation.calibration.observations.view_count >= LEAST_VIEWS_HELD_OUT
+        )
+        if not enough or best.model == "virtual":
+            return ""
+        known = "" if truth is None else f" --truth {quoted(truth)}"
+        return f"calib evaluate {quoted(best.folder)} --held-out 5{known}   # on photos that it was not solved from"
+
+    advise(solutions, first=[look], evaluate=evaluate)
 
 
 def _default_folder(target: Path) -> Path:
     return Path("exports") / target.name.removesuffix(".json").removesuffix(".target") / "calibration"
+
+
+def _without_pictures(found: "Found", folder: Path) -> "Found":
+    """The photos without the pictures that an earlier run drew among them."""
+    from calib.figures import CALIBRATION_PICTURE, COMPARISON_PICTURE
+
+    place = Path(os.path.abspath(folder))
+    drawn = {place / COMPARISON_PICTURE, place / CALIBRATION_PICTURE}
+    drawn |= {place / model / CALIBRATION_PICTURE for model in ("luhmann", "opencv", "virtual")}
+    return replace(found, paths=tuple(path for path in found.paths if Path(os.path.abspath(path)) not in drawn))
 
 
 def _truth_beside(paths: Sequence[Path]) -> Path | None:
@@ -118,51 +179,134 @@ def _truth_beside(paths: Sequence[Path]) -> Path | None:
     return beside if beside is not None and beside.is_file() else None
 
 
+def _read_truth(path: Path, *, is_asked: bool) -> "Truth | None":
+    """The truth; one that lies there by chance and is none does not matter."""
+    from calib.results.truth import read_truth
+
+    try:
+        return read_truth(path)
+    except InputError as error:
+        if is_asked:
+            raise
+        print(f"not used: {one_line(str(error))}")
+        return None
+
+
 def _detect_twice(
     geometry: "TargetGeometry", found: "Found", plan: "SolvePlan", folder: Path, jobs: int
-) -> "list[PhotoResult]":
-    """Search the photos, solve a first camera, and search again with its lens; write the detections and overlays."""
-    from calib.detect.pipeline import detect
+) -> "tuple[list[PhotoResult], SolvePlan]":
+    """Search the photos, solve a first camera, and search again with its lens; write the detections and overlays.
 
+    Returns what was found, and the plan with a first guess of the focal length if the photos state one.
+    """
     start = time.perf_counter()
-    results = search_photos(detect, found, geometry, None, None, jobs)
-    camera = _first_camera(results, geometry, plan, found)
-    overlays = folder / "overlays"
-    with staging_folder(overlays) as staging:
-        results = search_photos(detect, found, geometry, camera, staging, jobs)
+    first, remember = _remembering()
+    results = search_photos(remember, found, geometry, None, None, jobs)
+    plan, guess = _with_stated_focal(plan, results)
+    camera, why = _first_camera(results, geometry, plan)
+    overlays, table = folder / "overlays", folder / "detections.csv"
+    with _no_empty_folders(overlays), staging_folder(overlays) as staging:
+        results = search_photos(_again(camera, first), found, geometry, None, staging, jobs)
         seen = [result.seen for result in results if result.seen is not None]
         if not seen:
             failures = [*found.failures, *(result.failure for result in results)]
             others = f" (and {len(failures) - 1} more like it)" if len(failures) > 1 else ""
             raise InputError(f"{failures[0] if failures else 'no photos left to search'}{others}")
-        write_results(folder / "detections.csv", results, seen, geometry)
-        if staging is not None:
-            for picture in staging.iterdir():
-                picture.replace(overlays / picture.name)
+        write_results(table, results, seen, geometry)
+        pictures = [] if staging is None else list(staging.iterdir())
+        for picture in pictures:
+            picture.replace(overlays / picture.name)
     summarise(geometry, found, results, time.perf_counter() - start)
-    if camera is None:
-        print("the lens is not known from a first solution: searched without it")
-    return results
+    if why:
+        print(f"searched without the lens, which a first solution does not give: {one_line(why)}")
+    if guess:
+        print(guess)
+    print(f"wrote {shown(table)} and detections.records.json")
+    if pictures:
+        print(f"      {shown(overlays)}: an overlay of each photo, {len(pictures)} in all")
+    return results, plan
+
+
+def _with_target(results: "Sequence[PhotoResult]") -> "list[Detections]":
+    """The detections in photos that show the target."""
+    return [result.seen for result in results if result.seen is not None and len(result.seen.ring)]
+
+
+@contextmanager
+def _no_empty_folders(folder: Path) -> Iterator[None]:
+    """Remove the folders that were made for nothing, if it comes to that."""
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # the first that is not empty
+            for place in made:
+                place.rmdir()
+
+
+def _remembering() -> "tuple[dict[str, Detections], Detect]":
+    """The detector, and what it found in each photo."""
+    from calib.detect.pipeline import detect
+
+    found: dict[str, Detections] = {}
+
+    def search(
+        pixels: "Pixels", target: "TargetGeometry", *, name: str, camera: "Camera | None" = None
+    ) -> "Detections":
+        found[name] = detect(pixels, target, name=name, camera=camera)
+        return found[name]
+
+    return found, search
+
+
+def _again(camera: "Camera | None", first: "dict[str, Detections]") -> "Detect":
+    """The detector with the lens known; photos of another size, or all without a camera, are as they were."""
+    from calib.detect.pipeline import detect
+
+    def search(pixels: "Pixels", target: "TargetGeometry", *, name: str, **_: object) -> "Detections":
+        height, width = pixels.shape
+        fits = camera is not None and camera.image_size == (width, height)
+        if name in first and not fits:
+            return first[name]
+        return detect(pixels, target, name=name, camera=camera if fits else None)
+
+    return search
+
+
+def _with_stated_focal(plan: "SolvePlan", results: "Sequence[PhotoResult]") -> "tuple[SolvePlan, str]":
+    """The plan with a first guess of the focal length, if a photo states one and nobody gave one, and a word on it."""
+    from calib.inputs.exif import exif_focal_px
+
+    if plan.options.focal_px is not None:
+        return plan, ""
+    for result in results:
+        if result.seen is not None and len(result.seen.ring):
+            guess = exif_focal_px(result.photo.path)
+            if guess is not None:
+                said = f"first guess of the focal length: {guess:.0f} px, from what {one_line(result.photo.name)} says"
+                return replace(plan, options=replace(plan.options, focal_px=guess)), said
+    return plan, ""
 
 
 def _first_camera(
-    results: "Sequence[PhotoResult]", geometry: "TargetGeometry", plan: "SolvePlan", found: "Found"
-) -> "Camera | None":
-    """A camera good enough to see rings through its lens; None if the photos do not determine one."""
-    from dataclasses import replace
-
-    from calib.inputs.exif import exif_focal_px
+    results: "Sequence[PhotoResult]", geometry: "TargetGeometry", plan: "SolvePlan"
+) -> "tuple[Camera | None, str]":
+    """A camera good enough to see rings through its lens, or why the photos do not determine one."""
     from calib.inputs.observations import dataset_of, observations_from_detections
-    from calib.solver.options import SolveOptions
     from calib.solver.solve import solve
 
-    seen = [result.seen for result in results if result.seen is not None and len(result.seen.ring)]
+    seen = _with_target(results)
     if not seen:
-        return None
-    guess = plan.options.focal_px or (exif_focal_px(found.paths[0]) if found.paths else None)
+        return None, ""
+    chosen = plan.options
+    options = replace(plan.options_of("opencv"), weighted=False)
+    if "opencv" not in plan.models:  # another model's parameters are other numbers
+        options = replace(options, fixed=(), shared=(), focal_px=chosen.focal_px)
     try:
         observations = observations_from_detections(dataset_of(seen), geometry, origin="the photos").observations
-        calibration = solve(observations, "opencv", replace(SolveOptions(), focal_px=guess))
-    except InputError:
-        return None
-    return calibration.camera if calibration.status == "converged" else None
+        calibration = solve(observations, "opencv", options)
+    except InputError as error:
+        return None, str(error)
+    if calibration.status != "converged":
+        return None, calibration.remarks[0]
+    return calibration.camera, ""

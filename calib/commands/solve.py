@@ -1,26 +1,18 @@
 """The command `calib solve`."""
 
-import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.detect import WIDE, program
-from designer.command import printable
+from calib.commands.solutions import Work, advise, leave_if_degenerate, quoted, say_files, solve_and_say
 from designer.errors import InputError
 
 if TYPE_CHECKING:
     from calib.inputs.corners_vnl import Grid
     from calib.pipeline.settings import SolvePlan
-    from calib.pipeline.solutions import Solution
-    from calib.results.truth import Truth
-    from calib.types import Calibration, Observations
     from calib.virtual.solve_virtual import Reference
-
-DEGENERATE = 1
 
 ModelOption = Annotated[str, typer.Option(help="luhmann, opencv, virtual, pinhole, or all: the first three")]
 FixOption = Annotated[list[str] | None, typer.Option(help="keep a parameter as it starts, or at a value: k3, k3=0")]
@@ -69,23 +61,33 @@ def solve(
     """
     from calib.inputs.correspondences import parse_pair, read_observations
     from calib.inputs.dataset import MAX_SIDE_PX
+    from designer.target import load_target
 
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     size = None if image_size is None else parse_pair("--image-size", image_size, MAX_SIDE_PX)
-    prepared = read_observations(detections, target, image_size=size, grid=_grid(grid, pitch))
     check_folder(out)
+    _require_file(detections)
+    prepared = read_observations(detections, target, image_size=size, grid=_grid(grid, pitch))
     settings = (
         ("detections", detections.name),
         ("target", "" if target is None else target.name),
-        *reference_setting(reference),
+        *reference_settings(reference, reference_target),
     )
-    for remark in prepared.remarks:
-        print(printable(remark))
-    solutions = solve_and_say(
-        prepared.observations, plan, out, settings=settings, reference=reference_of(reference, reference_target)
-    )
-    say_files(out, solutions)
+    work = Work(
+        prepared.observations, prepared.remarks, plan, out, "" if target is None else load_target(target).layout_id,
+        settings, reference_of(reference, reference_target, plan, prepared.observations.view_names),
+    )  # fmt: skip
+    solutions = solve_and_say(work)
+    say_files(solutions)
+    advise(solutions, evaluate=lambda best: f"calib evaluate {quoted(best.folder)}")
     leave_if_degenerate(solutions)
+
+
+def _require_file(path: Path) -> None:
+    """Say that a file is missing before anything is said of its kind."""
+    if not path.is_file():
+        why = "is a folder" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {why}; give a detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl")
 
 
 def plan_of(
@@ -120,10 +122,21 @@ def check_folder(folder: Path) -> None:
         raise InputError(f"{folder}: cannot be written: {error.strerror}; choose another folder with -o") from None
 
 
-def reference_of(reference: str | None, target: Path | None) -> "Reference | None":
-    """The photo that a learned map is of: a view's name, or the sightings of a board in a photo of its own."""
+def reference_of(
+    reference: str | None, target: Path | None, plan: "SolvePlan", photos: Sequence[str]
+) -> "Reference | None":
+    """The photo that a learned map is of: a view's name, or the sightings of a board in a photo of its own.
+
+    Args:
+        reference: as the command line has it.
+        target: of the board.
+        plan: the models that will be solved.
+        photos: the names of the views.
+    """
+    if (reference is not None or target is not None) and "virtual" not in plan.models:
+        raise InputError(f"--reference: model {plan.models[0]} learns no map; leave it out, or take --model virtual")
     if target is None:
-        return reference
+        return None if reference is None else _named(reference, photos)
     if reference is None:
         raise InputError(f"--reference-target {target}: name the photo of this board too, with --reference PHOTO")
     from calib.detect.pipeline import detect
@@ -138,97 +151,24 @@ def reference_of(reference: str | None, target: Path | None) -> "Reference | Non
     return observations_from_detections(dataset_of([seen]), board, origin=reference).observations
 
 
-def reference_setting(reference: str | None) -> tuple[tuple[str, str], ...]:
+def _named(reference: str, photos: Sequence[str]) -> str:
+    """The view that a person means by its name, or by the path of its photo."""
+    from calib.pipeline.calibrate import ALL_VIEWS
+    from designer.spec_file import suggestion
+
+    if reference == ALL_VIEWS or reference in photos:
+        return reference
+    ends = [name for name in photos if f"/{reference}".endswith(f"/{name}")]
+    if len(ends) == 1:
+        return ends[0]
+    hint = suggestion(reference, list(photos)) or f"; the first is {photos[0]!r}"
+    raise InputError(f"--reference {reference!r}: none of the photos{hint}")
+
+
+def reference_settings(reference: str | None, target: Path | None) -> tuple[tuple[str, str], ...]:
     """The choice of a reference, for the record."""
-    return () if reference is None else (("reference", reference),)
-
-
-def solve_and_say(
-    observations: "Observations",
-    plan: "SolvePlan",
-    folder: Path,
-    *,
-    settings: tuple[tuple[str, str], ...],
-    reference: "Reference | None" = None,
-    truth: "Truth | None" = None,
-) -> "list[Solution]":
-    """Solve and write all models, and print what came of them.
-
-    Raises:
-        InputError: no model could be solved.
-    """
-    from rich.console import Console
-
-    from calib.pipeline.solutions import solve_models
-    from calib.results.calibration_file import Provenance
-    from calib.results.evaluation_table import comparison_table, parameters_table
-
-    def provenance(model: str) -> Provenance:
-        return Provenance(
-            program(), geometry_id=observations.points.geometry_id, options=plan.options_of(model),
-            settings=(*settings, ("model", model)),
-        )  # fmt: skip
-
-    waiting = Console(stderr=True)
-    solutions = []
-    with waiting.status("solving", spinner="dots") if waiting.is_terminal else nullcontext():
-        for solution in solve_models(
-            observations, plan, folder, provenance=provenance, reference=reference, truth=truth
-        ):
-            solutions.append(solution)
-    evaluations = [solution.evaluation for solution in solutions if solution.evaluation is not None]
-    if not evaluations:
-        raise InputError(solutions[0].failure)
-    console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDE)
-    for evaluation in evaluations:
-        calibration = evaluation.calibration
-        print(f"\n{calibration.camera.model}: {_summary(calibration)}")
-        console.print(parameters_table(evaluation))
-        for remark in (*calibration.remarks, *evaluation.remarks):
-            print(f"  {printable(remark)}")
-    print(f"\n{observations.view_count} photos, {len(observations.view)} sightings; errors of the photos solved from:")
-    console.print(comparison_table(evaluations))
-    for solution in solutions:
-        if solution.failure:
-            print(f"{solution.model}: not solved: {printable(solution.failure)}")
-    return solutions
-
-
-def _summary(calibration: "Calibration") -> str:
-    """Status, and what the scale says."""
-    scale = f"{calibration.scale:.3g} times the stated sigma" if calibration.weighted else f"{calibration.scale:.4f} px"
-    return f"{calibration.status}; an observation's standard deviation is {scale}; {calibration.seconds:.2f} s"
-
-
-def say_files(folder: Path, solutions: "Sequence[Solution]") -> None:
-    """What was written, and what to do next."""
-    for solution in solutions:
-        if solution.files:
-            print(f"wrote {solution.folder}: {', '.join(path.name for path in solution.files)}")
-    best = _best(solutions)
-    print(f"next  calib evaluate {best.folder / 'calibration.json'}")
-    print(f"      calib convert {best.folder / 'camera.json'} --to colmap -o cameras.txt   (opencv, ros, kalibr, ...)")
-
-
-def _best(solutions: "Sequence[Solution]") -> "Solution":
-    """The one that is determined and leaves least, sightings it does not know counted out."""
-    from calib.metrics.errors import summarise
-
-    def left(solution: "Solution") -> tuple[bool, float]:
-        evaluation = solution.evaluation
-        errors = None if evaluation is None else evaluation.of("reprojection")
-        if evaluation is None or errors is None:
-            return True, float("inf")
-        return evaluation.calibration.status != "converged", summarise(errors).rmse
-
-    return min((solution for solution in solutions if solution.evaluation is not None), key=left)
-
-
-def leave_if_degenerate(solutions: "Sequence[Solution]") -> None:
-    """Exit code 1 if the camera of no model is determined."""
-    statuses = [one.evaluation.calibration.status for one in solutions if one.evaluation is not None]
-    if all(status == "degenerate" for status in statuses):
-        raise typer.Exit(DEGENERATE)
+    named = () if reference is None else (("reference", reference),)
+    return named if target is None else (*named, ("reference-target", target.name))
 
 
 def _grid(grid: str | None, pitch: str | None) -> "Grid | None":

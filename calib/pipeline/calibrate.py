@@ -3,7 +3,9 @@
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.types import Calibration, Observations
+from calib.virtual.reference_photo import on_plane_mm
 from calib.virtual.solve_virtual import Reference, solve_virtual
+from designer.errors import InputError
 
 ALL_VIEWS = "all"
 """As the reference: the map is learned from all views."""
@@ -26,8 +28,13 @@ def calibrate(
     Raises:
         InputError: the observations or the options do not do.
     """
-    if model == "virtual":
-        if reference == ALL_VIEWS:
-            return solve_virtual(observations, options, all_views=True)
-        return solve_virtual(observations, options, reference)
-    return solve(observations, model, options)
+    if model != "virtual":
+        return solve(observations, model, options)
+    if reference == ALL_VIEWS:
+        return solve_virtual(observations, options, all_views=True)
+    if options.fixed and (reference is not None or on_plane_mm(observations.points, observations.point) is not None):
+        raise InputError(
+            f"{options.fixed[0][0]} cannot be fixed: the sensor of a map learned from a photo has a focal length and a "
+            "centre of its own; learn the map from all views, with --reference all"
+        )
+    return solve_virtual(observations, options, reference)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from calib.cameras import MODELS, parameter_names
 from calib.pipeline.calibrate import MODELS_TO_SOLVE
 from calib.solver.options import SolveOptions
+from calib.solver.tie import tie_parameters
 from designer.errors import InputError
 from designer.spec_file import suggestion
 
@@ -76,7 +77,10 @@ def plan_from_words(
         shared=shared,
         focal_px=None if focal is None else _focal_px(focal),
     )
-    return SolvePlan(models, options)
+    plan = SolvePlan(models, options)
+    for name in models:
+        tie_parameters(name, plan.options_of(name))  # refuses what cannot be together, before any work is done
+    return plan
 
 
 def _fixed(text: str, known: set[str]) -> tuple[str, float | None]:

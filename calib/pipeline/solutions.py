@@ -1,7 +1,7 @@
 """Several models solved from the same observations, each written to its folder as soon as it is there."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib.metrics.evaluation import Evaluation, evaluate
@@ -33,6 +33,7 @@ def solve_models(
     provenance: Callable[[str], Provenance],
     reference: Reference | None,
     truth: Truth | None,
+    remarks: Sequence[str] = (),
 ) -> Iterator[Solution]:
     """Solve each model, write it, and evaluate it. One that cannot be solved does not stop the others.
 
@@ -43,11 +44,13 @@ def solve_models(
         provenance: of a model's solution.
         reference: the photo that a learned map is of.
         truth: of rendered photos.
+        remarks: on what the observations were made of, to stand in each calibration after its own.
     """
     for model in plan.models:
         place = folder if len(plan.models) == 1 else folder / model
         try:
             calibration = calibrate(observations, model, plan.options_of(model), reference)
+            calibration = replace(calibration, remarks=(*calibration.remarks, *remarks))
             evaluation = evaluate(calibration, truth)
         except InputError as error:
             yield Solution(model, place, None, failure=str(error))

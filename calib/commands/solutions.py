@@ -1,0 +1,201 @@
+"""Solving several models, as `calib solve` and `calib run` show it."""
+
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import typer
+
+from calib.commands.detect import WIDE, one_line, program
+from designer.command import STOPPED
+from designer.errors import InputError
+
+if TYPE_CHECKING:
+    from calib.metrics.evaluation import Evaluation
+    from calib.pipeline.settings import SolvePlan
+    from calib.pipeline.solutions import Solution
+    from calib.results.calibration_file import Provenance
+    from calib.results.truth import Truth
+    from calib.types import Calibration, Observations
+    from calib.virtual.solve_virtual import Reference
+
+DEGENERATE = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """What is to be solved, and where it comes from."""
+
+    observations: "Observations"
+    remarks: tuple[str, ...]  # on what the observations were made of
+    plan: "SolvePlan"
+    folder: Path
+    layout_id: str  # of the target; "" for points from elsewhere
+    settings: tuple[tuple[str, str], ...]  # of the command, for the record
+    reference: "Reference | None" = None
+    truth: "Truth | None" = None
+    finished: tuple[Path, ...] = ()  # files that are written already
+
+
+def solve_and_say(work: Work) -> "list[Solution]":
+    """Solve and write all models, and print what came of them.
+
+    Raises:
+        InputError: no model could be solved.
+    """
+    from rich.console import Console
+
+    from calib.pipeline.solutions import solve_models
+
+    for remark in work.remarks:
+        print(one_line(remark))
+    waiting = Console(stderr=True)
+    solutions: list[Solution] = []
+    try:
+        with waiting.status("solving", spinner="dots") if waiting.is_terminal else nullcontext():
+            for solution in solve_models(
+                work.observations, work.plan, work.folder, provenance=_provenance_of(work), reference=work.reference,
+                truth=work.truth, remarks=work.remarks,
+            ):  # fmt: skip
+                solutions.append(solution)
+    except KeyboardInterrupt:
+        stop([*work.finished, *(solution.folder for solution in solutions if solution.files)])
+    if not any(solution.files for solution in solutions):
+        reasons = {solution.failure: solution.model for solution in solutions}
+        several = len(reasons) > 1
+        raise InputError("; ".join(f"{model}: {why}" if several else why for why, model in reasons.items()))
+    _say_solutions(work, solutions)
+    return solutions
+
+
+def _provenance_of(work: Work) -> "Callable[[str], Provenance]":
+    """Where the calibration of a model comes from."""
+    from calib.results.calibration_file import Provenance
+
+    def provenance(model: str) -> Provenance:
+        return Provenance(
+            program(), layout_id=work.layout_id, geometry_id=work.observations.points.geometry_id,
+            options=work.plan.options_of(model), settings=(*work.settings, ("model", model)),
+        )  # fmt: skip
+
+    return provenance
+
+
+def stop(finished: Sequence[Path]) -> NoReturn:
+    """End after Ctrl-C, with a word on what is finished and stays."""
+    files = ", ".join(shown(path) for path in finished)
+    print(f"stopped; {f'finished and kept: {files}' if files else 'nothing was written'}", file=sys.stderr)
+    raise SystemExit(STOPPED) from None
+
+
+def _say_solutions(work: Work, solutions: "Sequence[Solution]") -> None:
+    """The parameters of each model, all side by side, and what could not be solved."""
+    from rich.console import Console
+
+    from calib.results.calibration_file import CALIBRATION_FILE
+    from calib.results.evaluation_table import comparison_table, parameters_table
+
+    console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDE)
+    evaluations = [solution.evaluation for solution in solutions if solution.evaluation is not None]
+    for evaluation in evaluations:
+        calibration = evaluation.calibration
+        print(f"\n{calibration.camera.model}: {_summary(calibration)}")
+        console.print(parameters_table(evaluation))
+        for remark in (*calibration.remarks, *evaluation.remarks):
+            if remark not in work.remarks:
+                print(f"  {one_line(remark)}")
+    views, sightings = work.observations.view_count, len(work.observations.view)
+    print(
+        f"\n{views} photo{'s' if views > 1 else ''}, {sightings} sightings; "
+        "root mean square errors, of the photos solved from:"
+    )
+    console.print(comparison_table(evaluations))
+    for solution in solutions:
+        if solution.failure:
+            print(f"{solution.model}: not solved: {one_line(solution.failure)}")
+            if (solution.folder / CALIBRATION_FILE).exists():
+                print(f"  {shown(solution.folder)} holds an earlier solution, of something else")
+
+
+def _summary(calibration: "Calibration") -> str:
+    """Status, and what the scale says."""
+    scale = f"{calibration.scale:.3g} times the stated sigma" if calibration.weighted else f"{calibration.scale:.4f} px"
+    return f"{calibration.status}; an observation's standard deviation is {scale}; {calibration.seconds:.2f} s"
+
+
+def say_files(solutions: "Sequence[Solution]") -> None:
+    """What was written of each model."""
+    for solution in solutions:
+        names = dict.fromkeys(
+            "metrics_*.csv" if path.name.startswith("metrics_") else path.name for path in solution.files
+        )
+        if names:
+            print(f"wrote {shown(solution.folder)}: {', '.join(names)}")
+
+
+def advise(
+    solutions: "Sequence[Solution]", *, first: Sequence[str] = (), evaluate: "Callable[[Solution], str]"
+) -> None:
+    """What to do next.
+
+    Args:
+        solutions: what came of the models.
+        first: what comes before all.
+        evaluate: what to type to evaluate a solution, "" for nothing.
+    """
+    best = best_of(solutions)
+    if is_degenerate(solutions):
+        steps = [*first, "no camera is determined: do what is said above, and solve again"]
+    else:
+        convert = f"calib convert {quoted(best.folder / 'camera.json')} --to colmap -o cameras.txt"
+        steps = [*first, evaluate(best), f"{convert}   # or opencv, ros, kalibr, ..."]
+    for number, step in enumerate(filter(None, steps)):
+        print(f"{'' if number else 'next'}".ljust(6) + step)
+
+
+def best_of(solutions: "Sequence[Solution]") -> "Solution":
+    """The one to go on with: determined, of a model that other programs know, and then with the least left over.
+
+    What a learned map leaves over is small because it bends to the very photos it is judged by.
+    """
+    from calib.metrics.errors import summarise
+
+    def order(solution: "Solution") -> tuple[bool, bool, float]:
+        evaluation = _evaluation_of(solution)
+        calibration, errors = evaluation.calibration, evaluation.of("reprojection")
+        left = float("inf") if errors is None else summarise(errors).rmse
+        return calibration.status != "converged", calibration.camera.learned is not None, left
+
+    return min((solution for solution in solutions if solution.evaluation is not None), key=order)
+
+
+def is_degenerate(solutions: "Sequence[Solution]") -> bool:
+    """Whether the camera of no model is determined."""
+    solved = [_evaluation_of(solution).calibration for solution in solutions if solution.evaluation is not None]
+    return all(calibration.status == "degenerate" for calibration in solved)
+
+
+def _evaluation_of(solution: "Solution") -> "Evaluation":
+    if solution.evaluation is None:
+        raise ValueError(f"{solution.model} was not solved")
+    return solution.evaluation
+
+
+def leave_if_degenerate(solutions: "Sequence[Solution]") -> None:
+    """Exit code 1 if the camera of no model is determined."""
+    if is_degenerate(solutions):
+        raise typer.Exit(DEGENERATE)
+
+
+def shown(path: Path) -> str:
+    """A path as a line of the screen has it."""
+    return one_line(str(path))
+
+
+def quoted(path: Path) -> str:
+    """A path as it is typed in a shell."""
+    return shlex.quote(shown(path))
