@@ -24,6 +24,9 @@ REQUIRED = ("fx_px", "fy_px", "cx_px", "cy_px")
 """What every model has; the lens's other parameters are 0 if left out."""
 LEARNING = ("virtual",)
 """Models that are nothing without a learned map."""
+FOCAL_RANGE_PX = (1e-3, 1e9)
+LARGEST = {"px": 1e9, "1": 1e30}
+"""By unit, what a parameter may be at most; what is larger overflows further on, and is no lens."""
 
 Side = Annotated[int, Field(ge=1, le=MAX_SIDE_PX, strict=True)]
 
@@ -102,11 +105,19 @@ def _parameters(file: _CameraFile, model: CameraModel, origin: str) -> NDArray[n
     for name in ("fx_px", "fy_px"):
         if not given[name] > 0:
             raise InputError(f"{origin}: {name} {given[name]:g}: a focal length must be more than zero pixels")
+        if not FOCAL_RANGE_PX[0] <= given[name] <= FOCAL_RANGE_PX[1]:
+            span = f"{FOCAL_RANGE_PX[0]:g} to {FOCAL_RANGE_PX[1]:g} pixels"
+            raise InputError(f"{origin}: {name} {given[name]:g}: a focal length is from {span}; check the file")
     for parameter in model.parameters:
         value = given.get(parameter.name, 0.0)
         if not parameter.lower < value < parameter.upper:
             bounds = f"more than {parameter.lower:g} and less than {parameter.upper:g}"
             raise InputError(f"{origin}: {parameter.name} {value:g}: must be {bounds}")
+        if not abs(value) <= LARGEST[parameter.unit]:
+            raise InputError(
+                f"{origin}: {parameter.name} {value:g}: is more than {LARGEST[parameter.unit]:g}, which no lens has; "
+                "check the file"
+            )
     return np.array([given.get(name, 0.0) for name in names])
 
 

@@ -19,6 +19,10 @@ ARROWS = 15
 """Arrows side by side."""
 
 LEAST_TOP_PX = 1e-6
+"""Smaller differences are rounding, and are not drawn."""
+SHARE_SHOWN, MOST_BEYOND = 95, 2.5
+"""Colours end at this percentile if the largest difference is so many times more: a lens runs away in its corners."""
+TITLE = "ringforge camera difference"
 LONGEST = 0.9
 """Length of the longest arrow, in distances between arrows."""
 
@@ -38,21 +42,38 @@ def difference_picture(difference: CameraDifference, title: str, note: str) -> b
     axes = figure.add_subplot()
     u, v = difference.pixel[0, :, 0], difference.pixel[:, 0, 1]
     length = np.ma.masked_invalid(difference.length_px)
-    levels = MaxNLocator(LEVELS).tick_values(0.0, max(float(length.max()), LEAST_TOP_PX))
+    top, is_cut = scale_end(difference)
+    levels = MaxNLocator(LEVELS).tick_values(0.0, top)
     light = ListedColormap(colormaps["YlOrRd"](np.linspace(0.0, 0.7, 256)))  # arrows stay visible on it
-    image = axes.contourf(u, v, length, levels=levels, cmap=light)
-    lines = axes.contour(u, v, length, levels=levels[1:-1], colors="0.3", linewidths=0.6)
-    axes.clabel(lines, fontsize=8, fmt=lambda level: f"{level:g}")
+    image = axes.contourf(u, v, length, levels=levels, cmap=light, extend="max" if is_cut else "neither")
+    inner = levels[1 : None if is_cut else -1]
+    lines = axes.contour(u, v, length, levels=inner, colors="0.3", linewidths=0.6)
+    axes.clabel(lines, list(inner)[::2], fontsize=8, fmt=lambda level: f"{level:g}")
     _arrows(axes, difference)
     _fitted_region(axes, difference)
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal", facecolor="0.8")
     axes.set(xlabel="u (px)", ylabel="v (px)")
     legend = "" if np.isfinite(difference.length_px).all() else "; grey: not known by both"
-    axes.set_title(f"{title}\n{note}{legend}", fontsize=10)
+    cut = f"; arrows cut at {top:.2g} px" if is_cut else ""
+    axes.set_title(f"{title}\n{note}{cut}{legend}", fontsize=10)
     figure.colorbar(image, ax=axes, label="difference (px)", shrink=0.9)
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
+    figure.savefig(buffer, format="png", metadata={"Title": TITLE, "Software": None})
     return buffer.getvalue()
+
+
+def is_difference_picture(head: bytes) -> bool:
+    """Whether a file's first bytes are those of such a picture, and not of somebody's photo."""
+    return head.startswith(b"\x89PNG") and TITLE.encode() in head
+
+
+def scale_end(difference: CameraDifference) -> tuple[float, bool]:
+    """The end of the scale of colours, and whether there are lengths beyond it."""
+    known = difference.length_px[np.isfinite(difference.length_px)]
+    usual, largest = float(np.percentile(known, SHARE_SHOWN)), float(known.max())
+    if largest > MOST_BEYOND * usual and usual > LEAST_TOP_PX:
+        return usual, True
+    return max(largest, LEAST_TOP_PX), False
 
 
 def _arrows(axes: "Axes", difference: CameraDifference) -> None:
@@ -62,8 +83,13 @@ def _arrows(axes: "Axes", difference: CameraDifference) -> None:
     foot = difference.pixel[np.ix_(rows, columns)].reshape(-1, 2)
     arrow = difference.difference_px[np.ix_(rows, columns)].reshape(-1, 2)
     longest = float(np.nanmax(np.linalg.norm(arrow, axis=1), initial=0.0))
-    if longest <= 0:
+    if longest <= LEAST_TOP_PX:
         return
+    top, is_cut = scale_end(difference)
+    if is_cut and longest > top:
+        # Longer arrows are cut to the end of the colours, else the others would be dots.
+        longest = top
+        arrow = arrow * np.minimum(1.0, top / np.maximum(np.linalg.norm(arrow, axis=1), LEAST_TOP_PX))[:, None]
     spacing = step * float(difference.pixel[0, 1, 0] - difference.pixel[0, 0, 0])
     known = np.isfinite(arrow).all(axis=1)
     quiver = axes.quiver(

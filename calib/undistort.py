@@ -65,6 +65,8 @@ def _zoom_that_shows_all(camera: Camera, pinhole: Camera) -> float:
     focal, middle = pinhole.params[:2], pinhole.params[2:]
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.where(direction > 0, last - middle, -middle) / (focal * direction)
+    if np.isnan(room).all():
+        raise InputError("the camera knows no light anywhere in its image; check the camera file")
     zoom = float(np.nanmin(room, initial=np.inf))
     if not ZOOM_RANGE[0] <= zoom <= ZOOM_RANGE[1]:
         raise InputError(

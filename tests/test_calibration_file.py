@@ -3,6 +3,8 @@
 import json
 import math
 import os
+import re
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import fields, replace
@@ -298,6 +300,26 @@ def test_a_changed_calibration_is_refused(old: str, new: str, rule: str, tmp_pat
     path = written(tmp_path)
     changed(path, old, new)
     assert rule in refused(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "rule"),
+    [
+        ({"scale": -1.0}, "scale: Input should be greater than or equal to 0"),
+        ({"param_covariance": [[-1.0] * 9] * 9}, "a variance of -1; it must be 0 or more"),
+        ({"param_covariance": [[1e300] * 9] * 9}, "param_covariance holds a number beyond 1e+100"),
+        ({"planes": [[1e300, 0.0, 0.0, 0.0]] * 20}, "planes.0 has a normal of length 1e+300"),
+    ],
+)
+def test_absurd_numbers_are_refused_without_a_warning(change: dict[str, object], rule: str, tmp_path: Path) -> None:
+    """What overflows or has no root is refused where it is read."""
+    path = tmp_path / "calibration.json"
+    written(tmp_path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match=re.escape(rule)):
+            read_calibration(path)
 
 
 def test_a_pose_that_is_no_motion_is_refused(tmp_path: Path) -> None:

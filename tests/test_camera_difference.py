@@ -1,5 +1,6 @@
 """The difference of two cameras, against mrcal and by construction."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,7 @@ from scipy.optimize import minimize
 
 from calib.camera_difference import camera_difference
 from calib.cameras import project, rays
-from calib.difference_picture import difference_picture
+from calib.difference_picture import difference_picture, scale_end
 from calib.interop import FORMATS
 from calib.se3 import exp_rotation
 from calib.types import Camera
@@ -97,6 +98,19 @@ def test_mrcal_finds_the_same(tmp_path: Path) -> None:
         our_rms, their_rms = (np.sqrt(np.mean(length[near] ** 2)) for length in (ours.length_px, theirs))
         assert our_rms <= their_rms * (1 + 1e-9)
         assert our_rms > 0.8 * their_rms
+
+
+def test_one_corner_does_not_set_the_scale() -> None:
+    """Where few differences are far larger than the usual, colours end at the usual; else at the largest."""
+    even = camera_difference(A, A)
+    length = np.linspace(0.1, 0.2, even.length_px.size).reshape(even.length_px.shape)
+    same = replace(even, difference_px=np.stack([length, 0 * length], axis=-1))
+    assert scale_end(same) == (pytest.approx(0.2), False)
+    length[0, 0] = 50.0
+    wild = replace(even, difference_px=np.stack([length, 0 * length], axis=-1))
+    end, is_cut = scale_end(wild)
+    assert is_cut
+    assert 0.19 < end < 0.2
 
 
 def test_other_image_sizes_are_refused() -> None:

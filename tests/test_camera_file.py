@@ -1,6 +1,7 @@
 """The learned map and the parameters' bounds in camera files."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -109,3 +110,22 @@ def test_parameters_keep_their_bounds(camera: Camera) -> None:
         document["parameters"]["fy_px"] = value
         with pytest.raises(InputError, match=r"fy_px .*: a focal length must be more than zero pixels"):
             camera_from_mapping(document, "cam.json")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "rule"),
+    [
+        ("fx_px", 1e300, "a focal length is from 0.001 to 1e+09 pixels"),
+        ("fy_px", 1e-300, "a focal length is from 0.001 to 1e+09 pixels"),
+        ("cx_px", -1e300, "is more than 1e+09, which no lens has"),
+        ("k1", 1e300, "is more than 1e+30, which no lens has"),
+    ],
+)
+def test_absurd_parameters_are_refused(name: str, value: float, rule: str) -> None:
+    """Numbers that overflow in the first product are no camera's; the line is short."""
+    lens = Camera("opencv", np.array([900.0, 900, 500, 380, -0.1, 0.02, 0, 0, 0]), (1000, 800))
+    document = json.loads(camera_to_json(lens))
+    document["parameters"][name] = value
+    with pytest.raises(InputError, match=re.escape(f"cam.json: {name} {value:g}: {rule}")) as caught:
+        camera_from_mapping(document, "cam.json")
+    assert len(str(caught.value)) < 120

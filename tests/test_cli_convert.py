@@ -12,6 +12,7 @@ from calib.cameras import project
 from calib.commands.convert import convert
 from calib.interop import FORMATS
 from calib.interop.reading import open_camera
+from calib.types import Camera
 from designer.errors import InputError
 
 OTHERS = [name for name in FORMATS if name != "json"]
@@ -99,6 +100,28 @@ def test_places_that_must_not_be_written(folder: Path) -> None:
         convert("barrel.json", to="opencv", out=Path("empty"))
     convert("barrel.json", to="opencv", out=Path("new/folder/camera.yaml"))
     assert open_camera("new/folder/camera.yaml").read.camera.image_size == SIZE
+
+
+def test_the_input_is_not_overwritten_however_it_was_named() -> None:
+    """A folder stands for its camera.json, and FILE#NAME for a file: neither may be the output, too."""
+    Path("solved").mkdir()
+    Path("solved/camera.json").write_text(camera_to_json(CAMERAS["tiny coefficients"]))
+    convert("solved", to="kalibr", out=Path("chain.yaml"))
+    for source, out in (("solved", "solved/camera.json"), ("chain.yaml#cam0", "chain.yaml")):
+        before = Path(out).read_bytes()
+        with pytest.raises(InputError, match="is the file to read"):
+            convert(source, to="opencv", out=Path(out))
+        assert Path(out).read_bytes() == before
+    convert("machine-vision", to="opencv", out=Path("template.yaml"))
+
+
+def test_a_camera_that_cannot_be_fitted_is_named() -> None:
+    """The line that refuses a camera says which file it is of."""
+    nothing = Camera("opencv", np.array([900.0, 900, -1e6, 380, -0.3, 0, 0, 0, -0.1]), SIZE)
+    Path("nothing.json").write_text(camera_to_json(nothing))
+    with pytest.raises(InputError, match=r"^nothing\.json: the camera has rays at 0 of"):
+        convert("nothing.json", to="kalibr", out=Path("c.yaml"))
+    assert not Path("c.yaml").exists()
 
 
 def test_the_kind_can_be_given() -> None:

@@ -69,6 +69,30 @@ def test_a_picture_is_written(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == ""
 
 
+def test_only_pictures_of_its_own_are_overwritten(capsys: pytest.CaptureFixture[str]) -> None:
+    """A photo, a folder, or one of the cameras themselves stays as it is, and nothing is told but that."""
+    photo = b"\x89PNG\r\n\x1a\n of last summer"
+    Path("photo.png").write_bytes(photo)
+    Path("folder.png").mkdir()
+    Path("camera.png").write_text(camera_to_json(MOVED))
+    camera = Path("camera.png").read_bytes()
+    for name, rule in {
+        "photo.png": "exists and is no picture of this command",
+        "folder.png": "is not a file",
+        "camera.png": "is a file to read",
+    }.items():
+        with pytest.raises(InputError, match=f"{name}: {rule}"):
+            diff("a", "camera.png", picture=Path(name))
+    Path("f").write_text("x")
+    with pytest.raises(InputError, match=r"f/d\.png: cannot be"):
+        diff("a", "camera.png", picture=Path("f/d.png"))
+    assert capsys.readouterr().out == ""
+    assert Path("photo.png").read_bytes() == photo
+    assert Path("camera.png").read_bytes() == camera
+    for _ in range(2):
+        diff("a", "camera.png", picture=Path("d.png"))
+
+
 def test_cameras_that_cannot_be_compared() -> None:
     """Other image sizes and missing files are refused in one line."""
     Path("small.json").write_text(camera_to_json(Camera("pinhole", np.array([9.0, 9, 5, 5]), (10, 10))))

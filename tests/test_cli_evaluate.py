@@ -112,7 +112,7 @@ def test_parts_that_do_not_fit_are_refused(parts: str, tmp_path: Path) -> None:
     folder = folder_of(SOLVED, tmp_path)
     result = run(folder, "--held-out", parts)
     assert isinstance(result.exception, InputError)
-    assert "of 8 views" in str(result.exception)
+    assert f"--held-out {parts}: 8 photos fall into 2 to 8 parts" in str(result.exception)
     assert not (folder / "metrics.json").exists()
 
 
@@ -146,6 +146,31 @@ def test_bad_input_is_one_line(tmp_path: Path) -> None:
         assert words in str(result.exception)
         assert "\n" not in str(result.exception)
     assert not (folder / "metrics.json").exists()
+
+
+def test_anothers_metrics_are_not_overwritten(tmp_path: Path) -> None:
+    """A metrics.json that is none of this program's stays as it is; one of an earlier run is replaced."""
+    folder, place = folder_of(SOLVED, tmp_path / "cal"), tmp_path / "out" / "metrics.json"
+    place.parent.mkdir()
+    place.write_text('{"mine": 1}')
+    result = run(folder, "-o", place.parent, "--no-figures")
+    assert isinstance(result.exception, InputError)
+    assert "exists and holds no metrics" in str(result.exception)
+    assert place.read_text() == '{"mine": 1}'
+    assert [one.name for one in place.parent.iterdir()] == ["metrics.json"]
+    place.unlink()
+    for _ in range(2):
+        assert run(folder, "-o", place.parent, "--no-figures").exit_code == 0
+
+
+def test_a_truth_of_other_photos_is_told(tmp_path: Path) -> None:
+    """Photos of one name but another size cannot be the same."""
+    path = truth_file(tmp_path)
+    document = json.loads(path.read_text())
+    document["camera"]["image_size"] = [10, 20]
+    path.write_text(json.dumps(document))
+    result = run(folder_of(SOLVED, tmp_path / "cal"), "--truth", path, "--no-figures")
+    assert "the truth is of photos of 10 x 20 px, the calibration is not" in result.output
 
 
 def test_files_hold_the_summaries(tmp_path: Path) -> None:

@@ -7,14 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 from PIL import Image
 
 from calib.figures import calibration_figures, comparison_figures
 from calib.figures.cells import LEAST_PER_CELL, cells_of, columns_rows
+from calib.figures.comparison import comparison_height_px, draw_comparison, part_of_unit
 from calib.figures.fields import residuals_of
-from calib.figures.style import round_length
+from calib.figures.style import picture, round_length
 from calib.inputs.observations import known_points
-from calib.metrics.evaluation import evaluate
+from calib.metrics.evaluation import Evaluation, evaluate
+from calib.results.truth import Truth
+from calib.se3 import exp_rotation
 from calib.types import Calibration, Camera
 from tests.calibrations import board, calibration_of, camera, example, icosahedron, poses_around, seen_by
 
@@ -55,6 +60,14 @@ def no_corners() -> Calibration:
     lens = Camera("opencv", np.array([500.0, 500, 500, 500, -0.5, 0, 0, 0, 0]), (1000, 1000))
     poses = poses_around(3, np.random.default_rng(6))
     return calibration_of(lens, seen_by(lens, known_points(BOARD), poses), poses)
+
+
+def tiny(seed: int) -> Evaluation:
+    """Errors of some thousandths, and poses known: all metrics, with many zeros after the point."""
+    one = example(BOARD, np.random.default_rng(seed), noise_px=0.003)
+    moved = one.cam_from_target.copy()
+    moved[:, :3, :3] = exp_rotation(np.array([1e-6, 0.0, 0.0])) @ moved[:, :3, :3]
+    return evaluate(one, Truth(one.camera, "", one.observations.view_names, moved))
 
 
 def test_the_same_data_makes_the_same_picture() -> None:
@@ -108,6 +121,24 @@ def test_models_are_drawn_side_by_side() -> None:
         assert Image.open(io.BytesIO(content)).size[0] == 1600
 
 
+@pytest.mark.parametrize("count", [3, 5])
+def test_no_text_lies_on_another(count: int) -> None:
+    """Titles, notes, scale arrows and the numbers on bars stay apart, tiny numbers and tall images included."""
+    shown = [tiny(seed) for seed in range(count)]
+    pages: list[Figure] = []
+
+    def draw(page: Figure) -> None:
+        draw_comparison(page, shown)
+        pages.append(page)
+
+    picture(comparison_height_px(shown), draw)
+    for axes in pages[0].axes:
+        texts = [text for text in axes.findobj(Text) if isinstance(text, Text) and text.get_text()]
+        boxes = [text.get_window_extent() for text in texts if not text.get_rotation()]  # a slanted box is too large
+        for number, box in enumerate(boxes):
+            assert not box.count_overlaps(boxes[:number])
+
+
 def test_cells_hold_the_means_of_what_lies_in_them() -> None:
     """Counts and means by a plain loop over cells; too few residuals have no mean."""
     rng = np.random.default_rng(4)
@@ -157,3 +188,12 @@ def test_residuals_drawn_are_those_that_count() -> None:
 def test_scales_are_round(length: float, expected: float) -> None:
     """1, 2 or 5 times a power of ten."""
     assert round_length(length) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("largest", "expected"),
+    [(2.0, 1.0), (0.01, 1.0), (0.009, 1e-3), (1e-5, 1e-3), (9e-6, 1e-6), (0.0, 1.0), (1e-99, 1e-9)],
+)
+def test_small_numbers_are_told_in_thousandths(largest: float, expected: float) -> None:
+    """So many that what stands on a bar has few zeros."""
+    assert part_of_unit(largest) == expected

@@ -14,8 +14,8 @@ import typer
 from numpy.typing import NDArray
 
 from calib.camera_file import camera_to_json
-from calib.commands.pose import run_pose
-from calib.detect.batch import find_photos
+from calib.commands.pose import _table, run_pose
+from calib.detect.batch import PhotoFile, PhotoResult, find_photos
 from calib.inputs.dataset import Dataset
 from calib.inputs.observations import dataset_of, known_points
 from calib.pose import CSV_COLUMNS, TargetPose, poses_to_csv, poses_to_json, target_poses
@@ -278,6 +278,33 @@ def test_overlays_show_the_axes_where_they_are(folder: Path) -> None:
     origin = CAMERA.params[:2] * TRUTH[0, :2, 3] / TRUTH[0, 2, 3] + CAMERA.params[2:4]
     u, v = np.rint(origin).astype(int)
     assert drawn[header + v - 6 : header + v + 7, u - 6 : u + 7].max() > 60
+
+
+def test_no_empty_folder_is_left(folder: Path) -> None:
+    """Where the poses cannot be written, or there is no pose, the folder for pictures is not made either."""
+    Path("file").write_text("x")
+    with pytest.raises(InputError, match="cannot be written"):
+        run("photos", overlay="o", out="file/poses.json")
+    photo("none.png", 0)
+    assert run("none.png", overlay="o") == 1
+    assert not Path("o").exists()
+    Path("mine").mkdir()
+    assert run("none.png", overlay="mine") == 1
+    assert Path("mine").is_dir()
+
+
+def test_what_the_deviations_leave_out_is_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """They are of the centres alone, so the camera is taken for exact, and rings that it cannot show are counted."""
+    assert run("photos") == 0
+    assert "sigma: standard deviation, if the camera file is exact and errors of the rings are independent" in (
+        capsys.readouterr().out
+    )
+    seen = SEEN[0]
+    one = target_poses(dataset_of([seen]), BOARD, CAMERA, weighted=False).poses[0]
+    result = PhotoResult(PhotoFile(Path(seen.image), seen.image), seen)
+    for lost, said in ((0, ""), (3, "3 more rings lie where the camera knows no light")):
+        table = _table([result], {seen.image: replace(one, rings=one.rings - lost)}, {}, ())
+        assert [str(cell) for cell in table.columns[-1].cells] == [said]
 
 
 def test_one_broken_picture_does_not_stop_the_others(

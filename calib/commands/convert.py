@@ -11,6 +11,7 @@ from designer.errors import InputError
 
 if TYPE_CHECKING:
     from calib.interop import CameraFormat
+    from calib.interop.reading import OpenedCamera
     from calib.refit import Refit
     from calib.types import Camera
 
@@ -46,8 +47,12 @@ def convert(
 
     target = find_format(to)
     opened = open_camera(camera, source)
-    _check_output(out, target, camera)
-    written, refit = fit_to_format(opened.read.camera, target, model, _lens_parameters(without, opened.read.camera))
+    _check_output(out, target, opened)
+    zero = _lens_parameters(without)
+    try:
+        written, refit = fit_to_format(opened.read.camera, target, model, zero)
+    except InputError as error:
+        raise InputError(f"{camera}: {error}") from None
     write_files({out: target.write(written).encode()})
     print(f"read   {printable(camera)}: {opened.format.title}, {_described(opened.read.camera)}")
     for remark in opened.read.remarks:
@@ -65,7 +70,7 @@ def convert(
     print(f"open   {target.opens_with.format(file=printable(str(out)), url=out.absolute().as_uri())}")
 
 
-def _lens_parameters(names: list[str] | None, camera: "Camera") -> tuple[str, ...]:
+def _lens_parameters(names: list[str] | None) -> tuple[str, ...]:
     """Names of lens parameters, checked."""
     from calib.cameras import parameter_names
     from calib.refit import FAMILIES, FOCAL_AND_CENTRE
@@ -78,7 +83,7 @@ def _lens_parameters(names: list[str] | None, camera: "Camera") -> tuple[str, ..
     return tuple(names or ())
 
 
-def _check_output(out: Path, target: "CameraFormat", source: str) -> None:
+def _check_output(out: Path, target: "CameraFormat", source: "OpenedCamera") -> None:
     """Refuse a place that is a folder, the input, or holds something else, before any work is done."""
     from calib.interop.reading import HEAD, recognise
 
@@ -89,7 +94,7 @@ def _check_output(out: Path, target: "CameraFormat", source: str) -> None:
     try:
         if not out.is_file():
             raise InputError(f"{out}: is not a file; choose another name with -o")
-        if os.path.lexists(source) and out.samefile(source):
+        if source.is_file(out):
             raise InputError(f"{out}: is the file to read; choose another name with -o")
         with out.open("rb") as stream:
             head = stream.read(HEAD).decode("utf-8", "replace")

@@ -1,5 +1,7 @@
 """The command `calib diff`."""
 
+import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +15,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from calib.camera_difference import CameraDifference
+    from calib.interop.reading import OpenedCamera
+
+HEAD_BYTES = 4096
 
 
 def diff(
@@ -37,10 +42,12 @@ def diff(
     from calib.camera_difference import camera_difference
     from calib.interop.reading import open_camera
 
-    if picture is not None and (picture.suffix.lower() != ".png" or picture.is_dir()):
-        raise InputError(f"{picture}: the picture is a .png file; name it so, such as {picture.stem or 'diff'}.png")
     opened = [open_camera(name) for name in (a, b)]
+    if picture is not None:
+        _check_picture(picture, opened)
     difference = camera_difference(opened[0].read.camera, opened[1].read.camera, radius_px=radius)
+    if picture is not None:
+        _draw(picture, difference, f"from {printable(a)} to {printable(b)}")
     for mark, name, one in zip("AB", (a, b), opened, strict=True):
         width, height = one.read.camera.image_size
         print(f"{mark}  {printable(name)}: {one.format.title}, {one.read.camera.model}, {width} x {height} px")
@@ -52,14 +59,39 @@ def diff(
     _say_where(difference)
     if picture is None:
         print("next  the same command with --picture FILE.png draws the map")
+    else:
+        print(f"wrote {printable(str(picture))}: the map; arrows lead from where A sees the light to where B does")
+
+
+def _check_picture(picture: Path, opened: "Sequence[OpenedCamera]") -> None:
+    """Refuse a place that is no PNG file, an input, or holds something else, before any work is done."""
+    from calib.difference_picture import is_difference_picture
+
+    if picture.suffix.lower() != ".png":
+        raise InputError(f"{picture}: the picture is a .png file; name it so, such as {picture.stem or 'diff'}.png")
+    if not os.path.lexists(picture):
         return
+    try:
+        if not picture.is_file():
+            raise InputError(f"{picture}: is not a file; choose another name with --picture")
+        if any(one.is_file(picture) for one in opened):
+            raise InputError(f"{picture}: is a file to read; choose another name with --picture")
+        with picture.open("rb") as stream:
+            head = stream.read(HEAD_BYTES)
+    except OSError as error:
+        raise InputError(f"{picture}: cannot be used: {error.strerror}; choose another name with --picture") from None
+    if head and not is_difference_picture(head):
+        raise InputError(f"{picture}: exists and is no picture of this command; choose another name with --picture")
+
+
+def _draw(picture: Path, difference: "CameraDifference", what: str) -> None:
+    """The map into its file."""
     from calib.difference_picture import difference_picture
     from calib.files import write_files
 
-    title = f"from {printable(a)} to {printable(b)}; {_rotation(difference)}"
     rms, _, largest = _summary(difference.length_px)
-    write_files({picture: difference_picture(difference, title, f"RMS {rms:.4f} px, max {largest:.4f} px")})
-    print(f"wrote {printable(str(picture))}: the map; arrows lead from where A sees the light to where B does")
+    note = f"RMS {rms:.4f} px, max {largest:.4f} px"
+    write_files({picture: difference_picture(difference, f"{what}; {_rotation(difference)}", note)})
 
 
 def _rotation(difference: "CameraDifference") -> str:

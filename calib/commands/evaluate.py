@@ -45,17 +45,16 @@ def evaluate(
     from calib.files import write_files
     from calib.metrics.evaluation import evaluate as evaluate_one
     from calib.results.calibration_file import CALIBRATION_FILE, read_calibration
-    from calib.results.evaluation_files import METRICS_FILE, evaluation_files
+    from calib.results.evaluation_files import METRICS_FILE, check_folder, evaluation_files
     from calib.results.truth import read_truth
 
     path = calibration / CALIBRATION_FILE if calibration.is_dir() else calibration
     solved, provenance = read_calibration(path)
     known = None if truth is None else read_truth(truth)
+    folder = path.parent if out is None else out
+    check_folder(folder)
     of_all = evaluate_one(solved, known)
     chosen = _held_out(solved, provenance, held_out, known) if held_out else of_all
-    folder = path.parent if out is None else out
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file, not a folder; choose another with -o")
     files = evaluation_files(chosen, folder)
     if figures:
         from calib.figures import calibration_figures
@@ -73,8 +72,13 @@ def evaluate(
 
 
 def _held_out(calibration: "Calibration", provenance: "Provenance", folds: int, truth: "Truth | None") -> "Evaluation":
-    from calib.metrics.held_out import evaluate_held_out
+    from calib.metrics.held_out import LEAST_FOLDS, evaluate_held_out
 
+    views = calibration.observations.view_count
+    if not LEAST_FOLDS <= folds <= views:
+        raise InputError(
+            f"--held-out {folds}: {views} photos fall into {LEAST_FOLDS} to {views} parts; give one of these"
+        )
     return evaluate_held_out(calibration, _solver_of(calibration, provenance), folds, truth)
 
 

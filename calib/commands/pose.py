@@ -3,7 +3,8 @@
 import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -84,16 +85,30 @@ def run_pose(
     found_poses = target_poses(dataset_of(seen), geometry, camera, weighted=weighted)
     poses = {one.image: one for one in found_poses.poses}
     reasons = _reasons(results, found_poses)
-    with staging_folder(overlay) as staging:
+    pictures = 0
+    with _gone_if_empty(overlay), staging_folder(overlay) as staging:
         if staging is not None:
             _draw(staging, results, poses, geometry, camera)
         if out is not None:
             _write(out, poses, geometry, camera, reasons)
-        pictures = 0 if overlay is None or staging is None else _move(staging, overlay)
+        if overlay is not None and staging is not None:
+            pictures = _move(staging, overlay)
     _summarise(results, poses, reasons, failures)
     _say_files(out, overlay, pictures)
     if not poses:
         raise typer.Exit(NO_POSE)
+
+
+@contextmanager
+def _gone_if_empty(folder: Path | None) -> Iterator[None]:
+    """Leave no new folder behind that nothing was put into."""
+    is_new = folder is not None and not folder.exists()
+    try:
+        yield
+    finally:
+        if folder is not None and is_new:
+            with suppress(OSError):  # pictures are in it
+                folder.rmdir()
 
 
 def _reasons(results: "Sequence[PhotoResult]", found: "FoundPoses") -> dict[str, str]:
@@ -180,7 +195,8 @@ def _summarise(
     for failure in failures:
         print(f"skipped {one_line(failure)}")
     print(f"\n{len(searched)} images searched, {len(poses)} with a pose; {len(failures)} failures")
-    print("camera: its centre in the target's frame; sigma: standard deviation, if errors of the rings are independent")
+    print("camera: its centre in the target's frame")
+    print("sigma: standard deviation, if the camera file is exact and errors of the rings are independent")
 
 
 def _common_remarks(searched: "Sequence[PhotoResult]") -> list[str]:
@@ -213,6 +229,11 @@ def _table(
             cells = [str(count) if count else "none", "", "", "", "", "", ""]
             remarks = (*remarks, reasons[name]) if count else (reasons[name],)
         else:
+            if result.seen is not None and one.rings < len(result.seen.ring):
+                remarks = (
+                    *remarks,
+                    f"{len(result.seen.ring) - one.rings} more rings lie where the camera knows no light",
+                )
             place = " ".join(_rounded(*pair) for pair in zip(one.camera_mm, one.camera_sigma_mm, strict=True))
             spread = " ".join(_rounded(sigma, sigma) for sigma in one.camera_sigma_mm)
             distance = _rounded(one.distance_mm, one.distance_sigma_mm)

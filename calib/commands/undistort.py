@@ -134,6 +134,11 @@ def _one(
                 f"{camera.image_size[0]} x {camera.image_size[1]} px; give photos and camera of one size"
             )
         undistorted = undistort_pixels(image.pixels, camera, pinhole, progress=lambda share: tell(before + 0.9 * share))
+        if not undistorted.share_filled:
+            raise InputError(
+                f"{photo.path}: all of the undistorted photo would be black: the camera knows no light there; "
+                "check the camera file"
+            )
         write_files({result: _png(undistorted.pixels)})
     except InputError as error:
         return _Done(photo, failure=str(error))

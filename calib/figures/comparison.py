@@ -18,14 +18,24 @@ if TYPE_CHECKING:
 
 COLOURS = (BLUE, ORANGE, GREEN, VERMILION, GREY)
 MOST = len(COLOURS)
+ACROSS = 3
+"""More images side by side leave no room for their titles."""
 BARS_PX = 430
+SHORT, LEAST_PART = 0.01, 1e-9
+"""Below the first a number has too many zeros for a bar; no smaller part of a unit than the second is written."""
 
 
 def comparison_height_px(evaluations: Sequence[Evaluation]) -> int:
     """As high as bars and images need."""
     width, height = evaluations[0].calibration.camera.image_size
-    across = min(len(evaluations), MOST)
-    return round(BARS_PX + min(max((WIDTH_PX / across - 150) * height / width, 200.0), 900.0) + 190)
+    rows, across = _rows_columns(min(len(evaluations), MOST))
+    return round(BARS_PX + rows * (min(max((WIDTH_PX / across - 150) * height / width, 200.0), 900.0) + 170) + 20)
+
+
+def _rows_columns(count: int) -> tuple[int, int]:
+    """How the images of so many models stand."""
+    across = min(count, ACROSS)
+    return -(-count // across), across
 
 
 def draw_comparison(page: "Figure", evaluations: Sequence[Evaluation]) -> None:
@@ -34,7 +44,7 @@ def draw_comparison(page: "Figure", evaluations: Sequence[Evaluation]) -> None:
     metrics = list(dict.fromkeys(errors.metric for one in shown for errors in one.errors))
     below = comparison_height_px(evaluations) - BARS_PX
     grid = page.add_gridspec(2, 1, height_ratios=[BARS_PX, below])
-    bars, images = grid[0].subgridspec(1, len(metrics)), grid[1].subgridspec(1, len(shown))
+    bars, images = grid[0].subgridspec(1, len(metrics)), grid[1].subgridspec(*_rows_columns(len(shown)))
     for place, metric in enumerate(metrics):
         _draw_bars(page.add_subplot(bars[place]), metric, shown)
     fields = [residuals_of(one) for one in shown]
@@ -45,7 +55,7 @@ def draw_comparison(page: "Figure", evaluations: Sequence[Evaluation]) -> None:
     for axes, one, field, means in zip(every, shown, fields, cells, strict=True):
         title = f"{one.calibration.camera.model}: mean residual of each cell"
         colours = draw_means(axes, means, field.image_size, title, longest)
-    bar_beside(every[-1], colours, "length of the mean in px", longer=True)
+    bar_beside(every[min(len(every), ACROSS) - 1], colours, "length of the mean in px", longer=True)
     page.suptitle(_headline(shown), fontsize=16, fontweight="bold", x=0.01, ha="left")
 
 
@@ -55,19 +65,28 @@ def _headline(evaluations: Sequence[Evaluation]) -> str:
     return f"Camera models compared, {seen.view_count} photos; errors {of}; shorter bars are better"
 
 
+def part_of_unit(largest: float) -> float:
+    """The thousandth, or a smaller part of a unit, in which numbers are short enough to stand on narrow bars."""
+    part = 1.0
+    while 0 < largest / part < SHORT and part > LEAST_PART:
+        part /= 1000
+    return round(part, 12)
+
+
 def _draw_bars(axes: "Axes", metric: str, evaluations: Sequence[Evaluation]) -> None:
-    """RMSE of each model by one metric, with a tick at the median."""
+    """RMSE of each model by one metric."""
     unit = next(errors.unit for one in evaluations if (errors := one.of(metric)))
+    found = [one.of(metric) for one in evaluations]
+    rmse = [0.0 if errors is None else float(np.nan_to_num(summarise(errors).rmse)) for errors in found]
+    part = part_of_unit(max(rmse))
+    heights = [height / part for height in rmse]
     axes.set_title(f"{metric.capitalize()} error")
-    axes.set_ylabel(f"RMSE in {unit}")
+    axes.set_ylabel(f"RMSE in {unit}" if part == 1 else f"RMSE in {np.format_float_positional(part)} {unit}")
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    heights = []
-    for place, (one, colour) in enumerate(zip(evaluations, COLOURS, strict=False)):
-        errors = one.of(metric)
-        height = 0.0 if errors is None else float(np.nan_to_num(summarise(errors).rmse))
-        heights.append(height)
+    for place, (height, colour) in enumerate(zip(heights, COLOURS, strict=False)):
         axes.bar(place, height, width=0.7, color=colour)
         axes.text(place, height, digits(height, 3), ha="center", va="bottom", fontsize=10)
-    axes.set_xticks(range(len(evaluations)), [one.calibration.camera.model for one in evaluations])
+    names = [one.calibration.camera.model for one in evaluations]
+    axes.set_xticks(range(len(names)), names, rotation=0 if len(names) <= ACROSS else 30)
     axes.set_ylim(0, 1.15 * max(*heights, 1e-12))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.figures.cells import LEAST_PER_CELL, Cells, cells_of, columns_rows
-from calib.figures.style import BLUE, EMPTY, INK, NOTE_POINTS, SEQUENTIAL, VERMILION, image_axes, note, round_length
+from calib.figures.style import BLUE, EMPTY, INK, LABEL_POINTS, SEQUENTIAL, VERMILION, image_axes, note, round_length
 from calib.metrics.evaluation import Evaluation
 from calib.results.evaluation_table import figure as digits
 
@@ -81,13 +81,13 @@ def _enlarged(image_size: tuple[int, int], length_px: float) -> float:
 
 
 def _scale_arrow(axes: "Axes", width: int, enlarged: float) -> None:
-    """An arrow of a round length above the right end of the image, with that length."""
+    """An arrow of a round length below the right end of the image, with that length: above it is the note."""
     from matplotlib.transforms import offset_copy
 
     length = round_length(0.08 * width / enlarged)
-    place = offset_copy(axes.get_xaxis_transform(), fig=axes.get_figure(root=True), y=NOTE_POINTS, units="points")
+    place = offset_copy(axes.get_xaxis_transform(), fig=axes.get_figure(root=True), y=-LABEL_POINTS, units="points")
     axes.annotate(
-        f"{length:g} px ", (width - 0.5, 1), (width - 0.5 - length * enlarged, 1), xycoords=place, textcoords=place,
+        f"{length:g} px ", (width - 0.5, 0), (width - 0.5 - length * enlarged, 0), xycoords=place, textcoords=place,
         arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.5, "shrinkA": 0, "shrinkB": 0}, va="center",
         ha="right", annotation_clip=False,
     )  # fmt: skip

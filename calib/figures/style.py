@@ -17,6 +17,8 @@ DPI = 100
 WIDTH_PX = 1600
 NOTE_POINTS = 12
 """How high above axes the line under a title is."""
+LABEL_POINTS = 29
+"""How far below axes the middle of their label is."""
 
 
 def picture(height_px: int, draw: "Callable[[Figure], None]") -> bytes:

@@ -23,6 +23,14 @@ class OpenedCamera:
 
     format: CameraFormat
     read: ReadCamera
+    path: Path | None = None  # of the file it was read from; None: a template
+
+    def is_file(self, place: Path) -> bool:
+        """Whether a place is the very file the camera was read from."""
+        try:
+            return self.path is not None and place.samefile(self.path)
+        except OSError:
+            return False
 
 
 def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
@@ -37,7 +45,8 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     """
     known = None if format_name is None else find_format(format_name)
     if known in (None, JSON) and (name in preset_names("cameras") or _is_ours_alone(Path(name))):
-        return OpenedCamera(JSON, ReadCamera(camera_or_preset(name)))
+        own = Path(name) if name not in preset_names("cameras") else None
+        return OpenedCamera(JSON, ReadCamera(camera_or_preset(name)), own)
     path, wanted = _split(name)
     if path.is_dir():
         path = path / JSON.file_name
@@ -50,7 +59,7 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
         raise InputError(f"{path}: more than {kind.max_bytes} bytes; {kind.title} is smaller")
     if wanted is not None and not kind.holds_many:
         raise InputError(f"{path}: {kind.title} holds one camera; leave out {shown('#' + wanted)}")
-    return OpenedCamera(kind, kind.read(text, str(path), wanted))
+    return OpenedCamera(kind, kind.read(text, str(path), wanted), path)
 
 
 def _is_ours_alone(path: Path) -> bool:

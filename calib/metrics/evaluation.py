@@ -67,6 +67,9 @@ def truth_remarks(calibration: Calibration, truth: Truth) -> tuple[str, ...]:
     remarks = []
     if known < len(names):
         remarks.append(f"the truth knows {known} of {len(names)} views")
+    if truth.camera.image_size != calibration.camera.image_size:
+        width, height = truth.camera.image_size
+        remarks.append(f"the truth is of photos of {width} x {height} px, the calibration is not")
     if calibration.observations.points.geometry_id not in ("", truth.geometry_id):
         remarks.append(
             "the photos were rendered of another geometry than the calibration was solved with: "

@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 FORMAT = "ringforge.calibration"
 VERSION = 1
 MAX_FILE_BYTES = 512 * 2**20
+LARGEST_COVARIANCE = 1e100
+"""Squares of what is larger overflow further on."""
 CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE = "calibration.json", "observations.csv", "camera.json"
 KIND = "a calibration.json"
 
@@ -73,7 +75,7 @@ class _CalibrationFile(BaseModel):
     remarks: tuple[str, ...]
     iterations: _Count
     seconds: Annotated[_Number, Field(ge=0)]
-    scale: _Number | None
+    scale: Annotated[_Number, Field(ge=0)] | None
     weighted: Annotated[bool, Field(strict=True)]
     fixed: tuple[str, ...]
     camera: JsonValue
@@ -199,7 +201,7 @@ def _calibration(file: _CalibrationFile, path: Path) -> Calibration:
         residual_px=seen.residual_px,
         is_outlier=seen.is_outlier,
         scale=math.nan if file.scale is None else file.scale,
-        param_covariance=_matrix(file.param_covariance, (len(parameters),) * 2, "param_covariance"),
+        param_covariance=_covariance(_matrix(file.param_covariance, (len(parameters),) * 2, "param_covariance")),
         pose_covariance=np.stack(covariance),
         fixed=file.fixed,
         weighted=file.weighted,
@@ -218,11 +220,21 @@ def _points(file: _CalibrationFile) -> KnownPoints:
     for number, row in enumerate(face.tolist()):
         if row >= len(plane):
             raise ValueError(f"points.{number} is on plane {row}; there are {len(plane)}, counted from 0")
-    length = np.linalg.norm(plane[:, :3], axis=1)
-    for number, one in enumerate(length.tolist()):
+    for number, row in enumerate(plane.tolist()):
+        one = math.hypot(*row[:3])
         if abs(one - 1) > 1e-6:
             raise ValueError(f"planes.{number} has a normal of length {one:g}; it must be 1")
     return KnownPoints(position, face, plane, file.geometry_id)
+
+
+def _covariance(matrix: Array) -> Array:
+    """A matrix as a covariance of parameters, which may have gaps."""
+    variance = np.diagonal(matrix)
+    if (variance < 0).any():
+        raise ValueError(f"param_covariance has a variance of {np.nanmin(variance):g}; it must be 0 or more")
+    if (np.abs(matrix) > LARGEST_COVARIANCE).any():
+        raise ValueError(f"param_covariance holds a number beyond {LARGEST_COVARIANCE:g}")
+    return matrix
 
 
 def _matrix(

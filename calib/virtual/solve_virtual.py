@@ -29,6 +29,7 @@ Reference: TypeAlias = str | Observations
 """The photo that the map is learned from: the name of a view, or the sightings of a board in a photo of its own."""
 
 START_MODEL = "luhmann"
+MAP_TAKEN_AS_EXACT = "the standard deviations take the learned map as exact"
 COVERAGE_GRID = 60
 OUTLIER_ROUNDS = 5
 MEDIAN_LENGTH = math.sqrt(2 * math.log(2))
@@ -64,7 +65,8 @@ def solve_virtual(
         solved = _from_all_views(observations, options)
     else:
         solved = _from_photo(observations, plane, reference, options)
-    return replace(solved, seconds=time.perf_counter() - begin)
+    remarks = (*solved.remarks, MAP_TAKEN_AS_EXACT)
+    return replace(solved, remarks=remarks, seconds=time.perf_counter() - begin)
 
 
 def _from_photo(
