@@ -204,7 +204,7 @@ def summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[Pho
     features = sum(len(one.ring) for one in seen)
     expected = sum(_expected(one) for one in seen)
     print(
-        f"\n{len(seen)} images searched, {len(with_target)} with the target; {features} of {expected} features of the "
+        f"\n{len(seen)} {"image" if len(seen) == 1 else "images"} searched, {len(with_target)} with the target; {features} of {expected} features of the "
         f"faces seen; {len(found.failures) + len(results) - len(seen)} failures; {seconds:.1f} s"
     )
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from calib.cameras import project, rays
 from calib.detect import homography
 from calib.types import Camera
+from designer.errors import InputError
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -78,7 +79,7 @@ class CameraLens:
 
     def __post_init__(self) -> None:
         if not 1e-3 < self._scale < 1e9:
-            raise ValueError("the camera has no usable rays in the middle of the image; check its parameters")
+            raise InputError("the camera has no usable rays in the middle of the image; check its parameters")
 
     @property
     def _scale(self) -> float:
