@@ -203,8 +203,9 @@ def summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[Pho
     with_target = [one for one in seen if len(one.ring)]
     features = sum(len(one.ring) for one in seen)
     expected = sum(_expected(one) for one in seen)
+    images = "1 image" if len(seen) == 1 else f"{len(seen)} images"
     print(
-        f"\n{len(seen)} {"image" if len(seen) == 1 else "images"} searched, {len(with_target)} with the target; {features} of {expected} features of the "
+        f"\n{images} searched, {len(with_target)} with the target; {features} of {expected} features of the "
         f"faces seen; {len(found.failures) + len(results) - len(seen)} failures; {seconds:.1f} s"
     )
 
