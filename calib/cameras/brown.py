@@ -132,7 +132,9 @@ def undistort(coefficients: Array, fold: float, x: float, y: float) -> tuple[flo
         determinant = daa * dbb - dab * dab
         da, db = (dbb * e - dab * f) / determinant, (daa * f - dab * e) / determinant
         # Near the fold the slope all but vanishes, and a whole step would leave what can be inverted.
-        while not (a - da) ** 2 + (b - db) ** 2 < fold * fold and abs(da) + abs(db) > 1e-17 * distorted:
+        for _ in range(MAX_STEPS):
+            if (a - da) ** 2 + (b - db) ** 2 < fold * fold:
+                break
             da, db = 0.5 * da, 0.5 * db
         a, b = a - da, b - db
     if not residual < ACCEPTED_RESIDUAL * distorted or not a * a + b * b < fold * fold:
