@@ -1,0 +1,1 @@
+"""Studies: what many calibrations say together."""

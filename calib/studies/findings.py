@@ -1,0 +1,313 @@
+"""Which of the paper's findings hold with our numbers: computed, with what they rest on."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from calib.studies.paper_table import BOARD, ICOSAHEDRON, TARGETS, paper_value
+from calib.studies.statistics import METRICS, Case, CaseSummary, Distribution, Over
+from designer.command import printable
+
+SIGNIFICANT = 2.0
+"""Standard errors by which a ratio must differ from 1, or an exponent from 0."""
+ROOT = -0.5
+ABOUT = 0.1
+"""How far an exponent may be from that of 1/sqrt(N) to be called about that, and from 0 to be called none."""
+
+Statistic = Literal["mu", "sigma"]
+Verdict = Literal["holds", "holds in part", "does not hold", "not decided", "no data"]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statistic of one metric is lower for one target than for the other, says the paper."""
+
+    metric: str
+    statistic: Statistic
+    lower: str  # the target
+    smallest_only: bool = False  # said for few views only
+
+    @property
+    def higher(self) -> str:
+        """The other target."""
+        return TARGETS[1 - TARGETS.index(self.lower)]
+
+    @property
+    def text(self) -> str:
+        """The claim in words."""
+        what = f"{self.metric} error is lower" if self.statistic == "mu" else f"{self.metric} error is more stable"
+        return f"{what} for the {self.lower}" + (" with few views" if self.smallest_only else "")
+
+
+CLAIMS = (
+    Claim("intersection", "mu", ICOSAHEDRON),
+    Claim("intersection", "sigma", ICOSAHEDRON),
+    Claim("reconstruction", "mu", BOARD),
+    Claim("reconstruction", "sigma", BOARD),
+    Claim("reprojection", "mu", BOARD),
+    Claim("reprojection", "sigma", ICOSAHEDRON),
+    Claim("pose", "mu", ICOSAHEDRON, smallest_only=True),
+    Claim("pose", "sigma", ICOSAHEDRON),
+)
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A statistic of the target that the paper finds lower, over that of the other."""
+
+    size: int
+    value: float
+    deviation: float  # of its logarithm from 0, in standard errors: of the samples drawn and of the set of views
+    paper: float  # nan if it has no such case
+
+
+@dataclass(frozen=True)
+class Fall:
+    """The exponent `a` in `sigma = c N^a`, fitted to several sizes."""
+
+    target: str
+    metric: str
+    exponent: float
+    error: float  # standard error, by the number of samples
+    is_monotone: bool  # every larger size has the lower sigma
+    paper: float  # nan if it has no such cases
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A claim held against the cases of one way of sampling and counting."""
+
+    claim: str
+    sampling: str
+    sightings: str
+    verdict: Verdict  # over all samples that have the error
+    of_converged: Verdict  # over converged samples
+    evidence: str  # the numbers, in one line
+    ratios: tuple[Ratio, ...] = ()
+    falls: tuple[Fall, ...] = ()
+    elsewhere: str = ""  # where else it holds, if not here: what it depends on
+
+    @property
+    def numbers(self) -> str:
+        """The ratios from the smallest size up, or the exponents metric by metric."""
+        return ", ".join([f"{one.value:.2f}" for one in self.ratios] + [f"{one.exponent:.2f}" for one in self.falls])
+
+    @property
+    def sentence(self) -> str:
+        """All of it in one line."""
+        converged = "" if self.of_converged == self.verdict else f"; over converged samples alone: {self.of_converged}"
+        elsewhere = f"; {self.elsewhere}" if self.elsewhere else ""
+        return f"{self.claim}: {self.verdict} ({self.evidence}{converged}{elsewhere})"
+
+
+def findings(summaries: Sequence[CaseSummary]) -> tuple[Finding, ...]:
+    """All claims in all ways of sampling and counting, claim by claim; those of two targets need both."""
+    found: list[Finding] = []
+    targets = tuple(dict.fromkeys(one.case.target for one in summaries))
+    for claim in CLAIMS if set(targets) >= set(TARGETS) else ():
+        found += [_compare(claim, *setting, _of(summaries, setting)) for setting in settings(summaries)]
+    for is_root in (False, True):
+        for target in targets:
+            for setting in settings(summaries):
+                cases = [one for one in _of(summaries, setting) if one.case.target == target]
+                if len(cases) > 1:
+                    found.append(_fall_of_target(target, *setting, cases, is_root=is_root))
+    return tuple(replace(one, elsewhere=_elsewhere(one, found)) for one in found)
+
+
+def _elsewhere(one: Finding, found: Sequence[Finding]) -> str:
+    """Where a claim holds that does not hold here, only the sampling or only the sightings being others."""
+    if one.verdict == "holds":
+        return ""
+    holding = [other for other in found if other.claim == one.claim and other.verdict == "holds"]
+    places = [f"with {printable(other.sampling)} sampling" for other in holding if other.sightings == one.sightings]
+    places += [f"over {printable(other.sightings)}" for other in holding if other.sampling == one.sampling]
+    return f"it holds {' and '.join(places)}, all else equal" if places else ""
+
+
+def settings(summaries: Sequence[CaseSummary]) -> tuple[tuple[str, str], ...]:
+    """The ways of sampling and counting, in the order of the cases."""
+    return tuple(dict.fromkeys((one.case.sampling, one.case.sightings) for one in summaries))
+
+
+def _of(summaries: Sequence[CaseSummary], setting: tuple[str, str]) -> list[CaseSummary]:
+    """The cases of one way of sampling and counting, the smallest size first."""
+    chosen = [one for one in summaries if (one.case.sampling, one.case.sightings) == setting]
+    return sorted(chosen, key=lambda one: one.case.size)
+
+
+def relative_error(case: Case, found: Distribution, statistic: Statistic) -> float:
+    """The standard error of a mean or standard deviation, over its value.
+
+    The number of samples makes one part. The other no number of samples can lower: the V views of the pool are
+    themselves a sample. For an error that is about a mean over views, another pool moves `mu` by `sigma sqrt(N / V)`,
+    and `sigma`, estimated from V values, by `sigma / sqrt(2 (V - 1))`.
+    """
+    value = found.mu if statistic == "mu" else found.sigma
+    if not value > 0:
+        return math.nan
+    if statistic == "mu":
+        return math.hypot(found.mu_error, found.sigma * math.sqrt(case.size / case.pool)) / value
+    return math.hypot(found.sigma_error, found.sigma / math.sqrt(2 * max(case.pool - 1, 1))) / value
+
+
+def _compare(claim: Claim, sampling: str, sightings: str, cases: Sequence[CaseSummary]) -> Finding:
+    ratios = _ratios(claim, cases, "all")
+    verdict, of_converged = _verdict(ratios), _verdict(_ratios(claim, cases, "converged"))
+    evidence = _ratios_in_words(claim, ratios) if ratios else "not defined in these cases"
+    return Finding(claim.text, sampling, sightings, verdict, of_converged, evidence, ratios=ratios)
+
+
+def _ratios(claim: Claim, cases: Sequence[CaseSummary], over: Over) -> tuple[Ratio, ...]:
+    """Of all sizes that both targets have."""
+    of_size = {(one.case.target, one.case.size): one for one in cases}
+    sizes = sorted({size for _, size in of_size})
+    ratios = []
+    for size in sizes[:1] if claim.smallest_only else sizes:
+        lower, higher = of_size.get((claim.lower, size)), of_size.get((claim.higher, size))
+        if lower is None or higher is None:
+            continue
+        above, below = lower.of(claim.metric, over), higher.of(claim.metric, over)
+        value = _value(above, claim.statistic) / _value(below, claim.statistic)
+        error = math.hypot(
+            relative_error(lower.case, above, claim.statistic), relative_error(higher.case, below, claim.statistic)
+        )
+        if value > 0 and error > 0:
+            ratios.append(Ratio(size, value, math.log(value) / error, _ratio_of_paper(claim, size)))
+    return tuple(ratios)
+
+
+def _value(found: Distribution, statistic: Statistic) -> float:
+    value = found.mu if statistic == "mu" else found.sigma
+    return value if value > 0 else math.nan
+
+
+def _ratio_of_paper(claim: Claim, size: int) -> float:
+    above, below = (paper_value(target, claim.metric, size) for target in (claim.lower, claim.higher))
+    if above is None or below is None:
+        return math.nan
+    return above.mu / below.mu if claim.statistic == "mu" else above.sigma / below.sigma
+
+
+def _verdict(ratios: Sequence[Ratio]) -> Verdict:
+    """Of ratios that the claim says are below 1."""
+    if not ratios:
+        return "no data"
+    below = [one.deviation <= -SIGNIFICANT for one in ratios]
+    above = [one.deviation >= SIGNIFICANT for one in ratios]
+    if any(below):
+        return "holds" if all(below) else "holds in part"
+    return "does not hold" if any(above) else "not decided"
+
+
+def _ratios_in_words(claim: Claim, ratios: Sequence[Ratio]) -> str:
+    parts = []
+    for one in ratios:
+        side = "below" if one.deviation < 0 else "above"
+        paper = "" if math.isnan(one.paper) else f"; paper {one.paper:.2f}"
+        parts.append(f"N = {one.size}: {one.value:.2f}, {abs(one.deviation):.1f} standard errors {side} 1{paper}")
+    return f"{claim.statistic} of the {claim.lower} / {claim.higher}: {' | '.join(parts)}"
+
+
+def _fall_of_target(
+    target: str, sampling: str, sightings: str, cases: Sequence[CaseSummary], *, is_root: bool
+) -> Finding:
+    """Whether sigma falls with the number of views, or as the root of it, for all metrics of a target."""
+    claim = f"sigma falls {'about as 1/sqrt(N)' if is_root else 'with N'} for the {printable(target)}"
+    falls, of_converged = _falls(target, cases, "all"), _falls(target, cases, "converged")
+    parts = []
+    for one in falls:
+        paper = "" if math.isnan(one.paper) else f", paper {one.paper:.2f}"
+        parts.append(f"{one.metric} N^({one.exponent:.2f} +- {one.error:.2f}{paper})")
+    return Finding(
+        claim, sampling, sightings, _verdict_of_falls(falls, is_root=is_root),
+        _verdict_of_falls(of_converged, is_root=is_root), "; ".join(parts) or "not defined in these cases",
+        falls=falls,
+    )  # fmt: skip
+
+
+def _falls(target: str, cases: Sequence[CaseSummary], over: Over) -> tuple[Fall, ...]:
+    return tuple(fall for metric in METRICS if (fall := _fall(target, metric.name, cases, over)) is not None)
+
+
+def _verdict_of_falls(falls: Sequence[Fall], *, is_root: bool) -> Verdict:
+    verdicts = {_verdict_of_root(one) if is_root else _verdict_of_fall(one) for one in falls}
+    if len(verdicts) < 2:
+        return verdicts.pop() if verdicts else "no data"
+    return "holds in part" if verdicts & {"holds", "holds in part"} else "does not hold"
+
+
+def _fall(target: str, metric: str, cases: Sequence[CaseSummary], over: Over) -> Fall | None:
+    """The exponent by weighted least squares on logarithms; None if fewer than two sizes have a spread.
+
+    Only the error by the number of samples counts: all sizes draw from the same views.
+    """
+    found = [(one.case.size, one.of(metric, over)) for one in cases]
+    found = [(size, one) for size, one in found if one.sigma > 0 and one.sigma_error > 0]
+    if len({size for size, _ in found}) < 2:
+        return None
+    sizes, sigmas = [size for size, _ in found], [one.sigma for _, one in found]
+    exponent, error = _exponent(sizes, sigmas, [one.sigma_error / one.sigma for _, one in found])
+    is_monotone = all(after < before for before, after in itertools.pairwise(sigmas))
+    known = [(size, of_paper.sigma) for size in sizes if (of_paper := paper_value(target, metric, size)) is not None]
+    paper = math.nan
+    if len(known) == len(sizes):
+        paper, _ = _exponent(sizes, [sigma for _, sigma in known], [1.0] * len(sizes))
+    return Fall(target, metric, exponent, error, is_monotone, paper)
+
+
+def _exponent(sizes: Sequence[int], sigmas: Sequence[float], errors: Sequence[float]) -> tuple[float, float]:
+    """The slope of log sigma over log N with its standard error."""
+    x, y, weight = np.log(sizes), np.log(sigmas), np.array(errors) ** -2.0
+    x = x - np.average(x, weights=weight)
+    squares = float((weight * x**2).sum())
+    return float((weight * x * y).sum()) / squares, squares**-0.5
+
+
+def _verdict_of_fall(fall: Fall) -> Verdict:
+    margin = SIGNIFICANT * fall.error
+    if fall.exponent < -max(margin, ABOUT):
+        return "holds" if fall.is_monotone else "holds in part"
+    return "does not hold" if fall.exponent > margin or margin < ABOUT else "not decided"
+
+
+def _verdict_of_root(fall: Fall) -> Verdict:
+    margin, off = SIGNIFICANT * fall.error, abs(fall.exponent - ROOT)
+    if off <= ABOUT:
+        return "holds" if margin < -ROOT else "not decided"
+    return "does not hold" if off > ABOUT + margin else "not decided"
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A statistic of ours over the paper's."""
+
+    case: Case
+    metric: str
+    statistic: Statistic
+    ours: float  # in the paper's unit
+    paper: float
+    value: float  # ours / paper; nan if ours is not defined
+
+
+def against_paper(summaries: Sequence[CaseSummary]) -> tuple[Factor, ...]:
+    """Every mean and standard deviation that the paper has too."""
+    factors = []
+    for one in summaries:
+        for metric in METRICS:
+            paper = paper_value(one.case.target, metric.name, one.case.size)
+            if paper is None:
+                continue
+            found = one.of(metric.name)
+            pairs: tuple[tuple[Statistic, float, float], ...] = (
+                ("mu", found.mu, paper.mu),
+                ("sigma", found.sigma, paper.sigma),
+            )
+            for statistic, ours, theirs in pairs:
+                scaled = metric.in_paper_units(ours)
+                factors.append(Factor(one.case, metric.name, statistic, scaled, theirs, scaled / theirs))
+    return tuple(factors)

@@ -1,0 +1,130 @@
+"""Cost and gradient of some of many views, read where they stand: nothing is copied, no normal matrix made."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import linearise
+from calib.jit import jit, jit_sums
+from calib.solver.problem import Problem
+from calib.types import Camera
+
+Array = NDArray[np.float64]
+
+CHUNK = 3000
+"""Observations at a time; their derivatives stay in the processor's cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gradients:
+    """Of D views."""
+
+    cost: Array  # (D,) sum of the squared whitened residuals; nan if a point has no image
+    gradient: Array  # (D, P + 6) half of its derivative by the parameters and by the pose
+
+
+def gradients_of(problem: Problem, views: NDArray[np.int64], camera: Camera, cam_from_target: Array) -> Gradients:
+    """Cost and gradient of views at a camera and their poses.
+
+    Args:
+        problem: what was seen.
+        views: (D,) numbers of views.
+        camera: where.
+        cam_from_target: (D, 4, 4) from the problem's origin.
+    """
+    result = Gradients(np.empty(len(views)), np.empty((len(views), len(camera.params) + 6)))
+    for first, last in chunks_of(problem.view_start, views):
+        chosen = views[first:last]
+        width = int((problem.view_start[chosen + 1] - problem.view_start[chosen]).sum())
+        turned, point = np.empty((3, width)), np.empty((3, width))
+        _to_camera(problem.view_start, chosen, cam_from_target[first:last], problem.position_mm, turned, point)
+        seen = linearise(camera, point)
+        _sum_gradients(
+            problem.view_start, chosen, turned, seen.pixel, seen.by_point, seen.by_params, problem.measured_px,
+            problem.whitener, result.cost[first:last], result.gradient[first:last],
+        )  # fmt: skip
+    return result
+
+
+def chunks_of(view_start: NDArray[np.int64], views: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Runs of a list of views with about `CHUNK` observations."""
+    end = np.cumsum(view_start[views + 1] - view_start[views])
+    result, first, before = [], 0, 0
+    while first < len(views):
+        last = max(int(np.searchsorted(end, before + CHUNK, side="right")), first + 1)
+        result.append((first, last))
+        first, before = last, int(end[last - 1])
+    return result
+
+
+@jit
+def _to_camera(
+    view_start: NDArray[np.int64],
+    views: NDArray[np.int64],
+    pose: Array,
+    position: Array,
+    turned: Array,
+    point: Array,
+) -> None:
+    """R p and R p + t for the observations of some views, one view after the other."""
+    k = 0
+    for place in range(len(views)):
+        r = pose[place]
+        begin, end = view_start[views[place]], view_start[views[place] + 1]
+        for axis in range(3):
+            a, b, c, shift = r[axis, 0], r[axis, 1], r[axis, 2], r[axis, 3]
+            for m in range(begin, end):
+                value = a * position[0, m] + b * position[1, m] + c * position[2, m]
+                turned[axis, k + m - begin] = value
+                point[axis, k + m - begin] = value + shift
+        k += end - begin
+
+
+@jit_sums
+def _sum_gradients(
+    view_start: NDArray[np.int64],
+    views: NDArray[np.int64],
+    turned: Array,
+    pixel: Array,
+    by_point: Array,
+    by_params: Array,
+    measured: Array,
+    whitener: Array,
+    cost: Array,
+    gradient: Array,
+) -> None:
+    """With W the whitener of an observation and e its residual, the gradient is the sum of `J' W' W e`."""
+    parameters = by_params.shape[1]
+    weighted = np.empty((2, pixel.shape[1]))
+    k = 0
+    for place in range(len(views)):
+        begin = view_start[views[place]]
+        count = view_start[views[place] + 1] - begin
+        total = 0.0
+        for n in range(count):
+            du, dv = pixel[0, k + n] - measured[0, begin + n], pixel[1, k + n] - measured[1, begin + n]
+            a, b, c = whitener[0, begin + n], whitener[1, begin + n], whitener[2, begin + n]
+            ru, rv = a * du, b * du + c * dv
+            total += ru * ru + rv * rv
+            weighted[0, n], weighted[1, n] = a * ru + b * rv, c * rv
+        cost[place] = total
+        for p in range(parameters):
+            u, v = by_params[0, p], by_params[1, p]
+            total = 0.0
+            for n in range(count):
+                total += u[k + n] * weighted[0, n] + v[k + n] * weighted[1, n]
+            gradient[place, p] = total
+        wx, wy, wz, sx, sy, sz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for n in range(count):
+            u, v, m = weighted[0, n], weighted[1, n], k + n
+            px = u * by_point[0, 0, m] + v * by_point[1, 0, m]
+            py = u * by_point[0, 1, m] + v * by_point[1, 1, m]
+            pz = u * by_point[0, 2, m] + v * by_point[1, 2, m]
+            x, y, z = turned[0, m], turned[1, m], turned[2, m]
+            wx, wy, wz = wx + y * pz - z * py, wy + z * px - x * pz, wz + x * py - y * px
+            sx, sy, sz = sx + px, sy + py, sz + pz
+        last = parameters
+        gradient[place, last], gradient[place, last + 1], gradient[place, last + 2] = wx, wy, wz
+        gradient[place, last + 3], gradient[place, last + 4], gradient[place, last + 5] = sx, sy, sz
+        k += count

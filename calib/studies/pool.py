@@ -1,0 +1,70 @@
+"""The views that bootstrap samples are drawn from, and what all samples share."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.metrics.evaluation import truth_remarks
+from calib.metrics.prediction import centers_mm
+from calib.pipeline.calibrate import calibrate
+from calib.results.truth import Truth, true_poses
+from calib.solver.descend import is_robust
+from calib.solver.options import SolveOptions
+from calib.solver.problem import Problem, pack
+from calib.solver.tie import Tie, tie_parameters
+from calib.studies.expansion import Expansion, expand
+from calib.types import Calibration, Observations
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """V views, the camera of all of them, and what is known about it."""
+
+    observations: Observations  # of the views that have a pose
+    model: str
+    options: SolveOptions
+    calibration: Calibration  # of all views
+    problem: Problem
+    tie: Tie
+    cam_from_target: Array  # (V, 4, 4) from the problem's origin
+    true_center_mm: Array | None  # (V, 3) where the cameras were, if known; nan for views of which it is not
+    expansion: Expansion | None  # None: every sample is to be solved from scratch
+
+    @property
+    def view_count(self) -> int:
+        """V."""
+        return self.observations.view_count
+
+
+def make_pool(observations: Observations, model: str, options: SolveOptions, truth: Truth | None) -> Pool:
+    """Solve the camera of all views, and expand it.
+
+    Views that the solution leaves out are not in the pool; the calibration's remarks name them. Samples are solved
+    from scratch, which is slow, if the model is not its parameters alone or if outliers are weighed anew in each.
+
+    Args:
+        observations: what was seen.
+        model: a camera model's name.
+        options: weights, losses, fixed and shared parameters.
+        truth: of the photos, if they were rendered.
+
+    Raises:
+        InputError: all views together give no camera, or the truth is of other photos.
+    """
+    calibration = calibrate(observations, model, options)
+    kept = calibration.observations
+    center: Array | None = None
+    if truth is not None:
+        truth_remarks(calibration, truth)
+        center = centers_mm(true_poses(truth, kept.view_names))
+    problem = pack(kept, weighted=options.weighted)
+    poses = np.array(calibration.cam_from_target)
+    poses[:, :3, 3] += poses[:, :3, :3] @ problem.origin_mm
+    tie = tie_parameters(model, options)
+    expansion = None
+    if calibration.camera.learned is None and not is_robust(options) and calibration.status == "converged":
+        expansion = expand(problem, calibration.camera, poses, tie)
+    return Pool(kept, model, options, calibration, problem, tie, poses, center, expansion)
