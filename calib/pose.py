@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.files import require_replaceable
 from calib.inputs.dataset import Dataset
 from calib.inputs.observations import observations_for_poses
 from calib.se3 import log_rotation, skew
@@ -61,16 +62,7 @@ def check_output(path: Path) -> None:
     start = _STARTS.get(path.suffix.lower())
     if start is None:
         raise InputError(f"{path}: poses are a .json or a .csv file; name it so, such as poses.json")
-    try:
-        if not path.exists():
-            return
-        if not path.is_file():
-            raise InputError(f"{path}: is not a file; choose another name with -o")
-        with path.open("rb") as stream:
-            if stream.read(len(start)) not in (start, b""):
-                raise InputError(f"{path}: exists and holds no poses; choose another name with -o")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be used: {error.strerror}; choose another name with -o") from None
+    require_replaceable(path, start, "poses")
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,10 +55,10 @@ class Refit:
         return self.max_px == 0 and self.known == 1
 
 
-def image_grid(image_size: tuple[int, int], columns: int = COLUMNS) -> Array:
-    """Pixels (rows, columns, 2), evenly spaced and about square, from the first pixel's centre to the last's."""
+def image_grid(image_size: tuple[int, int], columns: int = COLUMNS, rows: int | None = None) -> Array:
+    """Pixels (rows, columns, 2), evenly spaced from the first pixel's centre to the last's; about square by default."""
     width, height = image_size
-    rows = max(2, round(height / width * columns))
+    rows = max(2, round(height / width * columns)) if rows is None else rows
     u, v = np.meshgrid(np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows))
     return np.stack([u, v], axis=-1)
 

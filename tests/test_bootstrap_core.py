@@ -18,17 +18,17 @@ from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
 from calib.results.truth import Truth
 from calib.se3 import exp_rotation
+from calib.sightings import keep_views
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.covariance import accuracy_of
-from calib.solver.levenberg import move_poses
+from calib.solver.levenberg import move_poses, turn_of_centre
 from calib.solver.options import SolveOptions
 from calib.solver.problem import pack
 from calib.solver.schur import damped_step
-from calib.solver.solve import keep_views, solve
+from calib.solver.solve import solve
 from calib.solver.tie import tie_parameters
 from calib.studies.bootstrap import run_chunk, run_sample
 from calib.studies.draw import draw_counts
-from calib.studies.expansion import turn_of_centre
 from calib.studies.from_scratch import expanded, solve_from_scratch
 from calib.studies.gradients import gradients_of
 from calib.studies.near import find_near

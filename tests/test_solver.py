@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from calib.cameras import parameter_names, project
 from calib.se3 import make_pose, transform
+from calib.sightings import keep_views
 from calib.solver.options import SolveOptions
-from calib.solver.solve import keep_views, solve
+from calib.solver.solve import solve
 from calib.types import Calibration, Camera, KnownPoints, Observations
 from tests.solver_scenes import (
     CAMERAS,

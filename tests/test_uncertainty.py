@@ -12,10 +12,11 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras import parameter_names, project, rays
+from calib.refit import image_grid
 from calib.se3 import exp_rotation, log_rotation
 from calib.solver.options import Loss, SolveOptions
 from calib.solver.solve import solve
-from calib.solver.uncertainty import image_grid, projected_covariance_px2, projected_sigma_px
+from calib.solver.uncertainty import GRID, projected_covariance_px2, projected_sigma_px
 from calib.types import Calibration, Camera
 from tests.solver_scenes import (
     CAMERAS,
@@ -143,7 +144,7 @@ def test_stated_deviations_of_robust_solutions(loss: Loss) -> None:
 
 def best_rotation(camera: Camera, true: Camera) -> Array:
     """The rotation by which a camera shows the true rays nearest to their pixels over the image; Gauss-Newton."""
-    pixel = image_grid(true.image_size)
+    pixel = image_grid(true.image_size, *GRID).reshape(-1, 2)
     ray = rays(true, pixel)
     rotation = np.eye(3)
     for _ in range(4):
@@ -160,7 +161,7 @@ def test_stated_uncertainty_over_the_image_is_true(case: str) -> None:
     """Where solved cameras show the true directions, turned to fit best, scatters as stated: within 5 %, all over."""
     found, _ = repeated(case)
     true = true_camera(case)
-    pixel = image_grid(true.image_size, (5, 4))
+    pixel = image_grid(true.image_size, 5, 4).reshape(-1, 2)
     shown = np.array([project(one.camera, rays(true, pixel) @ best_rotation(one.camera, true).T) for one in found])
     stated = np.mean([projected_covariance_px2(one.camera, one.param_covariance, pixel) for one in found], axis=0)
     scatter = np.einsum("rni,rnj->nij", shown - pixel, shown - pixel) / RUNS
@@ -173,7 +174,7 @@ def test_the_worse_axis_is_stated() -> None:
     """`projected_sigma_px` is the root of the covariance's larger eigenvalue."""
     found, _ = repeated("opencv")
     one = found[0]
-    pixel = image_grid(one.camera.image_size, (7, 5))
+    pixel = image_grid(one.camera.image_size, 7, 5).reshape(-1, 2)
     covariance = projected_covariance_px2(one.camera, one.param_covariance, pixel)
     expected = np.sqrt(np.linalg.eigvalsh(covariance)[:, 1])
     assert np.abs(projected_sigma_px(one.camera, one.param_covariance, pixel) - expected).max() < 1e-9
@@ -192,5 +193,5 @@ def test_a_pure_turn_of_the_camera_is_no_uncertainty() -> None:
     """A change of the principal point that a turn undoes is removed: of a long lens next to nothing of it remains."""
     for focal, most in ((1e6, 1e-3), (2500.0, 0.5)):
         camera = Camera("pinhole", np.array([focal, focal, 1223.5, 1023.5]), (2448, 2048))
-        sigma = projected_sigma_px(camera, np.diag([0.0, 0, 1, 1]), image_grid(camera.image_size, (5, 5)))
+        sigma = projected_sigma_px(camera, np.diag([0.0, 0, 1, 1]), image_grid(camera.image_size, 5, 5).reshape(-1, 2))
         assert sigma.max() < most

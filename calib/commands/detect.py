@@ -2,16 +2,16 @@
 
 import os
 import shutil
-import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from calib.commands.screen import progress_bar, table_console
 from designer.command import printable
 from designer.errors import InputError
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
 NOTHING_FOUND = 1
-WIDE = 240
+NOTHING_LEFT = "no photos left to search"
 MAX_ROWS = 60
 """Images in the table; of a larger set only those are shown that need a look."""
 
@@ -85,14 +85,10 @@ def run_detect(
         results = search_photos(detect_one, found, geometry, camera, staging, jobs)
         seen = [result.seen for result in results if result.seen is not None]
         if not seen:
-            failures = [*found.failures, *(result.failure for result in results)]
-            others = f" (and {len(failures) - 1} more like it)" if len(failures) > 1 else ""
-            raise InputError(f"{failures[0] if failures else 'no photos left to search'}{others}")
+            refuse_nothing([*found.failures, *(result.failure for result in results)], NOTHING_LEFT)
         seconds = time.perf_counter() - start
         write_results(table, results, seen, geometry)
-        if overlay is not None and staging is not None:
-            for picture in staging.iterdir():
-                picture.replace(overlay / picture.name)
+        keep_pictures(staging, overlay)
     summarise(geometry, found, results, seconds)
     _say_files(table, overlay, results)
     if not any(len(one.ring) for one in seen):
@@ -102,7 +98,7 @@ def run_detect(
 def _table_path(out: Path | None, target: Path) -> Path:
     """Where the detections go."""
     if out is None:
-        return Path("exports") / target.name.removesuffix(".json").removesuffix(".target") / "detections.csv"
+        return exports_folder(target) / "detections.csv"
     return out / "detections.csv" if out.is_dir() else out
 
 
@@ -136,23 +132,54 @@ def search_photos(
     jobs: int,
 ) -> "list[PhotoResult]":
     """Search all photos, with a progress bar on standard error while there is a screen."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
     from calib.detect.batch import detect_photos, named_photos
 
     photos = named_photos(found.paths)
-    results = []
-    columns = (TextColumn("searching"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("searching", total=len(photos))
+    results: list[PhotoResult] = []
+    with progress_bar("searching", len(photos)) as tell:
         for result in detect_photos(
             photos, geometry, detect=detect_one, camera=camera, overlay_folder=staging, jobs=jobs
         ):
             results.append(result)
-            bar.advance(task)
+            tell(len(results))
     return results
+
+
+def refuse_nothing(failures: Sequence[str], otherwise: str) -> NoReturn:
+    """End a command that has nothing to work on: with the first failure, or with a word if nothing failed.
+
+    Raises:
+        InputError: always.
+    """
+    others = f" (and {len(failures) - 1} more like it)" if len(failures) > 1 else ""
+    raise InputError(f"{failures[0] if failures else otherwise}{others}")
+
+
+def keep_pictures(staging: Path | None, folder: Path | None) -> int:
+    """Put finished pictures in their place; how many there are."""
+    if staging is None or folder is None:
+        return 0
+    pictures = list(staging.iterdir())
+    for picture in pictures:
+        picture.replace(folder / picture.name)
+    return len(pictures)
+
+
+@contextmanager
+def no_empty_folders(folder: Path | None) -> Iterator[None]:
+    """Remove the folders that were made for nothing, if it comes to that."""
+    made = [] if folder is None else [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # the first that is not empty
+            for place in made:
+                place.rmdir()
+
+
+def exports_folder(target: Path) -> Path:
+    """Where a target's results go if nobody says otherwise."""
+    return Path("exports") / target.name.removesuffix(".json").removesuffix(".target")
 
 
 def write_results(
@@ -180,10 +207,7 @@ def program() -> str:
 
 def summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[PhotoResult]", seconds: float) -> None:
     """A table of the images, what failed, and the sums."""
-    from rich.console import Console
-
-    # Off a terminal nobody's window is narrow: a line an image.
-    console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDE)
+    console = table_console()
     seen = [result.seen for result in results if result.seen is not None]
     shown = seen if len(seen) <= MAX_ROWS else [one for one in seen if one.remarks or not len(one.ring)][:MAX_ROWS]
     common = _common_remarks(seen)
@@ -214,7 +238,7 @@ def _common_remarks(seen: "Sequence[Detections]") -> list[str]:
     """What holds for every one of several images, to be said once."""
     if len(seen) < 2:
         return []
-    return [one_line(remark) for remark in seen[0].remarks if all(remark in one.remarks for one in seen)]
+    return [printable(remark) for remark in seen[0].remarks if all(remark in one.remarks for one in seen)]
 
 
 def _images_table(seen: "Sequence[Detections]", geometry: "TargetGeometry", said: Sequence[str]) -> "Table":
@@ -234,7 +258,7 @@ def _images_table(seen: "Sequence[Detections]", geometry: "TargetGeometry", said
         faces = [Text(" ".join(map(str, named)))] if geometry.face_count > 1 else []
         count = Text(f"{len(one.ring)}/{_expected(one)}" if len(one.ring) else "none", "" if len(one.ring) else "red")
         remarks = "; ".join(remark for remark in _remarks(one) if remark not in said)
-        table.add_row(Text(one_line(one.image)), *faces, count, _median_sigma(one), Text(remarks))
+        table.add_row(Text(printable(one.image)), *faces, count, _median_sigma(one), Text(remarks))
     return table
 
 
@@ -247,7 +271,7 @@ def _remarks(one: "Detections") -> list[str]:
         for reason, count in record.missing if record.face is not None else ():
             missing[reason] = missing.get(reason, 0) + count
     lost = [f"{count} {reason}" for reason, count in missing.items() if count and reason != TOO_FLAT]
-    return [one_line(remark) for remark in (*one.remarks, *lost)]
+    return [printable(remark) for remark in (*one.remarks, *lost)]
 
 
 def _expected(one: "Detections") -> int:
@@ -281,9 +305,4 @@ def _say_files(table: Path, overlay: Path | None, results: "Sequence[PhotoResult
 
 def _plain(text: str) -> str:
     """Text that rich prints as it is."""
-    return one_line(text).replace("[", r"\[")
-
-
-def one_line(text: str) -> str:
-    """Text without line breaks, bytes that are no text, and characters that would steer a terminal."""
-    return printable(text.encode("utf-8", "backslashreplace").decode())
+    return printable(text).replace("[", r"\[")

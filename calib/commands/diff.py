@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.commands.screen import table_console
 from designer.command import printable
 from designer.errors import InputError
 
@@ -108,7 +109,6 @@ def _rotation(difference: "CameraDifference") -> str:
 def _table(difference: "CameraDifference") -> None:
     """RMS, median and max of the whole image, and from its centre to its corners."""
     import numpy as np
-    from rich.console import Console
     from rich.table import Table
 
     half_diagonal = np.hypot(*difference.image_size) / 2
@@ -129,7 +129,7 @@ def _table(difference: "CameraDifference") -> None:
             table.add_row(name, *(f"{value:.4f}" for value in _summary(known)))
         else:
             table.add_row(name, "not known", "", "")
-    Console(highlight=False, soft_wrap=True).print(table)
+    table_console().print(table)
 
 
 def _summary(length_px: "NDArray[np.float64]") -> tuple[float, float, float]:

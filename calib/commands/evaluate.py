@@ -1,17 +1,15 @@
 """The command `calib evaluate`."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.commands.screen import table_console
 from designer.command import printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from calib.metrics.evaluation import Evaluation
     from calib.metrics.held_out import Solve
     from calib.results.calibration_file import Provenance
@@ -19,7 +17,6 @@ if TYPE_CHECKING:
     from calib.types import Calibration
 
 DEGENERATE = 1
-WIDE = 200
 REFERENCE = "reference"
 """The setting that names the photo a map is learned from."""
 LEAST_VIEWS_HELD_OUT = 6
@@ -104,7 +101,7 @@ def _summarise(path: Path, evaluation: "Evaluation") -> None:
         worst_views_table,
     )
 
-    calibration, console = evaluation.calibration, _console()
+    calibration, console = evaluation.calibration, table_console()
     seen = calibration.observations
     print(
         f"{path}: model {calibration.camera.model}, {seen.image_size[0]} x {seen.image_size[1]} px, "
@@ -134,13 +131,6 @@ def _sample(evaluation: "Evaluation") -> str:
         f"of photos held out, in {evaluation.folds} parts: the camera is solved from the other parts, only a photo's "
         "own pose\nfrom itself; reconstruction uses the photos of one part"
     )
-
-
-def _console() -> "Console":
-    from rich.console import Console
-
-    # Off a terminal nobody's window is narrow.
-    return Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDE)
 
 
 def _advise(path: Path, evaluation: "Evaluation") -> None:

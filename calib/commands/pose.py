@@ -2,16 +2,23 @@
 
 import math
 import os
-import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from calib.commands.camera_argument import CameraArgument, read_camera
-from calib.commands.detect import WIDE, one_line, search_photos, staging_folder
+from calib.commands.detect import (
+    NOTHING_LEFT,
+    keep_pictures,
+    no_empty_folders,
+    refuse_nothing,
+    search_photos,
+    staging_folder,
+)
+from calib.commands.screen import table_console
+from designer.command import printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -80,35 +87,20 @@ def run_pose(
     seen = [result.seen for result in results if result.seen is not None]
     failures = [*found.failures, *(result.failure for result in results if result.seen is None)]
     if not seen:
-        others = f" (and {len(failures) - 1} more like it)" if len(failures) > 1 else ""
-        raise InputError(f"{failures[0] if failures else 'no photos left to search'}{others}")
+        refuse_nothing(failures, NOTHING_LEFT)
     found_poses = target_poses(dataset_of(seen), geometry, camera, weighted=weighted)
     poses = {one.image: one for one in found_poses.poses}
     reasons = _reasons(results, found_poses)
-    pictures = 0
-    with _gone_if_empty(overlay), staging_folder(overlay) as staging:
+    with no_empty_folders(overlay), staging_folder(overlay) as staging:
         if staging is not None:
             _draw(staging, results, poses, geometry, camera)
         if out is not None:
             _write(out, poses, geometry, camera, reasons)
-        if overlay is not None and staging is not None:
-            pictures = _move(staging, overlay)
+        pictures = keep_pictures(staging, overlay)
     _summarise(results, poses, reasons, failures)
     _say_files(out, overlay, pictures)
     if not poses:
         raise typer.Exit(NO_POSE)
-
-
-@contextmanager
-def _gone_if_empty(folder: Path | None) -> Iterator[None]:
-    """Leave no new folder behind that nothing was put into."""
-    is_new = folder is not None and not folder.exists()
-    try:
-        yield
-    finally:
-        if folder is not None and is_new:
-            with suppress(OSError):  # pictures are in it
-                folder.rmdir()
 
 
 def _reasons(results: "Sequence[PhotoResult]", found: "FoundPoses") -> dict[str, str]:
@@ -164,15 +156,7 @@ def _draw(
             write_overlay(folder / f"{stem}.pose{OVERLAY_MARK}", picture)
         except Exception as error:
             why = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
-            print(f"no overlay for {one_line(result.photo.name)}: {one_line(why)}")
-
-
-def _move(staging: Path, folder: Path) -> int:
-    """Put finished pictures in their place; how many there are."""
-    pictures = list(staging.iterdir())
-    for picture in pictures:
-        picture.replace(folder / picture.name)
-    return len(pictures)
+            print(f"no overlay for {printable(result.photo.name)}: {printable(why)}")
 
 
 def _summarise(
@@ -182,18 +166,15 @@ def _summarise(
     failures: Sequence[str],
 ) -> None:
     """A table of the poses, what failed, and the sums."""
-    from rich.console import Console
-
-    # Off a terminal nobody's window is narrow: a line an image.
-    console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDE)
+    console = table_console()
     searched = [result for result in results if result.seen is not None]
     common = _common_remarks(searched)
     if searched:
         console.print(_table(searched, poses, reasons, common))
     for remark in common:
-        print(f"all images: {one_line(remark)}")
+        print(f"all images: {printable(remark)}")
     for failure in failures:
-        print(f"skipped {one_line(failure)}")
+        print(f"skipped {printable(failure)}")
     print(f"\n{len(searched)} images searched, {len(poses)} with a pose; {len(failures)} failures")
     print("camera: its centre in the target's frame")
     print("sigma: standard deviation, if the camera file is exact and errors of the rings are independent")
@@ -243,9 +224,9 @@ def _table(
                 _rounded(angle, angle), f"{one.rms_px:.4f}",
             ]  # fmt: skip
         table.add_row(
-            Text(one_line(name)),
+            Text(printable(name)),
             *map(Text, cells),
-            Text("; ".join(one_line(remark) for remark in remarks if remark not in common)),
+            Text("; ".join(printable(remark) for remark in remarks if remark not in common)),
         )
     return table
 

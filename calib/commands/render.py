@@ -3,19 +3,16 @@
 import math
 import os
 import shlex
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, cast, get_args
 
 import typer
 
+from calib.commands.screen import progress_bar
 from designer.command import STOPPED
 from designer.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import numpy as np
     from numpy.typing import NDArray
 
@@ -206,26 +203,15 @@ def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: b
     from calib.render.job import run_job
 
     try:
-        with _progress() as on_view:
-            rendered = run_job(job, out, processes=processes, overwrite=overwrite, on_view=on_view)
+        with progress_bar("rendering", len(job.file_names)) as tell:
+            rendered = run_job(
+                job, out, processes=processes, overwrite=overwrite, on_view=lambda finished, total: tell(finished)
+            )
     except KeyboardInterrupt:
         done, total = sum((out / name).exists() for name in job.file_names), len(job.file_names)
         typer.echo(f"stopped: {done} of {total} images are in {out}; the same command renders the others", err=True)
         raise SystemExit(STOPPED) from None
     _summarise(job, rendered, target, out)
-
-
-@contextmanager
-def _progress() -> "Iterator[Callable[[int, int], None]]":
-    """A progress bar on standard error."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("rendering")
-        yield lambda finished, total: bar.update(task, completed=finished, total=total)
 
 
 def _summarise(job: "RenderJob", rendered: "Rendered", target: Path, out: Path) -> None:

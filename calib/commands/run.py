@@ -2,15 +2,25 @@
 
 import os
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.detect import one_line, search_photos, staging_folder, summarise, write_results
+from calib.commands.detect import (
+    NOTHING_LEFT,
+    exports_folder,
+    keep_pictures,
+    no_empty_folders,
+    refuse_nothing,
+    search_photos,
+    staging_folder,
+    summarise,
+    write_results,
+)
 from calib.commands.solutions import (
     Work,
     advise,
@@ -36,6 +46,7 @@ from calib.commands.solve import (
     reference_of,
     reference_settings,
 )
+from designer.command import printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -82,7 +93,7 @@ def run(
 
     geometry = load_target(target)
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
-    folder = out if out is not None else _default_folder(target)
+    folder = out if out is not None else exports_folder(target) / "calibration"
     check_folder(folder)
     found = _without_pictures(find_photos(photos), folder)
     truth_path = truth if truth is not None else _truth_beside(found.paths)
@@ -158,10 +169,6 @@ def _advise(solutions: "Sequence[Solution]", folder: Path, truth: Path | None) -
     advise(solutions, first=[look], evaluate=evaluate)
 
 
-def _default_folder(target: Path) -> Path:
-    return Path("exports") / target.name.removesuffix(".json").removesuffix(".target") / "calibration"
-
-
 def _without_pictures(found: "Found", folder: Path) -> "Found":
     """The photos without the pictures that an earlier run drew among them."""
     from calib.figures import CALIBRATION_PICTURE, COMPARISON_PICTURE
@@ -188,7 +195,7 @@ def _read_truth(path: Path, *, is_asked: bool) -> "Truth | None":
     except InputError as error:
         if is_asked:
             raise
-        print(f"not used: {one_line(str(error))}")
+        print(f"not used: {printable(str(error))}")
         return None
 
 
@@ -205,43 +212,27 @@ def _detect_twice(
     plan, guess = _with_stated_focal(plan, results)
     camera, why = _first_camera(results, geometry, plan)
     overlays, table = folder / "overlays", folder / "detections.csv"
-    with _no_empty_folders(overlays), staging_folder(overlays) as staging:
+    with no_empty_folders(overlays), staging_folder(overlays) as staging:
         results = search_photos(_again(camera, first), found, geometry, None, staging, jobs)
         seen = [result.seen for result in results if result.seen is not None]
         if not seen:
-            failures = [*found.failures, *(result.failure for result in results)]
-            others = f" (and {len(failures) - 1} more like it)" if len(failures) > 1 else ""
-            raise InputError(f"{failures[0] if failures else 'no photos left to search'}{others}")
+            refuse_nothing([*found.failures, *(result.failure for result in results)], NOTHING_LEFT)
         write_results(table, results, seen, geometry)
-        pictures = [] if staging is None else list(staging.iterdir())
-        for picture in pictures:
-            picture.replace(overlays / picture.name)
+        pictures = keep_pictures(staging, overlays)
     summarise(geometry, found, results, time.perf_counter() - start)
     if why:
-        print(f"searched without the lens, which a first solution does not give: {one_line(why)}")
+        print(f"searched without the lens, which a first solution does not give: {printable(why)}")
     if guess:
         print(guess)
     print(f"wrote {shown(table)} and detections.records.json")
     if pictures:
-        print(f"      {shown(overlays)}: an overlay of each photo, {len(pictures)} in all")
+        print(f"      {shown(overlays)}: an overlay of each photo, {pictures} in all")
     return results, plan
 
 
 def _with_target(results: "Sequence[PhotoResult]") -> "list[Detections]":
     """The detections in photos that show the target."""
     return [result.seen for result in results if result.seen is not None and len(result.seen.ring)]
-
-
-@contextmanager
-def _no_empty_folders(folder: Path) -> Iterator[None]:
-    """Remove the folders that were made for nothing, if it comes to that."""
-    made = [place for place in (folder, *folder.parents) if not place.exists()]
-    try:
-        yield
-    finally:
-        with suppress(OSError):  # the first that is not empty
-            for place in made:
-                place.rmdir()
 
 
 def _remembering() -> "tuple[dict[str, Detections], Detect]":
@@ -283,7 +274,7 @@ def _with_stated_focal(plan: "SolvePlan", results: "Sequence[PhotoResult]") -> "
         if result.seen is not None and len(result.seen.ring):
             guess = exif_focal_px(result.photo.path)
             if guess is not None:
-                said = f"first guess of the focal length: {guess:.0f} px, from what {one_line(result.photo.name)} says"
+                said = f"first guess of the focal length: {guess:.0f} px, from what {printable(result.photo.name)} says"
                 return replace(plan, options=replace(plan.options, focal_px=guess)), said
     return plan, ""
 

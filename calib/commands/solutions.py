@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
-from calib.commands.detect import WIDE, one_line, program
-from designer.command import STOPPED
+from calib.commands.detect import program
+from calib.commands.screen import table_console
+from designer.command import STOPPED, printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def solve_and_say(work: Work) -> "list[Solution]":
     from calib.pipeline.solutions import solve_models
 
     for remark in work.remarks:
-        print(one_line(remark))
+        print(printable(remark))
     waiting = Console(stderr=True)
     solutions: list[Solution] = []
     try:
@@ -94,12 +95,10 @@ def stop(finished: Sequence[Path]) -> NoReturn:
 
 def _say_solutions(work: Work, solutions: "Sequence[Solution]") -> None:
     """The parameters of each model, all side by side, and what could not be solved."""
-    from rich.console import Console
-
     from calib.results.calibration_file import CALIBRATION_FILE
     from calib.results.evaluation_table import comparison_table, parameters_table
 
-    console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDE)
+    console = table_console()
     evaluations = [solution.evaluation for solution in solutions if solution.evaluation is not None]
     for evaluation in evaluations:
         calibration = evaluation.calibration
@@ -107,7 +106,7 @@ def _say_solutions(work: Work, solutions: "Sequence[Solution]") -> None:
         console.print(parameters_table(evaluation))
         for remark in (*calibration.remarks, *evaluation.remarks):
             if remark not in work.remarks:
-                print(f"  {one_line(remark)}")
+                print(f"  {printable(remark)}")
     views, sightings = work.observations.view_count, len(work.observations.view)
     print(
         f"\n{views} photo{'s' if views > 1 else ''}, {sightings} sightings; "
@@ -116,7 +115,7 @@ def _say_solutions(work: Work, solutions: "Sequence[Solution]") -> None:
     console.print(comparison_table(evaluations))
     for solution in solutions:
         if solution.failure:
-            print(f"{solution.model}: not solved: {one_line(solution.failure)}")
+            print(f"{solution.model}: not solved: {printable(solution.failure)}")
             if (solution.folder / CALIBRATION_FILE).exists():
                 print(f"  {shown(solution.folder)} holds an earlier solution, of something else")
 
@@ -193,7 +192,7 @@ def leave_if_degenerate(solutions: "Sequence[Solution]") -> None:
 
 def shown(path: Path) -> str:
     """A path as a line of the screen has it."""
-    return one_line(str(path))
+    return printable(str(path))
 
 
 def quoted(path: Path) -> str:

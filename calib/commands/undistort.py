@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.commands.camera_argument import CameraArgument, read_camera
-from calib.commands.detect import one_line
-from designer.command import STOPPED
+from calib.commands.detect import refuse_nothing
+from designer.command import STOPPED, printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -71,8 +71,7 @@ def undistort(
     done = _undistort_all(files, place, taken, pinhole)
     failures = [*found.failures, *(one.failure for one in done if one.failure)]
     if all(one.failure for one in done):
-        others = f" (and {len(failures) - 1} more like it)" if len(failures) > 1 else ""
-        raise InputError(f"{failures[0] if failures else 'no photos to undistort'}{others}")
+        refuse_nothing(failures, "no photos to undistort")
     if len(named) > len(files):
         print(f"left out: {len(named) - len(files)} undistorted photos of an earlier run")
     _summarise(done, failures, taken, pinhole, place)
@@ -81,7 +80,7 @@ def undistort(
 def _undistort_all(photos: "Sequence[PhotoFile]", place: Path, camera: "Camera", pinhole: "Camera") -> list[_Done]:
     """One photo after the other into the folder of the new camera's file, which comes with the first that succeeds."""
     from calib.camera_file import camera_to_json
-    from calib.commands.progress import progress_bar
+    from calib.commands.screen import progress_bar
     from calib.files import distinct_stems, write_files
 
     done: list[_Done] = []
@@ -162,10 +161,10 @@ def _summarise(
     """What was done, what was not, and what the new camera is."""
     good = [one for one in done if not one.failure]
     for failure in failures:
-        print(f"skipped {one_line(failure)}")
+        print(f"skipped {printable(failure)}")
     for one in good:
         for remark in one.remarks:
-            print(f"{one_line(one.photo.name)}: {remark}")
+            print(f"{printable(one.photo.name)}: {remark}")
     fx, fy, cx, cy = pinhole.params
     kept = "as the camera's" if fx == camera.params[0] else f"the camera has {camera.params[0]:.2f}"
     black = 1 - min(one.share_filled for one in good)

@@ -9,8 +9,9 @@ from calib.figures.fields import Residuals
 from calib.figures.style import BLUE, EMPTY, INK, ORANGE, SEQUENTIAL, VERMILION, bar_beside, image_axes, note, nothing
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, by_view
+from calib.refit import image_grid
 from calib.results.evaluation_table import figure as digits
-from calib.solver.uncertainty import image_grid, projected_sigma_px
+from calib.solver.uncertainty import projected_sigma_px
 from calib.types import Calibration
 from designer.command import printable
 
@@ -47,7 +48,7 @@ def draw_uncertainty(axes: "Axes", calibration: Calibration) -> None:
     size = calibration.camera.image_size
     image_axes(axes, size, "Uncertainty of the camera (1 sigma)")
     axes.set_facecolor(EMPTY)
-    grid = image_grid(size, MAP)
+    grid = image_grid(size, *MAP).reshape(-1, 2)
     sigma = projected_sigma_px(calibration.camera, calibration.param_covariance, grid)
     known = np.isfinite(sigma)
     if not known.any() or not sigma[known].max() > 0:
@@ -142,7 +143,7 @@ def draw_views(axes: "Axes", evaluation: Evaluation) -> None:
 
 def _short(name: str) -> str:
     """A file's name that fits a figure, and is text."""
-    text = printable(name.encode("utf-8", "backslashreplace").decode())
+    text = printable(name)
     return text if len(text) <= 24 else f"{text[:11]}...{text[-10:]}"
 
 

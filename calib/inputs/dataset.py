@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.files import write_files
+from calib.files import require_replaceable, write_files
 from calib.inputs.csv_table import ANY_NAME, Table, read_table, read_text
 from calib.inputs.records import RECORDS_START, ImageRecord, Records, image_record, records_path, records_to_json
 from calib.types import Detections, frozen_array
@@ -73,16 +73,7 @@ def check_output(path: Path) -> None:
     if path.suffix.lower() != ".csv":
         raise InputError(f"{path}: detections are a .csv file; name it so, such as {path.with_suffix('.csv').name}")
     for place, start in ((path, _KIND.encode()), (records_path(path), RECORDS_START)):
-        try:
-            if not place.exists():
-                continue
-            if not place.is_file():
-                raise InputError(f"{place}: is not a file; choose another name with -o")
-            with place.open("rb") as stream:
-                if stream.read(len(start)) not in (start, b""):
-                    raise InputError(f"{place}: exists and holds no detections; choose another name with -o")
-        except OSError as error:
-            raise InputError(f"{place}: cannot be used: {error.strerror}; choose another name with -o") from None
+        require_replaceable(place, start, "detections")
     try:
         folder = next(parent for parent in path.absolute().parents if parent.exists())
         with tempfile.TemporaryFile(dir=folder):

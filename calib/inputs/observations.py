@@ -1,7 +1,7 @@
 """What a camera is solved from: the sightings that can be used, and one line on each kind that was left out."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from calib.inputs.dataset import Dataset
 from calib.inputs.mirrored import mirrored_views
+from calib.sightings import keep_views
 from calib.types import Detections, KnownPoints, Observations, frozen_array
 from designer.errors import InputError
 from designer.target import TargetGeometry
@@ -224,19 +225,6 @@ def _select(sightings: AllSightings, size: tuple[int, int], kept: Flags) -> Obse
         sightings.points,
     )  # fmt: skip
     return keep_views(everything, kept)
-
-
-def keep_views(seen: Observations, kept: Flags) -> Observations:
-    """The observations of the views that are kept.  # kept (V,)"""
-    rows = kept[seen.view]
-    return replace(
-        seen,
-        view_names=tuple(name for name, ok in zip(seen.view_names, kept, strict=True) if ok),
-        view=(np.cumsum(kept) - 1)[seen.view[rows]],
-        point=seen.point[rows],
-        center_px=seen.center_px[rows],
-        cov_px2=None if seen.cov_px2 is None else seen.cov_px2[rows],
-    )
 
 
 def _copies(seen: Observations) -> NDArray[np.int64]:

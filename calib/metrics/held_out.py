@@ -10,8 +10,8 @@ from calib.cameras import rays
 from calib.metrics.errors import is_known
 from calib.metrics.evaluation import Evaluation, errors_of, joined, truth_remarks
 from calib.results.truth import Truth
+from calib.sightings import keep_sightings, keep_views
 from calib.solver.pose import solve_poses
-from calib.solver.solve import keep_views
 from calib.types import Calibration, Observations
 from designer.errors import InputError
 
@@ -57,12 +57,12 @@ def _fold(
     calibration: Calibration, held: NDArray[np.bool_], solve: Solve
 ) -> tuple[Calibration, NDArray[np.bool_], list[str]]:
     """The camera of the other views with the poses of those held out, which of all views have one, and remarks."""
-    used = _without(calibration.observations, calibration.is_outlier)
+    used = keep_sightings(calibration.observations, ~calibration.is_outlier)
     others = solve(keep_views(used, ~held))
     remarks = list(others.remarks) if others.status != "converged" else []
     shown = keep_views(used, held)
     # Where the camera has no ray, as outside of a learned map, it says nothing of the pose.
-    shown = _without(shown, ~is_known(rays(others.camera, shown.center_px)))
+    shown = keep_sightings(shown, is_known(rays(others.camera, shown.center_px)))
     poses = solve_poses(others.camera, shown, weighted=calibration.weighted).cam_from_target
     has_pose = np.isfinite(poses.sum(axis=(1, 2)))
     found = held.copy()
@@ -79,15 +79,3 @@ def _fold(
         pose_covariance=np.full((int(has_pose.sum()), 6, 6), np.nan),
     )
     return one, found, remarks
-
-
-def _without(seen: Observations, leave_out: NDArray[np.bool_]) -> Observations:
-    """The observations but for some; all views stay, also empty ones."""
-    keep = ~leave_out
-    return replace(
-        seen,
-        view=seen.view[keep],
-        point=seen.point[keep],
-        center_px=seen.center_px[keep],
-        cov_px2=None if seen.cov_px2 is None else seen.cov_px2[keep],
-    )

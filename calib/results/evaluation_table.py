@@ -58,7 +58,7 @@ def _in_sigmas(difference: float, sigma: float) -> str:
 
 def worst_views_table(evaluation: Evaluation) -> Table:
     """The views with the largest reprojection errors."""
-    names = [printable(name.encode("utf-8", "backslashreplace").decode()) for name in
+    names = [printable(name) for name in
              evaluation.calibration.observations.view_names]  # fmt: skip
     return _worst_table(evaluation, "worst photos", lambda row: names[row], by_view)
 

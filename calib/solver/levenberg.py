@@ -69,8 +69,8 @@ def minimise(
         if step.solvable and step.predicted <= small_decrease * cost + perfect:
             return Minimum(camera, cam_from_target, blocks, iteration, converged=True)
         trial = _moved(camera, tie, step.free)
-        poses = move_poses(cam_from_target, step.pose, _turn_of_centre(camera, trial))
-        if step.solvable and _allowed(trial):
+        poses = move_poses(cam_from_target, step.pose, turn_of_centre(camera, trial))
+        if step.solvable and is_allowed(trial):
             there = view_blocks(problem, trial, poses, loss)
             trial_cost = float(there.cost.sum())
             if trial_cost < cost:
@@ -92,7 +92,7 @@ def _shrinkage(gain: float, bold: float) -> float:
     return bold if gain > 0.9 else max(1 / 3, 1 - (2 * gain - 1) ** 3)
 
 
-def _turn_of_centre(camera: Camera, trial: Camera) -> Array:
+def turn_of_centre(camera: Camera, trial: Camera) -> Array:
     """The rotation vector of the camera that undoes, in the middle of the image, a shift of the principal point."""
     du, dv = trial.params[2:4] - camera.params[2:4]
     fx, fy = trial.params[:2]
@@ -186,7 +186,7 @@ def _moved(camera: Camera, tie: NDArray[np.int64], free: Array) -> Camera:
     return replace(camera, params=camera.params + np.where(tie >= 0, free[tie], 0.0))
 
 
-def _allowed(camera: Camera) -> bool:
+def is_allowed(camera: Camera) -> bool:
     """Whether each parameter is within its bounds."""
     bounds = MODELS[camera.model].parameters
     return all(bound.lower < x < bound.upper for bound, x in zip(bounds, camera.params.tolist(), strict=True))

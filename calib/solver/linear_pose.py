@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.jit import jit
+from calib.se3 import compose, invert
 from calib.small_solve import cholesky_solve
 
 Array = NDArray[np.float64]
@@ -50,7 +51,7 @@ def linear_views(
         as_planes: take every view's points for planar.
         is_robust: fit what most of the observations agree on.
     """
-    frame, spread = _principal_frames(view_start, position_mm)
+    frame, spread = principal_frames(view_start, position_mm)
     is_planar = (spread[:, 0] < FLAT * spread[:, 2]) | as_planes
     projection = np.empty((len(frame), 3, 4))
     fit = _fit_views_by_consensus if is_robust else _fit_views
@@ -58,7 +59,7 @@ def linear_views(
     return LinearViews(projection, frame, is_planar)
 
 
-def _principal_frames(view_start: NDArray[np.int64], position_mm: Array) -> tuple[Array, Array]:
+def principal_frames(view_start: NDArray[np.int64], position_mm: Array) -> tuple[Array, Array]:
     """The frame of each view's points, z along their least extent, and their extents in ascending order."""
     count = np.diff(view_start)
     first = view_start[:-1]
@@ -218,12 +219,7 @@ def poses_of(views: LinearViews) -> Array:
     rotation = rotation * np.linalg.det(rotation)[:, None, None]
     poses = np.tile(np.eye(4), (len(axes), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = rotation, origin
-    target_from_plane = views.target_from_plane
-    plane_from_target = np.array(target_from_plane)
-    plane_from_target[:, :3, :3] = target_from_plane[:, :3, :3].transpose(0, 2, 1)
-    plane_from_target[:, :3, 3] = -np.einsum("vji,vj->vi", target_from_plane[:, :3, :3], target_from_plane[:, :3, 3])
-    result: Array = poses @ plane_from_target
-    return np.where(known[:, None, None], result, np.nan)
+    return np.where(known[:, None, None], compose(poses, invert(views.target_from_plane)), np.nan)
 
 
 def weak_perspective_poses(view_start: NDArray[np.int64], position_mm: Array, ray: Array) -> Array:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calib.se3 import compose, invert
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.levenberg import minimise_poses
-from calib.solver.linear_pose import linear_views
+from calib.solver.linear_pose import principal_frames
 from calib.solver.outliers import forgetful
 from calib.solver.problem import MANY, Problem, few_per_view, select
 from calib.solver.start import linear_poses
@@ -105,7 +105,7 @@ def _flipped(problem: Problem, cam_from_target: Array) -> Array:
     In the plane's frame `R' = M R diag(1, 1, -1)`, with M the mirror across the line of sight to the middle
     (Schweighofer and Pinz 2006). For points that are not in a plane the pose is merely another start.
     """
-    frame = linear_views(problem.view_start, problem.position_mm, problem.measured_px).target_from_plane
+    frame, _ = principal_frames(problem.view_start, problem.position_mm)
     pose = np.array(compose(cam_from_target, frame))
     sight = pose[:, :3, 3] / np.linalg.norm(pose[:, :3, 3], axis=1, keepdims=True)
     mirror = np.eye(3) - 2 * sight[:, :, None] * sight[:, None, :]

@@ -1,11 +1,11 @@
 """The solution: from observations, without prior knowledge, to a calibration."""
 
 import time
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.sightings import keep_views
 from calib.solver.covariance import accuracy_of
 from calib.solver.degeneracy import why_degenerate
 from calib.solver.descend import Descended, descend, is_robust, without_lens
@@ -152,18 +152,3 @@ def _lost(observations: Observations, descended: Descended) -> list[str]:
         f"{observations.view_names[view]}: left out: nearly all of its observations are outliers"
         for view in np.flatnonzero(descended.is_lost).tolist()
     ]
-
-
-def keep_views(observations: Observations, keep: NDArray[np.bool_]) -> Observations:
-    """The observations of some views.  # (V,) of bool"""
-    if keep.all():
-        return observations
-    rows = keep[observations.view]
-    return replace(
-        observations,
-        view_names=tuple(name for name, kept in zip(observations.view_names, keep.tolist(), strict=True) if kept),
-        view=(np.cumsum(keep) - 1)[observations.view[rows]],
-        point=observations.point[rows],
-        center_px=observations.center_px[rows],
-        cov_px2=None if observations.cov_px2 is None else observations.cov_px2[rows],
-    )

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise, rays
+from calib.refit import image_grid
 from calib.types import Camera
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ def projected_covariance_px2(camera: Camera, param_covariance: Array, pixel: Arr
     With G = du/dparams and R = du/drotation at a pixel, and W the least-squares rotation over the image for each
     parameter, the change by dp is `(G + R W) dp`.
     """
-    by_params, by_rotation = _derivatives(camera, image_grid(camera.image_size))
+    by_params, by_rotation = _derivatives(camera, image_grid(camera.image_size, *GRID).reshape(-1, 2))
     seen: NDArray[np.bool_] = np.asarray(np.isfinite(by_params).all(axis=(1, 2)))
     turn, *_ = np.linalg.lstsq(
         by_rotation[seen].reshape(-1, 3), -by_params[seen].reshape(-1, by_params.shape[2]), rcond=None
@@ -40,14 +41,6 @@ def projected_sigma_px(camera: Camera, param_covariance: Array, pixel: Array) ->
     known: NDArray[np.bool_] = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     largest = np.linalg.eigvalsh(np.where(known[:, None, None], covariance, 0.0))[:, 1]
     return np.where(known, np.sqrt(np.maximum(largest, 0.0)), np.nan)
-
-
-def image_grid(image_size: tuple[int, int], columns_rows: tuple[int, int] = GRID) -> Array:
-    """Pixels (N, 2) evenly spread over the image, row by row, its corners among them."""
-    u = np.linspace(0, image_size[0] - 1, columns_rows[0])
-    v = np.linspace(0, image_size[1] - 1, columns_rows[1])
-    grid: Array = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    return grid
 
 
 def _derivatives(camera: Camera, pixel: Array) -> tuple[Array, Array]:

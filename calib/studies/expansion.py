@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import MODELS
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.covariance import accuracy_of
-from calib.solver.levenberg import move_poses
+from calib.solver.levenberg import is_allowed, move_poses, turn_of_centre
 from calib.solver.problem import Problem
 from calib.solver.schur import reduced_normal
 from calib.solver.tie import Tie
@@ -86,19 +85,6 @@ def expand(problem: Problem, camera: Camera, cam_from_target: Array, tie: Tie) -
         np.stack([reduced_normal(products[view : view + 1], tie.row)[0] for view in range(len(products))]),
         np.einsum("vpp,pq->vq", camera_block, spread),
     )  # fmt: skip
-
-
-def turn_of_centre(camera: Camera, trial: Camera) -> Array:
-    """The turn (3,) of the camera that goes with another principal point, see `calib.solver.levenberg.move_poses`."""
-    du, dv = trial.params[2:4] - camera.params[2:4]
-    fx, fy = trial.params[:2]
-    return np.array([dv / fy, -du / fx, 0.0])
-
-
-def is_allowed(camera: Camera) -> bool:
-    """Whether each parameter is within its bounds."""
-    bounds = MODELS[camera.model].parameters
-    return all(bound.lower < x < bound.upper for bound, x in zip(bounds, camera.params.tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
 from calib.pipeline.calibrate import calibrate
 from calib.se3 import make_pose
+from calib.sightings import keep_sightings
 from calib.studies.pool import Pool
 from calib.studies.sample import SampleResult
 from calib.types import Calibration, Observations
@@ -53,14 +54,8 @@ def expanded(observations: Observations, drawn: NDArray[np.int64]) -> Observatio
     length = np.diff(start)[drawn]
     place = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
     rows = np.repeat(start[drawn], length) + place
-    return replace(
-        observations,
-        view_names=tuple(observations.view_names[view] for view in drawn.tolist()),
-        view=np.repeat(np.arange(len(drawn)), length),
-        point=observations.point[rows],
-        center_px=observations.center_px[rows],
-        cov_px2=None if observations.cov_px2 is None else observations.cov_px2[rows],
-    )
+    names = tuple(observations.view_names[view] for view in drawn.tolist())
+    return replace(keep_sightings(observations, rows), view_names=names, view=np.repeat(np.arange(len(drawn)), length))
 
 
 def _true_poses(pool: Pool, found: Calibration) -> Array | None:

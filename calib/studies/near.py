@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from calib.jit import jit
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.degeneracy import SINGULAR, UNSURE_FOCAL
-from calib.solver.levenberg import move_poses
+from calib.solver.levenberg import is_allowed, move_poses, turn_of_centre
 from calib.solver.problem import MANY, select
 from calib.solver.schur import damped_step
-from calib.studies.expansion import Expansion, is_allowed, turn_of_centre
+from calib.studies.expansion import Expansion
 from calib.studies.gradients import gradients_of
 from calib.studies.pool import Pool
 from calib.types import Camera

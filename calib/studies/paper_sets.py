@@ -1,7 +1,7 @@
 """The paper's synthetic sets made again: its two targets, photographed from 400 mm, detected, and told by incidence."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from calib.render.job import RenderJob, run_job
 from calib.render.options import RenderOptions
 from calib.render.poses import PoseGrid, grid_poses
 from calib.results.truth import Truth, true_poses
+from calib.sightings import keep_sightings, keep_views, sightings_per_view
 from calib.types import Camera, Observations
 from designer.layout import lay_out
 from designer.spec import BoardSpec, IcoSpec
@@ -103,10 +104,5 @@ def incidence_deg(seen: Observations, truth: Truth) -> NDArray[np.float64]:
 
 def only(seen: Observations, rows: NDArray[np.bool_]) -> Observations:
     """Some of the sightings, without views that keep too few."""
-    keep = np.bincount(seen.view[rows], minlength=seen.view_count) >= LEAST_SIGHTINGS
-    rows = rows & keep[seen.view]
-    return replace(
-        seen, view_names=tuple(np.array(seen.view_names)[keep].tolist()), view=(np.cumsum(keep) - 1)[seen.view[rows]],
-        point=seen.point[rows], center_px=seen.center_px[rows],
-        cov_px2=None if seen.cov_px2 is None else seen.cov_px2[rows],
-    )  # fmt: skip
+    kept = keep_sightings(seen, rows)
+    return keep_views(kept, sightings_per_view(kept) >= LEAST_SIGHTINGS)

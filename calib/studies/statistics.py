@@ -64,6 +64,11 @@ class Case:
     sampling: str = ""  # of rendered photos, "binary" or "area"
     sightings: str = ""  # which count, such as "all"
 
+    @property
+    def name(self) -> str:
+        """What tells it from the others of a study, and its samples' random numbers from theirs."""
+        return f"{self.target}/{self.sampling}/{self.sightings}/{self.size}"
+
 
 class SampleArrays(Protocol):
     """S samples of a case."""

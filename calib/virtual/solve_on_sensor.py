@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.learned import known_at, to_image, to_sensor
+from calib.sightings import keep_sightings, without_empty_views
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.types import Calibration, Camera, LearnedMap, Observations
@@ -51,7 +52,7 @@ def solve_on_sensor(observations: Observations, learned: LearnedMap, options: So
     moved = move_to_sensor(kept, learned, weighted=options.weighted)
     solved = solve(moved.observations, "pinhole", replace(options, weighted=True))
     rows = rows_of_views(kept, solved.observations.view_names)
-    kept = keep_rows(kept, rows)
+    kept = without_empty_views(keep_sightings(kept, rows))
     return replace(
         solved,
         camera=Camera("virtual", solved.camera.params, kept.image_size, learned),
@@ -91,7 +92,7 @@ def _known_part(observations: Observations, learned: LearnedMap) -> tuple[Observ
     if not enough.all():
         few = f"with fewer than {MIN_SIGHTINGS} sightings on the known map"
         remarks.append(f"{(~enough).sum()} of {len(enough)} views left out, {few}")
-    return keep_rows(observations, kept), tuple(remarks)
+    return without_empty_views(keep_sightings(observations, kept)), tuple(remarks)
 
 
 def rows_of_views(observations: Observations, view_names: tuple[str, ...]) -> NDArray[np.bool_]:
@@ -99,18 +100,3 @@ def rows_of_views(observations: Observations, view_names: tuple[str, ...]) -> ND
     kept = np.array([name in set(view_names) for name in observations.view_names], dtype=bool)
     rows: NDArray[np.bool_] = kept[observations.view]
     return rows
-
-
-def keep_rows(observations: Observations, rows: NDArray[np.bool_]) -> Observations:
-    """Some observations (M,), without the views that keep none."""
-    if rows.all():
-        return observations
-    views, view = np.unique(observations.view[rows], return_inverse=True)
-    return replace(
-        observations,
-        view_names=tuple(observations.view_names[view] for view in views.tolist()),
-        view=view,
-        point=observations.point[rows],
-        center_px=observations.center_px[rows],
-        cov_px2=None if observations.cov_px2 is None else observations.cov_px2[rows],
-    )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from calib.cameras.learned import exact_point, known_at
 from calib.one_thread import one_thread
 from calib.solver.options import SolveOptions
+from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.solve import solve
 from calib.types import Calibration, LearnedMap, Observations
 from calib.virtual.learn_map import Samples, learn_from_many
@@ -32,8 +33,6 @@ START_MODEL = "luhmann"
 MAP_TAKEN_AS_EXACT = "the standard deviations take the learned map as exact"
 COVERAGE_GRID = 60
 OUTLIER_ROUNDS = 5
-MEDIAN_LENGTH = math.sqrt(2 * math.log(2))
-"""Median length of a normal vector in the plane, in standard deviations of a coordinate."""
 
 
 @one_thread

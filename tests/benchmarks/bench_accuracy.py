@@ -18,8 +18,9 @@ import numpy as np
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
 from calib.results.truth import Truth, read_truth
+from calib.sightings import keep_views
 from calib.solver.options import SolveOptions
-from calib.solver.solve import keep_views, solve
+from calib.solver.solve import solve
 from calib.studies.paper_sets import PhotoSet, incidence_deg, observe, only, paper_targets, photograph
 from calib.types import Observations
 from designer.target import TargetGeometry

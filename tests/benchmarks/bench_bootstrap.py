@@ -24,14 +24,13 @@ from numpy.typing import NDArray  # noqa: E402
 
 from calib.results.truth import Truth  # noqa: E402
 from calib.solver.blocks import RobustLoss, view_blocks  # noqa: E402
-from calib.solver.levenberg import move_poses  # noqa: E402
+from calib.solver.levenberg import move_poses, turn_of_centre  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
 from calib.solver.problem import pack  # noqa: E402
 from calib.solver.schur import damped_step  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
 from calib.studies.bootstrap import run_chunk, run_sample  # noqa: E402
 from calib.studies.draw import draw_counts  # noqa: E402
-from calib.studies.expansion import turn_of_centre  # noqa: E402
 from calib.studies.from_scratch import expanded  # noqa: E402
 from calib.studies.pool import Pool, make_pool  # noqa: E402
 from calib.types import Calibration  # noqa: E402

@@ -20,7 +20,8 @@ from calib.detect.batch import detect_photos, named_photos
 from calib.detect.pipeline import detect
 from calib.inputs.observations import dataset_of, observations_from_detections
 from calib.metrics.evaluation import evaluate
-from calib.solver.solve import keep_views, solve
+from calib.sightings import keep_views
+from calib.solver.solve import solve
 from calib.types import Calibration, Camera, Observations
 from tests.benchmarks.bench_real_photos import plain_grid
 

@@ -1,7 +1,21 @@
-"""A progress bar on standard error, while there is a screen."""
+"""What commands show: tables on standard output, progress on standard error while there is a screen."""
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+WIDE = 240
+
+
+def table_console() -> "Console":
+    """Where tables go. Off a terminal nobody's window is narrow: a row is a line."""
+    from rich.console import Console
+
+    return Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDE)
 
 
 @contextmanager
