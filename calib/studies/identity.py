@@ -1,0 +1,109 @@
+"""What makes a study this study: seed, settings and inputs; and the programs that computed it."""
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from designer.errors import InputError
+from designer.spec_file import shown
+
+PROGRAMS = ("ringforge", "numpy", "numba", "scipy")
+"""Whose versions decide the last bits of a sample."""
+
+Pairs = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class StudyIdentity:
+    """All that a sample's result depends on, but for the case's name and size and the sample's number."""
+
+    seed: int
+    settings: Pairs  # name and value, by name; not how many samples or which sizes: there may be more of them later
+    inputs: Pairs  # name of a file and SHA-256 of its content, by name
+
+    def rows(self) -> Iterator[tuple[str, str, str]]:
+        """Kind, name and value, as they are stored."""
+        yield "seed", "seed", str(self.seed)
+        yield from (("setting", name, value) for name, value in self.settings)
+        yield from (("input", name, value) for name, value in self.inputs)
+
+    @staticmethod
+    def from_rows(rows: Sequence[tuple[object, ...]]) -> "StudyIdentity | None":
+        """The identity that was stored; None if that is none."""
+        kept: dict[str, list[tuple[str, str]]] = {"seed": [], "setting": [], "input": []}
+        for kind, name, value in rows:
+            if not (isinstance(kind, str) and kind in kept and isinstance(name, str) and isinstance(value, str)):
+                return None
+            kept[kind].append((name, value))
+        try:
+            ((_, seed),) = kept["seed"]
+            return StudyIdentity(int(seed), tuple(sorted(kept["setting"])), tuple(sorted(kept["input"])))
+        except ValueError:
+            return None
+
+    def difference(self, other: "StudyIdentity") -> str:
+        """In what the study asked for differs from this one, with the remedy; "" if in nothing."""
+        if self.seed != other.seed:
+            return f"is a study of seed {self.seed}, not {other.seed}; give --seed {self.seed}, or choose another -o"
+        name, here, there = _first_difference(self.settings, other.settings)
+        if name:
+            return (
+                f"is a study with {name} {shown(here)}, not {shown(there)}; give the same options, or choose another -o"
+            )
+        name, here, there = _first_difference(self.inputs, other.inputs)
+        if not name:
+            return ""
+        if here is None or there is None:
+            return f"is a study {'without' if here is None else 'with'} {name}; give the same files, or another -o"
+        return f"{name} has changed since the study began; give the file as it was, or choose another -o"
+
+
+def identity_of(seed: int, settings: Mapping[str, str], inputs: Mapping[str, Path]) -> StudyIdentity:
+    """The identity of a study.
+
+    Args:
+        seed: of all samples.
+        settings: what else decides a sample's result, by name.
+        inputs: the files that are read, by what they are (such as "target"), so that they may be moved.
+
+    Raises:
+        InputError: a file cannot be read.
+    """
+    digests = ((name, sha256_of(path)) for name, path in sorted(inputs.items()))
+    return StudyIdentity(seed, tuple(sorted(settings.items())), tuple(digests))
+
+
+def sha256_of(path: Path) -> str:
+    """The SHA-256 of a file, as hexadecimal digits.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+
+
+def program_versions() -> Pairs:
+    """Names and versions of the programs that compute samples."""
+    return tuple((name, _version(name)) for name in PROGRAMS)
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:  # run from its sources
+        return "unknown"
+
+
+def _first_difference(here: Pairs, there: Pairs) -> tuple[str, str | None, str | None]:
+    """The first name with another value, and the values; "" if there is none."""
+    ours, theirs = dict(here), dict(there)
+    for name in sorted(ours.keys() | theirs.keys()):
+        if ours.get(name) != theirs.get(name):
+            return name, ours.get(name), theirs.get(name)
+    return "", None, None

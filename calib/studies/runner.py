@@ -1,0 +1,244 @@
+"""Run the samples of a study that are not there yet, whoever computes them and however often it is interrupted."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.studies.bootstrap import run_chunk as run_bootstrap_chunk
+from calib.studies.draw import draw_counts
+from calib.studies.sample import SampleResult
+from calib.studies.store import Study
+from calib.studies.stored_samples import StoredCase
+from calib.studies.workers import CaseSpec, Chunk, Done, Lost, RunChunk, Workers, WorkersGoneError, processes
+from designer.errors import InputError
+
+CHUNK_S = 0.4
+"""What a chunk is to take: little is lost with one, and sending it costs nothing beside."""
+FIRST_CHUNK, MAX_CHUNK = 4, 1000
+HOPELESS = 3
+"""So many samples one after the other that end their worker, and none that comes out: it is not the samples."""
+
+
+class StudyStoppedError(Exception):
+    """The run ended before its samples; what there is, is kept. One line that says how to go on."""
+
+    def __init__(self, reason: str, done: int, total: int, *, by_user: bool) -> None:
+        super().__init__(f"{reason} after {done} of {total} samples, which are kept; go on with --resume")
+        self.done, self.total, self.by_user = done, total, by_user
+
+
+def run_cases(
+    cases: Sequence[CaseSpec],
+    study: Study,
+    *,
+    samples: int,
+    seed: int,
+    jobs: int,
+    dask: str | None = None,
+    on_progress: Callable[[int], None] = lambda done: None,
+    run_chunk: RunChunk = run_bootstrap_chunk,
+    chunk: int | None = None,
+) -> None:
+    """Compute and keep the samples 0 to `samples` of each case that the study does not have.
+
+    What a sample is depends on (seed, case, number) only, so the study's content does not depend on the rest.
+
+    Args:
+        cases: what is sampled; their names differ.
+        study: where samples are kept.
+        samples: of each case.
+        seed: of the study.
+        jobs: processes on this machine.
+        dask: address of the scheduler of a cluster that is to do it instead.
+        on_progress: told how many samples of all cases are done, those from before included.
+        run_chunk: what computes samples; importable by workers.
+        chunk: samples of a chunk; else as many as take a moment.
+
+    Raises:
+        InputError: numbers that make no sense, a file that cannot be written, or a cluster that cannot be used.
+        StudyStoppedError: interrupted, or no workers are left.
+    """
+    _check(cases, study, samples, seed, jobs)
+    for case in cases:
+        solved = case.pool.calibration
+        study.declare(StoredCase(case.case, solved.camera.model, len(solved.camera.params), solved.param_covariance))
+    todo = _Todo(cases, [sorted(set(range(samples)) - study.done(case.name)) for case in cases], chunk)
+    run = _Run(study, todo, seed, total=samples * len(cases), on_progress=on_progress)
+    on_progress(run.done)
+    if run.done == run.total:
+        return
+    try:
+        with _workers(jobs, dask, seed, run_chunk) as workers:
+            run.to_the_end(workers)
+    except KeyboardInterrupt:
+        raise StudyStoppedError("stopped", run.done, run.total, by_user=True) from None
+    except WorkersGoneError as error:
+        raise StudyStoppedError(f"{error}: stopped", run.done, run.total, by_user=False) from None
+
+
+def _workers(jobs: int, dask: str | None, seed: int, run_chunk: RunChunk) -> AbstractContextManager[Workers]:
+    if dask is None:
+        return processes(jobs, seed, run_chunk)
+    from calib.studies.dask_cluster import dask_workers
+
+    return dask_workers(dask, seed, run_chunk)
+
+
+def _check(cases: Sequence[CaseSpec], study: Study, samples: int, seed: int, jobs: int) -> None:
+    """Refuse numbers that make no sense."""
+    if samples < 1:
+        raise InputError(f"{samples} samples: give 1 or more")
+    if jobs < 1:
+        raise InputError(f"{jobs} jobs: give 1 or more")
+    for case in cases:
+        if case.size < 1:
+            raise InputError(f"size {case.size}: draw 1 view or more for a sample")
+    if seed != study.identity.seed:
+        raise ValueError(f"the study has seed {study.identity.seed}, not {seed}")
+    if len({case.name for case in cases}) < len(cases):
+        raise ValueError("two cases have the same name")
+
+
+class _Todo:
+    """The samples that are to be computed, cut into chunks as they are asked for."""
+
+    def __init__(self, cases: Sequence[CaseSpec], missing: Sequence[Sequence[int]], chunk: int | None) -> None:
+        self.count = sum(map(len, missing))
+        self._left = deque(
+            Chunk(case, numbers) for case, some in zip(cases, missing, strict=True) for numbers in _ranges(some)
+        )
+        self._fixed = chunk
+        self._sample_s: dict[str, float] = {}
+
+    def next(self) -> Chunk | None:
+        """The next chunk; None if there is no more."""
+        if not self._left:
+            return None
+        left = self._left.popleft()
+        cut = self._size(left.case)
+        if len(left.numbers) > cut:
+            self._left.appendleft(Chunk(left.case, left.numbers[cut:]))
+        return Chunk(left.case, left.numbers[:cut])
+
+    def learn(self, done: Done) -> None:
+        """Note how long a chunk took."""
+        self._sample_s[done.chunk.case.name] = done.seconds / len(done.chunk.numbers)
+
+    def _size(self, case: CaseSpec) -> int:
+        if self._fixed is not None:
+            return self._fixed
+        sample_s = self._sample_s.get(case.name)
+        return FIRST_CHUNK if sample_s is None else max(1, min(int(CHUNK_S / max(sample_s, 1e-9)), MAX_CHUNK))
+
+
+def _ranges(numbers: Iterable[int]) -> Iterator[range]:
+    """Ascending numbers as ranges without gaps."""
+    begin = end = None
+    for number in numbers:
+        if begin is None or number != end:
+            if begin is not None and end is not None:
+                yield range(begin, end)
+            begin = number
+        end = number + 1
+    if begin is not None and end is not None:
+        yield range(begin, end)
+
+
+@dataclass(frozen=True, eq=False)
+class _Failure:
+    """A sample that ended its worker."""
+
+    case: CaseSpec
+    result: SampleResult
+
+
+class _Run:
+    """One run: what is out, what is suspected of killing workers, and what has been kept."""
+
+    def __init__(self, study: Study, todo: _Todo, seed: int, *, total: int, on_progress: Callable[[int], None]) -> None:
+        self._study, self._todo, self._seed, self._on_progress = study, todo, seed, on_progress
+        self.total = total
+        self.done = total - todo.count
+        self._out = 0
+        self._suspects: deque[Chunk] = deque()
+        self._failures: list[_Failure] = []
+        self._alone: Chunk | None = None  # the suspect that is computed while nothing else is
+        self._any_good = False
+
+    def to_the_end(self, workers: Workers) -> None:
+        """Send, receive and keep until nothing is left.
+
+        When a worker dies, each of the chunks that were out may have done it. They are computed again one by one, and
+        one that does it then sample by sample: so no sample is blamed for another.
+        """
+        while True:
+            self._send(workers)
+            if not self._out:
+                break
+            for answer in workers.receive():
+                self._out -= 1
+                if isinstance(answer, Done):
+                    self._keep(answer)
+                else:
+                    self._consider(answer)
+            if not self._out:
+                self._alone = None
+        self._keep_failures()
+
+    def _send(self, workers: Workers) -> None:
+        if self._suspects or self._alone:
+            if not self._out:
+                self._alone = self._suspects.popleft()
+                workers.send(self._alone)
+                self._out += 1
+            return
+        while self._out < workers.capacity():
+            chunk = self._todo.next()
+            if chunk is None:
+                return
+            workers.send(chunk)
+            self._out += 1
+
+    def _keep(self, answer: Done) -> None:
+        self._todo.learn(answer)
+        self._any_good = True
+        self._add(answer.chunk.case, answer.results)
+        self._keep_failures()
+
+    def _consider(self, lost: Lost) -> None:
+        """Try again, unless it is one sample that is to blame for certain."""
+        case, numbers = lost.chunk.case, lost.chunk.numbers
+        if lost.is_crash and lost.chunk is not self._alone:
+            self._suspects.append(lost.chunk)
+        elif len(numbers) > 1:
+            self._suspects.extend(Chunk(case, range(number, number + 1)) for number in numbers)
+        else:
+            self._fail(case, numbers[0], lost.reason)
+
+    def _fail(self, case: CaseSpec, number: int, reason: str) -> None:
+        counts = draw_counts(self._seed, case.name, number, case.size, case.pool.view_count)
+        nothing = (float("nan"),) * len(case.pool.calibration.camera.params)
+        self._failures.append(
+            _Failure(
+                case,
+                SampleResult(number, "failed", int(np.count_nonzero(counts)), *(float("nan"),) * 4, nothing, 0, reason),
+            )
+        )
+        if self._any_good:
+            self._keep_failures()
+        elif len(self._failures) == HOPELESS:
+            # Keeping these would spoil the study for a fault of the machine.
+            raise WorkersGoneError(f"every sample fails ({reason})")
+
+    def _keep_failures(self) -> None:
+        for failure in self._failures:
+            self._add(failure.case, [failure.result])
+        self._failures.clear()
+
+    def _add(self, case: CaseSpec, results: list[SampleResult]) -> None:
+        self._study.add(case.name, results)
+        self.done += len(results)
+        self._on_progress(self.done)

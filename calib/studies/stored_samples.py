@@ -1,0 +1,142 @@
+"""Samples of a case as arrays, and as the rows of a study file, which are checked as any input."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.studies.sample import SampleResult
+from calib.studies.statistics import Case
+from calib.types import Status
+from designer.errors import InputError
+
+STATUSES = (*get_args(Status), "failed")
+MAX_PARAMS = 1000
+
+
+@dataclass(frozen=True)
+class StoredCase:
+    """A case, and what its pool is known by."""
+
+    case: Case
+    model: str
+    params: int  # P, of the camera
+    covariance: NDArray[np.float64] = field(compare=False)  # (P, P) of the parameters, in the solution of all views
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """S samples of a case, by number."""
+
+    case: StoredCase
+    number: NDArray[np.int64]  # (S,)
+    status: NDArray[np.str_]  # (S,)
+    distinct_views: NDArray[np.int64]  # (S,)
+    metrics: NDArray[np.float64]  # (S, 4) reprojection (px), intersection, reconstruction, pose (mm); nan: not defined
+    params: NDArray[np.float64]  # (S, P) nan if there is no camera
+    iterations: NDArray[np.int64]  # (S,)
+    message: tuple[str, ...]  # (S,)
+
+
+Row = tuple[object, ...]
+
+
+def row_of(result: SampleResult, params: int) -> Row:
+    """A sample as a row; what is not a number has no value there."""
+    if len(result.params) != params:
+        raise ValueError(f"sample {result.number} has {len(result.params)} parameters; its case has {params}")
+    metrics = (result.reprojection_px, result.intersection_mm, result.reconstruction_mm, result.pose_mm)
+    return (
+        int(result.number), result.status, int(result.distinct_views),
+        *(None if math.isnan(value) else float(value) for value in metrics),
+        np.asarray(result.params, dtype="<f8").tobytes(), int(result.iterations), result.message,
+    )  # fmt: skip
+
+
+def samples_from_rows(path: Path, case: StoredCase, rows: Sequence[Row]) -> Samples:
+    """The samples of a case.
+
+    Args:
+        path: where they are from, for messages.
+        case: what they are samples of.
+        rows: number, status, distinct views, four metrics, parameters, iterations, message.
+
+    Raises:
+        InputError: a row is none that a study has written.
+    """
+    for row in rows:
+        _check_row(path, case, row)
+    number, status, distinct, *metrics, params, iterations, message = zip(*rows, strict=True) if rows else ((),) * 10
+    numbers = np.array([[math.nan if value is None else value for value in column] for column in metrics], dtype=float)
+    return Samples(
+        case,
+        np.array(number, dtype=np.int64),
+        np.array(status, dtype="U10"),
+        np.array(distinct, dtype=np.int64),
+        np.ascontiguousarray(numbers.T),
+        np.frombuffer(b"".join(map(_blob, params)), dtype="<f8").reshape(len(rows), case.params).astype(np.float64),
+        np.array(iterations, dtype=np.int64),
+        tuple(map(str, message)),
+    )
+
+
+def row_of_case(stored: StoredCase) -> Row:
+    """A case as a row."""
+    case = stored.case
+    return (
+        case.name, case.target, case.size, case.pool, case.sampling, case.sightings, stored.model, stored.params,
+        np.asarray(stored.covariance, dtype="<f8").tobytes(),
+    )  # fmt: skip
+
+
+def case_from_row(path: Path, row: Row) -> StoredCase:
+    """A case from a row.
+
+    Raises:
+        InputError: it is none that a study has written.
+    """
+    name, target, size, pool, sampling, sightings, model, params, covariance = row
+    if (
+        isinstance(target, str)
+        and isinstance(size, int)
+        and isinstance(pool, int)
+        and isinstance(sampling, str)
+        and isinstance(sightings, str)
+        and isinstance(model, str)
+        and isinstance(params, int)
+        and isinstance(covariance, bytes)
+        and size > 0
+        and pool > 0
+        and 0 <= params <= MAX_PARAMS
+        and len(covariance) == 8 * params**2
+        and (case := Case(target, size, pool, sampling, sightings)).name == name
+    ):
+        matrix = np.frombuffer(covariance, dtype="<f8").reshape(params, params).astype(np.float64)
+        return StoredCase(case, model, params, matrix)
+    raise _damaged(path, "its list of cases")
+
+
+def _blob(value: object) -> bytes:
+    return value if isinstance(value, bytes) else b""
+
+
+def _check_row(path: Path, case: StoredCase, row: Row) -> None:
+    number, status, distinct, *metrics, params, iterations, message = row
+    counts = (number, distinct, iterations)
+    if not (
+        all(isinstance(count, int) and count >= 0 for count in counts)
+        and status in STATUSES
+        and all(value is None or isinstance(value, float) for value in metrics)
+        and isinstance(params, bytes)
+        and len(params) == 8 * case.params
+        and isinstance(message, str)
+    ):
+        raise _damaged(path, f"a sample of {case.case.name!r}")
+
+
+def _damaged(path: Path, what: str) -> InputError:
+    return InputError(f"{path}: {what} is damaged; start a new study in another folder")
