@@ -13,6 +13,7 @@ from calib.commands.pose import pose
 from calib.commands.render import render
 from calib.commands.run import run as run_all
 from calib.commands.solve import solve
+from calib.commands.study import app as study
 from calib.commands.undistort import undistort
 from designer.command import run
 
@@ -45,6 +46,7 @@ def target(file: Annotated[Path, typer.Argument(help="a target file (NAME.target
 app.command("run")(run_all)
 for command in (render, detect, solve, evaluate, convert, undistort, pose, diff):
     app.command()(command)
+app.add_typer(study, name="study")
 
 
 def main() -> None:

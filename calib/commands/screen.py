@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -19,18 +19,40 @@ def table_console() -> "Console":
 
 
 @contextmanager
-def progress_bar(label: str, total: int) -> Iterator[Callable[[float], None]]:
+def progress_bar(label: str, total: int, *, rate: bool = False) -> Iterator[Callable[[float], None]]:
     """A bar that is told how many of the total are done, parts of one included.
 
     Args:
         label: what is being done, as in "searching".
         total: how many there are.
+        rate: say how many are done in a second.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+    from rich.text import Text
 
-    columns = (TextColumn(label), BarColumn(), TextColumn("{task.fields[whole]}/{task.total}"), TimeRemainingColumn())
+    class Rate(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            return Text(f"{task.speed:.0f}/s" if rate and task.speed else "")
+
+    columns = (
+        TextColumn(label), BarColumn(), TextColumn("{task.fields[whole]}/{task.total}"), Rate(), TimeRemainingColumn()
+    )  # fmt: skip
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(label, total=total, whole=0)
         yield lambda done: bar.update(task, completed=done, whole=int(done + 1e-9))
+
+
+@contextmanager
+def waiting(label: str) -> Iterator[None]:
+    """A sign of life while something of unknown length is done.
+
+    Args:
+        label: what is being done, as in "solving".
+    """
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    with console.status(label, spinner="dots") if console.is_terminal else nullcontext():
+        yield

@@ -3,7 +3,6 @@
 import shlex
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 
 from calib.commands.detect import program
-from calib.commands.screen import table_console
+from calib.commands.screen import table_console, waiting
 from designer.command import STOPPED, printable
 from designer.errors import InputError
 
@@ -48,16 +47,13 @@ def solve_and_say(work: Work) -> "list[Solution]":
     Raises:
         InputError: no model could be solved.
     """
-    from rich.console import Console
-
     from calib.pipeline.solutions import solve_models
 
     for remark in work.remarks:
         print(printable(remark))
-    waiting = Console(stderr=True)
     solutions: list[Solution] = []
     try:
-        with waiting.status("solving", spinner="dots") if waiting.is_terminal else nullcontext():
+        with waiting("solving"):
             for solution in solve_models(
                 work.observations, work.plan, work.folder, provenance=_provenance_of(work), reference=work.reference,
                 truth=work.truth, remarks=work.remarks,

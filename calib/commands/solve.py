@@ -11,6 +11,7 @@ from designer.errors import InputError
 
 if TYPE_CHECKING:
     from calib.inputs.corners_vnl import Grid
+    from calib.inputs.observations import Prepared
     from calib.pipeline.settings import SolvePlan
     from calib.virtual.solve_virtual import Reference
 
@@ -25,6 +26,9 @@ RejectOption = Annotated[
 WeightedOption = Annotated[
     bool, typer.Option("--weighted/--unweighted", help="weigh observations by their covariances, or all alike")
 ]
+ImageSizeOption = Annotated[str | None, typer.Option(help="of files that do not say it: 2448x2048")]
+GridOption = Annotated[str | None, typer.Option(help="of a corners.vnl: 10x7 corners")]
+PitchOption = Annotated[str | None, typer.Option(help="of a corners.vnl: distance of its corners, 20mm")]
 ReferenceOption = Annotated[
     str | None,
     typer.Option(
@@ -51,23 +55,19 @@ def solve(
     weighted: WeightedOption = False,
     reference: ReferenceOption = None,
     reference_target: ReferenceTargetOption = None,
-    image_size: Annotated[str | None, typer.Option(help="of files that do not say it: 2448x2048")] = None,
-    grid: Annotated[str | None, typer.Option(help="of a corners.vnl: 10x7 corners")] = None,
-    pitch: Annotated[str | None, typer.Option(help="of a corners.vnl: distance of its corners, 20mm")] = None,
+    image_size: ImageSizeOption = None,
+    grid: GridOption = None,
+    pitch: PitchOption = None,
 ) -> None:
     """Solve the camera, and where it stood, from what was detected.
 
     The exit code is 1 if the observations do not determine the camera.
     """
-    from calib.inputs.correspondences import parse_pair, read_observations
-    from calib.inputs.dataset import MAX_SIDE_PX
     from designer.target import load_target
 
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
-    size = None if image_size is None else parse_pair("--image-size", image_size, MAX_SIDE_PX)
     check_folder(out)
-    _require_file(detections)
-    prepared = read_observations(detections, target, image_size=size, grid=_grid(grid, pitch))
+    prepared = read_input(detections, target, image_size, grid, pitch)
     settings = (
         ("detections", detections.name),
         ("target", "" if target is None else target.name),
@@ -81,6 +81,18 @@ def solve(
     say_files(solutions)
     advise(solutions, evaluate=lambda best: f"calib evaluate {quoted(best.folder)}")
     leave_if_degenerate(solutions)
+
+
+def read_input(
+    detections: Path, target: Path | None, image_size: str | None, grid: str | None, pitch: str | None
+) -> "Prepared":
+    """What a camera is solved from, of a file of any kind, with the options that some kinds need."""
+    from calib.inputs.correspondences import parse_pair, read_observations
+    from calib.inputs.dataset import MAX_SIDE_PX
+
+    size = None if image_size is None else parse_pair("--image-size", image_size, MAX_SIDE_PX)
+    _require_file(detections)
+    return read_observations(detections, target, image_size=size, grid=_grid(grid, pitch))
 
 
 def _require_file(path: Path) -> None:

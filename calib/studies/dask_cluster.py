@@ -134,6 +134,22 @@ def dask_workers(address: str, seed: int, run_chunk: RunChunk) -> Iterator[DaskW
         client.close(timeout=2)
 
 
+def check_cluster(address: str) -> None:
+    """Refuse a cluster that could not be used.
+
+    Args:
+        address: of its scheduler.
+
+    Raises:
+        InputError: as `dask_workers`.
+    """
+    client = _connect(address)
+    try:
+        _require_same_programs(client, address)
+    finally:
+        client.close(timeout=2)
+
+
 def _connect(address: str) -> "Client":
     try:
         from distributed import Client

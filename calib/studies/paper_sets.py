@@ -1,6 +1,6 @@
 """The paper's synthetic sets made again: its two targets, photographed from 400 mm, detected, and told by incidence."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,9 @@ from calib.render.options import RenderOptions
 from calib.render.poses import PoseGrid, grid_poses
 from calib.results.truth import Truth, true_poses
 from calib.sightings import keep_sightings, keep_views, sightings_per_view
-from calib.types import Camera, Observations
+from calib.solver.solve import solve
+from calib.types import Camera, Detections, Observations
+from designer.errors import InputError
 from designer.layout import lay_out
 from designer.spec import BoardSpec, IcoSpec
 from designer.target import TargetGeometry
@@ -58,13 +60,13 @@ class PhotoSet:
     @property
     def name(self) -> str:
         """Of its folder."""
-        return f"{self.target}-{self.sampling}"
+        return f"{self.target}-{self.sampling}-{self.views}-views-seed-{self.seed}"
 
 
 def photograph(
-    photos: PhotoSet, target: TargetGeometry, folder: Path, *, jobs: int, on_view: Callable[[int, int], None]
+    photos: PhotoSet, target: TargetGeometry, folder: Path, *, jobs: int, tell: Callable[[int], None]
 ) -> None:
-    """Render a set from a hemisphere of poses that look at the target, unless it is there.
+    """Render what is missing of a set, from a hemisphere of poses that look at the target.
 
     Raises:
         InputError: the folder holds another set.
@@ -72,21 +74,63 @@ def photograph(
     grid = PoseGrid(photos.views, np.pi / 2, (DISTANCE_MM, DISTANCE_MM), random_roll=False, aim_offset_mm=0.0)
     poses = grid_poses(grid, np.random.default_rng(photos.seed))
     job = RenderJob(target, camera_or_preset(CAMERA), poses, SAMPLINGS[photos.sampling], seed=photos.seed)
-    run_job(job, folder, processes=jobs, overwrite=False, on_view=on_view)
+    run_job(job, folder, processes=jobs, overwrite=False, on_view=lambda done, _: tell(done))
 
 
-def observe(
-    target: TargetGeometry, folder: Path, camera: Camera | None, *, jobs: int, on_view: Callable[[int, int], None]
-) -> Observations:
-    """What the detector sees in a folder of photos."""
-    photos = named_photos(sorted(folder.glob("*.png")))
+def search(
+    target: TargetGeometry, folder: Path, camera: Camera | None, *, jobs: int, tell: Callable[[int], None]
+) -> list[Detections]:
+    """What the detector finds in a folder of photos, those without the target left out.
+
+    Args:
+        target: what they show.
+        folder: where they lie.
+        camera: whose lens is known, or None.
+        jobs: photos at a time.
+        tell: told how many are done.
+    """
+    found = detect_photos(
+        named_photos(sorted(folder.glob("*.png"))), target, detect=detect, camera=camera, overlay_folder=None, jobs=jobs
+    )
     seen = []
-    for done, result in enumerate(
-        detect_photos(photos, target, detect=detect, camera=camera, overlay_folder=None, jobs=jobs), start=1
-    ):
-        on_view(done, len(photos))
+    for done, result in enumerate(found, start=1):
+        tell(done)
         if result.seen is not None and len(result.seen.ring):
             seen.append(result.seen)
+    return seen
+
+
+def search_twice(target: TargetGeometry, folder: Path, *, jobs: int, tell: Callable[[int], None]) -> list[Detections]:
+    """What the detector finds with the lens of a first solution, as a person's photos are searched.
+
+    Args:
+        target: what the photos show.
+        folder: where they lie.
+        jobs: photos at a time.
+        tell: told how many are done, of twice as many as there are photos.
+
+    Raises:
+        InputError: the first search gives no camera.
+    """
+    done = 0
+
+    def count(_: int) -> None:
+        nonlocal done
+        done += 1
+        tell(done)
+
+    first = sightings(search(target, folder, None, jobs=jobs, tell=count), target, folder)
+    return search(target, folder, solve(first, "opencv").camera, jobs=jobs, tell=count)
+
+
+def sightings(seen: Sequence[Detections], target: TargetGeometry, folder: Path) -> Observations:
+    """What a camera is solved from.
+
+    Raises:
+        InputError: nothing that could be used was seen.
+    """
+    if not seen:
+        raise InputError(f"{folder}: no photo shows the target; render them again in another folder")
     return observations_from_detections(dataset_of(seen), target, origin=str(folder)).observations
 
 

@@ -15,6 +15,7 @@ from calib.solver.problem import Problem, pack
 from calib.solver.tie import Tie, tie_parameters
 from calib.studies.expansion import Expansion, expand
 from calib.types import Calibration, Observations
+from designer.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,7 @@ class Pool:
     tie: Tie
     cam_from_target: Array  # (V, 4, 4) from the problem's origin
     true_center_mm: Array | None  # (V, 3) where the cameras were, if known; nan for views of which it is not
+    remarks: tuple[str, ...]  # on the solution of all views, and on the truth
     expansion: Expansion | None  # None: every sample is to be solved from scratch
 
     @property
@@ -52,13 +54,19 @@ def make_pool(observations: Observations, model: str, options: SolveOptions, tru
         truth: of the photos, if they were rendered.
 
     Raises:
-        InputError: all views together give no camera, or the truth is of other photos.
+        InputError: all views together do not determine the camera, or the truth is of other photos.
     """
     calibration = calibrate(observations, model, options)
+    if calibration.status == "degenerate":
+        raise InputError(
+            f"all {observations.view_count} views together do not determine the camera: {calibration.remarks[0]}; "
+            "there is nothing to draw from: take more photos, from more sides, or a model with fewer parameters"
+        )
     kept = calibration.observations
     center: Array | None = None
+    remarks = calibration.remarks
     if truth is not None:
-        truth_remarks(calibration, truth)
+        remarks += truth_remarks(calibration, truth)
         center = centers_mm(true_poses(truth, kept.view_names))
     problem = pack(kept, weighted=options.weighted)
     poses = np.array(calibration.cam_from_target)
@@ -67,4 +75,26 @@ def make_pool(observations: Observations, model: str, options: SolveOptions, tru
     expansion = None
     if calibration.camera.learned is None and not is_robust(options) and calibration.status == "converged":
         expansion = expand(problem, calibration.camera, poses, tie)
-    return Pool(kept, model, options, calibration, problem, tie, poses, center, expansion)
+    return Pool(kept, model, options, calibration, problem, tie, poses, center, remarks, expansion)
+
+
+def require_enough(pool: Pool, size: int) -> None:
+    """Refuse samples that cannot determine the camera, whichever views are drawn.
+
+    A view of n points has 2n - 6 equations beyond those that its own pose takes.
+
+    Args:
+        pool: what is drawn from.
+        size: views of a sample.
+
+    Raises:
+        InputError: fewer equations than parameters.
+    """
+    unknown = len(set(pool.tie.row[pool.tie.row >= 0].tolist()))
+    spare = np.sort(2 * np.bincount(pool.observations.view, minlength=pool.view_count) - 6)[::-1].cumsum()
+    if size < pool.view_count and spare[size - 1] < unknown:
+        least = int(np.argmax(spare >= unknown)) + 1
+        raise InputError(
+            f"size {size}: so few views give at most {spare[size - 1]} equations for {unknown} parameters of "
+            f"the camera; draw {least} or more"
+        )

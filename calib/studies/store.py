@@ -4,7 +4,7 @@ import sqlite3
 import stat
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -153,9 +153,7 @@ def open_study(path: Path, identity: StudyIdentity, *, resume: bool) -> Study:
         InputError: the file is there and `resume` is not asked for, is of another study, is no study, or cannot be
             written.
     """
-    present = _size(path)
-    if present and not resume:
-        raise InputError(f"{path}: there is a study already; go on with it with --resume, or choose another -o")
+    _is_there(path, resume=resume)
     with _opened(path, "rwc") as connection:
         if not _holds_anything(connection):
             _create(connection, identity)
@@ -167,6 +165,36 @@ def open_study(path: Path, identity: StudyIdentity, *, resume: bool) -> Study:
         with _transaction(connection):
             connection.executemany("INSERT INTO program VALUES (?, ?) ON CONFLICT DO NOTHING", list(program_versions()))
         return Study(path, known, connection)
+
+
+def check_place(path: Path, identity: StudyIdentity, *, resume: bool) -> None:
+    """Refuse before any work what `open_study` would refuse after it, but for inputs, which need not be there yet.
+
+    Args:
+        path: of the file.
+        identity: of the study that is to be; its inputs do not count.
+        resume: an existing file is to be gone on with.
+
+    Raises:
+        InputError: as `open_study`.
+    """
+    if not _is_there(path, resume=resume):
+        return
+    with _opened(path, "ro") as connection:
+        if _holds_anything(connection):
+            _check_file(path, connection)
+            known = replace(_identity(path, connection), inputs=())
+            if difference := known.difference(replace(identity, inputs=())):
+                raise InputError(f"{path}: {difference}")
+        connection.close()
+
+
+def _is_there(path: Path, *, resume: bool) -> bool:
+    """Whether there is a file; one that is not to be gone on with is refused."""
+    present = _size(path) > 0
+    if present and not resume:
+        raise InputError(f"{path}: there is a study already; go on with it with --resume, or choose another -o")
+    return present
 
 
 def read_study(path: Path) -> Study:

@@ -21,7 +21,7 @@ from calib.results.truth import Truth, read_truth
 from calib.sightings import keep_views
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.studies.paper_sets import PhotoSet, incidence_deg, observe, only, paper_targets, photograph
+from calib.studies.paper_sets import PhotoSet, incidence_deg, only, paper_targets, photograph, search, sightings
 from calib.types import Observations
 from designer.target import TargetGeometry
 
@@ -31,17 +31,18 @@ PAPER = {"board": (0.125, 0.0432, 0.0040, 0.058), "icosahedron": (0.135, 0.0257,
 GOAL = (0.005, 0.0015, float("nan"), 0.005)
 
 
-def nobody(done: int, count: int) -> None:
+def nobody(done: int) -> None:
     """Progress that is not shown."""
 
 
 def study(target: TargetGeometry, photos: PhotoSet, folder: Path, weightings: Sequence[bool]) -> None:
     """Detect, solve, detect again with the camera, solve and evaluate; print a line each."""
     jobs = os.cpu_count() or 1
-    photograph(photos, target, folder, jobs=jobs, on_view=nobody)
+    photograph(photos, target, folder, jobs=jobs, tell=nobody)
     truth = read_truth(folder / "truth.json")
-    unaided = observe(target, folder, None, jobs=jobs, on_view=nobody)
-    seen = observe(target, folder, solve(unaided, "opencv").camera, jobs=jobs, on_view=nobody)
+    unaided = sightings(search(target, folder, None, jobs=jobs, tell=nobody), target, folder)
+    camera = solve(unaided, "opencv").camera
+    seen = sightings(search(target, folder, camera, jobs=jobs, tell=nobody), target, folder)
     angle = incidence_deg(seen, truth)
     for limit in (75.0, 90.0):
         for weighted in weightings:

@@ -1,0 +1,314 @@
+"""The commands `calib study ...`: what thousands of calibrations say together."""
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from calib.commands.screen import progress_bar, table_console, waiting
+from calib.commands.solutions import quoted, shown
+from calib.commands.solve import (
+    FixOption,
+    GridOption,
+    ImageSizeOption,
+    LossOption,
+    PitchOption,
+    RejectOption,
+    ShareOption,
+    WeightedOption,
+    check_folder,
+    plan_of,
+    read_input,
+)
+from designer.command import STOPPED, printable
+from designer.errors import InputError
+
+if TYPE_CHECKING:
+    from calib.pipeline.settings import SolvePlan
+    from calib.studies.paper_study import PaperStudy
+    from calib.studies.store import Study
+    from calib.studies.workers import CaseSpec
+
+MAX_SIZE = 100_000
+MAX_SAMPLES = 10_000_000
+MAX_SEED = 2**63 - 1
+FIGURES_SHOWN = ("histograms", "sigma", "correlations")
+
+app = typer.Typer(
+    help="Calibrate thousands of samples of a set of photos: how sure is the camera, and what does a target do to it?",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+)
+
+OutOption = Annotated[Path, typer.Option("--out", "-o", help="folder for the study")]
+SeedOption = Annotated[int, typer.Option(min=0, max=MAX_SEED, help="of all that is random")]
+JobsOption = Annotated[int | None, typer.Option(min=1, max=1024, help="processes (default: one per core)")]
+DaskOption = Annotated[
+    str | None, typer.Option(help="have the samples computed by the Dask cluster of this scheduler: tcp://host:8786")
+]
+ResumeOption = Annotated[bool, typer.Option("--resume", help="go on with the study in the folder")]
+
+
+@app.command()
+def bootstrap(
+    *,
+    target: Annotated[Path | None, typer.Option(help="the target file of detections.csv")] = None,
+    detections: Annotated[
+        Path, typer.Option(help="detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl", metavar="FILE")
+    ],
+    truth: Annotated[Path | None, typer.Option(help="truth.json of rendered photos: adds the error of poses")] = None,
+    sizes: Annotated[str, typer.Option(help="views of a sample, drawn with replacement")] = "20,50,120",
+    samples: Annotated[int, typer.Option(min=1, max=MAX_SAMPLES, help="of each size")] = 10_000,
+    model: Annotated[str, typer.Option(help="luhmann, opencv, pinhole, or virtual (slow)")] = "luhmann",
+    out: OutOption,
+    seed: SeedOption = 1,
+    jobs: JobsOption = None,
+    dask: DaskOption = None,
+    resume: ResumeOption = False,
+    weighted: WeightedOption = False,
+    fix: FixOption = None,
+    share: ShareOption = None,
+    loss: LossOption = "squares",
+    reject: RejectOption = None,
+    image_size: ImageSizeOption = None,
+    grid: GridOption = None,
+    pitch: PitchOption = None,
+) -> None:
+    """Draw views with replacement, calibrate and measure, thousands of times: errors with their spread."""
+    from calib.results.truth import read_truth
+    from calib.studies.identity import identity_of
+    from calib.studies.outputs import STUDY_FILE
+    from calib.studies.pool import make_pool, require_enough
+    from calib.studies.statistics import Case
+    from calib.studies.store import check_place, open_study
+    from calib.studies.workers import CaseSpec
+
+    plan = plan_of(model, fix, share, None, loss, reject, weighted=weighted)
+    if len(plan.models) > 1:
+        raise InputError(f"--model {model}: a study is of one model; give luhmann, opencv, pinhole or virtual")
+    views = parse_sizes(sizes)
+    check_folder(out)
+    prepared = read_input(detections, target, image_size, grid, pitch)
+    files = {"detections": detections, "target": target, "truth": truth}
+    identity = identity_of(
+        seed, {"model": model, **_settings(plan, image_size=image_size, grid=grid, pitch=pitch)},
+        {name: path for name, path in files.items() if path is not None},
+    )  # fmt: skip
+    check_place(out / STUDY_FILE, identity, resume=resume)
+    known = None if truth is None else read_truth(truth)
+    with kept_when_stopped():
+        _check_cluster(dask)
+        with waiting("solving all views"):
+            pool = make_pool(prepared.observations, model, plan.options_of(model), known)
+        for remark in (*prepared.remarks, *pool.remarks):
+            print(printable(remark))
+        for size in views:
+            require_enough(pool, size)
+        name = _name_of(target or detections)
+        specs = [CaseSpec(Case(name, size, pool.view_count), pool) for size in views]
+        out.mkdir(parents=True, exist_ok=True)
+        with open_study(out / STUDY_FILE, identity, resume=resume) as study:
+            sample(specs, study, samples=samples, seed=seed, jobs=jobs, dask=dask)
+            show(study, out)
+
+
+@app.command()
+def paper(
+    *,
+    out: OutOption,
+    quick: Annotated[bool, typer.Option("--quick", help="60 photos a set and 300 samples a case, in minutes")] = False,
+    seed: SeedOption = 1,
+    jobs: JobsOption = None,
+    dask: DaskOption = None,
+    resume: ResumeOption = False,
+) -> None:
+    """Make the paper's study again from nothing: both targets, photos, detections, 10,000 samples a case, its table.
+
+    It takes about half an hour on two cores; photos, detections and samples are kept, so that it can be stopped.
+    """
+    from calib.studies import paper_study
+    from calib.studies.outputs import STUDY_FILE
+    from calib.studies.store import check_place, open_study
+
+    check_folder(out)
+    work = paper_study.quick_study(out, seed) if quick else paper_study.full_study(out, seed)
+    check_place(out / STUDY_FILE, paper_study.settings_of(work), resume=resume)
+    with kept_when_stopped():
+        _check_cluster(dask)
+        _photograph_and_search(work, jobs)
+        identity = paper_study.identity(work)
+        with waiting("solving all views of each set"):
+            specs = list(paper_study.cases_of(work))
+        with open_study(out / STUDY_FILE, identity, resume=resume) as study:
+            sample(specs, study, samples=work.samples, seed=seed, jobs=jobs, dask=dask)
+            show(study, out)
+
+
+@app.command()
+def plot(
+    folder: Annotated[Path, typer.Argument(help="folder of a study, or its study.sqlite")],
+    *,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="folder for tables and figures (default: the study's)")
+    ] = None,
+) -> None:
+    """Make the tables and figures of a study again, of a running one too."""
+    from calib.studies.outputs import STUDY_FILE
+    from calib.studies.store import read_study
+
+    path = folder / STUDY_FILE if folder.is_dir() else folder
+    place = path.parent if out is None else out
+    check_folder(place)
+    with read_study(path) as study:
+        show(study, place)
+
+
+def parse_sizes(text: str) -> tuple[int, ...]:
+    """Numbers of views, `20,50,120`.
+
+    Raises:
+        InputError: one is none, or stands there twice.
+    """
+    sizes = []
+    for word in text.split(","):
+        digits = word.strip()
+        if not (digits.isascii() and digits.isdigit() and 0 < len(digits) < 10 and 0 < int(digits) <= MAX_SIZE):
+            raise InputError(
+                f"--sizes {digits[:40]!r}: no number of views from 1 to {MAX_SIZE}; give such as 20,50,120"
+            )
+        sizes.append(int(digits))
+    if len(set(sizes)) < len(sizes):
+        raise InputError(f"--sizes {text[:60]!r}: a size stands there twice; give each once")
+    return tuple(sizes)
+
+
+def sample(
+    specs: "Sequence[CaseSpec]", study: "Study", *, samples: int, seed: int, jobs: int | None, dask: str | None
+) -> None:
+    """Compute the samples that are missing, and say how long it took."""
+    from calib.studies.runner import StudyStoppedError, run_cases
+
+    total, counts = samples * len(specs), [0]
+    processes = jobs or os.cpu_count() or 1
+    start = time.perf_counter()
+    try:
+        with progress_bar("sampling", total, rate=True) as bar:
+            run_cases(
+                specs, study, samples=samples, seed=seed, jobs=processes, dask=dask, on_progress=_told(counts, bar)
+            )
+    except StudyStoppedError as error:
+        if not error.by_user:
+            raise InputError(str(error)) from None
+        print(f"{printable(str(error))}", file=sys.stderr)
+        raise SystemExit(STOPPED) from None
+    seconds, new = time.perf_counter() - start, counts[-1] - counts[1]
+    by = f"{processes} process{'es' if processes > 1 else ''}" if dask is None else f"the cluster at {dask}"
+    before = f", {counts[1]} were there" if counts[1] else ""
+    if new:
+        print(f"{new} samples in {seconds:.1f} s, {new / seconds:.0f} a second by {printable(by)}{before}")
+
+
+def _told(counts: list[int], bar: Callable[[float], None]) -> Callable[[int], None]:
+    """Note progress, and show it."""
+
+    def tell(done: int) -> None:
+        counts.append(done)
+        bar(done)
+
+    return tell
+
+
+def show(study: "Study", folder: Path) -> None:
+    """Write tables and figures, print the tables and what they say, and what to look at."""
+    from calib.files import write_files
+    from calib.studies.findings import findings
+    from calib.studies.outputs import FIGURES_FOLDER, study_output
+    from calib.studies.table import finding_in_words, findings_table, notes, screen_tables
+    from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
+
+    with waiting("drawing"):
+        output = study_output(study, folder)
+        write_files(output.files)
+    console = table_console()
+    for table in screen_tables(output.summaries):
+        console.print(table)
+        print()
+    for line in notes(output.summaries):
+        print(f"- {printable(line)}")
+    found = findings(output.summaries)
+    if found:
+        print()
+        console.print(findings_table(found))
+        for one in found:
+            if one.verdict != "holds":
+                print(f"- {printable(finding_in_words(one))}")
+    pictures = [path for path in output.files if path.suffix == ".png"]
+    print(f"\nwrote {shown(folder / MARKDOWN_FILE)}, {CSV_FILE}, {JSON_FILE}: the tables")
+    print(f"      {shown(folder / FIGURES_FOLDER)}: {', '.join(path.name for path in pictures)}, as PDF and SVG too")
+    print(f"      {shown(study.path)}: every sample")
+    print(
+        f"next  look at {shown(pictures[0])} before you trust the numbers; "
+        f"calib study plot {quoted(folder)} draws all again"
+    )
+
+
+def _photograph_and_search(work: "PaperStudy", jobs: int | None) -> None:
+    """Targets, photos and detections, as far as they are not there."""
+    from calib.commands.detect import program
+    from calib.files import write_files
+    from calib.studies import paper_study
+
+    processes = jobs or os.cpu_count() or 1
+    write_files(paper_study.target_files(work))
+    with progress_bar("rendering", work.photo_count) as tell:
+        paper_study.make_photos(work, jobs=processes, tell=tell)
+    with progress_bar("searching, twice", 2 * work.photo_count) as tell:
+        paper_study.make_detections(work, detector=program(), jobs=processes, tell=tell)
+    print(f"{shown(work.folder / 'photos')}: {work.photo_count} photos in {len(work.sets)} sets, detected")
+
+
+def _settings(plan: "SolvePlan", **others: str | None) -> dict[str, str]:
+    """What decides a sample's result beside the model."""
+    options = plan.options
+    settings = {
+        "weighted": "yes" if options.weighted else "no",
+        "loss": options.loss,
+        "reject": "" if options.reject_sigma is None else f"{options.reject_sigma!r}",
+        "fix": ",".join(name if value is None else f"{name}={value!r}" for name, value in options.fixed),
+        "share": ";".join(map(",".join, options.shared)),
+    }
+    return settings | {name: value for name, value in others.items() if value is not None}
+
+
+def _name_of(path: Path) -> str:
+    """What a target is called in tables."""
+    from calib.studies.paper_table import TARGETS
+
+    name = path.name.removesuffix(".json").removesuffix(".target")
+    # The paper's own targets are others, whose numbers must not stand beside.
+    return path.name if name in TARGETS else name
+
+
+def _check_cluster(dask: str | None) -> None:
+    """Refuse a cluster that cannot be used before there is much work behind us."""
+    if dask is not None:
+        from calib.studies.dask_cluster import check_cluster
+
+        with waiting("asking the cluster"):
+            check_cluster(dask)
+
+
+@contextmanager
+def kept_when_stopped() -> Iterator[None]:
+    """Say after Ctrl-C that what is finished stays."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print("stopped; what is finished is kept: go on with --resume", file=sys.stderr)
+        raise SystemExit(STOPPED) from None
