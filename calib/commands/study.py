@@ -268,7 +268,7 @@ def _photograph_and_search(work: "PaperStudy", jobs: int | None) -> None:
     write_files(paper_study.target_files(work))
     with progress_bar("rendering", work.photo_count) as tell:
         paper_study.make_photos(work, jobs=processes, tell=tell)
-    with progress_bar("searching, twice", 2 * work.photo_count) as tell:
+    with progress_bar("searching", work.photo_count) as tell:
         paper_study.make_detections(work, detector=program(), jobs=processes, tell=tell)
     print(f"{shown(work.folder / 'photos')}: {work.photo_count} photos in {len(work.sets)} sets, detected")
 

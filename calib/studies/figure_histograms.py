@@ -87,6 +87,7 @@ def _draw_panel(axes: "Axes", metric: Metric, target: str, drawn: list[tuple[Arr
         height = top * (1 + ROOM * (len(drawn) - row))
         _draw_interval(axes, height, one, COLOURS[place % len(COLOURS)])
     axes.set_xlim(edges[0], edges[-1])
+    axes.locator_params(axis="x", nbins=6)  # numbers of many digits must not run into each other
     axes.set_ylim(0, top * scale)
     note(axes, _remark(scaled, edges, [summary for _, summary, _ in drawn], found))
     axes.legend(

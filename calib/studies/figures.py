@@ -139,6 +139,8 @@ def files_of(place: Path, height_px: int, draw: "Callable[[Figure], None]") -> d
         draw(page)
         # Text stays text, so that it can be searched and edited; the salt makes the marks' names repeatable.
         with mpl.rc_context({"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": place.name}):
+            page.canvas.draw()
+            page.set_layout_engine("none")  # the layout is found: the same in all formats
             drawn["pdf"] = _saved(page, "pdf", {"CreationDate": None, "Creator": None, "Producer": None})
             drawn["svg"] = _saved(page, "svg", {"Date": None, "Creator": None})
 

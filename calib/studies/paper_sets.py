@@ -1,5 +1,6 @@
 """The paper's synthetic sets made again: its two targets, photographed from 400 mm, detected, and told by incidence."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera_file import camera_or_preset
-from calib.detect.batch import detect_photos, named_photos
+from calib.detect.batch import PhotoFile, detect_photos, named_photos
 from calib.detect.pipeline import detect
 from calib.inputs.observations import dataset_of, observations_from_detections
 from calib.render.job import RenderJob, run_job
@@ -26,6 +27,8 @@ from designer.target import TargetGeometry
 DISTANCE_MM = 400.0
 CAMERA = "machine-vision"
 """The paper gives no image size; its errors in mm and px fit 2500 px of focal length and 5 megapixels."""
+FIRST_PHOTOS = 30
+"""At most so many give the lens that all are searched with."""
 LEAST_SIGHTINGS = 10
 """Of a view; one with fewer is not used."""
 
@@ -78,21 +81,24 @@ def photograph(
 
 
 def search(
-    target: TargetGeometry, folder: Path, camera: Camera | None, *, jobs: int, tell: Callable[[int], None]
+    target: TargetGeometry,
+    photos: Sequence[PhotoFile],
+    camera: Camera | None,
+    *,
+    jobs: int,
+    tell: Callable[[int], None],
 ) -> list[Detections]:
-    """What the detector finds in a folder of photos, those without the target left out.
+    """What the detector finds in photos, those without the target left out.
 
     Args:
         target: what they show.
-        folder: where they lie.
+        photos: to be searched.
         camera: whose lens is known, or None.
         jobs: photos at a time.
         tell: told how many are done.
     """
-    found = detect_photos(
-        named_photos(sorted(folder.glob("*.png"))), target, detect=detect, camera=camera, overlay_folder=None, jobs=jobs
-    )
     seen = []
+    found = detect_photos(photos, target, detect=detect, camera=camera, overlay_folder=None, jobs=jobs)
     for done, result in enumerate(found, start=1):
         tell(done)
         if result.seen is not None and len(result.seen.ring):
@@ -100,27 +106,30 @@ def search(
     return seen
 
 
-def search_twice(target: TargetGeometry, folder: Path, *, jobs: int, tell: Callable[[int], None]) -> list[Detections]:
-    """What the detector finds with the lens of a first solution, as a person's photos are searched.
+def photos_in(folder: Path) -> tuple[PhotoFile, ...]:
+    """The photos of a set."""
+    return named_photos(sorted(folder.glob("*.png")))
+
+
+def search_with_lens(
+    target: TargetGeometry, folder: Path, *, jobs: int, tell: Callable[[int], None]
+) -> list[Detections]:
+    """What the detector finds with the lens of a first solution, which comes from some of the photos.
 
     Args:
         target: what the photos show.
         folder: where they lie.
         jobs: photos at a time.
-        tell: told how many are done, of twice as many as there are photos.
+        tell: told how many are done.
 
     Raises:
         InputError: the first search gives no camera.
     """
-    done = 0
-
-    def count(_: int) -> None:
-        nonlocal done
-        done += 1
-        tell(done)
-
-    first = sightings(search(target, folder, None, jobs=jobs, tell=count), target, folder)
-    return search(target, folder, solve(first, "opencv").camera, jobs=jobs, tell=count)
+    photos = photos_in(folder)
+    # Neighbours in the grid of poses are alike; photos far apart in it tell more.
+    some = photos[:: math.ceil(len(photos) / FIRST_PHOTOS)]
+    first = sightings(search(target, some, None, jobs=jobs, tell=lambda _: None), target, folder)
+    return search(target, photos, solve(first, "opencv").camera, jobs=jobs, tell=tell)
 
 
 def sightings(seen: Sequence[Detections], target: TargetGeometry, folder: Path) -> Observations:

@@ -13,7 +13,15 @@ from calib.render.job import TRUTH_FILE
 from calib.results.truth import read_truth
 from calib.solver.options import SolveOptions
 from calib.studies.identity import StudyIdentity, identity_of
-from calib.studies.paper_sets import SAMPLINGS, PhotoSet, incidence_deg, only, paper_targets, photograph, search_twice
+from calib.studies.paper_sets import (
+    SAMPLINGS,
+    PhotoSet,
+    incidence_deg,
+    only,
+    paper_targets,
+    photograph,
+    search_with_lens,
+)
 from calib.studies.paper_table import POOL, SAMPLES, SIZES, TARGETS
 from calib.studies.pool import make_pool
 from calib.studies.statistics import Case
@@ -90,7 +98,7 @@ def make_photos(study: PaperStudy, *, jobs: int, tell: Tell) -> None:
 
 
 def make_detections(study: PaperStudy, *, detector: str, jobs: int, tell: Tell) -> None:
-    """Search the photos of sets that have no detections yet, each photo twice; tell counts both.
+    """Search the photos of sets that have no detections yet.
 
     Args:
         study: the study.
@@ -101,10 +109,10 @@ def make_detections(study: PaperStudy, *, detector: str, jobs: int, tell: Tell) 
     for place, (photos, target) in enumerate(_with_targets(study)):
         path = study.detections_path(photos)
         if not path.exists():
-            told = _from(2 * place * study.views, tell)
-            seen = search_twice(target, study.photo_folder(photos), jobs=jobs, tell=told)
+            told = _from(place * study.views, tell)
+            seen = search_with_lens(target, study.photo_folder(photos), jobs=jobs, tell=told)
             write_detections(path, seen, target, detector=detector)
-        tell(2 * (place + 1) * study.views)
+        tell((place + 1) * study.views)
 
 
 def settings_of(study: PaperStudy) -> StudyIdentity:

@@ -21,7 +21,16 @@ from calib.results.truth import Truth, read_truth
 from calib.sightings import keep_views
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.studies.paper_sets import PhotoSet, incidence_deg, only, paper_targets, photograph, search, sightings
+from calib.studies.paper_sets import (
+    PhotoSet,
+    incidence_deg,
+    only,
+    paper_targets,
+    photograph,
+    photos_in,
+    search,
+    sightings,
+)
 from calib.types import Observations
 from designer.target import TargetGeometry
 
@@ -40,9 +49,10 @@ def study(target: TargetGeometry, photos: PhotoSet, folder: Path, weightings: Se
     jobs = os.cpu_count() or 1
     photograph(photos, target, folder, jobs=jobs, tell=nobody)
     truth = read_truth(folder / "truth.json")
-    unaided = sightings(search(target, folder, None, jobs=jobs, tell=nobody), target, folder)
+    found = photos_in(folder)
+    unaided = sightings(search(target, found, None, jobs=jobs, tell=nobody), target, folder)
     camera = solve(unaided, "opencv").camera
-    seen = sightings(search(target, folder, camera, jobs=jobs, tell=nobody), target, folder)
+    seen = sightings(search(target, found, camera, jobs=jobs, tell=nobody), target, folder)
     angle = incidence_deg(seen, truth)
     for limit in (75.0, 90.0):
         for weighted in weightings:
