@@ -6,29 +6,37 @@ import sys
 import time
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_info
 
 from calib.solver.options import SolveOptions
 from calib.studies.draw import draw_counts
-from calib.studies.identity import StudyIdentity
 from calib.studies.pool import Pool, make_pool
-from calib.studies.runner import StudyStoppedError, run_cases
 from calib.studies.sample import SampleResult
 from calib.studies.statistics import Case
-from calib.studies.store import open_study
 from calib.studies.workers import CaseSpec
-from tests.solver_scenes import CAMERAS, board, observe, poses_around
+
+# What workers do not need is imported where it is used: tests start many of them.
+if TYPE_CHECKING:
+    from calib.studies.identity import StudyIdentity
 
 SEED = 5
-IDENTITY = StudyIdentity(SEED, (("model", "pinhole"),), (("detections", "0" * 64),))
 SAMPLES = 60
 FIRST = Case("board", 8, 10).name
 
 
+def identity() -> "StudyIdentity":
+    """Of all studies here."""
+    from calib.studies.identity import StudyIdentity
+
+    return StudyIdentity(SEED, (("model", "pinhole"),), (("detections", "0" * 64),))
+
+
 def small_pool() -> Pool:
     """Ten views of a small board."""
+    from tests.solver_scenes import CAMERAS, board, observe, poses_around
+
     rng = np.random.default_rng(1)
     camera, points = CAMERAS["pinhole"], board(6, 5, 30.0)
     return make_pool(
@@ -62,6 +70,8 @@ def slow(pool: Pool, case: str, size: int, seed: int, numbers: range) -> list[Sa
 
 def revealing(pool: Pool, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
     """Says which process has worked, on which copy of the pool, with how many threads at most."""
+    from threadpoolctl import threadpool_info
+
     threads = max(library["num_threads"] for library in threadpool_info())
     time.sleep(0.005)
     return [made_up(pool, case, size, seed, number, f"{os.getpid()} {id(pool)} {threads}") for number in numbers]
@@ -97,7 +107,10 @@ def slow_or_revealing(reveal: bool, *arguments: object) -> list[SampleResult]:
 
 def main() -> int:
     """Run the study in the file named first, as a command would."""
-    with open_study(Path(sys.argv[1]), IDENTITY, resume=True) as study:
+    from calib.studies.runner import StudyStoppedError, run_cases
+    from calib.studies.store import open_study
+
+    with open_study(Path(sys.argv[1]), identity(), resume=True) as study:
         try:
             run_cases(
                 cases_of(small_pool()), study, samples=SAMPLES, seed=SEED, jobs=2, chunk=3,

@@ -14,10 +14,12 @@ from calib.studies.pool import Pool
 from calib.studies.runner import StudyStoppedError, run_cases
 from calib.studies.store import open_study
 from designer.errors import InputError
-from tests.study_chunks import IDENTITY, SAMPLES, SEED, cases_of, slow, small_pool
+from tests.study_chunks import SEED, cases_of, slow, small_pool
+from tests.study_chunks import identity as study_identity
 from tests.test_study_runner import content, expected
 
 ROOT = Path(__file__).parent.parent
+SAMPLES = 30
 
 
 @pytest.fixture(scope="module")
@@ -55,22 +57,30 @@ def free_port() -> int:
         return int(taken.getsockname()[1])
 
 
-@pytest.fixture
-def cluster() -> Iterator[Cluster]:
-    """A scheduler and two workers over loopback."""
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed: ringforge[cluster]")
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[Cluster]:
+    """A scheduler over loopback, and the workers that `cluster` gives it."""
+    pytest.importorskip("distributed", reason="Dask is not installed: ringforge[cluster]")
     port = free_port()
-    address = f"tcp://127.0.0.1:{port}"
-    programs = [dask("scheduler", "--port", str(port))]
-    programs += [dask("worker", address, "--nthreads", "1", "--no-nanny") for _ in range(2)]
+    running = Cluster(f"tcp://127.0.0.1:{port}", dask("scheduler", "--port", str(port)), [])
     try:
-        with distributed.Client(address, timeout=20) as client:
-            client.wait_for_workers(2, timeout=20)
-        yield Cluster(address, programs[0], programs[1:])
+        yield running
     finally:
-        for program in programs[::-1]:
+        for program in (*running.workers, running.scheduler):
             program.kill()
             program.wait()
+
+
+@pytest.fixture
+def cluster(scheduler: Cluster) -> Cluster:
+    """The scheduler with two workers."""
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed: ringforge[cluster]")
+    scheduler.workers[:] = [worker for worker in scheduler.workers if worker.poll() is None]
+    while len(scheduler.workers) < 2:
+        scheduler.workers.append(dask("worker", scheduler.address, "--nthreads", "1", "--no-nanny"))
+    with distributed.Client(scheduler.address, timeout=20) as client:
+        client.wait_for_workers(2, timeout=20)
+    return scheduler
 
 
 def test_a_worker_is_killed(cluster: Cluster, pool: Pool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,7 +101,7 @@ def test_a_worker_is_killed(cluster: Cluster, pool: Pool, tmp_path: Path, monkey
         if done > 20:
             cluster.workers[0].kill()
 
-    with open_study(tmp_path / "s", IDENTITY, resume=True) as study:
+    with open_study(tmp_path / "s", study_identity(), resume=True) as study:
         run_cases(cases_of(pool), study, samples=SAMPLES, seed=SEED, jobs=1, dask=cluster.address, run_chunk=slow,
                   chunk=3, on_progress=kill_one)  # fmt: skip
     assert cluster.workers[0].wait(1) < 0
@@ -104,19 +114,20 @@ def test_a_cluster_that_goes_away(
     cluster: Cluster, pool: Pool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without workers, a run waits for new ones for a while; it ends in one line, and what is done is kept."""
-    monkeypatch.setattr(dask_cluster, "PATIENCE_S", 1.0)
+    monkeypatch.setattr(dask_cluster, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(dask_cluster, "LOOK_S", 0.2)
 
     def kill_all(done: int) -> None:
         if done > 20:
             for worker in cluster.workers:
                 worker.kill()
 
-    with open_study(tmp_path / "s", IDENTITY, resume=True) as study:
-        with pytest.raises(StudyStoppedError, match=r"no workers.* of 120 samples, which are kept") as stopped:
+    with open_study(tmp_path / "s", study_identity(), resume=True) as study:
+        with pytest.raises(StudyStoppedError, match=r"no workers.* of 60 samples, which are kept") as stopped:
             run_cases(cases_of(pool), study, samples=SAMPLES, seed=SEED, jobs=1, dask=cluster.address, run_chunk=slow,
                       chunk=3, on_progress=kill_all)  # fmt: skip
         assert not stopped.value.by_user
-        assert 20 < len(content(tmp_path / "s")) == stopped.value.done < 120
+        assert 20 < len(content(tmp_path / "s")) == stopped.value.done < 60
         with pytest.raises(InputError, match=r"has no workers; start some with `dask worker tcp:"):
             run_cases(cases_of(pool), study, samples=SAMPLES, seed=SEED, jobs=1, dask=cluster.address)
 
@@ -126,7 +137,7 @@ def test_no_scheduler_there(address: str, monkeypatch: pytest.MonkeyPatch) -> No
     """An address without a scheduler, or with a server that never answers, is refused in time and in one line."""
     pytest.importorskip("distributed", reason="Dask is not installed: ringforge[cluster]")
     assert dask_cluster.CONNECT_S <= 10
-    monkeypatch.setattr(dask_cluster, "CONNECT_S", 0.5)
+    monkeypatch.setattr(dask_cluster, "CONNECT_S", 0.3)
     begin = time.monotonic()
     with socket.socket() as mute:
         mute.bind(("127.0.0.1", 0))

@@ -22,13 +22,13 @@ from calib.studies.workers import RunChunk
 from designer.errors import InputError
 from tests.study_chunks import (
     FIRST,
-    IDENTITY,
     SAMPLES,
     SEED,
     cases_of,
     deadly,
     deadly_once,
     faulty,
+    identity,
     quick,
     revealing,
     small_pool,
@@ -62,7 +62,7 @@ def expected(pool: Pool, samples: int, run: RunChunk = quick) -> list[tuple[obje
 def run_in(path: Path, pool: Pool, run: RunChunk, *, samples: int = SAMPLES, jobs: int = 2, chunk: int | None = 3,
            on_progress: Callable[[int], None] = lambda done: None) -> list[tuple[object, ...]]:  # fmt: skip
     """Run or go on with a study; its content then."""
-    with open_study(path, IDENTITY, resume=True) as study:
+    with open_study(path, identity(), resume=True) as study:
         run_cases(cases_of(pool), study, samples=samples, seed=SEED, jobs=jobs, run_chunk=run, chunk=chunk,
                   on_progress=on_progress)  # fmt: skip
     return content(path)
@@ -80,7 +80,7 @@ def test_more_samples_are_added(pool: Pool, tmp_path: Path) -> None:
     """A study that is given more samples computes those that it lacks, and says how far it is from the start."""
     told: list[int] = []
     run_in(tmp_path / "s", pool, quick, samples=10)
-    with open_study(tmp_path / "s", IDENTITY, resume=True) as study:
+    with open_study(tmp_path / "s", identity(), resume=True) as study:
         study.connection.execute("DELETE FROM sample WHERE number IN (3, 4, 8)")
     assert run_in(tmp_path / "s", pool, quick, samples=25, on_progress=told.append) == expected(pool, 25)
     assert told[0] == 14
@@ -92,6 +92,16 @@ def test_a_finished_study_is_not_computed_again(pool: Pool, tmp_path: Path) -> N
     """With all samples there, no worker is asked."""
     run_in(tmp_path / "s", pool, quick, samples=5)
     assert run_in(tmp_path / "s", pool, partial(deadly, frozenset(range(5))), samples=5) == expected(pool, 5)
+
+
+def test_all_come_to_the_end_together(pool: Pool, tmp_path: Path) -> None:
+    """Chunks are as long as a moment lasts, but no process is left with the last long one while others wait."""
+    told: list[int] = []
+    run_in(tmp_path / "s", pool, quick, samples=200, chunk=None, on_progress=told.append)
+    length = np.diff(told)
+    assert length.sum() == 400
+    assert length.max() > 50
+    assert length[-1] < 10
 
 
 def test_one_pool_and_one_thread_for_each_process(pool: Pool, tmp_path: Path) -> None:
@@ -110,7 +120,7 @@ def test_one_pool_and_one_thread_for_each_process(pool: Pool, tmp_path: Path) ->
 def test_deadly_samples_are_recorded_and_nobody_else(pool: Pool, tmp_path: Path) -> None:
     """A sample that kills its process every time is kept as failed, with the reason; all others come out."""
     deaths = frozenset((11, 12))
-    rows = run_in(tmp_path / "s", pool, partial(deadly, deaths), samples=20)
+    rows = run_in(tmp_path / "s", pool, partial(deadly, deaths), samples=20, jobs=1)  # two chunks are out
     blamed = [(FIRST, number) for number in sorted(deaths)]
     assert [row[:2] for row in rows if row[2] == "failed"] == blamed
     assert [row for row in rows if row[:2] not in blamed] == [

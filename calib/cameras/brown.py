@@ -17,6 +17,10 @@ MAX_STEPS = 60
 TOLERANCE = 5e-16
 ACCEPTED_RESIDUAL = 1e-12
 """A larger residual of the inverse, relative to the radius, means that there is no inverse."""
+BLOCK = 512
+"""Points that are inverted together; they and what is made of them stay in the processor's nearest cache."""
+LAST_STEP = 1e-10
+"""A Newton step no longer than this, relative to the radius, ends within rounding of the inverse."""
 
 
 @jit
@@ -140,3 +144,80 @@ def undistort(coefficients: Array, fold: float, x: float, y: float) -> tuple[flo
     if not residual < ACCEPTED_RESIDUAL * distorted or not a * a + b * b < fold * fold:
         return np.nan, np.nan
     return a, b
+
+
+@jit
+def undistort_block(coefficients: Array, fold: float, x: Array, y: Array) -> None:
+    """`undistort` of many points (N,) in place, several at once.
+
+    Three Newton steps without a branch, so that the processor takes several points together. Where they do not arrive,
+    or not where `D` is known to be one-to-one, the point is left to `undistort`. What comes out for a point does not
+    depend on its neighbours.
+    """
+    k1, k2, p1, p2, k3 = coefficients
+    c1, c2, c3, c4 = _inverse_series(k1, k2, k3)
+    sure = sure_square(coefficients)
+    result_x, result_y, arrived = np.empty(len(x)), np.empty(len(x)), np.empty(len(x), np.bool_)
+    for n in range(len(x)):
+        u, v = x[n], y[n]
+        s = u * u + v * v
+        scale = 1 + s * (c1 + s * (c2 + s * (c3 + s * c4)))
+        a = scale * u - 2 * p1 * u * v - p2 * (s + 2 * u * u)
+        b = scale * v - p1 * (s + 2 * v * v) - 2 * p2 * u * v
+        da, db = _newton_step(k1, k2, p1, p2, k3, u, v, a, b)
+        a, b = a - da, b - db
+        da, db = _newton_step(k1, k2, p1, p2, k3, u, v, a, b)
+        a, b = a - da, b - db
+        da, db = _newton_step(k1, k2, p1, p2, k3, u, v, a, b)
+        a, b = a - da, b - db
+        result_x[n], result_y[n] = a, b
+        arrived[n] = (da * da + db * db <= LAST_STEP * LAST_STEP * s) & (a * a + b * b < sure)
+    for n in range(len(x)):
+        if arrived[n]:
+            x[n], y[n] = result_x[n], result_y[n]
+        else:
+            x[n], y[n] = undistort(coefficients, fold, x[n], y[n])
+
+
+@jit
+def _newton_step(
+    k1: float, k2: float, p1: float, p2: float, k3: float, x: float, y: float, a: float, b: float
+) -> tuple[float, float]:
+    """What is to be taken from (a, b) so that `D` comes to (x, y)."""
+    s = a * a + b * b
+    radial = 1 + s * (k1 + s * (k2 + s * k3))
+    slope = 2 * (k1 + s * (2 * k2 + s * 3 * k3))
+    e = a * radial + 2 * p1 * a * b + p2 * (s + 2 * a * a) - x
+    f = b * radial + p1 * (s + 2 * b * b) + 2 * p2 * a * b - y
+    daa = radial + slope * a * a + 2 * p1 * b + 6 * p2 * a
+    dbb = radial + slope * b * b + 6 * p1 * b + 2 * p2 * a
+    dab = slope * a * b + 2 * p1 * a + 2 * p2 * b
+    inverse = 1.0 / (daa * dbb - dab * dab)
+    return (dbb * e - dab * f) * inverse, (daa * f - dab * e) * inverse
+
+
+@jit
+def _inverse_series(k1: float, k2: float, k3: float) -> tuple[float, float, float, float]:
+    """The inverse of the radial part as a polynomial of the same form, cut off (Drap and Lefevre 2016)."""
+    return (
+        -k1,
+        3 * k1 * k1 - k2,
+        -12 * k1 * k1 * k1 + 8 * k1 * k2 - k3,
+        55 * k1 * k1 * k1 * k1 - 55 * k1 * k1 * k2 + 5 * k2 * k2 + 10 * k1 * k3,
+    )
+
+
+@jit
+def sure_square(coefficients: Array) -> float:
+    """The square of a radius within which `D` is one-to-one.
+
+    Its Jacobian is symmetric. Of the radial part, the eigenvalues are the slope and the mean of the slope up to there:
+    at least 1/4 where the slope is. Of the tangential part, none is larger than `6 |p| r`: at most 1/8. So the sum is
+    positive definite in a disc, where `D` is the gradient of a convex function.
+    """
+    k1, k2, p1, p2, k3 = coefficients
+    least = 0.25
+    tangential = 6 * math.sqrt(p1 * p1 + p2 * p2)
+    radius = 0.5 * least / tangential if tangential > 0 else np.inf
+    zero = _first_zero(np.array([k1, k2, 0.0, 0.0, k3]) / (1 - least))
+    return min(zero, radius * radius)

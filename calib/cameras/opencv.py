@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.brown import distort, fold_radius, undistort
+from calib.cameras.brown import BLOCK, distort, fold_radius, undistort_block
 from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter
 from calib.jit import jit
 from calib.types import Camera
@@ -18,11 +18,14 @@ Array = NDArray[np.float64]
 
 @jit
 def _rays(params: Array, fold: float, pixel: Array, ray: Array) -> None:
-    coefficients = params[4:]
-    for n in range(len(pixel)):
-        x, y = (pixel[n, 0] - params[2]) / params[0], (pixel[n, 1] - params[3]) / params[1]
-        x, y = undistort(coefficients, fold, x, y)
-        ray[n, 0], ray[n, 1], ray[n, 2] = x, y, 1.0 + 0.0 * x
+    x, y = np.empty(BLOCK), np.empty(BLOCK)
+    for begin in range(0, len(pixel), BLOCK):
+        count = min(BLOCK, len(pixel) - begin)
+        for n in range(count):
+            x[n], y[n] = (pixel[begin + n, 0] - params[2]) / params[0], (pixel[begin + n, 1] - params[3]) / params[1]
+        undistort_block(params[4:], fold, x[:count], y[:count])
+        for n in range(count):
+            ray[begin + n, 0], ray[begin + n, 1], ray[begin + n, 2] = x[n], y[n], 1.0 + 0.0 * x[n]
 
 
 @jit

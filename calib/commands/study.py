@@ -95,13 +95,14 @@ def bootstrap(
     views = parse_sizes(sizes)
     check_folder(out)
     prepared = read_input(detections, target, image_size, grid, pitch)
+    known = None if truth is None else read_truth(truth)
     files = {"detections": detections, "target": target, "truth": truth}
+    name = _name_of(target or detections)
     identity = identity_of(
-        seed, {"model": model, **_settings(plan, image_size=image_size, grid=grid, pitch=pitch)},
+        seed, {"model": model, "name": name, **_settings(plan, image_size=image_size, grid=grid, pitch=pitch)},
         {name: path for name, path in files.items() if path is not None},
     )  # fmt: skip
     check_place(out / STUDY_FILE, identity, resume=resume)
-    known = None if truth is None else read_truth(truth)
     with kept_when_stopped():
         _check_cluster(dask)
         with waiting("solving all views"):
@@ -110,7 +111,6 @@ def bootstrap(
             print(printable(remark))
         for size in views:
             require_enough(pool, size)
-        name = _name_of(target or detections)
         specs = [CaseSpec(Case(name, size, pool.view_count), pool) for size in views]
         out.mkdir(parents=True, exist_ok=True)
         with open_study(out / STUDY_FILE, identity, resume=resume) as study:
@@ -227,7 +227,6 @@ def _told(counts: list[int], bar: Callable[[float], None]) -> Callable[[int], No
 def show(study: "Study", folder: Path) -> None:
     """Write tables and figures, print the tables and what they say, and what to look at."""
     from calib.files import write_files
-    from calib.studies.findings import findings
     from calib.studies.outputs import FIGURES_FOLDER, study_output
     from calib.studies.table import finding_in_words, findings_table, notes, screen_tables
     from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
@@ -241,20 +240,21 @@ def show(study: "Study", folder: Path) -> None:
         print()
     for line in notes(output.summaries):
         print(f"- {printable(line)}")
-    found = findings(output.summaries)
-    if found:
+    if output.findings:
         print()
-        console.print(findings_table(found))
-        for one in found:
+        console.print(findings_table(output.findings))
+        for one in output.findings:
             if one.verdict != "holds":
                 print(f"- {printable(finding_in_words(one))}")
+        for line in output.reasons:
+            print(f"- {printable(line)}")
     pictures = [path for path in output.files if path.suffix == ".png"]
     print(f"\nwrote {shown(folder / MARKDOWN_FILE)}, {CSV_FILE}, {JSON_FILE}: the tables")
     print(f"      {shown(folder / FIGURES_FOLDER)}: {', '.join(path.name for path in pictures)}, as PDF and SVG too")
     print(f"      {shown(study.path)}: every sample")
     print(
         f"next  look at {shown(pictures[0])} before you trust the numbers; "
-        f"calib study plot {quoted(folder)} draws all again"
+        f"calib study plot {quoted(study.path)} -o {quoted(folder)} draws all again"
     )
 
 
@@ -265,7 +265,7 @@ def _photograph_and_search(work: "PaperStudy", jobs: int | None) -> None:
     from calib.studies import paper_study
 
     processes = jobs or os.cpu_count() or 1
-    write_files(paper_study.target_files(work))
+    write_files(paper_study.missing_targets(work))
     with progress_bar("rendering", work.photo_count) as tell:
         paper_study.make_photos(work, jobs=processes, tell=tell)
     with progress_bar("searching", work.photo_count) as tell:
@@ -290,9 +290,9 @@ def _name_of(path: Path) -> str:
     """What a target is called in tables."""
     from calib.studies.paper_table import TARGETS
 
-    name = path.name.removesuffix(".json").removesuffix(".target")
+    name = printable(path.name.removesuffix(".json").removesuffix(".target")) or printable(path.name)
     # The paper's own targets are others, whose numbers must not stand beside.
-    return path.name if name in TARGETS else name
+    return f"own {name}" if name in TARGETS else name
 
 
 def _check_cluster(dask: str | None) -> None:

@@ -24,6 +24,7 @@ EDGE_PERCENT = 0.2
 QUARTILES_PER_SIGMA = 1.349
 """Distance of a Gaussian's quartiles: a spread that lost samples do not set."""
 BINS_PER_SIGMA, FEWEST_BINS, MOST_BINS = 3.0, 24, 140
+LARGEST = 1e300
 ROOM = 0.12
 """Of the panel's height for the interval of one size."""
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -72,7 +73,8 @@ def _draw_panel(axes: "Axes", metric: Metric, target: str, drawn: list[tuple[Arr
     axes.set_ylabel("share of samples, %")
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    scaled = [metric.in_paper_units(1.0) * values[np.isfinite(values)] for values, _, _ in drawn]
+    # Beyond that they have no difference, or none in the paper's unit.
+    scaled = [metric.in_paper_units(1.0) * values[np.abs(values) < LARGEST] for values, _, _ in drawn]
     if not any(len(values) for values in scaled):
         nothing(axes, "no sample has this error")
         return
@@ -113,7 +115,7 @@ def _draw_case(axes: "Axes", edges: Array, values: Array, found: Distribution, s
     mu, sigma = found.metric.in_paper_units(found.mu), found.metric.in_paper_units(found.sigma)
     label = f"N = {size}: {found.shape}\nµ {digits(mu, 3)}  σ {digits(sigma, 2)}"
     axes.stairs(share, edges, fill=True, color=colour, alpha=0.35)
-    if not sigma > 0:
+    if not 0 < sigma < LARGEST:
         axes.plot([], [], color=colour, linewidth=2.4, label=label)
         return float(share.max())
     at = np.linspace(edges[0], edges[-1], 500)

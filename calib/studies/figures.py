@@ -2,6 +2,7 @@
 
 import io
 import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -144,7 +145,10 @@ def files_of(place: Path, height_px: int, draw: "Callable[[Figure], None]") -> d
             drawn["pdf"] = _saved(page, "pdf", {"CreationDate": None, "Creator": None, "Producer": None})
             drawn["svg"] = _saved(page, "svg", {"Date": None, "Creator": None})
 
-    drawn["png"] = picture(height_px, draw_all)
+    with warnings.catch_warnings():
+        # A target may be called anything; where the font lacks a character there is a box.
+        warnings.filterwarnings("ignore", message="Glyph")
+        drawn["png"] = picture(height_px, draw_all)
     return {place.with_name(f"{place.name}.{suffix}"): drawn[suffix] for suffix in SUFFIXES}
 
 

@@ -101,27 +101,41 @@ def _sum_gradients(
     for place in range(len(views)):
         begin = view_start[views[place]]
         count = view_start[views[place] + 1] - begin
+        end = begin + count
+        pu, pv, mu, mv = (
+            pixel[0, k : k + count],
+            pixel[1, k : k + count],
+            measured[0, begin:end],
+            measured[1, begin:end],
+        )
+        wa, wb, wc = whitener[0, begin:end], whitener[1, begin:end], whitener[2, begin:end]
+        weighted_u, weighted_v = weighted[0, :count], weighted[1, :count]
+        for n in range(count):
+            du, dv = pu[n] - mu[n], pv[n] - mv[n]
+            ru, rv = wa[n] * du, wb[n] * du + wc[n] * dv
+            weighted_u[n], weighted_v[n] = wa[n] * ru + wb[n] * rv, wc[n] * rv
+        # Loops that sum store nothing else: a check whether what is stored and what is read overlap would be made at
+        # run time, and would choose another order of the sum for other places in memory.
         total = 0.0
         for n in range(count):
-            du, dv = pixel[0, k + n] - measured[0, begin + n], pixel[1, k + n] - measured[1, begin + n]
-            a, b, c = whitener[0, begin + n], whitener[1, begin + n], whitener[2, begin + n]
-            ru, rv = a * du, b * du + c * dv
+            du, dv = pu[n] - mu[n], pv[n] - mv[n]
+            ru, rv = wa[n] * du, wb[n] * du + wc[n] * dv
             total += ru * ru + rv * rv
-            weighted[0, n], weighted[1, n] = a * ru + b * rv, c * rv
         cost[place] = total
         for p in range(parameters):
-            u, v = by_params[0, p], by_params[1, p]
+            u, v = by_params[0, p, k : k + count], by_params[1, p, k : k + count]
             total = 0.0
             for n in range(count):
-                total += u[k + n] * weighted[0, n] + v[k + n] * weighted[1, n]
+                total += u[n] * weighted_u[n] + v[n] * weighted_v[n]
             gradient[place, p] = total
+        ux, uy, uz = by_point[0, 0, k : k + count], by_point[0, 1, k : k + count], by_point[0, 2, k : k + count]
+        vx, vy, vz = by_point[1, 0, k : k + count], by_point[1, 1, k : k + count], by_point[1, 2, k : k + count]
+        tx, ty, tz = turned[0, k : k + count], turned[1, k : k + count], turned[2, k : k + count]
         wx, wy, wz, sx, sy, sz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for n in range(count):
-            u, v, m = weighted[0, n], weighted[1, n], k + n
-            px = u * by_point[0, 0, m] + v * by_point[1, 0, m]
-            py = u * by_point[0, 1, m] + v * by_point[1, 1, m]
-            pz = u * by_point[0, 2, m] + v * by_point[1, 2, m]
-            x, y, z = turned[0, m], turned[1, m], turned[2, m]
+            wu, wv = weighted_u[n], weighted_v[n]
+            px, py, pz = wu * ux[n] + wv * vx[n], wu * uy[n] + wv * vy[n], wu * uz[n] + wv * vz[n]
+            x, y, z = tx[n], ty[n], tz[n]
             wx, wy, wz = wx + y * pz - z * py, wy + z * px - x * pz, wz + x * py - y * px
             sx, sy, sz = sx + px, sy + py, sz + pz
         last = parameters

@@ -48,6 +48,8 @@ class StudyIdentity:
         if self.seed != other.seed:
             return f"is a study of seed {self.seed}, not {other.seed}; give --seed {self.seed}, or choose another -o"
         name, here, there = _first_difference(self.settings, other.settings)
+        if name and (here is None or there is None):
+            return f"is a study {'without' if here is None else 'with'} {name}: of another kind; choose another -o"
         if name:
             return (
                 f"is a study with {name} {shown(here)}, not {shown(there)}; give the same options, or choose another -o"

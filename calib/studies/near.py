@@ -1,8 +1,8 @@
 """The camera of a sample from what the pool knows: no solution from scratch, the same minimum.
 
-The expansion of the sample's views gives a camera and poses next to the minimum. There the true gradient is taken,
-once, and led to zero with the second derivatives of the expansion. Where these are too far off, as for few views and
-much noise, a few Gauss-Newton steps follow.
+The expansion of the sample's views gives a camera and poses next to the minimum. There the true gradient is taken, and
+led to zero with the second derivatives of the expansion, again if once is not enough. Where these are too far off, as
+for few views and much noise, a few Gauss-Newton steps follow.
 """
 
 from dataclasses import dataclass, replace
@@ -32,7 +32,9 @@ SAFETY = 3.0
 """On the estimate of how far from the minimum a step ends."""
 CONTRACTION = 0.3
 """A step longer than this part of the one before does not lead to the minimum at once."""
-MOST_STEPS = 8
+STEADY = 0.1
+"""Second derivatives that leave more of a distance than this are worth new ones, which cost about three gradients."""
+MOST_STEPS = 10
 MARGIN = 4.0
 """Of the limits to what is degenerate, which are asked for at the pool's camera and not at the sample's."""
 
@@ -73,7 +75,7 @@ def find_near(pool: Pool, views: Count, weight: Count) -> Found | None:
         views: (D,) those drawn.
         weight: (D,) how often.
     """
-    expansion, scale = pool.expansion, pool.calibration.scale
+    expansion = pool.expansion
     if expansion is None or not _is_determined(pool, expansion, views, weight):
         return None
     total = _weighted(expansion, views, weight)
@@ -84,26 +86,60 @@ def find_near(pool: Pool, views: Count, weight: Count) -> Found | None:
     if not (np.isfinite(y).all() and is_allowed(camera)):
         return None
     poses = move_poses(pool.cam_from_target[views], step, turn_of_centre(start, camera))
-    there = gradients_of(pool.problem, views, camera, poses)
-    reduced, rest, square = _reduced(expansion.direction, expansion.pose_inverse, views, weight, there.gradient, follow)
-    dy = _solved(total.second(y), -reduced)
-    promised, cost = square - float(reduced @ dy), float(there.cost @ weight)
-    length = _length(promised, scale)
-    trial = replace(camera, params=camera.params + expansion.direction @ dy)
-    if not (np.isfinite(cost) and length <= NEAR and is_allowed(trial)):
-        return None
-    poses = move_poses(poses, rest + follow @ dy, turn_of_centre(camera, trial))
-    # The second derivatives are off by about as much as the gradient is from a straight line.
-    if SAFETY * bending * length <= CLOSE:
-        return Found(trial, poses, cost - promised, 1)
-    return _descended(pool, views, weight, Found(trial, poses, cost - promised, 1), length, bending)
+    return _led_to_zero(
+        pool, expansion, views, weight, Found(camera, poses, np.nan, 0), total.second(y), follow, bending
+    )
+
+
+def _led_to_zero(
+    pool: Pool,
+    expansion: Expansion,
+    views: Count,
+    weight: Count,
+    near: Found,
+    second: Array,
+    follow: Array,
+    bending: float,
+) -> Found | None:
+    """The minimum by steps with second derivatives that stay as they are.
+
+    Costs are not compared: this near to the minimum their differences are lost in rounding.
+
+    Args:
+        pool: the views.
+        expansion: of them.
+        views: (D,) those drawn.
+        weight: (D,) how often.
+        near: where to begin.
+        second: derivatives by y (Q, Q).
+        follow: derivatives of the pose steps by y (D, 6, Q).
+        bending: by how much the second derivatives are off, about.
+    """
+    camera, poses, before = near.camera, near.cam_from_target, np.inf
+    for look in range(1, MOST_STEPS + 1):
+        there = gradients_of(pool.problem, views, camera, poses)
+        reduced, rest, square = _reduced(
+            expansion.direction, expansion.pose_inverse, views, weight, there.gradient, follow
+        )
+        dy = _solved(second, -reduced)
+        promised, cost = square - float(reduced @ dy), float(there.cost @ weight)
+        length = _length(promised, pool.calibration.scale)
+        trial = replace(camera, params=camera.params + expansion.direction @ dy)
+        if not (np.isfinite(cost) and length <= NEAR and is_allowed(trial)):
+            return None
+        # Of a step's length, so much is left: as of the last one, or as the gradient is off a straight line.
+        left = max(length / before, bending)
+        if look > 1 and left > STEADY:
+            return _descended(pool, views, weight, Found(camera, poses, cost, look), before, bending)
+        poses = move_poses(poses, rest + follow @ dy, turn_of_centre(camera, trial))
+        camera, before = trial, length
+        if SAFETY * left * length <= CLOSE:
+            return Found(camera, poses, cost - promised, look)
+    return None
 
 
 def _descended(pool: Pool, views: Count, weight: Count, near: Found, before: float, bending: float) -> Found | None:
-    """The minimum by Gauss-Newton steps from a point at so many standard deviations; None if they do not shrink.
-
-    Costs are not compared: this near to the minimum their differences are lost in rounding.
-    """
+    """The minimum by Gauss-Newton steps after a step of so many standard deviations; None if they do not shrink."""
     camera, poses = near.camera, near.cam_from_target
     problem = select(pool.problem, views, MANY)
     heavy = np.repeat(np.sqrt(weight), np.diff(problem.view_start))

@@ -5,6 +5,8 @@ from pathlib import Path
 
 from calib.cameras import MODELS, parameter_names
 from calib.studies.figures import study_figures
+from calib.studies.findings import Finding, findings
+from calib.studies.reasons import reasons
 from calib.studies.statistics import CaseSummary, summarise
 from calib.studies.store import Study
 from calib.studies.table_files import table_files
@@ -20,6 +22,8 @@ class StudyOutput:
     """What a study says, and the files that say it."""
 
     summaries: tuple[CaseSummary, ...]
+    findings: tuple[Finding, ...]
+    reasons: tuple[str, ...]  # why findings do not hold
     files: dict[Path, bytes]
 
 
@@ -48,4 +52,6 @@ def study_output(study: Study, folder: Path) -> StudyOutput:
     summaries = tuple(summarise(case, samples) for case, samples in cases.items())
     predicted = {(one.case.target, one.case.sampling, one.case.sightings): one.covariance for one in stored}
     figures = study_figures(cases, names, folder / FIGURES_FOLDER, predicted)
-    return StudyOutput(summaries, table_files(summaries, folder) | figures)
+    found = findings(summaries)
+    why = reasons(found, summaries, predicted)
+    return StudyOutput(summaries, found, why, table_files(summaries, folder, why) | figures)

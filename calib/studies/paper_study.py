@@ -26,6 +26,7 @@ from calib.studies.paper_table import POOL, SAMPLES, SIZES, TARGETS
 from calib.studies.pool import make_pool
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
+from designer.errors import InputError
 from designer.target import TargetGeometry, load_target, target_to_json
 
 MODEL = "luhmann"
@@ -79,9 +80,17 @@ def quick_study(folder: Path, seed: int) -> PaperStudy:
     return PaperStudy(folder, 60, 300, seed)
 
 
-def target_files(study: PaperStudy) -> dict[Path, bytes]:
-    """The targets' files and their contents."""
-    return {study.target_path(name): target_to_json(target).encode() for name, target in paper_targets().items()}
+def missing_targets(study: PaperStudy) -> dict[Path, bytes]:
+    """The targets' files that are not there, and their contents.
+
+    Raises:
+        InputError: a file holds another target.
+    """
+    files = {study.target_path(name): target_to_json(target).encode() for name, target in paper_targets().items()}
+    for path, content in files.items():
+        if path.exists() and (not path.is_file() or path.read_bytes() != content):
+            raise InputError(f"{path}: is not this study's target; choose another folder with -o")
+    return {path: content for path, content in files.items() if not path.exists()}
 
 
 def make_photos(study: PaperStudy, *, jobs: int, tell: Tell) -> None:

@@ -1,5 +1,6 @@
 """Run the samples of a study that are not there yet, whoever computes them and however often it is interrupted."""
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
@@ -17,7 +18,7 @@ from designer.errors import InputError
 
 CHUNK_S = 0.4
 """What a chunk is to take: little is lost with one, and sending it costs nothing beside."""
-FIRST_CHUNK, MAX_CHUNK = 4, 1000
+FIRST_CHUNK, LAST_CHUNK, MAX_CHUNK = 4, 4, 1000
 HOPELESS = 3
 """So many samples one after the other that end their worker, and none that comes out: it is not the samples."""
 
@@ -106,32 +107,38 @@ class _Todo:
     """The samples that are to be computed, cut into chunks as they are asked for."""
 
     def __init__(self, cases: Sequence[CaseSpec], missing: Sequence[Sequence[int]], chunk: int | None) -> None:
-        self.count = sum(map(len, missing))
+        self.count = sum(map(len, missing))  # not sent yet
         self._left = deque(
             Chunk(case, numbers) for case, some in zip(cases, missing, strict=True) for numbers in _ranges(some)
         )
         self._fixed = chunk
         self._sample_s: dict[str, float] = {}
 
-    def next(self) -> Chunk | None:
-        """The next chunk; None if there is no more."""
+    def next(self, capacity: int) -> Chunk | None:
+        """The next chunk for one of so many who may ask; None if there is no more."""
         if not self._left:
             return None
         left = self._left.popleft()
-        cut = self._size(left.case)
+        cut = self._size(left.case, capacity)
         if len(left.numbers) > cut:
             self._left.appendleft(Chunk(left.case, left.numbers[cut:]))
-        return Chunk(left.case, left.numbers[:cut])
+        chunk = Chunk(left.case, left.numbers[:cut])
+        self.count -= len(chunk.numbers)
+        return chunk
 
     def learn(self, done: Done) -> None:
         """Note how long a chunk took."""
         self._sample_s[done.chunk.case.name] = done.seconds / len(done.chunk.numbers)
 
-    def _size(self, case: CaseSpec) -> int:
+    def _size(self, case: CaseSpec, capacity: int) -> int:
+        """How many samples take a moment; fewer towards the end, so that all come to it together."""
         if self._fixed is not None:
             return self._fixed
         sample_s = self._sample_s.get(case.name)
-        return FIRST_CHUNK if sample_s is None else max(1, min(int(CHUNK_S / max(sample_s, 1e-9)), MAX_CHUNK))
+        if sample_s is None:
+            return FIRST_CHUNK
+        fair = max(math.ceil(self.count / capacity), LAST_CHUNK)
+        return max(1, min(int(CHUNK_S / max(sample_s, 1e-9)), fair, MAX_CHUNK))
 
 
 def _ranges(numbers: Iterable[int]) -> Iterator[range]:
@@ -195,8 +202,8 @@ class _Run:
                 workers.send(self._alone)
                 self._out += 1
             return
-        while self._out < workers.capacity():
-            chunk = self._todo.next()
+        while self._out < (capacity := workers.capacity()):
+            chunk = self._todo.next(capacity)
             if chunk is None:
                 return
             workers.send(chunk)

@@ -157,10 +157,11 @@ def _intersect(
         for m in range(view_start[views[place]], view_start[views[place] + 1]):
             k += 1
             a, b, c = ray[k, 0], ray[k, 1], ray[k, 2]
-            length = math.sqrt(a * a + b * b + c * c)
-            if not length < math.inf:
+            square = a * a + b * b + c * c
+            if not square < math.inf:
                 continue
-            a, b, c = a / length, b / length, c / length
+            scale = 1 / math.sqrt(square)
+            a, b, c = scale * a, scale * b, scale * c
             x = r[0, 0] * a + r[1, 0] * b + r[2, 0] * c
             y = r[0, 1] * a + r[1, 1] * b + r[2, 1] * c
             z = r[0, 2] * a + r[1, 2] * b + r[2, 2] * c

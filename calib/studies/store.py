@@ -3,7 +3,7 @@
 import sqlite3
 import stat
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
@@ -61,6 +61,10 @@ class Study:
 
     def close(self) -> None:
         """Leave the file whole, without the two that SQLite keeps beside it while it is open."""
+        with suppress(sqlite3.Error):  # somebody else reads it, or it was opened to be read
+            # Else reading it would need a folder that can be written, and leave files there.
+            self.connection.execute("PRAGMA busy_timeout = 0")
+            self.connection.execute("PRAGMA journal_mode = DELETE")
         self.connection.close()
 
     def cases(self) -> tuple[StoredCase, ...]:
@@ -162,6 +166,8 @@ def open_study(path: Path, identity: StudyIdentity, *, resume: bool) -> Study:
         difference = known.difference(identity)
         if difference:
             raise InputError(f"{path}: {difference}")
+        # Readers see the file while a run writes, and a commit costs no wait for the disk.
+        connection.execute("PRAGMA journal_mode = WAL")
         with _transaction(connection):
             connection.executemany("INSERT INTO program VALUES (?, ?) ON CONFLICT DO NOTHING", list(program_versions()))
         return Study(path, known, connection)
@@ -274,8 +280,6 @@ def _holds_anything(connection: sqlite3.Connection) -> bool:
 
 def _create(connection: sqlite3.Connection, identity: StudyIdentity) -> None:
     """Write the tables and the identity."""
-    # Readers see the file while a run writes, and a commit costs no wait for the disk.
-    connection.execute("PRAGMA journal_mode = WAL")
     with _transaction(connection):
         if _holds_anything(connection):  # by another run, meanwhile
             return

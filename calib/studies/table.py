@@ -160,7 +160,7 @@ def notes(summaries: Sequence[CaseSummary]) -> tuple[str, ...]:
         for one in summaries
         for found in one.all
         for error, value in ((found.mu_error, found.mu), (found.sigma_error, found.sigma))
-        if value > 0
+        if value > 0 and math.isfinite(error)
     ]
     if errors:
         lines.append(
@@ -191,8 +191,11 @@ def _not_converged(one: CaseSummary) -> str:
 def _shapes(summaries: Sequence[CaseSummary]) -> list[str]:
     """How many distributions of each metric are no Gaussians, and what else."""
     found = [one for summary in summaries for one in summary.all if one.count]
-    normal = sum(one.shape == "normal" for one in found)
-    lines = [f"{normal} of {len(found)} distributions are normal (D'Agostino and Pearson, p >= {LEAST_P:g})"]
+    tested = [one.shape for one in found if one.shape != "too few"]
+    normal = tested.count("normal")
+    lines = [f"{normal} of {len(tested)} distributions are normal (D'Agostino and Pearson, p >= {LEAST_P:g})"] * bool(
+        tested
+    )
     for metric in METRICS:
         of_metric = [one for one in found if one.metric == metric]
         parts = []
@@ -206,8 +209,8 @@ def _shapes(summaries: Sequence[CaseSummary]) -> list[str]:
     return lines
 
 
-def markdown(summaries: Sequence[CaseSummary]) -> str:
-    """Table, notes, what is against the paper and findings, as Markdown."""
+def markdown(summaries: Sequence[CaseSummary], reasons: Sequence[str] = ()) -> str:
+    """Table, notes, what is against the paper, findings, and why some do not hold, as Markdown."""
     parts = [_markdown_table(*_cells_of_markdown(summaries)), "", *(f"- {_plain(line)}" for line in notes(summaries))]
     factors = against_paper(summaries)
     if factors:
@@ -222,6 +225,7 @@ def markdown(summaries: Sequence[CaseSummary]) -> str:
             _markdown_table(*_cells_of_findings(found, numbers=True)),
         ]
         parts += ["", *(f"- {_plain(finding_in_words(one))}" for one in found if one.verdict != "holds")]
+        parts += [f"- {_plain(line)}" for line in reasons]
     return "\n".join([*parts, ""])
 
 

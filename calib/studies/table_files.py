@@ -20,17 +20,18 @@ OVER: tuple[Over, ...] = ("all", "converged")
 Value = str | int | float | None
 
 
-def table_files(summaries: Sequence[CaseSummary], folder: Path) -> dict[Path, bytes]:
+def table_files(summaries: Sequence[CaseSummary], folder: Path, reasons: Sequence[str] = ()) -> dict[Path, bytes]:
     """The files of a table and their contents.
 
     Args:
         summaries: of all cases.
         folder: where they are to lie.
+        reasons: why findings do not hold, in lines.
     """
     return {
-        folder / MARKDOWN_FILE: markdown(summaries).encode("utf-8", ANY_NAME),
+        folder / MARKDOWN_FILE: markdown(summaries, reasons).encode("utf-8", ANY_NAME),
         folder / CSV_FILE: table_to_csv(summaries),
-        folder / JSON_FILE: table_to_json(summaries),
+        folder / JSON_FILE: table_to_json(summaries, reasons),
     }
 
 
@@ -50,8 +51,8 @@ def table_to_csv(summaries: Sequence[CaseSummary]) -> bytes:
     return stream.getvalue().encode("utf-8", ANY_NAME)
 
 
-def table_to_json(summaries: Sequence[CaseSummary]) -> bytes:
-    """The cases with their statistics, the notes, and the findings."""
+def table_to_json(summaries: Sequence[CaseSummary], reasons: Sequence[str] = ()) -> bytes:
+    """The cases with their statistics, the notes, the findings, and why some do not hold."""
     cases = []
     for one in summaries:
         metrics = [
@@ -64,6 +65,7 @@ def table_to_json(summaries: Sequence[CaseSummary]) -> bytes:
         "cases": cases,
         "notes": list(notes(summaries)),
         "findings": [_finding(one) for one in findings(summaries)],
+        "reasons": list(reasons),
     }
     return (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()
 

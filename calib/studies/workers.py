@@ -29,6 +29,7 @@ RunChunk = Callable[[Pool, str, int, int, range], list[SampleResult]]
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 IDLE_S = 20.0
 PARENT_CHECK_S = 0.5
+HAND_ON_S = 2.0
 LOKY_CODES = re.compile(r"exit codes of the workers are \{(.*?)\}")
 
 
@@ -140,7 +141,7 @@ class Processes:
                 future = self._submit(path, chunk)
             except BrokenProcessPool:  # they died between being asked for and being used
                 future = self._submit(path, chunk)
-        self._out[future] = chunk
+            self._out[future] = chunk
 
     def receive(self) -> Sequence[Answer]:
         """What has come back."""
@@ -149,6 +150,10 @@ class Processes:
     def end(self) -> None:
         """End the processes, whatever they do."""
         with _interrupts_held():
+            # A chunk that its thread has not handed on when it is ended would make it fail, and say so.
+            last = time.monotonic() + HAND_ON_S
+            while not all(future.running() or future.done() for future in self._out) and time.monotonic() < last:
+                time.sleep(0.001)
             self._executor().shutdown(wait=True, kill_workers=True)
 
     def _executor(self) -> "ProcessPoolExecutor":
