@@ -35,15 +35,15 @@ if TYPE_CHECKING:
     from calib.studies.workers import CaseSpec
 
 MAX_SIZE = 100_000
-MAX_SAMPLES = 10_000_000
+MAX_SAMPLES = 1_000_000
 MAX_SEED = 2**63 - 1
+LONGEST_NAME = 60
 FIGURES_SHOWN = ("histograms", "sigma", "correlations")
 
 app = typer.Typer(
     help="Calibrate thousands of samples of a set of photos: how sure is the camera, and what does a target do to it?",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    no_args_is_help=True,
 )
 
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="folder for the study")]
@@ -53,6 +53,12 @@ DaskOption = Annotated[
     str | None, typer.Option(help="have the samples computed by the Dask cluster of this scheduler: tcp://host:8786")
 ]
 ResumeOption = Annotated[bool, typer.Option("--resume", help="go on with the study in the folder")]
+
+
+@app.callback(invoke_without_command=True)
+def _commands(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        print(context.get_help())
 
 
 @app.command()
@@ -88,6 +94,7 @@ def bootstrap(
     from calib.studies.statistics import Case
     from calib.studies.store import check_place, open_study
     from calib.studies.workers import CaseSpec
+    from designer.target import load_target
 
     plan = plan_of(model, fix, share, None, loss, reject, weighted=weighted)
     if len(plan.models) > 1:
@@ -96,6 +103,8 @@ def bootstrap(
     check_folder(out)
     prepared = read_input(detections, target, image_size, grid, pitch)
     known = None if truth is None else read_truth(truth)
+    if known is not None and target is not None and known.layout_id != load_target(target).layout_id:
+        raise InputError(f"{truth}: of photos of another target than {target}; give the truth.json beside the photos")
     files = {"detections": detections, "target": target, "truth": truth}
     name = _name_of(target or detections)
     identity = identity_of(
@@ -180,7 +189,7 @@ def parse_sizes(text: str) -> tuple[int, ...]:
         digits = word.strip()
         if not (digits.isascii() and digits.isdigit() and 0 < len(digits) < 10 and 0 < int(digits) <= MAX_SIZE):
             raise InputError(
-                f"--sizes {digits[:40]!r}: no number of views from 1 to {MAX_SIZE}; give such as 20,50,120"
+                f"--sizes {text[:60]!r}: {digits[:20]!r} is no number of views from 1 to {MAX_SIZE}; give such as 20,50,120"
             )
         sizes.append(int(digits))
     if len(set(sizes)) < len(sizes):
@@ -192,6 +201,7 @@ def sample(
     specs: "Sequence[CaseSpec]", study: "Study", *, samples: int, seed: int, jobs: int | None, dask: str | None
 ) -> None:
     """Compute the samples that are missing, and say how long it took."""
+    from calib.results.evaluation_table import figure
     from calib.studies.runner import StudyStoppedError, run_cases
 
     total, counts = samples * len(specs), [0]
@@ -211,7 +221,7 @@ def sample(
     by = f"{processes} process{'es' if processes > 1 else ''}" if dask is None else f"the cluster at {dask}"
     before = f", {counts[1]} were there" if counts[1] else ""
     if new:
-        print(f"{new} samples in {seconds:.1f} s, {new / seconds:.0f} a second by {printable(by)}{before}")
+        print(f"{new} samples in {seconds:.1f} s, {figure(new / seconds, 3)} a second by {printable(by)}{before}")
 
 
 def _told(counts: list[int], bar: Callable[[float], None]) -> Callable[[int], None]:
@@ -248,6 +258,10 @@ def show(study: "Study", folder: Path) -> None:
                 print(f"- {printable(finding_in_words(one))}")
         for line in output.reasons:
             print(f"- {printable(line)}")
+    programs = [name for name, _ in study.programs()]
+    for name in sorted({name for name in programs if programs.count(name) > 1}):
+        versions = ", ".join(version for other, version in study.programs() if other == name)
+        print(f"- the samples were computed by several versions of {printable(name)}: {printable(versions)}")
     pictures = [path for path in output.files if path.suffix == ".png"]
     print(f"\nwrote {shown(folder / MARKDOWN_FILE)}, {CSV_FILE}, {JSON_FILE}: the tables")
     print(f"      {shown(folder / FIGURES_FOLDER)}: {', '.join(path.name for path in pictures)}, as PDF and SVG too")
@@ -280,7 +294,7 @@ def _settings(plan: "SolvePlan", **others: str | None) -> dict[str, str]:
         "weighted": "yes" if options.weighted else "no",
         "loss": options.loss,
         "reject": "" if options.reject_sigma is None else f"{options.reject_sigma!r}",
-        "fix": ",".join(name if value is None else f"{name}={value!r}" for name, value in options.fixed),
+        "fix": ",".join(sorted(name if value is None else f"{name}={value!r}" for name, value in options.fixed)),
         "share": ";".join(map(",".join, options.shared)),
     }
     return settings | {name: value for name, value in others.items() if value is not None}
@@ -290,9 +304,11 @@ def _name_of(path: Path) -> str:
     """What a target is called in tables."""
     from calib.studies.paper_table import TARGETS
 
+    # A name stands above columns and pictures.
     name = printable(path.name.removesuffix(".json").removesuffix(".target")) or printable(path.name)
+    short = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
     # The paper's own targets are others, whose numbers must not stand beside.
-    return f"own {name}" if name in TARGETS else name
+    return f"own {short}" if short in TARGETS else short
 
 
 def _check_cluster(dask: str | None) -> None:

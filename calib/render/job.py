@@ -3,7 +3,6 @@
 import json
 import multiprocessing
 import os
-import signal
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera_file import camera_to_json
+from calib.child_process import interrupts_held, serve
 from calib.render.options import RenderOptions
 from calib.render.sensor import Levels
 from calib.render.view import render_view
@@ -142,18 +142,20 @@ def _render_here(job: RenderJob, views: list[int], folder: Path) -> Iterator[Non
 def _render(job: RenderJob, views: list[int], folder: Path, processes: int) -> Iterator[None]:
     """Render views in several processes, and say when each is done."""
     context = multiprocessing.get_context("spawn")
-    executor = ProcessPoolExecutor(processes, mp_context=context, initializer=_prepare_process)
+    executor = ProcessPoolExecutor(processes, mp_context=context, initializer=_prepare_process, initargs=(os.getpid(),))
     try:
-        for future in as_completed([executor.submit(render_file, job, index, folder) for index in views]):
+        with interrupts_held():  # processes start at the first
+            futures = [executor.submit(render_file, job, index, folder) for index in views]
+        for future in as_completed(futures):
             future.result()
             yield
     finally:
         executor.shutdown(wait=True, cancel_futures=True)
 
 
-def _prepare_process() -> None:
+def _prepare_process(parent: int) -> None:
     """Use one thread; leave Ctrl-C to the first process, which then sends no more views and waits for those at work."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    serve(parent)
     cv2.setNumThreads(1)
 
 

@@ -28,6 +28,7 @@ class Truth:
     geometry_id: str  # of the target that was rendered
     files: tuple[str, ...]  # (V,) names of the images
     cam_from_target: NDArray[np.float64]  # (V, 4, 4)
+    layout_id: str = ""  # of the target; "" if it is not known
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cam_from_target", frozen_array(self.cam_from_target))
@@ -44,12 +45,12 @@ def read_truth(path: Path) -> Truth:
         raise InputError(f'{path}: not the truth of rendered photos: it must hold "format": "{FORMAT}"')
     if type(document.get("version")) is not int or document["version"] != VERSION:
         raise InputError(f"{path}: version {shown(document.get('version'))}; this program reads version {VERSION}")
-    geometry_id = document.get("geometry_id")
-    if not isinstance(geometry_id, str):
-        raise InputError(f"{path}: geometry_id is missing; render again")
+    geometry_id, layout_id = document.get("geometry_id"), document.get("layout_id")
+    if not isinstance(geometry_id, str) or not isinstance(layout_id, str):
+        raise InputError(f"{path}: geometry_id or layout_id is missing; render again")
     camera = camera_from_mapping(document.get("camera"), f"{path}: camera")
     files, poses = _views(document.get("views"), path)
-    return Truth(camera, geometry_id, files, poses)
+    return Truth(camera, geometry_id, files, poses, layout_id)
 
 
 def _views(views: JsonValue, path: Path) -> tuple[tuple[str, ...], NDArray[np.float64]]:

@@ -46,11 +46,13 @@ def _of_pose(setting: Setting, covariance: Mapping[tuple[str, str, str], Array])
             return ""
         sigma[target] = math.sqrt(float(matrix[FOCAL, FOCAL]))
     ratio = sigma[ICOSAHEDRON] / sigma[BOARD]
+    if not ratio > 1:
+        return ""
     return (
         f"{setting_in_words(*setting)}: a pose is as sure as the focal length, and all views together state that to "
         f"{figure(sigma[ICOSAHEDRON], 2)} px for the icosahedron and {figure(sigma[BOARD], 2)} px for the board "
-        f"({figure(ratio, 2)} times): with its centres measured as well as those of a target that fills the image, "
-        f"a small target is {'at a disadvantage' if ratio > 1 else 'not at a disadvantage'}"
+        f"({figure(ratio, 2)} times): where the centres of both are measured as well, a target that fills the image is "
+        "at an advantage"
     )
 
 

@@ -3,10 +3,7 @@
 import os
 import pickle
 import re
-import signal
-import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -16,6 +13,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from calib.child_process import interrupts_held, serve
 from calib.studies.pool import Pool
 from calib.studies.sample import SampleResult
 from calib.studies.statistics import Case
@@ -28,7 +26,6 @@ RunChunk = Callable[[Pool, str, int, int, range], list[SampleResult]]
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 IDLE_S = 20.0
-PARENT_CHECK_S = 0.5
 HAND_ON_S = 2.0
 LOKY_CODES = re.compile(r"exit codes of the workers are \{(.*?)\}")
 
@@ -136,7 +133,7 @@ class Processes:
         from joblib.externals.loky.process_executor import BrokenProcessPool
 
         path = self._path_of(chunk.case.pool)
-        with _interrupts_held():
+        with interrupts_held():
             try:
                 future = self._submit(path, chunk)
             except BrokenProcessPool:  # they died between being asked for and being used
@@ -149,7 +146,7 @@ class Processes:
 
     def end(self) -> None:
         """End the processes, whatever they do."""
-        with _interrupts_held():
+        with interrupts_held():
             # A chunk that its thread has not handed on when it is ended would make it fail, and say so.
             last = time.monotonic() + HAND_ON_S
             while not all(future.running() or future.done() for future in self._out) and time.monotonic() < last:
@@ -163,7 +160,7 @@ class Processes:
         # The fault handler is off: a crash is told in one line, not by a dump of the worker's threads.
         environment = {**ONE_THREAD, "PYTHONFAULTHANDLER": ""}
         executor: ProcessPoolExecutor = get_reusable_executor(
-            self._jobs, timeout=IDLE_S, initializer=_start_process, initargs=(os.getpid(),), env=environment
+            self._jobs, timeout=IDLE_S, initializer=serve, initargs=(os.getpid(),), env=environment
         )
         return executor
 
@@ -212,32 +209,6 @@ def processes(jobs: int, seed: int, run_chunk: RunChunk) -> Iterator[Processes]:
             raise
         finally:
             resource_tracker.unregister(folder, "folder")
-
-
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Ctrl-C is for this process: those started meanwhile never see it, and this one sees it afterwards."""
-    if sys.platform == "win32":
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _start_process(parent: int) -> None:
-    """Prepare a process: deaf to Ctrl-C, and gone soon after the program that started it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(PARENT_CHECK_S)
-        os._exit(1)
-
-    if sys.platform != "win32":
-        threading.Thread(target=watch, daemon=True).start()
 
 
 @lru_cache(maxsize=1)
