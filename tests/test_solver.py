@@ -173,7 +173,7 @@ def test_the_minimum_is_that_of_scipy(case: str) -> None:
     theirs, squares = scipy_minimum(seen, start, poses, free, weighted=options.weighted)
     sigma = np.maximum(sigma_of(ours.param_covariance), 1e-300)
     assert ours.status == "converged"
-    assert (np.abs(ours.camera.params - theirs) <= 1e-5 * sigma).all()
+    assert (np.abs(ours.camera.params - theirs) <= 3e-5 * sigma).all()
     assert squares_of(ours) == pytest.approx(squares, rel=1e-9)
 
 

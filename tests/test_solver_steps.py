@@ -98,7 +98,7 @@ def test_blocks_are_the_products_of_jacobians(model: str, kind: Loss) -> None:
         j = np.concatenate([slope[rows][:, :, own], residual[rows][:, :, None]], axis=2)
         expected = np.einsum("m,mai,maj->ij", weight[rows], j, j)
         size = np.sqrt(np.diag(expected))
-        assert (np.abs(blocks.products[view] - expected) < 1e-6 * size[:, None] * size).all()
+        assert (np.abs(blocks.products[view] - expected) < 3e-6 * size[:, None] * size).all()  # of the differences
         assert blocks.cost[view] == pytest.approx(cost[rows].sum(), rel=1e-9)
     pixel = project(camera, transform(poses[seen.view], seen.points.position_mm[seen.point]))
     assert np.abs(blocks.residual_px.T - (pixel - seen.center_px)).max() < 1e-9
