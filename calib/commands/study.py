@@ -189,7 +189,8 @@ def parse_sizes(text: str) -> tuple[int, ...]:
         digits = word.strip()
         if not (digits.isascii() and digits.isdigit() and 0 < len(digits) < 10 and 0 < int(digits) <= MAX_SIZE):
             raise InputError(
-                f"--sizes {text[:60]!r}: {digits[:20]!r} is no number of views from 1 to {MAX_SIZE}; give such as 20,50,120"
+                f"--sizes {text[:60]!r}: {digits[:20]!r} is no number of views from 1 to {MAX_SIZE}; "
+                "give such as 20,50,120"
             )
         sizes.append(int(digits))
     if len(set(sizes)) < len(sizes):
