@@ -45,12 +45,16 @@ def read_truth(path: Path) -> Truth:
         raise InputError(f'{path}: not the truth of rendered photos: it must hold "format": "{FORMAT}"')
     if type(document.get("version")) is not int or document["version"] != VERSION:
         raise InputError(f"{path}: version {shown(document.get('version'))}; this program reads version {VERSION}")
-    geometry_id, layout_id = document.get("geometry_id"), document.get("layout_id")
-    if not isinstance(geometry_id, str) or not isinstance(layout_id, str):
-        raise InputError(f"{path}: geometry_id or layout_id is missing; render again")
+    geometry_id, layout_id = (_id(document.get(name), name, path) for name in ("geometry_id", "layout_id"))
     camera = camera_from_mapping(document.get("camera"), f"{path}: camera")
     files, poses = _views(document.get("views"), path)
     return Truth(camera, geometry_id, files, poses, layout_id)
+
+
+def _id(value: JsonValue, name: str, path: Path) -> str:
+    if not isinstance(value, str):
+        raise InputError(f"{path}: {name} is missing; render again")
+    return value
 
 
 def _views(views: JsonValue, path: Path) -> tuple[tuple[str, ...], NDArray[np.float64]]:
