@@ -9,6 +9,7 @@ from calib.commands.convert import convert
 from calib.commands.detect import detect
 from calib.commands.diff import diff
 from calib.commands.evaluate import evaluate
+from calib.commands.measure import measure
 from calib.commands.pose import pose
 from calib.commands.render import render
 from calib.commands.run import run as run_all
@@ -44,7 +45,7 @@ def target(file: Annotated[Path, typer.Argument(help="a target file (NAME.target
 
 
 app.command("run")(run_all)
-for command in (render, detect, solve, evaluate, convert, undistort, pose, diff):
+for command in (render, detect, solve, evaluate, convert, undistort, pose, diff, measure):
     app.command()(command)
 app.add_typer(study, name="study")
 

@@ -1,4 +1,4 @@
-"""The templates that travel with the program: targets, printers and cameras as data."""
+"""The templates that travel with the program: targets, printers, cameras and error models as data."""
 
 from pathlib import Path
 from typing import Literal
@@ -7,7 +7,7 @@ from designer.errors import InputError
 from designer.spec import PrinterProfile
 from designer.spec_file import PrinterFile, read_printer_file, shown, suggestion
 
-PresetKind = Literal["targets", "printers", "cameras"]
+PresetKind = Literal["targets", "printers", "cameras", "errors"]
 DEFAULT_PRINTER = "bambu-p1s"
 
 

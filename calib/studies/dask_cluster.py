@@ -10,9 +10,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from calib.studies.identity import Pairs, program_versions
-from calib.studies.pool import Pool
 from calib.studies.sample import SampleResult
-from calib.studies.workers import Answer, Chunk, Done, Lost, RunChunk, WorkersGoneError, compute, in_one_line
+from calib.studies.workers import Answer, Chunk, Done, Lost, Pool, RunChunk, WorkersGoneError, compute, in_one_line
 from designer.errors import InputError
 from designer.spec_file import shown
 

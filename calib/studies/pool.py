@@ -14,6 +14,7 @@ from calib.solver.options import SolveOptions
 from calib.solver.problem import Problem, pack
 from calib.solver.tie import Tie, tie_parameters
 from calib.studies.expansion import Expansion, expand
+from calib.studies.sample import SampleResult
 from calib.types import Calibration, Observations
 from designer.errors import InputError
 
@@ -39,6 +40,22 @@ class Pool:
     def view_count(self) -> int:
         """V."""
         return self.observations.view_count
+
+    @property
+    def value_count(self) -> int:
+        """P, of the camera's parameters."""
+        return len(self.calibration.camera.params)
+
+    @property
+    def covariance(self) -> Array:
+        """(P, P) of the camera's parameters in the solution of all views."""
+        return self.calibration.param_covariance
+
+    def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
+        """Bootstrap samples."""
+        from calib.studies.bootstrap import run_chunk  # which needs this module
+
+        return run_chunk(self, case, size, seed, numbers)
 
 
 def make_pool(observations: Observations, model: str, options: SolveOptions, truth: Truth | None) -> Pool:

@@ -8,12 +8,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.studies.bootstrap import run_chunk as run_bootstrap_chunk
 from calib.studies.draw import draw_counts
 from calib.studies.sample import SampleResult
 from calib.studies.store import Study
 from calib.studies.stored_samples import StoredCase
-from calib.studies.workers import CaseSpec, Chunk, Done, Lost, RunChunk, Workers, WorkersGoneError, processes
+from calib.studies.workers import (
+    CaseSpec,
+    Chunk,
+    Done,
+    Lost,
+    RunChunk,
+    Workers,
+    WorkersGoneError,
+    processes,
+    run_by_pool,
+)
 from designer.errors import InputError
 
 CHUNK_S = 0.4
@@ -40,7 +49,7 @@ def run_cases(
     jobs: int,
     dask: str | None = None,
     on_progress: Callable[[int], None] = lambda done: None,
-    run_chunk: RunChunk = run_bootstrap_chunk,
+    run_chunk: RunChunk = run_by_pool,
     chunk: int | None = None,
 ) -> None:
     """Compute and keep the samples 0 to `samples` of each case that the study does not have.
@@ -64,8 +73,7 @@ def run_cases(
     """
     _check(cases, study, samples, seed, jobs)
     for case in cases:
-        solved = case.pool.calibration
-        study.declare(StoredCase(case.case, solved.camera.model, len(solved.camera.params), solved.param_covariance))
+        study.declare(StoredCase(case.case, case.pool.model, case.pool.value_count, case.pool.covariance))
     todo = _Todo(cases, [sorted(set(range(samples)) - study.done(case.name)) for case in cases], chunk)
     run = _Run(study, todo, seed, total=samples * len(cases), on_progress=on_progress)
     on_progress(run.done)
@@ -227,7 +235,7 @@ class _Run:
 
     def _fail(self, case: CaseSpec, number: int, reason: str) -> None:
         counts = draw_counts(self._seed, case.name, number, case.size, case.pool.view_count)
-        nothing = (float("nan"),) * len(case.pool.calibration.camera.params)
+        nothing = (float("nan"),) * case.pool.value_count
         self._failures.append(
             _Failure(
                 case,

@@ -24,8 +24,8 @@ class StoredCase:
 
     case: Case
     model: str
-    params: int  # P, of the camera
-    covariance: NDArray[np.float64] = field(compare=False)  # (P, P) of the parameters, in the solution of all views
+    params: int  # P, values of a sample: the camera's parameters, or what the study's kind has
+    covariance: NDArray[np.float64] = field(compare=False)  # (P, P) of them in the solution of all views, or (0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,10 +112,11 @@ def case_from_row(path: Path, row: Row) -> StoredCase:
         and size > 0
         and pool > 0
         and 0 <= params <= MAX_PARAMS
-        and len(covariance) == 8 * params**2
+        and len(covariance) in (0, 8 * params**2)
         and (case := Case(target, size, pool, sampling, sightings)).name == name
     ):
-        matrix = np.frombuffer(covariance, dtype="<f8").reshape(params, params).astype(np.float64)
+        side = params if covariance else 0
+        matrix = np.frombuffer(covariance, dtype="<f8").reshape(side, side).astype(np.float64)
         return StoredCase(case, model, params, matrix)
     raise _damaged(path, "its list of cases")
 

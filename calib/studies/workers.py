@@ -13,16 +13,48 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from calib.child_process import interrupts_held, serve
-from calib.studies.pool import Pool
 from calib.studies.sample import SampleResult
 from calib.studies.statistics import Case
 
 if TYPE_CHECKING:
     from joblib.externals.loky import ProcessPoolExecutor
 
+
+class Pool(Protocol):
+    """What samples are drawn from; it is pickled to be sent to workers."""
+
+    @property
+    def view_count(self) -> int:
+        """How many views there are."""
+
+    @property
+    def model(self) -> str:
+        """What its samples' values are: the name of a camera model, or of a kind of study."""
+
+    @property
+    def value_count(self) -> int:
+        """How many values a sample has beside the four errors."""
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(P, P) of the values in the solution of all views; (0, 0) if there is none."""
+
+    def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
+        """The samples of some numbers, each a function of this, case, size, seed and number alone."""
+
+
 RunChunk = Callable[[Pool, str, int, int, range], list[SampleResult]]
-"""As `calib.studies.bootstrap.run_chunk`: pool, case, size, seed, numbers."""
+"""Pool, case, size, seed, numbers."""
+
+
+def run_by_pool(pool: Pool, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
+    """As the pool does it."""
+    return pool.run(case, size, seed, numbers)
+
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 IDLE_S = 20.0

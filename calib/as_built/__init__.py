@@ -1,0 +1,1 @@
+"""From photos to the printed target: camera, poses and geometry in one adjustment."""

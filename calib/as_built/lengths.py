@@ -1,0 +1,195 @@
+"""Lengths that a caliper measured: the only thing that tells how large a target is."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from designer.errors import InputError
+from designer.target import TargetGeometry
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+PARALLEL = 0.9
+"""Cosine of the angle between the normals of faces that a caliper goes over, with the sign turned."""
+SAME_CORNER = 0.05
+"""Corners closer than this part of an edge are one."""
+CONTRADICTION = 1e-3
+"""Probability of lengths that differ as much by chance."""
+FAR = 0.2
+"""A scale farther from 1 is a mistake, not a print."""
+NAMES = '"face-to-face", "edge", "face 0 to face 15" or "ring 3 to ring 17"'
+
+
+@dataclass(frozen=True, eq=False)
+class Length:
+    """A measured length: "face-to-face" (between opposite faces), "edge", "face A to face B", "ring I to ring J"."""
+
+    name: str
+    value_mm: float
+    sigma_mm: float
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How much larger than a target the print is, from lengths."""
+
+    value: float
+    sigma: float
+    residual_sigma: tuple[float, ...]  # of each length, measured - scaled, in its standard deviations
+
+
+def length_in(target: TargetGeometry, name: str, known: Flags | None = None) -> float:
+    """The length of a name in a target, in mm.
+
+    Args:
+        target: where.
+        name: which; see `Length`.
+        known: the faces that may be used (F,); None: all.
+
+    Raises:
+        InputError: the target has no such length.
+    """
+    known = np.ones(target.face_count, dtype=bool) if known is None else known
+    words = name.strip().lower()
+    if words == "face-to-face":
+        pairs = _opposite_faces(target, known)
+        if not pairs:
+            raise InputError(f"length {name!r}: the target has no two opposite faces that were seen; give {NAMES}")
+        return float(np.mean([_between_faces(target, *pair) for pair in pairs]))
+    if words == "edge":
+        return _mean_edge(target, known, name)
+    found = re.fullmatch(r"(ring|face)\s+(\d+)\s+to\s+\1\s+(\d+)", words)
+    if found is None:
+        raise InputError(f"length {name!r} is none that a target has; give {NAMES}")
+    first, second = int(found[2]), int(found[3])
+    count = target.ring_count if found[1] == "ring" else target.face_count
+    if max(first, second) >= count or first == second:
+        raise InputError(f"length {name!r}: give two different {found[1]}s from 0 to {count - 1}")
+    if found[1] == "ring":
+        if not known[target.ring_face[[first, second]]].all():
+            raise InputError(f"length {name!r}: the photos do not join the faces of the two rings; measure others")
+        return float(np.linalg.norm(target.center_mm[first] - target.center_mm[second]))
+    if not known[[first, second]].all():
+        raise InputError(f"length {name!r}: the photos do not join the two faces; measure others")
+    if -_normals(target)[first] @ _normals(target)[second] < PARALLEL:
+        raise InputError(f"length {name!r}: the faces are not opposite each other; give two that are")
+    return _between_faces(target, first, second)
+
+
+def _normals(target: TargetGeometry) -> Array:
+    return target.target_from_face[:, :3, 2]
+
+
+def _opposite_faces(target: TargetGeometry, known: Flags) -> list[tuple[int, int]]:
+    """Pairs of known faces that a caliper can go over."""
+    cosine = -_normals(target) @ _normals(target).T
+    pairs = np.argwhere(np.triu((cosine > PARALLEL) & known & known[:, None], 1))
+    return [(int(a), int(b)) for a, b in pairs]
+
+
+def _between_faces(target: TargetGeometry, first: int, second: int) -> float:
+    """Distance of two faces along the mean of their normals, through the middles of their outlines."""
+    frame = target.target_from_face
+    along = frame[first, :3, 2] - frame[second, :3, 2]
+    middle = [frame[f, :3, :2] @ target.outline_mm[f].mean(axis=0) + frame[f, :3, 3] for f in (first, second)]
+    return float(along @ (middle[0] - middle[1]) / np.linalg.norm(along))
+
+
+def _mean_edge(target: TargetGeometry, known: Flags, name: str) -> float:
+    """Mean length of the edges at which faces meet, between corners that are the means of their faces' corners."""
+    frame = target.target_from_face
+    corner = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
+    side = np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2)
+    known_corner = corner[known].reshape(-1, 3)
+    apart = np.linalg.norm(corner[:, :, None] - known_corner, axis=3)
+    near = apart < SAME_CORNER * side.mean()
+    if not known.any() or target.face_count == 1:
+        raise InputError(f"length {name!r}: the target has no edges at which faces meet; give a length between rings")
+    shared = np.einsum("fkn,ni->fki", near, known_corner) / np.maximum(near.sum(axis=2), 1)[:, :, None]
+    lengths = np.linalg.norm(np.roll(shared, -1, axis=1) - shared, axis=2)[known]
+    return float(lengths.mean())
+
+
+def scale_from(target: TargetGeometry, lengths: Sequence[Length], known: Flags | None = None) -> Scale:
+    """The weighted mean of what lengths say of the scale of a target.
+
+    Raises:
+        InputError: a length that the target does not have, that is far off, or that contradicts the others.
+    """
+    for one in lengths:
+        if not (0 < one.value_mm < np.inf and 0 < one.sigma_mm < np.inf):
+            raise InputError(f"length {one.name}: {one.value_mm:g} mm +- {one.sigma_mm:g} mm; both must be more than 0")
+    inside = np.array([length_in(target, one.name, known) for one in lengths])
+    measured = np.array([one.value_mm for one in lengths])
+    sigma = np.array([one.sigma_mm for one in lengths])
+    ratio = measured / inside
+    for one, part, length in zip(lengths, ratio.tolist(), inside.tolist(), strict=True):
+        if abs(part - 1) > FAR:
+            raise InputError(
+                f"length {one.name} of {one.value_mm:g} mm: the target has {length:.2f} mm there; check what was "
+                "measured, and the unit"
+            )
+    weight = (inside / sigma) ** 2
+    value = float((weight * ratio).sum() / weight.sum())
+    residual = (measured - value * inside) / sigma
+    _require_agreement(lengths, inside, residual)
+    return Scale(value, float(weight.sum() ** -0.5), tuple(residual.tolist()))
+
+
+def _require_agreement(lengths: Sequence[Length], inside: Array, residual: Array) -> None:
+    """Refuse lengths that differ by more than their standard deviations allow (chi-square test).
+
+    Raises:
+        InputError: they do; the message names the worst, and what the others say it should be.
+    """
+    from scipy.special import chdtrc
+
+    square = float((residual**2).sum())
+    if len(lengths) < 2 or chdtrc(len(lengths) - 1, square) > CONTRADICTION:
+        return
+    worst = int(np.argmax(np.abs(residual)))
+    others = np.arange(len(lengths)) != worst
+    weight = np.array([(length / one.sigma_mm) ** 2 for length, one in zip(inside, lengths, strict=True)])[others]
+    ratio = np.array([one.value_mm for one in lengths])[others] / inside[others]
+    expected = float((weight * ratio).sum() / weight.sum() * inside[worst])
+    one = lengths[worst]
+    raise InputError(
+        f"length {one.name} of {one.value_mm:.3f} mm contradicts the others, which make it {expected:.3f} mm "
+        f"(chi-square {square:.1f} of {len(lengths) - 1}); measure again, or give larger uncertainties"
+    )
+
+
+def scaled(target: TargetGeometry, scale: float, about_mm: Array | None = None) -> TargetGeometry:
+    """A target made larger about a point (3,), or its origin, as a measured one; its covariances grow with it."""
+    about = np.zeros(3) if about_mm is None else about_mm
+    frame = np.array(target.target_from_face)
+    frame[:, :3, 3] = about + scale * (frame[:, :3, 3] - about)
+    covariance = target.face_covariance
+    if covariance is not None:
+        unit = np.array([1.0, 1.0, 1.0, scale, scale, scale])
+        covariance = covariance * unit[:, None] * unit
+    return replace(
+        target,
+        source="measured",
+        center_mm=about + scale * (target.center_mm - about),
+        radius_outer_mm=scale * target.radius_outer_mm,
+        radius_inner_mm=scale * target.radius_inner_mm,
+        target_from_face=frame,
+        outline_mm=scale * target.outline_mm,
+        window_mm=scale * target.window_mm,
+        lattice_mm=scale * target.lattice_mm,
+        face_covariance=covariance,
+    )
+
+
+def rescaled(target: TargetGeometry, length: Length) -> TargetGeometry:
+    """The target with the scale that one length says, without photos.
+
+    Raises:
+        InputError: the target has no such length, or another one by far.
+    """
+    return scaled(target, scale_from(target, [length]).value)

@@ -1,0 +1,66 @@
+"""What photos do not tell of a print, in words."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.as_built.datum import Seen
+from calib.solver.outliers import deviations
+from calib.types import Observations
+from designer.target import TargetGeometry
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+FEW_VIEWS = 3
+"""Views of a face with which its place leans on few photos."""
+
+
+FAR_OFF = 6.0
+
+
+def remarks_of(seen: Seen, is_determined: Flags, target: TargetGeometry, *, scale_known: bool) -> tuple[str, ...]:
+    """One line on each thing that the photos do not tell."""
+    said = []
+    unseen = ~seen.face
+    if unseen.any():
+        said.append(f"no view shows {_faces(unseen)}: kept as designed")
+    apart = seen.face & ~seen.main
+    if apart.any():
+        said.append(
+            f"no view joins {_faces(apart)} with the others: where they are is not known; take photos that show faces "
+            "of both"
+        )
+    unsure = ~is_determined & seen.main
+    if unsure.any():
+        said.append(f"too few views of {_faces(unsure)} to tell where they are; take more")
+    few = is_determined & (seen.views < FEW_VIEWS) & (target.face_count > 1)
+    if few.any():
+        said.append(f"fewer than {FEW_VIEWS} views show {_faces(few)}: a mistake in one of them would not be seen")
+    rings = ~seen.ring & is_determined[target.ring_face]
+    if rings.any():
+        said.append(
+            f"{int(rings.sum())} rings of measured faces were never seen: kept where they were designed on them"
+        )
+    if not scale_known:
+        said.append("no length was given: the size of the print is not known, and taken as designed")
+    return tuple(said)
+
+
+def far_off(seen: Observations, residual_px: Array) -> list[str]:
+    """A word on observations that noise does not explain.  # (2, M)"""
+    deviation = deviations(residual_px, seen.cov_px2)
+    far = np.flatnonzero(deviation > FAR_OFF)
+    if not len(far):
+        return []
+    worst = int(far[np.argmax(deviation[far])])
+    off = float(np.hypot(*residual_px[:, worst]))
+    return [
+        f"{len(far)} of {len(deviation)} observations are off by more than {FAR_OFF:g} robust standard deviations, the "
+        f"worst by {off:.3g} px in {seen.view_names[seen.view[worst]]}; look at them, or reject them"
+    ]
+
+
+def _faces(which: Flags) -> str:
+    """The numbers of faces, in words."""
+    numbers = np.flatnonzero(which).tolist()
+    return f"face{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"

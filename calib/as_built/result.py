@@ -1,0 +1,89 @@
+"""A measured target, and what is known of it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.as_built.datum import LEAST_RINGS, Seen, best_motion, fit_rings
+from calib.as_built.lengths import Length
+from calib.as_built.unknowns import Shape, Unknowns, place_rings, strain_matrix
+from calib.se3 import exp_rotation
+from calib.types import Camera, Observations, Status
+from designer.target import TargetGeometry
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class AsBuilt:
+    """A target as photos show it, with the cameras that took them; V views and M observations of each camera.
+
+    Where the target is, is a convention: it is laid over the nominal one, see `calib.as_built.datum`. The covariances
+    are in that datum, with the posterior scale factor in them.
+    """
+
+    target: TargetGeometry  # source "measured", with `face_covariance`: where the faces are, in their frames
+    nominal: TargetGeometry
+    observations: tuple[Observations, ...]  # of each camera, of the views that were solved
+    cameras: tuple[Camera, ...]
+    param_covariance: tuple[Array, ...]  # (P, P) of each camera, zero for fixed parameters
+    poses: tuple[Array, ...]  # (V, 4, 4) cam_from_target of the measured target, of each camera
+    residual_px: tuple[Array, ...]  # (M, 2) of each camera, predicted - measured
+    is_outlier: tuple[NDArray[np.bool_], ...]  # (M,) of each camera, left out of the solution
+    scale: float  # posterior standard deviation of an observation, in px or in units of its stated covariance
+    strain: Array  # (3, 3) of the whole print, in the target's axes, about its origin; 0.01: 1 % too large
+    strain_covariance: Array  # (6, 6) of its xx, yy, zz, yz, xz, xy
+    motion: Array  # (F, 6) of each face, the strain taken off: rotation vector (rad), shift (mm), in the face's frame
+    motion_covariance: Array  # (6 F, 6 F)
+    bow_mm: Array  # (F, 3) dome and two saddles at the face's rim, see `calib.as_built.unknowns.bow_basis`
+    bow_covariance: Array  # (F, 3, 3)
+    offset_mm: Array  # (R, 3) of each ring, in its face's frame, beyond all that
+    offset_sigma_mm: Array  # (R, 3)
+    ring_sigma_mm: tuple[float, float] | None  # how far rings are off, in their plane and normal to it; None: rigid
+    scale_known: bool  # from lengths; else the measured target is as large as the nominal one
+    scale_sigma: float  # relative, of the whole target; nan if not known
+    lengths: tuple[tuple[Length, float], ...]  # with what is left over, in standard deviations
+    is_determined: NDArray[np.bool_]  # (F,) the photos tell where the face is
+    face_views: NDArray[np.int64]  # (F,) how many views show the face
+    is_ring_seen: NDArray[np.bool_]  # (R,)
+    remarks: tuple[str, ...]  # what the photos do not tell, one line each
+    status: Status
+    iterations: int
+    seconds: float
+
+
+def target_of(unknowns: Unknowns, seen: Seen, shape: Shape, covariance: Array) -> TargetGeometry:
+    """The geometry of a shape.
+
+    A face's frame is its nominal one moved so that it fits its rings best; a strain then also stretches the outline,
+    the window, the lattice and (on average) the rings in it.
+
+    Args:
+        unknowns: of the nominal target.
+        seen: which rings tell where a face is.
+        shape: the deviations.
+        covariance: of the faces (F, 6, 6).
+    """
+    target, rings = unknowns.target, place_rings(unknowns, shape)
+    frame, stretch = np.array(target.target_from_face), np.tile(np.eye(2), (target.face_count, 1, 1))
+    affine = np.eye(3) + strain_matrix(shape.strain)
+    turn = affine @ target.target_from_face[:, :3, :3] @ exp_rotation(shape.motion[:, :3])
+    for face, rows in enumerate(fit_rings(unknowns, seen)):
+        if len(rows) >= LEAST_RINGS:
+            _, rotation, shift = best_motion(target.center_in_face_mm[rows], rings.position_mm[rows])
+            frame[face, :3, :3], frame[face, :3, 3] = rotation, shift
+        stretch[face] = (frame[face, :3, :3].T @ turn[face])[:2, :2]
+    mean = np.sqrt(np.linalg.det(stretch))[target.ring_face]
+    return replace(
+        target,
+        source="measured",
+        center_mm=rings.position_mm,
+        target_from_face=frame,
+        radius_outer_mm=mean * target.radius_outer_mm,
+        radius_inner_mm=mean * target.radius_inner_mm,
+        outline_mm=np.einsum("fij,fkj->fki", stretch, target.outline_mm),
+        window_mm=np.einsum("fij,fkj->fki", stretch, target.window_mm),
+        lattice_mm=np.einsum("fij,fkj->fki", stretch, target.lattice_mm),
+        face_covariance=covariance,
+    )

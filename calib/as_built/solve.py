@@ -1,0 +1,311 @@
+"""The measurement: from photos of a print to its geometry, with cameras and poses."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.as_built.accuracy import Accuracy, accuracy_of
+from calib.as_built.datum import (
+    Seen,
+    gauge_rows,
+    laid_over,
+    moved_target,
+    what_is_seen,
+)
+from calib.as_built.descend import Minimum, minimise
+from calib.as_built.lengths import Length, Scale, scale_from
+from calib.as_built.options import AsBuiltOptions
+from calib.as_built.problem import Joint, State, joint_problem, without
+from calib.as_built.remarks import far_off, remarks_of
+from calib.as_built.result import AsBuilt, target_of
+from calib.as_built.ring_spread import is_same_spread, with_seen_spread
+from calib.as_built.unknowns import nominal_shape, strain_matrix, unknowns_of
+from calib.inputs.observations import known_points
+from calib.one_thread import one_thread
+from calib.solver.outliers import deviations
+from calib.solver.solve import solve
+from calib.solver.tie import tie_parameters
+from calib.types import Calibration, Observations, Status
+from designer.errors import InputError
+from designer.target import TargetGeometry, bounding_radius_mm
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+ROUNDS = 8
+"""Of judging what an observation is worth, against the priors, and solving again."""
+SAME_SCALE = 0.01
+SAME_SPREAD = 0.05
+NEAR = 1e-9
+"""Damping to begin a descent with that starts at another minimum."""
+PERFECT = 1e-5
+"""Least standard deviation of an observation: with less, what the priors alone hold were lost in rounding."""
+FEW = 0.5
+"""Part of the equations that must be left over, or the unknowns are counted exactly."""
+UNSURE = 0.1
+"""A face is not determined whose motion is not ten times better known than expected."""
+
+
+@one_thread
+def measure(
+    sets: Sequence[Observations],
+    target: TargetGeometry,
+    model: str,
+    options: AsBuiltOptions | None = None,
+    lengths: Sequence[Length] = (),
+) -> AsBuilt:
+    """Solve cameras, poses and the printed target together.
+
+    Least squares of the distances in the image and of the priors, the poses or the rings eliminated block by block.
+    What photos do not tell (where the target is and how large) is fixed as `calib.as_built.datum` says; the size comes
+    from lengths, if there are any.
+
+    Args:
+        sets: what each camera saw of the same print; every view has four points or more.
+        target: as designed.
+        model: of all cameras; one that is its parameters alone.
+        options: which deviations to look for.
+        lengths: measured on the print.
+
+    Raises:
+        InputError: a camera cannot be solved, or the lengths contradict each other.
+        ValueError: no sets, or observations of another target.
+    """
+    begin = time.perf_counter()
+    options = options or AsBuiltOptions()
+    if not sets or any(len(one.points.face) != target.ring_count for one in sets):
+        raise ValueError("observations of the target's own rings are needed")
+    points = known_points(target)
+    started = [solve(replace(one, points=points), model, options.solve) for one in sets]
+    descended = _descend(started, target, model, options)
+    joint, found, seen = descended.joint, descended.minimum, descended.seen
+    joint, found, accuracy = _accurate(joint, found, seen, options)
+    state = laid_over(joint.unknowns, seen, found.state)
+    is_determined = _determined(accuracy, joint, seen)
+    scale: Scale | None = None
+    if lengths:
+        # Without the faces of which little is known, if there are others.
+        unscaled = target_of(joint.unknowns, seen, state.shape, accuracy.face)
+        scale = scale_from(unscaled, lengths, is_determined if is_determined.any() else None)
+        state = moved_target(joint.unknowns, state, scale.value, np.eye(3), np.zeros(3))
+    measured = _Measured(joint, found, seen, accuracy, state, is_determined, scale)
+    return _as_built(started, target, measured, lengths, descended.iterations, begin)
+
+
+@dataclass(frozen=True, eq=False)
+class _Descended:
+    joint: Joint
+    minimum: Minimum
+    seen: Seen
+    iterations: int
+
+
+def _descend(started: Sequence[Calibration], target: TargetGeometry, model: str, options: AsBuiltOptions) -> _Descended:
+    """Down to the minimum at which the observations are worth what their residuals say."""
+    unknowns = unknowns_of(target, options)
+    observations = [one.observations for one in started]
+    keeps = [~one.is_outlier for one in started]
+    if options.solve.reject_sigma is not None:
+        keeps = [np.ones_like(keep) for keep in keeps]  # what looked far off may be the target's own deviation
+    ties = [tie_parameters(model, options.solve)] * len(started)
+    weighted = options.solve.weighted
+    seen = what_is_seen(unknowns, list(zip(observations, keeps, strict=True)))
+    gauge = gauge_rows(unknowns, seen, bounding_radius_mm(target))
+    joint = joint_problem(observations, ties, unknowns, gauge, weighted=weighted)
+    joint = replace(without(joint, keeps), scale=1.0 if weighted else 0.05)
+    poses = tuple(one.cam_from_target for one in started)
+    state = State(tuple(one.camera for one in started), poses, nominal_shape(target))
+    found = minimise(joint, state, max_iterations=options.solve.max_iterations, small_decrease=1e-4)
+    iterations = found.iterations
+    for number in range(ROUNDS):
+        keeps = _kept(joint, found, observations, options)
+        joint = without(joint, keeps)
+        scale = _posterior_scale(joint, found, seen)
+        spread = joint.unknowns
+        if options.ring_sigma_from_photos:
+            spread = with_seen_spread(joint.unknowns, seen, found.state.shape, found.normal)
+        is_last = number > 0 and abs(scale / joint.scale - 1) < SAME_SCALE
+        is_last = is_last and is_same_spread(spread, joint.unknowns, SAME_SPREAD)
+        joint = joint if is_last else replace(joint, scale=scale, unknowns=spread)
+        found = minimise(joint, found.state, max_iterations=options.solve.max_iterations, damping=NEAR)
+        iterations += found.iterations
+        if is_last:
+            break
+    return _Descended(joint, found, seen, iterations)
+
+
+def _kept(joint: Joint, found: Minimum, observations: Sequence[Observations], options: AsBuiltOptions) -> list[Flags]:
+    """The observations that are not too far off, if a limit was asked for."""
+    limit = options.solve.reject_sigma
+    if limit is None:
+        return [one.problem.is_used for one in joint.sets]
+    return [
+        np.asarray(deviations(residual, seen.cov_px2) <= limit)
+        for residual, seen in zip(found.normal.residual_px, observations, strict=True)
+    ]
+
+
+def _posterior_scale(joint: Joint, found: Minimum, seen: Seen, effective: float | None = None) -> float:
+    """Standard deviation of an observation, the unknowns that the photos determine taken off.
+
+    Args:
+        joint: what was seen.
+        found: the minimum.
+        seen: which faces.
+        effective: how many unknowns beside the poses the photos determine; None: about, where they are few, else exact.
+
+    Raises:
+        InputError: as many as there are observations.
+    """
+    equations = 2 * sum(int(one.problem.is_used.sum()) for one in joint.sets)
+    if effective is None:
+        effective = _about_effective(joint, found, seen)
+        if equations - 6 * joint.view_count - effective < FEW * equations:
+            effective = _require(accuracy_of(joint, found.state.shape, seen, found.normal)).effective
+    redundancy = equations - 6 * joint.view_count - effective
+    if redundancy < 1:
+        raise InputError(
+            f"{equations // 2} observations for {6 * joint.view_count + effective:.0f} unknowns: too few; take more "
+            "photos, or expect smaller deviations"
+        )
+    return max(joint.scale * float(np.sqrt(found.normal.squares / redundancy)), PERFECT)
+
+
+def _about_effective(joint: Joint, found: Minimum, seen: Seen) -> float:
+    """About how many unknowns beside the poses the photos determine, each taken on its own."""
+    unknowns = joint.unknowns
+    of_faces = (unknowns.count - unknowns.first_motion) * float(seen.face.mean())
+    effective = joint.param_count + unknowns.first_motion + of_faces - len(joint.gauge)
+    if unknowns.ring_sigma_mm is not None:
+        inverse = np.linalg.inv(found.normal.ring)
+        effective += float((1 - np.einsum("rii->ri", inverse) / unknowns.ring_sigma_mm**2).sum())
+    return effective
+
+
+def _accurate(joint: Joint, found: Minimum, seen: Seen, options: AsBuiltOptions) -> tuple[Joint, Minimum, Accuracy]:
+    """The minimum with the exact posterior scale, and the accuracies there."""
+    accuracy = _require(accuracy_of(joint, found.state.shape, seen, found.normal))
+    scale = _posterior_scale(joint, found, seen, accuracy.effective)
+    if abs(scale / joint.scale - 1) < SAME_SCALE or scale <= PERFECT:
+        return joint, found, accuracy
+    joint = replace(joint, scale=scale)
+    found = minimise(joint, found.state, max_iterations=options.solve.max_iterations, damping=NEAR)
+    return joint, found, _require(accuracy_of(joint, found.state.shape, seen, found.normal))
+
+
+def _require(accuracy: Accuracy | None) -> Accuracy:
+    """Refuse what has none.
+
+    Raises:
+        InputError: there is none.
+    """
+    if accuracy is None:
+        raise InputError("the photos do not determine cameras and target together; take more, from more sides")
+    return accuracy
+
+
+def _determined(accuracy: Accuracy, joint: Joint, seen: Seen) -> Flags:
+    """The faces whose place the photos tell.  # (F,)"""
+    unknowns = joint.unknowns
+    if not unknowns.has_motion:
+        return seen.face
+    expected = unknowns.sigma[unknowns.first_motion : unknowns.first_bow].reshape(-1, 6)
+    largest = np.linalg.eigvalsh(accuracy.face / (expected[:, :, None] * expected[:, None]))[:, -1]
+    determined: Flags = seen.main & seen.face & (largest < UNSURE**2)
+    return determined
+
+
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """A minimum in its datum and size."""
+
+    joint: Joint
+    minimum: Minimum
+    seen: Seen
+    accuracy: Accuracy
+    state: State
+    is_determined: Flags
+    scale: Scale | None
+
+
+def _as_built(
+    started: Sequence[Calibration],
+    target: TargetGeometry,
+    measured: _Measured,
+    lengths: Sequence[Length],
+    iterations: int,
+    begin: float,
+) -> AsBuilt:
+    """The result."""
+    joint, accuracy, scale, seen = measured.joint, measured.accuracy, measured.scale, measured.seen
+    size = 1.0 if scale is None else scale.value
+    unit = size ** np.repeat([0, 1], 3)
+    by_scale = accuracy.face_by_scale * unit
+    face = accuracy.face * unit[:, None] * unit
+    strain_covariance = accuracy.strain * size**2
+    if scale is not None:
+        face = face + (scale.sigma / size) ** 2 * by_scale[:, :, None] * by_scale[:, None, :]
+        isotropic = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+        strain_covariance = strain_covariance + scale.sigma**2 * isotropic[:, None] * isotropic
+    found, state = measured.minimum, measured.state
+    status: Status = "converged" if found.converged else "stopped"
+    if not measured.is_determined.any() or any(one.status == "degenerate" for one in started):
+        status = "degenerate"
+    params = []
+    for one in joint.sets:
+        place = np.where(one.tie.row >= 0, one.first_param + one.tie.row, -1)
+        spread = (place[:, None] == np.arange(joint.param_count)).astype(np.float64)
+        params.append(spread @ accuracy.params @ spread.T)
+    return AsBuilt(
+        target=target_of(joint.unknowns, seen, state.shape, 0.5 * (face + face.transpose(0, 2, 1))),
+        nominal=target,
+        observations=tuple(one.observations for one in started),
+        cameras=state.cameras,
+        param_covariance=tuple(params),
+        poses=state.poses,
+        residual_px=tuple(np.ascontiguousarray(residual.T) for residual in found.normal.residual_px),
+        is_outlier=tuple(~one.problem.is_used for one in joint.sets),
+        scale=joint.scale,
+        strain=strain_matrix(state.shape.strain),
+        strain_covariance=strain_covariance,
+        motion=state.shape.motion,
+        motion_covariance=accuracy.motion,
+        bow_mm=state.shape.bow,
+        bow_covariance=accuracy.bow,
+        offset_mm=state.shape.offset_mm,
+        ring_sigma_mm=None
+        if joint.unknowns.ring_sigma_mm is None
+        else tuple(joint.unknowns.ring_sigma_mm[1:].tolist()),
+        offset_sigma_mm=accuracy.offset_sigma_mm,
+        scale_known=scale is not None,
+        scale_sigma=float("nan") if scale is None else scale.sigma,
+        lengths=() if scale is None else tuple(zip(lengths, scale.residual_sigma, strict=True)),
+        is_determined=measured.is_determined,
+        face_views=seen.views,
+        is_ring_seen=seen.ring,
+        remarks=_remarks(started, target, measured),
+        status=status,
+        iterations=iterations,
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def _remarks(started: Sequence[Calibration], target: TargetGeometry, measured: _Measured) -> tuple[str, ...]:
+    """What a person must know, the worst first."""
+    said: list[str] = []
+    for one in started:
+        if one.status == "degenerate":
+            said.append(one.remarks[0])
+        said.extend(line for line in one.remarks if ": left out: " in line)
+    if not measured.minimum.converged:
+        said.append("stopped short of the minimum; allow more steps")
+    for one, residual in zip(started, measured.minimum.normal.residual_px, strict=True):
+        said.extend(far_off(one.observations, residual))
+    left_out = sum(int((~one.problem.is_used).sum()) for one in measured.joint.sets)
+    if left_out:
+        said.append(f"{left_out} of {sum(len(one.ring) for one in measured.joint.sets)} observations left out")
+    said.extend(remarks_of(measured.seen, measured.is_determined, target, scale_known=measured.scale is not None))
+    return tuple(said)

@@ -1,0 +1,172 @@
+"""How a print differs from its design, each number with its standard deviation."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.as_built.result import AsBuilt
+from calib.as_built.unknowns import STRAIN_INDEX, strain_matrix, strain_numbers
+from calib.se3 import exp_rotation
+from designer.target import TargetGeometry
+from designer.tolerance.shape import face_down
+
+Array = NDArray[np.float64]
+
+SIGNIFICANT = 3.0
+"""Standard deviations from which on a single number is called more than noise."""
+CHANCE = 1e-3
+"""Probability below which a face that lies as designed does not look as it does."""
+FREE_PARAMETERS = ("shift x", "shift y", "shift z", "tilt x", "tilt y", "turn z")
+"""Of a face, in its own axes: z is its outward normal."""
+_ORDER = [3, 4, 5, 0, 1, 2]
+"""Of these in the motions of faces, which have rotations first."""
+
+Verdict = Literal["moved", "as designed", "not known"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its standard deviation."""
+
+    value: float
+    sigma: float
+
+    @property
+    def significance(self) -> float:
+        """How many standard deviations it is from zero."""
+        return abs(self.value) / self.sigma if self.sigma > 0 else math.inf if self.value else 0.0
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether it is more than noise."""
+        return self.significance > SIGNIFICANT
+
+
+@dataclass(frozen=True)
+class WholePrint:
+    """Size and shape of the whole print, along the axes of a bed on which it lay on its last face."""
+
+    size: Estimate | None  # mean stretch; 0.01: 1 % too large; None: no length tells it
+    axes: tuple[tuple[str, Estimate], ...]  # stretch of each axis beyond the mean
+    skews: tuple[tuple[str, Estimate], ...]  # rad, how far the second axis leans towards the first
+
+    @property
+    def is_in_shape(self) -> bool:
+        """Whether no axis and no angle is off by more than noise."""
+        return not any(one.is_significant for _, one in (*self.axes, *self.skews))
+
+
+def bed_axes(target: TargetGeometry, turn_rad: float = 0.0) -> Array:
+    """The axes that a print's stretch is told in: those of the bed, as `design` lays the target on it.  # (3, 3)
+
+    On its last face, the longer of its two horizontal extents along x (see `designer.bed`; of a bed that is deeper
+    than wide it is y).
+
+    Args:
+        target: what was printed.
+        turn_rad: by which a person turned it further, about the bed's normal.
+    """
+    axes = face_down(target)
+    frame = target.target_from_face
+    corners = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
+    size = np.ptp(corners.reshape(-1, 3) @ axes.T, axis=0)
+    quarter = math.pi / 2 if size[1] > size[0] else 0.0
+    turned: Array = exp_rotation(np.array([0.0, 0.0, quarter + turn_rad])) @ axes
+    return turned
+
+
+def whole_print(found: AsBuilt, bed_turn_rad: float = 0.0) -> WholePrint:
+    """Size, stretch and skew of the print.
+
+    With `I + e` the print's symmetric stretch, the mean is tr(e) / 3, an axis' own is e_ii - tr(e) / 3, and an axis
+    that leans towards another by the angle a has e_ij = a / 2; the other half of the shear is a rotation. Of a board
+    only what is in its plane can be told.
+    """
+    turn = bed_axes(found.nominal, bed_turn_rad)
+    change = np.column_stack([strain_numbers(turn @ strain_matrix(unit) @ turn.T) for unit in np.eye(6)])
+    numbers = change @ strain_numbers(found.strain)
+    covariance = change @ found.strain_covariance @ change.T
+    flat = found.nominal.face_count == 1
+    axes = (0, 1) if flat else (0, 1, 2)
+    mean = np.zeros(6)
+    mean[list(axes)] = 1 / len(axes)
+
+    def estimate(row: Array) -> Estimate:
+        return Estimate(float(row @ numbers), math.sqrt(max(float(row @ covariance @ row), 0.0)))
+
+    unit = np.eye(6)
+    skews = [(k, "xyz"[i] + "xyz"[j]) for k, (i, j) in enumerate(STRAIN_INDEX) if i != j and j in axes]
+    return WholePrint(
+        size=estimate(mean) if found.scale_known else None,
+        axes=tuple(("xyz"[axis], estimate(unit[axis] - mean)) for axis in axes),
+        skews=tuple((name, estimate(2 * unit[k])) for k, name in sorted(skews, key=lambda pair: pair[1])),
+    )
+
+
+def compensation_percent(size: float, made_with_percent: float = 0.0) -> float:
+    """What to dial into `design --shrink-compensation`, so that the next print comes out as designed.
+
+    The printer makes of a length l (1 + c) l (1 + m), with the compensation c the print was made with. It came out as
+    l (1 + s), so m is known, and the next compensation is (1 + c) / (1 + s) - 1.
+
+    Args:
+        size: s, how much larger than designed the print is.
+        made_with_percent: 100 c.
+    """
+    return 100 * ((1 + made_with_percent / 100) / (1 + size) - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class FaceDeviations:
+    """How each face of F lies against the design, what the whole print's stretch does to it taken off."""
+
+    value: Array  # (F, 6) as `FREE_PARAMETERS`: mm, mm, mm, rad, rad, rad
+    sigma: Array  # (F, 6)
+    chance: Array  # (F,) probability of as much if the face lay as designed
+    verdict: tuple[Verdict, ...]  # (F,)
+
+
+def face_deviations(found: AsBuilt) -> FaceDeviations | None:
+    """How the faces lie; None for a single one, of which that is the pose."""
+    from scipy.stats import chi2
+
+    count = found.nominal.face_count
+    if count == 1:
+        return None
+    block = found.motion_covariance.reshape(count, 6, count, 6)[np.arange(count), :, np.arange(count)]
+    sigma = np.sqrt(np.maximum(np.diagonal(block, axis1=1, axis2=2), 0.0))
+    square = np.array([m @ np.linalg.pinv(c) @ m for m, c in zip(found.motion, block, strict=True)])
+    chance = np.asarray(chi2.sf(square, 6), dtype=np.float64)
+    verdict = tuple(map(_verdict, found.is_determined.tolist(), chance.tolist()))
+    return FaceDeviations(found.motion[:, _ORDER], sigma[:, _ORDER], chance, verdict)
+
+
+def _verdict(is_determined: bool, chance: float) -> Verdict:
+    if not is_determined:
+        return "not known"
+    return "moved" if chance < CHANCE else "as designed"
+
+
+@dataclass(frozen=True, eq=False)
+class RingDeviations:
+    """How the rings lie on their faces, in the faces' axes: their own offsets, with what bends the face."""
+
+    seen: NDArray[np.int64]  # (N,) rings
+    offset_mm: Array  # (N, 3)
+    sigma_mm: Array  # (N, 3) of the own offsets
+
+
+def ring_deviations(found: AsBuilt) -> RingDeviations | None:
+    """How the seen rings lie; None if they were held on flat faces."""
+    from calib.as_built.unknowns import bow_basis
+
+    has_bow = bool(np.any(found.bow_mm))
+    if found.ring_sigma_mm is None and not has_bow:
+        return None
+    offset = np.array(found.offset_mm)
+    offset[:, 2] += (bow_basis(found.nominal) * found.bow_mm[found.nominal.ring_face]).sum(axis=1)
+    seen = np.flatnonzero(found.is_ring_seen & found.is_determined[found.nominal.ring_face])
+    return RingDeviations(seen, offset[seen], found.offset_sigma_mm[seen])

@@ -1,0 +1,281 @@
+"""The files of a measured target: NAME.target.json, and NAME.as_built.json, .csv and .png beside it."""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.as_built.result import AsBuilt
+from calib.as_built_report.deviations import (
+    FREE_PARAMETERS,
+    Estimate,
+    FaceDeviations,
+    RingDeviations,
+    WholePrint,
+    bed_axes,
+    compensation_percent,
+    face_deviations,
+    ring_deviations,
+    whole_print,
+)
+from calib.as_built_report.held_out import HeldOut
+from calib.as_built_report.length_words import AskedLength
+from calib.cameras import parameter_names
+from calib.files import require_replaceable
+from designer.errors import InputError
+from designer.small_file import JsonValue
+from designer.target import FORMAT as TARGET_FORMAT
+from designer.target import load_target, target_to_json
+
+FORMAT, VERSION = "ringforge.as_built", 1
+TARGET_SUFFIX = ".target.json"
+COLUMNS = ("part", "number", "face", "i", "j", "quantity", "value", "sigma", "significance", "unit", "is_known")
+_KIND_LINE = "# ringforge as-built deviations, version 1\n"
+_PNG = b"\x89PNG\r\n"
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """All there is to say of a measured target."""
+
+    found: AsBuilt
+    whole: WholePrint
+    faces: FaceDeviations | None
+    rings: RingDeviations | None
+    held_out: HeldOut | None
+    lengths: tuple[AskedLength, ...]
+    made_with_percent: float  # shrinkage compensation of the print
+    bed_turn_rad: float  # of the print, about the bed's normal
+    weighted: bool  # by the covariances of the observations
+    program: str
+    settings: tuple[tuple[str, str], ...]  # of the command: name and value as they were given
+
+
+def report_of(
+    found: AsBuilt,
+    held_out: HeldOut | None,
+    lengths: Sequence[AskedLength],
+    *,
+    made_with_percent: float,
+    bed_turn_rad: float,
+    weighted: bool,
+    program: str,
+    settings: tuple[tuple[str, str], ...],
+) -> Report:
+    """The report on a measured target."""
+    whole, faces, rings = whole_print(found, bed_turn_rad), face_deviations(found), ring_deviations(found)
+    return Report(
+        found, whole, faces, rings, held_out, tuple(lengths),
+        made_with_percent, bed_turn_rad, weighted, program, settings,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the files lie."""
+
+    target: Path
+    report: Path
+    table: Path
+    picture: Path
+
+
+def places_of(target: Path) -> Places:
+    """The files beside a measured target.
+
+    Raises:
+        InputError: its name does not end as those of target files do.
+    """
+    if not target.name.endswith(TARGET_SUFFIX) or target.name == TARGET_SUFFIX:
+        name = target.name.removesuffix(".json").removesuffix(".target").rstrip(".") or "measured"
+        raise InputError(f"-o {target}: target files end in {TARGET_SUFFIX}; call it {name}{TARGET_SUFFIX}")
+    stem = target.name.removesuffix(TARGET_SUFFIX)
+    report, table, picture = (target.with_name(f"{stem}.as_built{end}") for end in (".json", ".csv", ".png"))
+    return Places(target, report, table, picture)
+
+
+def check_places(places: Places, nominal: Path) -> None:
+    """Refuse places that hold something else, before any work is done.
+
+    Raises:
+        InputError: a place is the target's own, of another target that is not a measured one, or not to be written.
+    """
+    import tempfile
+
+    out = places.target
+    if out.exists() and nominal.exists() and out.samefile(nominal):
+        raise InputError(f"-o {out}: is the target it is measured against; choose another name")
+    require_replaceable(out, _start(TARGET_FORMAT), "target")
+    if out.exists() and out.stat().st_size and (source := load_target(out).source) != "measured":
+        raise InputError(f"-o {out}: exists and holds a {source} target, not a measured one; choose another name")
+    require_replaceable(places.report, _start(FORMAT), "report on a measured target")
+    require_replaceable(places.table, _KIND_LINE.encode(), "table of a measured target")
+    require_replaceable(places.picture, _PNG, "picture")
+    try:
+        folder = next(parent for parent in out.absolute().parents if parent.exists())
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(f"-o {out}: cannot be written: {error.strerror}; choose another place") from None
+
+
+def _start(kind: str) -> bytes:
+    return f'{{\n"format": "{kind}"'.encode()
+
+
+def report_files(report: Report, places: Places) -> dict[Path, bytes]:
+    """The target, the numbers and the table."""
+    return {
+        places.target: target_to_json(report.found.target).encode(),
+        places.report: report_to_json(report).encode(),
+        places.table: table_to_csv(report).encode(),
+    }
+
+
+def table_to_csv(report: Report) -> str:
+    """A line a number, with its standard deviation and how many of them it is from zero."""
+    stream = io.StringIO(newline="")
+    stream.write(_KIND_LINE)
+    stream.write("# faces and rings in the axes of their face, z outwards; the stretch of the whole print taken off\n")
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows(_whole_rows(report.whole))
+    if report.faces is not None:
+        writer.writerows(_face_rows(report.faces))
+    if report.rings is not None:
+        writer.writerows(_ring_rows(report.found, report.rings))
+    return stream.getvalue()
+
+
+_Row = tuple[str | int | float, ...]
+
+
+def _numbers(one: Estimate, unit: str, *, is_known: bool = True) -> _Row:
+    significance = f"{one.significance:.3g}" if math.isfinite(one.significance) else ""
+    return f"{one.value:.9g}", f"{one.sigma:.4g}", significance, unit, int(is_known)
+
+
+def _whole_rows(whole: WholePrint) -> Iterator[_Row]:
+    if whole.size is not None:
+        yield "print", "", "", "", "", "size", *_numbers(whole.size, "1")
+    for name, one in whole.axes:
+        yield "print", "", "", "", "", f"axis {name}", *_numbers(one, "1")
+    for name, one in whole.skews:
+        yield "print", "", "", "", "", f"skew {name}", *_numbers(one, "rad")
+
+
+def _face_rows(faces: FaceDeviations) -> Iterator[_Row]:
+    for face, verdict in enumerate(faces.verdict):
+        for k, name in enumerate(FREE_PARAMETERS):
+            one = Estimate(float(faces.value[face, k]), float(faces.sigma[face, k]))
+            unit = "mm" if name.startswith("shift") else "rad"
+            yield "face", face, face, "", "", name, *_numbers(one, unit, is_known=verdict != "not known")
+
+
+def _ring_rows(found: AsBuilt, rings: RingDeviations) -> Iterator[_Row]:
+    target = found.nominal
+    for row, ring in enumerate(rings.seen.tolist()):
+        i, j = target.ring_index[ring].tolist()
+        for axis in range(3):
+            one = Estimate(float(rings.offset_mm[row, axis]), float(rings.sigma_mm[row, axis]))
+            yield "ring", ring, int(target.ring_face[ring]), i, j, f"offset {'xyz'[axis]}", *_numbers(one, "mm")
+
+
+def report_to_json(report: Report) -> str:
+    """The text of NAME.as_built.json: a field a line."""
+    document = dict(_fields(report))
+    lines = (f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in document.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _fields(report: Report) -> Iterator[tuple[str, JsonValue]]:
+    found, whole = report.found, report.whole
+    yield "format", FORMAT
+    yield "version", VERSION
+    yield "program", report.program
+    yield "settings", dict(report.settings)
+    yield "layout_id", found.nominal.layout_id
+    yield "nominal_geometry_id", found.nominal.geometry_id
+    yield "measured_geometry_id", found.target.geometry_id
+    yield "status", found.status
+    yield "remarks", list(found.remarks)
+    yield "iterations", found.iterations
+    yield "observation_sigma", _number(found.scale)
+    yield "size_is_known", found.scale_known
+    yield "size_sigma", _number(found.scale_sigma)
+    yield "size", None if whole.size is None else _estimate(whole.size)
+    yield "axes", {name: _estimate(one) for name, one in whole.axes}
+    yield "skews_rad", {name: _estimate(one) for name, one in whole.skews}
+    yield "bed_axes_from_target", _nested(bed_axes(found.nominal, report.bed_turn_rad))
+    yield "made_with_shrink_compensation_percent", report.made_with_percent
+    dialled = None if whole.size is None else compensation_percent(whole.size.value, report.made_with_percent)
+    yield "next_shrink_compensation_percent", dialled
+    yield "strain", _nested(found.strain)
+    yield "strain_covariance", _nested(found.strain_covariance)
+    left = [residual for _, residual in found.lengths]
+    yield "lengths", [
+        {"name": asked.length.name, "value_mm": asked.length.value_mm, "sigma_mm": asked.length.sigma_mm,
+         "left_over_sigma": _number(residual)}
+        for asked, residual in zip(report.lengths, left, strict=True)
+    ]  # fmt: skip
+    yield "face_views", found.face_views.tolist()
+    yield "face_is_determined", found.is_determined.tolist()
+    yield "face_motion", _nested(found.motion)  # rotation vector (rad), shift (mm), in the face's frame
+    yield "face_motion_covariance", _nested(found.motion_covariance)
+    yield "face_verdict", [] if report.faces is None else list(report.faces.verdict)
+    yield "face_bow_mm", _nested(found.bow_mm)
+    yield "face_bow_covariance", _nested(found.bow_covariance)
+    yield "ring_sigma_mm", None if found.ring_sigma_mm is None else list(found.ring_sigma_mm)
+    yield "ring_is_seen", found.is_ring_seen.tolist()
+    yield "ring_offset_mm", _nested(found.offset_mm)
+    yield "ring_offset_sigma_mm", _nested(found.offset_sigma_mm)
+    yield "cameras", _cameras(found)
+    yield "held_out", None if report.held_out is None else _held_out(report.held_out)
+
+
+def _cameras(found: AsBuilt) -> JsonValue:
+    cameras: list[JsonValue] = []
+    for camera, covariance, seen, residual, is_outlier in zip(
+        found.cameras, found.param_covariance, found.observations, found.residual_px, found.is_outlier, strict=True
+    ):
+        used = residual[~is_outlier]
+        cameras.append({
+            "model": camera.model,
+            "image_size": list(camera.image_size),
+            "params": dict(zip(parameter_names(camera.model), camera.params.tolist(), strict=True)),
+            "param_covariance": _nested(covariance),
+            "views": seen.view_count,
+            "observations": len(seen.view),
+            "left_out": int(is_outlier.sum()),
+            "rms_px": _number(float(np.sqrt((used**2).sum(axis=1).mean())) if len(used) else math.nan),
+        })  # fmt: skip
+    return cameras
+
+
+def _held_out(held: HeldOut) -> JsonValue:
+    return {
+        "parts": held.folds,
+        "gains": [asdict(gain) for gain in held.gains],
+        "against_truth": [asdict(gain) for gain in held.against_truth],
+        "remarks": list(held.remarks),
+    }
+
+
+def _estimate(one: Estimate) -> JsonValue:
+    return {"value": _number(one.value), "sigma": _number(one.sigma)}
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _nested(array: NDArray[np.float64]) -> JsonValue:
+    """Rows of numbers; what is not finite is null."""
+    values: JsonValue = np.where(np.isfinite(array), array.astype(object), np.array(None)).tolist()
+    return values

@@ -1,0 +1,163 @@
+"""A measured target on the screen: what came out differently, and what to dial into the next print."""
+
+import math
+from collections.abc import Iterator
+
+from rich.table import Table
+from rich.text import Text
+
+from calib.as_built.result import AsBuilt
+from calib.as_built_report.deviations import (
+    FREE_PARAMETERS,
+    Estimate,
+    FaceDeviations,
+    RingDeviations,
+    WholePrint,
+    compensation_percent,
+)
+from calib.as_built_report.held_out import Gain, HeldOut
+from calib.results.evaluation_table import figure, with_digits
+
+LEAST_COMPENSATION_PERCENT = 0.005
+"""Less is not worth dialling in: 5 um on 100 mm."""
+
+LEAST_SPREAD_MM = 0.001
+FINEST = 1.5e-4
+"""Standard deviation to whose digits numbers are told at the most."""
+
+
+def percent(estimate: Estimate) -> str:
+    """`+0.312 +- 0.004 %`."""
+    return f"{_signed(100 * estimate.value, 100 * estimate.sigma)} +- {figure(100 * estimate.sigma, 2)} %"
+
+
+def degrees(estimate: Estimate) -> str:
+    """`+0.031 +- 0.002 deg`."""
+    value, sigma = math.degrees(estimate.value), math.degrees(estimate.sigma)
+    return f"{_signed(value, sigma)} +- {figure(sigma, 2)} deg"
+
+
+def spread_mm(sigma_mm: float) -> str:
+    """`0.052 mm`; what is too small to matter is only called so."""
+    return f"{figure(sigma_mm, 2)} mm" if sigma_mm >= LEAST_SPREAD_MM else f"less than {LEAST_SPREAD_MM:g} mm"
+
+
+def _signed(value: float, sigma: float) -> str:
+    text = with_digits(value, max(sigma, FINEST))
+    return text if text.startswith("-") else f"+{text}"
+
+
+def whole_print_lines(found: AsBuilt, whole: WholePrint) -> Iterator[str]:
+    """Size and shape of the whole print."""
+    if whole.size is None:
+        yield "size      not known: no length was given; the measured target is as large as the nominal one"
+    else:
+        yield f"size      {percent(whole.size)} (larger than designed: +){_noise(whole.size)}"
+    for name, one in whole.axes:
+        yield f"axis {name}    {percent(one)} beyond the size{_noise(one)}"
+    for name, one in whole.skews:
+        yield f"skew {name}   {degrees(one)}{_noise(one)}"
+    last = found.nominal.face_count - 1
+    yield (
+        f"axes are the bed's with the target as `design` lays it: face {last} down, the longer side along x; give "
+        "--bed-turn if it was turned"
+    )
+    if found.ring_sigma_mm is not None:
+        plane, normal = map(spread_mm, found.ring_sigma_mm)
+        yield f"rings     off by {plane} in their plane and {normal} normal to it (1 sigma each)"
+
+
+def _noise(estimate: Estimate) -> str:
+    return "" if estimate.is_significant else ", which may be noise"
+
+
+def next_print_lines(whole: WholePrint, made_with_percent: float) -> Iterator[str]:
+    """What to dial in, so that the next print of the same design comes out right."""
+    if whole.size is None:
+        yield "next print: measure one length with a caliper and give it with --length, to know the shrinkage"
+    elif whole.size.is_significant:
+        dialled = compensation_percent(whole.size.value, made_with_percent)
+        if abs(dialled - made_with_percent) < LEAST_COMPENSATION_PERCENT:
+            yield f"next print: keep --shrink-compensation {made_with_percent:g}%; the size is right"
+        else:
+            before = f"; this one was made with {made_with_percent:g}%" if made_with_percent else ""
+            yield f"next print: design ... --shrink-compensation {dialled:.3f}%   # printed plastic{before}"
+    else:
+        yield "next print: the size needs no correction"
+    if whole.is_in_shape:
+        yield "            axes and angles need no correction"
+        return
+    axes = [f"{name} {compensation_percent(one.value) + 100:.3f}%" for name, one in whole.axes if one.is_significant]
+    if axes:
+        yield f"            in the slicer, beside that: scale {', '.join(axes)}"
+    skews = [f"{name} by {degrees(one)}" for name, one in whole.skews if one.is_significant]
+    if skews:
+        yield (
+            f"            in the printer's skew correction (Marlin M852, Klipper SET_SKEW): its second axis leans "
+            f"towards the first, {', '.join(skews)}"
+        )
+
+
+def faces_table(found: AsBuilt, faces: FaceDeviations) -> Table:
+    """A line a face."""
+    table = _table("face", "photos")
+    for name in FREE_PARAMETERS:
+        table.add_column(f"{name} {'mm' if name.startswith('shift') else 'deg'}", justify="right")
+    table.add_column("", justify="left")
+    for face, verdict in enumerate(faces.verdict):
+        cells = [""] * len(FREE_PARAMETERS)
+        if verdict != "not known":
+            cells = [
+                _cell(Estimate(value, sigma), k)
+                for k, (value, sigma) in enumerate(zip(faces.value[face], faces.sigma[face], strict=True))
+            ]
+        table.add_row(str(face), str(found.face_views[face]), *cells, _coloured(verdict))
+    return table
+
+
+def _coloured(verdict: str) -> Text:
+    return Text(verdict, {"moved": "bold", "not known": "yellow"}.get(verdict, ""))
+
+
+def _cell(one: Estimate, column: int) -> str:
+    """A number with its sigma, and a star if it is more than noise."""
+    unit = 1.0 if FREE_PARAMETERS[column].startswith("shift") else math.degrees(1)
+    value, sigma = unit * one.value, unit * one.sigma
+    return f"{_signed(value, sigma)} +-{figure(sigma, 2)}{'*' if one.is_significant else ' '}"
+
+
+def rings_line(rings: RingDeviations) -> str:
+    """The ring that is off most."""
+    import numpy as np
+
+    if not len(rings.seen):
+        return "rings     none of a face whose place is known"
+    worst = int(np.argmax(np.linalg.norm(rings.offset_mm, axis=1)))
+    x, y, z = rings.offset_mm[worst].tolist()
+    return (
+        f"rings     {len(rings.seen)} measured; ring {int(rings.seen[worst])} is off most: {x:+.3f} {y:+.3f} mm in its "
+        f"face's plane, {z:+.3f} mm normal to it, bow included"
+    )
+
+
+def gain_table(held: HeldOut) -> Table:
+    """A line a metric: with the nominal and with the measured target."""
+    table = _table("error")
+    for name in ("unit", "n", "nominal", "measured", "times less"):
+        table.add_column(name, justify="left" if name == "unit" else "right")
+    for gain in held.gains:
+        table.add_row(*_gain_cells(gain, gain.metric))
+    for gain in held.against_truth:
+        table.add_row(*_gain_cells(gain, f"{gain.metric} against the truth"))
+    return table
+
+
+def _gain_cells(gain: Gain, name: str) -> list[str]:
+    return [name, gain.unit, str(gain.count), figure(gain.nominal), figure(gain.measured), f"{gain.factor:.1f}"]
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for number, name in enumerate(columns):
+        table.add_column(name, justify="right" if number else "left")
+    return table

@@ -1,0 +1,381 @@
+"""The command `calib measure`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from calib.commands.detect import program
+from calib.commands.screen import progress_bar, table_console, waiting
+from calib.commands.solutions import quoted, shown
+from calib.commands.solve import FixOption, RejectOption, ShareOption, WeightedOption
+from designer.command import printable
+from designer.errors import InputError
+
+if TYPE_CHECKING:
+    from calib.as_built.options import AsBuiltOptions
+    from calib.as_built.result import AsBuilt
+    from calib.as_built_report.files import Places, Report
+    from calib.as_built_report.held_out import HeldOut
+    from calib.as_built_report.length_words import AskedLength
+    from calib.inputs.observations import Prepared
+    from calib.types import Observations
+    from designer.target import TargetGeometry
+
+DEGENERATE = 1
+MODELS = ("opencv", "luhmann", "pinhole")
+LEAST_VIEWS = 3
+"""Of a camera: from fewer, a target that may have any shape does not tell the camera."""
+USUAL_FOLDS = 5
+LEAST_VIEWS_A_PART = 2
+"""Of all cameras: a ring is reconstructed from two views."""
+
+
+@dataclass(frozen=True)
+class Made:
+    """How the print was made, and how its photos are weighed."""
+
+    with_percent: float  # shrinkage compensation
+    bed_turn_rad: float
+    weighted: bool
+
+
+def measure(
+    target: Annotated[Path, typer.Argument(help="the target as designed (NAME.target.json)")],
+    detections: Annotated[
+        list[Path] | None, typer.Argument(help="detections.csv files of the print, one for each camera")
+    ] = None,
+    *,
+    out: Annotated[Path, typer.Option("--out", "-o", help="the measured target: NAME.target.json")],
+    length: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="a caliper's length, which tells the size: face-to-face:151.20mm+-0.02mm; also edge, 'face 2 to face "
+            "9', 'ring 3 to ring 17' (centres)"
+        ),
+    ] = None,
+    measured_length: Annotated[
+        str | None, typer.Option(help="the quick way, without photos: rescale the target to this length")
+    ] = None,
+    model: Annotated[str, typer.Option(help="of the cameras: opencv, luhmann or pinhole")] = "opencv",
+    one_camera: Annotated[
+        bool, typer.Option("--one-camera", help="all files are of one camera, not each of its own")
+    ] = False,
+    rings: Annotated[
+        str, typer.Option(help="free: each ring may be off a little; rigid: rings are right, only faces move")
+    ] = "free",
+    bow: Annotated[
+        bool | None, typer.Option("--bow/--flat", help="faces may be bent, or not (default: a board may)")
+    ] = None,
+    weighted: WeightedOption = False,
+    reject: RejectOption = None,
+    fix: FixOption = None,
+    share: ShareOption = None,
+    shrink_compensation: Annotated[
+        str, typer.Option(help="that this print was made with, to tell that of the next")
+    ] = "0%",
+    bed_turn: Annotated[
+        str, typer.Option(help="by which the print was turned on the bed against `design`: 90deg; for axes and skew")
+    ] = "0deg",
+    held_out: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="hold every N-th photo out in turn to judge the gain (default 5; fewer of few); 0: do not",
+            metavar="N",
+        ),
+    ] = None,
+    truth: Annotated[
+        Path | None, typer.Option(help="of rendered photos: the target file they show, to judge the gain by too")
+    ] = None,
+) -> None:
+    """Measure a printed target with photos of it, and calibrate with what was printed.
+
+    The exit code is 1 if the photos do not determine the camera and the target.
+    """
+    from calib.as_built_report.files import check_places, places_of
+    from calib.as_built_report.length_words import parse_length
+
+    places = places_of(out)
+    nominal = _nominal(target)
+    if measured_length is not None:
+        _refuse_both(detections, length)
+        check_places(places, target)
+        _rescale(nominal, target, parse_length("--measured-length", measured_length, nominal), places.target)
+        return
+    if not detections:
+        raise InputError(
+            "no detections: give the detections.csv of photos of the print, or --measured-length to rescale without"
+        )
+    lengths = [parse_length("--length", text, nominal) for text in length or []]
+    options = _options(model, rings, fix, share, reject, weighted=weighted, bow=bow)
+    made = Made(_compensation(shrink_compensation), _angle(bed_turn), weighted)
+    check_places(places, target)
+    shape = None if truth is None else _truth(truth, nominal, target)
+    prepared = _read(detections, nominal, target, one_camera=one_camera)
+    for remark in (line for one in prepared for line in one.remarks):
+        print(printable(remark))
+    folds = _folds(held_out, sum(one.observations.view_count for one in prepared))
+    found = _measure([one.observations for one in prepared], nominal, model, options, lengths)
+    held = _held_out(found, model, options, folds, shape)
+    settings = (
+        ("target", target.name), ("detections", ", ".join(path.name for path in detections)), ("model", model),
+        ("rings", rings), ("one-camera", str(one_camera)), ("weighted", str(weighted)), ("reject", f"{reject or ''}"),
+        ("bow", {None: "default", True: "bow", False: "flat"}[bow]), ("fix", " ".join(fix or [])),
+        ("share", " ".join(share or [])),
+        ("shrink-compensation", shrink_compensation), ("bed-turn", bed_turn),
+        ("length", "; ".join(length or [])), ("held-out", str(folds)),
+    )  # fmt: skip
+    _write_and_say(found, held, lengths, made, settings, places, detections)
+    if found.status == "degenerate":
+        raise typer.Exit(DEGENERATE)
+
+
+def _nominal(path: Path) -> "TargetGeometry":
+    """The target that a print is measured against."""
+    from designer.target import load_target
+
+    target = load_target(path)
+    if target.source != "nominal":
+        raise InputError(
+            f"{path}: a {target.source} target; deviations are told against the design: give the nominal target file"
+        )
+    return target
+
+
+def _refuse_both(detections: Sequence[Path] | None, length: Sequence[str] | None) -> None:
+    if detections or length:
+        raise InputError(
+            f"--measured-length rescales without photos, so {detections[0] if detections else '--length'} does not "
+            "belong there; with photos give the length with --length"
+        )
+
+
+def _rescale(target: "TargetGeometry", path: Path, asked: "AskedLength", out: Path) -> None:
+    """The quick way."""
+    from calib.as_built.lengths import length_in, rescaled
+    from calib.files import write_files
+    from designer.target import target_to_json
+
+    size = asked.length.value_mm / length_in(target, asked.length.name)
+    write_files({out: target_to_json(rescaled(target, asked.length)).encode()})
+    print(f"length {asked.text}")
+    sigma = asked.length.sigma_mm / asked.length.value_mm
+    print(f"size   {100 * (size - 1):+.3f} +- {100 * sigma:.3f} % against the design; the shape is taken as designed")
+    print(f"wrote  {shown(out)}: {shown(path)} made {size:.6f} times as large")
+    print(f"next   calib solve DETECTIONS --target {quoted(out)} -o DIR")
+
+
+def _options(
+    model: str,
+    rings: str,
+    fix: list[str] | None,
+    share: list[str] | None,
+    reject: float | None,
+    *,
+    weighted: bool,
+    bow: bool | None,
+) -> "AsBuiltOptions":
+    """The options of the command line."""
+    from calib.as_built.options import AsBuiltOptions
+    from calib.pipeline.settings import plan_from_words
+    from designer.spec_file import suggestion
+
+    if model == "virtual":
+        raise InputError(
+            "--model virtual: its map is learned from the target's own rings, so it cannot measure them; measure with "
+            "opencv or luhmann, then solve virtual with the measured target"
+        )
+    if model not in MODELS:
+        hint = suggestion(model, list(MODELS)) or f"; there are {', '.join(MODELS)}"
+        raise InputError(f"--model {model!r}: cannot measure a target{hint}")
+    if rings not in ("free", "rigid"):
+        raise InputError(f"--rings {rings!r}: it must be free or rigid")
+    plan = plan_from_words(
+        model, fix=fix or [], share=share or [], focal=None, loss="squares", reject=reject, weighted=weighted
+    )
+    options = AsBuiltOptions(bow=bow, solve=plan.options)
+    return options if rings == "free" else AsBuiltOptions(ring_sigma_mm=None, bow=bow, solve=plan.options)
+
+
+def _compensation(text: str) -> float:
+    """The compensation of this print, in percent."""
+    from designer.units import parse_percent
+
+    try:
+        value = parse_percent(text)
+    except ValueError as error:
+        raise InputError(f"--shrink-compensation {text!r}: {error}") from None
+    if not -50 < value < 50:
+        raise InputError(f"--shrink-compensation {text!r}: must lie between -50% and 50%")
+    return value
+
+
+def _angle(text: str) -> float:
+    from designer.tolerance.quantity import parse_angle_rad
+
+    try:
+        return parse_angle_rad(text)
+    except ValueError as error:
+        raise InputError(f"--bed-turn {text!r}: {error}") from None
+
+
+def _truth(path: Path, nominal: "TargetGeometry", nominal_path: Path) -> "TargetGeometry":
+    """The geometry that rendered photos show."""
+    from designer.target import load_target
+
+    target = load_target(path)
+    if target.layout_id != nominal.layout_id:
+        raise InputError(f"--truth {path}: has another layout than {nominal_path}; give the target that was rendered")
+    return target
+
+
+def _read(paths: Sequence[Path], target: "TargetGeometry", target_path: Path, *, one_camera: bool) -> "list[Prepared]":
+    """What each camera saw."""
+    from calib.as_built_report.join import joined
+    from calib.inputs.dataset import read_detections
+    from calib.inputs.observations import observations_from_detections
+
+    for path in paths:
+        again = [other for other in paths if other.resolve() == path.resolve()]
+        if len(again) > 1:
+            raise InputError(f"{path}: given twice; give each detections file once")
+    sets = [read_detections(path, target, target_path=target_path) for path in paths]
+    origins = [str(path) for path in paths]
+    if one_camera:
+        sets, origins = [joined(sets, [path.stem for path in paths])], [", ".join(origins)]
+    prepared = [observations_from_detections(one, target, origin=name) for one, name in zip(sets, origins, strict=True)]
+    for one, name in zip(prepared, origins, strict=True):
+        if one.observations.view_count < LEAST_VIEWS:
+            raise InputError(
+                f"{name}: {one.observations.view_count} photos can be used; a camera needs at least {LEAST_VIEWS}, and "
+                "20 or more from all sides to measure a target well"
+            )
+    return prepared
+
+
+def _measure(
+    sets: "Sequence[Observations]",
+    target: "TargetGeometry",
+    model: str,
+    options: "AsBuiltOptions",
+    lengths: "Sequence[AskedLength]",
+) -> "AsBuilt":
+    from calib.as_built.solve import measure as measure_print
+
+    with waiting("measuring"):
+        return measure_print(sets, target, model, options, [asked.length for asked in lengths])
+
+
+def _folds(asked: int | None, views: int) -> int:
+    """In how many parts photos are held out; 0: not."""
+    from calib.as_built_report.held_out import LEAST_FOLDS
+
+    most = views // LEAST_VIEWS_A_PART
+    if asked is None:
+        return min(USUAL_FOLDS, most) if most >= LEAST_FOLDS else 0
+    if asked and not LEAST_FOLDS <= asked <= most:
+        raise InputError(
+            f"--held-out {asked}: {views} photos fall into {LEAST_FOLDS} to {most} parts of {LEAST_VIEWS_A_PART} or "
+            "more; give one of these, or 0 for none"
+        )
+    return asked
+
+
+def _held_out(
+    found: "AsBuilt", model: str, options: "AsBuiltOptions", folds: int, truth: "TargetGeometry | None"
+) -> "HeldOut | None":
+    """What is gained on photos that take no part; None if it was not asked for, or is not to be had."""
+    from calib.as_built_report.held_out import gain_on_held_out
+
+    if not folds or found.status == "degenerate":
+        return None
+    with progress_bar("judging parts", folds) as done:
+        return gain_on_held_out(found, model, options, folds, truth=truth, done=done)
+
+
+def _write_and_say(
+    found: "AsBuilt",
+    held: "HeldOut | None",
+    lengths: "Sequence[AskedLength]",
+    made: Made,
+    settings: tuple[tuple[str, str], ...],
+    places: "Places",
+    detections: Sequence[Path],
+) -> None:
+    """Write all files, then say what is in them."""
+    from calib.as_built_report.files import report_files, report_of
+    from calib.as_built_report.picture import report_picture
+    from calib.files import write_files
+
+    report = report_of(
+        found,
+        held,
+        lengths,
+        made_with_percent=made.with_percent,
+        bed_turn_rad=made.bed_turn_rad,
+        weighted=made.weighted,
+        program=program(),
+        settings=settings,
+    )
+    write_files({**report_files(report, places), places.picture: report_picture(report)})
+    _say(report)
+    print(f"wrote {shown(places.target)}: the target as it was printed, with the covariances of its faces")
+    print(f"      {shown(places.report)}, {shown(places.table)}: all numbers with their standard deviations")
+    print(f"      {shown(places.picture)}: look at it before you trust the numbers")
+    if found.status == "degenerate":
+        print("next  no camera is determined: do what is said above, and measure again")
+    else:
+        folder = quoted(places.target.with_name(places.target.name.removesuffix(".target.json")))
+        print(f"next  calib solve {quoted(detections[0])} --target {quoted(places.target)} -o {folder}")
+
+
+def _say(report: "Report") -> None:
+    """Status, the whole print, faces, rings and what is gained."""
+    from calib.as_built_report.words import (
+        faces_table,
+        gain_table,
+        next_print_lines,
+        rings_line,
+        whole_print_lines,
+    )
+
+    found, console = report.found, table_console()
+    views, sightings = (
+        sum(one.view_count for one in found.observations),
+        sum(len(one.view) for one in found.observations),
+    )
+    worth = "times the stated sigma" if report.weighted else "px"
+    print(
+        f"{len(found.cameras)} camera{'s' if len(found.cameras) > 1 else ''}, {views} photos, {sightings} sightings: "
+        f"{found.status}; an observation's standard deviation is {found.scale:.4f} {worth}; {found.seconds:.1f} s"
+    )
+    for remark in found.remarks:
+        console.print(f"  {printable(remark)}", style="yellow", markup=False)
+    for asked, (_, left) in zip(report.lengths, found.lengths, strict=True):
+        print(f"length {asked.text}; left over {left:+.1f} sigma")
+    print()
+    for line in whole_print_lines(found, report.whole):
+        print(line)
+    if report.rings is not None:
+        print(rings_line(report.rings))
+    print()
+    for line in next_print_lines(report.whole, report.made_with_percent):
+        print(line)
+    print()
+    if report.faces is not None:
+        print("how faces lie, in their own axes (z outwards); * is more than 3 sigma")
+        console.print(faces_table(found, report.faces))
+        print()
+    if report.held_out is not None:
+        held = report.held_out
+        for remark in held.remarks:
+            console.print(f"  {printable(remark)}", style="yellow", markup=False)
+        print(
+            f"root mean square errors of photos held out, in {held.folds} parts: camera and target are solved from the "
+            "other parts,\nonly a photo's own pose from itself"
+        )
+        console.print(gain_table(held))
+        print()

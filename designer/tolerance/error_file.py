@@ -1,0 +1,145 @@
+"""Error models that people write, in TOML: amounts with units, each with the source of its number."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from designer.errors import InputError
+from designer.presets import preset_or_file
+from designer.spec_file import RawValue, read_spec_file, shown, suggestion
+from designer.tolerance.model import ErrorModel
+from designer.tolerance.quantity import parse_amount, parse_expansion
+from designer.tolerance.registry import SOURCES, source_named
+from designer.tolerance.source import Amount
+from designer.units import parse_length_mm
+
+NEEDED_BY: Mapping[str, str] = {"stair_steps": "layer_height", "thermal": "expansion"}
+"""What the model must tell of a print for a source to have an effect."""
+
+
+def _as_text(value: RawValue) -> str:
+    """A quantity as text; a bare number stands for itself."""
+    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+        raise ValueError("must be a quantity such as 'normal 0.1mm'")
+    return value if isinstance(value, str) else repr(value)
+
+
+Text = Annotated[str, Field(min_length=1)]
+Quantity = Annotated[str, BeforeValidator(_as_text)]
+
+
+class Sourced(BaseModel):
+    """A number and where it comes from."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    amount: Quantity = Field(description="size with its unit, such as 'normal 0.1deg'")
+    source: Text = Field(description="publication the number comes from, or 'assumption: ' and the reason")
+
+
+class ErrorFile(BaseModel):
+    """An error model: how a way of making misses the drawing."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    title: Text = Field(description="way of making, in a few words")
+    material: Text = Field(description="material")
+    expansion: Sourced | None = Field(None, description="linear expansion of the material, such as 68e-6/K")
+    layer_height: Sourced | None = Field(None, description="height of a printed layer")
+    errors: dict[str, Sourced] = Field(description="tables, one for each error source")
+
+
+def error_model(name_or_path: str, overrides: Sequence[str] = ()) -> ErrorModel:
+    """An error model from a template or a file, with single amounts replaced.
+
+    Args:
+        name_or_path: a template's name (`templates/errors`), or a TOML file.
+        overrides: `SOURCE=AMOUNT`, such as `face_tilt=0.1deg` or `face_tilt=uniform 0.1deg`.
+
+    Raises:
+        InputError: no such template or file, or a key, a source or an amount that breaks a rule.
+    """
+    path = preset_or_file("errors", name_or_path)
+    model = _read(path)
+    for override in overrides:
+        model = _overridden(model, override)
+    return _checked(model, path)
+
+
+def _read(path: Path) -> ErrorModel:
+    """The model in a file."""
+    try:
+        file = ErrorFile.model_validate(read_spec_file(path))
+    except ValidationError as error:
+        raise InputError(" ".join(f"{path}: {_explain(error)}".split())) from None
+    entries = {"expansion": file.expansion, "layer_height": file.layer_height, **file.errors}
+    try:
+        return ErrorModel(
+            name=path.stem,
+            title=file.title,
+            amounts=tuple(
+                (name, parse_amount(entry.amount, source_named(name))) for name, entry in file.errors.items()
+            ),
+            expansion_per_kelvin=_positive("expansion", file.expansion, parse_expansion),
+            layer_height_mm=_positive("layer_height", file.layer_height, parse_length_mm),
+            material=file.material,
+            notes=tuple((name, entry.source) for name, entry in entries.items() if entry is not None),
+        )
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _positive(name: str, entry: Sourced | None, parse: Callable[[str], float]) -> float:
+    """A number that every print has; 0 where the file does not tell it."""
+    if entry is None:
+        return 0.0
+    try:
+        value = parse(entry.amount)
+    except ValueError as error:
+        raise InputError(f"{name} {shown(entry.amount)}: {error}") from None
+    if value <= 0:
+        raise InputError(f"{name} {shown(entry.amount)}: must be more than zero")
+    return value
+
+
+def _overridden(model: ErrorModel, override: str) -> ErrorModel:
+    """The model with one amount from the command line."""
+    name, sign, text = override.partition("=")
+    if not sign:
+        raise InputError(f"{shown(override)}: write SOURCE=AMOUNT, such as face_tilt=0.1deg")
+    source = source_named(name.strip())
+    notes = {**dict(model.notes), source.name: "given by hand"}
+    return replace(model.with_amount(source.name, parse_amount(text, source)), notes=tuple(notes.items()))
+
+
+def _checked(model: ErrorModel, path: Path) -> ErrorModel:
+    """The model, if it says what its sources need to have an effect."""
+    known = {"layer_height": model.layer_height_mm, "expansion": model.expansion_per_kelvin}
+    for name, needed in NEEDED_BY.items():
+        if model.amount(name) != Amount("normal", 0.0) and not known[needed]:
+            raise InputError(
+                f"{path}: {name} needs the {needed}; add a table [{needed}] to the file, or to a copy of it"
+            )
+    return model
+
+
+def _explain(error: ValidationError) -> str:
+    """One line on the first thing that is wrong; a misspelt key comes before what is missing for it."""
+    first = min(error.errors(), key=lambda wrong: wrong["type"] != "extra_forbidden")
+    place = [str(part) for part in first["loc"]]
+    key = ".".join(place)
+    fields = (ErrorFile if len(place) == 1 else Sourced).model_fields
+    if first["type"] == "extra_forbidden":
+        if len(place) == 1 and key in SOURCES:
+            return f"unknown key {shown(key)}; write it as a table [errors.{key}]"
+        hint = suggestion(place[-1], list(fields)) or f"; use {', '.join(fields)}"
+        return f"unknown key {shown(key)}{hint}"
+    if first["type"] == "missing":
+        return f"{key} is missing; give the {fields[place[-1]].description}"
+    if first["type"] in ("model_type", "dict_type"):
+        return f"{key} {shown(first['input'])}: must be a table [{key}] with amount and source"
+    rule = str(first["msg"]).removeprefix("Value error, ")
+    return f"{key} {shown(first['input'])}: {rule[:1].lower()}{rule[1:]}"

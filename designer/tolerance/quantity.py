@@ -1,0 +1,106 @@
+"""Amounts of error sources in text: `normal 0.1deg`, `uniform 0.2mm`, `fixed -0.3%`, `5K`."""
+
+import math
+import re
+from collections.abc import Callable, Mapping
+
+from designer.errors import InputError
+from designer.spec_file import shown, suggestion
+from designer.tolerance.source import KINDS, Amount, ErrorSource, Unit
+from designer.units import parse_length_mm, parse_percent
+
+MAX_ANGLE_RAD = math.tau
+MAX_KELVIN = 1000.0
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?|[-+]?(?:nan|inf(?:inity)?)"
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.{{0,12}}?)\s*", re.IGNORECASE)
+
+_RAD_PER_UNIT = {"": math.pi / 180, "deg": math.pi / 180, "°": math.pi / 180, "rad": 1.0, "mrad": 1e-3}
+_KELVIN_PER_UNIT = {"": 1.0, "K": 1.0, "°C": 1.0, "degC": 1.0}
+_PER_KELVIN_PER_UNIT = {"": 1.0, "/K": 1.0, "ppm/K": 1e-6, "um/m/K": 1e-6}
+
+
+def parse_angle_rad(text: str) -> float:
+    """An angle in radians; a bare number is in degrees.
+
+    Raises:
+        ValueError: no number with a unit of angle, not finite, or more than a full turn.
+    """
+    return _parse(text, _RAD_PER_UNIT, "an angle such as 0.1deg or 2mrad", MAX_ANGLE_RAD)
+
+
+def parse_kelvin(text: str) -> float:
+    """A difference of temperature in kelvin.
+
+    Raises:
+        ValueError: no number with a unit of temperature, not finite, or more than 1000 K.
+    """
+    return _parse(text, _KELVIN_PER_UNIT, "a difference of temperature such as 5K", MAX_KELVIN)
+
+
+def parse_expansion(text: str) -> float:
+    """A coefficient of linear expansion per kelvin.
+
+    Raises:
+        ValueError: no such quantity, or more than 0.001/K.
+    """
+    return _parse(text, _PER_KELVIN_PER_UNIT, "an expansion such as 68e-6/K or 68ppm/K", 1e-3)
+
+
+def _parse_share(text: str) -> float:
+    return parse_percent(text) / 100
+
+
+_PARSERS: Mapping[Unit, Callable[[str], float]] = {
+    "mm": parse_length_mm,
+    "rad": parse_angle_rad,
+    "1": _parse_share,
+    "K": parse_kelvin,
+}
+
+
+def parse_amount(text: str, source: ErrorSource) -> Amount:
+    """The amount of a source: a quantity, and before it `normal` (or nothing), `uniform` or `fixed`.
+
+    Raises:
+        InputError: an unknown distribution, a unit of another dimension, not finite, or a spread below zero.
+    """
+    word, _, rest = text.strip().partition(" ")
+    has_kind = bool(rest) and word.isalpha() and word.lower() not in ("nan", "inf", "infinity")
+    kind, quantity = (word.lower(), rest) if has_kind else ("normal", text)
+    for known in KINDS:
+        if kind == known:
+            try:
+                return Amount(known, _PARSERS[source.unit](quantity))
+            except ValueError as error:
+                raise InputError(f"{source.name} {shown(text)}: {error}") from None
+    hint = suggestion(kind, list(KINDS)) or f"; use {', '.join(KINDS)}"
+    raise InputError(f"{source.name} {shown(text)}: unknown distribution {shown(word)}{hint}")
+
+
+def format_quantity(value: float, unit: Unit) -> str:
+    """A number of a source as a person reads it: `0.1deg` for 0.001745 rad."""
+    if unit == "rad":
+        return f"{math.degrees(value):.6g}deg"
+    if unit == "1":
+        return f"{100 * value:.6g}%"
+    return f"{value:.6g}{unit}"
+
+
+def format_amount(amount: Amount, unit: Unit) -> str:
+    """An amount as text that `parse_amount` reads: `normal 0.1deg`."""
+    return f"{amount.kind} {format_quantity(amount.size, unit)}"
+
+
+def _parse(text: str, per_unit: Mapping[str, float], expected: str, largest: float) -> float:
+    """A number times its unit, within a limit."""
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise ValueError(f"expected {expected}")
+    if match[2] not in per_unit:
+        raise ValueError(f"unit {shown(match[2])} does not fit; expected {expected}")
+    value = float(match[1]) * per_unit[match[2]]
+    if not math.isfinite(value):
+        raise ValueError(f"not a finite number; expected {expected}")
+    if abs(value) > largest:
+        raise ValueError(f"too large; expected {expected}")
+    return value

@@ -1,0 +1,59 @@
+"""All error sources by name, in the order in which they are applied."""
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+from designer.errors import InputError
+from designer.spec_file import shown, suggestion
+from designer.tolerance.source import ErrorSource
+from designer.tolerance.sources.axis_scale import AXIS_SCALE
+from designer.tolerance.sources.face_bow import FACE_BOW
+from designer.tolerance.sources.face_offset import FACE_OFFSET
+from designer.tolerance.sources.face_rotation import FACE_ROTATION
+from designer.tolerance.sources.face_shift import FACE_SHIFT
+from designer.tolerance.sources.face_tilt import FACE_TILT
+from designer.tolerance.sources.ink_bleed import INK_BLEED
+from designer.tolerance.sources.ring_jitter import RING_JITTER
+from designer.tolerance.sources.scale import SCALE
+from designer.tolerance.sources.skew import SKEW
+from designer.tolerance.sources.stair_steps import STAIR_STEPS
+from designer.tolerance.sources.thermal import THERMAL
+from designer.tolerance.sources.warp import WARP
+
+
+def _by_name(sources: Iterable[ErrorSource]) -> Mapping[str, ErrorSource]:
+    return MappingProxyType({source.name: source for source in sources})
+
+
+SOURCES: Mapping[str, ErrorSource] = _by_name(
+    (
+        # Within a face, in its frame.
+        RING_JITTER,
+        INK_BLEED,
+        STAIR_STEPS,
+        FACE_BOW,
+        WARP,
+        # Faces as rigid bodies; they turn before they shift.
+        FACE_ROTATION,
+        FACE_TILT,
+        FACE_SHIFT,
+        FACE_OFFSET,
+        # The whole print: what the axes do, then what the material does.
+        AXIS_SCALE,
+        SKEW,
+        SCALE,
+        THERMAL,
+    )
+)
+
+
+def source_named(name: str) -> ErrorSource:
+    """The source of a name.
+
+    Raises:
+        InputError: there is none; the message suggests the nearest.
+    """
+    if name not in SOURCES:
+        hint = suggestion(name, list(SOURCES)) or f"; there are {', '.join(SOURCES)}"
+        raise InputError(f"unknown error source {shown(name)}{hint}")
+    return SOURCES[name]

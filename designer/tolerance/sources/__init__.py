@@ -1,0 +1,1 @@
+"""The error sources, one a file; `designer.tolerance.registry` names them all."""

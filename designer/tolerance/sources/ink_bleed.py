@@ -1,0 +1,25 @@
+"""Ink that runs, or lines of plastic that come out too wide."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from designer.tolerance.shape import Shape
+from designer.tolerance.source import Array, ErrorSource
+
+
+def _apply(shape: Shape, values: Array) -> Shape:
+    """Ink grows by b at every edge: R + b outside, r - b at a ring's hole. Centres stay where they are.
+
+    Dots have no hole to lose.
+    """
+    bleed = values[0, 0]
+    has_hole = shape.nominal.radius_inner_mm > 0
+    return replace(
+        shape,
+        radius_outer_mm=shape.radius_outer_mm + bleed,
+        radius_inner_mm=np.where(has_hole, shape.radius_inner_mm - bleed, 0.0),
+    )
+
+
+INK_BLEED = ErrorSource("ink_bleed", "ink bleed at each edge", "mm", "print", 1, _apply)

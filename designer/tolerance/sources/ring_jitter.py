@@ -1,0 +1,14 @@
+"""Rings that sit beside their place: backlash, droplets, single lines of plastic."""
+
+import numpy as np
+
+from designer.tolerance.shape import Shape
+from designer.tolerance.source import Array, ErrorSource
+
+
+def _apply(shape: Shape, values: Array) -> Shape:
+    """Each ring moves by its own step (x, y) in its face."""
+    return shape.with_rings_moved(np.pad(values, ((0, 0), (0, 1))))
+
+
+RING_JITTER = ErrorSource("ring_jitter", "place of single rings", "mm", "ring", 2, _apply)

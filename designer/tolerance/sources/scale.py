@@ -1,0 +1,14 @@
+"""Shrinkage or swelling: the whole print off by one factor."""
+
+import numpy as np
+
+from designer.tolerance.shape import Shape
+from designer.tolerance.source import Array, ErrorSource
+
+
+def _apply(shape: Shape, values: Array) -> Shape:
+    """A = (1 + s) I."""
+    return shape.in_bed_axes((1 + values[0, 0]) * np.eye(3))
+
+
+SCALE = ErrorSource("scale", "scale of the print", "1", "print", 1, _apply)

@@ -1,0 +1,14 @@
+"""A target that is warmer or colder than it was when its size was right."""
+
+import numpy as np
+
+from designer.tolerance.shape import Shape
+from designer.tolerance.source import Array, ErrorSource
+
+
+def _apply(shape: Shape, values: Array) -> Shape:
+    """A = (1 + alpha dT) I with the material's coefficient of linear expansion alpha."""
+    return shape.in_bed_axes((1 + shape.expansion_per_kelvin * values[0, 0]) * np.eye(3))
+
+
+THERMAL = ErrorSource("thermal", "difference of temperature", "K", "print", 1, _apply)
