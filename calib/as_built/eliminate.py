@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_solve, cholesky, solve_triangular
 
 from calib.as_built.blocks import Normal
 from calib.jit import jit
@@ -106,8 +107,6 @@ def _reduce(arrow: Arrow) -> tuple[Array, Array] | None:
 
 def _scaled_factor(matrix: Array) -> tuple[Array, Array] | None:
     """The lower factor of a matrix with a diagonal of ones, and what it was scaled by; None: not definite."""
-    from scipy.linalg import LinAlgError, cholesky
-
     diagonal = np.diagonal(matrix)
     if not (diagonal > 0).all():
         return None
@@ -120,8 +119,6 @@ def _scaled_factor(matrix: Array) -> tuple[Array, Array] | None:
 
 def damped_step(normal: Normal, damping: float) -> Step | None:
     """The step that `(H + damping diag H) x = -g` asks for; None if there is none."""
-    from scipy.linalg import cho_solve
-
     arrow = arrow_of(normal, damping)
     reduced = _reduce(arrow)
     factor = None if reduced is None else _scaled_factor(reduced[0])
@@ -159,8 +156,6 @@ class Factor:
 
 def covariance_factor(normal: Normal) -> Factor | None:
     """The factor of the inverse of the normal matrix, without the poses; None if it is not definite."""
-    from scipy.linalg import solve_triangular
-
     arrow = arrow_of(normal, 0.0)
     reduced = _reduce(arrow)
     factor = None if reduced is None else _scaled_factor(reduced[0])
