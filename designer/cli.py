@@ -9,6 +9,7 @@ from typing import Annotated, get_args, get_type_hints
 
 import typer
 
+from calib.commands.tolerance import tolerance
 from designer.command import run
 from designer.errors import InputError
 from designer.spec import BoardSpec
@@ -143,11 +144,12 @@ def _design(values: dict[str, RawValue], origin: str, out: Path | None, must_fit
 
 @app.command()
 def templates() -> None:
-    """List the templates for targets and printers."""
+    """List the templates for targets, printers and manufacturing errors."""
     from designer.layout import lay_out
     from designer.presets import preset_names, preset_or_file, printer_profile
     from designer.sizing import size_job
     from designer.summary import print_templates
+    from designer.tolerance.error_file import error_model
 
     targets = []
     for name in preset_names("targets"):
@@ -157,7 +159,7 @@ def templates() -> None:
         printer_profile(name, nozzle_mm=None, line_width_mm=None, layer_height_mm=None, bed_mm=None)
         for name in preset_names("printers")
     ]
-    print_templates(targets, printers)
+    print_templates(targets, printers, [(name, error_model(name).title) for name in preset_names("errors")])
 
 
 @app.command()
@@ -193,6 +195,9 @@ def check(
     print_check(str(file), target, printing, result)
     if result.violations:
         raise typer.Exit(1)
+
+
+app.command()(tolerance)  # the one step of the design that calibrates
 
 
 if __name__ == "__main__":

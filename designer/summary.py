@@ -61,8 +61,12 @@ def print_check(name: str, target: TargetGeometry, printing: PrintSpec, check: C
     _print_rules(console, check)
 
 
-def print_templates(targets: Sequence[tuple[str, Job, TargetGeometry]], printers: Sequence[PrinterProfile]) -> None:
-    """What `design make` and `--printer` know."""
+def print_templates(
+    targets: Sequence[tuple[str, Job, TargetGeometry]],
+    printers: Sequence[PrinterProfile],
+    errors: Sequence[tuple[str, str]],
+) -> None:
+    """What `design make`, `--printer` and `--errors` know."""
     console = _console()
     table = Table(title="targets: design make NAME", title_justify="left", box=None, padding=(0, 2, 0, 0))
     for heading in ("name", "size", "rings per face", "in all", "diameter", "pitch", "build"):
@@ -81,6 +85,11 @@ def print_templates(targets: Sequence[tuple[str, Job, TargetGeometry]], printers
         bed = " x ".join(f"{length:g}" for length in printer.bed_mm)
         widths = (printer.nozzle_mm, printer.line_width_mm, printer.layer_height_mm)
         table.add_row(printer.name, f"{bed}mm", *(f"{width:g}mm" for width in widths))
+    console.print(table)
+    table = Table("name", "of", title="\nerrors: design tolerance TARGET.json --errors NAME", title_justify="left",
+                  box=None, padding=(0, 2, 0, 0))  # fmt: skip
+    for row in errors:
+        table.add_row(*row)
     console.print(table)
 
 

@@ -1,0 +1,137 @@
+"""One draw: noise and errors, and what a calibration with the drawing makes of them, with each source and without."""
+
+import hashlib
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import project
+from calib.jit import jit
+from calib.one_thread import one_thread
+from calib.studies.tolerance.anchor import Found, minimum_of
+from calib.studies.tolerance.measures import NONE, Solution, measures
+from calib.studies.tolerance.quantities import QUANTITIES
+from calib.studies.tolerance.setting import Setting
+from calib.studies.tolerance.true_shape import TrueShape, true_shape
+from designer.errors import InputError
+from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
+from designer.tolerance.shape import centers_mm
+
+Array = NDArray[np.float64]
+
+BARE, TOGETHER = "none", "all"
+
+
+def case_names(errors: ErrorModel) -> tuple[str, ...]:
+    """The cases of a draw: without errors, each source alone, all together."""
+    return (BARE, *errors.sources, TOGETHER)
+
+
+@one_thread
+def run_draws(setting: Setting, errors: ErrorModel, seed: int, numbers: range) -> Array:
+    """The quantities of some draws, each a function of setting, errors, seed and number alone.  # (D, C, Q)
+
+    The noise of a draw is the same in all its cases, and a source's errors are the same alone and together with others.
+    A case without a solution, or errors that leave no target, is nan.
+
+    Args:
+        setting: what is photographed.
+        errors: of the target.
+        seed: of the study.
+        numbers: of the draws.
+    """
+    result = np.empty((len(numbers), len(errors.amounts) + 2, len(QUANTITIES)))
+    for place, number in enumerate(numbers):
+        result[place] = run_draw(setting, errors, seed, number)
+    return result
+
+
+def run_draw(setting: Setting, errors: ErrorModel, seed: int, number: int) -> Array:
+    """One draw.  # (C, Q)"""
+    values = drawn_values(setting, errors, seed, number)
+    return run_cases(setting, errors, values, drawn_noise(setting, seed, number))
+
+
+def drawn_values(setting: Setting, errors: ErrorModel, seed: int, number: int) -> dict[str, Array]:
+    """The numbers of all sources in a draw; each has its own stream, and they are in proportion to its size."""
+    return draw_values(setting.target, errors, _stream(seed, number, "errors"))
+
+
+def run_cases(setting: Setting, errors: ErrorModel, values: Mapping[str, Array], noise_px: Array) -> Array:
+    """All cases of given numbers of the sources and given noise (M, 2).  # (C, Q)"""
+    bare, start = _case(setting, errors, {}, noise_px, None)
+    rows = [bare]
+    for name in errors.sources:
+        rows.append(_changed(setting, errors, {name: values[name]}, noise_px, start, bare))
+    together = rows[1] if len(values) == 1 else _changed(setting, errors, values, noise_px, start, bare)
+    return np.stack([*rows, together])
+
+
+def drawn_noise(setting: Setting, seed: int, number: int) -> Array:
+    """Errors of the detected centres in a draw, by their covariances.  # (M, 2)"""
+    a, b, c = setting.noise_root.T
+    first, second = _stream(seed, number, "noise").standard_normal((2, len(a)))
+    return np.stack([a * first, b * first + c * second], axis=1)
+
+
+def _stream(seed: int, number: int, purpose: str) -> np.random.Generator:
+    """Philox with a digest of what names the stream as its key, as `calib.studies.draw`."""
+    name = f"{seed}\n{number}\ntolerance {purpose}".encode()
+    key = np.frombuffer(hashlib.sha256(name).digest()[:16], dtype="<u8")
+    return np.random.Generator(np.random.Philox(key=key))
+
+
+def _changed(
+    setting: Setting, errors: ErrorModel, values: Mapping[str, Array], noise_px: Array, start: Found | None, bare: Array
+) -> Array:
+    """A case with errors; where no ring moves, that without, bit for bit."""
+    return _case(setting, errors, values, noise_px, start, bare)[0]
+
+
+def _case(
+    setting: Setting,
+    errors: ErrorModel,
+    values: Mapping[str, Array],
+    noise_px: Array,
+    start: Found | None,
+    bare: Array | None = None,
+) -> tuple[Array, Found | None]:
+    """Quantities (Q,) and the solution they are of."""
+    try:
+        shape = displaced_shape(setting.target, values, model=errors, bed_from_target=setting.bed_from_target)
+    except InputError:
+        return NONE, None
+    made = centers_mm(shape)
+    if bare is not None and np.array_equal(made, setting.target.center_mm):
+        return bare, start
+    measured = seen_px(setting, made) + noise_px
+    return solved(setting, measured, true_shape(shape, setting.seen), start)
+
+
+def solved(setting: Setting, measured_px: Array, true: TrueShape, start: Found | None) -> tuple[Array, Found | None]:
+    """Quantities (Q,) of the calibration with the drawing from pixels (M, 2), and that calibration."""
+    pixel = np.ascontiguousarray(measured_px.T)
+    if not np.isfinite(pixel).all():
+        return NONE, None
+    found = minimum_of(setting.anchor, pixel, start)
+    if found is None:
+        return NONE, None
+    return measures(setting, Solution(found, pixel, true)), found
+
+
+def seen_px(setting: Setting, center_mm: Array) -> Array:
+    """Where the true camera sees rings that are at (R, 3), in all sightings.  # (M, 2)"""
+    seen = setting.observations
+    point = np.empty((len(seen.view), 3))
+    _to_camera(seen.view, seen.point, setting.cam_from_target, center_mm, point)
+    return project(setting.camera, point)
+
+
+@jit
+def _to_camera(view: NDArray[np.int64], ring: NDArray[np.int64], pose: Array, center: Array, point: Array) -> None:
+    for m in range(len(view)):
+        r = pose[view[m]]
+        x, y, z = center[ring[m], 0], center[ring[m], 1], center[ring[m], 2]
+        for axis in range(3):
+            point[m, axis] = r[axis, 0] * x + r[axis, 1] * y + r[axis, 2] * z + r[axis, 3]

@@ -1,0 +1,114 @@
+"""Everything a tolerance study computes, step by step, with its draws kept in a folder."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.studies.tolerance.budget import Allowed, allowed_by_draws, largest_allowed
+from calib.studies.tolerance.draw import TOGETHER
+from calib.studies.tolerance.reach import Reach, reach_of
+from calib.studies.tolerance.report import CheckedBudget, Report, Requirement, checked_budget
+from calib.studies.tolerance.setting import Setting
+from calib.studies.tolerance.stored import tolerance_draws
+from calib.studies.tolerance.sweep import FACTORS
+from designer.errors import InputError
+from designer.tolerance.model import ErrorModel
+
+Array = NDArray[np.float64]
+Tell = Callable[[float], None]
+
+STUDY_FILE, AGAINST_FILE, SWEEPS_FOLDER = "study.sqlite", "against.sqlite", "sweeps"
+SWEEP_DRAWS = 24
+OTHER_FACTORS = tuple(factor for factor in FACTORS if factor != 1.0)
+
+
+@dataclass(frozen=True)
+class Keeping:
+    """Where draws are kept, and who computes them."""
+
+    folder: Path
+    inputs: Mapping[str, Path]
+    seed: int
+    jobs: int
+    dask: str | None
+    resume: bool
+
+    def draws(self, setting: Setting, errors: ErrorModel, file: str, count: int, tell: Tell) -> Array:
+        """Draws of a file in the folder, the missing ones computed.  # (D, C, Q)
+
+        Raises:
+            InputError: as `tolerance_draws`.
+            StudyStoppedError: interrupted, or no workers are left.
+        """
+        path = self.folder / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return tolerance_draws(
+            setting, errors, path, inputs=self.inputs, draws=count, seed=self.seed, jobs=self.jobs, dask=self.dask,
+            resume=self.resume, on_progress=tell,
+        )  # fmt: skip
+
+
+def sweep_draws(keeping: Keeping, setting: Setting, errors: ErrorModel, main: Array, tell: Tell) -> dict[float, Array]:
+    """The draws of all errors at each multiple; those of the amounts themselves are the study's own."""
+    count = min(SWEEP_DRAWS, len(main))
+    found = {1.0: main}
+    for place, factor in enumerate(OTHER_FACTORS):
+        found[factor] = keeping.draws(
+            setting, errors.scaled(factor), f"{SWEEPS_FOLDER}/{factor:g}x.sqlite", count,
+            partial(_tell_after, tell, place * count),
+        )  # fmt: skip
+    return found
+
+
+def _tell_after(tell: Tell, before: float, done: float) -> None:
+    tell(before + done)
+
+
+def reaches(
+    setting: Setting, errors: ErrorModel, sources: Sequence[str], baseline: Array, seed: int, tell: Tell
+) -> tuple[Reach, ...]:
+    """How far the prediction of each source holds."""
+    found = []
+    for place, name in enumerate(sources):
+        found.append(reach_of(setting, errors, name, baseline, seed=seed))
+        tell(place + 1)
+    return tuple(found)
+
+
+def budgets_of(report: Report, requirements: Sequence[Requirement]) -> tuple[CheckedBudget, ...]:
+    """What each limit allows by the square law, and where that is not known to hold."""
+    return tuple(checked_budget(report, largest_allowed(report.table, one.quantity, one.limit)) for one in requirements)
+
+
+def searched(
+    setting: Setting, checked: CheckedBudget, errors: ErrorModel, seed: int, count: int
+) -> Iterator[tuple[str, Allowed]]:
+    """The budget of what lies beyond the square law, searched with draws one by one; left out where none is found."""
+    first = dict(checked.budget.alone) | {TOGETHER: checked.budget.together}
+    for name in checked.beyond:
+        model = errors if name == TOGETHER else errors.only(name)
+        try:
+            yield name, allowed_by_draws(
+                setting, model, checked.budget.quantity, checked.budget.limit, seed=seed,
+                numbers=range(min(SWEEP_DRAWS, count)), first=first[name].factor,
+            )  # fmt: skip
+        except InputError:
+            continue
+
+
+def check_unused(folder: Path, *, resume: bool, predicts: bool) -> None:
+    """Refuse a folder that holds a study already, unless it is gone on with.
+
+    Raises:
+        InputError: there is one.
+    """
+    there = [folder / STUDY_FILE, folder / AGAINST_FILE, *sorted((folder / SWEEPS_FOLDER).glob("*.sqlite"))]
+    for path in there:
+        if path.exists() and predicts:
+            raise InputError(f"{path}: the folder holds a study with draws; choose another -o for the prediction")
+        if path.exists() and not resume:
+            raise InputError(f"{path}: there is a study already; go on with it with --resume, or choose another -o")

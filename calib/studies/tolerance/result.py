@@ -1,0 +1,150 @@
+"""The table of a tolerance study: what each error source costs each quantity."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.studies.tolerance.draw import case_names
+from calib.studies.tolerance.quantities import quantity_row
+from calib.types import frozen_array
+from designer.errors import InputError
+from designer.tolerance.model import ErrorModel
+from designer.tolerance.registry import SOURCES
+
+Array = NDArray[np.float64]
+
+HALF_WIDTH = 1.959963984540054
+"""Of the interval of a Gaussian that holds 95 %, in sigmas."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cost:
+    """sqrt(m^2 - m0^2), the mean over errors and noise taken of the squares, with the interval that holds it by 95 %.
+
+    Arrays of any shape. The interval is of the draws; that of a linear prediction has no width.
+    """
+
+    value: Array
+    low: Array
+    high: Array
+
+    def __post_init__(self) -> None:
+        for name in ("value", "low", "high"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+
+    @property
+    def error(self) -> Array:
+        """Standard errors, from the width of the interval."""
+        error: Array = (self.high - self.low) / (2 * HALF_WIDTH)
+        return error
+
+
+@dataclass(frozen=True, eq=False)
+class ToleranceTable:
+    """S sources and Q quantities, in the order of `errors.sources` and `QUANTITIES`."""
+
+    kind: Literal["draws", "linear"]
+    errors: ErrorModel
+    baseline: Cost  # (Q,) m0, without errors
+    cost: Cost  # (S, Q) of each source alone
+    together: Cost  # (Q,) of all
+    draws: int  # how many; 0: a prediction
+    failed: tuple[int, ...]  # of each case, draws that have no solution and do not count
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """S names."""
+        return self.errors.sources
+
+    @cached_property
+    def sigma(self) -> Array:
+        """How large each source is, root mean square in its unit (`SOURCES[name].unit`).  # (S,)"""
+        return np.array([self.errors.amount(name).sigma for name in self.sources])
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of the sources."""
+        return tuple(SOURCES[name].unit for name in self.sources)
+
+    @cached_property
+    def sensitivity(self) -> Cost:
+        """Cost by a unit of each source; nan for a source of size zero.  # (S, Q)"""
+        sigma = np.where(self.sigma > 0, self.sigma, np.nan)[:, None]
+        return Cost(self.cost.value / sigma, self.cost.low / sigma, self.cost.high / sigma)
+
+    @cached_property
+    def share(self) -> Array:
+        """Of each source in the sum of the squared costs; 0 where there are none.  # (S, Q)"""
+        square = np.nan_to_num(self.cost.value) ** 2
+        total = square.sum(axis=0)
+        share: Array = square / np.where(total > 0, total, 1.0)
+        return share
+
+    @property
+    def total(self) -> Array:
+        """What a calibration shows with all errors: sqrt(m0^2 + cost^2).  # (Q,)"""
+        return np.hypot(self.baseline.value, self.together.value)
+
+    @property
+    def excess(self) -> Array:
+        """Cost of all together over the root of the summed squares of each; 1 where errors add in squares.  # (Q,)"""
+        alone = np.sqrt((np.nan_to_num(self.cost.value) ** 2).sum(axis=0))
+        excess: Array = self.together.value / np.where(alone > 0, alone, np.nan)
+        return excess
+
+    def ranking(self, quantity: str) -> tuple[str, ...]:
+        """The sources, the one that costs a quantity most first.
+
+        Raises:
+            ValueError: an unknown quantity.
+        """
+        cost = np.nan_to_num(self.cost.value[:, quantity_row(quantity)])
+        return tuple(self.sources[row] for row in np.argsort(-cost, kind="stable"))
+
+
+def table_of_draws(errors: ErrorModel, draws: Array) -> ToleranceTable:
+    """The table of draws (D, C, Q), as `run_draws` gives them.
+
+    Raises:
+        InputError: no draws, or of other errors, or none has a solution without errors.
+    """
+    if draws.ndim != 3 or draws.shape[1] != len(case_names(errors)) or not len(draws):
+        raise InputError(
+            f"draws of the shape {draws.shape}: they must be of {len(case_names(errors))} cases, one or more"
+        )
+    solved = np.isfinite(draws[:, :, 0])
+    if not solved[:, 0].any():
+        raise InputError("no draw has a camera even without errors; use more views, or other ones")
+    square = draws**2
+    baseline = _root_of_mean(square[:, 0])
+    costs = [_root_of_mean(square[:, case] - square[:, 0]) for case in range(1, draws.shape[1])]
+    alone = costs[:-1]
+    empty = np.zeros((0, draws.shape[2]))
+    cost = Cost(
+        *(np.array([getattr(one, name) for one in alone]) if alone else empty for name in ("value", "low", "high"))
+    )
+    return ToleranceTable("draws", errors, baseline, cost, costs[-1], len(draws), tuple((~solved).sum(axis=0).tolist()))
+
+
+def _root_of_mean(square: Array) -> Cost:
+    """The root of the mean of squares (D, Q), or of their differences, which may be below zero by chance."""
+    known = np.isfinite(square)
+    count = known.sum(axis=0)
+    kept = np.where(known, square, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = kept.sum(axis=0) / count
+        variance = (np.where(known, square - mean, 0.0) ** 2).sum(axis=0) / np.maximum(count - 1, 0)
+        half = HALF_WIDTH * np.sqrt(variance / count)
+    half = np.where((mean == 0) & ~(half > 0), 0.0, half)
+    return Cost(*(np.sqrt(np.maximum(bound, 0.0)) for bound in (mean, mean - half, mean + half)))
+
+
+def relative_error(cost: Cost) -> Array:
+    """Standard error over value; nan where there is no cost."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio: Array = np.where(cost.value > 0, cost.error / cost.value, math.nan)
+    return ratio
