@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from calib.commands.compare import compare
 from calib.commands.convert import convert
 from calib.commands.detect import detect
 from calib.commands.diff import diff
@@ -47,6 +48,7 @@ def target(file: Annotated[Path, typer.Argument(help="a target file (NAME.target
 app.command("run")(run_all)
 for command in (render, detect, solve, evaluate, convert, undistort, pose, diff, measure):
     app.command()(command)
+study.command()(compare)
 app.add_typer(study, name="study")
 
 

@@ -11,10 +11,21 @@ from calib.cameras.luhmann import Luhmann
 from calib.cameras.opencv import OpenCv
 from calib.cameras.parameters import Linearised, Parameter
 from calib.cameras.pinhole import Pinhole
+from calib.cameras.spline import Spline
 from calib.cameras.virtual import Virtual
 from calib.types import Camera
 
-__all__ = ["MODELS", "CameraModel", "Linearised", "Parameter", "linearise", "parameter_names", "project", "rays"]
+__all__ = [
+    "MODELS",
+    "SIMULATED",
+    "CameraModel",
+    "Linearised",
+    "Parameter",
+    "linearise",
+    "parameter_names",
+    "project",
+    "rays",
+]
 
 
 class CameraModel(Protocol):
@@ -44,8 +55,10 @@ class CameraModel(Protocol):
 
 
 MODELS: Mapping[str, CameraModel] = MappingProxyType(
-    {model.name: model for model in (OpenCv(), Luhmann(), Pinhole(), Virtual())}
+    {model.name: model for model in (OpenCv(), Luhmann(), Pinhole(), Virtual(), Spline())}
 )
+SIMULATED: frozenset[str] = frozenset({"spline"})
+"""Models that photos can be simulated with, but that are not solved: they have more parameters than photos tell."""
 
 
 def parameter_names(model: str) -> tuple[str, ...]:

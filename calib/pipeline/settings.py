@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, replace
 
-from calib.cameras import MODELS, parameter_names
+from calib.cameras import MODELS, SIMULATED, parameter_names
 from calib.pipeline.calibrate import MODELS_TO_SOLVE
 from calib.solver.options import SolveOptions
 from calib.solver.tie import tie_parameters
@@ -58,9 +58,14 @@ def plan_from_words(
         InputError: a word that means nothing; the message says what may stand there.
     """
     models = MODELS_TO_SOLVE if model == ALL else (model,)
+    solved = [name for name in MODELS if name not in SIMULATED]
     for name in models:
-        if name not in MODELS:
-            hint = suggestion(name, [*MODELS, ALL]) or f"; there are {', '.join(MODELS)} and {ALL}"
+        if name in SIMULATED:
+            raise InputError(
+                f"--model {name}: photos are simulated with it, not solved; give {', '.join(solved)} or {ALL}"
+            )
+        if name not in solved:
+            hint = suggestion(name, [*solved, ALL]) or f"; there are {', '.join(solved)} and {ALL}"
             raise InputError(f"--model {name!r}: no such model{hint}")
     if reject is not None and not 1 <= reject < float("inf"):
         raise InputError(f"--reject {reject:g}: give 1 or more standard deviations, such as 4")

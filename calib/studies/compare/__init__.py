@@ -1,0 +1,1 @@
+"""The paper's comparison of five made targets and three camera models, repeated in simulation."""

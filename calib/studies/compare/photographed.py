@@ -1,0 +1,167 @@
+"""Sets of photos of printed targets, each set calibrated with the drawing and measured as the paper did."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import rays
+from calib.metrics import errors
+from calib.metrics.evaluation import errors_of
+from calib.one_thread import one_thread
+from calib.pipeline.calibrate import ALL_VIEWS, calibrate
+from calib.refit import image_grid
+from calib.sightings import keep_sightings, keep_views, without_empty_views
+from calib.solver.options import SolveOptions
+from calib.solver.pose import solve_poses
+from calib.studies.compare.scene import Scene, stream, take_photos
+from calib.studies.sample import SampleResult
+from calib.types import Calibration, Observations
+from designer.errors import InputError
+from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
+from designer.tolerance.shape import centers_mm
+
+Array = NDArray[np.float64]
+
+KIND = "compare"
+VALUES = ("held_reprojection_px", "held_intersection_mm", "held_reconstruction_mm", "held_share", "image_share")
+"""What a sample has beside the errors: the same of photos that were not solved, what share of their sightings the
+camera has rays for, and for what share of the image."""
+ALL_PHOTOS = "virtual, all photos"
+"""The virtual camera whose map is learned from all photos of a board, not from one."""
+HELD_SHARE = 3
+"""As many photos are held out as a set has, by this."""
+LEAST_SIGHTINGS = 4
+NOTHING = (math.nan,) * len(VALUES)
+
+
+class MetricRow(NamedTuple):
+    """Root mean squares by the paper's metrics."""
+
+    reprojection_px: float
+    intersection_mm: float
+    reconstruction_mm: float
+
+
+@dataclass(frozen=True, eq=False)
+class SetsOfPhotos:
+    """Sets of photos of prints of one target, for one camera model. Sample n is set n % sets of print n // sets."""
+
+    scene: Scene
+    errors: ErrorModel | None  # of the prints; None: as drawn
+    camera_model: str  # that is solved, or `ALL_PHOTOS`
+    sets: int  # of each print
+
+    @property
+    def view_count(self) -> int:
+        """Photos of a set."""
+        return self.scene.views
+
+    @property
+    def model(self) -> str:
+        """The kind of values."""
+        return KIND
+
+    @property
+    def value_count(self) -> int:
+        """How many."""
+        return len(VALUES)
+
+    @property
+    def covariance(self) -> Array:
+        """They have none."""
+        return np.zeros((0, 0))
+
+    @one_thread
+    def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
+        """The sets of some numbers; photos hang on scene, seed, print and set alone, so all models see the same."""
+        del case, size
+        return [self._sample(seed, number) for number in numbers]
+
+    def _sample(self, seed: int, number: int) -> SampleResult:
+        copy, photos = divmod(number, self.sets)
+        scene = self.scene
+        try:
+            made = made_mm(scene, self.errors, seed, copy)
+            seen = take_photos(scene, made, stream(seed, scene.name, copy, photos), scene.views)
+            solved = calibrate_with(seen, self.camera_model)
+        except InputError as error:
+            return SampleResult(number, "failed", 0, *(math.nan,) * 4, NOTHING, 0, str(error))
+        held = take_photos(scene, made, stream(seed, scene.name, copy, photos, "held"), -(-scene.views // HELD_SHARE))
+        row = metrics_of(solved)
+        values = (*_held_out(solved, held), _image_share(solved))
+        return SampleResult(
+            number, solved.status, seen.view_count, *row, math.nan, values, solved.iterations,
+            "" if solved.status == "converged" else " ".join(solved.remarks[:1]),
+        )  # fmt: skip
+
+
+def made_mm(scene: Scene, model: ErrorModel | None, seed: int, number: int) -> Array:
+    """Where the rings of a print are.  # (R, 3)
+
+    Raises:
+        InputError: errors so large that no target is left.
+    """
+    if model is None:
+        return np.asarray(scene.target.center_mm)
+    values = draw_values(scene.target, model, stream(seed, scene.name, number, "print"))
+    return centers_mm(displaced_shape(scene.target, values, model=model))
+
+
+def calibrate_with(seen: Observations, camera_model: str) -> Calibration:
+    """The camera by plain least squares, as the paper has it.
+
+    Raises:
+        InputError: the photos do not determine it.
+    """
+    if camera_model == ALL_PHOTOS:
+        return calibrate(seen, "virtual", SolveOptions(), ALL_VIEWS)
+    return calibrate(seen, camera_model, SolveOptions())
+
+
+def metrics_of(solved: Calibration) -> MetricRow:
+    """The paper's three errors against the drawing."""
+    found = {one.metric: errors.summarise(one).rmse for one in errors_of(solved, None)}
+    return MetricRow(found["reprojection"], found["intersection"], found["reconstruction"])
+
+
+def _held_out(solved: Calibration, held: Observations) -> tuple[float, float, float, float]:
+    """The errors in photos that were not solved, and the share of their sightings that has rays and poses.
+
+    Each photo's pose comes from its own rings, with the camera as it is; as in `calib.metrics.held_out`.
+    """
+    has_ray = errors.is_known(rays(solved.camera, held.center_px))
+    enough = np.bincount(held.view[has_ray], minlength=held.view_count) >= LEAST_SIGHTINGS
+    kept = has_ray & enough[held.view]
+    if not kept.any():
+        return (math.nan,) * 3 + (0.0,)
+    shown = without_empty_views(keep_sightings(held, kept))
+    poses = solve_poses(solved.camera, shown).cam_from_target
+    found = np.isfinite(poses.sum(axis=(1, 2)))
+    if not found.any():
+        return (math.nan,) * 3 + (0.0,)
+    share = float(kept.mean()) * float(found[shown.view].mean())
+    shown, poses = keep_views(shown, found), poses[found]
+    one = replace(
+        solved, observations=shown, cam_from_target=poses, residual_px=np.full((len(shown.view), 2), np.nan),
+        is_outlier=np.zeros(len(shown.view), dtype=bool), pose_covariance=np.full((len(poses), 6, 6), np.nan),
+    )  # fmt: skip
+    return (*metrics_of(one), share)
+
+
+def _image_share(solved: Calibration) -> float:
+    """For what share of the image the camera has rays."""
+    pixel = image_grid(solved.camera.image_size).reshape(-1, 2)
+    return float(errors.is_known(rays(solved.camera, pixel)).mean())
+
+
+def grouped(values: Array, numbers: Sequence[int], sets: int) -> Array:
+    """Samples (N,) by print and set; nan where one is missing.  # (prints, sets)"""
+    prints = max((number // sets for number in numbers), default=-1) + 1
+    table = np.full((prints, sets), np.nan)
+    for value, number in zip(values.tolist(), numbers, strict=True):
+        table[divmod(number, sets)] = value
+    return table

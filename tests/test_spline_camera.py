@@ -1,0 +1,122 @@
+"""The spline camera: a lens that no Brown polynomial fits, for simulated photos."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from calib.camera_file import camera_from_mapping, camera_or_preset
+from calib.cameras import linearise, parameter_names, project, rays
+from calib.cameras.spline import COLUMNS, FIRST, ROWS, control_px
+from calib.pipeline.settings import plan_from_words
+from calib.refit import refit
+from calib.solver.options import SolveOptions
+from calib.solver.tie import tie_parameters
+from calib.types import Camera
+from designer.errors import InputError
+
+SIZE = (1000, 800)
+PINHOLE = np.array([900.0, 880.0, 510.0, 390.0])
+
+
+def bent(seed: int = 0, size_px: float = 6.0) -> Camera:
+    """A lens with random control points."""
+    control = size_px * np.random.default_rng(seed).standard_normal(2 * ROWS * COLUMNS)
+    return Camera("spline", np.concatenate([PINHOLE, control]), SIZE)
+
+
+def pixels(count: int = 2000) -> np.ndarray:
+    """Pixels all over the image."""
+    return np.random.default_rng(1).uniform([-0.5, -0.5], [SIZE[0] - 0.5, SIZE[1] - 0.5], (count, 2))
+
+
+def test_projecting_rays_gives_the_pixels() -> None:
+    """project(rays(u)) is u at any distance, and every pixel has a ray scaled to z = 1."""
+    pixel = pixels()
+    ray = rays(bent(), pixel)
+    assert np.array_equal(ray[:, 2], np.ones(len(ray)))
+    scale = np.random.default_rng(2).uniform(0.1, 1e4, (len(ray), 1))
+    assert np.abs(project(bent(), scale * ray) - pixel).max() < 1e-9
+
+
+def test_derivatives_agree_with_differences() -> None:
+    """`linearise` gives the pixels of `project`, and derivatives by point and parameters as central differences do."""
+    camera = bent(3)
+    point = np.random.default_rng(4).uniform(50, 500, (300, 1)) * rays(camera, pixels(300))
+    found = linearise(camera, np.ascontiguousarray(point.T))
+    assert np.abs(found.pixel.T - project(camera, point)).max() < 1e-10
+    for axis in range(3):
+        step = 1e-3 * np.eye(3)[axis]
+        difference = (project(camera, point + step) - project(camera, point - step)) / 2e-3
+        assert np.abs(found.by_point[:, axis].T - difference).max() < 1e-6
+    for k in range(len(camera.params)):
+        step = np.where(np.arange(len(camera.params)) == k, 1e-3, 0)
+        up, down = (Camera("spline", camera.params + sign * step, SIZE) for sign in (1, -1))
+        difference = (project(up, point) - project(down, point)) / 2e-3
+        assert np.abs(found.by_params[:, k].T - difference).max() < 1e-6
+
+
+def test_the_surface_is_a_tensor_product_of_scipys_splines() -> None:
+    """The displacement is that of scipy's cubic B-splines with uniform knots a control point apart."""
+    camera = bent(5)
+    point = rays(camera, pixels(500))
+    pinhole = point[:, :2] * PINHOLE[:2] + PINHOLE[2:]
+    place = control_px(SIZE)
+    across, down = place[0, :, 0], place[:, 0, 1]
+
+    def basis(where: np.ndarray, centers: np.ndarray) -> np.ndarray:
+        step = centers[1] - centers[0]
+        knots = centers[0] + step * np.arange(-2, len(centers) + 2)
+        return BSpline.design_matrix(where, knots, 3).toarray()
+
+    control = camera.params[FIRST:].reshape(2, ROWS, COLUMNS)
+    offset = np.einsum("nr,arc,nc->na", basis(pinhole[:, 1], down), control, basis(pinhole[:, 0], across))
+    assert np.abs(project(camera, point) - pinhole - offset).max() < 1e-9
+
+
+def test_without_displacement_it_is_a_pinhole() -> None:
+    """With all control points at zero it sees as the linear camera, and control points all alike only shift it."""
+    point = rays(Camera("pinhole", PINHOLE, SIZE), pixels())
+    shifted = np.concatenate([PINHOLE, np.full(ROWS * COLUMNS, 3.0), np.full(ROWS * COLUMNS, -2.0)])
+    straight = np.concatenate([PINHOLE, np.zeros(2 * ROWS * COLUMNS)])
+    assert np.abs(project(Camera("spline", straight, SIZE), point) - pixels()).max() < 1e-9
+    assert np.abs(project(Camera("spline", shifted, SIZE), point) - pixels() - [3, -2]).max() < 1e-9
+
+
+def test_nothing_is_seen_behind_the_camera_or_outside_of_the_surface() -> None:
+    """Points behind the camera and far outside of the image project to nan; pixels there have no ray."""
+    camera = bent()
+    outside = np.array([[0.1, 0.1, -1.0], [0.1, 0.1, 0.0], [3.0, 0.0, 1.0]])
+    assert np.isnan(project(camera, outside)).all()
+    assert np.isnan(linearise(camera, np.ascontiguousarray(outside.T)).pixel).all()
+    assert np.isnan(rays(camera, np.array([[5000.0, 0.0]]))).all()
+
+
+def test_the_template_is_bent_as_no_brown_polynomial_is() -> None:
+    """The best Brown fits of the template leave 2 px RMS and more; the camera itself is the Phase One."""
+    camera = camera_or_preset("phase-one-spline")
+    assert (camera.model, camera.image_size) == ("spline", (11608, 8708))
+    assert np.array_equal(camera.params[:FIRST], camera_or_preset("phase-one-ixg").params[:FIRST])
+    for model in ("opencv", "luhmann"):
+        assert 2.0 < refit(camera, model, turn=True).rms_px < 5.0
+
+
+def test_control_points_left_out_of_a_file_are_zero() -> None:
+    """A camera file may name single control points only; a name that there is not is refused."""
+    values = {
+        "format": "ringforge.camera", "version": 1, "model": "spline", "image_size": list(SIZE),
+        "parameters": {"fx_px": 900.0, "fy_px": 880.0, "cx_px": 510.0, "cy_px": 390.0, "du_row1_column2_px": 4.0},
+    }  # fmt: skip
+    camera = camera_from_mapping(values, "test")
+    assert np.flatnonzero(camera.params[FIRST:]).tolist() == [COLUMNS + 2]
+    assert len(parameter_names("spline")) == FIRST + 2 * ROWS * COLUMNS
+    wrong = values | {"parameters": {**values["parameters"], "du_row9_column9_px": 1.0}}
+    with pytest.raises(InputError, match="unknown parameter 'du_row9_column9_px'"):
+        camera_from_mapping(wrong, "test")
+
+
+def test_it_is_not_solved() -> None:
+    """Solver and command line refuse the model in one line that names those that are solved."""
+    with pytest.raises(InputError, match="simulated with it, not solved; choose one of opencv, luhmann, pinhole"):
+        tie_parameters("spline", SolveOptions())
+    with pytest.raises(InputError, match="--model spline: photos are simulated with it, not solved"):
+        plan_from_words("spline", fix=[], share=[], focal=None, loss="squares", reject=None, weighted=False)
