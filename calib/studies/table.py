@@ -1,12 +1,13 @@
 """The table of a study in the layout of the paper's, our rows under the paper's own; for the screen and as Markdown."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from calib.results.evaluation_table import figure
 from calib.studies.findings import Factor, Finding, against_paper, findings, settings
+from calib.studies.markdown import markdown_table, plain
 from calib.studies.paper_table import CORRECTED, CORRECTION, INTERVALS, PaperValue, paper_value
 from calib.studies.statistics import LEAST_P, METRICS, Case, CaseSummary, Distribution, Metric
 from designer.command import printable
@@ -211,10 +212,10 @@ def _shapes(summaries: Sequence[CaseSummary]) -> list[str]:
 
 def markdown(summaries: Sequence[CaseSummary], reasons: Sequence[str] = ()) -> str:
     """Table, notes, what is against the paper, findings, and why some do not hold, as Markdown."""
-    parts = [_markdown_table(*_cells_of_markdown(summaries)), "", *(f"- {_plain(line)}" for line in notes(summaries))]
+    parts = [markdown_table(*_cells_of_markdown(summaries)), "", *(f"- {plain(line)}" for line in notes(summaries))]
     factors = against_paper(summaries)
     if factors:
-        parts += ["", "Ours over the paper's:", "", _markdown_table(*_cells_of_factors(factors, settings(summaries)))]
+        parts += ["", "Ours over the paper's:", "", markdown_table(*_cells_of_factors(factors, settings(summaries)))]
     found = findings(summaries)
     if found:
         parts += [
@@ -222,10 +223,10 @@ def markdown(summaries: Sequence[CaseSummary], reasons: Sequence[str] = ()) -> s
             "The paper's findings with our numbers (ratios from the smallest N up; exponents of N for "
             f"{', '.join(metric.name for metric in METRICS)}):",
             "",
-            _markdown_table(*_cells_of_findings(found, numbers=True)),
+            markdown_table(*_cells_of_findings(found, numbers=True)),
         ]
-        parts += ["", *(f"- {_plain(finding_in_words(one))}" for one in found if one.verdict != "holds")]
-        parts += [f"- {_plain(line)}" for line in reasons]
+        parts += ["", *(f"- {plain(finding_in_words(one))}" for one in found if one.verdict != "holds")]
+        parts += [f"- {plain(line)}" for line in reasons]
     return "\n".join([*parts, ""])
 
 
@@ -290,16 +291,3 @@ def findings_table(found: Sequence[Finding]) -> "Table":
 def finding_in_words(one: Finding) -> str:
     """A finding with its numbers in one line."""
     return f"{setting_in_words(one.sampling, one.sightings)}: {one.sentence}"
-
-
-def _markdown_table(head: Sequence[str], body: Iterable[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *body]
-    return "\n".join("| " + " | ".join(_plain(cell) for cell in cells) + " |" for cells in lines)
-
-
-_STEERING = str.maketrans({character: f"\\{character}" for character in "\\`*_|<>#"} | {"\n": "<br>"})
-
-
-def _plain(text: str) -> str:
-    """Text that Markdown shows as it is; brackets are left alone but where they would be a link."""
-    return text.translate(_STEERING).replace("](", "]\\(")

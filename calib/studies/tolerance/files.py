@@ -14,6 +14,7 @@ import numpy as np
 from calib.figures.style import picture
 from calib.inputs.csv_table import ANY_NAME
 from calib.studies import figures
+from calib.studies.markdown import markdown_table, plain
 from calib.studies.outputs import FIGURES_FOLDER
 from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
 from calib.studies.tolerance.budget import Allowed
@@ -31,8 +32,6 @@ from calib.studies.tolerance.tables import (
     budget_table,
     cost_table,
     crossover_table,
-    markdown_table,
-    plain,
     reach_table,
     sensitivity_table,
 )
@@ -91,19 +90,19 @@ def _pages(report: Report) -> "Iterator[tuple[str, int, Callable[[Figure], None]
 def markdown(report: Report) -> str:
     """All tables with their notes."""
     parts = [f"# {plain(f'What errors of {report.name} cost a calibration')}", "", *_bullets(report.lines), ""]
-    parts += [markdown_table(cost_table(report)), "", *_bullets(notes(report))]
+    parts += [_as_markdown(cost_table(report)), "", *_bullets(notes(report))]
     for checked in report.budgets:
         parts += ["", "## How good must it be?", "", *_bullets(budget_notes(report, checked))]
         if checked.budget.is_met_without:
-            parts += ["", markdown_table(budget_table(report, checked))]
+            parts += ["", _as_markdown(budget_table(report, checked))]
     if report.against is not None:
         against = report.against
         parts += ["", f"## {plain(f'Against {against.name}')}", "", *_bullets(against.lines), ""]
-        parts += [markdown_table(crossover_table(report, against)), "", *_bullets(crossover_notes(report, against))]
-    parts += ["", "## Cost by a unit of each error", "", markdown_table(sensitivity_table(report))]
+        parts += [_as_markdown(crossover_table(report, against)), "", *_bullets(crossover_notes(report, against))]
+    parts += ["", "## Cost by a unit of each error", "", _as_markdown(sensitivity_table(report))]
     if report.reaches:
-        parts += ["", "## How far the prediction from Jacobians holds", "", markdown_table(reach_table(report))]
-    parts += ["", "## Where the assumed amounts come from", "", markdown_table(_origins(report))]
+        parts += ["", "## How far the prediction from Jacobians holds", "", _as_markdown(reach_table(report))]
+    parts += ["", "## Where the assumed amounts come from", "", _as_markdown(_origins(report))]
     return "\n".join([*parts, ""])
 
 
@@ -236,3 +235,7 @@ def _crossovers(report: Report) -> dict[str, object] | None:
             for one in found
         ],
     }  # fmt: skip
+
+
+def _as_markdown(cells: Cells) -> str:
+    return markdown_table(cells.head, cells.body)

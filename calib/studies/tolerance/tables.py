@@ -1,7 +1,7 @@
 """The tables of a tolerance study as cells of text, for the screen and for Markdown."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -229,17 +229,3 @@ def screen_table(cells: Cells) -> "Table":
     for row in cells.body:
         table.add_row(*map(Text, row))
     return table
-
-
-_STEERING = str.maketrans({character: f"\\{character}" for character in "\\`*_|<>#"} | {"\n": "<br>"})
-
-
-def markdown_table(cells: Cells) -> str:
-    """A table as Markdown."""
-    lines: Sequence[Sequence[str]] = [cells.head, ["---"] * len(cells.head), *cells.body]
-    return "\n".join("| " + " | ".join(plain(cell) for cell in line) + " |" for line in lines)
-
-
-def plain(text: str) -> str:
-    """Text that Markdown shows as it is."""
-    return text.translate(_STEERING).replace("](", "]\\(")
