@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.polyhedron import INRADIUS
+from designer.skew import NO_SKEW, skew_matrix
 from designer.spec import BoardSpec, IcoSpec, PrintSpec
 from designer.target import TargetGeometry
 
@@ -16,23 +17,45 @@ def bed_from_target(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.f
 
     The outward normal of the last face turns to -z (of an icosahedron that is face 19, of a board its only
     one), the lowest point comes to z = 0, and the longer of the two horizontal extents runs along the bed's
-    longer side, centred on the bed.
+    longer side, centred on the bed. Skew compensation does not turn the part.
 
     Returns:
         bed_from_target, from the target frame in millimetres to the bed with its origin in a corner.  # (4, 4)
     """
     bed_x, bed_y, _ = printing.printer.bed_mm
-    rotation = _FACE_DOWN @ target.target_from_face[-1, :3, :3].T
-    corners = printed_corners_mm(target, printing)
-    size = np.ptp(corners @ rotation.T, axis=0)
-    if (size[1] > size[0]) != (bed_y > bed_x):
-        rotation = _QUARTER_TURN @ rotation
-    turned = corners @ rotation.T
+    rotation = _bed_axes(target, printing)
+    turned = printed_corners_mm(target, printing) @ rotation.T
     low, high = turned.min(axis=0), turned.max(axis=0)
     motion = np.eye(4)
     motion[:3, :3] = rotation
     motion[:3, 3] = [(bed_x - low[0] - high[0]) / 2, (bed_y - low[1] - high[1]) / 2, -low[2]]
     return motion
+
+
+def against_skew(target: TargetGeometry, printing: PrintSpec, points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points of the target frame where the printed files have them: K^-1 along the bed's axes, about the origin.
+
+    K is the `skew_matrix` of the compensation, so a printer with this skew puts them where the design has them.
+
+    Args:
+        target: the design.
+        printing: gives the compensation; with none the points stay as they are.
+        points_mm: in the target frame.  # (N, 3)
+    """
+    if printing.skew_compensation_rad == NO_SKEW:
+        return points_mm
+    axes = _bed_axes(target, printing)
+    shear = axes.T @ np.linalg.inv(skew_matrix(printing.skew_compensation_rad)) @ axes
+    return mapped(points_mm, shear)
+
+
+def mapped(points_mm: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A (3, 3) matrix times each point; like points stay alike to the bit, as the parts of a print need.  # (N, 3)
+
+    Matrix products of libraries do not promise that: their rounding depends on a point's place in the array.
+    """
+    x, y, z = (points_mm[:, k, None] * matrix[:, k] for k in range(3))
+    return x + y + z
 
 
 def printed_size_mm(target: TargetGeometry, printing: PrintSpec) -> tuple[float, float, float]:
@@ -43,10 +66,23 @@ def printed_size_mm(target: TargetGeometry, printing: PrintSpec) -> tuple[float,
 
 
 def printed_corners_mm(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64]:
-    """Corners of the printed solid in the target frame, with shrinkage compensation and without stickers.
+    """Corners of the printed solid in the target frame, with shrinkage and skew compensation and without stickers.
 
     A target made by others (without a spec) counts as flat faces.  # (N, 3)
     """
+    return against_skew(target, printing, _straight_corners_mm(target, printing))
+
+
+def _bed_axes(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64]:
+    """Rotation from the target's axes to the bed's, from the part before it is sheared.  # (3, 3)"""
+    bed_x, bed_y, _ = printing.printer.bed_mm
+    rotation: NDArray[np.float64] = _FACE_DOWN @ target.target_from_face[-1, :3, :3].T
+    size = np.ptp(_straight_corners_mm(target, printing) @ rotation.T, axis=0)
+    return _QUARTER_TURN @ rotation if (size[1] > size[0]) != (bed_y > bed_x) else rotation
+
+
+def _straight_corners_mm(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64]:
+    """Corners of the printed solid, not yet sheared.  # (N, 3)"""
     frame = target.target_from_face
     corners = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
     if isinstance(target.spec, BoardSpec):

@@ -1,10 +1,12 @@
 """From a job to its files, in memory: one exporter per format."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
-from designer.bed import bed_from_target
+import numpy as np
+
+from designer.bed import against_skew, bed_from_target, mapped
 from designer.drawing import Page
 from designer.export.folder import OutputFile
 from designer.layout import lay_out
@@ -12,6 +14,7 @@ from designer.mesh import Mesh, Part, board_hull, icosahedron_hull, inlaid, plai
 from designer.pattern import Pattern, make_pattern
 from designer.polyhedron import INRADIUS
 from designer.sheets import lay_out_sheets
+from designer.skew import NO_SKEW
 from designer.spec import Format, IcoSpec, Job
 from designer.spec_file import spec_to_toml
 from designer.target import TargetGeometry, target_to_json
@@ -45,7 +48,16 @@ class Design:
 
     @cached_property
     def part(self) -> Part:
-        """The printed solid, ready for a slicer."""
+        """The printed solid, ready for a slicer, with shrinkage and skew compensation."""
+        part = self._straight_part()
+        return Part(self._sheared(part.body), None if part.ink is None else self._sheared(part.ink))
+
+    def _sheared(self, mesh: Mesh) -> Mesh:
+        """A mesh against the printer's skew; an affine map keeps it closed and its triangles facing outwards."""
+        return replace(mesh, vertices_mm=against_skew(self.target, self.job.printing, mesh.vertices_mm))
+
+    def _straight_part(self) -> Part:
+        """The printed solid of a printer with square axes."""
         spec, printing = self.job.target, self.job.printing
         if not printing.is_two_filament:
             return Part(self._plain_body(), None)
@@ -113,10 +125,24 @@ def _3mf(design: Design) -> Iterator[OutputFile]:
 def _stl(design: Design) -> Iterator[OutputFile]:
     from designer.export.stl import stl_bytes
 
-    name, part = design.job.name, design.part
+    name, part = design.job.name, _as_it_lies(design)
     yield OutputFile(f"{name}.body.stl", stl_bytes(part.body), "the body")
     if part.ink is not None:
         yield OutputFile(f"{name}.pattern.stl", stl_bytes(part.ink), "the ink, which fits into the body")
+
+
+def _as_it_lies(design: Design) -> Part:
+    """The part in the target frame; one that is sheared for a printer as it lies on the bed, which no STL file says."""
+    part, printing = design.part, design.job.printing
+    if printing.skew_compensation_rad == NO_SKEW:
+        return part
+    motion = bed_from_target(design.target, printing)
+    lift_mm = np.array([0.0, 0.0, motion[2, 3]])
+
+    def laid(mesh: Mesh) -> Mesh:
+        return replace(mesh, vertices_mm=mapped(mesh.vertices_mm, motion[:3, :3]) + lift_mm)
+
+    return Part(laid(part.body), None if part.ink is None else laid(part.ink))
 
 
 def _png(design: Design) -> Iterator[OutputFile]:

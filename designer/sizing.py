@@ -12,6 +12,7 @@ from designer.presets import DEFAULT_PRINTER, printer_profile
 from designer.size_board import size_board
 from designer.size_ico import size_ico
 from designer.size_rules import Line
+from designer.skew import NO_SKEW, format_skew
 from designer.spec import (
     PAPER_LINE_MM,
     TWO_FILAMENT_BUILDS,
@@ -57,6 +58,7 @@ def size_job(asked: SpecFile) -> Sized:
     thickness = math.inf if isinstance(target, IcoSpec) else target.thickness_mm
     printing, print_remarks = _size_printing(asked, printer, build, target.border_mm, thickness)
     formats, format_remark = _choose_formats(asked, printing.is_two_filament)
+    _check_step(formats, printing)
     page = asked.page or ("A4" if isinstance(target, IcoSpec) else "fit")
     remarks = tuple(text for text in (remark, *print_remarks, format_remark) if text)
     name = asked.name or _default_name(target, build, has_size=isinstance(asked, IcoFile) or asked.size is not None)
@@ -99,6 +101,7 @@ def _size_printing(
         inlay_mm=inlay,
         ink_offset_mm=asked.ink_offset or 0.0,
         shrink_compensation_percent=asked.shrink_compensation or 0.0,
+        skew_compensation_rad=asked.skew_compensation or NO_SKEW,
         sticker_thickness_mm=asked.sticker_thickness or STICKER_THICKNESS_MM,
         body_colour=asked.body_colour or "#ffffff",
         ink_colour=asked.ink_colour or "#000000",
@@ -157,13 +160,26 @@ def _choose_formats(asked: CommonFile, two_filament: bool) -> tuple[tuple[Format
     ), "3mf: left out, this build is in one filament; print the STL"
 
 
+def _check_step(formats: tuple[Format, ...], printing: PrintSpec) -> None:
+    """True circles do not stay circles in a sheared solid."""
+    if "step" in formats and printing.skew_compensation_rad != NO_SKEW:
+        skew = format_skew(printing.skew_compensation_rad)
+        raise InputError(
+            f"skew compensation '{skew}' shears meshes, not STEP; leave out the one or the other: formats that go "
+            f"with it are {', '.join(name for name in FORMATS if name != 'step')}"
+        )
+
+
 def _check_paper(printing: PrintSpec, border_mm: float) -> None:
-    """Sheets do not shrink, and the border must outlive the strip that the stickers' thickness takes off it."""
+    """Sheets neither shrink nor skew; the border must outlive the strip that the stickers' thickness takes off it."""
     if printing.build == "sheet" and printing.shrink_compensation_percent:
         raise InputError(
             f"shrink compensation {printing.shrink_compensation_percent:g}% is for printed plastic, and a sheet has "
             "none; leave it out, and check the print against the scale bar"
         )
+    if printing.build == "sheet" and printing.skew_compensation_rad != NO_SKEW:
+        skew = format_skew(printing.skew_compensation_rad)
+        raise InputError(f"skew compensation '{skew}' is for printed plastic, and a sheet has none; leave it out")
     thickness, thickest = printing.sticker_thickness_mm, 0.5 * border_mm / INSET_PER_DEPTH
     if printing.build == "stickers" and thickness > thickest:
         raise InputError(

@@ -15,6 +15,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from designer.errors import InputError
 from designer.page_size import page_size_mm
+from designer.skew import format_skew, parse_skew_rad
 from designer.small_file import read_small_text
 from designer.spec import Build, Format, IcoSpec, Job, Lattice
 from designer.units import format_mm, parse_length_mm, parse_lengths_mm, parse_percent
@@ -125,6 +126,7 @@ def _chord_error(value: float) -> float:
 Length = Annotated[float, BeforeValidator(parse_length_mm)]
 PositiveLength = Annotated[Length, AfterValidator(_positive)]
 NonNegativeLength = Annotated[Length, AfterValidator(_not_negative)]
+Skew = Annotated[tuple[float, float, float], BeforeValidator(parse_skew_rad)]
 Percent = Annotated[float, BeforeValidator(parse_percent), Field(ge=-20, le=20)]
 Count = Annotated[int, BeforeValidator(_count)]
 Size = Annotated[tuple[float, float], BeforeValidator(_size)]
@@ -153,6 +155,7 @@ class PrintingFile(_File):
     inlay_depth: PositiveLength | None = Field(None, description="depth of the ink in a two-filament print")
     ink_offset: Length | None = Field(None, description="grow (or, below zero, shrink) the ink to undo bleed")
     shrink_compensation: Percent | None = Field(None, description="print this much larger, in percent")
+    skew_compensation: Skew | None = Field(None, description="undo skewed axes, such as 'xy 0.02deg, yz -0.1deg'")
     sticker_thickness: PositiveLength | None = Field(None, description="thickness of the stickers, taken off the body")
     body_colour: Colour | None = Field(None, description="colour of the body (#ffffff)")
     ink_colour: Colour | None = Field(None, description="colour of the ink (#000000)")
@@ -298,10 +301,8 @@ def _validate(model: type[_Model], values: Mapping[str, RawValue], origin: str) 
         # An unknown key comes first: it is likely the missing one, misspelt.
         first = min(error.errors(), key=lambda wrong: wrong["type"] != "extra_forbidden")
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        line = (
-            f"{_prefix(origin)}{_explain(model, first['loc'], first['type'], str(first['msg']), first['input'])}{more}"
-        )
-        raise InputError(" ".join(line.split())) from None
+        what = _explain(model, first["loc"], first["type"], str(first["msg"]), first["input"])
+        raise InputError(" ".join(f"{_prefix(origin)}{what}{more}".split())) from None
 
 
 def _explain(model: type[_File], location: tuple[int | str, ...], kind: str, message: str, value: object) -> str:
@@ -372,6 +373,7 @@ def spec_to_toml(job: Job) -> str:
         "inlay_depth": format_mm(printing.inlay_mm),
         "ink_offset": format_mm(printing.ink_offset_mm),
         "shrink_compensation": f"{printing.shrink_compensation_percent!r}%",
+        "skew_compensation": format_skew(printing.skew_compensation_rad),
         "sticker_thickness": format_mm(printing.sticker_thickness_mm),
         "body_colour": printing.body_colour,
         "ink_colour": printing.ink_colour,

@@ -11,6 +11,7 @@ from designer.bed import printed_size_mm
 from designer.export.folder import Written
 from designer.printability import Check
 from designer.produce import Design
+from designer.skew import NO_SKEW, format_skew
 from designer.spec import IcoSpec, Job, PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
 from designer.units import format_mm
@@ -112,6 +113,9 @@ def _facts(job: Job, target: TargetGeometry) -> list[tuple[str, str]]:
         facts.append(("ink", f"{printing.inlay_mm:g}mm deep, offset {printing.ink_offset_mm:g}mm"))
     if printing.shrink_compensation_percent:
         facts.append(("shrinkage", f"printed {printing.shrink_compensation_percent:g} % larger"))
+    if printing.skew_compensation_rad != NO_SKEW:
+        skew = format_skew(printing.skew_compensation_rad)
+        facts.append(("skew", f"sheared against {skew}; print it as it lies in the files, do not turn it"))
     return facts
 
 

@@ -1,4 +1,4 @@
-"""Quantities in text: `20mm`, `0.8in`, `220x220mm`, `0.4%`. A bare number is in millimetres or percent."""
+"""Quantities in text: `20mm`, `220x220mm`, `0.4%`, `0.1deg`. A bare number is in millimetres, percent or degrees."""
 
 import math
 import re
@@ -7,10 +7,12 @@ MM_PER_UNIT = {
     "": 1.0, "mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 0.001, "µm": 0.001, "μm": 0.001,
     "in": 25.4, "inch": 25.4, "inches": 25.4, '"': 25.4, "thou": 0.0254, "mil": 0.0254,
 }  # fmt: skip
+RAD_PER_UNIT = {"": math.pi / 180, "deg": math.pi / 180, "°": math.pi / 180, "rad": 1.0, "mrad": 1e-3}
 MAX_LENGTH_MM = 10_000.0
+MAX_ANGLE_RAD = math.tau
 MAX_TEXT = 40
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
-_QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?(?:nan|inf(?:inity)?))\s*([^\W\d_]{{0,12}}|[%\"])\s*", re.IGNORECASE)
+_QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?(?:nan|inf(?:inity)?))\s*([^\W\d_]{{0,12}}|[%\"°])\s*", re.IGNORECASE)
 
 
 def parse_length_mm(text: str | float) -> float:
@@ -33,6 +35,22 @@ def parse_percent(text: str | float) -> float:
     if unit not in ("", "%"):
         raise ValueError(f"unit {unit!r} is not a percentage; write 0.4% or 0.4")
     return number
+
+
+def parse_angle_rad(text: str | float) -> float:
+    """An angle in radians; a bare number is in degrees.
+
+    Raises:
+        ValueError: no number with a unit of angle, not finite, or more than a full turn.
+    """
+    expected = "an angle such as 0.1deg or 2mrad"
+    number, unit = _split(text, expected)
+    if unit not in RAD_PER_UNIT:
+        raise ValueError(f"unit {unit!r} does not fit; expected {expected}")
+    angle = number * RAD_PER_UNIT[unit]
+    if abs(angle) > MAX_ANGLE_RAD:
+        raise ValueError(f"too large; expected {expected}")
+    return angle
 
 
 def parse_lengths_mm(text: str, count: int) -> tuple[float, ...]:

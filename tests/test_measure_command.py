@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 from calib.as_built.lengths import length_in
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.solve import measure as measure_print
-from calib.as_built_report.deviations import Estimate, WholePrint, bed_axes, compensation_percent, whole_print
+from calib.as_built_report.deviations import (
+    Estimate,
+    WholePrint,
+    bed_axes,
+    compensation_percent,
+    next_skew_rad,
+    whole_print,
+)
 from calib.as_built_report.held_out import gain_on_held_out, laid_over
 from calib.as_built_report.length_words import CALIPER_SIGMA_MM, parse_length
 from calib.as_built_report.words import next_print_lines
@@ -233,6 +240,8 @@ def test_stretch_and_skew_are_told_along_the_bed(kind: str) -> None:
     came_out = displaced(target, values, model=ErrorModel("printer", "", ()), bed_from_target=lay)
     shown = photos(came_out, np.random.default_rng(1), 12, noise_px=1e-3, half_angle_deg=150 if kind == "ico" else 50)
     whole = whole_print(measure_print([shown], target, "opencv", replace(RIGID, bow=False)))
+    told = next_skew_rad(whole)
+    assert told == pytest.approx((2e-3, -1e-3, 3e-3) if kind == "ico" else (2e-3, 0.0, 0.0), abs=2e-5)
     axes, skews = ({name: one.value for name, one in pairs} for pairs in (whole.axes, whole.skews))
     mean = {"ico": 5e-4, "board": 5e-4}[kind]
     expected = {"x": 2e-3 - mean, "y": -1e-3 - mean, "z": 5e-4 - mean}
@@ -361,6 +370,7 @@ def refused(*arguments: object) -> str:
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--held-out", "1"), "2 to 8 parts"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--held-out", "9"), "2 to 8 parts"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--shrink-compensation", "1mm"), "not a percentage"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--skew-compensation", "3"), "expected angles such as"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--bed-turn", "1mm"), "expected an angle"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--measured-length", "edge:100mm"), "with --length"),
     ],

@@ -1,6 +1,7 @@
 """Body and ink: two closed meshes that fill the solid exactly."""
 
 import math
+from dataclasses import replace
 
 import manifold3d
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 
+from designer.bed import against_skew
 from designer.errors import InputError
 from designer.mesh import Mesh, board_hull, icosahedron_hull, inlaid, plain_board, plain_icosahedron
 from designer.pattern import make_pattern
@@ -133,8 +135,10 @@ def assert_fills_the_solid(design: Design) -> None:
 def plain_solid(design: Design) -> Mesh:
     spec = design.job.target
     if isinstance(spec, IcoSpec):
-        return plain_icosahedron(spec.edge_mm * design.scale)
-    return plain_board(design.target.outline_mm[0] * design.scale, spec.thickness_mm * design.scale)
+        solid = plain_icosahedron(spec.edge_mm * design.scale)
+    else:
+        solid = plain_board(design.target.outline_mm[0] * design.scale, spec.thickness_mm * design.scale)
+    return replace(solid, vertices_mm=against_skew(design.target, design.job.printing, solid.vertices_mm))
 
 
 def planes_of(solid: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -272,6 +276,7 @@ options = st.fixed_dictionaries(
     optional={
         "ink_offset": st.floats(-0.2, 0.2),
         "shrink_compensation": st.floats(-20, 20),
+        "skew_compensation": st.sampled_from(["0", "xy 2deg", "xy -0.3deg, xz 2deg, yz -2deg"]),
         "inlay_depth": st.floats(0.05, 2),
     },
 )

@@ -1,6 +1,7 @@
 """Spec files: what people write, and what is written next to the outputs."""
 
 import json
+import math
 import os
 from pathlib import Path
 
@@ -69,6 +70,7 @@ def test_every_key_is_read(tmp_path: Path) -> None:
         inlay_depth = "0.9mm"
         ink_offset = "-0.05mm"
         shrink_compensation = "0.4%"
+        skew_compensation = "xy 0.02deg, XZ -2mrad"
         sticker_thickness = "0.2mm"
         body_colour = "#FFEEDD"
         ink_colour = "#001122"
@@ -82,8 +84,8 @@ def test_every_key_is_read(tmp_path: Path) -> None:
         kind="ico", name="my-ico", edge=100.0, rings_per_side=7, ring_diameter=7.0, pitch=10.0, ring_ratio=0.4,
         border=2.54, margin=2.5, formats=["step", "glb"], page="A3", printer="prusa-mk4", nozzle=0.4, line_width=0.42,
         layer_height=0.15, bed=(250.0, 210.0, 220.0), build="solid", inlay_depth=0.9, ink_offset=-0.05,
-        shrink_compensation=0.4, sticker_thickness=0.2, body_colour="#ffeedd", ink_colour="#001122", labels=False,
-        stand=True, chord_error=0.01,
+        shrink_compensation=0.4, skew_compensation=(math.radians(0.02), -0.002, 0.0), sticker_thickness=0.2,
+        body_colour="#ffeedd", ink_colour="#001122", labels=False, stand=True, chord_error=0.01,
     )  # fmt: skip
 
 
@@ -397,6 +399,7 @@ options = st.fixed_dictionaries(
         "inlay_depth": st.floats(0.05, 3),
         "ink_offset": st.floats(-0.2, 0.2),
         "shrink_compensation": st.floats(-20, 20),
+        "skew_compensation": st.tuples(*[st.floats(-2, 2)] * 3).map("xy {0[0]}deg, xz {0[1]}deg, yz {0[2]}deg".format),
         "labels": st.booleans(),
         "stand": st.booleans(),
         "chord_error": st.floats(0.0005, 0.5),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calib.as_built.result import AsBuilt
 from calib.as_built.unknowns import STRAIN_INDEX, strain_matrix, strain_numbers
 from calib.se3 import exp_rotation
+from designer.skew import NO_SKEW, SKEW_NAMES, Skew, skew_matrix
 from designer.target import TargetGeometry
 from designer.tolerance.shape import face_down
 
@@ -117,6 +118,36 @@ def compensation_percent(size: float, made_with_percent: float = 0.0) -> float:
         made_with_percent: 100 c.
     """
     return 100 * ((1 + made_with_percent / 100) / (1 + size) - 1)
+
+
+def next_skew_rad(whole: WholePrint, made_with_rad: Skew = NO_SKEW) -> Skew:
+    """What to dial into `design --skew-compensation`, so that the next print comes out as designed.
+
+    The printer M made of a file sheared by K(c)^-1 (see `designer.bed`) what is, a rotation aside, the stretch S that
+    was measured. So M = Q S K(c) with a rotation Q, and of its triangular factor U (M = Q' U) the columns, each over
+    its diagonal, are those of the next K; the diagonal is size and scale of axes. An angle that is no more than noise
+    stays as it was. The axes are those of the bed as the print lay, with and without compensation.
+
+    Args:
+        whole: what was measured, with skews in the bed's axes.
+        made_with_rad: c, the compensation of the measured print.
+    """
+    leans = dict(whole.skews)
+    stretch = np.eye(3) * (1.0 if whole.size is None else 1 + whole.size.value)
+    for name, one in whole.axes:
+        stretch["xyz".index(name), "xyz".index(name)] += one.value
+    for name, one in whole.skews:
+        i, j = ("xyz".index(axis) for axis in name)
+        stretch[i, j] = stretch[j, i] = one.value / 2
+    upper = np.linalg.qr(stretch @ skew_matrix(made_with_rad), mode="r")
+    upper *= np.sign(np.diagonal(upper))[:, None]
+    upper /= np.diagonal(upper)
+    lean_rad = np.arctan(upper[[0, 0, 1], [1, 2, 2]]).tolist()
+    xy, xz, yz = (
+        lean if name in leans and leans[name].is_significant else before
+        for name, lean, before in zip(SKEW_NAMES, lean_rad, made_with_rad, strict=True)
+    )
+    return xy, xz, yz
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from calib.as_built_report.deviations import (
     bed_axes,
     compensation_percent,
     face_deviations,
+    next_skew_rad,
     ring_deviations,
     whole_print,
 )
@@ -29,6 +30,7 @@ from calib.as_built_report.length_words import AskedLength
 from calib.cameras import parameter_names
 from calib.files import require_replaceable
 from designer.errors import InputError
+from designer.skew import Skew
 from designer.small_file import JsonValue
 from designer.target import FORMAT as TARGET_FORMAT
 from designer.target import load_target, target_to_json
@@ -51,6 +53,7 @@ class Report:
     held_out: HeldOut | None
     lengths: tuple[AskedLength, ...]
     made_with_percent: float  # shrinkage compensation of the print
+    made_with_skew_rad: Skew
     bed_turn_rad: float  # of the print, about the bed's normal
     weighted: bool  # by the covariances of the observations
     program: str
@@ -63,6 +66,7 @@ def report_of(
     lengths: Sequence[AskedLength],
     *,
     made_with_percent: float,
+    made_with_skew_rad: Skew,
     bed_turn_rad: float,
     weighted: bool,
     program: str,
@@ -72,7 +76,7 @@ def report_of(
     whole, faces, rings = whole_print(found, bed_turn_rad), face_deviations(found), ring_deviations(found)
     return Report(
         found, whole, faces, rings, held_out, tuple(lengths),
-        made_with_percent, bed_turn_rad, weighted, program, settings,
+        made_with_percent, made_with_skew_rad, bed_turn_rad, weighted, program, settings,
     )  # fmt: skip
 
 
@@ -216,6 +220,8 @@ def _fields(report: Report) -> Iterator[tuple[str, JsonValue]]:
     yield "made_with_shrink_compensation_percent", report.made_with_percent
     dialled = None if whole.size is None else compensation_percent(whole.size.value, report.made_with_percent)
     yield "next_shrink_compensation_percent", dialled
+    yield "made_with_skew_compensation_rad", list(report.made_with_skew_rad)  # xy, xz, yz
+    yield "next_skew_compensation_rad", list(next_skew_rad(whole, report.made_with_skew_rad))
     yield "strain", _nested(found.strain)
     yield "strain_covariance", _nested(found.strain_covariance)
     left = [residual for _, residual in found.lengths]

@@ -14,9 +14,11 @@ from calib.as_built_report.deviations import (
     RingDeviations,
     WholePrint,
     compensation_percent,
+    next_skew_rad,
 )
 from calib.as_built_report.held_out import Gain, HeldOut
 from calib.results.evaluation_table import figure, with_digits
+from designer.skew import MOST_SKEW_DEG, NO_SKEW, SKEW_NAMES, Skew
 
 LEAST_COMPENSATION_PERCENT = 0.005
 """Less is not worth dialling in: 5 um on 100 mm."""
@@ -71,30 +73,66 @@ def _noise(estimate: Estimate) -> str:
     return "" if estimate.is_significant else ", which may be noise"
 
 
-def next_print_lines(whole: WholePrint, made_with_percent: float) -> Iterator[str]:
+def next_print_lines(whole: WholePrint, made_with_percent: float, made_with_skew_rad: Skew = NO_SKEW) -> Iterator[str]:
     """What to dial in, so that the next print of the same design comes out right."""
+    indent = "next print: "
+    for line in _next_print(whole, made_with_percent, made_with_skew_rad):
+        yield indent + line
+        indent = " " * len(indent)
+
+
+def _next_print(whole: WholePrint, made_with_percent: float, made_with_skew_rad: Skew) -> Iterator[str]:
+    dialled, skew_rad = _next_percent(whole, made_with_percent), next_skew_rad(whole, made_with_skew_rad)
     if whole.size is None:
-        yield "next print: measure one length with a caliper and give it with --length, to know the shrinkage"
-    elif whole.size.is_significant:
-        dialled = compensation_percent(whole.size.value, made_with_percent)
-        if abs(dialled - made_with_percent) < LEAST_COMPENSATION_PERCENT:
-            yield f"next print: keep --shrink-compensation {made_with_percent:g}%; the size is right"
-        else:
-            before = f"; this one was made with {made_with_percent:g}%" if made_with_percent else ""
-            yield f"next print: design ... --shrink-compensation {dialled:.3f}%   # printed plastic{before}"
-    else:
-        yield "next print: the size needs no correction"
+        yield "measure one length with a caliper and give it with --length, to know the shrinkage"
+    elif not whole.size.is_significant:
+        yield "the size needs no correction"
+    elif dialled == made_with_percent:
+        yield f"keep --shrink-compensation {made_with_percent:g}%; the size is right"
+    is_too_skew = max(map(abs, skew_rad)) > math.radians(MOST_SKEW_DEG)
+    made_skew = skew_words(made_with_skew_rad)
+    skew = made_skew if is_too_skew else skew_words(skew_rad)
+    options = []
+    if dialled or made_with_percent:
+        number = f"{made_with_percent:g}" if dialled == made_with_percent else f"{dialled:.3f}"
+        options.append(f"--shrink-compensation {number}%")
+    if skew != "0" or made_skew != "0":
+        options.append(f'--skew-compensation "{skew}"')
+    if dialled != made_with_percent or skew != made_skew:
+        made = [f"{made_with_percent:g}%"] * bool(made_with_percent) + [f'"{made_skew}"'] * (made_skew != "0")
+        before = f"; this one was made with {' and '.join(made)}" if made else ""
+        yield f"design ... {' '.join(options)}   # printed plastic{before}"
     if whole.is_in_shape:
-        yield "            axes and angles need no correction"
-        return
+        yield "axes and angles need no correction" + (f' beyond --skew-compensation "{skew}"' if skew != "0" else "")
+    yield from _by_other_means(whole)
+    if is_too_skew:
+        yield f"`design` takes back no more than {MOST_SKEW_DEG:g} deg of skew: square the printer's axes first"
+
+
+def _next_percent(whole: WholePrint, made_with_percent: float) -> float:
+    """The shrinkage compensation of the next print; that of this one, if no other is worth it."""
+    if whole.size is None or not whole.size.is_significant:
+        return made_with_percent
+    dialled = compensation_percent(whole.size.value, made_with_percent)
+    return made_with_percent if abs(dialled - made_with_percent) < LEAST_COMPENSATION_PERCENT else dialled
+
+
+def skew_words(skew_rad: Skew) -> str:
+    """Angles as `design --skew-compensation` reads them, to 0.001 deg: 2 um on 100 mm."""
+    angles = [(name, f"{math.degrees(angle):.3f}") for name, angle in zip(SKEW_NAMES, skew_rad, strict=True)]
+    return ", ".join(f"{name} {angle}deg" for name, angle in angles if float(angle)) or "0"
+
+
+def _by_other_means(whole: WholePrint) -> Iterator[str]:
+    """What the slicer and the printer can take back."""
     axes = [f"{name} {compensation_percent(one.value) + 100:.3f}%" for name, one in whole.axes if one.is_significant]
     if axes:
-        yield f"            in the slicer, beside that: scale {', '.join(axes)}"
+        yield f"in the slicer, beside that: scale {', '.join(axes)}"
     skews = [f"{name} by {degrees(one)}" for name, one in whole.skews if one.is_significant]
     if skews:
         yield (
-            f"            in the printer's skew correction (Marlin M852, Klipper SET_SKEW): its second axis leans "
-            f"towards the first, {', '.join(skews)}"
+            f"or, with --skew-compensation left as it was, in the printer's skew correction (Marlin M852, Klipper "
+            f"SET_SKEW): its second axis leans towards the first, {', '.join(skews)}"
         )
 
 

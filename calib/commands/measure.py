@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from calib.as_built_report.length_words import AskedLength
     from calib.inputs.observations import Prepared
     from calib.types import Observations
+    from designer.skew import Skew
     from designer.target import TargetGeometry
 
 DEGENERATE = 1
@@ -38,6 +39,7 @@ class Made:
     """How the print was made, and how its photos are weighed."""
 
     with_percent: float  # shrinkage compensation
+    with_skew_rad: "Skew"
     bed_turn_rad: float
     weighted: bool
 
@@ -76,6 +78,9 @@ def measure(
     shrink_compensation: Annotated[
         str, typer.Option(help="that this print was made with, to tell that of the next")
     ] = "0%",
+    skew_compensation: Annotated[
+        str, typer.Option(help="that this print was made with, to tell that of the next: 'xy 0.02deg, yz -0.1deg'")
+    ] = "0",
     bed_turn: Annotated[
         str, typer.Option(help="by which the print was turned on the bed against `design`: 90deg; for axes and skew")
     ] = "0deg",
@@ -111,7 +116,7 @@ def measure(
         )
     lengths = [parse_length("--length", text, nominal) for text in length or []]
     options = _options(model, rings, fix, share, reject, weighted=weighted, bow=bow)
-    made = Made(_compensation(shrink_compensation), _angle(bed_turn), weighted)
+    made = Made(_compensation(shrink_compensation), _skew(skew_compensation), _angle(bed_turn), weighted)
     check_places(places, target)
     shape = None if truth is None else _truth(truth, nominal, target)
     prepared = _read(detections, nominal, target, one_camera=one_camera)
@@ -125,7 +130,7 @@ def measure(
         ("rings", rings), ("one-camera", str(one_camera)), ("weighted", str(weighted)), ("reject", f"{reject or ''}"),
         ("bow", {None: "default", True: "bow", False: "flat"}[bow]), ("fix", " ".join(fix or [])),
         ("share", " ".join(share or [])),
-        ("shrink-compensation", shrink_compensation), ("bed-turn", bed_turn),
+        ("shrink-compensation", shrink_compensation), ("skew-compensation", skew_compensation), ("bed-turn", bed_turn),
         ("length", "; ".join(length or [])), ("held-out", str(folds)),
     )  # fmt: skip
     _write_and_say(found, held, lengths, made, settings, places, detections)
@@ -213,8 +218,17 @@ def _compensation(text: str) -> float:
     return value
 
 
+def _skew(text: str) -> "Skew":
+    from designer.skew import parse_skew_rad
+
+    try:
+        return parse_skew_rad(text)
+    except ValueError as error:
+        raise InputError(f"--skew-compensation {text!r}: {error}") from None
+
+
 def _angle(text: str) -> float:
-    from designer.tolerance.quantity import parse_angle_rad
+    from designer.units import parse_angle_rad
 
     try:
         return parse_angle_rad(text)
@@ -315,6 +329,7 @@ def _write_and_say(
         held,
         lengths,
         made_with_percent=made.with_percent,
+        made_with_skew_rad=made.with_skew_rad,
         bed_turn_rad=made.bed_turn_rad,
         weighted=made.weighted,
         program=program(),
@@ -362,7 +377,7 @@ def _say(report: "Report") -> None:
     if report.rings is not None:
         print(rings_line(report.rings))
     print()
-    for line in next_print_lines(report.whole, report.made_with_percent):
+    for line in next_print_lines(report.whole, report.made_with_percent, report.made_with_skew_rad):
         print(line)
     print()
     if report.faces is not None:

@@ -7,25 +7,14 @@ from collections.abc import Callable, Mapping
 from designer.errors import InputError
 from designer.spec_file import shown, suggestion
 from designer.tolerance.source import KINDS, Amount, ErrorSource, Unit
-from designer.units import parse_length_mm, parse_percent
+from designer.units import parse_angle_rad, parse_length_mm, parse_percent
 
-MAX_ANGLE_RAD = math.tau
 MAX_KELVIN = 1000.0
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?|[-+]?(?:nan|inf(?:inity)?)"
 _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.{{0,12}}?)\s*", re.IGNORECASE)
 
-_RAD_PER_UNIT = {"": math.pi / 180, "deg": math.pi / 180, "°": math.pi / 180, "rad": 1.0, "mrad": 1e-3}
 _KELVIN_PER_UNIT = {"": 1.0, "K": 1.0, "°C": 1.0, "degC": 1.0}
 _PER_KELVIN_PER_UNIT = {"": 1.0, "/K": 1.0, "ppm/K": 1e-6, "um/m/K": 1e-6}
-
-
-def parse_angle_rad(text: str) -> float:
-    """An angle in radians; a bare number is in degrees.
-
-    Raises:
-        ValueError: no number with a unit of angle, not finite, or more than a full turn.
-    """
-    return _parse(text, _RAD_PER_UNIT, "an angle such as 0.1deg or 2mrad", MAX_ANGLE_RAD)
 
 
 def parse_kelvin(text: str) -> float:
