@@ -47,6 +47,9 @@ def tolerance(
         bool, typer.Option("--weighted/--unweighted", help="weigh observations by their covariances, or all alike")
     ] = False,
     draws: Annotated[int, typer.Option(help="how many made targets to draw")] = 1000,
+    full: Annotated[
+        bool, typer.Option("--full", help="render and detect real images in each draw: minutes a draw")
+    ] = False,
     linear: Annotated[bool, typer.Option("--linear", help="no draws: predict from Jacobians, in seconds")] = False,
     require: Annotated[
         list[str] | None,
@@ -66,7 +69,9 @@ def tolerance(
     out: Annotated[Path, typer.Option("--out", "-o", help="folder for tables, figures and draws")],
 ) -> None:
     """What if a print is off by this much? What manufacturing errors cost a calibration, and how large they may be."""
-    asked = _asked(draws=draws, seed=seed, jobs=jobs, require=require, by=by, predicts=linear)
+    if full and linear:
+        raise InputError("--full does not fit --linear, which draws nothing; leave one of them out")
+    asked = _asked(draws=draws, seed=seed, jobs=jobs, require=require, by=by, predicts=linear, full=full)
     _check_together(asked, against, against_errors, against_distance, vary, dask, resume=resume)
     view = _View(views, camera, model, weighted)
     check_folder(out)
@@ -81,7 +86,9 @@ def tolerance(
         from calib.studies.tolerance.explore import Keeping, check_unused
 
         check_unused(out, resume=resume, predicts=linear)
-        keeping = Keeping(out, {"target": target}, asked.seed, asked.jobs, dask, resume)
+        keeping = Keeping(out, {"target": target}, asked.seed, asked.jobs, dask, resume, full)
+        if full:
+            scene = replace(scene, lines=(*scene.lines, "photos of every draw are rendered, detected and calibrated"))
         for line in scene.lines:
             print(printable(line))
         report = _explored(scene, asked, keeping)
@@ -111,6 +118,7 @@ class _Asked:
     requirements: "tuple[Requirement, ...]"
     by: str
     predicts: bool
+    full: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +132,7 @@ class _Scene:
 
 
 def _asked(
-    *, draws: int, seed: int, jobs: int | None, require: list[str] | None, by: str | None, predicts: bool
+    *, draws: int, seed: int, jobs: int | None, require: list[str] | None, by: str | None, predicts: bool, full: bool
 ) -> _Asked:
     from calib.render.quantities import whole
     from calib.studies.tolerance.budget import checked_quantity
@@ -135,7 +143,7 @@ def _asked(
     return _Asked(
         whole("--draws", draws, 2, MAX_DRAWS), whole("--seed", seed, 0, 2**63 - 1),
         os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, 1024),
-        requirements, checked_quantity(chosen), predicts,
+        requirements, checked_quantity(chosen), predicts, full,
     )  # fmt: skip
 
 
@@ -260,6 +268,7 @@ def _explored(scene: _Scene, asked: _Asked, keeping: "Keeping") -> "Report":
         with _stopping(), progress_bar("drawing", asked.draws, rate=True) as tell:
             found = keeping.draws(setting, errors, STUDY_FILE, asked.draws, _timed(tell, asked))
         report = replace(report, table=table_of_draws(errors, found))
+    if not asked.predicts and not asked.full:
         count = len(OTHER_FACTORS) * min(SWEEP_DRAWS, asked.draws)
         with _stopping(), progress_bar("sweeping", count, rate=True) as tell:
             swept = sweep_draws(keeping, setting, errors, found, tell)
@@ -268,7 +277,7 @@ def _explored(scene: _Scene, asked: _Asked, keeping: "Keeping") -> "Report":
             held = reaches(setting, errors, report.ranking, linear.baseline.value, asked.seed, tell)
         report = replace(report, reaches=held)
     report = replace(report, budgets=budgets_of(report, asked.requirements))
-    return report if asked.predicts else _searched(report, scene, asked)
+    return report if asked.predicts or asked.full else _searched(report, scene, asked)
 
 
 def _searched(report: "Report", scene: _Scene, asked: _Asked) -> "Report":

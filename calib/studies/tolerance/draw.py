@@ -55,7 +55,7 @@ def run_draw(setting: Setting, errors: ErrorModel, seed: int, number: int) -> Ar
 
 def drawn_values(setting: Setting, errors: ErrorModel, seed: int, number: int) -> dict[str, Array]:
     """The numbers of all sources in a draw; each has its own stream, and they are in proportion to its size."""
-    return draw_values(setting.target, errors, _stream(seed, number, "errors"))
+    return draw_values(setting.target, errors, stream(seed, number, "errors"))
 
 
 def run_cases(setting: Setting, errors: ErrorModel, values: Mapping[str, Array], noise_px: Array) -> Array:
@@ -71,12 +71,12 @@ def run_cases(setting: Setting, errors: ErrorModel, values: Mapping[str, Array],
 def drawn_noise(setting: Setting, seed: int, number: int) -> Array:
     """Errors of the detected centres in a draw, by their covariances.  # (M, 2)"""
     a, b, c = setting.noise_root.T
-    first, second = _stream(seed, number, "noise").standard_normal((2, len(a)))
+    first, second = stream(seed, number, "noise").standard_normal((2, len(a)))
     return np.stack([a * first, b * first + c * second], axis=1)
 
 
-def _stream(seed: int, number: int, purpose: str) -> np.random.Generator:
-    """Philox with a digest of what names the stream as its key, as `calib.studies.draw`."""
+def stream(seed: int, number: int, purpose: str) -> np.random.Generator:
+    """Random numbers of a draw for one purpose: Philox, keyed by a digest of what names them (`calib.studies.draw`)."""
     name = f"{seed}\n{number}\ntolerance {purpose}".encode()
     key = np.frombuffer(hashlib.sha256(name).digest()[:16], dtype="<u8")
     return np.random.Generator(np.random.Philox(key=key))

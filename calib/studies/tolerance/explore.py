@@ -36,6 +36,7 @@ class Keeping:
     jobs: int
     dask: str | None
     resume: bool
+    full: bool  # with images
 
     def draws(self, setting: Setting, errors: ErrorModel, file: str, count: int, tell: Tell) -> Array:
         """Draws of a file in the folder, the missing ones computed.  # (D, C, Q)
@@ -48,7 +49,7 @@ class Keeping:
         path.parent.mkdir(parents=True, exist_ok=True)
         return tolerance_draws(
             setting, errors, path, inputs=self.inputs, draws=count, seed=self.seed, jobs=self.jobs, dask=self.dask,
-            resume=self.resume, on_progress=tell,
+            resume=self.resume, full=self.full, on_progress=tell,
         )  # fmt: skip
 
 

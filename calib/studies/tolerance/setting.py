@@ -182,6 +182,27 @@ def setting_of_calibration(
     )  # fmt: skip
 
 
+def setting_of_sightings(setting: Setting, cam_from_target: Array, seen: Observations) -> Setting:
+    """The setting with other sightings.
+
+    Args:
+        setting: whose target, camera and way of solving it is.
+        cam_from_target: true poses of the views that are seen (V, 4, 4).
+        seen: sightings with covariances; their pixels are replaced by those of the drawing.
+
+    Raises:
+        InputError: they do not determine the camera.
+    """
+    covariance = seen.cov_px2
+    if covariance is None:
+        raise ValueError("sightings with covariances are needed")
+    pixel = _projected(setting.camera, seen, setting.target, cam_from_target)
+    return _setting(
+        setting.target, setting.camera, cam_from_target, replace(seen, center_px=pixel), covariance, setting.model,
+        setting.options, setting.bed_from_target, setting.remarks,
+    )  # fmt: skip
+
+
 def _projected(camera: Camera, seen: Observations, target: TargetGeometry, poses: Array) -> Array:
     point = transform(poses[seen.view], target.center_mm[seen.point])
     return linearise(camera, np.ascontiguousarray(point.T)).pixel.T

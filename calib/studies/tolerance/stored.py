@@ -15,6 +15,7 @@ from calib.studies.sample import SampleResult
 from calib.studies.statistics import Case
 from calib.studies.store import open_study
 from calib.studies.tolerance.draw import case_names, run_draws
+from calib.studies.tolerance.full import run_full_draws
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.setting import Setting
 from calib.studies.workers import CaseSpec
@@ -33,6 +34,7 @@ class DrawPool:
 
     setting: Setting
     errors: ErrorModel
+    full: bool  # with images, rendered and detected
 
     @property
     def view_count(self) -> int:
@@ -56,7 +58,8 @@ class DrawPool:
 
     def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
         """Draws; one in which a case has no solution is not converged."""
-        draws = run_draws(self.setting, self.errors, seed, numbers)
+        run = run_full_draws if self.full else run_draws
+        draws = run(self.setting, self.errors, seed, numbers)
         return [self._result(number, draw) for number, draw in zip(numbers, draws, strict=True)]
 
     def _result(self, number: int, draw: Array) -> SampleResult:
@@ -78,6 +81,7 @@ def tolerance_draws(
     jobs: int,
     dask: str | None,
     resume: bool,
+    full: bool = False,
     on_progress: Callable[[int], None] = lambda done: None,
 ) -> Array:
     """The first draws of a study, those that its file does not have computed.  # (D, C, Q)
@@ -92,25 +96,30 @@ def tolerance_draws(
         jobs: processes on this machine.
         dask: address of a cluster's scheduler, instead.
         resume: go on with a file that is there.
+        full: render and detect images, which takes minutes a draw.
         on_progress: told how many are done.
 
     Raises:
         InputError: the file is there and `resume` is not asked for, or is of another study.
         StudyStoppedError: interrupted, or no workers are left.
     """
-    pool = DrawPool(setting, errors)
+    pool = DrawPool(setting, errors, full)
     spec = CaseSpec(Case(CASE, setting.view_count, setting.view_count), pool)
-    with open_study(path, identity_of(seed, _settings(setting, errors), inputs), resume=resume) as study:
-        run_cases([spec], study, samples=draws, seed=seed, jobs=jobs, dask=dask, on_progress=on_progress)
+    with open_study(path, identity_of(seed, _settings(setting, errors, full=full), inputs), resume=resume) as study:
+        run_cases(
+            [spec], study, samples=draws, seed=seed, jobs=jobs, dask=dask, on_progress=on_progress,
+            chunk=1 if full else None,
+        )  # fmt: skip
         kept = study.load(spec.name)
     return kept.params[:draws].reshape(-1, len(case_names(errors)), len(QUANTITIES))
 
 
-def _settings(setting: Setting, errors: ErrorModel) -> dict[str, str]:
+def _settings(setting: Setting, errors: ErrorModel, *, full: bool) -> dict[str, str]:
     """What decides a draw beside the seed."""
     amounts = [f"{name}={amount.kind} {amount.size!r}" for name, amount in errors.amounts]
     return {
         "study": KIND,
+        "images": "yes" if full else "no",
         "errors": ", ".join(amounts),
         "expansion": repr(errors.expansion_per_kelvin),
         "layer height": repr(errors.layer_height_mm),
