@@ -183,6 +183,13 @@ def test_wrong_predictions_are_told() -> None:
     assert any(line.startswith("prediction off: ring_jitter, reprojection error") for line in notes(planted))
 
 
+def test_few_draws_say_nothing_of_a_prediction() -> None:
+    """Draws whose spread is not known do not call a prediction wrong, nor right."""
+    few = replace(report(), table=replace(report().table, draws=3))
+    assert deviations(few) == ()
+    assert "3 draws are too few to check the prediction with; 10 do" in notes(few)
+
+
 def test_crossover_in_words_agrees_with_the_table() -> None:
     """A line for each main quantity; it loses now exactly where its error is the larger one."""
     against = report().against

@@ -15,6 +15,8 @@ from designer.spec_file import shown
 
 STUDY_FILE = "study.sqlite"
 FIGURES_FOLDER = "figures"
+DRAWN_BY = {"tolerance": "design tolerance", "compare": "calib study compare"}
+"""Studies of other values than a camera's parameters, by the name of these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +45,11 @@ def study_output(study: Study, folder: Path) -> StudyOutput:
     if not cases:
         raise InputError(f"{study.path}: holds no samples yet; run the study again with --resume")
     models = {one.model for one in stored}
+    for name, command in DRAWN_BY.items():
+        if name in models:
+            raise InputError(
+                f"{study.path}: made by {command}, which draws it again with --resume and the same options"
+            )
     names = parameter_names(next(iter(models))) if models <= MODELS.keys() else ()
     if len(models) > 1 or any(one.params != len(names) for one in stored):
         raise InputError(

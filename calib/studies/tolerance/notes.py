@@ -6,7 +6,17 @@ from calib.results.evaluation_table import figure
 from calib.studies.tolerance.crossover import Crossover
 from calib.studies.tolerance.draw import TOGETHER, case_names
 from calib.studies.tolerance.quantities import quantity_row
-from calib.studies.tolerance.report import MAIN, NEVER, OFF, Against, CheckedBudget, Report, deviations, of_name
+from calib.studies.tolerance.report import (
+    FEWEST_TO_CHECK,
+    MAIN,
+    NEVER,
+    OFF,
+    Against,
+    CheckedBudget,
+    Report,
+    deviations,
+    of_name,
+)
 from calib.studies.tolerance.tables import short, size_in_words
 from designer.tolerance.registry import SOURCES
 
@@ -77,6 +87,8 @@ def _deviation_lines(report: Report) -> list[str]:
     """Where the prediction is off."""
     if report.table.kind == "linear":
         return []
+    if report.table.draws < FEWEST_TO_CHECK:
+        return [f"{report.table.draws} draws are too few to check the prediction with; {FEWEST_TO_CHECK} do"]
     found = deviations(report)
     if not found:
         return ["the prediction from Jacobians (--linear) is within 10 % of the draws for every source"]

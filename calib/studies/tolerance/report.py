@@ -22,6 +22,8 @@ MAIN: tuple[str, ...] = (
     "focal_length", "distortion_map",
 )  # fmt: skip
 """The quantities that tables and figures show; files have all."""
+FEWEST_TO_CHECK = 10
+"""Draws that a prediction is held against: the spread of fewer says nothing of chance."""
 OFF = 0.1
 """A prediction that is off by more than this is told."""
 
@@ -136,8 +138,8 @@ class Deviation:
 
 
 def deviations(report: Report) -> tuple[Deviation, ...]:
-    """Main quantities whose prediction is off by more than 10 %, and by more than chance."""
-    if report.table.kind == "linear":
+    """Main quantities whose prediction is off by more than 10 %, and by more than chance; none if draws are too few."""
+    if report.table.kind == "linear" or report.table.draws < FEWEST_TO_CHECK:
         return ()
     table, linear = report.table, report.linear
     costs: list[tuple[str, Cost, Cost, tuple[int, ...]]] = [(TOGETHER, table.together, linear.together, ())]
