@@ -16,7 +16,7 @@ from designer.command import STOPPED, printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from calib.studies.compare.cases import Comparison
     from calib.studies.store import Study
@@ -68,6 +68,7 @@ def compare(
 
 def _sample(whole: "Comparison", study: "Study", jobs: int) -> None:
     """Compute the samples that are missing."""
+    from calib.studies.progress import after
     from calib.studies.runner import StudyStoppedError, run_cases
 
     start, before = time.perf_counter(), 0
@@ -76,7 +77,7 @@ def _sample(whole: "Comparison", study: "Study", jobs: int) -> None:
             try:
                 run_cases(
                     group.specs, study, samples=group.samples, seed=whole.plan.seed, jobs=jobs, chunk=1,
-                    on_progress=_after(before, bar),
+                    on_progress=after(before, bar),
                 )  # fmt: skip
             except StudyStoppedError as error:
                 if not error.by_user:
@@ -85,11 +86,6 @@ def _sample(whole: "Comparison", study: "Study", jobs: int) -> None:
                 raise SystemExit(STOPPED) from None
             before += group.total
     print(f"{whole.total} sets of photos in {time.perf_counter() - start:.0f} s by {jobs} processes")
-
-
-def _after(before: int, bar: "Callable[[float], None]") -> "Callable[[int], None]":
-    """Progress of a part as that of the whole."""
-    return lambda done: bar(before + done)
 
 
 def _show(study: "Study", whole: "Comparison", folder: Path) -> None:

@@ -203,21 +203,13 @@ def sample(
 ) -> None:
     """Compute the samples that are missing, and say how long it took."""
     from calib.results.evaluation_table import figure
-    from calib.studies.runner import StudyStoppedError, run_cases
+    from calib.studies.runner import run_cases
 
     total, counts = samples * len(specs), [0]
     processes = jobs or os.cpu_count() or 1
     start = time.perf_counter()
-    try:
-        with progress_bar("sampling", total, rate=True) as bar:
-            run_cases(
-                specs, study, samples=samples, seed=seed, jobs=processes, dask=dask, on_progress=_told(counts, bar)
-            )
-    except StudyStoppedError as error:
-        if not error.by_user:
-            raise InputError(str(error)) from None
-        print(f"{printable(str(error))}", file=sys.stderr)
-        raise SystemExit(STOPPED) from None
+    with stopped_in_a_line(), progress_bar("sampling", total, rate=True) as bar:
+        run_cases(specs, study, samples=samples, seed=seed, jobs=processes, dask=dask, on_progress=_told(counts, bar))
     seconds, new = time.perf_counter() - start, counts[-1] - counts[1]
     by = f"{processes} process{'es' if processes > 1 else ''}" if dask is None else f"the cluster at {dask}"
     before = f", {counts[1]} were there" if counts[1] else ""
@@ -319,6 +311,20 @@ def _check_cluster(dask: str | None) -> None:
 
         with waiting("asking the cluster"):
             check_cluster(dask)
+
+
+@contextmanager
+def stopped_in_a_line() -> Iterator[None]:
+    """Say in one line that a run was stopped, and how to go on."""
+    from calib.studies.runner import StudyStoppedError
+
+    try:
+        yield
+    except StudyStoppedError as error:
+        if not error.by_user:
+            raise InputError(str(error)) from None
+        print(printable(str(error)), file=sys.stderr)
+        raise SystemExit(STOPPED) from None
 
 
 @contextmanager

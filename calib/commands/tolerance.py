@@ -2,10 +2,9 @@
 
 import os
 import shlex
-import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,8 +14,8 @@ import typer
 from calib.commands.screen import progress_bar, table_console, waiting
 from calib.commands.solutions import quoted, shown
 from calib.commands.solve import check_folder
-from calib.commands.study import kept_when_stopped
-from designer.command import STOPPED, printable
+from calib.commands.study import kept_when_stopped, stopped_in_a_line
+from designer.command import printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -265,12 +264,12 @@ def _explored(scene: _Scene, asked: _Asked, keeping: "Keeping") -> "Report":
         linear = linear_table(setting, errors, asked.seed)
     report = Report(scene.name, scene.lines, setting.target.face_count, linear, linear, asked.by)
     if not asked.predicts:
-        with _stopping(), progress_bar("drawing", asked.draws, rate=True) as tell:
+        with stopped_in_a_line(), progress_bar("drawing", asked.draws, rate=True) as tell:
             found = keeping.draws(setting, errors, STUDY_FILE, asked.draws, _timed(tell, asked))
         report = replace(report, table=table_of_draws(errors, found))
     if not asked.predicts and not asked.full:
         count = len(OTHER_FACTORS) * min(SWEEP_DRAWS, asked.draws)
-        with _stopping(), progress_bar("sweeping", count, rate=True) as tell:
+        with stopped_in_a_line(), progress_bar("sweeping", count, rate=True) as tell:
             swept = sweep_draws(keeping, setting, errors, found, tell)
         report = replace(report, sweeps=sweeps_from(report.table, linear, swept))
         with progress_bar("checking the prediction", len(report.ranking)) as tell:
@@ -312,7 +311,7 @@ def _compared(
         with waiting("predicting the other"):
             table = linear_table(other.setting, other.errors, asked.seed)
     else:
-        with _stopping(), progress_bar("drawing the other", asked.draws, rate=True) as tell:
+        with stopped_in_a_line(), progress_bar("drawing the other", asked.draws, rate=True) as tell:
             found = keeping.draws(other.setting, other.errors, AGAINST_FILE, asked.draws, tell)
         table = table_of_draws(other.errors, found)
     chosen = vary or default_vary(report.table, asked.by)
@@ -332,20 +331,6 @@ def _timed(tell: Callable[[float], None], asked: _Asked) -> Callable[[float], No
             print(f"{done - first[0]:g} draws in {time.perf_counter() - start:.1f} s{before}")
 
     return told
-
-
-@contextmanager
-def _stopping() -> Iterator[None]:
-    """Say in one line that a run was stopped, and how to go on."""
-    from calib.studies.runner import StudyStoppedError
-
-    try:
-        yield
-    except StudyStoppedError as error:
-        if not error.by_user:
-            raise InputError(str(error)) from None
-        print(printable(str(error)), file=sys.stderr)
-        raise SystemExit(STOPPED) from None
 
 
 def _write(report: "Report", folder: Path, target: Path) -> None:

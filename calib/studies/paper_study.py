@@ -3,7 +3,7 @@
 Each step leaves files, and is not done again where they are.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from calib.studies.paper_sets import (
 )
 from calib.studies.paper_table import POOL, SAMPLES, SIZES, TARGETS
 from calib.studies.pool import make_pool
+from calib.studies.progress import Tell, after
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
 from designer.errors import InputError
@@ -33,9 +34,6 @@ MODEL = "luhmann"
 """The camera model of the paper's table."""
 LIMITS_DEG = {"all": 90.0, "<= 75 deg": 75.0}
 """Which sightings count, by the angle between line of sight and normal; rings seen flatter are hardly measured."""
-
-Tell = Callable[[int], None]
-"""Told how many are done."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +99,7 @@ def make_photos(study: PaperStudy, *, jobs: int, tell: Tell) -> None:
     """
     for place, (photos, target) in enumerate(_with_targets(study)):
         if not study.detections_path(photos).exists():
-            told = _from(place * study.views, tell)
+            told = after(place * study.views, tell)
             photograph(photos, target, study.photo_folder(photos), jobs=jobs, tell=told)
         tell((place + 1) * study.views)
 
@@ -118,7 +116,7 @@ def make_detections(study: PaperStudy, *, detector: str, jobs: int, tell: Tell) 
     for place, (photos, target) in enumerate(_with_targets(study)):
         path = study.detections_path(photos)
         if not path.exists():
-            told = _from(place * study.views, tell)
+            told = after(place * study.views, tell)
             seen = search_with_lens(target, study.photo_folder(photos), jobs=jobs, tell=told)
             write_detections(path, seen, target, detector=detector)
         tell((place + 1) * study.views)
@@ -165,8 +163,3 @@ def cases_of(study: PaperStudy) -> Iterator[CaseSpec]:
 def _with_targets(study: PaperStudy) -> Iterator[tuple[PhotoSet, TargetGeometry]]:
     targets = paper_targets()
     return ((photos, targets[photos.target]) for photos in study.sets)
-
-
-def _from(before: int, tell: Tell) -> Tell:
-    """Tells of the progress of a part, what came before it included."""
-    return lambda done: tell(before + done)

@@ -6,13 +6,14 @@ found by a few solutions, each correcting the last; large errors included.
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.one_thread import one_thread
 from calib.studies.compare.photographed import MetricRow, calibrate_with, metrics_of
-from calib.studies.compare.scene import Scene, stream, take_photos
+from calib.studies.compare.pool import ScenePool
+from calib.studies.compare.scene import stream, take_photos
 from calib.studies.sample import SampleResult
 from designer.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
@@ -37,41 +38,17 @@ MOST_MULTIPLE = 1e6
 
 
 @dataclass(frozen=True, eq=False)
-class OneSource:
+class OneSource(ScenePool):
     """Prints with one source of errors, scaled until a set of photos has the intersection error that is wanted."""
 
-    scene: Scene
+    kind: ClassVar[str] = KIND
+    values: ClassVar[tuple[str, ...]] = VALUES
     errors: ErrorModel
     source: str  # of the model, `NOISE` or `TOGETHER`
     wanted_mm: float
 
-    @property
-    def view_count(self) -> int:
-        """Photos of a set."""
-        return self.scene.views
-
-    @property
-    def model(self) -> str:
-        """The kind of values."""
-        return KIND
-
-    @property
-    def value_count(self) -> int:
-        """How many."""
-        return len(VALUES)
-
-    @property
-    def covariance(self) -> Array:
-        """They have none."""
-        return np.zeros((0, 0))
-
-    @one_thread
-    def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
-        """The prints of some numbers."""
-        del case, size
-        return [self._sample(seed, number) for number in numbers]
-
-    def _sample(self, seed: int, number: int) -> SampleResult:
+    def sample(self, seed: int, number: int) -> SampleResult:
+        """The print of a number."""
         try:
             multiple, row = self._search(seed, number)
         except InputError as error:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from calib.cameras import rays
 from calib.metrics import errors
 from calib.metrics.evaluation import errors_of
-from calib.one_thread import one_thread
 from calib.pipeline.calibrate import ALL_VIEWS, calibrate
 from calib.refit import image_grid
 from calib.sightings import keep_sightings, keep_views, without_empty_views
 from calib.solver.options import SolveOptions
 from calib.solver.pose import solve_poses
+from calib.studies.compare.pool import ScenePool
 from calib.studies.compare.scene import Scene, stream, take_photos
 from calib.studies.sample import SampleResult
 from calib.types import Calibration, Observations
@@ -47,41 +47,17 @@ class MetricRow(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class SetsOfPhotos:
+class SetsOfPhotos(ScenePool):
     """Sets of photos of prints of one target, for one camera model. Sample n is set n % sets of print n // sets."""
 
-    scene: Scene
+    kind: ClassVar[str] = KIND
+    values: ClassVar[tuple[str, ...]] = VALUES
     errors: ErrorModel | None  # of the prints; None: as drawn
     camera_model: str  # that is solved, or `ALL_PHOTOS`
     sets: int  # of each print
 
-    @property
-    def view_count(self) -> int:
-        """Photos of a set."""
-        return self.scene.views
-
-    @property
-    def model(self) -> str:
-        """The kind of values."""
-        return KIND
-
-    @property
-    def value_count(self) -> int:
-        """How many."""
-        return len(VALUES)
-
-    @property
-    def covariance(self) -> Array:
-        """They have none."""
-        return np.zeros((0, 0))
-
-    @one_thread
-    def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
-        """The sets of some numbers; photos hang on scene, seed, print and set alone, so all models see the same."""
-        del case, size
-        return [self._sample(seed, number) for number in numbers]
-
-    def _sample(self, seed: int, number: int) -> SampleResult:
+    def sample(self, seed: int, number: int) -> SampleResult:
+        """The set of a number; photos hang on scene, seed, print and set alone, so all models see the same."""
         copy, photos = divmod(number, self.sets)
         scene = self.scene
         try:

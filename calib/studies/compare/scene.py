@@ -1,6 +1,5 @@
 """A target before a camera, and sets of simulated photos of what was made of it."""
 
-import hashlib
 import math
 from dataclasses import dataclass
 
@@ -11,6 +10,7 @@ from calib.cameras import project
 from calib.inputs.observations import known_points
 from calib.render.poses import PoseGrid, grid_poses
 from calib.se3 import exp_rotation, transform
+from calib.studies.draw import keyed_generator
 from calib.studies.tolerance.noise import CONTRAST_TO_NOISE
 from calib.studies.tolerance.setting import LEAST_RINGS, seen_in
 from calib.types import Camera, Observations
@@ -69,10 +69,8 @@ def scene_of(name: str, target: TargetGeometry, camera: Camera, views: int) -> S
 
 
 def stream(seed: int, *what: str | int) -> np.random.Generator:
-    """The generator of what is named: Philox with a digest of the names as its key, as `calib.studies.draw`."""
-    name = "\n".join(map(str, ("compare", seed, *what))).encode()
-    key = np.frombuffer(hashlib.sha256(name).digest()[:16], dtype="<u8")
-    return np.random.Generator(np.random.Philox(key=key))
+    """The random numbers of what is named."""
+    return keyed_generator("\n".join(map(str, ("compare", seed, *what))))
 
 
 def take_photos(scene: Scene, made_mm: Array, rng: np.random.Generator, views: int, noise: float = 1.0) -> Observations:

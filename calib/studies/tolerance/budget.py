@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES, quantity_row
-from calib.studies.tolerance.result import HALF_WIDTH, ToleranceTable
+from calib.studies.tolerance.result import ToleranceTable
 from calib.studies.tolerance.setting import Setting
 from designer.errors import InputError
 from designer.spec_file import suggestion

@@ -1,6 +1,5 @@
 """One draw: noise and errors, and what a calibration with the drawing makes of them, with each source and without."""
 
-import hashlib
 from collections.abc import Mapping
 
 import numpy as np
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from calib.cameras import project
 from calib.jit import jit
 from calib.one_thread import one_thread
+from calib.studies.draw import keyed_generator
 from calib.studies.tolerance.anchor import Found, minimum_of
 from calib.studies.tolerance.measures import NONE, Solution, measures
 from calib.studies.tolerance.quantities import QUANTITIES
@@ -76,10 +76,8 @@ def drawn_noise(setting: Setting, seed: int, number: int) -> Array:
 
 
 def stream(seed: int, number: int, purpose: str) -> np.random.Generator:
-    """Random numbers of a draw for one purpose: Philox, keyed by a digest of what names them (`calib.studies.draw`)."""
-    name = f"{seed}\n{number}\ntolerance {purpose}".encode()
-    key = np.frombuffer(hashlib.sha256(name).digest()[:16], dtype="<u8")
-    return np.random.Generator(np.random.Philox(key=key))
+    """Random numbers of a draw for one purpose."""
+    return keyed_generator(f"{seed}\n{number}\ntolerance {purpose}")
 
 
 def _changed(

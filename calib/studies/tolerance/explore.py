@@ -1,13 +1,13 @@
 """Everything a tolerance study computes, step by step, with its draws kept in a folder."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.studies.progress import Tell, after
 from calib.studies.tolerance.budget import Allowed, allowed_by_draws, largest_allowed
 from calib.studies.tolerance.draw import TOGETHER
 from calib.studies.tolerance.reach import Reach, reach_of
@@ -19,7 +19,6 @@ from designer.errors import InputError
 from designer.tolerance.model import ErrorModel
 
 Array = NDArray[np.float64]
-Tell = Callable[[float], None]
 
 STUDY_FILE, AGAINST_FILE, SWEEPS_FOLDER = "study.sqlite", "against.sqlite", "sweeps"
 SWEEP_DRAWS = 24
@@ -60,13 +59,9 @@ def sweep_draws(keeping: Keeping, setting: Setting, errors: ErrorModel, main: Ar
     for place, factor in enumerate(OTHER_FACTORS):
         found[factor] = keeping.draws(
             setting, errors.scaled(factor), f"{SWEEPS_FOLDER}/{factor:g}x.sqlite", count,
-            partial(_tell_after, tell, place * count),
+            after(place * count, tell),
         )  # fmt: skip
     return found
-
-
-def _tell_after(tell: Tell, before: float, done: float) -> None:
-    tell(before + done)
 
 
 def reaches(

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.one_thread import one_thread
+from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.directions import directions
 from calib.studies.tolerance.draw import drawn_noise, solved
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.response import responses
-from calib.studies.tolerance.result import HALF_WIDTH, Cost, ToleranceTable
+from calib.studies.tolerance.result import Cost, ToleranceTable
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.true_shape import TrueShape
 from designer.tolerance.model import ErrorModel

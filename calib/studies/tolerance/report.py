@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.budget import Allowed, Budget
 from calib.studies.tolerance.crossover import Crossover, crossovers
 from calib.studies.tolerance.draw import TOGETHER
 from calib.studies.tolerance.quantities import QUANTITIES, Quantity, quantity_row
 from calib.studies.tolerance.reach import LARGEST, Reach
-from calib.studies.tolerance.result import HALF_WIDTH, Cost, ToleranceTable
+from calib.studies.tolerance.result import Cost, ToleranceTable
 from calib.studies.tolerance.sweep import FACTORS, Sweep, sweep_of_draws
 from designer.tolerance.registry import SOURCES
 

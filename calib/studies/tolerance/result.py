@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.draw import case_names
 from calib.studies.tolerance.quantities import quantity_row
 from calib.types import frozen_array
@@ -16,9 +17,6 @@ from designer.tolerance.model import ErrorModel
 from designer.tolerance.registry import SOURCES
 
 Array = NDArray[np.float64]
-
-HALF_WIDTH = 1.959963984540054
-"""Of the interval of a Gaussian that holds 95 %, in sigmas."""
 
 
 @dataclass(frozen=True, eq=False)

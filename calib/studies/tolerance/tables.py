@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.results.evaluation_table import figure, with_digits
+from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.budget import Allowed
 from calib.studies.tolerance.crossover import Crossover
 from calib.studies.tolerance.draw import TOGETHER
 from calib.studies.tolerance.quantities import quantity_row
 from calib.studies.tolerance.report import MAIN, NEVER, Against, CheckedBudget, Report, of_name
-from calib.studies.tolerance.result import HALF_WIDTH, Cost, ToleranceTable
+from calib.studies.tolerance.result import Cost, ToleranceTable
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.source import Unit
