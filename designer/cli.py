@@ -10,7 +10,9 @@ from typing import Annotated, get_args, get_type_hints
 import typer
 
 from calib.commands.tolerance import tolerance
-from designer.command import run
+from designer.answer import Summary
+from designer.command import command, run
+from designer.completion import for_option, target_templates
 from designer.errors import InputError
 from designer.spec import BoardSpec
 from designer.spec_file import (
@@ -55,22 +57,25 @@ def _option(name: str, model: type[PrintingFile]) -> inspect.Parameter:
     if is_switch:
         annotation: object = Annotated[bool | None, typer.Option(*flags, help=help_text)]
     else:
-        annotation = Annotated[str | None, typer.Option(*flags, help=help_text, metavar="VALUE")]
+        completed = for_option(name)
+        annotation = Annotated[
+            str | None, typer.Option(*flags, help=help_text, metavar="VALUE", autocompletion=completed)
+        ]
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
 
 
 def _takes(
     *models: type[PrintingFile],
-) -> Callable[[Callable[..., None]], Callable[..., None]]:
+) -> Callable[[Callable[..., Summary]], Callable[..., Summary]]:
     """Give a command the options of the models' fields, in place of its `**options`."""
 
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        named = [p for p in inspect.signature(command).parameters.values() if p.kind != p.VAR_KEYWORD]
+    def decorate(function: Callable[..., Summary]) -> Callable[..., Summary]:
+        named = [p for p in inspect.signature(function).parameters.values() if p.kind != p.VAR_KEYWORD]
         fields = {name: model for model in models for name in model.model_fields if name != "kind"}
         own_first = sorted(fields, key=lambda name: name in CommonFile.model_fields)
         options = [_option(name, fields[name]) for name in own_first]
-        command.__signature__ = inspect.Signature(named + options)  # type: ignore[attr-defined]  # what inspect reads
-        return command
+        function.__signature__ = inspect.Signature(named + options)  # type: ignore[attr-defined]  # what inspect reads
+        return function
 
     return decorate
 
@@ -84,29 +89,34 @@ Folder = Annotated[Path | None, typer.Option("--out", "-o", help=FOLDER_HELP)]
 MustFit = Annotated[bool, typer.Option("--must-fit", help="refuse a part that is larger than the printer's bed")]
 
 
-@app.command()
+@command(app)
 @_takes(IcoFile)
-def ico(*, out: Folder = None, must_fit: MustFit = False, **options: Option) -> None:
+def ico(*, out: Folder = None, must_fit: MustFit = False, **options: Option) -> Summary:
     """Design an icosahedron with rings on its 20 faces."""
-    _design({"kind": "ico", **_given(options)}, "", out, must_fit)
+    return _design({"kind": "ico", **_given(options)}, "", out, must_fit)
 
 
-@app.command()
+@command(app)
 @_takes(BoardFile)
-def board(*, out: Folder = None, must_fit: MustFit = False, **options: Option) -> None:
+def board(*, out: Folder = None, must_fit: MustFit = False, **options: Option) -> Summary:
     """Design a board with rings on one face."""
-    _design({"kind": "board", **_given(options)}, "", out, must_fit)
+    return _design({"kind": "board", **_given(options)}, "", out, must_fit)
 
 
-@app.command()
+@command(app)
 @_takes(IcoFile, BoardFile)
 def make(
-    spec: Annotated[str, typer.Argument(help="a template's name (see `design templates`) or a TOML file")],
+    spec: Annotated[
+        str,
+        typer.Argument(
+            help="a template's name (see `design templates`) or a TOML file", autocompletion=target_templates
+        ),
+    ],
     *,
     out: Folder = None,
     must_fit: MustFit = False,
     **options: Option,
-) -> None:
+) -> Summary:
     """Make a template or a TOML file.
 
     Options replace the file's values.
@@ -118,16 +128,17 @@ def make(
         "name": re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-._")[:64] or None,
         **replaced(read_spec_file(path), _given(options)),
     }
-    _design(values, str(path) if path == Path(spec) else spec, out, must_fit)
+    return _design(values, str(path) if path == Path(spec) else spec, out, must_fit)
 
 
-def _design(values: dict[str, RawValue], origin: str, out: Path | None, must_fit: bool) -> None:
+def _design(values: dict[str, RawValue], origin: str, out: Path | None, must_fit: bool) -> Summary:
     """Size, check, make and write a target, and say what was done."""
     from designer.export.folder import Written, files_left, write_folder
     from designer.printability import check_printability
     from designer.produce import Design, make_files
+    from designer.report.design_page import design_report
     from designer.sizing import size_job
-    from designer.summary import print_design, progress
+    from designer.summary import design_summary, print_design, progress
 
     sized = size_job(parse_spec(values, origin))
     design = Design(sized.job)
@@ -138,17 +149,21 @@ def _design(values: dict[str, RawValue], origin: str, out: Path | None, must_fit
     folder = out if out is not None else Path("exports") / sized.job.name
     with progress() as on_stage:
         files = make_files(design, on_stage)
+        on_stage("page")
+        files = (*files, design_report(design, check, files))
         write_folder(folder, files)
-    print_design(design, sized.remarks, check, Written(folder, files, files_left(folder, sized.job.name, files)))
+    written = Written(folder, files, files_left(folder, sized.job.name, files))
+    print_design(design, sized.remarks, check, written)
+    return design_summary(design, sized.remarks, check, written)
 
 
-@app.command()
-def templates() -> None:
+@command(app)
+def templates() -> Summary:
     """List the templates for targets, printers and manufacturing errors."""
     from designer.layout import lay_out
     from designer.presets import preset_names, preset_or_file, printer_profile
     from designer.sizing import size_job
-    from designer.summary import print_templates
+    from designer.summary import print_templates, templates_summary
     from designer.tolerance.error_file import error_model
 
     targets = []
@@ -159,14 +174,16 @@ def templates() -> None:
         printer_profile(name, nozzle_mm=None, line_width_mm=None, layer_height_mm=None, bed_mm=None)
         for name in preset_names("printers")
     ]
-    print_templates(targets, printers, [(name, error_model(name).title) for name in preset_names("errors")])
+    errors = [(name, error_model(name).title) for name in preset_names("errors")]
+    print_templates(targets, printers, errors)
+    return templates_summary(targets, printers, errors)
 
 
-@app.command()
+@command(app)
 @_takes(PrintingFile)
 def check(
     file: Annotated[Path, typer.Argument(help="a spec (TOML) or a target file (NAME.target.json)")], **options: Option
-) -> None:
+) -> Summary:
     """Check a design against a printer's rules.
 
     The exit code is 1 if a rule is violated.
@@ -176,7 +193,7 @@ def check(
     from designer.presets import preset_or_file
     from designer.printability import check_printability
     from designer.sizing import size_job, size_printing
-    from designer.summary import print_check
+    from designer.summary import check_summary, print_check
     from designer.target import load_target
 
     if file.suffix.lower() == ".json":
@@ -193,11 +210,10 @@ def check(
         target, printing = lay_out(job.target), job.printing
     result = check_printability(target, printing, bed_is_rule=True)
     print_check(str(file), target, printing, result)
-    if result.violations:
-        raise typer.Exit(1)
+    return check_summary(target, printing, result)
 
 
-app.command()(tolerance)  # the one step of the design that calibrates
+command(app)(tolerance)  # the one step of the design that calibrates
 
 
 if __name__ == "__main__":

@@ -1,35 +1,128 @@
-"""How a command line ends: well, or with one line and an exit code."""
+"""How a command line begins and ends: its options, its streams, and its exit code."""
 
+import inspect
+import shlex
 import sys
+from collections.abc import Callable, Sequence
+from contextvars import ContextVar
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, TypeVar
 
 import typer
+from typer.core import TyperGroup
 
+from designer.answer import StoppedError, Summary, document
 from designer.errors import InputError
+from designer.streams import forgive_readers, people_on_stderr
 
 BAD_INPUT, STOPPED = 2, 130
+JSON = "--json"
+NOTHING_WRITTEN = "stopped; nothing was written"
+
+_LINE = ContextVar("command line", default="")
+"""Set while a command runs, and for it only."""
+
+Function = TypeVar("Function", bound=Callable[..., Summary])
+
+
+def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], Function]:
+    """Decorate a function as a command of an app, with `--json` among its options.
+
+    `run` heeds the option; the function never sees it.
+    """
+
+    def register(function: Function) -> Function:
+        @wraps(function)
+        def with_json(*, as_json: bool, **values: object) -> Summary:
+            return function(**values)
+
+        signature = inspect.signature(function)
+        annotation = Annotated[bool, typer.Option(JSON, help="answer in JSON on standard output, for programs")]
+        option = inspect.Parameter("as_json", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
+        parameters = [*signature.parameters.values(), option]
+        with_json.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+        app.command(name)(with_json)
+        return function
+
+    return register
+
+
+def command_line() -> str:
+    """The command as it was typed, quoted for a shell; "" outside a command."""
+    return _LINE.get()
 
 
 def run(app: typer.Typer) -> None:
-    """Run a command line and leave the program; bad input ends in one line on standard error and exit code 2."""
+    """Run a command line and leave the program.
+
+    The exit code is 0 if all is well, 1 if the command ran but its answer is negative, 2 for bad input, which ends in
+    one line on standard error, and 130 if a person stopped it. With `--json` standard output holds one JSON document
+    and nothing else.
+    """
+    forgive_readers()
+    name = app.info.name if isinstance(app.info.name, str) else Path(sys.argv[0]).name
+    words = sys.argv[1:]
+    line = shlex.join([name, *words])
+    before = _LINE.set(line)
     try:
-        code = app(sys.argv[1:] or ["--help"], standalone_mode=False) or 0
+        if not _asks_for_json(words):
+            summary, _ = _carried_out(app, name, words)
+        else:
+            with people_on_stderr():
+                summary, error = _carried_out(app, name, words)
+            print(document(summary, command=_command_of(app, name, words), line=line, error=error), end="")
+    finally:
+        _LINE.reset(before)
+    sys.exit(summary.exit_code)
+
+
+def _asks_for_json(words: Sequence[str]) -> bool:
+    """Told from the words, so that a line that cannot be understood is answered in JSON too."""
+    return JSON in (words[: words.index("--")] if "--" in words else words)
+
+
+def _carried_out(app: typer.Typer, name: str, words: Sequence[str]) -> tuple[Summary, str | None]:
+    """What came of a command line, and why it did not come to its end, which people are told."""
+    try:
+        ended = typer.main.get_command(app).main(list(words) or ["--help"], prog_name=name, standalone_mode=False)
+    except StoppedError as error:
+        return _stopped(str(error), error.summary)
+    except (typer.Abort, KeyboardInterrupt):
+        return _stopped(NOTHING_WRITTEN, Summary())
     except typer.TyperException as error:
-        code = _fail(error.format_message(), BAD_INPUT)
+        return _refused(error.format_message())
     except InputError as error:
-        code = _fail(str(error), BAD_INPUT)
+        return _refused(str(error))
     except OSError as error:
         place = "the answer" if error.filename is None else str(error.filename)
-        code = _fail(f"{place}: cannot be written: {error.strerror or error}; check where -o leads", BAD_INPUT)
-    except (typer.Abort, KeyboardInterrupt):
-        code = STOPPED
-    if code == STOPPED:
-        _fail("stopped; nothing was written", STOPPED)
-    sys.exit(code)
+        return _refused(f"{place}: cannot be written: {error.strerror or error}; check where -o leads")
+    if isinstance(ended, Summary):
+        return ended, None
+    if ended == STOPPED:  # what typer makes of Ctrl-C
+        return _stopped(NOTHING_WRITTEN, Summary())
+    return Summary(exit_code=ended or 0), None
 
 
-def _fail(message: str, code: int) -> int:
+def _refused(message: str) -> tuple[Summary, str]:
     print(f"error: {printable(message)}", file=sys.stderr)
-    return code
+    return Summary(exit_code=BAD_INPUT), printable(message)
+
+
+def _stopped(message: str, kept: Summary) -> tuple[Summary, str]:
+    print(printable(message), file=sys.stderr)
+    return Summary(kept.answer, kept.wrote, kept.next_steps, kept.remarks, STOPPED), printable(message)
+
+
+def _command_of(app: typer.Typer, name: str, words: Sequence[str]) -> str:
+    """The command's name, as in `calib study plot`."""
+    place, names = typer.main.get_command(app), [name]
+    for word in words:
+        if not isinstance(place, TyperGroup) or word not in place.commands:
+            break
+        place = place.commands[word]
+        names.append(word)
+    return " ".join(names)
 
 
 def printable(text: str) -> str:

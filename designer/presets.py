@@ -7,7 +7,7 @@ from designer.errors import InputError
 from designer.spec import PrinterProfile
 from designer.spec_file import PrinterFile, read_printer_file, shown, suggestion
 
-PresetKind = Literal["targets", "printers", "cameras", "errors"]
+PresetKind = Literal["targets", "printers", "cameras", "errors", "criteria"]
 DEFAULT_PRINTER = "bambu-p1s"
 
 

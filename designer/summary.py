@@ -1,12 +1,15 @@
-"""What the command says at its end."""
+"""What the commands of `design` say at their end, to a person and to a program."""
 
+import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
+from designer.answer import Summary, Value
 from designer.bed import printed_size_mm
 from designer.export.folder import Written
 from designer.printability import Check
@@ -15,6 +18,8 @@ from designer.skew import NO_SKEW, format_skew
 from designer.spec import IcoSpec, Job, PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
 from designer.units import format_mm
+
+VIOLATED = 1
 
 _MARK = {"violation": "[bold red]VIOLATED[/]", "warning": "[yellow]warning[/]", "note": "[dim]note[/]"}
 
@@ -50,6 +55,49 @@ def print_design(design: Design, remarks: Sequence[str], check: Check, written: 
             f"[yellow]left from an earlier run, maybe of another target:[/] {_escaped(', '.join(written.left))}"
         )
     console.print(f"\n[bold]next[/]  {_next_step(job, written.folder)}")
+
+
+def design_summary(design: Design, remarks: Sequence[str], check: Check, written: Written) -> Summary:
+    """The same for a program."""
+    job, target = design.job, design.target
+    pattern = design.printed_pattern if job.printing.is_two_filament else design.artwork
+    answer: dict[str, Value] = {
+        "name": job.name,
+        **_target_numbers(target),
+        "spec": {"kind": job.target.kind, **asdict(job.target)},
+        "printing": asdict(job.printing),
+        "printed_size_mm": list(printed_size_mm(target, job.printing)),
+        **_findings(check),
+        "files": [{"name": one.name, "bytes": len(one.content), "purpose": one.purpose} for one in written.files],
+        "left_from_earlier": written.left,
+    }
+    return Summary(
+        answer,
+        tuple(written.folder / file.name for file in written.files),
+        (_check_elsewhere(job, written.folder),),
+        (*remarks, pattern.lettering.remark),
+    )
+
+
+def _target_numbers(target: TargetGeometry) -> dict[str, Value]:
+    return {
+        "target_id": target.geometry_id, "layout_id": target.layout_id, "faces": target.face_count,
+        "rings": target.ring_count, "dots": int(target.is_dot.sum()),
+    }  # fmt: skip
+
+
+def _findings(check: Check) -> dict[str, Value]:
+    return {
+        "is_violated": bool(check.violations),
+        "findings": [asdict(finding) for finding in check.findings],
+        "rules_that_hold": check.holding,
+    }
+
+
+def check_summary(target: TargetGeometry, printing: PrintSpec, check: Check) -> Summary:
+    """The findings of `design check` for a program."""
+    answer = {**_target_numbers(target), "printing": asdict(printing), **_findings(check)}
+    return Summary(answer, exit_code=VIOLATED if check.violations else 0)
 
 
 def print_check(name: str, target: TargetGeometry, printing: PrintSpec, check: Check) -> None:
@@ -92,6 +140,23 @@ def print_templates(
     for row in errors:
         table.add_row(*row)
     console.print(table)
+
+
+def templates_summary(
+    targets: Sequence[tuple[str, Job, TargetGeometry]],
+    printers: Sequence[PrinterProfile],
+    errors: Sequence[tuple[str, str]],
+) -> Summary:
+    """The same for a program."""
+    return Summary({
+        "targets": [
+            {"name": name, "build": job.printing.build, "spec": {"kind": job.target.kind, **asdict(job.target)},
+             **_target_numbers(target)}
+            for name, job, target in targets
+        ],
+        "printers": [asdict(printer) for printer in printers],
+        "errors": [{"name": name, "title": title} for name, title in errors],
+    })  # fmt: skip
 
 
 def _facts(job: Job, target: TargetGeometry) -> list[tuple[str, str]]:
@@ -147,7 +212,6 @@ def _print_rules(console: Console, check: Check) -> None:
 def _next_step(job: Job, folder: Path) -> str:
     """What a maker does with the files."""
     name = job.name
-    spec_file = _escaped(str(folder / f"{name}.toml"))
     if job.printing.is_two_filament:
         slicers = f"{name}.bambu.3mf in Bambu Studio or OrcaSlicer, or {name}.prusa.3mf in PrusaSlicer"
         what = f"open {slicers}; filament 1 is the body, 2 the ink"
@@ -157,8 +221,16 @@ def _next_step(job: Job, folder: Path) -> str:
         )
     else:
         what = f"have {name}.pdf printed at 100 % and measure its scale bar"
+    page = f"open {_escaped(str(folder / 'index.html'))} in a browser: how to print and measure it, and its photos"
+    return (
+        f"{page}\n      {what}\n      {_escaped(_check_elsewhere(job, folder))}   [dim]# would another printer do?[/]"
+    )
+
+
+def _check_elsewhere(job: Job, folder: Path) -> str:
+    """The command that holds the design to another printer."""
     other = "prusa-mk4" if job.printing.printer.name != "prusa-mk4" else "bambu-p1s"
-    return f"{what}\n      design check {spec_file} --printer {other}   [dim]# would another printer do?[/]"
+    return f"design check {shlex.quote(str(folder / f'{job.name}.toml'))} --printer {other}"
 
 
 def _two_columns(rows: Sequence[tuple[str, str]]) -> Table:

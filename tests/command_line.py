@@ -1,10 +1,13 @@
-"""`calib` run in this process as a user runs it, and files to run it on."""
+"""`calib` and `design` run in this process as a user runs them, and files to run them on."""
 
 import io
+import json
 import sys
+from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,13 +32,50 @@ class Answer:
 
 def calib(*arguments: object) -> Answer:
     """Run a command; what leaves it but an exit code is a defect, and raised."""
+    return program("calib", main, *arguments)
+
+
+def design(*arguments: object) -> Answer:
+    """The same of the other program."""
+    from designer.cli import main as design_main
+
+    return program("design", design_main, *arguments)
+
+
+def program(name: str, start: Callable[[], None], *arguments: object) -> Answer:
+    """Run a program by its entry point."""
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
-        patch.setattr(sys, "argv", ["calib", *map(str, arguments)])
+        patch.setattr(sys, "argv", [name, *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
-            main()
+            start()
     assert isinstance(end.value.code, int)
     return Answer(end.value.code, out.getvalue(), err.getvalue())
+
+
+ENVELOPE = (
+    "format", "version", "command", "line", "program", "exit_code", "wrote", "next", "remarks", "error", "answer"
+)  # fmt: skip
+
+
+def summary_of(answer: Answer) -> dict[str, Any]:
+    """The one JSON document on standard output, held to the rules that all have in common."""
+
+    def refuse(constant: str) -> float:
+        raise AssertionError(f"{constant} is no JSON")
+
+    assert answer.out.endswith("}\n")
+    document = json.loads(answer.out, parse_constant=refuse)
+    assert tuple(document) == ENVELOPE
+    assert (document["format"], document["version"]) == ("ringforge.summary", 1)
+    assert document["program"].startswith("ringforge ")
+    assert document["line"].startswith(document["command"])
+    assert document["exit_code"] == answer.code
+    assert (document["error"] is None) == (answer.code in (0, 1))
+    assert isinstance(document["answer"], dict)
+    assert all(Path(path).is_file() for path in document["wrote"]), document["wrote"]
+    assert all(isinstance(one, str) for one in (*document["next"], *document["remarks"]))
+    return document  # type: ignore[no-any-return]
 
 
 def refused(*arguments: object) -> str:

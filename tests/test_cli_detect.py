@@ -12,7 +12,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import typer
 from numpy.typing import NDArray
 from sightings import pinhole, sighting, view_from
 
@@ -72,14 +71,10 @@ def run(
     *photos: str, detect: Detect = found, out: str | None = None, overlay: str | None = None, camera: str | None = None
 ) -> int:
     """The exit code of the command with a detector of choice."""
-    try:
-        run_detect(
-            detect, Path("board.target.json"), photos, out=None if out is None else Path(out),
-            overlay=None if overlay is None else Path(overlay), camera_name=camera, jobs=2,
-        )  # fmt: skip
-    except typer.Exit as end:
-        return end.exit_code
-    return 0
+    return run_detect(
+        detect, Path("board.target.json"), photos, out=None if out is None else Path(out),
+        overlay=None if overlay is None else Path(overlay), camera_name=camera, jobs=2,
+    ).exit_code  # fmt: skip
 
 
 def test_a_folder_becomes_a_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

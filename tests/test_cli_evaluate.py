@@ -116,15 +116,14 @@ def test_parts_that_do_not_fit_are_refused(parts: str, tmp_path: Path) -> None:
     assert not (folder / "metrics.json").exists()
 
 
-def test_a_degenerate_calibration_ends_with_1(tmp_path: Path) -> None:
+def test_a_degenerate_calibration_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What the photos do not determine is said, with its reason, and the exit code is 1."""
     lost = replace(
         SOLVED, status="degenerate", remarks=("one view that faces the board squarely",), scale=math.nan,
         param_covariance=np.full((9, 9), np.nan), pose_covariance=np.full((8, 6, 6), np.nan),
     )  # fmt: skip
-    result = run(folder_of(lost, tmp_path), "--no-figures")
-    assert result.exit_code == 1, result.output
-    assert "one view that faces the board squarely" in result.output
+    assert command(folder_of(lost, tmp_path), figures=False).exit_code == 1
+    assert "one view that faces the board squarely" in capsys.readouterr().out
     assert json.loads((tmp_path / "metrics.json").read_text())["parameters"]["fx_px"]["sigma"] is None
 
 

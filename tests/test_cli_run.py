@@ -261,7 +261,7 @@ def test_ctrl_c_keeps_what_is_finished(detector: Detector, monkeypatch: pytest.M
     with monkeypatch.context() as patch:
         patch.setattr("calib.commands.run.write_results", interrupted)
         answer = calib("run", "board.target.json", "photos", "-o", "out/x")
-        assert (answer.code, answer.err) == (130, "error: stopped; nothing was written\n")
+        assert (answer.code, answer.err) == (130, "stopped; nothing was written\n")
         assert files_in(folder) == before
     with monkeypatch.context() as patch:
         patch.setattr("calib.pipeline.solutions.calibrate", stopped)

@@ -15,6 +15,7 @@ from calib.inputs.images import read_colour
 from calib.types import Camera
 from calib.undistort import pinhole_of
 from calib.undistort import undistort as undistort_pixels
+from designer.answer import StoppedError
 from designer.errors import InputError
 
 CAMERA = Camera("opencv", np.array([95.0, 95.0, 79.5, 59.5, -0.3, 0.1, 0.001, 0.0, 0.0]), (160, 120))
@@ -152,7 +153,7 @@ def test_names_stay_apart(folder: Path) -> None:
 
 
 def test_a_stopped_run_keeps_what_is_whole(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Interrupted: the finished photos and their camera are there, nothing half-made, and the exit code is 130."""
+    """Interrupted: the finished photos and their camera are there and named, and nothing is half-made."""
     photo(Path("photos/b.png"))
     original = undistort_pixels
 
@@ -162,9 +163,9 @@ def test_a_stopped_run_keeps_what_is_whole(folder: Path, monkeypatch: pytest.Mon
         return original(*arguments, **options)  # type: ignore[arg-type]
 
     monkeypatch.setattr("calib.undistort.undistort", stop)
-    with pytest.raises(SystemExit) as end:
+    with pytest.raises(StoppedError, match=r"stopped; 1 of 2 photos are in out") as end:
         run("photos")
-    assert end.value.code == 130
+    assert end.value.summary.wrote == (Path("out/a.undistorted.png"), Path("out/camera.json"))
     assert sorted(path.name for path in Path("out").iterdir()) == ["a.undistorted.png", "camera.json"]
 
 

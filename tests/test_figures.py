@@ -12,12 +12,11 @@ from matplotlib.text import Text
 from PIL import Image
 
 from calib.figures import calibration_figures, comparison_figures
-from calib.figures.cells import LEAST_PER_CELL, cells_of, columns_rows
 from calib.figures.comparison import comparison_height_px, draw_comparison, part_of_unit
-from calib.figures.fields import residuals_of
 from calib.figures.style import picture, round_length
 from calib.inputs.observations import known_points
 from calib.metrics.evaluation import Evaluation, evaluate
+from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of, columns_rows, residuals_of
 from calib.results.truth import Truth
 from calib.se3 import exp_rotation
 from calib.types import Calibration, Camera

@@ -10,7 +10,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import typer
 from numpy.typing import NDArray
 
 from calib.camera_file import camera_to_json
@@ -192,14 +191,10 @@ def photo(path: str, level: int, size: tuple[int, int] = CAMERA.image_size) -> N
 
 def run(*photos: str, out: str | None = None, overlay: str | None = None, camera: str = "camera.json") -> int:
     """The exit code of the command with the detector above."""
-    try:
-        run_pose(
-            found, Path("board.target.json"), camera, photos, out=None if out is None else Path(out),
-            overlay=None if overlay is None else Path(overlay), weighted=False, jobs=2,
-        )  # fmt: skip
-    except typer.Exit as end:
-        return end.exit_code
-    return 0
+    return run_pose(
+        found, Path("board.target.json"), camera, photos, out=None if out is None else Path(out),
+        overlay=None if overlay is None else Path(overlay), weighted=False, jobs=2,
+    ).exit_code  # fmt: skip
 
 
 def column(said: str, image: str) -> Sequence[str]:

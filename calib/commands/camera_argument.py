@@ -1,19 +1,34 @@
 """A camera as commands take it: one place that knows which files are accepted."""
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from designer.command import printable
+from designer.completion import camera_templates
 
 if TYPE_CHECKING:
     from calib.types import Camera
 
-CameraArgument = Annotated[str, typer.Argument(help="camera file of ours or of another tool, or a camera template")]
+CameraArgument = Annotated[
+    str,
+    typer.Argument(
+        help="camera file of ours or of another tool, or a camera template", autocompletion=camera_templates
+    ),
+]
 
 
-def read_camera(name: str) -> "Camera":
-    """The camera of a file or template that a person names.
+@dataclass(frozen=True, eq=False)
+class NamedCamera:
+    """A camera, and what to know of the file it comes from, a line each."""
+
+    camera: "Camera"
+    remarks: tuple[str, ...]
+
+
+def read_camera(name: str) -> NamedCamera:
+    """The camera of a file or template that a person names, who is told the remarks.
 
     Raises:
         InputError: neither a template nor a valid file.
@@ -21,8 +36,10 @@ def read_camera(name: str) -> "Camera":
     from calib.interop.reading import open_camera
 
     read = open_camera(name).read
+    remarks = list(read.remarks)
     if read.refit is not None:
-        print(f"{printable(name)}: its lens is fitted, RMS {read.refit.rms_px:.4f} px, max {read.refit.max_px:.4f} px")
-    for remark in read.remarks:
-        print(f"{printable(name)}: {printable(remark)}")
-    return read.camera
+        remarks.insert(0, f"its lens is fitted, RMS {read.refit.rms_px:.4f} px, max {read.refit.max_px:.4f} px")
+    lines = tuple(f"{printable(name)}: {printable(remark)}" for remark in remarks)
+    for line in lines:
+        print(line)
+    return NamedCamera(read.camera, lines)

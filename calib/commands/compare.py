@@ -1,18 +1,19 @@
 """The command `calib study compare`: the paper's real-world figure, simulated."""
 
 import os
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.screen import progress_bar, table_console, waiting
-from calib.commands.solutions import quoted, shown
+from calib.commands.folder_page import with_page
+from calib.commands.screen import progress_bar, quoted, shown, table_console, waiting
 from calib.commands.solve import check_folder
-from calib.commands.study import JobsOption, OutOption, ResumeOption, SeedOption, kept_when_stopped
-from designer.command import STOPPED, printable
+from calib.commands.study import KEPT, JobsOption, OutOption, ResumeOption, SeedOption, kept_when_stopped, table_answer
+from designer.answer import StoppedError, Summary
+from designer.command import printable
+from designer.completion import camera_templates
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,11 +36,13 @@ def compare(
     virtual_sets: Annotated[
         int, typer.Option(min=1, max=MAX_SETS, help="of them solved with the virtual camera, which is slow")
     ] = 1,
-    camera: Annotated[str, typer.Option(help="template or file; it takes the photos")] = "phase-one-ixg",
+    camera: Annotated[
+        str, typer.Option(help="template or file; it takes the photos", autocompletion=camera_templates)
+    ] = "phase-one-ixg",
     seed: SeedOption = 1,
     jobs: JobsOption = None,
     resume: ResumeOption = False,
-) -> None:
+) -> Summary:
     """Simulate the paper's real-world figure: five made objects, three camera models, 12 sets of photos a print.
 
     Each print is one draw of the object's errors; errors are measured against the drawing, as the paper had to. Says
@@ -63,7 +66,8 @@ def compare(
         out.mkdir(parents=True, exist_ok=True)
         with open_study(out / STUDY_FILE, identity(plan), resume=resume) as study:
             _sample(whole, study, jobs or os.cpu_count() or 1)
-            _show(study, whole, out)
+            summary = _show(study, whole, out)
+        return with_page(summary, out, "compare")
 
 
 def _sample(whole: "Comparison", study: "Study", jobs: int) -> None:
@@ -82,13 +86,12 @@ def _sample(whole: "Comparison", study: "Study", jobs: int) -> None:
             except StudyStoppedError as error:
                 if not error.by_user:
                     raise InputError(str(error)) from None
-                print("stopped; what is finished is kept: go on with --resume", file=sys.stderr)
-                raise SystemExit(STOPPED) from None
+                raise StoppedError(KEPT, Summary({"samples": before + error.done, "asked": whole.total})) from None
             before += group.total
     print(f"{whole.total} sets of photos in {time.perf_counter() - start:.0f} s by {jobs} processes")
 
 
-def _show(study: "Study", whole: "Comparison", folder: Path) -> None:
+def _show(study: "Study", whole: "Comparison", folder: Path) -> Summary:
     """Write tables and figures, print what they say."""
     from calib.files import write_files
     from calib.studies.compare.outputs import FIGURES, comparison_output
@@ -109,10 +112,9 @@ def _show(study: "Study", whole: "Comparison", folder: Path) -> None:
     print(f"\nwrote {shown(folder / MARKDOWN_FILE)}, {CSV_FILE}, {JSON_FILE}: the tables and what they say")
     print(f"      {shown(pictures)}: {', '.join(f'{name}.png' for name in FIGURES)}, as PDF and SVG too")
     print(f"      {shown(study.path)}: every set of photos")
-    print(
-        f"next  look at {shown(pictures / f'{FIGURES[0]}.png')}; "
-        f"calib study compare -o {quoted(folder)} --resume --prints {2 * whole.plan.prints} adds prints"
-    )
+    step = f"calib study compare -o {quoted(folder)} --resume --prints {2 * whole.plan.prints}"
+    print(f"next  look at {shown(pictures / f'{FIGURES[0]}.png')}; {step} adds prints")
+    return Summary(table_answer(files[folder / JSON_FILE]), (*files, study.path), (step,))
 
 
 def _print_table(title: str, head: "Sequence[str]", rows: "Sequence[Sequence[str]]") -> None:

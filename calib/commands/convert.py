@@ -1,12 +1,17 @@
 """The command `calib convert`."""
 
 import os
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.commands.answers.cameras import camera_answer, refit_answer
+from calib.commands.screen import quoted
+from designer.answer import Summary
 from designer.command import printable
+from designer.completion import camera_templates, one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,24 +23,44 @@ if TYPE_CHECKING:
 LARGE_PX = 0.05
 """A larger residual is worth a warning: calibrations are good to some hundredths of a pixel."""
 
-_FORMATS = "opencv|ros|kalibr|colmap|mrcal|metashape|json"
+FORMAT_NAMES = ("opencv", "ros", "kalibr", "colmap", "mrcal", "metashape", "json")
+"""Those of `calib.interop.FORMATS`, which are slow to import."""
+_FORMATS = "|".join(FORMAT_NAMES)
 
 
 def convert(
-    camera: Annotated[str, typer.Argument(help="camera file of any of these kinds, a folder with one, or a template")],
+    camera: Annotated[
+        str,
+        typer.Argument(
+            help="camera file of any of these kinds, a folder with one, or a template", autocompletion=camera_templates
+        ),
+    ],
     *,
-    to: Annotated[str, typer.Option(help=f"kind of file to write: {_FORMATS}", metavar="FORMAT")],
+    to: Annotated[
+        str,
+        typer.Option(help=f"kind of file to write: {_FORMATS}", metavar="FORMAT", autocompletion=one_of(FORMAT_NAMES)),
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", help="file to write", metavar="FILE")],
     source: Annotated[
-        str | None, typer.Option("--from", help="kind of file to read (default: found out)", metavar="FORMAT")
+        str | None,
+        typer.Option(
+            "--from",
+            help="kind of file to read (default: found out)",
+            metavar="FORMAT",
+            autocompletion=one_of(FORMAT_NAMES),
+        ),
     ] = None,
     model: Annotated[
-        str | None, typer.Option(help="camera model to write: opencv|luhmann|pinhole (default: what the file can hold)")
+        str | None,
+        typer.Option(
+            help="camera model to write: opencv|luhmann|pinhole (default: what the file can hold)",
+            autocompletion=one_of(("opencv", "luhmann", "pinhole")),
+        ),
     ] = None,
     without: Annotated[
         list[str] | None, typer.Option(help="lens parameter to leave out, such as k3", metavar="NAME")
     ] = None,
-) -> None:
+) -> Summary:
     """Write a camera as a file of another tool, or read one of its files.
 
     What a file cannot hold is fitted over the whole image by what it can, and the residual is told in pixels.
@@ -61,13 +86,29 @@ def convert(
     for one in residuals:
         _say_refit(one)
     print(f"wrote  {printable(str(out))}: {target.title}, {_described(written)}")
-    for loss in _lost(opened.read.camera, written, target):
+    lost = _lost(opened.read.camera, written, target)
+    for loss in lost:
         print(f"lost   {loss}")
+    is_far = any(one.max_px > LARGE_PX for one in residuals)
     if not residuals:
         print("exact  no fit was needed")
-    elif max(one.max_px for one in residuals) > LARGE_PX:
+    elif is_far:
         print(f"warning: the two cameras differ by more than {LARGE_PX:g} px somewhere; see where with calib diff")
     print(f"open   {target.opens_with.format(file=printable(str(out)), url=out.absolute().as_uri())}")
+    return Summary(
+        {
+            "read": {"file": camera, "format": opened.format.name, **camera_answer(opened.read.camera)},
+            "written": {"file": str(out), "format": target.name, **camera_answer(written)},
+            "is_exact": not residuals,
+            "rms_px": max((one.rms_px for one in residuals), default=0.0),
+            "max_px": max((one.max_px for one in residuals), default=0.0),
+            "fits": [refit_answer(one) for one in residuals],
+            "lost": lost,
+        },
+        (out,),
+        (f"calib diff {shlex.quote(printable(camera))} {quoted(out)}",) if is_far else (),
+        opened.read.remarks,
+    )
 
 
 def _lens_parameters(names: list[str] | None) -> tuple[str, ...]:

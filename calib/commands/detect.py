@@ -1,5 +1,6 @@
 """The command `calib detect`."""
 
+import math
 import os
 import shutil
 import tempfile
@@ -11,8 +12,12 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from calib.commands.screen import progress_bar, table_console
+from calib.commands.answers.photos import detections_answer, expected_features, median_sigma_px
+from calib.commands.folder_page import folder_page
+from calib.commands.screen import progress_bar, quoted, table_console
+from designer.answer import Summary, program
 from designer.command import printable
+from designer.completion import camera_templates
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,6 +28,8 @@ if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
 NOTHING_FOUND = 1
+DETECTIONS = "detections"
+"""The kind of a folder's page."""
 NOTHING_LEFT = "no photos left to search"
 MAX_ROWS = 60
 """Images in the table; of a larger set only those are shown that need a look."""
@@ -41,20 +48,21 @@ def detect(
     camera: Annotated[
         str | None,
         typer.Option(
-            help="camera file (of ours or another tool) or template: centres become surer where its lens is known"
+            help="camera file (of ours or another tool) or template: centres become surer where its lens is known",
+            autocompletion=camera_templates,
         ),
     ] = None,
     jobs: Annotated[
         int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
     ] = None,
-) -> None:
+) -> Summary:
     """Find a target's rings in photos, name them, and measure their centres.
 
     The exit code is 1 if nothing at all was found.
     """
     from calib.detect.pipeline import detect as detect_one
 
-    run_detect(
+    return run_detect(
         detect_one, target, photos, out=out, overlay=overlay, camera_name=camera, jobs=jobs or os.cpu_count() or 1
     )
 
@@ -68,31 +76,61 @@ def run_detect(
     overlay: Path | None,
     camera_name: str | None,
     jobs: int,
-) -> None:
+) -> Summary:
     """The command with a detector of choice."""
     from calib.commands.camera_argument import read_camera
     from calib.detect.batch import find_photos
     from calib.inputs.dataset import check_output
+    from calib.inputs.records import records_path
     from designer.target import load_target
 
     geometry = load_target(target)
-    camera = None if camera_name is None else read_camera(camera_name)
+    named = None if camera_name is None else read_camera(camera_name)
     table = _table_path(out, target)
     check_output(table)
     found = find_photos(arguments)
     start = time.perf_counter()
     with staging_folder(overlay) as staging:
-        results = search_photos(detect_one, found, geometry, camera, staging, jobs)
+        results = search_photos(detect_one, found, geometry, None if named is None else named.camera, staging, jobs)
         seen = [result.seen for result in results if result.seen is not None]
         if not seen:
             refuse_nothing([*found.failures, *(result.failure for result in results)], NOTHING_LEFT)
         seconds = time.perf_counter() - start
         write_results(table, results, seen, geometry)
-        keep_pictures(staging, overlay)
+        pictures = keep_pictures(staging, overlay)
     summarise(geometry, found, results, seconds)
     _say_files(table, overlay, results)
-    if not any(len(one.ring) for one in seen):
-        raise typer.Exit(NOTHING_FOUND)
+    pages: tuple[Path, ...] = ()
+    remarks = () if named is None else named.remarks
+    if overlay is not None:
+        pages, more = overlays_page(overlay, target, geometry, table, results, found.failures)
+        remarks = (*remarks, *more)
+    is_found = any(len(one.ring) for one in seen)
+    return Summary(
+        detections_answer(geometry, found, results, seconds),
+        (table, records_path(table), *pictures, *pages),
+        (f"calib solve {quoted(table)} --target {quoted(target)} -o DIR",) if is_found else (),
+        remarks,
+        exit_code=0 if is_found else NOTHING_FOUND,
+    )
+
+
+def overlays_page(
+    overlays: Path,
+    target: Path,
+    geometry: "TargetGeometry",
+    table: Path,
+    results: "Sequence[PhotoResult]",
+    failures: Sequence[str],
+) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+    """Write the page of a folder of overlays; its files, or a remark that says why there is none."""
+    from calib.report.detected_file import write_detected
+
+    def keep() -> tuple[Path, ...]:
+        sigmas_px = [math.nan if result.seen is None else median_sigma_px(result.seen) for result in results]
+        return (write_detected(overlays, target, geometry, table, results, sigmas_px, failures),)
+
+    return folder_page(overlays, DETECTIONS, keep)
 
 
 def _table_path(out: Path | None, target: Path) -> Path:
@@ -155,14 +193,11 @@ def refuse_nothing(failures: Sequence[str], otherwise: str) -> NoReturn:
     raise InputError(f"{failures[0] if failures else otherwise}{others}")
 
 
-def keep_pictures(staging: Path | None, folder: Path | None) -> int:
-    """Put finished pictures in their place; how many there are."""
+def keep_pictures(staging: Path | None, folder: Path | None) -> tuple[Path, ...]:
+    """Put finished pictures in their place, which is returned."""
     if staging is None or folder is None:
-        return 0
-    pictures = list(staging.iterdir())
-    for picture in pictures:
-        picture.replace(folder / picture.name)
-    return len(pictures)
+        return ()
+    return tuple(picture.replace(folder / picture.name) for picture in sorted(staging.iterdir()))
 
 
 @contextmanager
@@ -195,16 +230,6 @@ def write_results(
     write_detections(table, seen, geometry, detector=program(), failed=failed)
 
 
-def program() -> str:
-    """Name and version, for the record."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return f"ringforge {version('ringforge')}"
-    except PackageNotFoundError:
-        return "ringforge, not installed"
-
-
 def summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[PhotoResult]", seconds: float) -> None:
     """A table of the images, what failed, and the sums."""
     console = table_console()
@@ -226,7 +251,7 @@ def summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[Pho
         print(f"left out: {found.overlays} overlays of an earlier run")
     with_target = [one for one in seen if len(one.ring)]
     features = sum(len(one.ring) for one in seen)
-    expected = sum(_expected(one) for one in seen)
+    expected = sum(expected_features(one) for one in seen)
     images = "1 image" if len(seen) == 1 else f"{len(seen)} images"
     print(
         f"\n{images} searched, {len(with_target)} with the target; {features} of {expected} features of the "
@@ -256,9 +281,17 @@ def _images_table(seen: "Sequence[Detections]", geometry: "TargetGeometry", said
     for one in seen:
         named = sorted(record.face for record in one.faces if record.face is not None)
         faces = [Text(" ".join(map(str, named)))] if geometry.face_count > 1 else []
-        count = Text(f"{len(one.ring)}/{_expected(one)}" if len(one.ring) else "none", "" if len(one.ring) else "red")
+        count = Text(
+            f"{len(one.ring)}/{expected_features(one)}" if len(one.ring) else "none", "" if len(one.ring) else "red"
+        )
         remarks = "; ".join(remark for remark in _remarks(one) if remark not in said)
-        table.add_row(Text(printable(one.image)), *faces, count, _median_sigma(one), Text(remarks))
+        table.add_row(
+            Text(printable(one.image)),
+            *faces,
+            count,
+            f"{median_sigma_px(one):.4f}" if len(one.ring) else "",
+            Text(remarks),
+        )
     return table
 
 
@@ -272,22 +305,6 @@ def _remarks(one: "Detections") -> list[str]:
             missing[reason] = missing.get(reason, 0) + count
     lost = [f"{count} {reason}" for reason, count in missing.items() if count and reason != TOO_FLAT]
     return [printable(remark) for remark in (*one.remarks, *lost)]
-
-
-def _expected(one: "Detections") -> int:
-    """How many features of the named faces could have been measured."""
-    from calib.inputs.records import measurable
-
-    return sum(measurable(record) for record in one.faces if record.face is not None)
-
-
-def _median_sigma(one: "Detections") -> str:
-    """Median of the centres' standard deviations, along their worse axis."""
-    import numpy as np
-
-    if not len(one.ring):
-        return ""
-    return f"{np.median(np.sqrt(np.linalg.eigvalsh(one.cov_px2)[:, 1])):.4f}"
 
 
 def _say_files(table: Path, overlay: Path | None, results: "Sequence[PhotoResult]") -> None:

@@ -1,5 +1,6 @@
 """The command `calib diff`."""
 
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.commands.answers.cameras import camera_answer
 from calib.commands.screen import table_console
+from designer.answer import Summary, Value
 from designer.command import printable
 from designer.errors import InputError
 
@@ -35,7 +38,7 @@ def diff(
         ),
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="draw the map of differences", metavar="FILE.png")] = None,
-) -> None:
+) -> Summary:
     """Compare two cameras: how far apart they see the same light, in px over the image.
 
     The frames of two calibrations are never quite parallel, so the best rotation between them is removed first.
@@ -62,6 +65,17 @@ def diff(
         print("next  the same command with --picture FILE.png draws the map")
     else:
         print(f"wrote {printable(str(picture))}: the map; arrows lead from where A sees the light to where B does")
+    cameras = {
+        mark: {"file": name, "format": one.format.name, **camera_answer(one.read.camera)}
+        for mark, name, one in zip("ab", (a, b), opened, strict=True)
+    }
+    return Summary(
+        {**cameras, **_numbers(difference)},
+        () if picture is None else (picture,),
+        remarks=tuple(
+            f"{printable(name)}: {line}" for name, one in zip((a, b), opened, strict=True) for line in one.read.remarks
+        ),
+    )
 
 
 def _check_picture(picture: Path, opened: "Sequence[OpenedCamera]") -> None:
@@ -111,25 +125,57 @@ def _table(difference: "CameraDifference") -> None:
     import numpy as np
     from rich.table import Table
 
-    half_diagonal = np.hypot(*difference.image_size) / 2
-    part = difference.off_centre_px / half_diagonal
-    zones: list[tuple[str, NDArray[np.bool_]]] = [
-        ("whole image", part >= 0),
-        ("centre", part < 1 / 3),
-        ("between", (part >= 1 / 3) & (part < 2 / 3)),
-        ("corners", part >= 2 / 3),
-    ]
     table = Table(box=None, padding=(0, 2, 0, 0))
     table.add_column("difference (px)")
     for column in ("RMS", "median", "max"):
         table.add_column(column, justify="right")
-    for name, rows in zones:
-        known = difference.length_px[rows]
+    for name, known in _zones(difference):
         if np.isfinite(known).any():
             table.add_row(name, *(f"{value:.4f}" for value in _summary(known)))
         else:
             table.add_row(name, "not known", "", "")
     table_console().print(table)
+
+
+def _zones(difference: "CameraDifference") -> "tuple[tuple[str, NDArray[np.float64]], ...]":
+    """Lengths in px over the whole image, and from its centre to its corners."""
+    import numpy as np
+
+    part = difference.off_centre_px / (np.hypot(*difference.image_size) / 2)
+    length = difference.length_px
+    return (
+        ("whole image", length.ravel()),
+        ("centre", length[part < 1 / 3]),
+        ("between", length[(part >= 1 / 3) & (part < 2 / 3)]),
+        ("corners", length[part >= 2 / 3]),
+    )
+
+
+def _numbers(difference: "CameraDifference") -> dict[str, Value]:
+    """What differs, for a program; null where nothing is known."""
+    import numpy as np
+
+    zones: dict[str, Value] = {}
+    for name, lengths in _zones(difference):
+        known = lengths[np.isfinite(lengths)]
+        rms, median, largest = _summary(known) if len(known) else (math.nan,) * 3
+        percentile = float(np.percentile(known, 95)) if len(known) else math.nan
+        zones[name.replace(" ", "_")] = {
+            "rms_px": rms, "median_px": median, "percentile_95_px": percentile, "max_px": largest,
+        }  # fmt: skip
+    length = difference.length_px
+    row, column = np.unravel_index(np.nanargmax(length), length.shape)
+    whole = zones.pop("whole_image")
+    return {
+        "rotation_removed_rad": difference.turn_rad if difference.radius_px else 0.0,
+        "rotation_fitted_within_px": difference.radius_px,
+        **(whole if isinstance(whole, dict) else {}),
+        "zones": zones,
+        "largest_at_px": difference.pixel[row, column].tolist(),
+        "largest_difference_px": difference.difference_px[row, column].tolist(),
+        "pixels": length.size,
+        "pixels_not_compared": int(np.isnan(length).sum()),
+    }
 
 
 def _summary(length_px: "NDArray[np.float64]") -> tuple[float, float, float]:

@@ -5,7 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.screen import table_console
+from calib.commands.answers.solutions import evaluation_answer
+from calib.commands.folder_page import with_page_again
+from calib.commands.screen import quoted, table_console
+from designer.answer import Summary
 from designer.command import printable
 from designer.errors import InputError
 
@@ -34,7 +37,7 @@ def evaluate(
         int, typer.Option(min=0, help="hold every N-th photo out in turn and evaluate those; 0: do not", metavar="N")
     ] = 0,
     figures: Annotated[bool, typer.Option(help="draw what is left over, covered and uncertain")] = True,
-) -> None:
+) -> Summary:
     """Measure a calibration: reprojection, intersection, reconstruction and pose error.
 
     The exit code is 1 if the photos do not determine the camera.
@@ -63,9 +66,24 @@ def evaluate(
     pictures = [file.name for file in files if file.suffix == ".png"]
     if pictures:
         print(f"      {', '.join(pictures)}: look at them before you trust the numbers")
-    _advise(path, chosen)
-    if solved.status == "degenerate":
-        raise typer.Exit(DEGENERATE)
+    summary = Summary(
+        {"calibration_file": str(path), **evaluation_answer(chosen)},
+        tuple(files),
+        _advise(path, chosen),
+        exit_code=DEGENERATE if solved.status == "degenerate" else 0,
+    )
+    reported = next((place for place in (folder, folder.parent) if _has_page(place)), None)
+    return summary if reported is None else with_page_again(summary, reported)
+
+
+def _has_page(folder: Path) -> bool:
+    """Whether a folder has the page of a calibration, which shows these errors too."""
+    from calib.report.origin import read_origin
+
+    try:
+        return read_origin(folder).kind == "calibration"
+    except InputError:
+        return False
 
 
 def _held_out(calibration: "Calibration", provenance: "Provenance", folds: int, truth: "Truth | None") -> "Evaluation":
@@ -133,10 +151,12 @@ def _sample(evaluation: "Evaluation") -> str:
     )
 
 
-def _advise(path: Path, evaluation: "Evaluation") -> None:
-    """The next step."""
+def _advise(path: Path, evaluation: "Evaluation") -> tuple[str, ...]:
+    """Say the next step; return it if it is a command line."""
     views = evaluation.calibration.observations.view_count
     if not evaluation.folds and views >= LEAST_VIEWS_HELD_OUT:
-        print(f"next  calib evaluate {path} --held-out 5 measures it on photos that it was not solved from")
-    else:
-        print("next  calib convert writes the camera for other programs, calib pose and calib undistort use it")
+        step = f"calib evaluate {quoted(path)} --held-out 5"
+        print(f"next  {step} measures it on photos that it was not solved from")
+        return (step,)
+    print("next  calib convert writes the camera for other programs, calib pose and calib undistort use it")
+    return ()

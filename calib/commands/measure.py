@@ -1,23 +1,26 @@
 """The command `calib measure`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.detect import program
-from calib.commands.screen import progress_bar, table_console, waiting
-from calib.commands.solutions import quoted, shown
+from calib.commands.answers.measured import measured_answer
+from calib.commands.folder_page import with_page
+from calib.commands.measured_screen import say_measured
+from calib.commands.screen import progress_bar, quoted, shown, waiting
 from calib.commands.solve import FixOption, RejectOption, ShareOption, WeightedOption
+from designer.answer import Summary, Value, program
 from designer.command import printable
+from designer.completion import one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
     from calib.as_built.options import AsBuiltOptions
     from calib.as_built.result import AsBuilt
-    from calib.as_built_report.files import Places, Report
+    from calib.as_built_report.files import Places
     from calib.as_built_report.held_out import HeldOut
     from calib.as_built_report.length_words import AskedLength
     from calib.inputs.observations import Prepared
@@ -61,7 +64,9 @@ def measure(
     measured_length: Annotated[
         str | None, typer.Option(help="the quick way, without photos: rescale the target to this length")
     ] = None,
-    model: Annotated[str, typer.Option(help="of the cameras: opencv, luhmann or pinhole")] = "opencv",
+    model: Annotated[
+        str, typer.Option(help="of the cameras: opencv, luhmann or pinhole", autocompletion=one_of(MODELS))
+    ] = "opencv",
     one_camera: Annotated[
         bool, typer.Option("--one-camera", help="all files are of one camera, not each of its own")
     ] = False,
@@ -95,7 +100,7 @@ def measure(
     truth: Annotated[
         Path | None, typer.Option(help="of rendered photos: the target file they show, to judge the gain by too")
     ] = None,
-) -> None:
+) -> Summary:
     """Measure a printed target with photos of it, and calibrate with what was printed.
 
     The exit code is 1 if the photos do not determine the camera and the target.
@@ -108,8 +113,7 @@ def measure(
     if measured_length is not None:
         _refuse_both(detections, length)
         check_places(places, target)
-        _rescale(nominal, target, parse_length("--measured-length", measured_length, nominal), places.target)
-        return
+        return _rescale(nominal, target, parse_length("--measured-length", measured_length, nominal), places.target)
     if not detections:
         raise InputError(
             "no detections: give the detections.csv of photos of the print, or --measured-length to rescale without"
@@ -120,7 +124,8 @@ def measure(
     check_places(places, target)
     shape = None if truth is None else _truth(truth, nominal, target)
     prepared = _read(detections, nominal, target, one_camera=one_camera)
-    for remark in (line for one in prepared for line in one.remarks):
+    remarks = tuple(line for one in prepared for line in one.remarks)
+    for remark in remarks:
         print(printable(remark))
     folds = _folds(held_out, sum(one.observations.view_count for one in prepared))
     found = _measure([one.observations for one in prepared], nominal, model, options, lengths)
@@ -133,9 +138,10 @@ def measure(
         ("shrink-compensation", shrink_compensation), ("skew-compensation", skew_compensation), ("bed-turn", bed_turn),
         ("length", "; ".join(length or [])), ("held-out", str(folds)),
     )  # fmt: skip
-    _write_and_say(found, held, lengths, made, settings, places, detections)
-    if found.status == "degenerate":
-        raise typer.Exit(DEGENERATE)
+    done = with_page(
+        _write_and_say(found, held, lengths, made, settings, places, detections), places.target.parent, "measure"
+    )
+    return replace(done, remarks=(*remarks, *found.remarks))
 
 
 def _nominal(path: Path) -> "TargetGeometry":
@@ -158,19 +164,26 @@ def _refuse_both(detections: Sequence[Path] | None, length: Sequence[str] | None
         )
 
 
-def _rescale(target: "TargetGeometry", path: Path, asked: "AskedLength", out: Path) -> None:
+def _rescale(target: "TargetGeometry", path: Path, asked: "AskedLength", out: Path) -> Summary:
     """The quick way."""
     from calib.as_built.lengths import length_in, rescaled
     from calib.files import write_files
     from designer.target import target_to_json
 
     size = asked.length.value_mm / length_in(target, asked.length.name)
-    write_files({out: target_to_json(rescaled(target, asked.length)).encode()})
+    made = rescaled(target, asked.length)
+    write_files({out: target_to_json(made).encode()})
     print(f"length {asked.text}")
     sigma = asked.length.sigma_mm / asked.length.value_mm
     print(f"size   {100 * (size - 1):+.3f} +- {100 * sigma:.3f} % against the design; the shape is taken as designed")
     print(f"wrote  {shown(out)}: {shown(path)} made {size:.6f} times as large")
-    print(f"next   calib solve DETECTIONS --target {quoted(out)} -o DIR")
+    step = f"calib solve DETECTIONS --target {quoted(out)} -o DIR"
+    print(f"next   {step}")
+    answer: dict[str, Value] = {
+        "status": "rescaled", "nominal_geometry_id": target.geometry_id, "measured_geometry_id": made.geometry_id,
+        "size": {"value": size - 1, "sigma": sigma},
+    }  # fmt: skip
+    return Summary(answer, (out,), (step,))
 
 
 def _options(
@@ -318,7 +331,7 @@ def _write_and_say(
     settings: tuple[tuple[str, str], ...],
     places: "Places",
     detections: Sequence[Path],
-) -> None:
+) -> Summary:
     """Write all files, then say what is in them."""
     from calib.as_built_report.files import report_files, report_of
     from calib.as_built_report.picture import report_picture
@@ -335,62 +348,16 @@ def _write_and_say(
         program=program(),
         settings=settings,
     )
-    write_files({**report_files(report, places), places.picture: report_picture(report)})
-    _say(report)
+    files = {**report_files(report, places), places.picture: report_picture(report)}
+    write_files(files)
+    say_measured(report)
     print(f"wrote {shown(places.target)}: the target as it was printed, with the covariances of its faces")
     print(f"      {shown(places.report)}, {shown(places.table)}: all numbers with their standard deviations")
     print(f"      {shown(places.picture)}: look at it before you trust the numbers")
     if found.status == "degenerate":
         print("next  no camera is determined: do what is said above, and measure again")
-    else:
-        folder = quoted(places.target.with_name(places.target.name.removesuffix(".target.json")))
-        print(f"next  calib solve {quoted(detections[0])} --target {quoted(places.target)} -o {folder}")
-
-
-def _say(report: "Report") -> None:
-    """Status, the whole print, faces, rings and what is gained."""
-    from calib.as_built_report.words import (
-        faces_table,
-        gain_table,
-        next_print_lines,
-        rings_line,
-        whole_print_lines,
-    )
-
-    found, console = report.found, table_console()
-    views, sightings = (
-        sum(one.view_count for one in found.observations),
-        sum(len(one.view) for one in found.observations),
-    )
-    worth = "times the stated sigma" if report.weighted else "px"
-    print(
-        f"{len(found.cameras)} camera{'s' if len(found.cameras) > 1 else ''}, {views} photos, {sightings} sightings: "
-        f"{found.status}; an observation's standard deviation is {found.scale:.4f} {worth}; {found.seconds:.1f} s"
-    )
-    for remark in found.remarks:
-        console.print(f"  {printable(remark)}", style="yellow", markup=False)
-    for asked, (_, left) in zip(report.lengths, found.lengths, strict=True):
-        print(f"length {asked.text}; left over {left:+.1f} sigma")
-    print()
-    for line in whole_print_lines(found, report.whole):
-        print(line)
-    if report.rings is not None:
-        print(rings_line(report.rings))
-    print()
-    for line in next_print_lines(report.whole, report.made_with_percent, report.made_with_skew_rad):
-        print(line)
-    print()
-    if report.faces is not None:
-        print("how faces lie, in their own axes (z outwards); * is more than 3 sigma")
-        console.print(faces_table(found, report.faces))
-        print()
-    if report.held_out is not None:
-        held = report.held_out
-        for remark in held.remarks:
-            console.print(f"  {printable(remark)}", style="yellow", markup=False)
-        print(
-            f"root mean square errors of photos held out, in {held.folds} parts: camera and target are solved from the "
-            "other parts,\nonly a photo's own pose from itself"
-        )
-        console.print(gain_table(held))
-        print()
+        return Summary(measured_answer(report), tuple(files), exit_code=DEGENERATE)
+    folder = quoted(places.target.with_name(places.target.name.removesuffix(".target.json")))
+    step = f"calib solve {quoted(detections[0])} --target {quoted(places.target)} -o {folder}"
+    print(f"next  {step}")
+    return Summary(measured_answer(report), tuple(files), (step,))

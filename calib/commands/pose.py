@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.commands.answers.photos import poses_answer
 from calib.commands.camera_argument import CameraArgument, read_camera
 from calib.commands.detect import (
     NOTHING_LEFT,
@@ -17,7 +18,9 @@ from calib.commands.detect import (
     search_photos,
     staging_folder,
 )
+from calib.commands.folder_page import folder_page
 from calib.commands.screen import table_console
+from designer.answer import Summary
 from designer.command import printable
 from designer.errors import InputError
 
@@ -30,6 +33,8 @@ if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
 NO_POSE = 1
+POSES = "poses"
+"""The kind of a folder's page."""
 TOO_FEW = "too few rings for a pose, or all on a line"
 NOT_SOLVED = "no pose fits the rings that were found; check the camera file"
 
@@ -47,14 +52,14 @@ def pose(
     jobs: Annotated[
         int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
     ] = None,
-) -> None:
+) -> Summary:
     """Find where a known camera stood before the target, and how surely, photo by photo.
 
     The exit code is 1 if no photo gives a pose.
     """
     from calib.detect.pipeline import detect
 
-    run_pose(
+    return run_pose(
         detect, target, camera, photos, out=out, overlay=overlay, weighted=weighted, jobs=jobs or os.cpu_count() or 1
     )
 
@@ -69,15 +74,18 @@ def run_pose(
     overlay: Path | None,
     weighted: bool,
     jobs: int,
-) -> None:
+) -> Summary:
     """The command with a detector of choice."""
     from calib.detect.batch import find_photos
     from calib.inputs.observations import dataset_of
     from calib.pose import check_output, target_poses
+    from calib.report.kept_target import keep_target
+    from calib.report.posed_file import PosedBy, write_posed
     from designer.target import load_target
 
     geometry = load_target(target)
-    camera = read_camera(camera_name)
+    named = read_camera(camera_name)
+    camera = named.camera
     if out is not None:
         check_output(out)
     if overlay is not None and overlay.exists() and not overlay.is_dir():
@@ -92,15 +100,31 @@ def run_pose(
     poses = {one.image: one for one in found_poses.poses}
     reasons = _reasons(results, found_poses)
     with no_empty_folders(overlay), staging_folder(overlay) as staging:
-        if staging is not None:
-            _draw(staging, results, poses, geometry, camera)
+        drawn = {} if staging is None else _draw(staging, results, poses, geometry, camera)
         if out is not None:
             _write(out, poses, geometry, camera, reasons)
         pictures = keep_pictures(staging, overlay)
     _summarise(results, poses, reasons, failures)
-    _say_files(out, overlay, pictures)
-    if not poses:
-        raise typer.Exit(NO_POSE)
+    _say_files(out, overlay, len(pictures))
+    pages: tuple[Path, ...] = ()
+    remarks = named.remarks
+    if overlay is not None and pictures:
+        place = overlay
+        names = [result.photo.name for result in results]
+        made = PosedBy(target, geometry, camera_name, camera, out)
+        pages, more = folder_page(
+            place, POSES, lambda: (
+                write_posed(place, made, names, poses, reasons, drawn, found.failures),
+                *keep_target(place, geometry, POSES),
+            )
+        )  # fmt: skip
+        remarks = (*remarks, *more)
+    return Summary(
+        poses_answer(geometry, results, poses, reasons, failures),
+        (*(() if out is None else (out,)), *pictures, *pages),
+        remarks=remarks,
+        exit_code=0 if poses else NO_POSE,
+    )
 
 
 def _reasons(results: "Sequence[PhotoResult]", found: "FoundPoses") -> dict[str, str]:
@@ -138,14 +162,15 @@ def _draw(
     poses: "Mapping[str, TargetPose]",
     geometry: "TargetGeometry",
     camera: "Camera",
-) -> None:
-    """Draw the photos that have a pose. What goes wrong with one does not stop the others."""
+) -> dict[str, str]:
+    """Draw the photos that have a pose; the pictures' names. What goes wrong with one does not stop the others."""
     from calib.detect.batch import OVERLAY_MARK
     from calib.detect.overlay import write_overlay
     from calib.files import distinct_stems
     from calib.inputs.images import read_image
     from calib.pose_overlay import draw_pose
 
+    drawn: dict[str, str] = {}
     stems = distinct_stems([result.photo.name for result in results])
     for result, stem in zip(results, stems, strict=True):
         one = poses.get(result.photo.name)
@@ -153,10 +178,11 @@ def _draw(
             continue
         try:
             picture = draw_pose(read_image(result.photo.path).pixels, result.seen, geometry, camera, one)
-            write_overlay(folder / f"{stem}.pose{OVERLAY_MARK}", picture)
+            drawn[one.image] = write_overlay(folder / f"{stem}.pose{OVERLAY_MARK}", picture).name
         except Exception as error:
             why = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
             print(f"no overlay for {printable(result.photo.name)}: {printable(why)}")
+    return drawn
 
 
 def _summarise(

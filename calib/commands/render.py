@@ -2,14 +2,17 @@
 
 import math
 import os
-import shlex
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, cast, get_args
 
 import typer
 
-from calib.commands.screen import progress_bar
-from designer.command import STOPPED
+from calib.commands.folder_page import folder_page
+from calib.commands.screen import progress_bar, quoted
+from designer.answer import StoppedError, Summary
+from designer.completion import camera_templates, one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,6 +24,8 @@ if TYPE_CHECKING:
 
 LEAST_RADIUS_PX = 5.0
 CHECKED_VIEWS = 50
+PHOTOS = "photos"
+"""The kind of a folder's page."""
 REGIONS = ("hemisphere", "sphere", "cap")
 
 
@@ -28,10 +33,17 @@ def render(
     target: Annotated[Path, typer.Argument(help="a target file (NAME.target.json)")],
     *,
     out: Annotated[Path, typer.Option("--out", "-o", help="folder for the images and truth.json")],
-    camera: Annotated[str, typer.Option(help="camera template, or a camera file")] = "machine-vision",
+    camera: Annotated[
+        str, typer.Option(help="camera template, or a camera file", autocompletion=camera_templates)
+    ] = "machine-vision",
     views: Annotated[int, typer.Option(help="how many photos")] = 20,
     distance: Annotated[str, typer.Option(help="from the target's origin: 400mm, or 250mm..800mm")] = "400mm",
-    region: Annotated[str, typer.Option(help="hemisphere, sphere or cap (default: cap for a board, else sphere)")] = "",
+    region: Annotated[
+        str,
+        typer.Option(
+            help="hemisphere, sphere or cap (default: cap for a board, else sphere)", autocompletion=one_of(REGIONS)
+        ),
+    ] = "",
     cap_angle: Annotated[str, typer.Option(help="half angle of the cap")] = "60deg",
     random_roll: Annotated[
         bool, typer.Option("--random-roll", help="turn the camera about its axis at random")
@@ -56,12 +68,14 @@ def render(
     full_well: Annotated[str, typer.Option(help="shot noise: electrons at full scale, such as 10000; 0: none")] = "0",
     gamma: Annotated[str, typer.Option(help="exponent of the tone curve: 2.2 for everyday images")] = "1",
     bits: Annotated[int, typer.Option(help="8 or 16")] = 8,
-    file_format: Annotated[str, typer.Option("--format", help="png, tiff or jpeg")] = "png",
+    file_format: Annotated[
+        str, typer.Option("--format", help="png, tiff or jpeg", autocompletion=one_of(("png", "tiff", "jpeg")))
+    ] = "png",
     quality: Annotated[int, typer.Option(help="of JPEG, 1 to 100")] = 95,
     seed: Annotated[int, typer.Option(help="of all that is random")] = 0,
     jobs: Annotated[int | None, typer.Option(help="processes (default: one per core)")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace another set in the folder")] = False,
-) -> None:
+) -> Summary:
     """Render synthetic photos of a target from known poses."""
     from calib.commands.camera_argument import read_camera
     from calib.render.job import FileFormat, RenderJob
@@ -70,7 +84,7 @@ def render(
     from calib.render.quantities import bounded, choice, length, parse_number, parse_pixels, share, whole
     from designer.target import load_target
 
-    geometry, cam = load_target(target), read_camera(camera)
+    geometry, named = load_target(target), read_camera(camera)
     options = RenderOptions(
         sampling=cast("Sampling", choice("--sampling", sampling, get_args(Sampling))),
         black=share("--black", black, 0, 100),
@@ -104,15 +118,18 @@ def render(
         cam_from_target = _grid(geometry, views, distance, region, cap_angle, random_roll, aim_offset, seed)
     job = RenderJob(
         target=geometry,
-        camera=cam,
+        camera=named.camera,
         cam_from_target=cam_from_target,
         options=options,
         seed=seed,
         file_format=cast("FileFormat", choice("--format", file_format, get_args(FileFormat))),
         quality=whole("--quality", quality, 1, 100),
     )
-    _warn(job)
-    _run(job, target, out, _processes(jobs), overwrite)
+    warnings = tuple(_warnings(job))
+    for warning in warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    done = _run(job, target, out, _processes(jobs), overwrite)
+    return replace(done, remarks=(*named.remarks, *warnings, *done.remarks))
 
 
 def _bits(bits: int) -> Literal[8, 16]:
@@ -166,41 +183,40 @@ def _processes(jobs: int | None) -> int:
     return os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, 1024)
 
 
-def _warn(job: "RenderJob") -> None:
-    """Say what will make detection hard, from a sample of the views."""
+def _warnings(job: "RenderJob") -> Iterator[str]:
+    """What will make detection hard, from a sample of the views."""
     import numpy as np
 
     from calib.render.rings import ring_truth, target_fits
     from calib.render.scene import scene_from_target
 
     if job.options.white * (1 + job.options.light_gradient / 2) > 1.001:
-        typer.echo("warning: the light gradient takes the white beyond full scale; lower --white", err=True)
+        yield "the light gradient takes the white beyond full scale; lower --white"
     scene = scene_from_target(job.target)
     count = len(job.cam_from_target)
     sample = np.unique(np.linspace(0, count - 1, min(count, CHECKED_VIEWS)).round().astype(int))
     poses = job.cam_from_target[sample]
     fitting = sum(target_fits(job.target, job.camera, pose) for pose in poses)
     if fitting < len(poses):
-        typer.echo(
-            f"warning: the target reaches beyond the image in {1 - fitting / len(poses):.0%} of the views; "
-            "stand farther away to see all of it",
-            err=True,
+        yield (
+            f"the target reaches beyond the image in {1 - fitting / len(poses):.0%} of the views; "
+            "stand farther away to see all of it"
         )
     truths = [ring_truth(scene, job.camera, pose) for pose in poses]
     radius = np.concatenate([truth.minor_radius_px[truth.visible] for truth in truths])
     if not len(radius):
-        typer.echo("warning: no ring faces the camera in any view; check the poses", err=True)
+        yield "no ring faces the camera in any view; check the poses"
     elif (largest := float(radius.max())) < LEAST_RADIUS_PX:
-        typer.echo(
-            f"warning: the largest ring has a radius of {largest:.1f}px; the detector wants {LEAST_RADIUS_PX:g}px: "
-            "come nearer, or use a longer lens",
-            err=True,
+        yield (
+            f"the largest ring has a radius of {largest:.1f}px; the detector wants {LEAST_RADIUS_PX:g}px: "
+            "come nearer, or use a longer lens"
         )
 
 
-def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: bool) -> None:
+def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: bool) -> Summary:
     """Render the set, and say what was done and what to do next."""
     from calib.render.job import run_job
+    from calib.report.kept_target import keep_target
 
     try:
         with progress_bar("rendering", len(job.file_names)) as tell:
@@ -208,13 +224,35 @@ def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: b
                 job, out, processes=processes, overwrite=overwrite, on_view=lambda finished, total: tell(finished)
             )
     except KeyboardInterrupt:
-        done, total = sum((out / name).exists() for name in job.file_names), len(job.file_names)
-        typer.echo(f"stopped: {done} of {total} images are in {out}; the same command renders the others", err=True)
-        raise SystemExit(STOPPED) from None
-    _summarise(job, rendered, target, out)
+        done = tuple(out / name for name in job.file_names if (out / name).exists())
+        raise StoppedError(
+            f"stopped; {len(done)} of {len(job.file_names)} images are in {out}; the same command renders the others",
+            Summary({"images": len(done), "asked": len(job.file_names)}, done),
+        ) from None
+    photos = f"{quoted(out)}/*{Path(job.file_names[0]).suffix}"
+    step = f"calib detect {quoted(target)} {photos} -o {quoted(out / 'detections.csv')}"
+    _summarise(job, rendered, out)
+    pages, remarks = folder_page(out, PHOTOS, lambda: keep_target(out, job.target, PHOTOS))
+    print(f"next  {step}")
+    return Summary(
+        {
+            "folder": str(out),
+            "images": len(job.cam_from_target),
+            "rendered": rendered.written,
+            "kept": rendered.kept,
+            "image_size_px": job.camera.image_size,
+            "target_id": job.target.geometry_id,
+            "seed": job.seed,
+            "seconds": rendered.seconds,
+            "processes": rendered.processes,
+        },
+        (*(out / name for name in job.file_names), out / "truth.json", *pages),
+        (step,),
+        remarks,
+    )
 
 
-def _summarise(job: "RenderJob", rendered: "Rendered", target: Path, out: Path) -> None:
+def _summarise(job: "RenderJob", rendered: "Rendered", out: Path) -> None:
     width, height = job.camera.image_size
     total = len(job.cam_from_target)
     kept = f" ({rendered.kept} were there already)" if rendered.kept else ""
@@ -224,6 +262,3 @@ def _summarise(job: "RenderJob", rendered: "Rendered", target: Path, out: Path) 
         each = rendered.seconds / rendered.written
         noun = "process" if rendered.processes == 1 else "processes"
         print(f"  {rendered.seconds:.1f} s, {each:.2f} s a view with {rendered.processes} {noun}")
-    suffix = Path(job.file_names[0]).suffix
-    folder = shlex.quote(str(out))
-    print(f"next  calib detect {shlex.quote(str(target))} {folder}/*{suffix} -o {folder}/detections.csv")

@@ -4,30 +4,34 @@ import os
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.commands.answers.photos import detections_answer
+from calib.commands.answers.solutions import solutions_answer
 from calib.commands.detect import (
     NOTHING_LEFT,
     exports_folder,
     keep_pictures,
     no_empty_folders,
+    overlays_page,
     refuse_nothing,
     search_photos,
     staging_folder,
     summarise,
     write_results,
 )
+from calib.commands.judged_page import DEFAULT_CRITERIA, CriteriaOption, judge_and_report
+from calib.commands.screen import quoted, shown
 from calib.commands.solutions import (
     Work,
     advise,
-    leave_if_degenerate,
-    quoted,
+    best_of,
+    files_of_solutions,
     say_files,
-    shown,
     solve_and_say,
     stop,
 )
@@ -46,10 +50,12 @@ from calib.commands.solve import (
     reference_of,
     reference_settings,
 )
+from designer.answer import Summary, Value
 from designer.command import printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
+    from calib.commands.judged_page import JudgedPage
     from calib.detect.batch import Detect, Found, PhotoResult, Pixels
     from calib.pipeline.settings import SolvePlan
     from calib.pipeline.solutions import Solution
@@ -79,19 +85,21 @@ def run(
     truth: Annotated[
         Path | None, typer.Option(help="of rendered photos (default: the truth.json beside them, if there is one)")
     ] = None,
+    criteria: CriteriaOption = DEFAULT_CRITERIA,
     jobs: Annotated[
         int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
     ] = None,
-) -> None:
-    """From photos to a calibrated camera: detect, solve, detect again with the lens known, solve all models, compare.
+) -> Summary:
+    """From photos to a calibrated camera: detect, solve, detect again with the lens known, solve all models, judge.
 
-    The exit code is 1 if nothing was found, or if the photos do not determine the camera.
+    The exit code is 1 if nothing was found, or if the verdict is: do not use.
     """
     from calib.detect.batch import find_photos, named_photos
     from calib.inputs.observations import dataset_of, observations_from_detections
+    from calib.verdict.criteria import read_criteria
     from designer.target import load_target
 
-    geometry = load_target(target)
+    geometry, limits = load_target(target), read_criteria(criteria)
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     folder = out if out is not None else exports_folder(target) / "calibration"
     check_folder(folder)
@@ -100,26 +108,38 @@ def run(
     known = None if truth_path is None else _read_truth(truth_path, is_asked=truth is not None)
     views = [photo.name for photo in named_photos(found.paths)]
     map_of = reference_of(reference, reference_target, plan, views) if views else None
-    results, plan = _detect_twice(geometry, found, plan, folder, jobs or os.cpu_count() or 1)
-    seen = _with_target(results)
+    detected = _detect_twice(geometry, found, plan, folder, jobs or os.cpu_count() or 1)
+    seen = _with_target(detected.results)
     if not seen:
+        answer = {"detections": detected.answer, **solutions_answer([], None), "verdict": None}
+        page, remarks = overlays_page(
+            folder / "overlays", target, geometry, folder / "detections.csv", detected.results, found.failures
+        )
         print("next  look at the overlays: is it the target of this file, sharp and large enough?")
-        raise typer.Exit(NOTHING_FOUND)
+        return Summary(answer, (*detected.files, *page), remarks=(*detected.remarks, *remarks), exit_code=NOTHING_FOUND)
     prepared = observations_from_detections(dataset_of(seen), geometry, origin="the photos")
     settings = (
         ("target", target.name), ("photos", str(len(found.paths))), *reference_settings(reference, reference_target),
     )  # fmt: skip
     table = folder / "detections.csv"
     work = Work(
-        prepared.observations, prepared.remarks, plan, folder, geometry.layout_id, settings, map_of, known, (table,)
+        prepared.observations, prepared.remarks, detected.plan, folder, geometry.layout_id, settings, map_of, known,
+        (table,),
+    )  # fmt: skip
+    solutions, comparison = _draw(solve_and_say(work), folder, table)
+    judged = judge_and_report(solutions, work, limits, geometry)
+    steps = _advise(solutions, judged, None if known is None else truth_path)
+    return Summary(
+        {"detections": detected.answer, **solutions_answer(solutions, best_of(solutions)), **judged.answer},
+        (*detected.files, *files_of_solutions(solutions), *comparison, *judged.files),
+        steps,
+        (*detected.remarks, *prepared.remarks, *judged.remarks),
+        judged.exit_code,
     )
-    solutions = _draw(solve_and_say(work), folder, table)
-    _advise(solutions, folder, None if known is None else truth_path)
-    leave_if_degenerate(solutions)
 
 
-def _draw(solutions: "Sequence[Solution]", folder: Path, table: Path) -> "list[Solution]":
-    """Write tables and pictures of each model, and one that compares them; the solutions with their files."""
+def _draw(solutions: "Sequence[Solution]", folder: Path, table: Path) -> "tuple[list[Solution], tuple[Path, ...]]":
+    """Write tables and pictures of each model, and what compares them; the solutions with their files, and the rest."""
     from rich.console import Console
 
     from calib.figures import calibration_figures, comparison_figures
@@ -141,21 +161,16 @@ def _draw(solutions: "Sequence[Solution]", folder: Path, table: Path) -> "list[S
             comparison = comparison_figures(evaluations, folder) if len(evaluations) > 1 else {}
             write_files(comparison)
     except KeyboardInterrupt:
-        stop([table, *(one.folder for one in solutions if one.files)])
+        stop(solutions, [table])
     print()
     say_files(drawn)
     for path in comparison:
         print(f"wrote {shown(path)}: the models side by side")
-    return drawn
+    return drawn, tuple(comparison)
 
 
-def _advise(solutions: "Sequence[Solution]", folder: Path, truth: Path | None) -> None:
-    """What to look at, and what to type next."""
-    from calib.figures import CALIBRATION_PICTURE, COMPARISON_PICTURE
-
-    several = sum(one.evaluation is not None for one in solutions) > 1
-    picture = COMPARISON_PICTURE if several else CALIBRATION_PICTURE
-    look = f"look at {shown(folder / picture)} and some of the overlays before you trust the numbers"
+def _advise(solutions: "Sequence[Solution]", judged: "JudgedPage", truth: Path | None) -> tuple[str, ...]:
+    """Say what to look at, and what to type next; return the latter."""
 
     def evaluate(best: "Solution") -> str:
         enough = best.evaluation is not None and (
@@ -166,7 +181,7 @@ def _advise(solutions: "Sequence[Solution]", folder: Path, truth: Path | None) -
         known = "" if truth is None else f" --truth {quoted(truth)}"
         return f"calib evaluate {quoted(best.folder)} --held-out 5{known}   # on photos that it was not solved from"
 
-    advise(solutions, first=[look], evaluate=evaluate)
+    return advise(solutions, first=judged.look, evaluate=evaluate)
 
 
 def _without_pictures(found: "Found", folder: Path) -> "Found":
@@ -199,13 +214,21 @@ def _read_truth(path: Path, *, is_asked: bool) -> "Truth | None":
         return None
 
 
-def _detect_twice(
-    geometry: "TargetGeometry", found: "Found", plan: "SolvePlan", folder: Path, jobs: int
-) -> "tuple[list[PhotoResult], SolvePlan]":
-    """Search the photos, solve a first camera, and search again with its lens; write the detections and overlays.
+@dataclass(frozen=True, eq=False)
+class _Detected:
+    """What was found in the photos, and what was written of it."""
 
-    Returns what was found, and the plan with a first guess of the focal length if the photos state one.
-    """
+    results: "list[PhotoResult]"
+    plan: "SolvePlan"  # with a first guess of the focal length if the photos state one
+    answer: dict[str, Value]
+    files: tuple[Path, ...]
+    remarks: tuple[str, ...]
+
+
+def _detect_twice(geometry: "TargetGeometry", found: "Found", plan: "SolvePlan", folder: Path, jobs: int) -> _Detected:
+    """Search the photos, solve a first camera, and search again with its lens; write the detections and overlays."""
+    from calib.inputs.records import records_path
+
     start = time.perf_counter()
     first, remember = _remembering()
     results = search_photos(remember, found, geometry, None, None, jobs)
@@ -219,15 +242,17 @@ def _detect_twice(
             refuse_nothing([*found.failures, *(result.failure for result in results)], NOTHING_LEFT)
         write_results(table, results, seen, geometry)
         pictures = keep_pictures(staging, overlays)
-    summarise(geometry, found, results, time.perf_counter() - start)
-    if why:
-        print(f"searched without the lens, which a first solution does not give: {printable(why)}")
-    if guess:
-        print(guess)
+    seconds = time.perf_counter() - start
+    summarise(geometry, found, results, seconds)
+    without = f"searched without the lens, which a first solution does not give: {printable(why)}" if why else ""
+    remarks = tuple(filter(None, (without, guess)))
+    for remark in remarks:
+        print(remark)
     print(f"wrote {shown(table)} and detections.records.json")
     if pictures:
-        print(f"      {shown(overlays)}: an overlay of each photo, {pictures} in all")
-    return results, plan
+        print(f"      {shown(overlays)}: an overlay of each photo, {len(pictures)} in all")
+    answer = detections_answer(geometry, found, results, seconds)
+    return _Detected(results, plan, answer, (table, records_path(table), *pictures), remarks)
 
 
 def _with_target(results: "Sequence[PhotoResult]") -> "list[Detections]":

@@ -1,14 +1,28 @@
 """What commands show: tables on standard output, progress on standard error while there is a screen."""
 
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+from designer.command import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 WIDE = 240
+
+
+def shown(path: Path) -> str:
+    """A path as a line of the screen has it."""
+    return printable(str(path))
+
+
+def quoted(path: Path) -> str:
+    """A path as it is typed in a shell."""
+    return shlex.quote(shown(path))
 
 
 def table_console() -> "Console":

@@ -1,17 +1,14 @@
 """Solving several models, as `calib solve` and `calib run` show it."""
 
-import shlex
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-import typer
-
-from calib.commands.detect import program
-from calib.commands.screen import table_console, waiting
-from designer.command import STOPPED, printable
+from calib.commands.answers.solutions import solutions_answer
+from calib.commands.screen import quoted, shown, table_console, waiting
+from designer.answer import StoppedError, Summary, program
+from designer.command import NOTHING_WRITTEN, printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,8 +19,6 @@ if TYPE_CHECKING:
     from calib.results.truth import Truth
     from calib.types import Calibration, Observations
     from calib.virtual.solve_virtual import Reference
-
-DEGENERATE = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +55,7 @@ def solve_and_say(work: Work) -> "list[Solution]":
             ):  # fmt: skip
                 solutions.append(solution)
     except KeyboardInterrupt:
-        stop([*work.finished, *(solution.folder for solution in solutions if solution.files)])
+        stop(solutions, work.finished)
     if not any(solution.files for solution in solutions):
         reasons = {solution.failure: solution.model for solution in solutions}
         several = len(reasons) > 1
@@ -82,11 +77,21 @@ def _provenance_of(work: Work) -> "Callable[[str], Provenance]":
     return provenance
 
 
-def stop(finished: Sequence[Path]) -> NoReturn:
-    """End after Ctrl-C, with a word on what is finished and stays."""
-    files = ", ".join(shown(path) for path in finished)
-    print(f"stopped; {f'finished and kept: {files}' if files else 'nothing was written'}", file=sys.stderr)
-    raise SystemExit(STOPPED) from None
+def stop(solutions: "Sequence[Solution]", written: Sequence[Path]) -> NoReturn:
+    """End after Ctrl-C, with a word on what is finished and stays.
+
+    Args:
+        solutions: what came of the models so far.
+        written: before they were solved.
+
+    Raises:
+        StoppedError: always.
+    """
+    finished = [one for one in solutions if one.files]
+    places = ", ".join(map(shown, (*written, *(one.folder for one in finished))))
+    said = f"stopped; finished and kept: {places}" if places else NOTHING_WRITTEN
+    files = (*written, *(file for one in finished for file in one.files))
+    raise StoppedError(said, Summary(solutions_answer(finished, None), files)) from None
 
 
 def _say_solutions(work: Work, solutions: "Sequence[Solution]") -> None:
@@ -134,8 +139,8 @@ def say_files(solutions: "Sequence[Solution]") -> None:
 
 def advise(
     solutions: "Sequence[Solution]", *, first: Sequence[str] = (), evaluate: "Callable[[Solution], str]"
-) -> None:
-    """What to do next.
+) -> tuple[str, ...]:
+    """Say what to do next; return what of it is a command line.
 
     Args:
         solutions: what came of the models.
@@ -144,12 +149,14 @@ def advise(
     """
     best = best_of(solutions)
     if is_degenerate(solutions):
-        steps = [*first, "no camera is determined: do what is said above, and solve again"]
+        said, commands = [*first, "no camera is determined: do what is said above, and solve again"], []
     else:
         convert = f"calib convert {quoted(best.folder / 'camera.json')} --to colmap -o cameras.txt"
-        steps = [*first, evaluate(best), f"{convert}   # or opencv, ros, kalibr, ..."]
-    for number, step in enumerate(filter(None, steps)):
+        commands = [step for step in (evaluate(best), f"{convert}   # or opencv, ros, kalibr, ...") if step]
+        said = [*first, *commands]
+    for number, step in enumerate(said):
         print(f"{'' if number else 'next'}".ljust(6) + step)
+    return tuple(commands)
 
 
 def best_of(solutions: "Sequence[Solution]") -> "Solution":
@@ -180,17 +187,6 @@ def _evaluation_of(solution: "Solution") -> "Evaluation":
     return solution.evaluation
 
 
-def leave_if_degenerate(solutions: "Sequence[Solution]") -> None:
-    """Exit code 1 if the camera of no model is determined."""
-    if is_degenerate(solutions):
-        raise typer.Exit(DEGENERATE)
-
-
-def shown(path: Path) -> str:
-    """A path as a line of the screen has it."""
-    return printable(str(path))
-
-
-def quoted(path: Path) -> str:
-    """A path as it is typed in a shell."""
-    return shlex.quote(shown(path))
+def files_of_solutions(solutions: "Sequence[Solution]") -> tuple[Path, ...]:
+    """All that was written of them."""
+    return tuple(file for one in solutions for file in one.files)

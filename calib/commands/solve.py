@@ -6,7 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.solutions import Work, advise, leave_if_degenerate, quoted, say_files, solve_and_say
+from calib.commands.answers.solutions import solutions_answer
+from calib.commands.judged_page import DEFAULT_CRITERIA, CriteriaOption, judge_and_report
+from calib.commands.screen import quoted
+from calib.commands.solutions import Work, advise, best_of, files_of_solutions, say_files, solve_and_say
+from designer.answer import Summary
+from designer.completion import one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -15,11 +20,23 @@ if TYPE_CHECKING:
     from calib.pipeline.settings import SolvePlan
     from calib.virtual.solve_virtual import Reference
 
-ModelOption = Annotated[str, typer.Option(help="luhmann, opencv, virtual, pinhole, or all: the first three")]
+MODELS = ("luhmann", "opencv", "virtual", "pinhole")
+ModelOption = Annotated[
+    str,
+    typer.Option(
+        help="luhmann, opencv, virtual, pinhole, or all: the first three", autocompletion=one_of((*MODELS, "all"))
+    ),
+]
 FixOption = Annotated[list[str] | None, typer.Option(help="keep a parameter as it starts, or at a value: k3, k3=0")]
 ShareOption = Annotated[list[str] | None, typer.Option(help="parameters that have one value: fx_px,fy_px")]
 FocalOption = Annotated[str | None, typer.Option(help="first guess of the focal length: 2500px (not needed)")]
-LossOption = Annotated[str, typer.Option(help="squares, huber or cauchy: how far-off observations count")]
+LossOption = Annotated[
+    str,
+    typer.Option(
+        help="squares, huber or cauchy: how far-off observations count",
+        autocompletion=one_of(("squares", "huber", "cauchy")),
+    ),
+]
 RejectOption = Annotated[
     float | None, typer.Option(help="leave out what is off by more than so many robust standard deviations, such as 4")
 ]
@@ -58,13 +75,16 @@ def solve(
     image_size: ImageSizeOption = None,
     grid: GridOption = None,
     pitch: PitchOption = None,
-) -> None:
-    """Solve the camera, and where it stood, from what was detected.
+    criteria: CriteriaOption = DEFAULT_CRITERIA,
+) -> Summary:
+    """Solve the camera, and where it stood, from what was detected, and judge it.
 
-    The exit code is 1 if the observations do not determine the camera.
+    The exit code is 1 if the verdict is: do not use.
     """
+    from calib.verdict.criteria import read_criteria
     from designer.target import load_target
 
+    limits = read_criteria(criteria)
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     check_folder(out)
     prepared = read_input(detections, target, image_size, grid, pitch)
@@ -73,14 +93,22 @@ def solve(
         ("target", "" if target is None else target.name),
         *reference_settings(reference, reference_target),
     )
+    geometry = None if target is None else load_target(target)
     work = Work(
-        prepared.observations, prepared.remarks, plan, out, "" if target is None else load_target(target).layout_id,
+        prepared.observations, prepared.remarks, plan, out, "" if geometry is None else geometry.layout_id,
         settings, reference_of(reference, reference_target, plan, prepared.observations.view_names),
     )  # fmt: skip
     solutions = solve_and_say(work)
     say_files(solutions)
-    advise(solutions, evaluate=lambda best: f"calib evaluate {quoted(best.folder)}")
-    leave_if_degenerate(solutions)
+    judged = judge_and_report(solutions, work, limits, geometry)
+    steps = advise(solutions, first=judged.look, evaluate=lambda best: f"calib evaluate {quoted(best.folder)}")
+    return Summary(
+        {**solutions_answer(solutions, best_of(solutions)), **judged.answer},
+        (*files_of_solutions(solutions), *judged.files),
+        steps,
+        (*prepared.remarks, *judged.remarks),
+        judged.exit_code,
+    )
 
 
 def read_input(

@@ -1,7 +1,7 @@
 """The commands `calib study ...`: what thousands of calibrations say together."""
 
+import json
 import os
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.screen import progress_bar, table_console, waiting
-from calib.commands.solutions import quoted, shown
+from calib.commands.folder_page import with_page, with_page_again
+from calib.commands.screen import progress_bar, quoted, shown, table_console, waiting
 from calib.commands.solve import (
+    MODELS,
     FixOption,
     GridOption,
     ImageSizeOption,
@@ -25,7 +26,9 @@ from calib.commands.solve import (
     plan_of,
     read_input,
 )
-from designer.command import STOPPED, printable
+from designer.answer import StoppedError, Summary, Value, program
+from designer.command import command, printable
+from designer.completion import one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -38,7 +41,7 @@ MAX_SIZE = 100_000
 MAX_SAMPLES = 1_000_000
 MAX_SEED = 2**63 - 1
 LONGEST_NAME = 60
-FIGURES_SHOWN = ("histograms", "sigma", "correlations")
+KEPT = "stopped; what is finished is kept: go on with --resume"
 
 app = typer.Typer(
     help="Calibrate thousands of samples of a set of photos: how sure is the camera, and what does a target do to it?",
@@ -61,7 +64,7 @@ def _commands(context: typer.Context) -> None:
         print(context.get_help())
 
 
-@app.command()
+@command(app)
 def bootstrap(
     *,
     target: Annotated[Path | None, typer.Option(help="the target file of detections.csv")] = None,
@@ -71,7 +74,9 @@ def bootstrap(
     truth: Annotated[Path | None, typer.Option(help="truth.json of rendered photos: adds the error of poses")] = None,
     sizes: Annotated[str, typer.Option(help="views of a sample, drawn with replacement")] = "20,50,120",
     samples: Annotated[int, typer.Option(min=1, max=MAX_SAMPLES, help="of each size")] = 10_000,
-    model: Annotated[str, typer.Option(help="luhmann, opencv, pinhole, or virtual (slow)")] = "luhmann",
+    model: Annotated[
+        str, typer.Option(help="luhmann, opencv, pinhole, or virtual (slow)", autocompletion=one_of(MODELS))
+    ] = "luhmann",
     out: OutOption,
     seed: SeedOption = 1,
     jobs: JobsOption = None,
@@ -85,7 +90,7 @@ def bootstrap(
     image_size: ImageSizeOption = None,
     grid: GridOption = None,
     pitch: PitchOption = None,
-) -> None:
+) -> Summary:
     """Draw views with replacement, calibrate and measure, thousands of times: errors with their spread."""
     from calib.results.truth import read_truth
     from calib.studies.identity import identity_of
@@ -124,10 +129,11 @@ def bootstrap(
         out.mkdir(parents=True, exist_ok=True)
         with open_study(out / STUDY_FILE, identity, resume=resume) as study:
             sample(specs, study, samples=samples, seed=seed, jobs=jobs, dask=dask)
-            show(study, out)
+            summary = show(study, out, (*prepared.remarks, *pool.remarks))
+        return with_page(summary, out, "bootstrap")
 
 
-@app.command()
+@command(app)
 def paper(
     *,
     out: OutOption,
@@ -136,7 +142,7 @@ def paper(
     jobs: JobsOption = None,
     dask: DaskOption = None,
     resume: ResumeOption = False,
-) -> None:
+) -> Summary:
     """Make the paper's study again from nothing: both targets, photos, detections, 10,000 samples a case, its table.
 
     It takes about half an hour on two cores; photos, detections and samples are kept, so that it can be stopped.
@@ -156,17 +162,18 @@ def paper(
             specs = list(paper_study.cases_of(work))
         with open_study(out / STUDY_FILE, identity, resume=resume) as study:
             sample(specs, study, samples=work.samples, seed=seed, jobs=jobs, dask=dask)
-            show(study, out)
+            summary = show(study, out)
+        return with_page(summary, out, "paper")
 
 
-@app.command()
+@command(app)
 def plot(
     folder: Annotated[Path, typer.Argument(help="folder of a study, or its study.sqlite")],
     *,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="folder for tables and figures (default: the study's)")
     ] = None,
-) -> None:
+) -> Summary:
     """Make the tables and figures of a study again, of a running one too."""
     from calib.studies.outputs import STUDY_FILE
     from calib.studies.store import read_study
@@ -175,7 +182,8 @@ def plot(
     place = path.parent if out is None else out
     check_folder(place)
     with read_study(path) as study:
-        show(study, place)
+        summary = show(study, place)
+    return with_page_again(summary, place)
 
 
 def parse_sizes(text: str) -> tuple[int, ...]:
@@ -227,8 +235,14 @@ def _told(counts: list[int], bar: Callable[[float], None]) -> Callable[[int], No
     return tell
 
 
-def show(study: "Study", folder: Path) -> None:
-    """Write tables and figures, print the tables and what they say, and what to look at."""
+def show(study: "Study", folder: Path, remarks: Sequence[str] = ()) -> Summary:
+    """Write tables and figures, print the tables and what they say, and what to look at.
+
+    Args:
+        study: finished or not.
+        folder: for the files.
+        remarks: on the photos, said already.
+    """
     from calib.files import write_files
     from calib.studies.outputs import FIGURES_FOLDER, study_output
     from calib.studies.table import finding_in_words, findings_table, notes, screen_tables
@@ -251,23 +265,35 @@ def show(study: "Study", folder: Path) -> None:
                 print(f"- {printable(finding_in_words(one))}")
         for line in output.reasons:
             print(f"- {printable(line)}")
-    programs = [name for name, _ in study.programs()]
-    for name in sorted({name for name in programs if programs.count(name) > 1}):
-        versions = ", ".join(version for other, version in study.programs() if other == name)
-        print(f"- the samples were computed by several versions of {printable(name)}: {printable(versions)}")
+    mixed = tuple(_mixed_programs(study))
+    for line in mixed:
+        print(f"- {line}")
     pictures = [path for path in output.files if path.suffix == ".png"]
     print(f"\nwrote {shown(folder / MARKDOWN_FILE)}, {CSV_FILE}, {JSON_FILE}: the tables")
     print(f"      {shown(folder / FIGURES_FOLDER)}: {', '.join(path.name for path in pictures)}, as PDF and SVG too")
     print(f"      {shown(study.path)}: every sample")
-    print(
-        f"next  look at {shown(pictures[0])} before you trust the numbers; "
-        f"calib study plot {quoted(study.path)} -o {quoted(folder)} draws all again"
-    )
+    step = f"calib study plot {quoted(study.path)} -o {quoted(folder)}"
+    print(f"next  look at {shown(pictures[0])} before you trust the numbers; {step} draws all again")
+    answer = table_answer(output.files[folder / JSON_FILE])
+    return Summary(answer, (*output.files, study.path), (step,), (*remarks, *mixed))
+
+
+def table_answer(table: bytes) -> dict[str, Value]:
+    """What a study's table.json holds, which is made for programs."""
+    document: dict[str, Value] = json.loads(table)
+    return {key: value for key, value in document.items() if key not in ("format", "version")}
+
+
+def _mixed_programs(study: "Study") -> Iterator[str]:
+    """Programs of which several versions computed the samples."""
+    programs = [name for name, _ in study.programs()]
+    for name in sorted({name for name in programs if programs.count(name) > 1}):
+        versions = ", ".join(version for other, version in study.programs() if other == name)
+        yield f"the samples were computed by several versions of {printable(name)}: {printable(versions)}"
 
 
 def _photograph_and_search(work: "PaperStudy", jobs: int | None) -> None:
     """Targets, photos and detections, as far as they are not there."""
-    from calib.commands.detect import program
     from calib.files import write_files
     from calib.studies import paper_study
 
@@ -323,8 +349,7 @@ def stopped_in_a_line() -> Iterator[None]:
     except StudyStoppedError as error:
         if not error.by_user:
             raise InputError(str(error)) from None
-        print(printable(str(error)), file=sys.stderr)
-        raise SystemExit(STOPPED) from None
+        raise StoppedError(str(error), Summary({"samples": error.done, "asked": error.total})) from None
 
 
 @contextmanager
@@ -333,5 +358,4 @@ def kept_when_stopped() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        print("stopped; what is finished is kept: go on with --resume", file=sys.stderr)
-        raise SystemExit(STOPPED) from None
+        raise StoppedError(KEPT) from None

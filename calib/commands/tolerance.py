@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.screen import progress_bar, table_console, waiting
-from calib.commands.solutions import quoted, shown
+from calib.commands.folder_page import with_page
+from calib.commands.screen import progress_bar, quoted, waiting
 from calib.commands.solve import check_folder
-from calib.commands.study import kept_when_stopped, stopped_in_a_line
+from calib.commands.study import kept_when_stopped, stopped_in_a_line, table_answer
+from calib.commands.tolerance_screen import say_files, say_report
+from designer.answer import Summary
 from designer.command import printable
+from designer.completion import camera_templates, error_templates, one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,15 +36,28 @@ LONGEST_NAME = 60
 def tolerance(
     target: Annotated[Path, typer.Argument(help="a target file (NAME.target.json)")],
     *,
-    errors: Annotated[str, typer.Option(help="error template (fdm-dual, hand-stickers, ...), or a TOML file")],
+    errors: Annotated[
+        str,
+        typer.Option(
+            help="error template (fdm-dual, hand-stickers, ...), or a TOML file", autocompletion=error_templates
+        ),
+    ],
     changes: Annotated[
         list[str] | None,
         typer.Option("--set", help="another size of one error: face_tilt=0.1deg", metavar="ERROR=SIZE"),
     ] = None,
     views: Annotated[int, typer.Option(help="how many photos")] = 90,
     distance: Annotated[str, typer.Option(help="of the cameras from the target's origin")] = "400mm",
-    camera: Annotated[str, typer.Option(help="camera template, or a camera file")] = "machine-vision",
-    model: Annotated[str, typer.Option(help="camera model that is solved: luhmann, opencv or pinhole")] = "luhmann",
+    camera: Annotated[
+        str, typer.Option(help="camera template, or a camera file", autocompletion=camera_templates)
+    ] = "machine-vision",
+    model: Annotated[
+        str,
+        typer.Option(
+            help="camera model that is solved: luhmann, opencv or pinhole",
+            autocompletion=one_of(("luhmann", "opencv", "pinhole")),
+        ),
+    ] = "luhmann",
     weighted: Annotated[
         bool, typer.Option("--weighted/--unweighted", help="weigh observations by their covariances, or all alike")
     ] = False,
@@ -56,7 +72,9 @@ def tolerance(
     ] = None,
     by: Annotated[str | None, typer.Option(help="quantity to rank errors by (default: --require's)")] = None,
     against: Annotated[Path | None, typer.Option(help="target file of another target to compare with")] = None,
-    against_errors: Annotated[str | None, typer.Option(help="errors of that target, as --errors")] = None,
+    against_errors: Annotated[
+        str | None, typer.Option(help="errors of that target, as --errors", autocompletion=error_templates)
+    ] = None,
     against_distance: Annotated[str | None, typer.Option(help="distance to that target (default: --distance)")] = None,
     vary: Annotated[str | None, typer.Option(help="error to compare by (default: the worst one of faces)")] = None,
     seed: Annotated[int, typer.Option(help="of all that is random")] = 1,
@@ -66,7 +84,7 @@ def tolerance(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="go on with the study in the folder")] = False,
     out: Annotated[Path, typer.Option("--out", "-o", help="folder for tables, figures and draws")],
-) -> None:
+) -> Summary:
     """What if a print is off by this much? What manufacturing errors cost a calibration, and how large they may be."""
     if full and linear:
         raise InputError("--full does not fit --linear, which draws nothing; leave one of them out")
@@ -94,7 +112,7 @@ def tolerance(
         if other is not None and against is not None:
             keeping = replace(keeping, inputs={"target": against})
             report = replace(report, against=_compared(report, scene, other, asked, keeping, vary))
-        _write(report, out, target)
+        return with_page(_write(report, out, target), out, "tolerance")
 
 
 @dataclass(frozen=True)
@@ -203,7 +221,7 @@ def _scene(path: Path, errors: str, changes: list[str], distance: str, view: _Vi
             f"--distance {distance_mm:g}mm: the target reaches {inside:.0f}mm from its origin; stay farther away"
         )
     whole("--views", view.views, 1, MAX_VIEWS)
-    lens = read_camera(view.camera)
+    lens = read_camera(view.camera).camera
     fit = view_fit(geometry, lens, distance_mm)
     setting = _setting(geometry, lens, distance_mm, view, seed, fit.remark)
     first = (
@@ -333,58 +351,22 @@ def _timed(tell: Callable[[float], None], asked: _Asked) -> Callable[[float], No
     return told
 
 
-def _write(report: "Report", folder: Path, target: Path) -> None:
-    """Write the files, print the tables and what they say, and what to look at."""
+def _write(report: "Report", folder: Path, target: Path) -> Summary:
+    """Print the tables and what they say, write the files, and say what to look at."""
     from calib.files import write_files
-    from calib.studies.outputs import FIGURES_FOLDER
-    from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
-    from calib.studies.tolerance.explore import STUDY_FILE
+    from calib.studies.table_files import JSON_FILE
+    from calib.studies.tolerance.explore import AGAINST_FILE, STUDY_FILE
     from calib.studies.tolerance.files import report_files
 
-    _show(report)
+    say_report(report)
     with waiting("drawing figures"):
         files = report_files(report, folder)
         write_files(files)
-    pictures = [path for path in files if path.suffix == ".png"]
-    print(f"\nwrote {shown(folder / MARKDOWN_FILE)}, {CSV_FILE}, {JSON_FILE}: the tables")
-    if pictures:
-        also = ", as PDF and SVG too" if report.table.draws else ""
-        print(f"      {shown(folder / FIGURES_FOLDER)}: {', '.join(path.name for path in pictures)}{also}")
-    if report.table.draws:
-        print(f"      {shown(folder / STUDY_FILE)}: every draw")
-    look = f"look at {shown(pictures[0])}; " if pictures else ""
-    print(f"next  {look}calib measure {quoted(target)} takes the errors of your own print back")
-
-
-def _show(report: "Report") -> None:
-    """The tables and what they say, on the screen."""
-    from calib.studies.tolerance.notes import budget_notes, crossover_notes, notes
-    from calib.studies.tolerance.tables import budget_table, cost_table, crossover_table, screen_table
-
-    console = table_console()
-    print()
-    console.print(screen_table(cost_table(report)))
-    print()
-    _print_notes(notes(report))
-    for checked in report.budgets:
-        if checked.budget.is_met_without:
-            print()
-            console.print(screen_table(budget_table(report, checked)))
-        print()
-        _print_notes(budget_notes(report, checked))
-    if report.against is not None:
-        print()
-        for line in report.against.lines:
-            print(printable(line))
-        print()
-        console.print(screen_table(crossover_table(report, report.against)))
-        print()
-        _print_notes(crossover_notes(report, report.against))
-
-
-def _print_notes(lines: tuple[str, ...]) -> None:
-    for line in lines:
-        print(f"- {printable(line)}")
+    step = f"calib measure {quoted(target)} DETECTIONS -o measured/{quoted(Path(target.name))}"
+    say_files(report, folder, list(files), target)
+    names = (STUDY_FILE,) if report.against is None else (STUDY_FILE, AGAINST_FILE)
+    draws = [folder / name for name in names if report.table.draws]
+    return Summary(table_answer(files[folder / JSON_FILE]), (*files, *draws), (step,), report.lines)
 
 
 def _name_of(path: Path) -> str:

@@ -1,17 +1,20 @@
 """The command `calib undistort`."""
 
 import math
-import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.commands.answers.cameras import camera_answer
 from calib.commands.camera_argument import CameraArgument, read_camera
 from calib.commands.detect import refuse_nothing
-from designer.command import STOPPED, printable
+from calib.commands.folder_page import folder_page
+from calib.commands.screen import quoted
+from designer.answer import StoppedError, Summary
+from designer.command import printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,6 +25,8 @@ if TYPE_CHECKING:
 MARK = ".undistorted"
 """Stands in the name of each undistorted photo, so that one is not taken for a photo of the camera."""
 CAMERA_FILE = "camera.json"
+UNDISTORTED = "undistorted"
+"""The kind of a folder's page."""
 FOCAL_RANGE_PX = (1.0, 1e7)
 
 
@@ -30,6 +35,7 @@ class _Done:
     """What came of one photo."""
 
     photo: "PhotoFile"
+    place: Path | None = None  # of the undistorted photo; None: there is none
     share_filled: float = 0.0
     remarks: tuple[str, ...] = ()
     failure: str = ""  # one line that names the file
@@ -47,7 +53,7 @@ def undistort(
         ),
     ] = None,
     focal_px: Annotated[float | None, typer.Option(help="focal length of the new camera, in px")] = None,
-) -> None:
+) -> Summary:
     """Resample photos to what a pinhole camera would have taken.
 
     Each becomes NAME.undistorted.png with its bit depth and channels. The new camera.json belongs to them.
@@ -61,7 +67,8 @@ def undistort(
         raise InputError("--alpha nan: must be from 0 to 1")
     if focal_px is not None and not FOCAL_RANGE_PX[0] <= focal_px <= FOCAL_RANGE_PX[1]:
         raise InputError(f"--focal-px {focal_px:g}: must be from {FOCAL_RANGE_PX[0]:g} to {FOCAL_RANGE_PX[1]:g}")
-    taken = read_camera(camera)
+    named_camera = read_camera(camera)
+    taken = named_camera.camera
     pinhole = pinhole_of(taken, alpha=alpha, focal_px=focal_px)
     place = out / CAMERA_FILE
     _check_out(out, place)
@@ -74,7 +81,41 @@ def undistort(
         refuse_nothing(failures, "no photos to undistort")
     if len(named) > len(files):
         print(f"left out: {len(named) - len(files)} undistorted photos of an earlier run")
+    step = f"calib convert {quoted(place)} --to colmap -o cameras.txt"
     _summarise(done, failures, taken, pinhole, place)
+    pages, remarks = folder_page(out, UNDISTORTED, lambda: (_keep(out, camera, taken, done, failures),))
+    print(f"next  {step}  writes it for COLMAP")
+    summary = _summary(done, failures, place, pinhole)
+    remarks = (*named_camera.remarks, *remarks)
+    return replace(summary, wrote=(*summary.wrote, *pages), next_steps=(step,), remarks=remarks)
+
+
+def _keep(out: Path, camera_name: str, taken: "Camera", done: "Sequence[_Done]", failures: Sequence[str]) -> Path:
+    """Write what the folder's page is built from."""
+    from calib.report.undistorted_file import UndistortedPhoto, write_undistorted
+
+    good = [(one, one.place) for one in done if one.place is not None]
+    photos = [UndistortedPhoto(one.photo.name, place.name, one.remarks) for one, place in good]
+    return write_undistorted(out, camera_name, taken, photos, failures, min(one.share_filled for one, _ in good))
+
+
+def _summary(done: Sequence[_Done], failures: Sequence[str], place: Path, pinhole: "Camera") -> Summary:
+    """The same for a program, of a stopped run too."""
+    good = [one for one in done if one.place is not None]
+    return Summary(
+        {
+            "undistorted": len(good),
+            "failures": list(failures),
+            "camera_file": str(place),
+            "camera": camera_answer(pinhole),
+            "per_photo": [
+                {"image": one.photo.name, "path": str(one.photo.path), "undistorted": str(one.place),
+                 "share_filled": one.share_filled, "remarks": one.remarks}
+                for one in good
+            ],
+        },
+        (*(one.place for one in good if one.place is not None), *((place,) if good else ())),
+    )  # fmt: skip
 
 
 def _undistort_all(photos: "Sequence[PhotoFile]", place: Path, camera: "Camera", pinhole: "Camera") -> list[_Done]:
@@ -95,8 +136,10 @@ def _undistort_all(photos: "Sequence[PhotoFile]", place: Path, camera: "Camera",
                 tell(len(done))
     except KeyboardInterrupt:
         good = sum(not one.failure for one in done)
-        typer.echo(f"stopped: {good} of {len(photos)} photos are in {place.parent}", err=True)
-        raise SystemExit(STOPPED) from None
+        failures = [one.failure for one in done if one.failure]
+        raise StoppedError(
+            f"stopped; {good} of {len(photos)} photos are in {place.parent}", _summary(done, failures, place, pinhole)
+        ) from None
     return done
 
 
@@ -143,7 +186,7 @@ def _one(
         return _Done(photo, failure=str(error))
     except Exception as error:
         return _Done(photo, failure=f"{photo.path}: cannot be undistorted: {type(error).__name__}: {error}")
-    return _Done(photo, undistorted.share_filled, image.remarks)
+    return _Done(photo, result, undistorted.share_filled, image.remarks)
 
 
 def _png(pixels: "Pixels") -> bytes:
@@ -174,4 +217,3 @@ def _summarise(
         print(f"  {100 * black:.1f} % of the pixels are black: the photos show nothing there; --alpha 0 avoids it")
     print(f"wrote {place.parent}: NAME{MARK}.png")
     print(f"      {place}: their pinhole, fx {fx:.3f} fy {fy:.3f} cx {cx:.3f} cy {cy:.3f} px")
-    print(f"next  calib convert {shlex.quote(str(place))} --to colmap -o cameras.txt  writes it for COLMAP")

@@ -5,10 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calib.figures.comparison import comparison_height_px, draw_comparison
-from calib.figures.fields import cells_of_residuals, draw_means, draw_residuals, residuals_of
-from calib.figures.page import describe, draw_coverage, draw_histogram, draw_uncertainty, draw_views
+from calib.figures.fields import draw_means, draw_residuals
+from calib.figures.page import describe, draw_histogram, draw_sightings, draw_uncertainty, draw_views
+from calib.figures.sigma_map import sigma_map
 from calib.figures.style import WIDTH_PX, bar_beside, picture
 from calib.metrics.evaluation import Evaluation
+from calib.metrics.residual_cells import cells_of_residuals, residuals_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,8 +39,8 @@ def _draw_page(page: "Figure", evaluation: Evaluation) -> None:
     draw_residuals(axes[0, 0], residuals)
     means = draw_means(axes[0, 1], cells, size, "What is systematic: mean residual of each cell", cells.long_px)
     bar_beside(axes[0, 1], means, "length of the mean in px", longer=True)
-    draw_coverage(axes[1, 0], residuals)
-    draw_uncertainty(axes[1, 1], evaluation.calibration)
+    draw_sightings(axes[1, 0], residuals)
+    draw_uncertainty(axes[1, 1], evaluation.calibration, sigma_map(evaluation.calibration))
     draw_histogram(axes[2, 0], evaluation)
     draw_views(axes[2, 1], evaluation)
     page.suptitle(describe(evaluation), fontsize=16, fontweight="bold", x=0.01, ha="left")

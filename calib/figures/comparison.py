@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.figures.cells import cells_of, columns_rows
-from calib.figures.fields import draw_means, residuals_of
+from calib.figures.fields import draw_means
 from calib.figures.style import BLUE, GREEN, GREY, ORANGE, VERMILION, WIDTH_PX, bar_beside
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation
+from calib.metrics.residual_cells import cells_of, columns_rows, residuals_of
 from calib.results.evaluation_table import figure as digits
 
 if TYPE_CHECKING:

@@ -1,68 +1,47 @@
 """Residuals over the image: one by one, and their means in cells, which show distortion that no parameter took up."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.figures.cells import LEAST_PER_CELL, Cells, cells_of, columns_rows
-from calib.figures.style import BLUE, EMPTY, INK, LABEL_POINTS, SEQUENTIAL, VERMILION, image_axes, note, round_length
-from calib.metrics.evaluation import Evaluation
+from calib.figures.style import (
+    BLUE,
+    DEEP,
+    EMPTY,
+    INK,
+    LABEL_POINTS,
+    PALE,
+    SEQUENTIAL,
+    VERMILION,
+    image_axes,
+    note,
+    round_length,
+)
+from calib.metrics.residual_cells import LEAST_PER_CELL, Cells, Residuals
 from calib.results.evaluation_table import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import QuadMesh
 
-Array = NDArray[np.float64]
-
 MOST_ARROWS = 4000
 ARROW_SHARE = 0.04
 """Length of a large residual (95 %) on paper, of the image's width."""
 
 
-@dataclass(frozen=True, eq=False)
-class Residuals:
-    """The residuals that count, and the places of those left out."""
-
-    image_size: tuple[int, int]
-    pixel: Array  # (N, 2)
-    residual_px: Array  # (N, 2) predicted - measured
-    outlier_px: Array  # (K, 2) where outliers are
-
-
-def residuals_of(evaluation: Evaluation) -> Residuals:
-    """The reprojection errors of an evaluation of all views."""
-    errors, seen = evaluation.of("reprojection"), evaluation.calibration.observations
-    if errors is None or errors.sighting is None:
-        raise ValueError("an evaluation without reprojection errors has no residuals")
-    pixel = seen.center_px[errors.sighting]
-    counted = errors.is_counted
-    return Residuals(
-        seen.image_size, pixel[counted], errors.vector[counted], seen.center_px[evaluation.calibration.is_outlier]
-    )
-
-
-def cells_of_residuals(residuals: Residuals) -> Cells:
-    """Residuals in cells as fine as their number allows."""
-    shape = columns_rows(residuals.image_size, len(residuals.pixel))
-    return cells_of(residuals.image_size, residuals.pixel, residuals.residual_px, shape)
-
-
-def draw_residuals(axes: "Axes", residuals: Residuals) -> None:
-    """An arrow a residual, enlarged."""
+def draw_residuals(axes: "Axes", residuals: Residuals, most: int = MOST_ARROWS) -> None:
+    """An arrow a residual, enlarged, or of very many some."""
     image_axes(axes, residuals.image_size, "What is left over: predicted - measured")
     count = len(residuals.pixel)
-    rows = np.arange(count) if count <= MOST_ARROWS else np.linspace(0, count - 1, MOST_ARROWS).astype(np.int64)
+    rows = np.arange(count) if count <= most else np.linspace(0, count - 1, most).astype(np.int64)
     pixel, arrow = residuals.pixel[rows], residuals.residual_px[rows]
     if not count:
         note(axes, "no residual counts")
     else:
         enlarged = _enlarged(residuals.image_size, float(np.percentile(np.hypot(*residuals.residual_px.T), 95)))
         axes.quiver(
-            *pixel.T, *arrow.T, angles="xy", scale_units="xy", scale=1 / enlarged, width=1.2, units="dots",
-            color=BLUE, headwidth=4, headlength=4, headaxislength=3.5,
+            *pixel.T, *arrow.T, angles="xy", scale_units="xy", scale=1 / enlarged, width=0.012, units="inches",
+            color=BLUE, headwidth=4, headlength=4, headaxislength=3.5, rasterized=True,
         )  # fmt: skip
         _scale_arrow(axes, residuals.image_size[0], enlarged)
         shown = "" if len(rows) == count else f"; {len(rows)} of {count} drawn"
@@ -106,7 +85,9 @@ def draw_means(axes: "Axes", cells: Cells, image_size: tuple[int, int], title: s
     image_axes(axes, image_size, title)
     axes.set_facecolor(EMPTY)
     long_px = max(long_px, 1e-12)
-    shown = axes.pcolormesh(cells.edge_u, cells.edge_v, cells.length_px, cmap=SEQUENTIAL, vmin=0, vmax=long_px)
+    shown = axes.pcolormesh(
+        cells.edge_u, cells.edge_v, cells.length_px, cmap=SEQUENTIAL, vmin=0, vmax=long_px, rasterized=True
+    )
     known = np.isfinite(cells.length_px)
     if not known.any():
         note(axes, f"no cell has {LEAST_PER_CELL} residuals")
@@ -117,7 +98,7 @@ def draw_means(axes: "Axes", cells: Cells, image_size: tuple[int, int], title: s
     arrow = arrow * np.minimum(1.0, 1.4 * step / np.maximum(enlarged * np.hypot(*arrow.T), 1e-12))[:, None]
     axes.quiver(
         *(cells.center_px[known] - arrow * enlarged / 2).T, *arrow.T, angles="xy", scale_units="xy",
-        scale=1 / enlarged, width=2.2, units="dots", color="white", edgecolor=INK, linewidth=0.6, headwidth=4,
+        scale=1 / enlarged, width=0.022, units="inches", color=PALE, edgecolor=DEEP, linewidth=0.6, headwidth=4,
         headlength=4, headaxislength=3.5,
     )  # fmt: skip
     _scale_arrow(axes, image_size[0], enlarged)

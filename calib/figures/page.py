@@ -1,17 +1,16 @@
-"""The figures of one calibration: coverage, uncertainty, distribution and photos."""
+"""The figures of one calibration: sightings, uncertainty, distribution and photos."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.figures.cells import cells_of, columns_rows
-from calib.figures.fields import Residuals
+from calib.figures.maps import draw_map
+from calib.figures.sigma_map import SigmaMap
 from calib.figures.style import BLUE, EMPTY, INK, ORANGE, SEQUENTIAL, VERMILION, bar_beside, image_axes, note, nothing
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, by_view
-from calib.refit import image_grid
+from calib.metrics.residual_cells import Residuals, cells_of, columns_rows
 from calib.results.evaluation_table import figure as digits
-from calib.solver.uncertainty import projected_sigma_px
 from calib.types import Calibration
 from designer.command import printable
 
@@ -19,55 +18,36 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COVERED = 4
-"""Sightings of a cell of the map of coverage, on average."""
-MAP = (49, 37)
-ROUND_PX = tuple(step * 10.0**power for power in range(-6, 4) for step in (1, 2, 5))
+"""Sightings of a cell of the map of sightings, on average."""
 WORST = 3
 FEWEST_BINS, MOST_BINS = 15, 61
 
 
-def draw_coverage(axes: "Axes", residuals: Residuals) -> None:
+def draw_sightings(axes: "Axes", residuals: Residuals) -> None:
     """How many sightings lie in each cell."""
-    image_axes(axes, residuals.image_size, "Coverage of the sensor")
+    image_axes(axes, residuals.image_size, "Where the sightings are")
     width, height = residuals.image_size
     axes.fill_between([-0.5, width - 0.5], -0.5, height - 0.5, facecolor=EMPTY, hatch="///", linewidth=0)
     shape = columns_rows(residuals.image_size, len(residuals.pixel), COVERED)
     cells = cells_of(residuals.image_size, residuals.pixel, residuals.residual_px, shape)
     empty, total = int((cells.count == 0).sum()), cells.count.size
-    note(axes, f"{100 * (1 - empty / total):.0f} % of the image has sightings; {empty} of {total} cells are empty")
+    note(axes, f"{empty} of {total} cells of the image are empty")
     if empty < total:
         count = np.where(cells.count > 0, cells.count, np.nan)
         shown = axes.pcolormesh(cells.edge_u, cells.edge_v, count, cmap=SEQUENTIAL, vmin=0)
         bar_beside(axes, shown, "sightings in a cell")
 
 
-def draw_uncertainty(axes: "Axes", calibration: Calibration) -> None:
+def draw_uncertainty(axes: "Axes", calibration: Calibration, found: SigmaMap) -> None:
     """Standard deviation of the camera's pixels over the image."""
-    from matplotlib.patheffects import withStroke
-
-    size = calibration.camera.image_size
-    image_axes(axes, size, "Uncertainty of the camera (1 sigma)")
+    image_axes(axes, found.image_size, "Uncertainty of the camera (1 sigma)")
     axes.set_facecolor(EMPTY)
-    grid = image_grid(size, *MAP).reshape(-1, 2)
-    sigma = projected_sigma_px(calibration.camera, calibration.param_covariance, grid)
-    known = np.isfinite(sigma)
-    if not known.any() or not sigma[known].max() > 0:
-        note(axes, "the photos do not determine it" if not known.any() else "no parameter was estimated")
+    if not found.is_known:
+        note(axes, "no parameter was estimated" if len(found.known_px) else "the photos do not determine it")
         return
-    u, v, field = (values.reshape(MAP[1], MAP[0]) for values in (*grid.T, sigma))
-    shown = axes.pcolormesh(u, v, field, cmap=SEQUENTIAL, shading="gouraud", vmin=0)
-    bar_beside(axes, shown, "px")
-    if float(sigma[known].max()) > 1.2 * float(sigma[known].min()):
-        levels = [level for level in ROUND_PX if sigma[known].min() < level < sigma[known].max()]
-        lines = axes.contour(u, v, field, levels=levels or [float(np.median(sigma[known]))], colors="white")
-        for text in axes.clabel(lines, fontsize=12, fmt="%g px"):
-            text.set_path_effects([withStroke(linewidth=3, foreground=INK)])
-    centre = projected_sigma_px(
-        calibration.camera, calibration.param_covariance, (np.array([size], dtype=np.float64) - 1) / 2
-    )
+    draw_map(axes, found.pixel, found.sigma_px, "px", may_be_wide=True)
     less = "less a common rotation" if calibration.camera.learned is None else "the learned map taken as exact"
-    worst = digits(float(sigma[known].max()), 2)
-    note(axes, f"centre {digits(float(centre[0]), 2)} px, worst {worst} px; {less}")
+    note(axes, f"centre {digits(found.centre_px, 2)} px, worst {digits(found.worst_px, 2)} px; {less}")
 
 
 def draw_histogram(axes: "Axes", evaluation: Evaluation) -> None:
@@ -77,7 +57,7 @@ def draw_histogram(axes: "Axes", evaluation: Evaluation) -> None:
     sigma = calibration.scale
     axes.set_title("Distribution of the residuals")
     axes.set_xlabel(f"predicted - measured, u and v together, in {unit}")
-    axes.set_ylabel("share of residuals in a bin, in %")
+    axes.set_ylabel("share in a bin, in %")
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     if not len(values):

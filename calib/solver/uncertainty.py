@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 GRID = (24, 18)
 """Pixels over which the best rotation is found."""
+SHARE_PERCENT = 95
+"""Of the image, where one number stands for all of it."""
 
 
 def projected_covariance_px2(camera: Camera, param_covariance: Array, pixel: Array) -> Array:
@@ -41,6 +43,13 @@ def projected_sigma_px(camera: Camera, param_covariance: Array, pixel: Array) ->
     known: NDArray[np.bool_] = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     largest = np.linalg.eigvalsh(np.where(known[:, None, None], covariance, 0.0))[:, 1]
     return np.where(known, np.sqrt(np.maximum(largest, 0.0)), np.nan)
+
+
+def sigma_over_image_px(camera: Camera, param_covariance: Array) -> float:
+    """What 95 % of the image stays within; infinite if less of it is known."""
+    sigma = projected_sigma_px(camera, param_covariance, image_grid(camera.image_size).reshape(-1, 2))
+    everywhere = np.where(np.isfinite(sigma), sigma, np.inf)
+    return float(np.percentile(everywhere, SHARE_PERCENT, method="inverted_cdf"))
 
 
 def _derivatives(camera: Camera, pixel: Array) -> tuple[Array, Array]:

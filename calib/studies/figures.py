@@ -67,7 +67,7 @@ def histogram_files(cases: Mapping[Case, SampleArrays], folder: Path, label: str
     """
     columns = len({case.target for case in cases})
     return files_of(
-        folder / f"histograms{_slug(label)}", histograms_height_px(columns), lambda page: draw_histograms(page, cases)
+        folder / f"histograms{slug(label)}", histograms_height_px(columns), lambda page: draw_histograms(page, cases)
     )
 
 
@@ -82,7 +82,7 @@ def convergence_files(summaries: Sequence[CaseSummary], folder: Path, label: str
     if len({one.case.size for one in summaries}) < 2:
         return {}
     return files_of(
-        folder / f"sigma{_slug(label)}", convergence_height_px(), lambda page: draw_convergence(page, summaries)
+        folder / f"sigma{slug(label)}", convergence_height_px(), lambda page: draw_convergence(page, summaries)
     )
 
 
@@ -97,7 +97,7 @@ def correlation_files(pairs: Sequence[Pair], folder: Path, label: str = "") -> d
     if not pairs:
         return {}
     return files_of(
-        folder / f"correlations{_slug(label)}",
+        folder / f"correlations{slug(label)}",
         correlations_height_px(pairs),
         lambda page: draw_correlations(page, pairs),
     )
@@ -118,7 +118,7 @@ def _pairs(
     return pairs
 
 
-def _slug(label: str) -> str:
+def slug(label: str) -> str:
     """A label as a part of a file's name."""
     slug = NOT_IN_NAMES.sub("_", label.lower()).strip("_")
     return f"_{slug}" if slug else ""

@@ -67,8 +67,13 @@ def amount_in_words(errors: ErrorModel, source: str, factor: float = 1.0) -> str
 
 def size_in_words(errors: ErrorModel, source: str, factor: float = 1.0) -> str:
     """A multiple of a source's size to three digits, in the unit that a person calls it by."""
-    unit, per = HUMAN[SOURCES[source].unit]
-    return f"{float(f'{factor * errors.amount(source).size * per:.3g}'):g}{unit}"
+    return size_words(factor * errors.amount(source).size, SOURCES[source].unit)
+
+
+def size_words(size: float, source_unit: Unit) -> str:
+    """A size to three digits, in the unit that a person calls it by."""
+    unit, per = HUMAN[source_unit]
+    return f"{float(f'{size * per:.3g}'):g}{unit}"
 
 
 def cost_cell(cost: Cost, place: tuple[int, ...], noise: float) -> str:

@@ -1,4 +1,4 @@
-"""What lies in each cell of a grid over the image."""
+"""What a camera leaves over, sorted into the cells of a grid over the image: their means show what is systematic."""
 
 import math
 from dataclasses import dataclass
@@ -6,6 +6,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from calib.metrics.evaluation import Evaluation
 
 Array = NDArray[np.float64]
 
@@ -89,3 +91,31 @@ def cells_of(image_size: tuple[int, int], pixel: Array, residual_px: Array, shap
     scatter = residual_px - (total / np.maximum(count, 1)[:, None])[cell]
     noise = math.sqrt(float((scatter**2).sum()) / (2 * degrees)) if degrees else math.nan
     return Cells(edge_u, edge_v, count.reshape(rows, columns), mean.reshape(rows, columns, 2), noise)
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """The residuals that count, and the places of those left out."""
+
+    image_size: tuple[int, int]
+    pixel: Array  # (N, 2)
+    residual_px: Array  # (N, 2) predicted - measured
+    outlier_px: Array  # (K, 2) where outliers are
+
+
+def residuals_of(evaluation: Evaluation) -> Residuals:
+    """The reprojection errors of an evaluation of all views."""
+    errors, seen = evaluation.of("reprojection"), evaluation.calibration.observations
+    if errors is None or errors.sighting is None:
+        raise ValueError("an evaluation without reprojection errors has no residuals")
+    pixel = seen.center_px[errors.sighting]
+    counted = errors.is_counted
+    return Residuals(
+        seen.image_size, pixel[counted], errors.vector[counted], seen.center_px[evaluation.calibration.is_outlier]
+    )
+
+
+def cells_of_residuals(residuals: Residuals) -> Cells:
+    """Residuals in cells as fine as their number allows."""
+    shape = columns_rows(residuals.image_size, len(residuals.pixel))
+    return cells_of(residuals.image_size, residuals.pixel, residuals.residual_px, shape)

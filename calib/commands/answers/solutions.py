@@ -1,0 +1,85 @@
+"""Answers of commands that calibrate: what came of each model, and its errors by every metric."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calib.metrics.errors import Errors
+    from calib.metrics.evaluation import Evaluation
+    from calib.pipeline.solutions import Solution
+    from calib.types import Calibration
+    from designer.answer import Value
+
+
+def solutions_answer(solutions: "Sequence[Solution]", best: "Solution | None") -> "dict[str, Value]":
+    """All models, and the one to go on with."""
+    return {"best": None if best is None else best.model, "models": [_solution(one) for one in solutions]}
+
+
+def _solution(solution: "Solution") -> "dict[str, Value]":
+    from calib.results.calibration_file import CALIBRATION_FILE, CAMERA_FILE
+
+    if solution.evaluation is None:
+        return {"model": solution.model, "status": "failed", "failure": solution.failure}
+    return {
+        **evaluation_answer(solution.evaluation),
+        "failure": None,
+        "camera_file": str(solution.folder / CAMERA_FILE),
+        "calibration_file": str(solution.folder / CALIBRATION_FILE),
+    }
+
+
+def evaluation_answer(evaluation: "Evaluation") -> "dict[str, Value]":
+    """A calibration and its errors."""
+    calibration = evaluation.calibration
+    seen = calibration.observations
+    metrics = {errors.metric: _metric(errors) for errors in evaluation.errors}
+    reprojection = metrics.get("reprojection", {})
+    return {
+        "model": calibration.camera.model,
+        "status": calibration.status,
+        "image_size_px": calibration.camera.image_size,
+        "photos": seen.view_count,
+        "sightings": len(seen.view),
+        "outliers": int(calibration.is_outlier.sum()),
+        "held_out_parts": evaluation.folds,
+        "rms_px": reprojection.get("rms_px"),
+        "sigma_px": None if calibration.weighted else calibration.scale,
+        "sigma_of_stated": calibration.scale if calibration.weighted else None,
+        "iterations": calibration.iterations,
+        "seconds": calibration.seconds,
+        "parameters": _parameters(calibration),
+        "metrics": metrics,
+        "remarks": [*calibration.remarks, *evaluation.remarks],
+    }
+
+
+def _parameters(calibration: "Calibration") -> "dict[str, Value]":
+    """Value and standard deviation; a fixed parameter has none, nor one that the photos do not determine."""
+    import numpy as np
+
+    from calib.cameras import MODELS
+
+    sigmas = np.sqrt(np.diagonal(calibration.param_covariance)).tolist()
+    rows = zip(MODELS[calibration.camera.model].parameters, calibration.camera.params.tolist(), sigmas, strict=True)
+    return {
+        one.name: {
+            "value": value,
+            "sigma": None if one.name in calibration.fixed else sigma,
+            "unit": one.unit,
+            "is_fixed": one.name in calibration.fixed,
+        }
+        for one, value, sigma in rows
+    }
+
+
+def _metric(errors: "Errors") -> "dict[str, Value]":
+    """Root mean square, mean, median and more of the errors' lengths."""
+    from calib.metrics.errors import summarise
+
+    numbers = asdict(summarise(errors))
+    count = numbers.pop("count")
+    numbers = {"rms": numbers.pop("rmse"), **numbers}
+    named = {f"{name}_{errors.unit}": value for name, value in numbers.items()}
+    return {"count": count, **named, "left_out": dict(errors.left_out)}

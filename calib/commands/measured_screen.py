@@ -1,0 +1,58 @@
+"""What `calib measure` shows of a measured target."""
+
+from typing import TYPE_CHECKING
+
+from calib.commands.screen import table_console
+from designer.command import printable
+
+if TYPE_CHECKING:
+    from calib.as_built_report.files import Report
+
+
+def say_measured(report: "Report") -> None:
+    """Status, the whole print, faces, rings and what is gained."""
+    from calib.as_built_report.words import (
+        faces_table,
+        gain_table,
+        next_print_lines,
+        rings_line,
+        whole_print_lines,
+    )
+
+    found, console = report.found, table_console()
+    views, sightings = (
+        sum(one.view_count for one in found.observations),
+        sum(len(one.view) for one in found.observations),
+    )
+    worth = "times the stated sigma" if report.weighted else "px"
+    print(
+        f"{len(found.cameras)} camera{'s' if len(found.cameras) > 1 else ''}, {views} photos, {sightings} sightings: "
+        f"{found.status}; an observation's standard deviation is {found.scale:.4f} {worth}; {found.seconds:.1f} s"
+    )
+    for remark in found.remarks:
+        console.print(f"  {printable(remark)}", style="yellow", markup=False)
+    for asked, (_, left) in zip(report.lengths, found.lengths, strict=True):
+        print(f"length {asked.text}; left over {left:+.1f} sigma")
+    print()
+    for line in whole_print_lines(found, report.whole):
+        print(line)
+    if report.rings is not None:
+        print(rings_line(report.rings))
+    print()
+    for line in next_print_lines(report.whole, report.made_with_percent, report.made_with_skew_rad):
+        print(line)
+    print()
+    if report.faces is not None:
+        print("how faces lie, in their own axes (z outwards); * is more than 3 sigma")
+        console.print(faces_table(found, report.faces))
+        print()
+    if report.held_out is not None:
+        held = report.held_out
+        for remark in held.remarks:
+            console.print(f"  {printable(remark)}", style="yellow", markup=False)
+        print(
+            f"root mean square errors of photos held out, in {held.folds} parts: camera and target are solved from the "
+            "other parts,\nonly a photo's own pose from itself"
+        )
+        console.print(gain_table(held))
+        print()

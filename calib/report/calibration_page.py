@@ -1,0 +1,97 @@
+"""The page of a calibration's folder, from what the folder stores and nothing else."""
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from calib.figures.sigma_map import sigma_map
+from calib.report.accuracy_section import accuracy_section, halves_of
+from calib.report.camera_scene import camera_view, spread_words
+from calib.report.camera_section import camera_section, page_lead
+from calib.report.judging import is_verdict_on
+from calib.report.models_section import models_section
+from calib.report.origin import Origin
+from calib.report.photo_rows import common_remarks, photo_rows
+from calib.report.photos import photos_section
+from calib.report.run_files import files_section
+from calib.report.run_folder import Solved, read_run
+from calib.report.run_tables import faces_table, faces_words
+from calib.report.verdict_section import headline_of, next_section, verdict_section
+from calib.verdict.next_views import NextView, next_views
+from calib.verdict.next_views_file import NEXT_VIEWS_FILE, read_next_views
+from calib.verdict.of_run import Judged
+from calib.verdict.verdict_file import VERDICT_FILE, read_verdict
+from designer.command import printable
+from designer.errors import InputError
+from designer.page.blocks import Page, Section
+
+DEFAULT_NAME = "calibration"
+"""How `calib run` calls its folder: it says nothing, so the folder around it is named too."""
+
+
+def calibration_page(folder: Path, origin: Origin) -> Page:
+    """Read a folder and build its page.
+
+    Raises:
+        InputError: no camera in it can be read; the message names the file.
+    """
+    run = read_run(folder)
+    faults = list(run.faults)
+    judged = _judged(folder, faults)
+    best = run.best("" if judged is None else judged.verdict.model)
+    if judged is not None and not is_verdict_on(judged, best):
+        faults.append(f"{VERDICT_FILE}: on another camera or other photos; calib report with --criteria judges again")
+        judged = None
+    verdict = None if judged is None else judged.verdict
+    is_flat = len(best.calibration.observations.points.plane) == 1
+    with ThreadPoolExecutor(1) as beside:  # pictures are decoded while figures are drawn
+        rows, common = photo_rows(run, best), common_remarks(run.records)
+        photos = beside.submit(photos_section, folder, rows, common, is_flat=is_flat)
+        proposed = _proposed(folder, best, faults)
+        found = sigma_map(best.calibration)
+        halves = halves_of(best, judged)
+        sections = [
+            verdict_section(verdict, best, faults),
+            *next_section(verdict, best, proposed),
+            camera_section(run, best),
+            accuracy_section(best, found, halves),
+        ]
+        after: list[Section] = []
+        if len(best.calibration.observations.points.plane) > 1:
+            after.append(Section("Faces", (faces_table(best, run.records),), lead=faces_words(best)))
+        view = camera_view(best, run.target, proposed)
+        after.append(Section("Views in 3D", (view,), lead=spread_words(best)))
+        if len(run.solved) > 1:
+            after.append(models_section(run, best))
+        lead = page_lead(best, found, halves)
+        sections += [photos.result(), *after, files_section(run, best)]
+    return Page(
+        title=title_of(folder), kind="Calibration", headline=headline_of(verdict, best), sections=tuple(sections),
+        lead=lead, made_by=origin.command, program=origin.program,
+    )  # fmt: skip
+
+
+def title_of(folder: Path) -> str:
+    """The folder's name."""
+    place = folder.resolve()
+    name = f"{place.parent.name}/{place.name}" if place.name == DEFAULT_NAME else place.name
+    return printable(name) or DEFAULT_NAME
+
+
+def _judged(folder: Path, faults: list[str]) -> Judged | None:
+    if not (folder / VERDICT_FILE).exists():
+        return None
+    try:
+        return read_verdict(folder)
+    except InputError as error:
+        faults.append(printable(str(error).replace(f"{folder}/", "")))
+        return None
+
+
+def _proposed(folder: Path, best: Solved, faults: list[str]) -> tuple[NextView, ...]:
+    """The photos to take next, as they are stored or as the camera tells."""
+    if (folder / NEXT_VIEWS_FILE).exists():
+        try:
+            return read_next_views(folder)
+        except InputError as error:
+            faults.append(printable(str(error).replace(f"{folder}/", "")))
+    return next_views(best.calibration)

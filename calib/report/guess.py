@@ -1,0 +1,63 @@
+"""What a folder without `report.json` holds, by the files in it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from calib.report.origin import ORIGIN_FILE, Origin, origin_of, read_origin
+from calib.report.run_folder import is_run_folder
+from designer.answer import program
+from designer.errors import InputError
+
+TABLE_FILE = "table.json"
+HEAD_BYTES = 200
+BY_FORMAT: Mapping[str, str] = {
+    "ringforge.study_table": "bootstrap", "ringforge.tolerance_table": "tolerance", "ringforge.comparison": "compare",
+}  # fmt: skip
+"""Formats of table.json and what the folder then is."""
+OF_PAPER = "targets"
+"""A study of the paper has a folder with the targets it made up."""
+BY_NAME: Mapping[str, str] = {
+    "undistorted.json": "undistorted", "detected.json": "detections", "posed.json": "poses", "truth.json": "photos",
+}  # fmt: skip
+"""Files that commands leave in folders of pictures, and what the folder then is."""
+MEASURED = "*.as_built.json"
+DESIGN = "*.target.json"
+
+
+def origin_in(folder: Path) -> Origin:
+    """The origin that a folder states, or that its files tell; then the command that made it is not known.
+
+    Raises:
+        InputError: no folder, or one that holds nothing to report, or a damaged `report.json`; the message says what
+            to do.
+    """
+    if not folder.is_dir():
+        what = "is a file, not a folder" if folder.exists() else "no such folder"
+        raise InputError(f"{folder}: {what}; give a folder of calib run, calib measure or calib study")
+    if (folder / ORIGIN_FILE).exists():
+        return read_origin(folder)
+    kind = _kind(folder)
+    if kind:
+        return origin_of(kind, "", program())
+    if any(folder.glob(DESIGN)):
+        name = next((path.name for path in sorted(folder.glob("*.toml"))), "NAME.toml")
+        raise InputError(f"{folder}: is a design's folder: design make {name} -o {folder} writes its page")
+    raise InputError(
+        f"{folder}: holds nothing to report; give a folder that calib run, calib measure, calib study or "
+        "design tolerance wrote"
+    )
+
+
+def _kind(folder: Path) -> str:
+    """The kind of a folder's results; "" if there are none."""
+    if is_run_folder(folder):
+        return "calibration"
+    table = folder / TABLE_FILE
+    if table.is_file():
+        with table.open("rb") as stream:
+            head = stream.read(HEAD_BYTES).decode("utf-8", "replace")
+        kind = next((kind for name, kind in BY_FORMAT.items() if f'"{name}"' in head), "")
+        return "paper" if kind == "bootstrap" and (folder / OF_PAPER).is_dir() else kind
+    if any(folder.glob(MEASURED)):
+        return "measure"
+    return next((kind for name, kind in BY_NAME.items() if (folder / name).is_file()), "")

@@ -1,0 +1,58 @@
+"""Judging the calibration in a folder, by limits of one's choice."""
+
+from pathlib import Path
+
+from calib.files import write_files
+from calib.report.run_folder import Solved, read_run
+from calib.verdict.criteria import Criteria
+from calib.verdict.halves import HalfSplit, Halves, half_split
+from calib.verdict.next_views import next_views
+from calib.verdict.next_views_file import NEXT_VIEWS_FILE, next_views_file
+from calib.verdict.of_run import Judged, judge_run
+from calib.verdict.verdict_file import VERDICT_FILE, read_verdict, verdict_to_json
+from designer.errors import InputError
+
+
+def judge_folder(folder: Path, criteria: Criteria) -> Judged:
+    """Judge the best camera of a folder, and write `verdict.json` and `next_views.json`, both or none.
+
+    Half solutions that an earlier verdict stored are used again.
+
+    Raises:
+        InputError: the folder holds no camera that can be read, or takes no files; the message names it.
+    """
+    run = read_run(folder)
+    best = run.best()
+    halves = _stored_halves(folder, best) or half_split(best.calibration, best.provenance.options)
+    proposed = next_views(
+        best.calibration, goal_px=criteria.uncertainty_px.good, goal_covered=criteria.coverage_percent.good / 100
+    )
+    calibrations = [one.calibration for one in run.solved]
+    judged = judge_run(calibrations, run.solved.index(best), halves, criteria, proposed)
+    write_files({
+        folder / VERDICT_FILE: verdict_to_json(judged), folder / NEXT_VIEWS_FILE: next_views_file(proposed)
+    })  # fmt: skip
+    return judged
+
+
+def _stored_halves(folder: Path, best: Solved) -> HalfSplit | None:
+    """The half solutions of an earlier verdict, if they are of this camera and its photos."""
+    try:
+        judged = read_verdict(folder)
+    except InputError:
+        return None
+    return judged.halves if isinstance(judged.halves, Halves) and is_verdict_on(judged, best) else None
+
+
+def is_verdict_on(judged: Judged, best: Solved) -> bool:
+    """Whether a verdict is on this camera: of its model, and its halves, if there are any, of its photos."""
+    if judged.verdict.model != best.model:
+        return False
+    names, size = set(best.calibration.observations.view_names), best.calibration.camera.image_size
+    for first, second in judged.halves.pairs if isinstance(judged.halves, Halves) else ():
+        cameras = (first.known.camera, second.known.camera)
+        if any(one.model != best.model or one.image_size != size for one in cameras):
+            return False
+        if {*first.view_names, *second.view_names} != names:
+            return False
+    return True

@@ -1,0 +1,62 @@
+"""`target.json` in a folder of photos: the target as it was used, to draw it and to go on from."""
+
+from pathlib import Path
+
+from calib.files import write_files
+from calib.report.origin import read_origin
+from designer.command import printable
+from designer.errors import InputError
+from designer.spec import BoardSpec
+from designer.target import TargetGeometry, load_target, target_to_json
+
+TARGET_FILE = "target.json"
+
+
+def keep_target(folder: Path, target: TargetGeometry, kind: str) -> tuple[Path, ...]:
+    """Write `target.json`; its path, or nothing where somebody's own file has that name and stays.
+
+    Args:
+        folder: of the photos.
+        target: as it was used.
+        kind: of the folder's page: what lies in a folder with one was written with it, and is replaced.
+    """
+    path = folder / TARGET_FILE
+    if path.exists() and not _is_ours(folder, kind):
+        same = kept_target(folder, target.geometry_id)[0] is not None
+        return (path,) if same else ()
+    write_files({path: target_to_json(target).encode()})
+    return (path,)
+
+
+def _is_ours(folder: Path, kind: str) -> bool:
+    try:
+        return read_origin(folder).kind == kind
+    except InputError:
+        return False
+
+
+def kept_target(folder: Path, geometry_id: str) -> tuple[TargetGeometry | None, str]:
+    """The target of a folder's photos; None if it is not there, and why it is not used if it is."""
+    path = folder / TARGET_FILE
+    if not path.exists():
+        return None, ""
+    try:
+        target = load_target(path)
+    except InputError as error:
+        return None, printable(str(error).replace(str(path), TARGET_FILE))
+    if target.geometry_id != geometry_id:
+        return None, f"{TARGET_FILE}: not the target of these photos, so it is not drawn"
+    return target, ""
+
+
+def target_words(target: TargetGeometry | None, geometry_id: str) -> str:
+    """What a target is, in a few words."""
+    if target is None:
+        return f"a target (id {printable(geometry_id)[:40]})"
+    if target.spec is None:
+        faces = "1 face" if target.face_count == 1 else f"{target.face_count} faces"
+        return f"a target of {faces} and {target.ring_count} rings"
+    if isinstance(target.spec, BoardSpec):
+        width, height = target.spec.size_mm
+        return f"a board of {width:g} x {height:g} mm"
+    return f"an icosahedron of {target.spec.edge_mm:g} mm edge"

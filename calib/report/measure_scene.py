@@ -1,0 +1,171 @@
+"""A measured print in 3D: rings coloured by how far out or in they are, with arrows in their plane."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.as_built.unknowns import bow_basis
+from calib.report.as_built_file import AsBuiltRecord
+from calib.results.evaluation_table import figure
+from calib.se3 import exp_rotation
+from designer.page.blocks import View3d
+from designer.page.scene import Layer, Segments, Surface
+from designer.target import TargetGeometry
+from designer.target_scene import target_scene
+
+Array = NDArray[np.float64]
+
+BODY, INK, NOT_KNOWN, ARROWS = "#f2f2ef", "#3d434b", "#b5b8bd", "#009e73"
+COLOURS = ("#3fa7ff", "#1c6bb0", "#222222", "#c25200", "#ff9a3d")
+"""In to out, dark in the middle, which is seen on white; colour-blind people tell blue from orange."""
+FAR_PERCENT = 98
+"""Of the rings are within the colours' scale, and have arrows that are not too long."""
+ARROW_SHARE = 1.5
+"""Of the distance between rings: the length of the arrow of a ring that is far off."""
+ARROW_WIDTH_SHARE, LIFT_SHARE = 0.22, 0.03
+"""Of the distance between rings: how wide an arrow is, and how high above its face, not to be hidden by it."""
+MOST_RINGS = 15_000
+LEAST_MM = 1e-6
+NICE = (1.0, 2.0, 5.0, 10.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Deviations:
+    """Where each of R rings lies against the design, the stretch of the whole print taken off."""
+
+    in_face_mm: Array  # (R, 3) in the axes of its face; nan: not known
+    size_mm: Array  # (R,)
+
+    @property
+    def known(self) -> NDArray[np.int64]:
+        """Rings of which it is known."""
+        return np.flatnonzero(np.isfinite(self.size_mm))
+
+
+def deviations_of(record: AsBuiltRecord, target: TargetGeometry) -> Deviations:
+    """What offsets, bow and motion of its face do to each ring.
+
+    A ring designed at c lies at exp(w) (c + o + z b) + t, see `calib.as_built.unknowns`. For c stands where it was
+    measured, less offset and bow: what that changes is a product of two deviations.
+    """
+    face = target.ring_face
+    bent = np.array(record.offset_mm)
+    bent[:, 2] += (bow_basis(target) * record.bow_mm[face]).sum(axis=1)
+    design = target.center_in_face_mm - bent
+    design[:, 2] = 0.0
+    turn = np.stack([exp_rotation(vector) for vector in np.nan_to_num(record.motion[:, 3:])])
+    moved = np.einsum("rij,rj->ri", turn[face], design + bent) + record.motion[face, :3]
+    in_face = moved - design
+    in_face[~(record.is_ring_seen & record.is_known[face])] = np.nan
+    return Deviations(in_face, np.linalg.norm(in_face, axis=1))
+
+
+def measure_view(record: AsBuiltRecord, target: TargetGeometry) -> View3d | None:
+    """The scene; None if no ring is known, or so many that the page would be slow."""
+    found = deviations_of(record, target)
+    if not 0 < len(found.known) <= MOST_RINGS:
+        return None
+    known = found.in_face_mm[found.known]
+    most_mm = nice(_far(known[:, 2]))
+    factor = nice(ARROW_SHARE * ring_distance_mm(target) / max(_far(known[:, :2]), LEAST_MM), is_down=True)
+    layers = [Layer(f"where to in the plane, {factor:g} times as far", (_arrows(found, target, factor),))]
+    if target.face_count > 1:
+        title = f"outlines of the faces, {factor:g} times as far off"
+        layers.append(Layer(title, (_faces(record, target, factor),), is_shown=False))
+    scene = target_scene(
+        target, body_colour=BODY, ink_colour=INK, ring_colours=_colours(found, most_mm), legend=_legend(most_mm, found),
+        more=tuple(layers),
+    )  # fmt: skip
+    return View3d("Where faces and rings came out", scene, _alt(found, target), _caption(factor))
+
+
+def _alt(found: Deviations, target: TargetGeometry) -> str:
+    worst = int(found.known[np.argmax(found.size_mm[found.known])])
+    middle = float(np.median(found.size_mm[found.known]))
+    return (
+        f"{len(found.known)} rings coloured by how far out or in they lie against the design: half of them are within "
+        f"{figure(middle, 2)} mm of it; ring {worst} on face {int(target.ring_face[worst])} is off most, "
+        f"{figure(float(found.size_mm[worst]), 2)} mm."
+    )
+
+
+def _caption(factor: float) -> str:
+    return (
+        "Colour: out of the face or into it, motion and bow of the face and the ring's own offset together; the "
+        f"stretch of the whole print is taken off. Green arrows: where to in the face's plane, {factor:g} times as far."
+    )
+
+
+def _far(values_mm: Array) -> float:
+    """What nearly all sizes are below; vectors (N, 2) have a length."""
+    size = np.abs(values_mm) if values_mm.ndim == 1 else np.linalg.norm(values_mm, axis=1)
+    return float(np.percentile(size, FAR_PERCENT))
+
+
+def nice(value: float, *, is_down: bool = False) -> float:
+    """1, 2 or 5 times a power of ten, at least (or at most) the value."""
+    if not np.isfinite(value) or value <= 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    steps = [float(step * power) for step in NICE]
+    at_most = [step for step in steps if step <= value * (1 + 1e-9)]
+    return max(at_most) if is_down else min(step for step in steps if step >= value * (1 - 1e-9))
+
+
+def ring_distance_mm(target: TargetGeometry) -> float:
+    """Between neighbours of a lattice."""
+    return float(np.linalg.norm(target.lattice_mm.reshape(-1, 2), axis=1).min())
+
+
+def _colours(found: Deviations, most_mm: float) -> tuple[str, ...]:
+    return tuple(
+        NOT_KNOWN if not np.isfinite(height) else colour(0.5 + 0.5 * height / most_mm)
+        for height in found.in_face_mm[:, 2].tolist()
+    )
+
+
+def colour(share: float) -> str:
+    """The colour of a share of the scale, from the lowest to the highest."""
+    place = float(np.clip(share, 0.0, 1.0)) * (len(COLOURS) - 1)
+    low = min(int(place), len(COLOURS) - 2)
+    ends = [[int(text[k : k + 2], 16) for k in (1, 3, 5)] for text in COLOURS[low : low + 2]]
+    mixed = [round(a + (place - low) * (b - a)) for a, b in zip(*ends, strict=True)]
+    return "#" + "".join(f"{part:02x}" for part in mixed)
+
+
+def _legend(most_mm: float, found: Deviations) -> tuple[tuple[str, str], ...]:
+    named = ((-1.0, f"{most_mm:.3g} mm in, or more"), (0.0, "as designed"), (1.0, f"{most_mm:.3g} mm out, or more"))
+    legend = [(colour(0.5 + 0.5 * share), text) for share, text in named]
+    unseen = len(found.size_mm) > len(found.known)
+    return (*legend, (ARROWS, "where to in the plane"), *(((NOT_KNOWN, "not known"),) if unseen else ()))
+
+
+def _arrows(found: Deviations, target: TargetGeometry, factor: float) -> Surface:
+    """A flat triangle from each ring to where it lies in its face's plane, exaggerated."""
+    rings, distance = found.known, ring_distance_mm(target)
+    frame = target.target_from_face[target.ring_face[rings]]
+    step = factor * found.in_face_mm[rings, :2]
+    length = np.linalg.norm(step, axis=1)
+    across = np.stack([-step[:, 1], step[:, 0]], axis=1) / np.maximum(length, 1e-12)[:, None]
+    half = 0.5 * ARROW_WIDTH_SHARE * distance * across
+    start = target.center_in_face_mm[rings]
+    corners = np.repeat(start[:, None, :], 3, axis=1)
+    corners[:, 0, :2] += half
+    corners[:, 1, :2] += step
+    corners[:, 2, :2] -= half
+    corners[:, :, 2] = LIFT_SHARE * distance
+    placed = np.einsum("rij,rkj->rki", frame[:, :3, :3], corners) + frame[:, None, :3, 3]
+    return Surface(placed.reshape(-1, 3), np.arange(3 * len(rings)).reshape(-1, 3), ARROWS)
+
+
+def _faces(record: AsBuiltRecord, target: TargetGeometry, factor: float) -> Segments:
+    """The outlines of the faces, moved by a multiple of their motions."""
+    ends = []
+    for face in np.flatnonzero(record.is_known & np.isfinite(record.motion).all(axis=1)).tolist():
+        frame, outline = target.target_from_face[face], target.outline_mm[face]
+        corners = np.column_stack([outline, np.zeros(len(outline))])
+        turn = exp_rotation(factor * record.motion[face, 3:])
+        moved = (corners @ turn.T + factor * record.motion[face, :3]) @ frame[:3, :3].T + frame[:3, 3]
+        ends.append(np.stack([moved, np.roll(moved, -1, axis=0)], axis=1))
+    return Segments(np.concatenate(ends) if ends else np.zeros((0, 2, 3)), (ARROWS,))

@@ -1,0 +1,84 @@
+"""The kinds of folders that have a page, and what builds the page of each. Builders are loaded when they are needed."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+from calib.report.origin import Origin
+from designer.page.blocks import Page
+
+Builder: TypeAlias = Callable[[Path, Origin], Page]
+
+
+def _calibration(folder: Path, origin: Origin) -> Page:
+    from calib.report.calibration_page import calibration_page
+
+    return calibration_page(folder, origin)
+
+
+def _bootstrap(folder: Path, origin: Origin) -> Page:
+    from calib.report.study_page import bootstrap_page
+
+    return bootstrap_page(folder, origin)
+
+
+def _paper(folder: Path, origin: Origin) -> Page:
+    from calib.report.study_page import paper_page
+
+    return paper_page(folder, origin)
+
+
+def _tolerance(folder: Path, origin: Origin) -> Page:
+    from calib.report.tolerance_page import tolerance_page
+
+    return tolerance_page(folder, origin)
+
+
+def _compare(folder: Path, origin: Origin) -> Page:
+    from calib.report.compare_page import compare_page
+
+    return compare_page(folder, origin)
+
+
+def _measure(folder: Path, origin: Origin) -> Page:
+    from calib.report.measure_page import measure_page
+
+    return measure_page(folder, origin)
+
+
+def _photos(folder: Path, origin: Origin) -> Page:
+    from calib.report.rendered_page import rendered_page
+
+    return rendered_page(folder, origin)
+
+
+def _undistorted(folder: Path, origin: Origin) -> Page:
+    from calib.report.undistorted_page import undistorted_page
+
+    return undistorted_page(folder, origin)
+
+
+def _detections(folder: Path, origin: Origin) -> Page:
+    from calib.report.detected_page import detected_page
+
+    return detected_page(folder, origin)
+
+
+def _poses(folder: Path, origin: Origin) -> Page:
+    from calib.report.posed_page import posed_page
+
+    return posed_page(folder, origin)
+
+
+KINDS: Mapping[str, Builder] = {
+    "calibration": _calibration,
+    "bootstrap": _bootstrap,
+    "paper": _paper,
+    "tolerance": _tolerance,
+    "compare": _compare,
+    "measure": _measure,
+    "photos": _photos,
+    "undistorted": _undistorted,
+    "detections": _detections,
+    "poses": _poses,
+}

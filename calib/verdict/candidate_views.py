@@ -1,0 +1,239 @@
+"""Photos that could be taken next: where a target may be held, as the photos taken so far show to be possible.
+
+A place is given by two numbers from -1 to 1: the target's box in the image at the left (top) end, in the middle, at the
+right (bottom) end of where it has room.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import project, rays
+from calib.se3 import exp_rotation, make_pose
+from calib.types import Calibration, Camera
+from calib.verdict.next_view_target import Habits, TargetShape, facing, pitch_px
+
+Array = NDArray[np.float64]
+
+PLACES = (
+    (0, 0), (-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1), (-0.5, -0.5), (0.5, -0.5),
+    (-0.5, 0.5), (0.5, 0.5),
+)  # fmt: skip
+TILTS_DEG = (20.0, 40.0)
+SIDES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+CORNERS = ((1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
+NEARER, FARTHER, DISTANCES = 0.7, 1.4, 4
+"""Of the distances that were used; much beyond them a fixed lens is not sharp."""
+LONG = 1.15
+"""A target this much longer than wide is worth turning upright."""
+MOST_LIKE = 6
+"""So many of the used views are tried with a solid at another place."""
+LARGEST_INCIDENCE_DEG = 70.0
+MARGIN_PITCHES = 0.75
+"""Between the outermost ring's centre and the image's border."""
+PLACED_WITHIN = 0.8
+"""Of the margin: what the placing may miss it by."""
+OVERSHOOT = 0.3
+"""Of a solid's size in the image: so much of it may lie outside, where single faces are read."""
+LITTLE_ROOM = 0.1
+"""Of the image: a target with less room than this is nowhere else than in the middle."""
+PLACING_STEPS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """C photos that could be taken."""
+
+    cam_from_target: Array  # (C, 4, 4)
+    place: Array  # (C, 2) right and down, -1 to 1
+    distance_mm: Array  # (C,) from the camera to the target's middle
+    tilt_deg: Array  # (C,) of a flat target against the sensor; nan: a solid
+    away: Array  # (C, 2) to the right and down: where a flat target's far side is in the image; 0: none is
+    is_upright: NDArray[np.bool_]  # (C,) a flat target's long side is vertical
+    like_view: NDArray[np.int64]  # (C,) the used view that shows a solid from the same side; -1: a flat target
+
+    def __getitem__(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> "Candidates":
+        return Candidates(
+            self.cam_from_target[rows], self.place[rows], self.distance_mm[rows], self.tilt_deg[rows],
+            self.away[rows], self.is_upright[rows], self.like_view[rows],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Turns:
+    """T ways to turn a target, seen in the middle of the image or along a line of sight."""
+
+    rotation: Array  # (T, 3, 3)
+    sight: Array  # (T, 3) the line of sight it was seen along; z for flat targets, which keep their tilt anywhere
+    tilt_deg: Array  # (T,)
+    away: Array  # (T, 2)
+    is_upright: NDArray[np.bool_]  # (T,)
+    like_view: NDArray[np.int64]  # (T,)
+
+
+def tilt_rotation(tilt_rad: float, away: Array) -> Array:
+    """The turn of a target that faces the camera which moves the side at `away` (right, down) away from the camera.
+
+    About the axis `away x z`, which turns `away` towards z.
+    """
+    length = float(np.hypot(*away))
+    if not length > 0:
+        return np.eye(3)
+    return exp_rotation(tilt_rad * np.array([away[1], -away[0], 0.0]) / length)
+
+
+def candidates_of(calibration: Calibration, shape: TargetShape, habits: Habits) -> Candidates:
+    """All photos that are tried: each turn at each place and distance, as far as it can be held there."""
+    turns = _flat_turns(shape) if shape.is_flat else _turns_of_views(calibration, shape)
+    near, far = habits.distance_mm
+    distances = np.geomspace(NEARER * near, FARTHER * far, DISTANCES)
+    overshoots = (0.0, OVERSHOOT) if not shape.is_flat else tuple({0.0, round(0.7 * (1 - habits.face_share), 2)})
+    places = np.array([(*place, over) for over in overshoots for place in PLACES if not over or 1 in np.abs(place)])
+    t, d, p = (x.ravel() for x in np.indices((len(turns.rotation), DISTANCES, len(places))))
+    made = Candidates(
+        np.tile(np.eye(4), (len(t), 1, 1)), places[p, :2], distances[d], turns.tilt_deg[t], turns.away[t],
+        turns.is_upright[t], turns.like_view[t],
+    )  # fmt: skip
+    pose, ok = _placed(calibration.camera, shape, turns.rotation[t], turns.sight[t], made, places[p, 2])
+    return Candidates(pose, made.place, made.distance_mm, made.tilt_deg, made.away, made.is_upright, made.like_view)[ok]
+
+
+def _flat_turns(shape: TargetShape) -> _Turns:
+    """Straight on and tilted to sides and corners, with the long side level and, if it is long, upright."""
+    tilts = [(0.0, (0.0, 0.0))]
+    tilts += [(tilt, side) for tilt in TILTS_DEG for side in SIDES]
+    tilts += [(TILTS_DEG[-1], corner) for corner in CORNERS]
+    level = np.stack([shape.axes[0], shape.axes[1], -shape.axes[2]])
+    upright = np.stack([-shape.axes[1], shape.axes[0], -shape.axes[2]])
+    faces = [(level, False)] + ([(upright, True)] if shape.aspect > LONG else [])
+    rows = [(tilt, away, face, turned) for face, turned in faces for tilt, away in tilts]
+    return _Turns(
+        np.stack([tilt_rotation(np.radians(tilt), np.array(away)) @ face for tilt, away, face, _ in rows]),
+        np.tile([0.0, 0.0, 1.0], (len(rows), 1)),
+        np.array([tilt for tilt, *_ in rows]),
+        np.array([away for _, away, *_ in rows]),
+        np.array([turned for *_, turned in rows]),
+        np.full(len(rows), -1),
+    )
+
+
+def _turns_of_views(calibration: Calibration, shape: TargetShape) -> _Turns:
+    """As a solid was turned in some of the used views, evenly spread over their order."""
+    count = len(calibration.cam_from_target)
+    views = np.unique(np.linspace(0, count - 1, min(count, MOST_LIKE)).round().astype(np.int64))
+    pose = calibration.cam_from_target[views]
+    sight = pose[:, :3, :3] @ shape.center_mm + pose[:, :3, 3]
+    return _Turns(
+        pose[:, :3, :3],
+        sight / np.linalg.norm(sight, axis=1, keepdims=True),
+        np.full(len(views), np.nan),
+        np.zeros((len(views), 2)),
+        np.zeros(len(views), dtype=bool),
+        views,
+    )
+
+
+def _placed(
+    camera: Camera, shape: TargetShape, rotation: Array, sight: Array, wanted: Candidates, overshoot: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Poses whose box in the image is where it is wanted, and which of them there are.
+
+    The target is aimed at, its box looked at and the aim moved by what is missing, a few times.
+    """
+    width, height = camera.image_size
+    size = np.array([width, height], dtype=np.float64)
+    aim = np.tile(0.5 * (size - 1), (len(rotation), 1))
+    keeps_tilt = shape.is_flat
+    pose = np.tile(np.eye(4), (len(rotation), 1, 1))
+    ok = np.ones(len(rotation), dtype=bool)
+    span = np.zeros_like(aim)
+    for step in range(PLACING_STEPS):
+        ray = rays(camera, aim)
+        ok &= np.isfinite(ray).all(axis=1)
+        ray = np.where(ok[:, None], ray, [0.0, 0.0, 1.0])
+        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+        turned = rotation if keeps_tilt else _between(sight, ray) @ rotation
+        middle = wanted.distance_mm[:, None] * ray
+        pose = make_pose(turned, middle - turned @ shape.center_mm)
+        if step == PLACING_STEPS - 1:
+            break
+        low, high = _box(camera, shape, pose)
+        ok &= np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
+        low, high = (np.where(ok[:, None], x, aim) for x in (low, high))
+        span = high - low
+        margin = MARGIN_PITCHES * shape.pitch_mm * camera.params[0] / np.maximum(middle[:, 2], 1e-9)
+        room = 0.5 * np.maximum(size - 1 - span - 2 * margin[:, None], 0.0) + overshoot[:, None] * span
+        aim += 0.5 * (size - 1) + wanted.place * room - 0.5 * (low + high)
+    has_room = (size - span > LITTLE_ROOM * size) | (overshoot[:, None] > 0) | (wanted.place == 0)
+    return pose, ok & has_room.all(axis=1) & (pose[:, 2, 3] > 0)
+
+
+def _between(first: Array, second: Array) -> Array:
+    """The smallest rotations (..., 3, 3) that turn unit vectors (..., 3) into others."""
+    axis = np.cross(first, second)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, (first * second).sum(axis=-1, keepdims=True))
+    return exp_rotation(axis / np.where(sine > 0, sine, 1.0) * angle)
+
+
+def faces_seen(shape: TargetShape, pose: Array) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Which faces look at the camera (C, F), and their middles and normals in its frame (C, F, 3)."""
+    rotation = pose[:, None, :3, :3]
+    normal = (rotation @ shape.normal[None, :, :, None])[..., 0]
+    place = (rotation @ shape.middle_mm[None, :, :, None])[..., 0] + pose[:, None, :3, 3]
+    with np.errstate(invalid="ignore"):
+        seen: NDArray[np.bool_] = facing(place, normal) > np.cos(np.radians(LARGEST_INCIDENCE_DEG))
+    return seen, place, normal
+
+
+def _box(camera: Camera, shape: TargetShape, pose: Array) -> tuple[Array, Array]:
+    """The corners (C, 2) of the box in the image around the faces that look at the camera; nan without any."""
+    rows = np.concatenate(shape.corner)
+    at = (pose[:, None, :3, :3] @ shape.position_mm[rows][None, :, :, None])[..., 0] + pose[:, None, :3, 3]
+    pixel = project(camera, at)
+    shown = faces_seen(shape, pose)[0][:, shape.face[rows]]
+    known = shown & np.isfinite(pixel).all(axis=2)
+    ok = known.any(axis=1) & (known == shown).all(axis=1)
+    low = np.where(known[..., None], pixel, np.inf).min(axis=1)
+    high = np.where(known[..., None], pixel, -np.inf).max(axis=1)
+    return np.where(ok[:, None], low, np.nan), np.where(ok[:, None], high, np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What C photos show of N points."""
+
+    is_read: NDArray[np.bool_]  # (C, N)
+    pixel: Array  # (C, N, 2)
+
+
+def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, rows: NDArray[np.int64]) -> Shown:
+    """Where photos show a target's points, and which would be read.
+
+    Those on a face that looks at the camera and is not too fine, inside the image, and of which as much is inside as
+    the photos taken so far show to be needed.
+
+    Args:
+        camera: that takes the photos.
+        shape: the target.
+        habits: what the photos taken so far show to be readable.
+        pose: of the photos (C, 4, 4).
+        rows: the points asked for (N,); the share of a face is that of its rows.
+    """
+    turned, place, normal = faces_seen(shape, pose)
+    focal = float(camera.params[0])
+    with np.errstate(invalid="ignore"):
+        turned &= pitch_px(focal, shape, place, normal) >= habits.pitch_px * (1 - 1e-9)
+        margin = PLACED_WITHIN * MARGIN_PITCHES * shape.pitch_mm * focal / np.maximum(place[..., 2], 1e-9)
+    face = shape.face[rows]
+    at = (pose[:, None, :3, :3] @ shape.position_mm[rows][None, :, :, None])[..., 0] + pose[:, None, :3, 3]
+    pixel = project(camera, at)
+    last = np.array(camera.image_size, dtype=np.float64) - 1
+    edge = margin[:, face, None]
+    with np.errstate(invalid="ignore"):
+        inside = ((pixel >= edge) & (pixel <= last - edge)).all(axis=2) & turned[:, face]
+    of_face = (face[:, None] == np.arange(len(shape.normal))).astype(np.float64)
+    share = inside @ of_face / np.maximum(of_face.sum(axis=0), 1.0)
+    enough = share >= habits.face_share - 1e-9
+    return Shown(inside & enough[:, face], pixel)

@@ -1,0 +1,245 @@
+"""Each check: what was measured against its limits, and what that means in one sentence."""
+
+from calib.results.evaluation_table import figure
+from calib.verdict.coverage import region_words
+from calib.verdict.criteria import Criteria, Limits
+from calib.verdict.evidence import FAR_OFF, Evidence, HalvesFound, ModelApart
+from calib.verdict.halves import NoHalves
+from calib.verdict.verdict import Check, Grade
+
+TITLES = {
+    "solution": "Solution",
+    "uncertainty": "Uncertainty over the image",
+    "coverage": "Sensor coverage",
+    "halves": "Halves of the photos",
+    "residuals": "Residuals",
+    "systematic": "Systematic residuals",
+    "outliers": "Outliers",
+    "target": "Shape of the target",
+    "models": "Agreement of the models",
+}
+NOISY = 3.0
+"""Residuals this many times the stated noise of the detector are said to be something else."""
+BY_CHANCE = 2.0
+"""Sigmas of the effect of the target's shape that chance exceeds in about 1 of 100 honest runs (simulated)."""
+SURE = 3.0
+"""Sigmas beyond which the target is to blame, as is usual for a claim."""
+LEAST_PX = 0.001
+"""Nobody needs to know a camera better."""
+LARGE_SHARE = 0.5
+"""Of the residuals: a systematic part that is worth a word although it is small."""
+
+
+def checks_of(evidence: Evidence, criteria: Criteria) -> tuple[Check, ...]:
+    """All checks in the order of reading; one of the solution itself only if it has a fault."""
+    solution = () if evidence.status == "converged" else (_solution(evidence),)
+    return (
+        *solution,
+        _uncertainty(evidence, criteria),
+        _coverage(evidence, criteria.coverage_percent),
+        _halves(evidence, criteria),
+        _residuals(evidence, criteria.residuals_px),
+        _systematic(evidence, criteria.systematic_px),
+        _outliers(evidence, criteria.outliers_percent),
+        _target(evidence, criteria.target_px),
+        _models(evidence, criteria.models_px),
+    )
+
+
+def _check(
+    name: str, grade: Grade, value: float | None, unit: str, limits: Limits, sentence: str, *, is_at_least: bool = False
+) -> Check:
+    return Check(name, TITLES[name], grade, value, unit, limits.good, limits.usable, is_at_least, sentence)
+
+
+def _at_most(value: float, limits: Limits) -> Grade:
+    """The grade of a value that is better if it is less."""
+    return "good" if value <= limits.good else "usable" if value <= limits.usable else "bad"
+
+
+def px(value: float) -> str:
+    """A length in the image, to two digits but to no more than a thousandth."""
+    if 0 <= value < LEAST_PX:
+        return f"less than {LEAST_PX:g} px"
+    return f"{figure(value, 2)} px"
+
+
+def _solution(evidence: Evidence) -> Check:
+    fault = {"degenerate": "the photos do not determine the camera", "stopped": "the solution is not at its end"}
+    reason = f": {evidence.status_reason}" if evidence.status_reason else ""
+    return _check("solution", "bad", None, "", Limits(0.0, 0.0), f"{fault.get(evidence.status, '')}{reason}")
+
+
+def _uncertainty(evidence: Evidence, criteria: Criteria) -> Check:
+    found, limits, halves = evidence.uncertainty, criteria.uncertainty_px, evidence.halves
+    if not found.is_estimated:
+        return _check("uncertainty", "unknown", None, "px", limits, "no parameter was estimated, so none is uncertain")
+    inside = "" if found.covered_px is None else f"; where the target was seen, {px(found.covered_px)}"
+    if isinstance(halves, HalvesFound) and halves.ratio > criteria.halves_sigma.good:
+        inside += f"; halves of the photos say about {figure(halves.ratio, 2)} times as much"
+    if found.is_map_exact:
+        sentence = f"not known: the learned map is taken as exact, and covers {100 * found.known:.0f} % of the image"
+        return _check("uncertainty", "unknown", None, "px", limits, sentence)
+    if found.image_px is None:
+        what = (
+            "the lens model breaks down in the outer"
+            if found.known < 1
+            else "the photos do not determine the camera in"
+        )
+        sentence = f"{what} {100 * max(1 - found.known, 0.05):.0f} % of the image{inside}"
+        return _check("uncertainty", "bad", None, "px", limits, sentence)
+    sentence = f"the camera is uncertain by up to {px(found.image_px)} in 95 % of the image (1 sigma){inside}"
+    return _check("uncertainty", _at_most(found.image_px, limits), found.image_px, "px", limits, sentence)
+
+
+def _coverage(evidence: Evidence, limits: Limits) -> Check:
+    percent = 100 * evidence.coverage.share
+    grade: Grade = "good" if percent >= limits.good else "usable" if percent >= limits.usable else "bad"
+    names = tuple(region.name for region in evidence.coverage.not_covered)
+    sentence = f"the rings surround {percent:.0f} % of the image"
+    if names:
+        sentence += f"; mostly without: {region_words(names)}"
+    return _check("coverage", grade, percent, "%", limits, sentence, is_at_least=True)
+
+
+def _halves(evidence: Evidence, criteria: Criteria) -> Check:
+    """Within the limit of the ratio it is good; beyond, what matters is how far the halves are apart in pixels.
+
+    A camera whose halves agree to what a good camera may be uncertain by is usable, though its standard deviations are
+    not; one whose halves differ by more than a usable camera may be uncertain by is not.
+    """
+    found, limits = evidence.halves, criteria.halves_sigma
+    if isinstance(found, NoHalves):
+        return _check("halves", "unknown", None, "sigma", limits, f"not checked: {found.reason}")
+    grade = _at_most(found.ratio, limits)
+    if grade != "good":
+        within = criteria.uncertainty_px.good if grade == "bad" else criteria.uncertainty_px.usable
+        grade = "usable" if found.percentile_95_px <= within else "bad"
+    return _check("halves", grade, found.ratio, "sigma", limits, _halves_sentence(found, grade, criteria))
+
+
+def _halves_sentence(found: HalvesFound, grade: Grade, criteria: Criteria) -> str:
+    times = figure(found.ratio, 2)
+    differ = (
+        f"cameras solved from halves of the photos differ by {px(found.rms_px)} (RMS) where the target was seen, "
+        f"{times} times what their standard deviations let expect"
+    )
+    if grade == "good":
+        return differ
+    limit = criteria.uncertainty_px.usable
+    is_within = found.percentile_95_px <= limit
+    decides = f"in 95 % of it by {px(found.percentile_95_px)}, {'within' if is_within else 'more than'} {limit:g} px"
+    return (
+        f"{differ}: take all standard deviations {times} times as large; something is systematic (target, lens model, "
+        f"focus). Beyond {criteria.halves_sigma.good:g} sigma the difference itself decides: {decides}"
+    )
+
+
+def _residuals(evidence: Evidence, limits: Limits) -> Check:
+    found = evidence.leftover
+    sentence = f"{px(found.rmse_px)} are left over (RMS of {found.count} sightings)"
+    if found.stated_sigma_px and found.sigma_px > NOISY * found.stated_sigma_px:
+        times = figure(found.sigma_px / found.stated_sigma_px, 2)
+        sentence += (
+            f", {times} times the noise of the detector: most of it is not noise, but target, lens or moving things"
+        )
+    return _check("residuals", _at_most(found.rmse_px, limits), found.rmse_px, "px", limits, sentence)
+
+
+def _systematic(evidence: Evidence, limits: Limits) -> Check:
+    found = evidence.leftover
+    known = [value for value in (found.image_px, found.target_px) if value is not None]
+    if not known:
+        return _check("systematic", "unknown", None, "px", limits, "not checked: too few sightings for means")
+    value = max(known)
+    on_target = found.target_px is not None and found.target_px == value
+    where = "of a ring in all photos" if on_target else "of a place in the image"
+    cause = (
+        "the target is not as its file says" if on_target else "the model does not fit the lens, or the target bends"
+    )
+    if value <= LEAST_PX:
+        sentence = "the mean residuals of places in the image, and of rings, are no larger than noise makes them"
+        return _check("systematic", _at_most(value, limits), value, "px", limits, sentence)
+    sentence = f"the mean residual {where} is {px(value)} beyond what noise gives (RMS)"
+    if value > limits.good or value > LARGE_SHARE * found.rmse_px:
+        sentence += f": {cause}"
+    return _check("systematic", _at_most(value, limits), value, "px", limits, sentence)
+
+
+def _outliers(evidence: Evidence, limits: Limits) -> Check:
+    """Outliers that were left out do no harm by themselves, but many tell that something is amiss."""
+    found = evidence.leftover
+    percent = 100 * (found.far_share + found.left_out_share)
+    grade = _at_most(percent, limits)
+    if grade == "bad" and _at_most(100 * found.far_share, limits) != "bad":
+        grade = "usable"
+    sentence = (
+        f"{_percent(found.far_share)} of the sightings are off by more than {FAR_OFF:g} robust standard deviations"
+    )
+    if found.left_out_share > 0:
+        sentence += f", and {_percent(found.left_out_share)} were left out as outliers"
+    elif grade != "good":
+        sentence += f": look at them, and solve with --reject {FAR_OFF:g}"
+    return _check("outliers", grade, percent, "%", limits, sentence)
+
+
+def _percent(share: float) -> str:
+    return f"{figure(100 * share, 2)} %"
+
+
+def _target(evidence: Evidence, limits: Limits) -> Check:
+    """Beyond chance, the change of the camera counts, but only what is sure makes a camera unusable.
+
+    Below, the photos must be able to tell a change from none.
+    """
+    found = evidence.shape
+    if found is None:
+        is_learned = evidence.uncertainty.is_map_exact
+        why = "a learned map takes up the target's shape" if is_learned else "too little is known of the target's faces"
+        return _check("target", "unknown", None, "px", limits, f"not checked: {why}")
+    if found.ratio <= BY_CHANCE:
+        if found.sigma_px > limits.good:
+            sentence = f"not known: a target of another shape could change the camera by {px(found.sigma_px)} (1 sigma)"
+            return _check("target", "unknown", None, "px", limits, sentence)
+        sentence = (
+            "nothing speaks against the target's file: one that may bend and stretch explains the photos no better"
+        )
+        return _check("target", "good", found.percentile_95_px, "px", limits, sentence)
+    grade, is_sure = _at_most(found.percentile_95_px, limits), found.ratio > SURE
+    sentence = (
+        f"the target {'is not' if is_sure else 'may not be'} quite as its file says ({figure(found.ratio, 2)} sigma; "
+        f"bent by about {figure(found.bow_mm, 2)} mm): allowed for, it moves the camera by up to "
+        f"{px(found.percentile_95_px)} in 95 % of the covered image"
+    )
+    if grade == "bad" and not is_sure:
+        grade = "usable"
+    return _check("target", grade, found.percentile_95_px, "px", limits, sentence)
+
+
+def _models(evidence: Evidence, limits: Limits) -> Check:
+    """Models that fit the same photos alike and yet differ show what the photos leave open.
+
+    A learned map rests on few photos, so its dissent alone makes no camera unusable.
+    """
+    known = [(one, one.percentile_95_px) for one in evidence.models if one.percentile_95_px is not None]
+    if not known:
+        why = "; ".join(f"{one.model} {one.reason}" for one in evidence.models) or "no other model was solved"
+        return _check("models", "unknown", None, "px", limits, f"not checked: {why}")
+
+    def order(pair: tuple[ModelApart, float]) -> tuple[bool, float]:
+        one, value = pair
+        return _models_grade(one, value, limits) == "bad", value
+
+    worst, value = max(known, key=order)
+    sentence = f"{worst.model} differs by up to {px(value)} in 95 % of the covered image"
+    if worst.is_learned:
+        sentence += f", where its map is known ({100 * worst.shared:.0f} % of it)"
+    rest = [f"{one.model} by {px(other)}" for one, other in known if one is not worst]
+    rest += [f"{one.model} {one.reason}" for one in evidence.models if one.percentile_95_px is None]
+    sentence += f"; {', '.join(rest)}" if rest else ""
+    return _check("models", _models_grade(worst, value, limits), value, "px", limits, sentence)
+
+
+def _models_grade(one: ModelApart, value: float, limits: Limits) -> Grade:
+    grade = _at_most(value, limits)
+    return "usable" if grade == "bad" and one.is_learned else grade

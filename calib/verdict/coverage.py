@@ -1,0 +1,160 @@
+"""How much of the image sightings surround: the same for coarse and fine targets, and for any image size.
+
+A view covers the convex hull of its sightings of a face. Of a grid of cells that does not depend on the resolution
+those whose middles lie in a hull are counted, so the share is right to about the hulls' outline times a cell.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.types import Calibration, frozen_array
+
+Array = NDArray[np.float64]
+
+COLUMNS = 160
+"""Of the grid of cells; as many rows as make the cells about square."""
+FEWEST_ROWS = 8
+BAND = 0.25
+"""How far in from the border the corners and edges of an image reach, of its sides."""
+NOT_COVERED = 0.5
+"""A part of the image of which less than this is covered is called not covered."""
+LEAST_OF_HULL = 3
+CORNERS = 4
+"""Of an image, which has as many edges."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A part of the image, and how much of it is covered."""
+
+    name: str  # "top left corner", "left edge", "centre"
+    area: float  # of the image, 0 to 1
+    covered: float  # of the region, 0 to 1
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """The cells of the image that sightings surround."""
+
+    image_size: tuple[int, int]
+    views: NDArray[np.int64]  # (R, C) how many views cover each cell
+    regions: tuple[Region, ...]  # row by row, the upper left corner first
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "views", frozen_array(self.views, np.int64))
+
+    @property
+    def is_covered(self) -> NDArray[np.bool_]:
+        """Which cells are covered.  # (R, C)"""
+        covered: NDArray[np.bool_] = self.views > 0
+        return covered
+
+    @property
+    def share(self) -> float:
+        """How much of the image is covered, 0 to 1."""
+        return float(self.is_covered.mean())
+
+    @property
+    def not_covered(self) -> tuple[Region, ...]:
+        """The regions that are mostly not covered."""
+        return tuple(region for region in self.regions if region.covered < NOT_COVERED)
+
+    @property
+    def middle_px(self) -> Array:
+        """The middles of the cells.  # (R, C, 2)"""
+        rows, columns = self.views.shape
+        width, height = self.image_size
+        u, v = (np.arange(columns) + 0.5) * width / columns - 0.5, (np.arange(rows) + 0.5) * height / rows - 0.5
+        return np.stack(np.meshgrid(u, v), axis=-1)
+
+
+def coverage_of(calibration: Calibration) -> Coverage:
+    """What the sightings cover that a camera was solved from."""
+    seen, counted = calibration.observations, ~calibration.is_outlier
+    face = seen.points.face[seen.point]
+    return coverage(seen.image_size, seen.center_px[counted], seen.view[counted], face[counted])
+
+
+def coverage(
+    image_size: tuple[int, int], center_px: Array, view: NDArray[np.int64], face: NDArray[np.int64]
+) -> Coverage:
+    """What sightings cover.
+
+    Args:
+        image_size: width, height in px.
+        center_px: where sightings are (N, 2).
+        view: of each (N,).
+        face: of each (N,); those on no known face belong together.
+    """
+    width, height = image_size
+    shape = max(FEWEST_ROWS, round(COLUMNS * height / width)), COLUMNS
+    views = np.zeros(shape, dtype=np.int64)
+    # In cells, the middle of the first cell at 0.
+    place = (center_px + 0.5) * [shape[1] / width, shape[0] / height] - 0.5
+    for one in np.unique(view):
+        covered = np.zeros(shape, dtype=bool)
+        of_view = view == one
+        for plane in np.unique(face[of_view]):
+            points = place[of_view & (face == plane)]
+            if len(points) >= LEAST_OF_HULL:
+                covered |= _in_hull(points, shape)
+        views += covered
+    return Coverage(image_size, views, _regions(views > 0))
+
+
+def _in_hull(points: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Which integer places (row, column) lie in the convex hull of points (N, 2) of column and row.
+
+    A row of the grid cuts the outline of the hull in two points; what lies between them is inside.
+    """
+    import cv2
+
+    start = cv2.convexHull(points.astype(np.float32))[:, 0].astype(np.float64)
+    end = np.roll(start, -1, axis=0)
+    row = np.arange(shape[0], dtype=np.float64)[:, None]
+    rise = end[:, 1] - start[:, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (row - start[:, 1]) / rise
+        cut = start[:, 0] + along * (end[:, 0] - start[:, 0])
+    is_cut = (rise != 0) & (along >= 0) & (along <= 1)
+    left = np.where(is_cut, cut, np.inf).min(axis=1, keepdims=True)
+    right = np.where(is_cut, cut, -np.inf).max(axis=1, keepdims=True)
+    column = np.arange(shape[1])
+    inside: NDArray[np.bool_] = (column >= left) & (column <= right)
+    return inside
+
+
+def _regions(is_covered: NDArray[np.bool_]) -> tuple[Region, ...]:
+    """Corners, edges and centre."""
+    rows, columns = is_covered.shape
+    bands = [_bands(count) for count in (rows, columns)]
+    found = []
+    for vertical, down in zip(("top", "", "bottom"), bands[0], strict=True):
+        for horizontal, across in zip(("left", "", "right"), bands[1], strict=True):
+            part = is_covered[down, across]
+            found.append(Region(_region_name(vertical, horizontal), part.size / is_covered.size, float(part.mean())))
+    return tuple(found)
+
+
+def _bands(count: int) -> tuple[slice, slice, slice]:
+    """The first, middle and last of so many rows or columns."""
+    band = max(1, round(BAND * count))
+    return slice(0, band), slice(band, count - band), slice(count - band, count)
+
+
+def _region_name(vertical: str, horizontal: str) -> str:
+    if vertical and horizontal:
+        return f"{vertical} {horizontal} corner"
+    return f"{vertical or horizontal} edge" if vertical or horizontal else "centre"
+
+
+def region_words(names: tuple[str, ...]) -> str:
+    """Regions in words, all corners or all edges as such: "all corners and the left edge"."""
+    words = []
+    for kind, every in (("corner", "corners"), ("edge", "edges")):
+        of_kind = [name for name in names if name.endswith(kind)]
+        words += [f"all {every}"] if len(of_kind) == CORNERS else [f"the {name}" for name in of_kind]
+    words += ["the centre"] if "centre" in names else []
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""

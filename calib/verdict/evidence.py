@@ -1,0 +1,210 @@
+"""What is measured of a run before anything is judged: no limits here."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import rays
+from calib.metrics.errors import Errors, summarise
+from calib.metrics.evaluation import Evaluation, evaluate
+from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, residuals_of
+from calib.refit import image_grid
+from calib.solver.outliers import deviations
+from calib.solver.uncertainty import sigma_over_image_px
+from calib.types import Calibration, Status
+from calib.verdict.apart import Known, apart, sigma_over
+from calib.verdict.coverage import Coverage, coverage_of
+from calib.verdict.halves import HalfSplit, NoHalves, halves_apart
+from calib.verdict.target_shape import ShapeEffect, shape_effect
+from designer.errors import InputError
+
+Array = NDArray[np.float64]
+
+QUANTILE = 95
+FAR_OFF = 4.0
+"""Robust standard deviations beyond which a sighting is far off; normal noise has 1 of 3000 there."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard deviation of the camera's pixels, along its worse axis, as the solution states it."""
+
+    image_px: float | None  # 95 % of the image is at most so uncertain; None: of less is anything known
+    covered_px: float | None  # 95 % of what the sightings cover
+    known: float  # of the image, 0 to 1: where the model has rays
+    is_estimated: bool  # at least one parameter was
+    is_map_exact: bool  # the error of a learned map is not in it
+
+
+@dataclass(frozen=True)
+class HalvesFound:
+    """How two half solutions differ over the covered area."""
+
+    ratio: float  # in stated standard deviations, 1 on average if they are honest
+    rms_px: float
+    stated_px: float  # the root mean square that the standard deviations let expect
+    percentile_95_px: float
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What the solution leaves over."""
+
+    rmse_px: float
+    count: int  # of sightings
+    stated_sigma_px: float | None  # of a coordinate, as the detector states it
+    sigma_px: float  # of a coordinate, as the residuals show it
+    far_share: float  # of sightings that count and are beyond `FAR_OFF`, 0 to 1
+    left_out_share: float
+    image_px: float | None  # root mean square of the cells' means less what noise gives; None: too few sightings
+    target_px: float | None  # the same of the rings' means, moved to the target and back to pixels
+
+
+@dataclass(frozen=True)
+class ModelApart:
+    """How another model, solved from the same photos, differs over the covered area."""
+
+    model: str
+    percentile_95_px: float | None  # None: nothing to compare, `reason` says why
+    reason: str
+    shared: float  # of the covered area, 0 to 1: where both are known
+    is_learned: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """All that a verdict on one camera rests on."""
+
+    model: str
+    status: Status
+    status_reason: str  # of a status other than converged
+    view_count: int
+    uncertainty: Uncertainty
+    coverage: Coverage
+    halves: HalvesFound | NoHalves
+    leftover: Leftover
+    shape: ShapeEffect | None  # what a target of another shape would change; None: cannot be told
+    models: tuple[ModelApart, ...]
+
+
+def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSplit) -> Evidence:
+    """Measure.
+
+    Args:
+        calibrations: of the same photos by different models.
+        best: row of the one that is judged.
+        halves: of that one.
+    """
+    judged = calibrations[best]
+    covered = coverage_of(judged)
+    others = [one for row, one in enumerate(calibrations) if row != best]
+    reason = judged.remarks[0] if judged.status != "converged" and judged.remarks else ""
+    return Evidence(
+        judged.camera.model, judged.status, reason, judged.observations.view_count, _uncertainty(judged, covered),
+        covered, _halves(halves, covered), _leftover(evaluate(judged)), shape_effect(judged, covered),
+        tuple(_model_apart(judged, other, covered) for other in others),
+    )  # fmt: skip
+
+
+def _uncertainty(calibration: Calibration, covered: Coverage) -> Uncertainty:
+    pixel = image_grid(calibration.camera.image_size).reshape(-1, 2)
+    is_estimated = bool((np.diagonal(calibration.param_covariance) > 0).any())
+    known = float(np.isfinite(rays(calibration.camera, pixel)).all(axis=1).mean())
+    image: float | None = None
+    inside: float | None = None
+    if is_estimated and np.isfinite(calibration.param_covariance).all():
+        share = sigma_over_image_px(calibration.camera, calibration.param_covariance)
+        image = share if math.isfinite(share) else None
+        inside = _quantile(sigma_over(Known(calibration.camera, calibration.param_covariance), covered))
+    return Uncertainty(image, inside, known, is_estimated, calibration.camera.learned is not None)
+
+
+def _quantile(values: Array) -> float | None:
+    """What 95 % are at most; None if that is not known."""
+    if not len(values):
+        return None
+    value = float(np.percentile(values, QUANTILE, method="inverted_cdf"))
+    return value if math.isfinite(value) else None
+
+
+def _halves(halves: HalfSplit, covered: Coverage) -> HalvesFound | NoHalves:
+    if isinstance(halves, NoHalves):
+        return halves
+    found = halves_apart(halves, covered)
+    if found is None:
+        return NoHalves("the cameras of the two halves share no part of the covered image")
+    return HalvesFound(found.ratio, found.rms_px, found.stated_px, found.percentile_95_px)
+
+
+def _leftover(evaluation: Evaluation) -> Leftover:
+    calibration = evaluation.calibration
+    seen, errors = calibration.observations, evaluation.of("reprojection")
+    if errors is None:
+        raise ValueError("a calibration without reprojection errors cannot be judged")
+    cells = cells_of_residuals(residuals_of(evaluation))
+    summary = summarise(errors)
+    far = deviations(calibration.residual_px.T, seen.cov_px2) > FAR_OFF
+    stated = None
+    if seen.cov_px2 is not None and len(seen.cov_px2):
+        stated = math.sqrt(float(np.trace(seen.cov_px2, axis1=1, axis2=2).mean()) / 2)
+    count = max(len(far), 1)
+    freedom = 1 - (6 * seen.view_count + len(calibration.camera.params)) / max(2 * summary.count, 1)
+    return Leftover(
+        rmse_px=summary.rmse,
+        count=summary.count,
+        stated_sigma_px=stated,
+        sigma_px=summary.rmse / math.sqrt(2 * freedom) if freedom > 0 else math.nan,
+        far_share=float((far & ~calibration.is_outlier).sum()) / count,
+        left_out_share=float(calibration.is_outlier.sum()) / count,
+        image_px=_beyond_noise(cells.rms_of_means_px, cells.rms_by_noise_px),
+        target_px=_on_target(evaluation.of("intersection"), summary.rmse),
+    )
+
+
+def _beyond_noise(rms: float, by_noise: float) -> float | None:
+    """The part of a root mean square that noise does not explain; None if it is not known."""
+    if not math.isfinite(rms) or not math.isfinite(by_noise):
+        return None
+    return math.sqrt(max(rms**2 - by_noise**2, 0.0))
+
+
+def _on_target(errors: Errors | None, rmse_px: float) -> float | None:
+    """Root mean square of what each ring is off on the target in all views, less what noise gives, in px."""
+    if errors is None or errors.point is None:
+        return None
+    counted = errors.is_counted
+    vector, point = errors.vector[counted], errors.point[counted]
+    count = np.bincount(point)
+    total = np.stack([np.bincount(point, vector[:, k], len(count)) for k in range(vector.shape[1])], axis=1)
+    enough = count >= LEAST_PER_CELL
+    freedom = len(point) - int((count > 0).sum())
+    if not enough.any() or freedom <= 0:
+        return None
+    mean = total / np.maximum(count, 1)[:, None]
+    variance = float(((vector - mean[point]) ** 2).sum()) / freedom
+    rms = math.sqrt(float((mean[enough] ** 2).sum(axis=1).mean()))
+    by_noise = math.sqrt(variance * float((1 / count[enough]).mean()))
+    rmse_mm = math.sqrt(float((vector**2).sum(axis=1).mean()))
+    beyond = _beyond_noise(rms, by_noise)
+    return None if beyond is None else beyond * rmse_px / rmse_mm if rmse_mm > 0 else 0.0
+
+
+def _model_apart(judged: Calibration, other: Calibration, covered: Coverage) -> ModelApart:
+    model, is_learned = other.camera.model, other.camera.learned is not None
+    if other.status != "converged":
+        return ModelApart(model, None, f"is {other.status}", 0.0, is_learned)
+    try:
+        found = apart(
+            Known(judged.camera, np.zeros_like(judged.param_covariance)),
+            Known(other.camera, np.zeros_like(other.param_covariance)),
+            covered,
+        )
+    except InputError:
+        found = None
+    if found is None:
+        return ModelApart(model, None, "is known nowhere in the covered area", 0.0, is_learned)
+    shared = float(found.is_known.sum()) / max(int(found.is_covered.sum()), 1)
+    return ModelApart(model, found.percentile_95_px, "", shared, is_learned)

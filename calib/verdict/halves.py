@@ -1,0 +1,150 @@
+"""A camera solved from halves of its views: whether the stated standard deviations can be believed.
+
+If what is left over is noise, two halves differ by what their covariances say. If it is not (a target that is not as
+its file says, a model that does not fit the lens, a focus that moved), each half takes up another part of it and they
+lie farther apart. What all views have in common no halves show. One split is a single throw of dice, so several are
+made.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.one_thread import one_thread
+from calib.pipeline.calibrate import calibrate
+from calib.sightings import keep_sightings, keep_views
+from calib.solver.options import SolveOptions
+from calib.types import Calibration, Observations
+from calib.verdict.apart import Apart, Known, apart
+from calib.verdict.coverage import Coverage, coverage_of
+from calib.verdict.split import splits
+from designer.errors import InputError
+
+Array = NDArray[np.float64]
+
+LEAST_VIEWS = 4
+QUANTILE = 95
+
+
+@dataclass(frozen=True, eq=False)
+class Half:
+    """What one half of the views gives."""
+
+    known: Known
+    view_names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Halves:
+    """Pairs of solutions of the same model and options, each of two halves of the views."""
+
+    pairs: tuple[tuple[Half, Half], ...]  # one or more
+
+
+@dataclass(frozen=True)
+class NoHalves:
+    """Why there are none."""
+
+    reason: str  # "3 photos cannot be halved; take 4 or more"
+
+
+HalfSplit = Halves | NoHalves
+
+
+@dataclass(frozen=True, eq=False)
+class HalvesApart:
+    """How far halves of the views lie apart over the covered image, over all splits."""
+
+    pairs: tuple[Apart, ...]
+
+    @property
+    def ratio(self) -> float:
+        """The differences in stated standard deviations, 1 on average if these are honest."""
+        return float(np.sqrt(np.mean([one.ratio**2 for one in self.pairs])))
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square difference."""
+        return float(np.sqrt(np.mean([one.rms_px**2 for one in self.pairs])))
+
+    @property
+    def stated_px(self) -> float:
+        """The same as the standard deviations let expect."""
+        return float(np.sqrt(np.mean([one.stated_px**2 for one in self.pairs])))
+
+    @cached_property
+    def length_px(self) -> Array:
+        """Root mean square over the splits of the differences at each pixel of the grid, nan where none.  # (R, C)"""
+        square = np.stack([one.length_px for one in self.pairs]) ** 2
+        length: Array = np.sqrt(square.mean(axis=0))
+        return length
+
+    @property
+    def pixel(self) -> Array:
+        """The pixels of the grid.  # (R, C, 2)"""
+        return self.pairs[0].pixel
+
+    @property
+    def percentile_95_px(self) -> float:
+        """What 95 % of the covered area differ by at most, as a root mean square over the splits."""
+        known = self.length_px[np.isfinite(self.length_px)]
+        return float(np.percentile(known, QUANTILE)) if len(known) else self.rms_px
+
+
+@one_thread
+def half_split(calibration: Calibration, options: SolveOptions) -> HalfSplit:
+    """Solve the model of a calibration from halves of its views, with the options it was solved with.
+
+    Sightings that the calibration left out as outliers stay out. Halves that do not determine the camera are skipped.
+    """
+    seen, views = calibration.observations, calibration.observations.view_count
+    if calibration.status == "degenerate":
+        return NoHalves("the photos do not determine the camera, so neither does half of them")
+    if calibration.camera.learned is not None:
+        return NoHalves("a learned map states no standard deviation that a difference could be compared with")
+    if views < LEAST_VIEWS:
+        return NoHalves(f"{views} photo{'s' if views > 1 else ''} cannot be halved; take {LEAST_VIEWS} or more")
+    if not np.bincount(seen.view[~calibration.is_outlier], minlength=views).all():
+        return NoHalves("a photo has no sighting that counts; leave it out and solve again")
+    used = keep_sightings(seen, ~calibration.is_outlier)
+    pairs, reasons = [], []
+    for is_first in splits(calibration):
+        halves = [_solved(keep_views(used, rows), calibration.camera.model, options) for rows in (is_first, ~is_first)]
+        first, second = halves
+        if isinstance(first, Half) and isinstance(second, Half):
+            pairs.append((first, second))
+        else:
+            reasons += [half.reason for half in halves if isinstance(half, NoHalves)]
+    return Halves(tuple(pairs)) if pairs else NoHalves(reasons[0])
+
+
+def _solved(half: Observations, model: str, options: SolveOptions) -> Half | NoHalves:
+    """The camera of one half."""
+    try:
+        solved = calibrate(half, model, options)
+    except InputError as error:
+        return NoHalves(f"half of the photos do not do: {error}")
+    if solved.status != "converged":
+        why = solved.remarks[0] if solved.remarks else solved.status
+        return NoHalves(f"half of the photos do not determine the camera: {why}")
+    return Half(Known(solved.camera, solved.param_covariance), solved.observations.view_names)
+
+
+def halves_apart(halves: Halves, coverage: Coverage) -> HalvesApart | None:
+    """How far halves lie apart where the image is covered; None if they share nothing there."""
+    found = []
+    for first, second in halves.pairs:
+        try:
+            one = apart(first.known, second.known, coverage)
+        except InputError:
+            continue
+        if one is not None:
+            found.append(one)
+    return HalvesApart(tuple(found)) if found else None
+
+
+def halves_map(halves: Halves, calibration: Calibration) -> HalvesApart | None:
+    """The same over what a calibration's sightings cover: for a picture."""
+    return halves_apart(halves, coverage_of(calibration))

@@ -1,0 +1,198 @@
+"""What photos tell of a camera, before they are taken: Fisher information with the pose of each photo eliminated.
+
+The camera's parameters are written `p = p0 + basis q` with q of unit covariance, so that what is known now is the
+identity and a photo adds `A - B C^-1 B'` to it: A of q with itself, C of the pose with itself, B of both (Schur
+complement; Triggs et al. 2000, section 6).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import MODELS, linearise, rays
+from calib.refit import COLUMNS, image_grid
+from calib.sightings import keep_views, sightings_per_view
+from calib.solver.blocks import RobustLoss, view_blocks
+from calib.solver.options import SolveOptions
+from calib.solver.problem import pack
+from calib.solver.schur import reduced_normal
+from calib.solver.tie import tie_parameters
+from calib.solver.uncertainty import GRID
+from calib.types import Calibration, Camera
+
+Array = NDArray[np.float64]
+
+TIED = 1e-12
+"""Directions of the parameters with less of their variance are fixed or shared, not estimated."""
+CHUNK = 400_000
+"""Points at a time."""
+UNDETERMINED = 1e-12
+"""Smallest eigenvalue of a pose's normal matrix with a diagonal of ones."""
+LENS_UNSURE = 1.0
+"""Standard deviation of a lens coefficient of which nothing is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """What is known of a camera from the photos that were taken."""
+
+    camera: Camera
+    basis: Array  # (P, Q) `basis @ basis.T` is the covariance of the parameters
+    noise_px: float  # standard deviation of a coordinate of an observation
+    is_determined: bool  # without: the covariance holds a guess of what a camera is like
+
+
+def knowledge_of(calibration: Calibration) -> Knowledge:
+    """What a calibration knows of its camera; it must state a scale."""
+    noise_px = _noise_px(calibration)
+    covariance = calibration.param_covariance
+    is_determined = bool(np.isfinite(covariance).all()) and calibration.status != "degenerate"
+    if not is_determined:
+        covariance = _covariance_with_guess(calibration)
+    deviation = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    scale = np.where(deviation > 0, deviation, 1.0)
+    value, vector = np.linalg.eigh(covariance / (scale[:, None] * scale))
+    free = value > TIED * max(float(value[-1]), 1e-300)
+    basis = scale[:, None] * vector[:, free] * np.sqrt(value[free])
+    return Knowledge(calibration.camera, basis, noise_px, is_determined)
+
+
+def _noise_px(calibration: Calibration) -> float:
+    """What a coordinate of an observation is off by; weighted ones by their mean weight."""
+    covariance = calibration.observations.cov_px2
+    if not calibration.weighted or covariance is None:
+        return calibration.scale
+    variance = 0.5 * np.trace(covariance[~calibration.is_outlier], axis1=1, axis2=2)
+    return calibration.scale / math.sqrt(float((1 / variance).mean()))
+
+
+def _covariance_with_guess(calibration: Calibration) -> Array:
+    """The parameters' covariance where the photos leave some open: with a guess of what cameras are like.
+
+    The focal lengths by half, the centre by a quarter of the image, lens coefficients by one.
+    """
+    camera = calibration.camera
+    tie = tie_parameters(camera.model, SolveOptions(fixed=tuple((name, None) for name in calibration.fixed)))
+    has_some = sightings_per_view(calibration.observations) > 0
+    problem = pack(keep_views(calibration.observations, has_some), weighted=calibration.weighted)
+    pose = np.array(calibration.cam_from_target[has_some])
+    pose[:, :3, 3] += pose[:, :3, :3] @ problem.origin_mm
+    try:
+        normal, _ = reduced_normal(view_blocks(problem, camera, pose, RobustLoss()).products, tie.row)
+    except np.linalg.LinAlgError:  # not even a pose is determined
+        normal = np.zeros((int(tie.row.max(initial=-1)) + 1,) * 2)
+    longer = max(camera.image_size)
+    guess = [LENS_UNSURE] * len(camera.params)
+    guess[:4] = [0.5 * float(camera.params[0]), 0.5 * float(camera.params[1]), 0.25 * longer, 0.25 * longer]
+    free = np.flatnonzero(tie.row >= 0)
+    deviation = np.array(guess)[free]
+    scaled = normal * deviation[:, None] * deviation / calibration.scale**2 + np.eye(len(free))
+    covariance = np.zeros((len(guess), len(guess)))
+    covariance[np.ix_(free, free)] = np.linalg.inv(scaled) * deviation[:, None] * deviation
+    return covariance
+
+
+def view_information(known: Knowledge, cam_from_target: Array, position_mm: Array, weight: Array) -> Array:
+    """What each of C photos would add (C, Q, Q), if their poses must be found too.
+
+    Args:
+        known: the camera, and the noise of observations.
+        cam_from_target: poses (C, 4, 4).
+        position_mm: points of the target (N, 3).
+        weight: how many observations each point stands for in each photo (C, N); 0: not seen.
+    """
+    size = known.basis.shape[1]
+    result = np.empty((len(cam_from_target), size, size))
+    step = max(1, CHUNK // max(len(position_mm), 1))
+    for begin in range(0, len(cam_from_target), step):
+        part = slice(begin, begin + step)
+        result[part] = _information(known, cam_from_target[part], position_mm, weight[part])
+    return result
+
+
+def _information(known: Knowledge, pose: Array, position_mm: Array, weight: Array) -> Array:
+    photos, count = weight.shape
+    photo, row = np.nonzero(weight > 0)
+    origin = position_mm.mean(axis=0)
+    turned = (pose[photo, :3, :3] @ (position_mm[row] - origin)[:, :, None])[:, :, 0]
+    middle = pose[:, :3, :3] @ origin + pose[:, :3, 3]
+    seen = linearise(known.camera, np.ascontiguousarray((turned + middle[photo]).T))
+    by_point = seen.by_point.transpose(2, 0, 1)
+    columns = np.concatenate(
+        [seen.by_params.transpose(2, 0, 1) @ known.basis, np.cross(turned[:, None, :], by_point), by_point], axis=2
+    )
+    columns *= (np.sqrt(weight[photo, row]) / known.noise_px)[:, None, None]
+    columns[~np.isfinite(columns).all(axis=(1, 2))] = 0.0
+    # As many rows for each photo: those of points that are not seen stay zero.
+    spread = np.zeros((photos, count, 2, columns.shape[2]))
+    spread[photo, row] = columns
+    rows = spread.reshape(photos, 2 * count, -1)
+    return eliminated(rows.transpose(0, 2, 1) @ rows)
+
+
+def eliminated(products: Array) -> Array:
+    """`A - B C^-1 B'` of products (C, Q + 6, Q + 6) whose last six unknowns are a pose; 0 where it is undetermined."""
+    size = products.shape[1] - 6
+    diagonal = np.sqrt(np.diagonal(products, axis1=1, axis2=2)[:, size:])
+    able: NDArray[np.bool_] = np.asarray((diagonal > 0).all(axis=1))
+    unit = np.where(able[:, None], diagonal, 1.0)
+    pose = products[:, size:, size:] / (unit[:, :, None] * unit[:, None, :])
+    value, vector = np.linalg.eigh(np.where(able[:, None, None], pose, np.eye(6)))
+    able = able & (value[:, 0] > UNDETERMINED)
+    half = vector.transpose(0, 2, 1) @ (products[:, size:, :size] / unit[:, :, None])
+    half /= np.sqrt(np.where(able[:, None], value, 1.0))[:, :, None]
+    left = products[:, :size, :size] - half.transpose(0, 2, 1) @ half
+    return np.where(able[:, None, None], left, 0.0)
+
+
+def image_change(known: Knowledge, columns: int = COLUMNS, rows: int | None = None) -> Array:
+    """How q moves what is seen at a grid of pixels (N, 2, Q), without the rotation that best explains it.
+
+    As `calib.solver.uncertainty`: a camera that is turned a little shows the same with its poses turned back. Pixels
+    without a ray are left out.
+    """
+    size = known.camera.image_size
+    params, rotation = _by_params_and_rotation(known, image_grid(size, *GRID).reshape(-1, 2))
+    turn, *_ = np.linalg.lstsq(rotation.reshape(-1, 3), -params.reshape(-1, params.shape[2]), rcond=None)
+    params, rotation = _by_params_and_rotation(known, image_grid(size, columns, rows).reshape(-1, 2))
+    change: Array = params + rotation @ turn
+    return change
+
+
+def grid_count(camera: Camera) -> int:
+    """How many pixels `image_change` looks at, with those that have no ray."""
+    return int(image_grid(camera.image_size).shape[0] * image_grid(camera.image_size).shape[1])
+
+
+def _by_params_and_rotation(known: Knowledge, pixel: Array) -> tuple[Array, Array]:
+    ray = rays(known.camera, pixel)
+    ray = np.ascontiguousarray(ray[np.isfinite(ray).all(axis=1)])
+    seen = linearise(known.camera, np.ascontiguousarray(ray.T))
+    ok = np.isfinite(seen.by_params).all(axis=(0, 1)) & np.isfinite(seen.by_point).all(axis=(0, 1))
+    by_params = seen.by_params.transpose(2, 0, 1)[ok] @ known.basis
+    return by_params, np.cross(ray[ok][:, None, :], seen.by_point.transpose(2, 0, 1)[ok])
+
+
+def sigma_px(change: Array, information: Array) -> Array:
+    """Standard deviations (..., N) along the worse axis of what is seen at N pixels.
+
+    Args:
+        change: of `image_change` (N, 2, Q).
+        information: on q (..., Q, Q), the identity that stands for what is known included.
+    """
+    covariance = np.linalg.inv(information)
+    size = change.shape[2]
+    flat = change.reshape(-1, size)
+    spread = (flat @ covariance).reshape(*covariance.shape[:-2], -1, 2, size)
+    uu = (spread[..., 0, :] * change[:, 0]).sum(axis=-1)
+    vv = (spread[..., 1, :] * change[:, 1]).sum(axis=-1)
+    uv = (spread[..., 0, :] * change[:, 1]).sum(axis=-1)
+    largest: Array = 0.5 * (uu + vv) + np.hypot(0.5 * (uu - vv), uv)
+    return np.sqrt(np.maximum(largest, 0.0))
+
+
+def has_information(model: str) -> bool:
+    """Whether a model's covariance tells all of its accuracy; a learned map's is taken as exact."""
+    return model in MODELS and model not in ("virtual", "spline")

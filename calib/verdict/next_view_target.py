@@ -1,0 +1,195 @@
+"""What of a target can be shown to a camera: its faces and which way they look, as the photos themselves tell."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.se3 import invert
+from calib.solver.linear_pose import FLAT
+from calib.types import Calibration, KnownPoints
+
+Array = NDArray[np.float64]
+
+USUAL_SHARE = 0.1
+"""Of the faces in the used photos, so many were seen less completely than counts as readable."""
+READABLE_PITCH_PX = 8.0
+"""Rings so far apart in the image are read at all times; finer ones if the photos showed them so."""
+MOST_FOR_PITCH = 400
+"""Points of a face among which neighbours are looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class TargetShape:
+    """The K points of a target that lie on its F planes."""
+
+    position_mm: Array  # (K, 3)
+    face: NDArray[np.int64]  # (K,)
+    normal: Array  # (F, 3) unit, to the side that is photographed
+    middle_mm: Array  # (F, 3) of each face's points; nan without points
+    corner: tuple[NDArray[np.int64], ...]  # per face the rows of its outermost points, in order around it
+    center_mm: Array  # (3,) the middle of the points' box
+    axes: Array  # (3, 3) rows: of a flat target the long side, the other side, and the normal to the camera
+    aspect: float  # long side over the other
+    is_flat: bool
+    pitch_mm: float  # usual distance between neighbours
+
+
+@dataclass(frozen=True)
+class Habits:
+    """How the target was shown in the photos that were used, so that the next ones can be taken alike."""
+
+    distance_mm: tuple[float, float]  # nearest and farthest, from the camera to the target's middle
+    face_share: float  # a face of which less was seen was not read
+    pitch_px: float  # neighbours closer than this were not read, or nobody tried
+    rings: int  # fewest in a photo
+
+
+def shape_of(calibration: Calibration) -> TargetShape | None:
+    """The shape of a calibration's target; None if no three of its points lie on known planes."""
+    points = calibration.observations.points
+    rows = np.flatnonzero(points.face >= 0)
+    if len(rows) < 3:
+        return None
+    position, face = points.position_mm[rows], points.face[rows]
+    center = 0.5 * (position.min(axis=0) + position.max(axis=0))
+    normal = _towards_camera(calibration, points, center)
+    count = np.bincount(face, minlength=len(points.plane))
+    total = np.stack([np.bincount(face, position[:, k], len(points.plane)) for k in range(3)], axis=1)
+    middle = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], np.nan)
+    _, extent, spread = np.linalg.svd(position - position.mean(axis=0), full_matrices=False)
+    is_flat = bool(extent[2] < FLAT * extent[0])
+    towards = (normal * count[:, None]).sum(axis=0)
+    axes, aspect = _axes(position, spread[2], towards)
+    corner = tuple(_outermost(position, face, number, normal[number]) for number in range(len(points.plane)))
+    return TargetShape(
+        position, face, normal, middle, corner, center, axes, aspect, is_flat, _pitch_mm(position, face)
+    )  # fmt: skip
+
+
+def _towards_camera(calibration: Calibration, points: KnownPoints, center: Array) -> Array:
+    """Normals (F, 3) to the side that the photos were taken from; of faces never seen, away from the middle.
+
+    A plane from elsewhere does not say which of its sides carries the rings.
+    """
+    plane, seen = points.plane, calibration.observations
+    eye = invert(calibration.cam_from_target)[:, :3, 3]
+    face = points.face[seen.point]
+    known = face >= 0
+    side = np.sign((plane[face, :3] * eye[seen.view]).sum(axis=1) - plane[face, 3])
+    votes = np.bincount(face[known], side[known], len(plane))
+    outward = np.sign(plane[:, 3] - plane[:, :3] @ center)
+    sign = np.where(votes != 0, np.sign(votes), np.where(outward != 0, outward, 1.0))
+    oriented: Array = plane[:, :3] * sign[:, None]
+    return oriented
+
+
+def _axes(position: Array, normal: Array, towards: Array) -> tuple[Array, float]:
+    """The long side, the other side and the normal of the smallest box around a flat target's points, as rows.
+
+    The normal points to the camera; for a camera that sees the long side point to the right, the other one points down.
+    Also how long the box is for its width.
+    """
+    normal = normal if normal @ towards >= 0 else -normal
+    forward = -normal  # as the camera looks at a target that faces it
+    start = np.eye(3)[int(np.argmin(np.abs(forward)))]
+    first = start - forward * (forward @ start)
+    first /= np.linalg.norm(first)
+    second = np.cross(forward, first)
+    flat = (position - position.mean(axis=0)) @ np.stack([first, second], axis=1)
+    angle = np.linspace(0, np.pi / 2, 91)[:-1]
+    along = flat @ np.stack([np.cos(angle), np.sin(angle)])
+    across = flat @ np.stack([-np.sin(angle), np.cos(angle)])
+    width, height = np.ptp(along, axis=0), np.ptp(across, axis=0)
+    best = int(np.argmin(width * height))
+    turn = float(angle[best])
+    right = np.cos(turn) * first + np.sin(turn) * second
+    down = np.cross(forward, right)
+    if height[best] > width[best]:
+        right, down = down, -right
+    longer, shorter = max(width[best], height[best]), min(width[best], height[best])
+    return np.stack([right, down, normal]), float(longer / max(shorter, 1e-9))
+
+
+def _outermost(position: Array, face: NDArray[np.int64], number: int, normal: Array) -> NDArray[np.int64]:
+    """Rows of a face's points on its convex hull, in order around it; all rows of fewer than three points."""
+    rows = np.flatnonzero(face == number)
+    if len(rows) < 3:
+        return rows
+    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    first /= np.linalg.norm(first)
+    flat = position[rows] @ np.stack([first, np.cross(normal, first)], axis=1)
+    return rows[_convex_hull(flat - flat.mean(axis=0))]
+
+
+def _convex_hull(point: Array) -> NDArray[np.int64]:
+    """Rows of the corners of the convex hull of points (N, 2), in order around it (Andrew 1979)."""
+    order = np.lexsort((point[:, 1], point[:, 0])).tolist()
+    least = 1e-9 * float(np.abs(point).max(initial=0.0)) ** 2
+    halves: list[list[int]] = []
+    for rows in (order, order[::-1]):
+        chain: list[int] = []
+        for row in rows:
+            while len(chain) > 1 and not _turn(point[chain[-2]], point[chain[-1]], point[row]) > least:
+                chain.pop()
+            chain.append(row)
+        halves.append(chain[:-1])
+    return np.array(halves[0] + halves[1], dtype=np.int64)
+
+
+def _turn(a: Array, b: Array, c: Array) -> float:
+    """Twice the signed area of a triangle."""
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def _pitch_mm(position: Array, face: NDArray[np.int64]) -> float:
+    """The median distance from a point to its nearest neighbour on the same face."""
+    nearest = []
+    for number in np.unique(face).tolist():
+        mine = position[face == number][:MOST_FOR_PITCH]
+        if len(mine) > 1:
+            square = ((mine[:, None] - mine[None]) ** 2).sum(axis=2)
+            np.fill_diagonal(square, np.inf)
+            nearest.append(np.sqrt(square.min(axis=1)))
+    return float(np.median(np.concatenate(nearest))) if nearest else 0.0
+
+
+def habits_of(calibration: Calibration, shape: TargetShape) -> Habits:
+    """What the photos show to be possible: distances, how much of a face must be seen, how fine rings may be."""
+    seen, points = calibration.observations, calibration.observations.points
+    faces = len(points.plane)
+    pose = calibration.cam_from_target
+    distance = np.linalg.norm(pose[:, :3, :3] @ shape.center_mm + pose[:, :3, 3], axis=1)
+    face = points.face[seen.point]
+    met, number = np.unique((seen.view * faces + face)[face >= 0], return_counts=True)
+    view, met_face = met // faces, met % faces
+    share = number / np.bincount(shape.face, minlength=faces)[met_face]
+    place = (pose[view, :3, :3] @ shape.middle_mm[met_face][:, :, None])[:, :, 0] + pose[view, :3, 3]
+    normal = (pose[view, :3, :3] @ shape.normal[met_face][:, :, None])[:, :, 0]
+    pitch = pitch_px(float(calibration.camera.params[0]), shape, place, normal)
+    per_view = np.bincount(seen.view, minlength=seen.view_count)
+    return Habits(
+        (float(distance.min()), float(distance.max())),
+        float(np.quantile(share, USUAL_SHARE)),
+        min(READABLE_PITCH_PX, float(np.quantile(pitch, USUAL_SHARE))),
+        int(per_view[per_view > 0].min()),
+    )
+
+
+def pitch_px(focal_px: float, shape: TargetShape, place: Array, normal: Array) -> Array:
+    """Distances in the image of neighbours on faces, the way they are foreshortened.
+
+    Args:
+        focal_px: of the camera.
+        shape: with the distance on the face.
+        place: of faces in the camera frame (..., 3).
+        normal: of the faces in the camera frame (..., 3).
+    """
+    shown: Array = shape.pitch_mm * focal_px * facing(place, normal) / np.maximum(place[..., 2], 1e-9)
+    return shown
+
+
+def facing(place: Array, normal: Array) -> Array:
+    """Cosines of the angles between normals and the directions from places (..., 3) to the camera."""
+    cosine: Array = -(place * normal).sum(axis=-1) / np.linalg.norm(place, axis=-1)
+    return cosine

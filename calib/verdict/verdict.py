@@ -1,0 +1,33 @@
+"""What a verdict is."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Grade = Literal["good", "usable", "bad", "unknown"]
+"""`bad`: do not use; `unknown`: could not be checked, which is said and worsens nothing but leaves no praise."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was checked of a calibration."""
+
+    name: str  # a key of `calib.verdict.checks.TITLES`
+    title: str  # "Uncertainty of the camera over the image"
+    grade: Grade
+    value: float | None  # None: not known
+    unit: str  # "px", "%", "sigma", "" for ratios
+    good: float  # the limit within which it is good
+    usable: float  # the limit within which it is usable
+    is_at_least: bool  # the value must be at least the limits, not at most
+    sentence: str  # what was found and what it means, in one sentence
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether to use the camera of a run."""
+
+    grade: Grade  # the worst of the checks that are known
+    model: str  # of the camera it is about
+    sentence: str  # the answer and the main reason in one sentence
+    checks: tuple[Check, ...]  # in order of reading
+    advice: tuple[str, ...]  # what to do better next time, the most useful first

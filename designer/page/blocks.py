@@ -1,0 +1,221 @@
+"""What a page is made of: plain data without a word of HTML, so that no file name or remark can become markup.
+
+Reports build these; `designer.page.shell` alone turns them into HTML, and escapes all text.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from designer.page.scene import Scene
+
+Level = Literal["good", "usable", "bad", "note"]
+"""How a fact is to be taken: fine, with care, not at all; or neither."""
+
+
+@dataclass(frozen=True)
+class Raster:
+    """A picture of pixels, PNG or JPEG by its content."""
+
+    content: bytes
+    width_px: int
+    height_px: int
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """An SVG element that is safe inside a page and follows its colours; made by `designer.page.drawing` only."""
+
+    svg: str
+    width_px: float
+    height_px: float
+
+
+@dataclass(frozen=True)
+class Link:
+    """A file of the page's folder."""
+
+    text: str
+    path: str  # relative to the page, with "/" between folders; neither absolute nor upwards
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Plain text."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names and their values, a line each."""
+
+    rows: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was checked or noticed."""
+
+    level: Level
+    title: str
+    text: str
+    measured: str = ""  # the value with its unit
+    rule: str = ""  # the limit with its unit
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Things that were checked, the worst as they stand: the page does not sort them."""
+
+    rows: tuple[Finding, ...]
+
+
+@dataclass(frozen=True)
+class Column:
+    """The head of a column."""
+
+    title: str
+    is_number: bool = True  # set to the right, sorted by value
+    note: str = ""  # what it means, shown on demand
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One place of a table."""
+
+    text: str
+    value: float | None = None  # to sort by; None: by the text
+    path: str = ""  # of a file of the folder that it leads to
+    level: Level | None = None
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that sorts by a click on any head."""
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""
+    visible_rows: int = 12  # more are behind a scroll bar on the screen; all are in print
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing or picture with its caption."""
+
+    title: str
+    image: Drawing | Raster
+    alt: str  # what it shows, for those who do not see it: the finding, not "a plot"
+    caption: str = ""
+    files: tuple[Link, ...] = ()  # the same in files
+    is_wide: bool = False  # takes the page's whole width; others stand two abreast where there is room
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One picture of a gallery."""
+
+    image: Raster
+    name: str  # as the file is called
+    caption: str
+    path: str = ""  # of the picture in full
+    level: Level | None = None
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """Small pictures that are shown large on a click."""
+
+    pictures: tuple[Picture, ...]
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class View3d:
+    """A scene that turns under the mouse, a finger or the arrow keys."""
+
+    title: str
+    scene: Scene
+    alt: str
+    caption: str = ""
+    poster: Raster | None = None  # shown where a browser has no WebGL, and in print
+
+
+@dataclass(frozen=True)
+class Command:
+    """A line to type, with a button that copies it."""
+
+    line: str
+    purpose: str = ""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What to do, in order."""
+
+    items: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FileRow:
+    """A file of the folder."""
+
+    path: str
+    purpose: str
+    size_bytes: int
+
+
+@dataclass(frozen=True)
+class FileList:
+    """The files of the folder."""
+
+    rows: tuple[FileRow, ...]
+
+
+Leaf: TypeAlias = (
+    Paragraph | Facts | Findings | Table | Figure | Gallery | View3d | Command | Steps | FileList
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """Blocks under a heading that opens and closes; all are open in print."""
+
+    title: str
+    blocks: tuple[Leaf, ...]
+    is_open: bool = False
+
+
+Block: TypeAlias = Leaf | Fold
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A part of a page, which the contents lead to."""
+
+    title: str
+    blocks: tuple[Block, ...]
+    lead: str = ""  # the section's answer in one sentence
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The answer, before anything else."""
+
+    level: Level
+    word: str  # "good", "usable", "do not use", "printable"
+    sentence: str
+
+
+@dataclass(frozen=True, eq=False)
+class Page:
+    """A whole page."""
+
+    title: str  # of what: a target's or a folder's name
+    kind: str  # "Calibration", "Target", "Tolerance study"
+    headline: Headline | None
+    sections: tuple[Section, ...]
+    lead: tuple[Block, ...] = ()  # between headline and contents: the picture that says most, key facts
+    made_by: str = ""  # the command line that wrote the folder
+    program: str = ""  # name and version

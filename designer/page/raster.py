@@ -1,0 +1,138 @@
+"""Pictures of pixels: their size from the file's head, and small versions of them."""
+
+import io
+import struct
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from designer.page.blocks import Raster
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG = b"\xff\xd8\xff"
+# Start-of-frame markers, which hold the size; C4, C8 and CC in their midst are others (ITU-T T.81, table B.1).
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_STANDALONE = frozenset((0x01, *range(0xD0, 0xD8)))
+
+
+def raster_of(content: bytes) -> Raster:
+    """The picture in a PNG or JPEG file, with the size that its head states.
+
+    Raises:
+        ValueError: neither PNG nor JPEG, or cut off before its size.
+    """
+    try:
+        width, height = _png_size(content) if media_type(content) == "image/png" else _jpeg_size(content)
+    except (struct.error, IndexError):
+        raise ValueError("picture: ends before its size; not a whole file") from None
+    if width < 1 or height < 1:
+        raise ValueError(f"picture: {width} x {height} pixels; must have one at least")
+    return Raster(content, width, height)
+
+
+def media_type(content: bytes) -> str:
+    """What a browser is told of a picture, by its content.
+
+    Raises:
+        ValueError: neither PNG nor JPEG.
+    """
+    if content.startswith(_PNG):
+        return "image/png"
+    if content.startswith(_JPEG):
+        return "image/jpeg"
+    raise ValueError("picture: neither PNG nor JPEG by its first bytes")
+
+
+def thumbnail(picture: bytes | NDArray[np.uint8], width_px: int, quality: int = 80) -> Raster:
+    """A JPEG at most `width_px` wide and high in proportion, without the photo's metadata.
+
+    The pixels stay as the sensor read them: an orientation noted in the file is not applied, as everywhere in images.
+
+    Args:
+        picture: a file that Pillow reads, or pixels (H, W) grey or (H, W, 3) RGB.
+        width_px: of the result; a smaller picture keeps its size.
+        quality: of the JPEG, 1 to 95.
+
+    Raises:
+        ValueError: no picture, or one of more pixels than fit in memory.
+    """
+    from PIL.Image import Resampling
+
+    image = _opened(picture, width_px) if isinstance(picture, bytes) else _of_pixels(picture)
+    small = _eight_bit(image)
+    if small.width > width_px:
+        height_px = max(1, round(small.height * width_px / small.width))
+        small = small.resize((width_px, height_px), Resampling.LANCZOS, reducing_gap=3.0)
+    stream = io.BytesIO()
+    small.save(stream, "JPEG", quality=quality, optimize=True, progressive=True)
+    return Raster(stream.getvalue(), small.width, small.height)
+
+
+def _opened(content: bytes, width_px: int) -> "Image":
+    """The picture in a file; of a JPEG only as much as `width_px` needs is decoded."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # photos of 150 megapixels are usual here
+            image = Image.open(io.BytesIO(content))
+        image.draft("L" if image.mode == "L" else "RGB", (2 * width_px, 2 * width_px))
+        image.load()
+    except (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise ValueError(f"picture: cannot be read: {error}") from None
+    return image
+
+
+def _of_pixels(pixels: NDArray[np.uint8]) -> "Image":
+    """Pixels as a picture."""
+    from PIL import Image
+
+    if pixels.dtype != np.uint8 or not (pixels.ndim == 2 or (pixels.ndim == 3 and pixels.shape[2] == 3)):
+        raise ValueError(f"picture: {pixels.dtype} of shape {pixels.shape}; must be uint8 (H, W) or (H, W, 3)")
+    return Image.fromarray(np.ascontiguousarray(pixels))
+
+
+def _eight_bit(image: "Image") -> "Image":
+    """The picture in grey or RGB of 8 bits, transparent parts on white."""
+    from PIL import Image
+
+    if image.mode.startswith("I") or image.mode == "F":
+        deep = np.asarray(image, dtype=np.float64)
+        return Image.fromarray(np.clip(deep / 257, 0, 255).round().astype(np.uint8))
+    if image.mode in {"LA", "PA", "RGBA"} or "transparency" in image.info:
+        below = Image.new("RGBA", image.size, "white")
+        return Image.alpha_composite(below, image.convert("RGBA")).convert("RGB")
+    return image if image.mode in {"L", "RGB"} else image.convert("RGB")
+
+
+def _png_size(content: bytes) -> tuple[int, int]:
+    """Width and height in the first chunk (PNG, section 11.2.1)."""
+    if content[12:16] != b"IHDR":
+        raise ValueError("picture: a PNG without its head")
+    width, height = struct.unpack(">II", content[16:24])
+    return width, height
+
+
+def _jpeg_size(content: bytes) -> tuple[int, int]:
+    """Width and height in the frame header (ITU-T T.81, B.2.2), past what stands before it."""
+    at = 2
+    while True:
+        if content[at] != 0xFF:
+            raise ValueError("picture: a JPEG with no marker where one must be")
+        while content[at] == 0xFF:
+            at += 1
+        marker = content[at]
+        at += 1
+        if marker in _FRAMES:
+            height, width = struct.unpack(">HH", content[at + 3 : at + 7])
+            return width, height
+        if marker not in _STANDALONE:
+            (length,) = struct.unpack(">H", content[at : at + 2])
+            if length < 2:
+                raise ValueError("picture: a JPEG with a segment of no length")
+            at += length

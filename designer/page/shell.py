@@ -1,0 +1,170 @@
+"""The one place where a page becomes HTML: self-contained, without network, all text escaped."""
+
+import base64
+import hashlib
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from itertools import count
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from designer.page.blocks import Block, Cell, Drawing, Figure, Fold, Page, Raster, Section, Table, View3d
+from designer.page.links import href
+from designer.page.raster import media_type
+
+_PARTS = Path(__file__).parent / "parts"
+_ROW_REM = 2.125  # height of a line of a table, as in page.css
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff]")
+_UNSAFE_IN_SCRIPT = str.maketrans({
+    "<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029",
+})  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Chapter:
+    """A section and where the contents lead to."""
+
+    anchor: str
+    section: Section
+
+
+def page_html(page: Page) -> bytes:
+    """The page as one UTF-8 HTML file; the same page gives the same bytes.
+
+    Scripts and styles stand in the file, and a Content-Security-Policy allows these alone, by their SHA-256
+    (https://www.w3.org/TR/CSP3/#grammardef-hash-source): were some text to become markup all the same, it could not
+    run.
+
+    Raises:
+        ValueError: a link leads out of the page's folder, or a picture is neither PNG nor JPEG.
+    """
+    has_scene = any(isinstance(block, View3d) for block in _blocks(page))
+    style = _part("page.css") + _row_heights(page) + (_part("viewer.css") if has_scene else "")
+    scripts = [_part(name) for name in (*(("three.min.js", "viewer.js") if has_scene else ()), "page.js")]
+    html = _environment().get_template("page.html.j2").render(
+        page=page,
+        chapters=_chapters(page.sections),
+        is_split=_is_split(page.lead),
+        policy=_policy(style, scripts),
+        style=Markup(style),  # noqa: S704 - our own file
+        scripts=[Markup(script) for script in scripts],  # noqa: S704 - our own files
+        number=count(1).__next__,
+    )  # fmt: skip
+    return html.encode()
+
+
+@cache
+def _environment() -> Environment:
+    """Templates that escape all they are given, whatever its file's name."""
+    environment = Environment(
+        loader=FileSystemLoader(_PARTS), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True, finalize=_printable,
+    )  # fmt: skip
+    environment.filters.update(
+        kind=lambda block: type(block).__name__,
+        href=href, data_url=_data_url, drawing=_drawing, scene=_scene, sort_value=_sort_value, file_size=file_size,
+    )  # fmt: skip
+    return environment
+
+
+def _printable(value: object) -> object:
+    """Text without what neither HTML nor UTF-8 has: control characters, and bytes of file names that are no text."""
+    return _CONTROL.sub("\ufffd", value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+@cache
+def _part(name: str) -> str:
+    """One of the page's own files, with the line ends that browsers hash: line feeds alone."""
+    text = (_PARTS / name).read_text(encoding="utf-8")
+    if re.search(r"</(script|style)|<!--", text, re.IGNORECASE):
+        raise ValueError(f"{name}: holds markup that would end its element")
+    return text
+
+
+def _policy(style: str, scripts: list[str]) -> str:
+    """The Content-Security-Policy under which only these styles and scripts work, and nothing is fetched."""
+    allowed = " ".join(_source_hash(script) for script in scripts)
+    return (
+        f"default-src 'none'; img-src data:; style-src {_source_hash(style)}; script-src {allowed}; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def _source_hash(text: str) -> str:
+    """How a Content-Security-Policy names an inline element's text."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+def _blocks(page: Page) -> Iterator[Block]:
+    """All blocks, those inside folds too."""
+    for block in (*page.lead, *(block for section in page.sections for block in section.blocks)):
+        yield block
+        if isinstance(block, Fold):
+            yield from block.blocks
+
+
+def _row_heights(page: Page) -> str:
+    """A rule for each height of a table's box, since a page without style attributes has no other place for them."""
+    heights = sorted({block.visible_rows for block in _blocks(page) if isinstance(block, Table)})
+    # Half a line more, so that one sees that it goes on.
+    rules = "".join(f".rows-{rows}{{max-height:{(rows + 1.5) * _ROW_REM:g}rem}}" for rows in heights)
+    return f"\n@media screen{{{rules}}}\n"
+
+
+def _chapters(sections: tuple[Section, ...]) -> list[_Chapter]:
+    """Sections with anchors made of their titles, each its own."""
+    chapters: list[_Chapter] = []
+    taken: set[str] = set()
+    for number, section in enumerate(sections, start=1):
+        slug = "-".join(re.findall(r"[a-z0-9]+", section.title.lower()))[:60]
+        # "s-": no anchor may take the name of a part of the page.
+        anchor = f"s-{slug}" if slug and f"s-{slug}" not in taken else f"s{number}"
+        taken.add(anchor)
+        chapters.append(_Chapter(anchor, section))
+    return chapters
+
+
+def _is_split(lead: tuple[Block, ...]) -> bool:
+    """Whether the lead is one picture and words, which then stand side by side where there is room."""
+    is_picture = [isinstance(block, (Figure, View3d)) for block in lead]
+    return len(lead) > 1 and is_picture[0] and not any(is_picture[1:])
+
+
+def _data_url(image: Raster) -> str:
+    """The picture inside the page."""
+    return f"data:{media_type(image.content)};base64,{base64.b64encode(image.content).decode()}"
+
+
+def _drawing(drawing: Drawing) -> Markup:
+    """The drawing's markup, which `designer.page.drawing` made safe."""
+    return Markup(drawing.svg)  # noqa: S704 - made of an allow-list
+
+
+def _scene(view: View3d) -> Markup:
+    """The scene as JSON that cannot end its script element (https://html.spec.whatwg.org/#restrictions-for-contents)."""
+    from designer.page.scene_json import scene_json
+
+    return Markup(scene_json(view.scene).translate(_UNSAFE_IN_SCRIPT))  # noqa: S704 - escaped here
+
+
+def _sort_value(cell: Cell) -> str | None:
+    """The number to sort by as JavaScript reads it, where there is one."""
+    if cell.value is None or math.isnan(cell.value):
+        return None
+    return repr(float(cell.value)).replace("inf", "Infinity")
+
+
+def file_size(size_bytes: int) -> str:
+    """A size in words: two or three digits, in powers of 1000."""
+    value, unit = size_bytes / 1000, "kB"
+    for larger in ("MB", "GB", "TB"):
+        if value >= 999.5:
+            value, unit = value / 1000, larger
+    if size_bytes < 1000:
+        return f"{size_bytes} bytes"
+    return f"{value:.1f} {unit}" if value < 9.95 else f"{value:.0f} {unit}"

@@ -1,0 +1,239 @@
+"""The design folder's page, `index.html`: what was designed, how to make it, what to measure on it, what comes next.
+
+It follows from the spec and the files alone, so `design make` on the folder's TOML file writes the same bytes.
+"""
+
+from collections.abc import Sequence
+
+from designer.answer import program
+from designer.export.folder import OutputFile
+from designer.page.blocks import (
+    Block,
+    Cell,
+    Column,
+    Figure,
+    FileList,
+    FileRow,
+    Gallery,
+    Headline,
+    Leaf,
+    Link,
+    Page,
+    Paragraph,
+    Picture,
+    Section,
+    Table,
+    View3d,
+)
+from designer.page.shell import page_html
+from designer.printability import Check
+from designer.produce import Design
+from designer.report.filament import PURGE_G_PER_CHANGE, SPREAD, Amount, Filament, Shells, expected_filament
+from designer.report.measure_steps import measure_blocks, photo_blocks
+from designer.report.preview_panels import Panels, preview_panels
+from designer.report.printed_scene import printed_ink, printed_scene
+from designer.report.rule_findings import rule_findings, rule_lead, sentence
+from designer.report.sheet_pictures import sheet_picture
+from designer.report.slicer_steps import colour_words, print_settings, sheet_blocks, slicer_folds, sticker_blocks
+from designer.report.target_facts import code_blocks, dimension_facts
+from designer.spec import IcoSpec
+
+PAGE_FILE = "index.html"
+MOST_SHEETS = 10
+"""Pages of stickers that are shown; the others are in the PDF file."""
+
+
+def design_report(design: Design, check: Check, files: Sequence[OutputFile]) -> OutputFile:
+    """The page as a file of the folder. The same spec gives the same bytes."""
+    content = page_html(design_page(design, check, files))
+    return OutputFile(PAGE_FILE, content, "this folder at a glance: open it in a browser")
+
+
+def design_page(design: Design, check: Check, files: Sequence[OutputFile]) -> Page:
+    """The page of a design.
+
+    Args:
+        design: what was made.
+        check: what the design rules said of it.
+        files: all other files of the folder.
+    """
+    job = design.job
+    filament = None if job.printing.build == "sheet" else expected_filament(design)
+    panels = _panels(design, files)
+    return Page(
+        title=job.name,
+        kind="Target",
+        headline=headline(design, check),
+        lead=_lead(design, filament, panels),
+        sections=(
+            Section("Printability", (rule_findings(design, check),), rule_lead(design, check)),
+            Section("Making it", _making_blocks(design, filament, files), _making_lead(design)),
+            *(() if filament is None else (Section("Expected filament", *_filament_section(filament, design)),)),
+            Section("After printing: measure it", measure_blocks(design), _MEASURE_LEAD),
+            Section("Photos, and what comes next", photo_blocks(design), "Run the commands in this folder."),
+            Section("Codes", (*code_blocks(design), *_net(design, panels))),
+            Section("Files", (_file_list(files),), f"{job.name}.target.json is the file that calib reads."),
+        ),
+        made_by=f"design make {job.name}.toml",
+        program=program(),
+    )
+
+
+_MEASURE_LEAD = (
+    "The print is not the drawing. A length and the photos say by how much, and the calibration uses what was printed."
+)
+
+
+def headline(design: Design, check: Check) -> Headline:
+    """Whether it can be made, and why."""
+    if check.violations:
+        return Headline("bad", "not printable", check.violations[0].text)
+    warnings = [finding for finding in check.findings if finding.level == "warning"]
+    count = len(check.holding) + len(warnings)
+    how = _how(design)
+    if not warnings:
+        return Headline("good", "printable", f"All {count} design rules hold on {how}.")
+    more = f" ({len(warnings)} of {count} rules warn)" if len(warnings) > 1 else ""
+    return Headline("usable", "printable with care", f"On {how}: {warnings[0].text}{more}.")
+
+
+def _how(design: Design) -> str:
+    """What it is made on."""
+    printing, printer = design.job.printing, design.job.printing.printer
+    machine = f"{printer.name} with a {printer.nozzle_mm:g} mm nozzle"
+    if printing.build == "stickers":
+        return f"printed stickers on a body from {machine}"
+    return "a printed sheet" if printing.build == "sheet" else machine
+
+
+def _lead(design: Design, filament: Filament | None, panels: Panels | None) -> tuple[Block, ...]:
+    """The target in 3D, and its dimensions."""
+    spec = design.job.target
+    what = (
+        f"icosahedron of edge {spec.edge_mm:g} mm"
+        if isinstance(spec, IcoSpec)
+        else f"board of {spec.size_mm[0]:g} x {spec.size_mm[1]:g} mm"
+    )
+    target = design.target
+    dots = int(target.is_dot.sum())
+    alt = f"An {what}" if isinstance(spec, IcoSpec) else f"A {what}"
+    view = View3d(
+        "The target",
+        printed_scene(design),
+        f"{alt} with {target.ring_count - dots} rings and {dots} dots in "
+        f"{colour_words(design.job.printing.ink_colour)} on {colour_words(design.job.printing.body_colour)}.",
+        caption=f"{what[0].upper()}{what[1:]}, as designed. {sentence(printed_ink(design).lettering.remark)}",
+        poster=None if panels is None else panels.target,
+    )
+    return (view, dimension_facts(design, filament))
+
+
+def _panels(design: Design, files: Sequence[OutputFile]) -> Panels | None:
+    """The preview in small, if it was made."""
+    preview = next((file for file in files if file.name == f"{design.job.name}.png"), None)
+    return None if preview is None else preview_panels(preview.content)
+
+
+def _net(design: Design, panels: Panels | None) -> tuple[Block, ...]:
+    """All faces unfolded, from the preview."""
+    if panels is None or panels.net is None:
+        return ()
+    path = f"{design.job.name}.png"
+    return (
+        Figure(
+            "All faces unfolded",
+            panels.net,
+            "The net of the target: all faces side by side with their numbers and codes.",
+            "As seen from outside; numbers are those of the faces.",
+            (Link(path, path),),
+            is_wide=True,
+        ),
+    )
+
+
+def _making_lead(design: Design) -> str:
+    build = design.job.printing.build
+    if build == "stickers":
+        return "A body in one filament, and twenty printed stickers."
+    return "A sheet from a print shop." if build == "sheet" else "One object in two filaments, as it lies in the file."
+
+
+def _making_blocks(design: Design, filament: Filament | None, files: Sequence[OutputFile]) -> tuple[Block, ...]:
+    """Instructions for the build."""
+    build = design.job.printing.build
+    if build == "stickers":
+        return sticker_blocks(design, _sheets(design))
+    if build == "sheet":
+        return (*sheet_blocks(design), *_sheets(design))
+    shells = Shells() if filament is None else filament.shells
+    return (*print_settings(design, shells), *slicer_folds(design, [file.name for file in files]))
+
+
+def _sheets(design: Design) -> tuple[Leaf, ...]:
+    """The pages to print."""
+    name, pages = design.job.name, design.pages[:MOST_SHEETS]
+    note = "Magenta lines are cut, not printed."
+    if len(pages) == 1:
+        size = f"{pages[0].width_mm:.0f} x {pages[0].height_mm:.0f} mm"
+        files = (Link(f"{name}.pdf", f"{name}.pdf"),) if "pdf" in design.job.formats else ()
+        alt = f"One page of {size} with the pattern, cut lines and a scale bar."
+        return (Figure("What is printed", sheet_picture(pages[0]), alt, f"{size}. {note}", files),)
+    pictures = tuple(
+        Picture(sheet_picture(page), f"page {number}", f"{page.width_mm:.0f} x {page.height_mm:.0f} mm")
+        for number, page in enumerate(pages, start=1)
+    )
+    left = len(design.pages) - len(pages)
+    return (Gallery(pictures, f"{note} {left} more pages are in {name}.pdf." if left else note),)
+
+
+def _filament_section(filament: Filament, design: Design) -> tuple[tuple[Block, ...], str]:
+    """Blocks and lead of the section on filament."""
+    printing = design.job.printing
+    body_colour = colour_words(printing.body_colour) if filament.ink else "any"
+    slots = [("1, body", body_colour, filament.body)]
+    if filament.ink is not None:
+        slots.append(("2, ink", colour_words(printing.ink_colour), filament.ink))
+    columns = (
+        Column("slot", is_number=False),
+        Column("colour", is_number=False),
+        Column("weight"),
+        Column("length", note="of filament of 1.75 mm"),
+    )
+    rows = tuple((Cell(slot), Cell(colour), *_amount_cells(amount)) for slot, colour, amount in slots)
+    note = (
+        f"Computed from the volumes for PLA (1.24 g/cm³), {filament.shells.text}; PrusaSlicer agrees within "
+        f"{100 * SPREAD:g} %. Brim{_purge_word(filament)} not in it{_stand_words(design)}."
+    )
+    lead = f"{filament.body.mass_text} of body"
+    lead += f" and {filament.ink.mass_text} of ink." if filament.ink else "."
+    blocks: list[Block] = [Table("Filament of each slot", columns, rows, note=note)]
+    if filament.changes:
+        blocks.append(Paragraph(_purge_words(filament)))
+    return tuple(blocks), lead
+
+
+def _purge_word(filament: Filament) -> str:
+    return " and purge are" if filament.changes else " is"
+
+
+def _stand_words(design: Design) -> str:
+    return ", nor is the stand" if design.job.printing.stand else ""
+
+
+def _amount_cells(amount: Amount) -> tuple[Cell, Cell]:
+    return Cell(amount.mass_text, amount.mass_g), Cell(amount.length_text, amount.length_m)
+
+
+def _purge_words(filament: Filament) -> str:
+    """What a single nozzle throws away."""
+    return (
+        f"{filament.inked_layers} layers hold ink, which makes {filament.changes} changes of the filament. On a single "
+        f"nozzle each purges some: about {filament.purge_g:.2g} g in all at {PURGE_G_PER_CHANGE:g} g a change; your "
+        "slicer tells its own number, which can be several times that. Printers with a nozzle for each filament purge "
+        "little."
+    )
+
+
+def _file_list(files: Sequence[OutputFile]) -> FileList:
+    """Every other file of the folder."""
+    return FileList(tuple(FileRow(file.name, file.purpose, len(file.content)) for file in files))

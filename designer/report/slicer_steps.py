@@ -1,0 +1,250 @@
+"""How to print a two-filament target in each slicer, and how to make the others: plain steps with numbers."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from designer.page.blocks import Block, Cell, Column, Fold, Leaf, Paragraph, Steps, Table
+from designer.page_size import SCALE_BAR_MM
+from designer.polyhedron import DIHEDRAL_RAD
+from designer.produce import Design
+from designer.report.filament import Shells
+from designer.skew import NO_SKEW, format_skew
+from designer.spec import IcoSpec, PrinterProfile, PrintSpec
+
+_COLOUR_NAMES = {"#ffffff": "white", "#000000": "black"}
+BODY_SLOT, INK_SLOT = 1, 2
+_SLOPE_DEG = math.degrees(math.pi - DIHEDRAL_RAD)
+
+
+@dataclass(frozen=True)
+class Slicer:
+    """A slicer: what it is called, which file it reads, and what to do in it."""
+
+    title: str
+    file: str
+    steps: tuple[str, ...]
+
+
+def colour_words(colour: str) -> str:
+    """`white (#ffffff)`; only the code where a colour has no plain name."""
+    name = _COLOUR_NAMES.get(colour)
+    return f"{name} ({colour})" if name else colour
+
+
+def slicer_folds(design: Design, files: Sequence[str]) -> tuple[Fold, ...]:
+    """One fold for each slicer whose file is in the folder, that of the printer open and first."""
+    first = usual_slicer(design.job.printing.printer)
+    slicers = [slicer for slicer in _slicers(design) if slicer.file in files]
+    ordered = sorted(slicers, key=lambda slicer: slicer.title != first)
+    return tuple(Fold(s.title, (Steps(s.steps),), is_open=number == 0) for number, s in enumerate(ordered))
+
+
+def usual_slicer(printer: PrinterProfile) -> str:
+    """The title of the slicer that comes with a printer."""
+    name = printer.name.lower()
+    if "prusa" in name:
+        return "PrusaSlicer"
+    return "Cura" if "ultimaker" in name else "Bambu Studio, OrcaSlicer"
+
+
+def _slicers(design: Design) -> tuple[Slicer, ...]:
+    """All slicers that the two packages are made for."""
+    name, printing = design.job.name, design.job.printing
+    body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
+    tower = _tower_words(design)
+    bambu = Slicer(
+        "Bambu Studio, OrcaSlicer",
+        f"{name}.bambu.3mf",
+        (
+            f"Choose the printer and its {printing.printer.nozzle_mm:g} mm nozzle. Put two filaments of one material "
+            f"in the list: {BODY_SLOT} is {body}, {INK_SLOT} is {ink}.",
+            f"Open {name}.bambu.3mf. A notice that the file is not from Bambu Lab and only geometry is loaded is "
+            "right: the settings are yours. If Bambu Studio asks for colours, give each colour its filament.",
+            f"Look at the object list: one object with two parts, body in filament {BODY_SLOT} and ink in filament "
+            f"{INK_SLOT}. If they differ, set the numbers there. Don't print two separate objects: open the file "
+            "as a whole.",
+            "Set layer height, line width, walls and infill as in the table above; supports and ironing off.",
+            "Flushing volumes: let them be computed from the two colours. White after black needs several times as "
+            "much as black after white; too little greys the white. Leave 'flush into objects' infill' off: dark "
+            "infill shows through a white wall.",
+            tower,
+            "Slice, and look at the preview by filament: every ring whole, no ink elsewhere. On a Bambu Lab printer, "
+            "give each filament its AMS slot before you send it.",
+        ),
+    )
+    prusa = Slicer(
+        "PrusaSlicer",
+        f"{name}.prusa.3mf",
+        (
+            "Choose a printer with two filaments or more: an MMU or XL profile. With a profile of one filament "
+            "PrusaSlicer prints everything in that one, without a word.",
+            f"Filament {BODY_SLOT} is {body}, filament {INK_SLOT} is {ink}, of one material.",
+            f"Open {name}.prusa.3mf. It holds no settings, only the part; a notice about that is right.",
+            f"Look at the object list: one object with two parts, body in extruder {BODY_SLOT} and ink in extruder "
+            f"{INK_SLOT}. The bambu.3mf falls into two objects in PrusaSlicer: don't take that one.",
+            "Set layer height and first layer height, extrusion widths, perimeters and infill as in the table above; "
+            "supports and ironing off.",
+            f"{tower} On an MMU, check the purging volumes: white after black needs the most.",
+            "Slice, and look at the preview by tool: every ring whole, no ink elsewhere.",
+        ),
+    )
+    cura = Slicer(
+        "Cura",
+        f"{name}.bambu.3mf",
+        (
+            f"Choose a printer with two extruders. Extruder {BODY_SLOT} gets {body}, extruder {INK_SLOT} {ink}, of one "
+            "material.",
+            f"Open {name}.bambu.3mf: it carries Cura's extruder numbers too. The two parts come as one group: don't "
+            "ungroup them.",
+            f"Ctrl-click a part to select it alone: body must be in extruder {BODY_SLOT}, ink in extruder {INK_SLOT}.",
+            "Set layer height and initial layer height, line width, wall count and infill as in the table above; "
+            "supports and ironing off.",
+            tower,
+            "Slice, and look at the preview by material colour: every ring whole, no ink elsewhere.",
+        ),
+    )
+    return bambu, prusa, cura
+
+
+def _tower_words(design: Design) -> str:
+    if isinstance(design.job.target, IcoSpec):
+        return "Prime tower on. It grows as high as the part, since every layer changes the filament: leave it room."
+    return "Prime tower on: only the first layers change the filament."
+
+
+def print_settings(design: Design, shells: Shells) -> tuple[Leaf, ...]:
+    """What holds in every slicer."""
+    printing, printer = design.job.printing, design.job.printing.printer
+    ink_layers = printing.inlay_mm / printer.layer_height_mm
+    depth = f"the ink is {printing.inlay_mm:g} mm deep, {ink_layers:.3g} layers of a flat face"
+    rows = [
+        ("printer", f"{printer.name}, nozzle {printer.nozzle_mm:g} mm"),
+        ("how it lies", _lying(design)),
+        ("filament 1", f"body, {colour_words(printing.body_colour)}"),
+        ("filament 2", f"ink, {colour_words(printing.ink_colour)}"),
+        ("surface", "matt for both: on glossy plastic lamps are mirrored, and glare hides the edges of rings"),
+        ("layer height", f"{printer.layer_height_mm:g} mm, the first layer too: {depth}"),
+        ("line width", f"{printer.line_width_mm:g} mm: the design rules above were held to it"),
+        ("walls, infill", f"{shells.text}; not critical, the filament below is for these"),
+        ("supports", _supports(design)),
+        ("brim", _brim(design)),
+        ("ironing", "off: it drags ink over white"),
+        ("outline", _outline_words(printing)),
+        ("size", _scale_words(printing)),
+        ("turning", _turn_words(printing)),
+        ("temperature", "as the filament's maker says; nothing in the design depends on it"),
+    ]
+    columns = (Column("setting", is_number=False), Column("value", is_number=False))
+    cells = tuple((Cell(name), Cell(value)) for name, value in rows)
+    return (Table("Settings in every slicer", columns, cells, visible_rows=len(rows)),)
+
+
+def _lying(design: Design) -> str:
+    if isinstance(design.job.target, IcoSpec):
+        return f"as the file has it: face {design.target.face_count - 1} down"
+    return "as the file has it: the printed side down, so that ink is in the first layers and the bed makes it flat"
+
+
+def _supports(design: Design) -> str:
+    if isinstance(design.job.target, IcoSpec):
+        return (
+            f"off: the steepest overhang rises at {_SLOPE_DEG:.1f} deg from the bed. Put them on if your printer "
+            "cannot do that; they scar the three faces beside the lowest"
+        )
+    return "off: nothing overhangs"
+
+
+def _brim(design: Design) -> str:
+    if isinstance(design.job.target, IcoSpec):
+        return "if the part comes loose: it stands on one face; cut it off flush, or it adds to the caliper's lengths"
+    return "worth it on a large board: corners that lift bend the plate; cut it off flush"
+
+
+def _outline_words(printing: PrintSpec) -> str:
+    offset = f"this design has {printing.ink_offset_mm:+g} mm" if printing.ink_offset_mm else "this design has none"
+    return (
+        "elephant-foot and XY compensation of the slicer move the outline, not the ink; leave XY at 0. Ink that "
+        f"bleeds is corrected with --ink-offset ({offset})"
+    )
+
+
+def _scale_words(printing: PrintSpec) -> str:
+    percent = printing.shrink_compensation_percent
+    if percent:
+        return f"100 %: the files are already {percent:+g} % against the design, for shrinkage; don't scale again"
+    return "100 %: don't scale in the slicer; a known shrinkage goes into --shrink-compensation, which keeps a record"
+
+
+def _turn_words(printing: PrintSpec) -> str:
+    if printing.skew_compensation_rad != NO_SKEW:
+        skew = format_skew(printing.skew_compensation_rad)
+        return f"don't turn or mirror it: the files are sheared against {skew} of this printer's axes as they lie"
+    return "don't turn it on the bed: else the axes of calib measure are not the printer's (or say --bed-turn to it)"
+
+
+def sticker_blocks(design: Design, sheets: tuple[Leaf, ...]) -> tuple[Block, ...]:
+    """A body in one filament, and sheets to glue on; `sheets` shows them."""
+    job, printing = design.job, design.job.printing
+    inside = printing.sticker_thickness_mm
+    if printing.skew_compensation_rad != NO_SKEW:
+        lay = f"{_turn_words(printing)}."
+    else:
+        lay = (
+            "It stands on a corner: lay it on any face ('place on face', 'lay flat'); without ink all faces are alike."
+        )
+    body = Steps((
+        f"Open {job.name}.body.stl in your slicer; any one filament, matt. It is {inside:g} mm smaller on every face "
+        "than the finished target, the thickness of a sticker.",
+        lay,
+        f"{_scale_words(printing)}.",
+        f"Layer height {printing.printer.layer_height_mm:g} mm, {Shells().text}; ironing off. Remove blobs and seams: "
+        "a sticker over them is not flat.",
+    ))  # fmt: skip
+    glue = (
+        "A triangle outside a sticker points at its code corner; 'FACE 7' is its number, 'joins 12' names the face "
+        "across that edge.",
+        "Glue face 0 on any face, its border along the three edges. Then go on with those that it joins: an edge "
+        "marked 'joins 7' of face 0 meets the edge marked 'joins 0' of face 7.",
+        "Rub each down from the middle outwards: bubbles and folds are errors of the target.",
+        "Compare with the picture of the net before the glue sets: a face in another's place, or turned, does not fit "
+        "the target file, and calib leaves it out.",
+    )
+    return (
+        Fold("1. The body", (body,), is_open=True),
+        Fold("2. The sheets", (Steps(_sheet_steps(design)), *sheets), is_open=True),
+        Fold("3. Glue by numbers", (Steps(glue),), is_open=True),
+    )
+
+
+def _sheet_steps(design: Design) -> tuple[str, ...]:
+    name, printing = design.job.name, design.job.printing
+    bar = f"{SCALE_BAR_MM:g} mm"
+    return (
+        f"Print {name}.pdf at 100 %, 'actual size', never 'fit to page', on matt label stock "
+        f"{printing.sticker_thickness_mm:g} mm thick, {len(design.pages)} "
+        f"page{'s' if len(design.pages) > 1 else ''} of {design.job.page}.",
+        f"Measure the scale bar of every sheet: {bar}. Off by more than 0.1 mm (0.1 %): mend the printer's scale and "
+        "print again; a ruler is good enough to find 'fit to page', a caliper finds the rest.",
+        "Cut along the thin line with knife and ruler; the marks at the corners show where to lay the ruler.",
+    )
+
+
+def sheet_blocks(design: Design) -> tuple[Block, ...]:
+    """Artwork for a print shop."""
+    name = design.job.name
+    shop = (
+        f"Send {name}.pdf, or {name}.svg to shops that cut: vector shapes at true size, to be printed at 100 %, not "
+        "scaled and not traced. Magenta lines are the cut, everything else is ink.",
+        "Matt surface, no gloss laminate: mirrored lamps hide rings. Deep black on white.",
+        "Carrier: a stiff flat plate, such as aluminium composite of 3 mm or more, or glass. Printing straight on the "
+        "plate leaves out glue and bubbles.",
+        f"Measure the scale bar when it comes: {SCALE_BAR_MM:g} mm. Measure along both directions of the board: "
+        "carriage and feed of a printer are driven apart, so both can be off by different amounts.",
+        "Keep it flat: hold it by its edges, store it lying.",
+    )
+    plate = Paragraph(
+        f"{name}.body.stl is the bare plate, for those who want to print a carrier; printed plates warp, so a bought "
+        "plate is better."
+    )
+    return (Steps(shop), plate)

@@ -1,0 +1,355 @@
+"""The design folder's page: what it says follows from the design, and nothing on it is said twice differently."""
+
+import math
+import re
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.as_built.lengths import length_in
+from calib.as_built_report.length_words import parse_length
+from designer.bed import bed_from_target
+from designer.code import CODE_POSITIONS, CODES
+from designer.export.folder import OutputFile, write_folder
+from designer.layout import lay_out
+from designer.page.blocks import Block, Command, FileList, Fold, Leaf, Page, Steps, Table, View3d
+from designer.page.scene import Rings, Surface
+from designer.polyhedron import INRADIUS
+from designer.printability import Check, check_printability
+from designer.printability import Finding as RuleFinding
+from designer.produce import Design, make_files
+from designer.report.caliper import caliper_lengths, corner_rings, opposite_faces, skew_effect_mm, skew_per_mm_deg
+from designer.report.design_page import PAGE_FILE, design_page, design_report, headline
+from designer.report.measure_steps import example_length
+from designer.report.rule_findings import rule_findings, rule_limits
+from designer.report.slicer_steps import BODY_SLOT, INK_SLOT, usual_slicer
+from designer.report.target_facts import DOT, code_blocks
+from designer.sizing import size_job
+from designer.skew import skew_matrix
+from designer.spec_file import BoardFile, IcoFile, SpecFile, parse_spec
+from tests.browser import open_page, overflow_px, started_browser, unresolved
+
+_LETTERED = {"size": "60x60mm", "columns": 5, "rows": 5, "ring_diameter": "7mm", "pitch": "10mm"}
+SPECS: dict[str, SpecFile] = {
+    "ico": IcoFile.model_validate({"edge": "20mm", "chord_error": "20um"}),
+    "board": BoardFile.model_validate(_LETTERED),
+    "stickers": IcoFile.model_validate({"edge": "60mm", "build": "stickers"}),
+    "sheet": BoardFile.model_validate({"size": "200x150mm", "build": "sheet", "dots": False}),
+    "sheared": IcoFile.model_validate({
+        "edge": "40mm", "chord_error": "20um", "printer": "prusa-mk4", "body_colour": "#f5f5f0", "stand": True,
+        "ink_offset": "-20um", "shrink_compensation": "0.4%", "skew_compensation": "xy 0.1deg, xz -0.05deg",
+    }),
+}  # fmt: skip
+BUILDS = tuple(SPECS)
+
+
+@cache
+def made(build: str) -> tuple[Design, Check, tuple[OutputFile, ...]]:
+    """A design, its check and its files, as the command makes them."""
+    design = Design(size_job(SPECS[build]).job)
+    check = check_printability(design.target, design.job.printing, bed_is_rule=False)
+    return design, check, make_files(design, lambda stage: None)
+
+
+@cache
+def page_of(build: str) -> Page:
+    return design_page(*made(build))
+
+
+def leaves(page: Page) -> Iterator[Leaf]:
+    """All blocks of a page, those in folds too."""
+
+    def inside(block: Block) -> Iterator[Leaf]:
+        yield from block.blocks if isinstance(block, Fold) else (block,)
+
+    for block in (*page.lead, *(block for section in page.sections for block in section.blocks)):
+        yield from inside(block)
+
+
+def words(page: Page) -> str:
+    """All steps, table cells and commands of a page."""
+    parts: list[str] = []
+    for leaf in leaves(page):
+        if isinstance(leaf, Steps):
+            parts += leaf.items
+        elif isinstance(leaf, Table):
+            parts += [cell.text for row in leaf.rows for cell in row]
+        elif isinstance(leaf, Command):
+            parts += [leaf.line, leaf.purpose]
+    return "\n".join(parts)
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_every_file_is_listed_with_its_size(build: str) -> None:
+    """The list holds every other file of the folder, with its size, and nothing else."""
+    files = made(build)[2]
+    (listed,) = [leaf for leaf in leaves(page_of(build)) if isinstance(leaf, FileList)]
+    assert [(row.path, row.size_bytes) for row in listed.rows] == [(f.name, len(f.content)) for f in files]
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_files_named_in_words_exist(build: str) -> None:
+    """Every NAME.something in steps and commands is a file of the folder: no build is told to open another's files."""
+    design, _, files = made(build)
+    named = re.findall(rf"\b{re.escape(design.job.name)}(?:\.\w+)+", words(page_of(build)))
+    assert named
+    assert set(named) <= {file.name for file in files}
+
+
+def test_page_follows_from_the_written_spec_alone() -> None:
+    """Made again from the TOML file that it wrote, a folder has the same page, byte for byte."""
+    for build in BUILDS:
+        design, check, files = made(build)
+        (spec,) = [file for file in files if file.name.endswith(".toml")]
+        again = Design(size_job(parse_spec(tomllib.loads(spec.content.decode()), "again")).job)
+        check_again = check_printability(again.target, again.job.printing, bed_is_rule=False)
+        page = design_report(again, check_again, make_files(again, lambda stage: None))
+        assert page.name == PAGE_FILE
+        assert page.content == design_report(design, check, files).content
+
+
+def test_caliper_lengths_are_distances_in_the_geometry() -> None:
+    """Each length that `calib measure` knows is, to the micrometre, the one it finds in the target file."""
+    for build in BUILDS:
+        design = made(build)[0]
+        measured = [one for one in caliper_lengths(design) if one.option]
+        assert measured
+        for one in measured:
+            assert one.length_mm == pytest.approx(length_in(design.target, one.option), abs=1e-6)
+
+
+def test_icosahedron_has_ten_pairs_of_faces_two_inradii_apart() -> None:
+    """All ten pairs are listed, no face twice, and each lies 2 r = 1.5115 a apart; one of them stands upright."""
+    design = made("ico")[0]
+    pairs = opposite_faces(design.target)
+    assert sorted(face for pair in pairs for face in pair) == list(range(20))
+    lengths = caliper_lengths(design)
+    assert [one.length_mm for one in lengths] == pytest.approx([2 * INRADIUS * 20] * 10)
+    assert [one.what for one in lengths if "along" in one.how] == ["face 2 to face 19"]
+
+
+def test_corner_rings_are_the_outermost() -> None:
+    """The convex hull of the four corner rings holds every ring's centre, and their lengths are the lattice's."""
+    target = made("sheet")[0].target
+    corners = target.center_in_face_mm[list(corner_rings(target)), :2]
+    step = np.roll(corners, -1, axis=0) - corners
+    to_ring = target.center_in_face_mm[:, None, :2] - corners
+    assert (step[:, 0] * to_ring[..., 1] - step[:, 1] * to_ring[..., 0] > -1e-9).all()
+
+
+def test_skew_figures_agree_with_a_sheared_target() -> None:
+    """A skew of 0.3 deg changes diagonals and pairs of faces by what the page says, to a few per cent of it."""
+    angle = math.radians(0.3)
+    board = made("sheet")[0].target
+    matrix = skew_matrix((angle, 0.0, 0.0))[:2, :2]
+    a, b, c, d = board.center_in_face_mm[list(corner_rings(board)), :2] @ matrix.T
+    difference = abs(np.linalg.norm(c - a) - np.linalg.norm(d - b))
+    assert difference * skew_per_mm_deg(board) == pytest.approx(0.3, rel=0.02)
+
+    design = made("ico")[0]
+    skews = ((angle, 0.0, 0.0), (0.0, angle, 0.0), (0.0, 0.0, angle))
+    worst = max(abs(change) for skew in skews for change in pair_changes_mm(design, skew))
+    assert skew_effect_mm(design, angle) == pytest.approx(worst, rel=0.02)
+
+
+def pair_changes_mm(design: Design, skew: tuple[float, float, float]) -> list[float]:
+    """By how much a printer of this skew changes the distance of each pair of faces, from the sheared corners."""
+    to_bed = bed_from_target(design.target, design.job.printing)[:3, :3]
+    frame, outline = design.target.target_from_face, design.target.outline_mm
+    corners = np.einsum("fij,fkj->fki", frame[:, :3, :2], outline) + frame[:, None, :3, 3]
+    made_corners = corners @ to_bed.T @ skew_matrix(skew).T
+    changes = []
+    for first, second in opposite_faces(design.target):
+        normal = np.cross(*(made_corners[first, 1:] - made_corners[first, :1]))
+        normal /= np.linalg.norm(normal)
+        distance = abs(normal @ (made_corners[first, 0] - made_corners[second, 0]))
+        changes.append(float(distance - 2 * INRADIUS * 20))
+    return changes
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_example_length_is_read_by_calib_measure(build: str) -> None:
+    """The length in the commands parses, and without a reading put in says that the print is as designed."""
+    target = made(build)[0].target
+    asked = parse_length("--length", example_length(made(build)[0]), target)
+    assert asked.length.value_mm == pytest.approx(length_in(target, asked.length.name), abs=0.005001)
+
+
+@pytest.mark.parametrize(
+    ("shape", "reach_mm"),
+    [
+        ({"columns": 3, "rows": 3, "pitch": "10mm"}, 150.0),
+        ({"columns": 3, "rows": 3, "pitch": "200mm", "ring_diameter": "10mm"}, math.inf),
+        ({"columns": 41, "rows": 31, "pitch": "10mm", "ring_diameter": "8mm"}, 150.0),
+    ],
+    ids=["smallest", "far-apart", "large"],
+)
+def test_a_caliper_reaches_the_example(shape: dict[str, str | int], reach_mm: float) -> None:
+    """The length of the commands is within a caliper's reach, over the rings' outer edges, if the board has such."""
+    asked = BoardFile.model_validate({"build": "sheet", "dots": False, **shape})
+    target = lay_out(size_job(asked).job.target)
+    length = parse_length("--length", example_length(Design(size_job(asked).job)), target).length
+    assert length.value_mm + 2 * target.radius_outer_mm[0] <= reach_mm
+
+
+def test_commands_have_only_options_that_exist() -> None:
+    """Every option of every command on the pages is one of that command's."""
+    import typer
+
+    from calib.cli import app as calib
+    from designer.cli import app as design
+
+    groups = {"calib": typer.main.get_command(calib), "design": typer.main.get_command(design)}
+    for build in BUILDS:
+        for leaf in leaves(page_of(build)):
+            if not isinstance(leaf, Command):
+                continue
+            program, name, *rest = leaf.line.split()
+            command = groups[program].commands[name]  # type: ignore[attr-defined]  # a group has them
+            known = {option for parameter in command.params for option in parameter.opts}
+            assert {word for word in rest if re.match(r"--?[a-z]", word)} <= known, leaf.line
+
+
+def test_slots_are_those_of_the_3mf_files() -> None:
+    """Body and ink are in the slots that the instructions name, in both packages."""
+    files = {file.name: file.content for file in made("board")[2]}
+    for name, config in (("prusa", "Slic3r_PE_model"), ("bambu", "model_settings")):
+        (package,) = [content for file, content in files.items() if file.endswith(f".{name}.3mf")]
+        with zipfile.ZipFile(BytesIO(package)) as archive:
+            text = archive.read(f"Metadata/{config}.config").decode()
+        pairs = re.findall(r'key="name" value="(body|ink)"/>.*?key="extruder" value="(\d)"', text, re.DOTALL)
+        assert pairs == [("body", str(BODY_SLOT)), ("ink", str(INK_SLOT))]
+
+
+def test_the_printers_own_slicer_comes_first_and_open() -> None:
+    """Prusa's printers get PrusaSlicer's steps first, others Bambu Studio's; the others are closed."""
+    for build, first in (("board", "Bambu Studio, OrcaSlicer"), ("sheared", "PrusaSlicer")):
+        design = made(build)[0]
+        assert usual_slicer(design.job.printing.printer) == first
+        (making,) = [section for section in page_of(build).sections if section.title == "Making it"]
+        folds = [block for block in making.blocks if isinstance(block, Fold)]
+        assert len(folds) == 3
+        assert folds[0].title == first
+        assert [fold.is_open for fold in folds] == [True, False, False]
+
+
+def test_compensation_is_said_where_it_is_in_the_files() -> None:
+    """A sheared, enlarged print says both, and not to turn or scale it; another says neither."""
+    sheared, plain = words(page_of("sheared")), words(page_of("ico"))
+    assert "+0.4 %" in sheared
+    assert '--shrink-compensation 0.4% --skew-compensation "xy 0.1deg, xz -0.05deg"' in sheared
+    assert "sheared" not in plain
+    assert "+0.4" not in plain
+
+
+def test_headline_says_the_worst_of_the_check() -> None:
+    """No warnings: printable; warnings: with care, and the first one's words; a violation, if ever: not printable."""
+    assert headline(made("board")[0], made("board")[1]).word == "printable"
+    design, check, _ = made("ico")
+    careful = headline(design, check)
+    assert (careful.level, careful.word) == ("usable", "printable with care")
+    assert "ring stroke" in careful.sentence
+    broken = replace(check, findings=(*check.findings, RuleFinding("bed", "violation", "too large")))
+    assert (headline(design, broken).level, headline(design, broken).sentence) == ("bad", "too large")
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_every_rule_that_applies_is_shown_once(build: str) -> None:
+    """Findings and holding rules are each on the page; widths that hold are above the limit shown, others below."""
+    design, check, _ = made(build)
+    shown = rule_findings(design, check).rows
+    assert len(shown) == len({finding.rule for finding in check.findings} | set(check.holding))
+    limits = rule_limits(design)
+    good_mm = 2 * design.job.printing.pattern_line_mm
+    for rule in ("stroke", "centre", "gap", "margin", "border"):
+        width_mm = float(limits[rule].measured.removesuffix(" mm"))
+        if rule in check.holding:
+            assert width_mm >= good_mm - 1e-6
+        elif any(finding.rule == rule for finding in check.findings):
+            assert width_mm < good_mm
+
+
+def test_code_table_shows_the_dots_of_the_target() -> None:
+    """Read off the table, the dots of each face are those of the geometry."""
+    target = made("ico")[0].target
+    (table,) = [leaf for leaf in code_blocks(made("ico")[0]) if isinstance(leaf, Table)]
+    assert len(table.rows) == 20
+    for face, row in enumerate(table.rows):
+        mine = target.ring_face == face
+        dots = {(int(i), int(j)) for i, j in target.ring_index[mine & target.is_dot]}
+        assert dots == CODES[int(target.face_code[face])]
+        drawn = row[1].text.replace(" ", "")
+        assert {CODE_POSITIONS[k] for k, mark in enumerate(drawn) if mark == DOT} == dots
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_scene_shows_what_is_printed(build: str) -> None:
+    """Every ring is in the scene, and the area of letters is that of the printed ones at the design's size."""
+    design = made(build)[0]
+    (view,) = [leaf for leaf in leaves(page_of(build)) if isinstance(leaf, View3d)]
+    shapes = [shape for layer in view.scene.layers for shape in layer.shapes]
+    assert sum(len(shape.center_mm) for shape in shapes if isinstance(shape, Rings)) == design.target.ring_count
+    two_filament = design.job.printing.is_two_filament
+    pattern = design.printed_pattern if two_filament else design.artwork
+    letters = [contour for face in pattern.faces for contour in (*face.dark_text, *face.light_text)]
+    printed_mm2 = sum(abs(polygon_area_mm2(contour)) for contour in letters)
+    scale = design.scale if two_filament else 1.0
+    layers = [layer for layer in view.scene.layers if layer.name == "printed letters"]
+    shown_mm2 = sum(surface_area_mm2(s) for layer in layers for s in layer.shapes if isinstance(s, Surface))
+    assert shown_mm2 == pytest.approx(printed_mm2 / scale**2, rel=1e-6)
+    if build == "board":
+        assert shown_mm2 > 0
+
+
+def polygon_area_mm2(contour: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
+    x, y = contour.T
+    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
+
+
+def surface_area_mm2(surface: Surface) -> float:
+    a, b, c = (surface.vertices_mm[surface.triangles[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def test_markup_in_a_printers_name_stays_text() -> None:
+    """The one name that a person gives freely, that of a printer, is escaped."""
+    design, check, files = made("ico")
+    hostile = "<script>alert(1)</script><img src=x onerror=alert(1)>"
+    printing = replace(design.job.printing, printer=replace(design.job.printing.printer, name=hostile))
+    content = design_report(Design(replace(design.job, printing=printing)), check, files).content
+    assert b"<script>alert" not in content
+    assert b"<img src=x" not in content
+    assert b"&lt;script&gt;alert(1)" in content
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_pages_stay_small(build: str) -> None:
+    """A page is below 2.5 MB."""
+    assert len(design_report(*made(build)).content) < 2_500_000
+
+
+def test_page_without_a_preview_has_no_poster() -> None:
+    """Without the PNG file the page is made all the same."""
+    design, check, files = made("ico")
+    page = design_page(design, check, [file for file in files if not file.name.endswith(".png")])
+    (view,) = [leaf for leaf in leaves(page) if isinstance(leaf, View3d)]
+    assert view.poster is None
+
+
+def test_pages_open_in_a_browser(tmp_path: Path) -> None:
+    """From disk, without trouble, every link and picture resolves and nothing is wider than a phone."""
+    with started_browser() as browser:
+        for build in ("stickers", "board"):
+            design, check, files = made(build)
+            folder = tmp_path / build
+            write_folder(folder, (*files, design_report(design, check, files)))
+            with open_page(browser, folder / PAGE_FILE, width=390) as page:
+                assert unresolved(page, folder / PAGE_FILE) == []
+                assert overflow_px(page) == 0

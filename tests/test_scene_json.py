@@ -1,0 +1,166 @@
+"""Scenes as text: the numbers survive, nothing of the text becomes markup, nonsense is refused."""
+
+import base64
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from designer.page.scene import Cameras, Labels, Layer, Rings, Scene, Segments, Shape, Surface
+from designer.page.scene_json import scene_json
+
+RNG = np.random.default_rng(7)
+Z = np.tile([0.0, 0.0, 1.0], (3, 1))
+CORNERS = np.array([[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
+
+SURFACE = Surface(RNG.normal(size=(4, 3)), np.array([[0, 1, 2], [0, 2, 3]]), "#FFffff")
+RINGS = Rings(RNG.normal(size=(3, 3)), Z, np.full(3, 2.0), np.array([1.0, 0.9, 0.0]), ("#000000",), ("a", "b", "c"))
+SEGMENTS = Segments(RNG.normal(size=(2, 2, 3)), ("#112233", "#445566"))
+CAMERAS = Cameras(np.tile(np.eye(4), (2, 1, 1)), CORNERS, 10.0, ("#0072b2",), ("one", "two"))
+LABELS = Labels(RNG.normal(size=(3, 3)), Z, ("1", "2", "3"), 4.0)
+SHAPES: tuple[Shape, ...] = (SURFACE, RINGS, SEGMENTS, CAMERAS, LABELS)
+SCENE = Scene(
+    (Layer("all", SHAPES), Layer("none", (), is_shown=False, has_switch=False)),
+    up=(0.0, 0.0, 1.0),
+    from_direction=(1.0, 2.0, 3.0),
+    legend=(("#00ff00", "green"),),
+)
+
+
+def of_shape(shape: Shape) -> Scene:
+    """A scene of one shape."""
+    return replace(SCENE, layers=(Layer("a <layer>", (shape,)),))
+
+
+def unpacked(packed: dict[str, object]) -> NDArray[np.generic]:
+    """The array that a reader gets, by the documented format."""
+    types = {"f4": "<f4", "u2": "<u2", "u4": "<u4"}
+    data, shape = packed["data"], packed["shape"]
+    assert isinstance(data, str)
+    assert isinstance(shape, list)
+    array: NDArray[np.generic] = np.frombuffer(base64.b64decode(data), types[str(packed["type"])]).reshape(shape)
+    return array
+
+
+def test_numbers_survive() -> None:
+    """Arrays come back in their shape, floats to single precision, whole numbers exactly."""
+    shapes = json.loads(scene_json(SCENE))["layers"][0]["shapes"]
+    surface, rings, segments, cameras, labels = shapes
+    assert [shape["kind"] for shape in shapes] == ["surface", "rings", "segments", "cameras", "labels"]
+    for packed, array in [
+        (surface["vertices"], SURFACE.vertices_mm),
+        (surface["triangles"], SURFACE.triangles),
+        (rings["center"], RINGS.center_mm),
+        (rings["normal"], RINGS.normal),
+        (rings["outer"], RINGS.radius_outer_mm),
+        (rings["inner"], RINGS.radius_inner_mm),
+        (segments["ends"], SEGMENTS.ends_mm),
+        (cameras["poses"], CAMERAS.target_from_cam),
+        (cameras["rays"], CAMERAS.corner_rays),
+        (labels["position"], LABELS.position_mm),
+    ]:
+        np.testing.assert_array_equal(unpacked(packed), np.asarray(array).astype(np.float32))
+    assert (rings["names"], cameras["names"], labels["texts"]) == (["a", "b", "c"], ["one", "two"], ["1", "2", "3"])
+    assert (cameras["size"], labels["size"], surface["colour"]) == (10.0, 4.0, "#ffffff")
+
+
+def test_scene_survives() -> None:
+    """Direction, legend, and what is shown and has a switch reach the viewer."""
+    read = json.loads(scene_json(SCENE))
+    assert (read["up"], read["from"], read["legend"]) == ([0, 0, 1], [1, 2, 3], [["#00ff00", "green"]])
+    assert [(layer["shown"], layer["switch"]) for layer in read["layers"]] == [(True, True), (False, False)]
+
+
+def test_each_thing_keeps_its_colour() -> None:
+    """A thing's colour is its own, or the one for all."""
+    colours = ("#0000ff", "#ff0000", "#0000FF")
+    for given_colours, expected in [(colours, [0, 1, 0]), (("#0000ff",), [0, 0, 0])]:
+        packed = json.loads(scene_json(of_shape(replace(RINGS, colours=given_colours))))["layers"][0]["shapes"][0]
+        assert packed["colours"]["palette"] == ["#0000ff", "#ff0000"][: len(set(expected))]
+        assert unpacked(packed["colours"]["index"]).tolist() == expected
+
+
+def test_many_vertices_keep_their_numbers() -> None:
+    """A triangle may name vertices beyond the 16 bits that most surfaces need."""
+    surface = Surface(np.zeros((70_000, 3)), np.array([[0, 1, 69_999]]), "#ffffff")
+    packed = json.loads(scene_json(of_shape(surface)))["layers"][0]["shapes"][0]["triangles"]
+    assert unpacked(packed).tolist() == [[0, 1, 69_999]]
+
+
+def test_byte_order_and_layout_do_not_matter() -> None:
+    """The same numbers give the same text, in whatever way an array holds them."""
+    others = [SURFACE.vertices_mm.astype(">f8"), np.asfortranarray(SURFACE.vertices_mm)]
+    expected = scene_json(of_shape(SURFACE))
+    assert [scene_json(of_shape(replace(SURFACE, vertices_mm=other))) for other in others] == [expected] * 2
+
+
+@given(st.text(st.characters(codec=None), max_size=40))
+def test_text_stays_text(text: str) -> None:
+    """Any name comes back as it was, and holds no character that could end or begin an element or a line."""
+    scene = replace(
+        of_shape(replace(CAMERAS, names=(text, text + "</script><!--"))),
+        legend=(("#000000", text + "&lt;\u2028\u2029"),),
+    )
+    written = scene_json(scene)
+    assert re.fullmatch(r"[ -%'-;=?-~]*", written)  # ASCII without control characters, "&", "<" and ">"
+    read = json.loads(written)
+    assert read["layers"][0]["shapes"][0]["names"] == [text, text + "</script><!--"]
+    assert read["legend"][0][1] == text + "&lt;\u2028\u2029"
+
+
+NAN = np.full((3, 3), np.nan)
+BAD: dict[str, tuple[Callable[[], Scene], str]] = {
+    "vertices": (lambda: of_shape(replace(SURFACE, vertices_mm=np.zeros((4, 2)))), r"vertices_mm .*\(any, 3\)"),
+    "triangles": (lambda: of_shape(replace(SURFACE, triangles=np.array([[0, 1, 4]]))), r"triangles .*0\.\.3"),
+    "negative": (lambda: of_shape(replace(SURFACE, triangles=np.array([[0, 1, -1]]))), r"triangles .*0\.\.3"),
+    "fractions": (lambda: of_shape(replace(SURFACE, triangles=np.zeros((1, 3)))), "triangles .*whole"),  # type: ignore[arg-type]
+    "colour": (lambda: of_shape(replace(SURFACE, colour="red")), "'red'"),
+    "colour in css": (lambda: of_shape(replace(SURFACE, colour="#ffffff;x")), "#rrggbb"),
+    "colour with line": (lambda: of_shape(replace(SURFACE, colour="#ffffff\n")), "#rrggbb"),
+    "colours": (lambda: of_shape(replace(RINGS, colours=("#000000", "#111111"))), "2 colours for 3"),
+    "nan": (lambda: of_shape(replace(RINGS, center_mm=NAN)), "center_mm .*finite"),
+    "too large": (lambda: of_shape(replace(RINGS, center_mm=np.full((3, 3), 1e39))), "center_mm .*finite"),
+    "normal": (lambda: of_shape(replace(RINGS, normal=2 * Z)), "normal .*unit"),
+    "no normal": (lambda: of_shape(replace(LABELS, normal=0 * Z)), "normal .*unit"),
+    "radii": (lambda: of_shape(replace(RINGS, radius_inner_mm=np.full(3, 2.0))), "radius_inner_mm .*less"),
+    "radius count": (lambda: of_shape(replace(RINGS, radius_outer_mm=np.full(2, 2.0))), r"radius_outer_mm .*\(3\)"),
+    "ring names": (lambda: of_shape(replace(RINGS, names=("a",))), "1 names for 3"),
+    "segments": (lambda: of_shape(replace(SEGMENTS, ends_mm=np.zeros((2, 3)))), "ends_mm"),
+    "poses": (lambda: of_shape(replace(CAMERAS, target_from_cam=np.eye(4))), "target_from_cam"),
+    "camera names": (lambda: of_shape(replace(CAMERAS, names=("a",))), "1 names for 2"),
+    "rays": (lambda: of_shape(replace(CAMERAS, corner_rays=CORNERS[:3])), "corner_rays"),
+    "size": (lambda: of_shape(replace(CAMERAS, size_mm=0.0)), "size_mm is 0"),
+    "endless size": (lambda: of_shape(replace(LABELS, size_mm=np.inf)), "size_mm .*finite"),
+    "texts": (lambda: of_shape(replace(LABELS, texts=("1",))), "1 texts for 3"),
+    "words": (lambda: of_shape(replace(LABELS, position_mm=np.full((3, 3), "1"))), "position_mm .*numbers"),
+    "up": (lambda: replace(SCENE, up=(0.0, 0.0, 0.0)), r"up .*\(0, 0, 0\)"),
+    "from": (lambda: replace(SCENE, from_direction=(np.nan, 0.0, 0.0)), "from_direction .*finite"),
+    "legend": (lambda: replace(SCENE, legend=(("blue", "x"),)), "legend.*'blue'"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_nonsense_is_refused(name: str) -> None:
+    """What cannot be drawn is refused with the name of the value and the rule; nothing reaches the page."""
+    scene, message = BAD[name]
+    with pytest.raises(ValueError, match=message):
+        scene_json(scene())
+
+
+def test_empty_shapes_are_fine() -> None:
+    """A layer may have nothing to show: no outliers, no cameras."""
+    none = np.zeros((0, 3))
+    empty: tuple[Shape, ...] = (
+        Rings(none, none, np.zeros(0), np.zeros(0), ()),
+        Segments(np.zeros((0, 2, 3)), ("#000000",)),
+        Cameras(np.zeros((0, 4, 4)), CORNERS, 1.0, ("#000000",), ()),
+        Labels(none, none, (), 1.0),
+    )
+    shapes = json.loads(scene_json(replace(SCENE, layers=(Layer("empty", empty),))))["layers"][0]["shapes"]
+    assert unpacked(shapes[0]["center"]).shape == (0, 3)

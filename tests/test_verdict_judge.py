@@ -1,0 +1,206 @@
+"""The verdict: what a careful person would say of runs with known faults."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from solver_scenes import observe, pose_from, poses_around
+from verdict_cases import BOARD, ICOSAHEDRON, OPTIONS, TRUE, believed, bent, check, judged, sightings, solved
+
+from calib.solver.solve import solve
+from calib.types import Observations
+from calib.verdict.criteria import Criteria, Limits, read_criteria
+from calib.verdict.evidence import HalvesFound, evidence_of
+from calib.verdict.halves import NoHalves, half_split
+from calib.verdict.judge import WORSE, judge
+from calib.verdict.of_run import judge_run
+from calib.verdict.target_shape import ShapeEffect
+from calib.verdict.verdict import Check, Grade
+
+
+def _rank(grade: Grade) -> int:
+    return WORSE.index(grade)
+
+
+def test_a_good_run_is_good() -> None:
+    """Sharp photos of a true board all over the image: every check is good, and the sentence says so with numbers."""
+    run = judged(sightings(views=20), models=("opencv", "luhmann"))
+    assert {one.grade for one in run.verdict.checks} == {"good"}
+    assert run.verdict.grade == "good"
+    assert run.verdict.sentence.startswith("good: the camera is uncertain by at most 0.0")
+    assert run.verdict.model == "opencv"
+
+
+def test_more_noise_never_improves_the_grade() -> None:
+    """The grade is monotone in the noise, from good to not to be used."""
+    grades = [_rank(judged(sightings(views=20, noise_px=noise)).verdict.grade) for noise in (0.02, 0.06, 0.2, 0.6)]
+    assert grades == sorted(grades)
+    assert (grades[0], grades[-1]) == (_rank("good"), _rank("bad"))
+
+
+def test_a_bent_board_is_not_good() -> None:
+    """A board that bends by a tenth of a millimetre makes errors of 2 px in an otherwise perfect run: do not use."""
+    run = judged(believed(sightings(bent(BOARD, 0.1), views=20), BOARD), models=("opencv", "luhmann"))
+    assert check(run, "residuals").grade == "good"
+    assert check(run, "models").grade == "good"
+    assert check(run, "target").grade == "bad"
+    assert run.verdict.sentence.startswith("do not use: the target is not quite as its file says")
+
+
+def test_a_target_of_another_size_is_harmless() -> None:
+    """The size of a target goes with its distance and leaves the camera alone."""
+    large = replace(BOARD, position_mm=1.01 * BOARD.position_mm)
+    assert judged(believed(sightings(large, views=20), BOARD)).verdict.grade == "good"
+
+
+def test_three_photos_are_usable_at_best() -> None:
+    """Without halves nothing independent was checked: no praise, and the reason is said."""
+    seen, whole = sightings(views=20), read_criteria()
+    evidence = evidence_of(solved(seen), 0, NoHalves("3 photos cannot be halved; take 4 or more"))
+    verdict = judge(evidence, whole)
+    assert {one.grade for one in verdict.checks} == {"good", "unknown"}
+    assert verdict.grade == "usable"
+    assert "3 photos cannot be halved" in verdict.sentence
+    few = judged(sightings(views=3))
+    assert check(few, "halves").grade == "unknown"
+    assert few.verdict.grade == "bad"
+
+
+def test_one_photo_of_a_board_is_not_to_be_used() -> None:
+    """It does not determine the camera, which comes before all else."""
+    run = judged(sightings(views=1, noise_px=0.05))
+    assert run.verdict.grade == "bad"
+    assert run.verdict.checks[0].name == "solution"
+    assert run.verdict.sentence.startswith(
+        "do not use: the photos do not determine the camera: the one view of a plane"
+    )
+
+
+def test_one_photo_of_an_icosahedron_is_not_to_be_used() -> None:
+    """It determines a camera where it lies in the image, but covers little of it."""
+    rng = np.random.default_rng(0)
+    run = judged(observe(TRUE, ICOSAHEDRON, pose_from((0, 0, 330.0)), rng, noise_px=0.02))
+    assert check(run, "halves").grade == "unknown"
+    assert check(run, "coverage").grade == "bad"
+    assert run.verdict.grade == "bad"
+
+
+def test_a_board_seen_straight_on_is_not_good() -> None:
+    """Without tilt the focal length is hardly determined, however sharp the photos are."""
+    rng = np.random.default_rng(0)
+    seen = observe(TRUE, BOARD, poses_around(12, rng, half_angle_deg=1.0, distance_mm=350), rng, noise_px=0.05)
+    assert judged(seen).verdict.grade == "bad"
+
+
+def test_a_target_in_the_centre_only_is_good_there_only() -> None:
+    """The camera is known where the target was seen, and not to be used elsewhere; both are said."""
+    rng = np.random.default_rng(0)
+    run = judged(observe(TRUE, BOARD, poses_around(20, rng, distance_mm=600), rng, noise_px=0.02))
+    assert run.verdict.grade == "bad"
+    assert {one.name for one in run.verdict.checks if one.grade == "bad"} == {"uncertainty", "coverage"}
+    assert run.verdict.sentence.startswith("do not use: the rings surround only ")
+    assert "nothing was seen to check it" in run.verdict.sentence
+
+
+def _with_outliers(seen: Observations, share: float) -> Observations:
+    rng = np.random.default_rng(5)
+    rows = rng.random(len(seen.view)) < share
+    pixel = seen.center_px.copy()
+    pixel[rows] += rng.normal(0, 3, (int(rows.sum()), 2))
+    return replace(seen, center_px=pixel)
+
+
+def test_outliers_are_counted() -> None:
+    """Far-off sightings are seen through the errors they cause; left out, they are not good but do no harm."""
+    seen = _with_outliers(sightings(views=20), 0.1)
+    kept = judged(seen)
+    assert check(kept, "outliers").grade == "bad"
+    assert kept.verdict.grade == "bad"
+    rejecting = replace(OPTIONS, reject_sigma=4.0)
+    one = solve(seen, "opencv", rejecting)
+    clean = judge_run([one], 0, half_split(one, rejecting), read_criteria())
+    assert check(clean, "outliers").grade == "usable"
+    assert check(clean, "outliers").value == pytest.approx(10, abs=2)
+    assert clean.verdict.grade == "usable"
+
+
+def test_a_model_that_does_not_fit_is_found() -> None:
+    """A pinhole for a lens with distortion: residuals are systematic, and the other model differs."""
+    run = judged(sightings(views=12), models=("pinhole", "opencv"))
+    assert check(run, "systematic").grade == "bad"
+    assert check(run, "models").grade == "bad"
+    assert run.verdict.grade == "bad"
+
+
+def test_two_images_twice_as_fine_are_judged_alike() -> None:
+    """Twice the pixels double what is told in pixels, and leave ratios and shares as they are."""
+    one = sightings(views=8)
+    other = replace(one, image_size=(2 * one.image_size[0], 2 * one.image_size[1]), center_px=2 * one.center_px + 0.5)
+    coarse, fine = judged(one), judged(other)
+    for here, there in zip(coarse.verdict.checks, fine.verdict.checks, strict=True):
+        # The systematic part is a small difference of large numbers.
+        if here.value is not None and there.value is not None and here.name != "systematic":
+            times = 2 if here.unit == "px" else 1
+            assert there.value == pytest.approx(times * here.value, rel=0.05, abs=1e-3), here.name
+
+
+def _every(criteria: Criteria, good: float, usable: float) -> Criteria:
+    limits = Limits(good, usable)
+    return replace(
+        criteria, uncertainty_px=limits, residuals_px=limits, systematic_px=limits, outliers_percent=limits,
+        target_px=limits, models_px=limits,
+    )  # fmt: skip
+
+
+def test_stricter_limits_never_improve_the_grade() -> None:
+    """From limits that all pass to limits that none passes the grade falls, of the same evidence."""
+    seen = _with_outliers(sightings(views=12), 0.002)
+    calibrations = solved(seen, ("opencv", "luhmann"))
+    halves = half_split(calibrations[0], OPTIONS)
+    steps = [(100.0, 200.0), (0.3, 1.0), (0.02, 0.1), (1e-9, 1e-8)]
+    grades = [_rank(judge_run(calibrations, 0, halves, _every(read_criteria(), *step)).verdict.grade) for step in steps]
+    assert grades == sorted(grades)
+    assert grades[-1] == _rank("bad")
+
+
+def test_a_camera_of_which_nothing_was_estimated_is_not_praised() -> None:
+    """With every parameter fixed there is no uncertainty to state: not good."""
+    names = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
+    fixed = tuple(zip(names, TRUE.params.tolist(), strict=True))
+    options = replace(OPTIONS, fixed=fixed)
+    one = solve(sightings(views=20), "opencv", options)
+    run = judge_run([one], 0, half_split(one, options), read_criteria())
+    assert check(run, "uncertainty").grade == "unknown"
+    assert run.verdict.grade == "usable"
+
+
+def _shape(ratio: float, percentile_95_px: float, sigma_px: float) -> Check:
+    """The check of the target's shape for some effect of it, in an otherwise good run."""
+    evidence = evidence_of(solved(sightings(views=6)), 0, NoHalves("not asked for"))
+    effect = ShapeEffect(percentile_95_px, ratio, sigma_px, 0.1)
+    return next(one for one in judge(replace(evidence, shape=effect), read_criteria()).checks if one.name == "target")
+
+
+def test_only_what_is_sure_of_the_target_makes_a_camera_unusable() -> None:
+    """By chance nothing is said against a target; a suspicion is worth a warning; beyond 3 sigma the pixels count."""
+    assert _shape(1.5, 0.4, 0.05).grade == "good"
+    assert _shape(1.5, 0.4, 0.5).grade == "unknown"
+    assert _shape(2.5, 0.4, 0.2).grade == "usable"
+    assert "may not be" in _shape(2.5, 0.4, 0.2).sentence
+    assert _shape(5.0, 0.4, 0.1).grade == "bad"
+    assert _shape(5.0, 0.05, 0.01).grade == "good"
+
+
+def _halves(ratio: float, percentile_95_px: float) -> Grade:
+    evidence = evidence_of(solved(sightings(views=6)), 0, NoHalves("not asked for"))
+    found = replace(evidence, halves=HalvesFound(ratio, percentile_95_px, percentile_95_px / ratio, percentile_95_px))
+    return next(one.grade for one in judge(found, read_criteria()).checks if one.name == "halves")
+
+
+def test_halves_that_agree_to_what_is_needed_are_usable() -> None:
+    """Wrong standard deviations alone make no camera unusable; halves that are pixels apart do."""
+    assert _halves(1.9, 3.0) == "good"
+    assert _halves(3.0, 0.25) == "usable"
+    assert _halves(3.0, 0.4) == "bad"
+    assert _halves(9.0, 0.08) == "usable"
+    assert _halves(9.0, 0.25) == "bad"
