@@ -1,6 +1,7 @@
 """The examples of docs/extend.md are code, and keep the rules that the page states."""
 
 import re
+import shlex
 import subprocess
 import sys
 from functools import cache
@@ -9,10 +10,14 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from typer.core import TyperGroup
+from typer.main import get_command
 
+from calib.cli import app as calib_app
 from calib.detect.pipeline import detect
 from calib.interop.format import CameraFormat
 from calib.types import Camera
+from designer.cli import app as design_app
 from designer.errors import InputError
 from designer.layout import lay_out
 from designer.sizing import size_job
@@ -143,3 +148,54 @@ def test_target_of_ones_own_is_found_in_a_photo() -> None:
     found = detect(view.image, octahedron, name="view.png")
     assert len(set(octahedron.ring_face[found.ring].tolist())) >= 2
     np.testing.assert_allclose(found.center_px, view.center_px[found.ring], atol=0.5)
+
+
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_and_pictures_are_there(page: Path) -> None:
+    """Every file that a page leads to is there, and every place in it is a heading."""
+    links = re.findall(r"\]\((?!https?:)([^)#\s]*)(?:#([^)\s]*))?\)", page.read_text())
+    for path, anchor in links:
+        place = (page.parent / path).resolve() if path else page
+        assert place.exists(), path
+        if anchor:
+            headings = re.findall(r"^#+ (.*)$", place.read_text(), re.MULTILINE)
+            assert anchor in {re.sub(r"[^\w\- ]", "", one).strip().lower().replace(" ", "-") for one in headings}
+
+
+def test_every_page_and_picture_is_led_to() -> None:
+    """No file of docs/ lies there unread."""
+    text = "\n".join(page.read_text() for page in PAGES)
+    for path in (ROOT / "docs").iterdir():
+        assert re.search(rf"\(\S*{re.escape(path.name)}", text), path.name
+
+
+def command_lines() -> list[list[str]]:
+    """The lines of `design` and `calib` in the pages' shell blocks and code spans, as words."""
+    found = []
+    for page in PAGES:
+        text = page.read_text()
+        blocks = re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+        lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+        lines += [span.replace("\n", " ") for span in re.findall(r"`((?:design|calib) [^`]*)`", text)]
+        for line in lines:
+            words = shlex.split(line.split(" | ")[0], comments=True)
+            found += [words] if words and words[0] in ("design", "calib") and "..." not in words else []
+    return found
+
+
+def test_commands_and_options_in_the_pages_exist() -> None:
+    """What the pages say to type is understood: each command is there, with each option that is used."""
+    programs = {"design": get_command(design_app), "calib": get_command(calib_app)}
+    lines = command_lines()
+    assert len(lines) > 40
+    for words in lines:
+        command, rest = programs[words[0]], words[1:]
+        while isinstance(command, TyperGroup) and rest and not rest[0].startswith("-"):
+            assert rest[0] in command.commands, words
+            command, rest = command.commands[rest[0]], rest[1:]
+        known = {flag for one in command.params for flag in (*one.opts, *one.secondary_opts)} | {"--help"}
+        used = {word.split("=")[0] for word in rest if re.match(r"--?[a-z]", word)}
+        assert used <= known, (words, used - known)

@@ -351,14 +351,15 @@ def test_damaged_scene(browser: Browser, tmp_path: Path) -> None:
 def test_library_can_stand_in_a_page() -> None:
     """The library and the viewer hold nothing that ends their element, fetches or evaluates, and name their licence."""
     library = (PARTS / "three.min.js").read_text(encoding="utf-8")
-    viewer = (PARTS / "viewer.js").read_text(encoding="utf-8")
+    shapes, viewer = ((PARTS / name).read_text(encoding="utf-8") for name in ("viewer_shapes.js", "viewer.js"))
     assert len(library.encode()) < 600_000
     assert "The MIT License" in library[:300]
     version = re.search(r"three\.js (\d+\.\d+\.\d+)", library)
     assert version is not None
     assert f"three@{version[1]}" in (PARTS / "three_entry.js").read_text(encoding="utf-8")
-    for text in (library, viewer):
+    for text in (library, shapes, viewer):
         assert not re.search(r"</script|<!--|sourceMappingURL|\beval\(|new Function\(", text, re.IGNORECASE)
         assert set(re.findall(r"https?://[^\"'` )]*", text)) <= {"http://www.w3.org/1999/xhtml"}
-    assert "innerHTML" not in viewer
-    assert "use strict" in viewer[:600]
+    for text in (shapes, viewer):
+        assert "innerHTML" not in text
+        assert "use strict" in text[:600]

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from designer.page.blocks import Headline, Page
 
 CALIBRATION = "calibration"
+NEGATIVE = 1
 
 
 def report(
@@ -33,7 +34,8 @@ def report(
 ) -> Summary:
     """Write a folder's page, index.html, again from the results it stores.
 
-    A calibration keeps its verdict, unless other limits are given.
+    A calibration keeps its verdict, unless other limits are given. The exit code is 1 if the page's answer is
+    negative, such as: do not use.
     """
     from calib.report.claim import why_no_page
     from calib.report.guess import origin_in
@@ -58,7 +60,8 @@ def report(
     steps = (f"calib report {quoted(folder)} --criteria standard",) if _is_not_judged(folder, origin.kind) else ()
     for step in steps:
         print(f"      {step}   # says whether the camera is good")
-    return Summary(_answer(origin.kind, page), (*wrote, place), steps)
+    is_bad = page.headline is not None and page.headline.level == "bad"
+    return Summary(_answer(origin.kind, page), (*wrote, place), steps, exit_code=NEGATIVE if is_bad else 0)
 
 
 def said(headline: "Headline") -> str:

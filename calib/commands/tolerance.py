@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 MAX_DRAWS = 1_000_000
 LONGEST_NAME = 60
+LIMIT_MISSED = 1
 
 
 def tolerance(
@@ -85,7 +86,10 @@ def tolerance(
     resume: Annotated[bool, typer.Option("--resume", help="go on with the study in the folder")] = False,
     out: Annotated[Path, typer.Option("--out", "-o", help="folder for tables, figures and draws")],
 ) -> Summary:
-    """What if a print is off by this much? What manufacturing errors cost a calibration, and how large they may be."""
+    """What if a print is off by this much? What manufacturing errors cost a calibration, and how large they may be.
+
+    The exit code is 1 if a limit of --require is missed.
+    """
     if full and linear:
         raise InputError("--full does not fit --linear, which draws nothing; leave one of them out")
     asked = _asked(draws=draws, seed=seed, jobs=jobs, require=require, by=by, predicts=linear, full=full)
@@ -366,7 +370,9 @@ def _write(report: "Report", folder: Path, target: Path) -> Summary:
     say_files(report, folder, list(files), target)
     names = (STUDY_FILE,) if report.against is None else (STUDY_FILE, AGAINST_FILE)
     draws = [folder / name for name in names if report.table.draws]
-    return Summary(table_answer(files[folder / JSON_FILE]), (*files, *draws), (step,), report.lines)
+    kept = all(report.is_kept(one.budget) for one in report.budgets)
+    answer = table_answer(files[folder / JSON_FILE])
+    return Summary(answer, (*files, *draws), (step,), report.lines, 0 if kept else LIMIT_MISSED)
 
 
 def _name_of(path: Path) -> str:

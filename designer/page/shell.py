@@ -18,6 +18,7 @@ from designer.page.links import href
 from designer.page.raster import media_type
 
 _PARTS = Path(__file__).parent / "parts"
+_VIEWER = ("three.min.js", "viewer_shapes.js", "viewer.js")
 _ROW_REM = 2.125  # height of a line of a table, as in page.css
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff]")
 _UNSAFE_IN_SCRIPT = str.maketrans({
@@ -45,7 +46,7 @@ def page_html(page: Page) -> bytes:
     """
     has_scene = any(isinstance(block, View3d) for block in _blocks(page))
     style = _part("page.css") + _row_heights(page) + (_part("viewer.css") if has_scene else "")
-    scripts = [_part(name) for name in (*(("three.min.js", "viewer.js") if has_scene else ()), "page.js")]
+    scripts = [_part(name) for name in (*(_VIEWER if has_scene else ()), "page.js")]
     html = _environment().get_template("page.html.j2").render(
         page=page,
         chapters=_chapters(page.sections),

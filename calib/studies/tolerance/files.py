@@ -24,7 +24,7 @@ from calib.studies.tolerance.figure_crossover import HEIGHT_PX, draw_crossover
 from calib.studies.tolerance.figure_ranking import draw_ranking, ranking_height_px
 from calib.studies.tolerance.figure_sweeps import draw_sweeps, sweeps_height_px, swept_sources
 from calib.studies.tolerance.notes import budget_notes, crossover_notes, notes
-from calib.studies.tolerance.quantities import QUANTITIES, quantity_row
+from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.report import CheckedBudget, Report, of_name
 from calib.studies.tolerance.result import Cost
 from calib.studies.tolerance.tables import (
@@ -205,7 +205,7 @@ def _budget(report: Report, checked: CheckedBudget) -> dict[str, object]:
     return {
         "quantity": budget.quantity, "limit": budget.limit, "unit": of_name(budget.quantity).unit,
         "met_by_noise_alone": budget.is_met_without,
-        "met_as_assumed": bool(report.table.total[quantity_row(budget.quantity)] <= budget.limit),
+        "met_as_assumed": report.is_kept(budget),
         "alone": [
             {"error": name, "unit": SOURCES[name].unit, **_allowed("largest_rms", allowed, sigma[name]),
              "by_draws": name in checked.by_draws}

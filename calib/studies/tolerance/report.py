@@ -98,6 +98,10 @@ class Report:
         """Whether a source does anything to this target."""
         return bool((self.linear.cost.value[self.linear.sources.index(source)] > 0).any())
 
+    def is_kept(self, budget: Budget) -> bool:
+        """Whether all errors together, as they are assumed, keep a limit."""
+        return bool(self.table.total[quantity_row(budget.quantity)] <= budget.limit)
+
     @property
     def idle(self) -> tuple[str, ...]:
         """Sources that do nothing to this target."""

@@ -1,0 +1,462 @@
+"""Whether verdicts are right: random calibrations with known cameras, judged as `calib run` judges, against the truth.
+
+Run from the repository's root: `python -m tests.benchmarks.bench_verdict [--runs N] [--first N] [--virtual]`. Each run
+draws a target (board, icosahedron), a lens (mild, strong, one that no Brown polynomial fits), a habit of taking photos
+(number, place, size, tilts, distances), noise, and half of them a fault (a target that is not as its file says, glare,
+a focus that moves). The sightings are computed, not rendered. The true error of the camera is what 95 % of the image
+differs by from the true one, their best rotation removed, in pixels. The peer is the rule people go by: a
+root-mean-square reprojection error of OpenCV's model below 0.2 px is good. `--virtual` solves the learned map too, as
+`calib run` does: several times slower on icosahedra.
+"""
+
+import argparse
+import os
+import time
+import warnings
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[name] = "1"  # before NumPy is loaded
+
+import numpy as np  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+
+from calib.camera_difference import camera_difference  # noqa: E402
+from calib.camera_file import camera_or_preset  # noqa: E402
+from calib.cameras import project, rays  # noqa: E402
+from calib.inputs.observations import known_points  # noqa: E402
+from calib.pipeline.calibrate import calibrate  # noqa: E402
+from calib.render.poses import fibonacci_cap  # noqa: E402
+from calib.se3 import exp_rotation, look_at, transform  # noqa: E402
+from calib.solver.options import SolveOptions  # noqa: E402
+from calib.types import Calibration, Camera, KnownPoints, Observations  # noqa: E402
+from calib.verdict.coverage import coverage_of  # noqa: E402
+from calib.verdict.criteria import Criteria, read_criteria  # noqa: E402
+from calib.verdict.halves import half_split  # noqa: E402
+from calib.verdict.of_run import Judged, judge_run  # noqa: E402
+from calib.verdict.verdict import Grade  # noqa: E402
+from designer.errors import InputError  # noqa: E402
+from designer.layout import lay_out  # noqa: E402
+from designer.spec import BoardSpec, IcoSpec  # noqa: E402
+from designer.target import TargetGeometry  # noqa: E402
+from designer.tolerance.error_file import error_model  # noqa: E402
+from designer.tolerance.model import perturb  # noqa: E402
+
+Array = NDArray[np.float64]
+
+RUNS = 400
+PEER_RMSE_PX = 0.2
+QUANTILE = 95
+GRADES: tuple[Grade, ...] = ("good", "usable", "bad")
+LEAST_RINGS = 6
+"""Of a view, fewer are not kept."""
+TRIES = 6
+"""Poses drawn for each photo until one shows the target."""
+MARGIN_PX = 8
+INCIDENCE_DEG = 70.0
+PRINTS = {"board": ("fdm-board", "sheet-print"), "ico": ("fdm-dual", "fdm-dual-calibrated", "hand-stickers")}
+SIZE, SPLINE_SIZE = (2448, 2048), (2448, 1836)
+
+
+@dataclass(frozen=True)
+class Habit:
+    """How somebody takes photos."""
+
+    reach: float  # how far from the middle the target is shown, of the field of view
+    size: float  # the target's half width in the nearest photo, of the image's
+    tilt_deg: float  # the largest
+    depth: float  # the farthest photo is so much farther than the nearest, as a share
+
+
+HABITS = {
+    "careful": Habit(0.9, 0.55, 45.0, 0.5),
+    "casual": Habit(0.6, 0.45, 35.0, 0.4),
+    "middle": Habit(0.15, 0.75, 40.0, 0.3),
+    "frontal": Habit(0.8, 0.55, 12.0, 0.3),
+    "small": Habit(0.9, 0.2, 45.0, 0.8),
+}
+HABIT_SHARES = (0.6, 0.15, 0.1, 0.1, 0.05)
+FAULTS = ("none", "print", "bow", "glare", "focus")
+FAULT_SHARES = (0.5, 0.2, 0.1, 0.1, 0.1)
+LENSES = ("mild", "strong", "luhmann", "spline")
+LENS_SHARES = (0.45, 0.2, 0.2, 0.15)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One calibration that somebody makes."""
+
+    seed: int
+    target: str  # "board", "ico"
+    fine: bool
+    lens: str
+    habit: str
+    views: int
+    noise_px: float
+    fault: str
+    amount: float  # of the fault: a factor of the error model, mm of bow, share of sightings, relative focal length
+    print_model: str
+    rejects: bool  # solved with --reject 4
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What the verdict said, and what is true."""
+
+    case: Case
+    truth: Camera
+    calibrations: tuple[Calibration, ...]  # the judged one first
+    judged: Judged
+    true_px: float  # error within which 95 % of the image is
+    inside_px: float  # 95 % of what the sightings cover
+    rmse_px: float  # of OpenCV's model
+
+    @property
+    def grade(self) -> Grade:
+        """Of the verdict."""
+        return self.judged.verdict.grade
+
+
+def case_of(seed: int) -> Case:
+    """A draw."""
+    rng = np.random.default_rng([7, seed])
+    target = str(rng.choice(["board", "ico"]))
+    fault = str(rng.choice(FAULTS, p=FAULT_SHARES))
+    amounts = {
+        "none": 0.0,
+        "print": _between(0.03, 1.0, rng),
+        "bow": _between(0.01, 1.0, rng),
+        "glare": _between(0.002, 0.08, rng),
+        "focus": _between(1e-5, 2e-3, rng),
+    }
+    return Case(
+        seed, target, bool(rng.random() < 0.5), str(rng.choice(LENSES, p=LENS_SHARES)),
+        str(rng.choice(list(HABITS), p=HABIT_SHARES)), int(rng.integers(1, 4)) if rng.random() < 0.1 else round(_between(4, 40, rng)),
+        float(np.exp(rng.triangular(*np.log([0.01, 0.04, 0.5])))), fault, amounts[fault],
+        str(rng.choice(PRINTS[target])), bool(rng.random() < 0.3),
+    )  # fmt: skip
+
+
+def _between(low: float, high: float, rng: np.random.Generator) -> float:
+    """A number of any size between two."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+@cache
+def _target(target: str, *, fine: bool) -> TargetGeometry:
+    if target == "board":
+        columns, rows, pitch = (20, 16, 11.0) if fine else (11, 9, 20.0)
+        size = ((columns + 1) * pitch, (rows + 1) * pitch)
+        return lay_out(BoardSpec(size, 3.0, columns, rows, "square", 0.7 * pitch, 0.45, pitch, 0.0, 1.0, dots=False))
+    side = 7 if fine else 5
+    pitch = 80.0 / side
+    return lay_out(IcoSpec(100.0, side, 0.7 * pitch, 0.45, pitch, 2.0, 1.0))
+
+
+def lens_of(case: Case, rng: np.random.Generator) -> Camera:
+    """The true camera, a little different in each run."""
+    if case.lens == "spline":
+        return _part_of_spline(_between(0.01, 1.0, rng))
+    off = rng.normal(0, 20, 2)
+    focal = 1500.0 if case.lens == "strong" else 2500 * float(rng.uniform(0.7, 1.4))
+    head = [focal, focal * (1 + 2e-3 * float(rng.normal())), 1223.5 + off[0], 1023.5 + off[1]]
+    bend = float(rng.uniform(0, 1.5))
+    tangential = 4e-4 * rng.normal(size=2)
+    if case.lens == "strong":
+        return Camera("opencv", np.array([*head, -0.30, 0.10, *tangential, -0.012]), SIZE)
+    if case.lens == "luhmann":
+        return Camera("luhmann", np.array([*head, -0.12 * bend, 0.05 * bend, 0.01, *tangential]), SIZE)
+    return Camera("opencv", np.array([*head, -0.12 * bend, 0.05 * bend, *tangential, 0.01 * bend]), SIZE)
+
+
+def _part_of_spline(share: float) -> Camera:
+    """The lens of the template with a part of its surface, on a smaller sensor."""
+    full = camera_or_preset("phase-one-spline")
+    params = full.params * (SPLINE_SIZE[0] / full.image_size[0])
+    params[4:] *= share
+    return Camera("spline", params, SPLINE_SIZE)
+
+
+def poses_of(case: Case, camera: Camera, radius_mm: float, count: int, rng: np.random.Generator) -> Array:
+    """How the photos are taken.  # (V, 4, 4)"""
+    habit = HABITS[case.habit]
+    width, height = camera.image_size
+    focal = camera.params[0]
+    # So far that the target's radius takes a share of the image's half width.
+    far = focal * radius_mm / (habit.size * width / 2)
+    cap = fibonacci_cap(max(count, 2), np.radians(habit.tilt_deg))[rng.permutation(max(count, 2))[:count]]
+    if case.target == "ico":
+        # Any side of it may be shown.
+        cap = rng.normal(size=(count, 3))
+        cap /= np.linalg.norm(cap, axis=1, keepdims=True)
+    eye = far * rng.uniform(1.0, 1.0 + habit.depth, (count, 1)) * cap
+    pose = look_at(eye, np.zeros((count, 3)), rng.uniform(-np.pi, np.pi, count))
+    turn = np.tile(np.eye(4), (count, 1, 1))
+    reach = habit.reach * np.arctan([0.5 * height / focal, 0.5 * width / focal])
+    for one, (down, right) in zip(turn, rng.uniform(-1, 1, (count, 2)) * reach, strict=True):
+        one[:3, :3] = exp_rotation(np.array([down, right, 0.0]))
+    seen: Array = turn @ pose
+    return seen
+
+
+def _see(camera: Camera, points: KnownPoints, pose: Array) -> tuple[NDArray[np.int64], Array]:
+    """Rows of the points that are seen in one photo, and where."""
+    place = transform(pose, points.position_mm)
+    normal = points.plane[points.face, :3]
+    cosine = -(place * (normal @ pose[:3, :3].T)).sum(axis=1) / np.linalg.norm(place, axis=1)
+    pixel = project(camera, place)
+    with np.errstate(invalid="ignore"):
+        inside = ((pixel > MARGIN_PX) & (pixel < np.array(camera.image_size) - MARGIN_PX)).all(axis=1)
+        # Beyond where a polynomial turns back there are no images.
+        again = rays(camera, np.where(inside[:, None], pixel, 0.0))
+        inside &= np.linalg.norm(again[:, :2] - place[:, :2] / place[:, 2:], axis=1) < 1e-6
+    rows = np.flatnonzero(inside & (cosine > np.cos(np.radians(INCIDENCE_DEG))))
+    return rows, pixel[rows]
+
+
+def sightings_of(case: Case, camera: Camera, rng: np.random.Generator) -> Observations | None:
+    """What is detected, believed to be of the nominal target; None if it is seen in no photo."""
+    nominal = _target(case.target, fine=case.fine)
+    points, made = known_points(nominal), known_points(_made(case, nominal, rng))
+    if case.fault == "bow":
+        made = _bowed(made, case.amount, case.target)
+    radius = float(np.abs(points.position_mm[:, :2]).max())
+    views, rows, pixels = [], [], []
+    for pose in poses_of(case, camera, radius, TRIES * case.views, rng):
+        lens = camera
+        if case.fault == "focus":
+            params = camera.params.copy()
+            params[:2] *= 1 + case.amount * float(rng.normal())
+            lens = replace(camera, params=params)
+        row, pixel = _see(lens, made, pose)
+        if len(row) >= LEAST_RINGS and len(views) < case.views:
+            views.append(np.full(len(row), len(views)))
+            rows.append(row)
+            pixels.append(pixel)
+    if not views:
+        return None
+    pixel = np.concatenate(pixels)
+    pixel = pixel + case.noise_px * rng.standard_normal(pixel.shape)
+    if case.fault == "glare":
+        off = rng.random(len(pixel)) < case.amount
+        length = np.exp(rng.uniform(np.log(0.5), np.log(10.0), off.sum()))
+        angle = rng.uniform(-np.pi, np.pi, off.sum())
+        pixel[off] += length[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    covariance = np.tile(case.noise_px**2 * np.eye(2), (len(pixel), 1, 1))
+    names = tuple(f"photo{n:03}.png" for n in range(len(views)))
+    return Observations(
+        camera.image_size, names, np.concatenate(views), np.concatenate(rows), pixel, covariance, points
+    )
+
+
+def _made(case: Case, nominal: TargetGeometry, rng: np.random.Generator) -> TargetGeometry:
+    """The target as it came out."""
+    if case.fault != "print":
+        return nominal
+    return perturb(nominal, error_model(case.print_model).scaled(case.amount), rng)
+
+
+def _bowed(points: KnownPoints, bow_mm: float, target: str) -> KnownPoints:
+    """A board whose ends stand out of its plane; of an icosahedron, one corner that is off."""
+    place = points.position_mm.copy()
+    if target == "board":
+        place[:, 2] += bow_mm * (place[:, 0] / np.abs(place[:, 0]).max()) ** 2
+    else:
+        height = place[:, 2] / np.abs(place[:, 2]).max()
+        place[:, 0] += bow_mm * height
+    return replace(points, position_mm=place)
+
+
+def outcome_of(case: Case, criteria: Criteria, models: Sequence[str]) -> Outcome | None:
+    """Solve and judge; None if no camera can be solved."""
+    rng = np.random.default_rng([8, case.seed])
+    truth = lens_of(case, rng)
+    seen = sightings_of(case, truth, rng)
+    if seen is None:
+        return None
+    options = SolveOptions(reject_sigma=4.0 if case.rejects else None)
+    solved: list[Calibration] = []
+    for model in models:
+        try:
+            solved.append(calibrate(seen, model, options))
+        except InputError:
+            continue
+    if not solved:
+        return None
+    best = min(range(len(solved)), key=lambda row: _order(solved[row]))
+    halves = half_split(solved[best], options)
+    judged = judge_run(solved, best, halves, criteria)
+    camera = solved[best].camera
+    whole, inside = _true_errors(truth, camera, coverage_of(solved[best]).is_covered)
+    peer = next((_rmse(one) for one in solved if one.camera.model == "opencv"), _rmse(solved[best]))
+    ordered = (solved[best], *(one for row, one in enumerate(solved) if row != best))
+    return Outcome(case, truth, ordered, judged, whole, inside, peer)
+
+
+def _order(one: Calibration) -> tuple[bool, bool, float]:
+    """As the report of a run chooses the camera to go on with."""
+    return one.status != "converged", one.camera.learned is not None, _rmse(one)
+
+
+def _rmse(one: Calibration) -> float:
+    square = (one.residual_px[~one.is_outlier] ** 2).sum(axis=1)
+    return float(np.sqrt(square.mean())) if len(square) else np.inf
+
+
+def _true_errors(truth: Camera, solved: Camera, is_covered: NDArray[np.bool_]) -> tuple[float, float]:
+    """What 95 % of the image, and of its covered part, differ by; without bound where the camera knows nothing."""
+    try:
+        found = camera_difference(truth, solved)
+    except InputError:
+        return np.inf, np.inf
+    length = np.where(np.isfinite(found.length_px), found.length_px, np.inf)
+    column = np.clip(found.pixel[..., 0] / truth.image_size[0] * is_covered.shape[1], 0, is_covered.shape[1] - 1)
+    row = np.clip(found.pixel[..., 1] / truth.image_size[1] * is_covered.shape[0], 0, is_covered.shape[0] - 1)
+    covered = is_covered[row.astype(int), column.astype(int)]
+    inside = float(_quantile(length[covered])) if covered.any() else np.inf
+    return _quantile(length.reshape(-1)), inside
+
+
+def _quantile(values: Array) -> float:
+    return float(np.percentile(values, QUANTILE, method="inverted_cdf"))
+
+
+def outcomes(seeds: range, criteria: Criteria, models: Sequence[str]) -> list[Outcome]:
+    """All runs that give a camera."""
+    found = (outcome_of(case_of(seed), criteria, models) for seed in seeds)
+    return [one for one in found if one is not None]
+
+
+def _level(one: Outcome, criteria: Criteria) -> Grade:
+    """What a judge who knows the truth would say."""
+    limits = criteria.uncertainty_px
+    return "good" if one.true_px <= limits.good else "usable" if one.true_px <= limits.usable else "bad"
+
+
+def _share(part: Sequence[Outcome], whole: Sequence[Outcome]) -> str:
+    """So many of so many."""
+    return f"{len(part):4} of {len(whole):4} {100 * len(part) / max(len(whole), 1):5.1f} %"
+
+
+def print_confusion(found: Sequence[Outcome], criteria: Criteria) -> None:
+    """Verdicts against the truth, and who praises falsely."""
+    limits = criteria.uncertainty_px
+    print(f"{'verdict':12}{f'<= {limits.good:g} px':>10}{f'<= {limits.usable:g} px':>10}{'beyond':>10}   (true error)")
+    for grade in GRADES:
+        count = Counter(_level(one, criteria) for one in found if one.grade == grade)
+        print(f"{grade:12}" + "".join(f"{count[level]:10}" for level in GRADES))
+    good = [one for one in found if one.grade == "good"]
+    peer = [one for one in found if one.rmse_px <= PEER_RMSE_PX]
+    bad = [one for one in found if one.grade == "bad"]
+    for limit in (limits.good, limits.usable):
+        ours, theirs = ([one for one in praised if one.true_px > limit] for praised in (good, peer))
+        wrong = [one for one in found if one.true_px > limit]
+        print(f"\npraised, and off by more than {limit:g} px; of those praised, and of all that are so far off")
+        print(f"  verdict good        {_share(ours, good)}   {_share([o for o in wrong if o in ours], wrong)}")
+        print(f"  RMSE <= {PEER_RMSE_PX:g} px      {_share(theirs, peer)}   {_share(theirs, wrong)}")
+        rates = [len(part) / max(len(whole), 1) for part, whole in ((theirs, peer), (ours, good))]
+        print(f"  ratio               {rates[0] / rates[1] if rates[1] else np.inf:.1f}")
+    fine = [one for one in found if one.true_px <= limits.good]
+    alarms = [one for one in bad if one.true_px <= limits.good]
+    print(
+        f"\nbad, and within {limits.good:g} px: of those bad {_share(alarms, bad)}; of all within {_share(alarms, fine)}"
+    )
+    usable = [one for one in found if one.grade == "usable"]
+    print(
+        f"usable, and beyond {limits.usable:g} px:    {_share([o for o in usable if o.true_px > limits.usable], usable)}"
+    )
+
+
+def print_checks(found: Sequence[Outcome], criteria: Criteria) -> None:
+    """How often each check is not good, and bad, by the true error; and alone."""
+    groups: dict[Grade, list[Outcome]] = {level: [o for o in found if _level(o, criteria) == level] for level in GRADES}
+    print(f"\n{'check':14}" + "".join(f"{'true ' + level:>22}" for level in GRADES) + f"{'alone':>16}")
+    print(f"{'':14}" + f"{'usable, bad, unknown':>22}" * 3 + f"{'right, false':>16}")
+    names = list(dict.fromkeys(check.name for one in found for check in one.judged.verdict.checks))
+    for name in names:
+        cells = []
+        for part in groups.values():
+            grades = Counter(_grade(one, name) for one in part)
+            share = [100 * grades[grade] / max(len(part), 1) for grade in ("usable", "bad", "unknown")]
+            cells.append(f"{', '.join(f'{one:.0f}' for one in share) + ' %':>22}")
+        alone = [one for one in found if _alone(one) == name]
+        right = sum(one.true_px > criteria.uncertainty_px.good for one in alone)
+        print(f"{name:14}" + "".join(cells) + f"{f'{right}, {len(alone) - right}':>16}")
+    print("alone: the only check that is not good or unknown, with a camera that is off (right) or is not (false)")
+
+
+def _grade(one: Outcome, name: str) -> str:
+    return next((check.grade for check in one.judged.verdict.checks if check.name == name), "")
+
+
+def _alone(one: Outcome) -> str:
+    """The only check that found something; "" if there are none or several."""
+    faults = [check.name for check in one.judged.verdict.checks if check.grade in ("usable", "bad")]
+    return faults[0] if len(faults) == 1 else ""
+
+
+def print_kinds(found: Sequence[Outcome], criteria: Criteria) -> None:
+    """False praise and false alarms by what was drawn."""
+    limits = criteria.uncertainty_px
+    print(f"\n{'kind':20}{'runs':>6}{'good':>6}{'of these off':>14}{'far off':>9}{'bad':>6}{'of these fine':>15}")
+    kinds: tuple[Callable[[Case], str], ...] = (
+        lambda case: case.target, lambda case: f"fault {case.fault}", lambda case: f"lens {case.lens}",
+        lambda case: f"habit {case.habit}", lambda case: f"views {_size_class(case.views)}",
+    )  # fmt: skip
+    for kind in kinds:
+        for name in sorted({kind(one.case) for one in found}):
+            part = [one for one in found if kind(one.case) == name]
+            good, bad = ([one for one in part if one.grade == grade] for grade in ("good", "bad"))
+            off, far = (sum(one.true_px > limit for one in good) for limit in (limits.good, limits.usable))
+            fine = sum(one.true_px <= limits.good for one in bad)
+            print(f"{name:20}{len(part):6}{len(good):6}{off:14}{far:9}{len(bad):6}{fine:15}")
+
+
+def _size_class(views: int) -> str:
+    return "1-3" if views < 4 else "4-9" if views < 10 else "10-40"
+
+
+def print_false(found: Sequence[Outcome], criteria: Criteria, count: int) -> None:
+    """The worst false praises and false alarms, one line each."""
+    limits = criteria.uncertainty_px
+    praised = [one for one in found if one.grade == "good" and one.true_px > limits.good]
+    alarms = [one for one in found if one.grade == "bad" and one.true_px <= limits.good]
+    for title, part in (("false praise", praised), ("false alarm", alarms)):
+        print(f"\n{title}: {len(part)}")
+        for one in sorted(part, key=lambda one: -one.true_px)[:count]:
+            case = one.case
+            faults = [f"{check.name} {check.grade}" for check in one.judged.verdict.checks if check.grade == "bad"]
+            print(
+                f"  {case.seed}: off {one.true_px:.2f} px (inside {one.inside_px:.2f}); {case.target} {case.lens} "
+                f"{case.habit} {case.views} views, noise {case.noise_px:.2f}, {case.fault} {case.amount:.2g}"
+                f"{' ' + case.print_model if case.fault == 'print' else ''}  {', '.join(faults)}"
+            )
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=RUNS)
+    parser.add_argument("--first", type=int, default=0, help="seed of the first run")
+    parser.add_argument("--criteria", default="standard")
+    parser.add_argument("--virtual", action="store_true", help="solve the learned map too")
+    parser.add_argument("--shown", type=int, default=12, help="false praises and alarms that are listed")
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore", RuntimeWarning)
+    criteria = read_criteria(arguments.criteria)
+    models = ("luhmann", "opencv", *(("virtual",) if arguments.virtual else ()))
+    begin = time.perf_counter()
+    found = outcomes(range(arguments.first, arguments.first + arguments.runs), criteria, models)
+    seconds = time.perf_counter() - begin
+    print(f"{len(found)} cameras of {arguments.runs} runs, {seconds:.0f} s, limits {criteria.name}\n")
+    print_confusion(found, criteria)
+    print_checks(found, criteria)
+    print_kinds(found, criteria)
+    print_false(found, criteria, arguments.shown)
+
+
+if __name__ == "__main__":
+    main()
