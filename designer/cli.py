@@ -29,7 +29,10 @@ from designer.spec_file import (
 
 app = typer.Typer(
     name="design",
-    help="Design camera-calibration targets: from one size to files that print in two filaments.",
+    help=(
+        "Design camera-calibration targets: from one size to files that print in two filaments.\n\n"
+        "Begin with: design ico --edge 100mm"
+    ),
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
@@ -133,7 +136,7 @@ def make(
 
 def _design(values: dict[str, RawValue], origin: str, out: Path | None, must_fit: bool) -> Summary:
     """Size, check, make and write a target, and say what was done."""
-    from designer.export.folder import Written, files_left, write_folder
+    from designer.export.folder import Written, files_left, replaced_target, write_folder
     from designer.printability import check_printability
     from designer.produce import Design, make_files
     from designer.report.design_page import design_report
@@ -147,12 +150,13 @@ def _design(values: dict[str, RawValue], origin: str, out: Path | None, must_fit
     if check.violations:
         raise InputError(check.violations[0].text)
     folder = out if out is not None else Path("exports") / sized.job.name
+    replaced_lines = replaced_target(folder, sized.job.name, design.target)
     with progress() as on_stage:
         files = make_files(design, on_stage)
         on_stage("page")
         files = (*files, design_report(design, check, files))
         write_folder(folder, files)
-    written = Written(folder, files, files_left(folder, sized.job.name, files))
+    written = Written(folder, files, files_left(folder, sized.job.name, files), replaced_lines)
     print_design(design, sized.remarks, check, written)
     return design_summary(design, sized.remarks, check, written)
 

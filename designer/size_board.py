@@ -1,6 +1,7 @@
 """Sizes of a board, from what was asked for."""
 
 import math
+from collections.abc import Iterator
 
 from designer.errors import InputError
 from designer.size_rules import (
@@ -8,6 +9,8 @@ from designer.size_rules import (
     Line,
     check_count,
     check_rings,
+    chosen_ring,
+    chosen_words,
     diameter_and_pitch,
 )
 from designer.spec import RING_RATIO, BoardSpec, Lattice
@@ -16,6 +19,8 @@ from designer.units import format_mm, round_down, round_up
 
 RINGS_ACROSS = 22
 """A board's shorter side over its pitch, as on the paper's 3DBoard."""
+THICKNESS_MM = 5.0
+"""Of a plate, as on the paper's 3DBoard."""
 
 
 def size_board(asked: BoardFile, line: Line) -> tuple[BoardSpec, str]:
@@ -25,21 +30,18 @@ def size_board(asked: BoardFile, line: Line) -> tuple[BoardSpec, str]:
         InputError: sizes that no board can have, or that the process cannot make.
     """
     lattice: Lattice = asked.lattice or "square"
-    if asked.ring_diameter is None and asked.pitch is None:
-        diameter, pitch = _auto_board_rings(asked, line)
-        remark = f"auto: pitch {pitch:g}mm and rings of {diameter:g}mm"
+    _check_extent(asked)
+    if asked.size is not None and asked.ring_diameter is None and asked.pitch is None:
+        diameter, pitch = _auto_board_rings(asked, min(asked.size), line)
     else:
         diameter, pitch = diameter_and_pitch(asked)
-        remark = "sizes: as given"
     check_rings(diameter, asked.ring_ratio or RING_RATIO, pitch, line)
     border = asked.border or 0.0
     margin = asked.margin if asked.margin is not None else pitch / 2
     around = diameter + 2 * (border + margin)
     row_step = pitch * (1.0 if lattice == "square" else math.sqrt(3) / 2)
     if asked.size is None:
-        if asked.columns is None or asked.rows is None:
-            raise InputError("a board needs its size or its rings; give --size 220x220mm, or --columns 10 --rows 7")
-        columns, rows = asked.columns, asked.rows
+        columns, rows = asked.columns or 0, asked.rows or 0  # both are given
         size = (round_up((columns - 1) * pitch + around), round_up((rows - 1) * row_step + around))
     else:
         size = asked.size
@@ -47,7 +49,7 @@ def size_board(asked: BoardFile, line: Line) -> tuple[BoardSpec, str]:
         rows = asked.rows or 1 + math.floor((size[1] - around) / row_step + 1e-9)
     spec = BoardSpec(
         size_mm=size,
-        thickness_mm=asked.thickness or 5.0,
+        thickness_mm=asked.thickness or THICKNESS_MM,
         columns=columns,
         rows=rows,
         lattice=lattice,
@@ -59,18 +61,47 @@ def size_board(asked: BoardFile, line: Line) -> tuple[BoardSpec, str]:
         dots=asked.dots is not False,
     )
     _check_board(spec, line, ((columns - 1) * pitch + around, (rows - 1) * row_step + around))
-    return spec, remark
+    return spec, chosen_words(_chosen(asked, spec))
 
 
-def _auto_board_rings(asked: BoardFile, line: Line) -> tuple[float, float]:
+def _check_extent(asked: BoardFile) -> None:
+    """Refuse a board of which too little is said, with all that it needs.
+
+    Raises:
+        InputError: neither its size, nor its rings and their distance.
+    """
+    has_rings = asked.columns is not None and asked.rows is not None
+    has_distance = asked.pitch is not None or asked.ring_diameter is not None
+    if asked.size is None and not (has_rings and has_distance):
+        raise InputError(
+            "a board needs its size, or its rings and their distance; give --size 200x200mm, or --columns 10 --rows 7 "
+            "--pitch 20mm"
+        )
+
+
+def _chosen(asked: BoardFile, spec: BoardSpec) -> Iterator[str]:
+    """What was not given, and why it is as it is."""
+    pitch = spec.pitch_mm
+    if asked.pitch is None and asked.ring_diameter is None:
+        finest = pitch > round_down(min(spec.size_mm) / RINGS_ACROSS)
+        why = "the least of two lines a stroke" if finest else f"1/{RINGS_ACROSS} of the shorter side, as in the paper"
+        yield f"pitch {pitch:g}mm ({why})"
+    yield from chosen_ring(asked, spec)
+    if asked.columns is None or asked.rows is None:
+        yield f"{spec.columns} x {spec.rows} rings (as many as fit)"
+    if asked.size is None:
+        yield f"board {format_mm(*spec.size_mm)} (rings and margin)"
+    if asked.margin is None:
+        yield f"margin {spec.margin_mm:g}mm (half the pitch)"
+    if asked.thickness is None:
+        yield f"thickness {spec.thickness_mm:g}mm (as in the paper)"
+
+
+def _auto_board_rings(asked: BoardFile, shorter_mm: float, line: Line) -> tuple[float, float]:
     """Diameter and pitch in the paper's proportions, not finer than two lines a stroke."""
     ratio = asked.ring_ratio or RING_RATIO
-    if asked.size is None:
-        raise InputError(
-            "a board without a size needs the distance of its rings; give --pitch, for example --pitch 10mm"
-        )
     finest = line.comfortable_mm * max(2 / (1 - ratio), 1 / ratio) / DIAMETER_OVER_PITCH
-    pitch = max(round_down(min(asked.size) / RINGS_ACROSS), math.ceil(10 * finest) / 10)
+    pitch = max(round_down(shorter_mm / RINGS_ACROSS), math.ceil(10 * finest) / 10)
     return round_down(DIAMETER_OVER_PITCH * pitch), pitch
 
 

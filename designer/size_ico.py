@@ -4,6 +4,7 @@ They start from the paper's proportions at edge 100 mm: 8 rings a side, diameter
 """
 
 import math
+from collections.abc import Iterator
 
 from designer.code import MIN_RINGS_PER_SIDE
 from designer.errors import InputError
@@ -13,6 +14,8 @@ from designer.size_rules import (
     Line,
     check_count,
     check_rings,
+    chosen_ring,
+    chosen_words,
     diameter_and_pitch,
     widths_mm,
 )
@@ -50,7 +53,8 @@ def size_ico(asked: IcoFile, line: Line) -> tuple[IcoSpec, str]:
     if asked.rings_per_side is None and asked.ring_diameter is None and asked.pitch is None:
         spec, remark = _auto_ico(asked, ratio, line)
     else:
-        spec, remark = _sized_ico(asked, ratio, line), "sizes: as given"
+        spec = _sized_ico(asked, ratio, line)
+        remark = chosen_words(_chosen(asked, spec))
     _check_ico(spec, line)
     return spec, remark
 
@@ -159,6 +163,21 @@ def _sized_ico(asked: IcoFile, ratio: float, line: Line) -> IcoSpec:
             f"at pitch {pitch:g}mm; use {_what_fits(asked, ratio, line, diameter, pitch)}"
         )
     return IcoSpec(asked.edge, rings, diameter, ratio, pitch, border, margin)
+
+
+def _chosen(asked: IcoFile, spec: IcoSpec) -> Iterator[str]:
+    """What was not given beside the sizes of rings that were, and why it is as it is."""
+    fills_face = asked.ring_diameter is None and asked.pitch is None
+    if fills_face:
+        yield f"pitch {spec.pitch_mm:g}mm (fills the face)"
+    yield from chosen_ring(asked, spec)
+    if asked.rings_per_side is None:
+        yield f"{spec.rings_per_side} rings a side (as many as fit)"
+    if asked.border is None:
+        yield f"border {spec.border_mm:g}mm ({BORDER_OVER_EDGE:g} of the edge, but no less than a line)"
+    if asked.margin is None:
+        why = "the paper's share of the pitch" if fills_face else "at least the gap between rings"
+        yield f"margin {spec.margin_mm:g}mm ({why})"
 
 
 def _what_fits(asked: IcoFile, ratio: float, line: Line, diameter: float, pitch: float) -> str:

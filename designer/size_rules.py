@@ -1,5 +1,6 @@
 """What the sizes of every kind of target have in common: proportions, and what a process can make."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from designer.errors import InputError
@@ -43,6 +44,21 @@ def diameter_and_pitch(asked: CommonFile) -> tuple[float, float]:
         if diameter == 0:
             raise InputError(f"pitch {pitch:g}mm leaves no stroke that can be made; use a larger pitch")
     return diameter, pitch
+
+
+def chosen_ring(asked: CommonFile, spec: IcoSpec | BoardSpec) -> Iterator[str]:
+    """Diameter or pitch, if it followed from the other."""
+    share = f"{DIAMETER_OVER_PITCH:g} of the pitch, as in the paper"
+    if asked.ring_diameter is None:
+        yield f"rings of {spec.ring_diameter_mm:g}mm ({share})"
+    elif asked.pitch is None:
+        yield f"pitch {spec.pitch_mm:g}mm (the rings are {share})"
+
+
+def chosen_words(chosen: Iterable[str]) -> str:
+    """A line that says what was not given."""
+    parts = tuple(chosen)
+    return f"sizes: {', '.join(parts)}; the others as given" if parts else "sizes: as given"
 
 
 def widths_mm(spec: IcoSpec | BoardSpec) -> tuple[float, float, float]:

@@ -185,7 +185,7 @@ class IcoFile(CommonFile):
     """An icosahedron as asked for."""
 
     kind: Literal["ico"] = "ico"
-    edge: PositiveLength = Field(description="edge length, such as 20mm")
+    edge: PositiveLength = Field(description="edge length, such as 100mm")
     rings_per_side: Count | None = Field(None, description="rings along a side of a face")
 
 

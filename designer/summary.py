@@ -50,6 +50,8 @@ def print_design(design: Design, remarks: Sequence[str], check: Check, written: 
     for file in written.files:
         table.add_row(f"  {file.name}", _bytes(len(file.content)), f"[dim]{file.purpose}[/]")
     console.print(table)
+    for line in written.replaced:
+        console.print(f"[yellow]{_escaped(line)}[/]")
     if written.left:
         console.print(
             f"[yellow]left from an earlier run, maybe of another target:[/] {_escaped(', '.join(written.left))}"
@@ -74,8 +76,8 @@ def design_summary(design: Design, remarks: Sequence[str], check: Check, written
     return Summary(
         answer,
         tuple(written.folder / file.name for file in written.files),
-        (_check_elsewhere(job, written.folder),),
-        (*remarks, pattern.lettering.remark),
+        (_run_line(job, written.folder),),
+        (*remarks, pattern.lettering.remark, *written.replaced),
     )
 
 
@@ -211,7 +213,7 @@ def _print_rules(console: Console, check: Check) -> None:
 
 def _next_step(job: Job, folder: Path) -> str:
     """What a maker does with the files."""
-    name = job.name
+    name = folder / job.name
     if job.printing.is_two_filament:
         slicers = f"{name}.bambu.3mf in Bambu Studio or OrcaSlicer, or {name}.prusa.3mf in PrusaSlicer"
         what = f"open {slicers}; filament 1 is the body, 2 the ink"
@@ -222,15 +224,13 @@ def _next_step(job: Job, folder: Path) -> str:
     else:
         what = f"have {name}.pdf printed at 100 % and measure its scale bar"
     page = f"open {_escaped(str(folder / 'index.html'))} in a browser: how to print and measure it, and its photos"
-    return (
-        f"{page}\n      {what}\n      {_escaped(_check_elsewhere(job, folder))}   [dim]# would another printer do?[/]"
-    )
+    run = f"{_escaped(_run_line(job, folder))}   [dim]# when there are photos of it, in the folder photos[/]"
+    return f"{page}\n      {_escaped(what)}\n      {run}"
 
 
-def _check_elsewhere(job: Job, folder: Path) -> str:
-    """The command that holds the design to another printer."""
-    other = "prusa-mk4" if job.printing.printer.name != "prusa-mk4" else "bambu-p1s"
-    return f"design check {shlex.quote(str(folder / f'{job.name}.toml'))} --printer {other}"
+def _run_line(job: Job, folder: Path) -> str:
+    """The command that follows when the target is made and photographed."""
+    return f"calib run {shlex.quote(str(folder / f'{job.name}.target.json'))} photos -o camera"
 
 
 def _two_columns(rows: Sequence[tuple[str, str]]) -> Table:

@@ -19,6 +19,12 @@ from calib.types import Detections, Observations
 from designer.target import TargetGeometry, target_to_json
 
 SIGMA_PX = 0.02
+LENIENT = ("--criteria", str(Path(__file__).with_name("lenient.toml")), "--no-page")
+"""For `calib run` and `solve` where the verdict is not the subject: any camera that is determined ends with 0, and no
+page is drawn, which takes seconds."""
+PAGE = {"index.html", "report.json"}
+JUDGED = {"verdict.json", "next_views.json"}
+"""What the verdict leaves in a folder; `target.json` comes with a target file."""
 
 
 @dataclass(frozen=True)

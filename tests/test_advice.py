@@ -16,7 +16,8 @@ from calib.verdict.candidate_views import tilt_rotation
 from calib.verdict.criteria import Criteria, read_criteria
 from calib.verdict.evidence import Evidence, HalvesFound, evidence_of
 from calib.verdict.halves import half_split
-from calib.verdict.next_views import next_views
+from calib.verdict.judge import judge
+from calib.verdict.next_views import NextView, next_views
 from calib.verdict.view_facts import view_facts
 from tests.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, noisy, observe, pose_from, poses_around
 
@@ -69,7 +70,14 @@ def evidence(calibration: Calibration) -> Evidence:
 
 def advice(calibration: Calibration) -> tuple[str, ...]:
     """The advice on a calibration, with its next views."""
-    return advice_of(calibration, evidence(calibration), criteria(), next_views(calibration))
+    return advice_of(calibration, evidence(calibration), criteria(), proposed(calibration))
+
+
+def proposed(calibration: Calibration) -> tuple[NextView, ...]:
+    """The photos to take next for the limits."""
+    return next_views(
+        calibration, goal_px=criteria().uncertainty_px.good, goal_covered=criteria().coverage_percent.good / 100
+    )
 
 
 def test_good_photos_get_no_advice() -> None:
@@ -82,10 +90,15 @@ def test_a_board_on_the_left_is_asked_for_on_the_right() -> None:
     left = [(u, v) for u in (480.0, 620.0, 750.0) for v in (500.0, 1024.0, 1500.0)] * 2
     calibration = solved(shown_at(left, (420.0, 500.0), (35.0, 10.0, 45.0)))
     found = evidence(calibration)
-    said = next(sentence for sentence in advice(calibration) if sentence.startswith("show the target in"))
+    without = advice_of(calibration, found, criteria())
+    said = next(sentence for sentence in without if sentence.startswith("show the target in"))
     assert "the right edge" in said
     assert "left" not in said
     assert f"{100 * found.coverage.share:.0f} % of the image" in said
+    first = next(sentence for sentence in advice(calibration) if sentence.startswith("next photo"))
+    assert "right" in first.split(",")[0]
+    assert f"coverage {100 * found.coverage.share:.0f} -> " in first
+    assert not any(sentence.startswith("show the target in") for sentence in advice(calibration))
 
 
 def test_photos_without_tilt_are_to_be_tilted() -> None:
@@ -102,8 +115,10 @@ def test_photos_that_do_not_determine_the_camera_say_how_to_mend_it() -> None:
     assert calibration.status == "degenerate"
     said = advice(calibration)
     assert "straight on" in said[0]
-    assert said[1].startswith("next photo: hold the board")
+    assert said[1].startswith("next photo 1 of ")
+    assert "hold the board" in said[1]
     assert "tilted" in said[1]
+    assert "not determined ->" in said[1]
 
 
 def test_a_camera_that_is_not_known_well_gets_the_next_photo_and_what_more_of_the_same_would_do() -> None:
@@ -112,15 +127,37 @@ def test_a_camera_that_is_not_known_well_gets_the_next_photo_and_what_more_of_th
     found = evidence(calibration)
     sigma = found.uncertainty.image_px
     assert sigma is not None
-    views = next_views(calibration)
-    said = next(sentence for sentence in advice(calibration) if sentence.startswith("next photo"))
-    assert views[0].sentence in said
+    views = proposed(calibration)
+    said = advice(calibration)
+    first = next(row for row, sentence in enumerate(said) if sentence.startswith("next photo"))
+    for row, view in enumerate(views):
+        assert view.sentence in said[first + row]
+    assert "(wanted: 0.10 px" in said[first]
+    alike = next(sentence for sentence in said if "photos like the 8 so far" in sentence)
     needed = 8 * (sigma / 0.1) ** 2
     assert needed > 40
-    stated = int(said.split("about ")[-1].split(" would")[0])
+    stated = int(alike.split("about ")[-1].split(" would")[0])
     assert needed <= stated <= 1.11 * needed
     without = advice_of(calibration, found, criteria())
     assert any(sentence.startswith("take photos that fill the image") for sentence in without)
+    none = advice_of(calibration, found, criteria(), ())
+    assert any(sentence.startswith("no next photo can be proposed: none of the places") for sentence in none)
+
+
+def test_what_would_change_the_verdict_comes_first() -> None:
+    """Of two faults that which the verdict names first is mended first, with its command; the rest comes last."""
+    calibration, found = good(), evidence(good())
+    wrong = replace(found.leftover, image_px=0.3, target_px=0.01)
+    faults = {"lens": replace(found, leftover=wrong), "halves": replace(found, halves=HalvesFound(4.2, 0.1, 0.02, 0.2))}
+    assert "--model virtual" in advice_of(calibration, faults["lens"], criteria())[0]
+    both = replace(faults["lens"], halves=HalvesFound(4.2, 0.1, 0.02, 0.2))
+    said = advice_of(calibration, both, criteria())
+    assert judge(both, criteria()).sentence.startswith("do not use: the mean residual of a place")
+    assert ["--model virtual" in said[0], "two halves" in said[1]] == [True, True]
+    worse = replace(found, leftover=replace(wrong, image_px=0.1), halves=HalvesFound(6.0, 0.6, 0.1, 0.9))
+    assert judge(worse, criteria()).sentence.startswith("do not use: cameras solved from halves")
+    said = advice_of(calibration, worse, criteria())
+    assert ["two halves" in said[0], "--model virtual" in said[1]] == [True, True]
 
 
 def test_few_photos_and_one_distance_are_named() -> None:
@@ -163,7 +200,7 @@ def test_a_bent_board_is_to_be_measured_before_anything_else() -> None:
     poses = shown_at(ALL_OVER, (330.0, 400.0, 500.0), (35.0, 10.0, 45.0, 25.0))
     seen = observe(CAMERAS["opencv"], bent, poses, np.random.default_rng(3), noise_px=NOISE_PX)
     said = advice(solve(replace(seen, points=BOARD), "opencv"))
-    assert "`calib measure`" in said[0]
+    assert "`calib measure NAME.target.json detections.csv -o measured/NAME.target.json`" in said[0]
     found = replace(evidence(good()), halves=HalvesFound(4.2, 0.1, 0.02, 0.2))
     said = advice_of(good(), found, criteria())
     assert "4.2 times" in said[0]

@@ -11,7 +11,7 @@ import pytest
 
 REPOSITORY = Path(__file__).parent.parent
 DEFAULT_FILES = {
-    "t.target.json", "t.toml", "t.prusa.3mf", "t.bambu.3mf", "t.body.stl", "t.pattern.stl", "t.png",
+    "t.target.json", "t.toml", "t.prusa.3mf", "t.bambu.3mf", "t.body.stl", "t.pattern.stl", "t.png", "index.html",
 }  # fmt: skip
 
 
@@ -45,9 +45,39 @@ def test_one_size_makes_all_default_files_in_the_exports_folder(tmp_path: Path) 
         "design rules",
         "auto: 5 rings a side",
         "next",
-        "ico-20mm.prusa.3mf",
+        "open exports/ico-20mm/ico-20mm.bambu.3mf in",
+        "or exports/ico-20mm/ico-20mm.prusa.3mf in",
+        "calib run exports/ico-20mm/ico-20mm.target.json photos -o camera",
     ):
         assert said in run.stdout
+    assert "replaces" not in run.stdout
+
+
+def test_replacing_another_target_is_said(tmp_path: Path) -> None:
+    """A design of the same name with another target says what it replaces; the same target, or a damaged file, not."""
+    ico = ("ico", "--edge", "20mm", "-o", "out", "--json")
+    file = tmp_path / "out" / "ico-20mm.target.json"
+    first = json.loads(design(*ico, cwd=tmp_path).stdout)["answer"]["target_id"]
+    again = design(*ico, "--inlay-depth", "0.2mm", cwd=tmp_path)
+    assert "replaces" not in again.stdout + again.stderr
+    changed = design(*ico, "--border", "0.6mm", cwd=tmp_path)
+    summary = json.loads(changed.stdout)
+    line = f"replaces target {first} by {summary['answer']['target_id']} in out: prints and photos of the earlier one"
+    assert summary["answer"]["target_id"] != first
+    assert len([remark for remark in summary["remarks"] if line in remark]) == 1
+    assert line in changed.stderr
+    file.write_text("{")
+    damaged = design(*ico, cwd=tmp_path)
+    assert (damaged.returncode, "replaces" in damaged.stdout + damaged.stderr) == (0, False)
+    assert json.loads(file.read_text())["geometry_id"] == first
+
+
+def test_help_says_what_to_type_first(tmp_path: Path) -> None:
+    """The line that `design` alone shows first is one that works."""
+    shown = design(cwd=tmp_path).stdout
+    line = shown.split("Begin with: ")[1].splitlines()[0]
+    assert shown.index(line) < shown.index("Options")
+    assert design(*line.split()[1:], "-o", "out", cwd=tmp_path).returncode == 0
 
 
 @pytest.mark.parametrize(
@@ -68,6 +98,7 @@ def test_the_written_spec_makes_every_file_again(arguments: list[str], tmp_path:
     again = design("make", "a/t.toml", "-o", "b", cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     one, two = contents(tmp_path / "a"), contents(tmp_path / "b")
+    assert "index.html" in one
     assert one.keys() == two.keys()
     assert [name for name in one if one[name] != two[name]] == []
 

@@ -21,12 +21,14 @@ from calib.types import Calibration, Camera, Detections, Observations
 from designer.errors import InputError
 from designer.target import load_target, target_to_json
 from tests.calibrations import board, example, icosahedron, seen_by
-from tests.command_line import calib, detections_of, files_in, refused, write_inputs
+from tests.command_line import JUDGED, LENIENT, calib, detections_of, files_in, refused, write_inputs
 
 BOARD = board()
 TRUE = example(BOARD, np.random.default_rng(3), views=8, noise_px=0.02)
 SEEN = TRUE.observations
 FILES = {"calibration.json", "observations.csv", "camera.json"}
+OF_FOLDER = {"target.json", *JUDGED}
+ALL_MODELS = ("solve", "detections.csv", "--target", "board.target.json", *LENIENT, "-o", "out")
 MODELS = ("luhmann", "opencv", "virtual")
 
 
@@ -41,7 +43,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def solve(*options: object, file: str = "detections.csv") -> tuple[Calibration, str]:
     """Solve model opencv; the calibration as it is read back, and what was said."""
     target = ("--target", "board.target.json") if file == "detections.csv" else ()
-    answer = calib("solve", file, *target, "--model", "opencv", "-o", "out", *options)
+    answer = calib("solve", file, *target, "--model", "opencv", "-o", "out", *LENIENT, *options)
     assert (answer.code, answer.err) == (0, ""), answer
     return read_calibration(Path("out/calibration.json"))[0], answer.out
 
@@ -78,9 +80,9 @@ def part(seen: Detections, count: int, name: str) -> Detections:
 
 def test_all_models_are_written_read_back_and_compared(folder: Path) -> None:
     """Each model has its folder with three files that are read back; the table has a line for each."""
-    answer = calib("solve", "detections.csv", "--target", "board.target.json", "-o", "out")
+    answer = calib(*ALL_MODELS)
     assert (answer.code, answer.err) == (0, "")
-    assert files_in(folder / "out") == {f"{model}/{name}" for model in MODELS for name in FILES}
+    assert files_in(folder / "out") == OF_FOLDER | {f"{model}/{name}" for model in MODELS for name in FILES}
     table = answer.out[answer.out.index("root mean square errors") :]
     for model in MODELS:
         calibration, provenance = read_calibration(Path("out", model, "calibration.json"))
@@ -109,12 +111,12 @@ def test_values_are_shown_to_the_second_digit_of_their_sigma() -> None:
 def test_what_is_advised_next_works(folder: Path) -> None:
     """Every command after "next" runs as it stands, in a folder with a name that a shell takes apart too."""
     name = "it's a (folder) $HOME"
-    answer = calib("solve", "detections.csv", "--target", "board.target.json", "-o", name)
+    answer = calib(*ALL_MODELS[:-1], name)
     commands = re.findall(r"calib .*", answer.out[answer.out.index("\nnext") :])
-    assert len(commands) == 2
+    assert [command.split()[1] for command in commands] == ["report", "evaluate", "convert"]
     for command in commands:
         words = shlex.split(command, comments=True)
-        assert any(word.startswith((f"{name}/opencv", f"{name}/luhmann")) for word in words)
+        assert any(word == name or word.startswith((f"{name}/opencv", f"{name}/luhmann")) for word in words)
         assert calib(*words[1:]).code == 0, command
     assert Path("cameras.txt").exists()
 
@@ -178,7 +180,7 @@ def test_corners_of_a_grid_need_its_size_and_pitch() -> None:
 
 def test_the_map_is_learned_from_the_photo_of_choice() -> None:
     """--reference takes a photo's name, its path, or all; other models have no use for it."""
-    common = ("solve", "detections.csv", "--target", "board.target.json", "-o", "v")
+    common = (*ALL_MODELS[:-1], "v")
     for reference in ("view_0003.png", "photos/view_0003.png"):
         answer = calib(*common, "--model", "virtual", "--reference", reference)
         assert answer.code == 0
@@ -202,7 +204,7 @@ def test_a_reference_board_goes_with_a_solid(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr("calib.detect.pipeline.detect", lambda _pixels, _board, *, name: replace(photo, image=name))
     answer = calib(
         "solve", "detections.csv", "--target", "board.target.json", "--model", "virtual", "-o", "v",
-        "--reference", "flat/a.png", "--reference-target", "flat.target.json",
+        "--reference", "flat/a.png", "--reference-target", "flat.target.json", *LENIENT,
     )  # fmt: skip
     assert answer.code == 0, answer
     assert "map learned from a.png" in answer.out
@@ -212,10 +214,11 @@ def test_a_reference_board_goes_with_a_solid(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_focal_length_is_not_fixed_on_a_learned_sensor() -> None:
     """A map learned from a photo has a sensor of its own, so a camera's focal length means nothing there."""
-    answer = calib("solve", "detections.csv", "--target", "board.target.json", "-o", "out", "--fix", "fx_px=1400")
+    answer = calib(*ALL_MODELS, "--fix", "fx_px=1400")
     assert answer.code == 0
     assert "virtual: not solved: fx_px cannot be fixed" in answer.out
-    assert files_in(Path("out")) == {f"{model}/{name}" for model in ("luhmann", "opencv") for name in FILES}
+    of_models = {f"{model}/{name}" for model in ("luhmann", "opencv") for name in FILES}
+    assert files_in(Path("out")) == OF_FOLDER | of_models
     assert "fx_px" in refused("solve", "detections.csv", "--target", "board.target.json", "-o", "x", "--model",
                               "virtual", "--fix", "fx_px=1400")  # fmt: skip
 
@@ -228,7 +231,7 @@ def test_a_model_that_fails_does_not_stop_the_others(monkeypatch: pytest.MonkeyP
             raise InputError("no light")
         return calibrate(seen, model, *rest)  # type: ignore[arg-type]
 
-    common = ("solve", "detections.csv", "--target", "board.target.json", "-o", "out")
+    common = ALL_MODELS
     assert calib(*common).code == 0
     monkeypatch.setattr("calib.pipeline.solutions.calibrate", fail)
     answer = calib(*common)
@@ -348,7 +351,7 @@ def test_ctrl_c_keeps_what_is_finished_and_says_so(monkeypatch: pytest.MonkeyPat
 def test_no_place_of_this_machine_gets_into_the_files(folder: Path) -> None:
     """Files are named as the user named them, by name alone where they lie."""
     place = folder / "detections.csv"
-    assert calib("solve", place, "--target", folder / "board.target.json", "-o", folder / "out").code == 0
+    assert calib("solve", place, "--target", folder / "board.target.json", "-o", folder / "out", *LENIENT).code == 0
     for path in (folder / "out").rglob("*"):
         if path.is_file():
             assert str(folder) not in path.read_text(), path
@@ -361,7 +364,7 @@ def test_two_hundred_photos_do_not_flood_the_screen() -> None:
     odd = [part(seen[0], 2, f"odd{n}.png") for n in range(200)]
     write_detections(Path("detections.csv"), [*seen, *odd], BOARD, detector="test")
     _, said = solve()
-    assert said.count("\n") < 30
+    assert said.count("\n") < 40
     assert "odd0.png, odd1.png, odd2.png, odd3.png and 196 more" in said
 
 
@@ -369,7 +372,7 @@ def test_names_of_any_kind_go_through() -> None:
     """Photos and folders with spaces, brackets, and bytes that are no text come out of the files as they went in."""
     names = ("a b.png", "[red]x.png", "caf\udce9.png", 'tab\t,"q".png', *SEEN.view_names[4:])
     write_inputs(replace(SEEN, view_names=names), BOARD)
-    answer = calib("solve", "detections.csv", "--target", "board.target.json", "--model", "opencv", "-o", "[b]\udce9")
+    answer = calib(*ALL_MODELS[:-1], "[b]\udce9", "--model", "opencv")
     assert answer.code == 0
     assert "\nwrote [b]\\udce9: " in answer.out
     solved, _ = read_calibration(Path("[b]\udce9/calibration.json"))

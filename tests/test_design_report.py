@@ -1,7 +1,10 @@
 """The design folder's page: what it says follows from the design, and nothing on it is said twice differently."""
 
+import inspect
+import itertools
 import math
 import re
+import shlex
 import tomllib
 import zipfile
 from collections.abc import Iterator
@@ -12,11 +15,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shapely import MultiPoint
 
 from calib.as_built.lengths import length_in
 from calib.as_built_report.length_words import parse_length
+from calib.commands.camera_argument import read_camera
+from calib.commands.render import render
+from calib.render.poses import PoseGrid, grid_poses
+from calib.render.rings import ring_truth
+from calib.render.scene import scene_from_target
 from designer.bed import bed_from_target
 from designer.code import CODE_POSITIONS, CODES
+from designer.errors import InputError
 from designer.export.folder import OutputFile, write_folder
 from designer.layout import lay_out
 from designer.page.blocks import Block, Command, FileList, Fold, Leaf, Page, Steps, Table, View3d
@@ -25,15 +35,30 @@ from designer.polyhedron import INRADIUS
 from designer.printability import Check, check_printability
 from designer.printability import Finding as RuleFinding
 from designer.produce import Design, make_files
-from designer.report.caliper import caliper_lengths, corner_rings, opposite_faces, skew_effect_mm, skew_per_mm_deg
+from designer.report.caliper import (
+    caliper_lengths,
+    corner_rings,
+    needs_rule,
+    opposite_faces,
+    skew_effect_mm,
+    skew_per_mm_deg,
+)
 from designer.report.design_page import PAGE_FILE, design_page, design_report, headline
-from designer.report.measure_steps import example_length
+from designer.report.measure_steps import (
+    IMAGE_HALF_DIAGONAL,
+    IMAGE_HALF_HEIGHT,
+    READING,
+    SIMULATED_CAMERA,
+    example_length,
+    simulated_line,
+)
 from designer.report.rule_findings import rule_findings, rule_limits
 from designer.report.slicer_steps import BODY_SLOT, INK_SLOT, usual_slicer
 from designer.report.target_facts import DOT, code_blocks
 from designer.sizing import size_job
 from designer.skew import skew_matrix
 from designer.spec_file import BoardFile, IcoFile, SpecFile, parse_spec
+from designer.target import bounding_radius_mm
 from tests.browser import open_page, overflow_px, started_browser, unresolved
 
 _LETTERED = {"size": "60x60mm", "columns": 5, "rows": 5, "ring_diameter": "7mm", "pitch": "10mm"}
@@ -176,10 +201,99 @@ def pair_changes_mm(design: Design, skew: tuple[float, float, float]) -> list[fl
 
 @pytest.mark.parametrize("build", BUILDS)
 def test_example_length_is_read_by_calib_measure(build: str) -> None:
-    """The length in the commands parses, and without a reading put in says that the print is as designed."""
-    target = made(build)[0].target
-    asked = parse_length("--length", example_length(made(build)[0]), target)
-    assert asked.length.value_mm == pytest.approx(length_in(target, asked.length.name), abs=0.005001)
+    """The length in the commands is refused as it stands, in a line that asks for a reading, and taken with one."""
+    design = made(build)[0]
+    text = example_length(design)
+    with pytest.raises(InputError, match="put your reading in place of 'READINGmm'") as refusal:
+        parse_length("--length", text, design.target)
+    assert "\n" not in str(refusal.value)
+    name = text.split(":")[0]
+    reading = 1.001 * length_in(design.target, name)
+    asked = parse_length("--length", text.replace(READING, f"{reading:.2f}"), design.target)
+    assert (asked.length.name, asked.length.sigma_mm) == (name, 0.02)
+    assert asked.length.value_mm == pytest.approx(reading, abs=0.005001)
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_no_command_holds_a_length_that_nobody_measured(build: str) -> None:
+    """Every length in a command on the page is a place to put a reading."""
+    lines = [leaf.line for leaf in leaves(page_of(build)) if isinstance(leaf, Command) and "calib measure" in leaf.line]
+    assert len(lines) == 2
+    assert all(re.search(r'length "[a-z0-9 -]+:READINGmm', line) for line in lines)
+
+
+def test_a_large_icosahedron_has_lengths_within_reach() -> None:
+    """Where no two opposite faces are within a caliper's reach, the sides of the face on top are given.
+
+    They are the longest rows of that face, within reach over their outer edges, and the commands name one of them.
+    """
+    design = Design(size_job(IcoFile.model_validate({"edge": "100mm"})).job)
+    target = design.target
+    lengths = caliper_lengths(design)
+    assert [needs_rule(target, one) for one in lengths] == [True] * 10 + [False] * 3
+    up = bed_from_target(target, design.job.printing)[2, :3]
+    pairs = [tuple(map(int, re.findall(r"ring (\d+)", one.option))) for one in lengths[10:]]
+    assert len({frozenset(pair) for pair in pairs}) == 3
+    for first, second in pairs:
+        face = target.ring_face[first]
+        assert target.ring_face[second] == face
+        assert target.target_from_face[face, :3, 2] @ up == pytest.approx(1)
+        on_face = target.center_mm[target.ring_face == face]
+        longest = np.linalg.norm(on_face[:, None] - on_face, axis=2).max()
+        assert np.linalg.norm(target.center_mm[first] - target.center_mm[second]) == pytest.approx(longest)
+    assert example_length(design).startswith("ring ")
+
+
+def test_photos_come_before_what_needs_them() -> None:
+    """The page takes the photos and finds the rings before it measures the print with them."""
+    for build in BUILDS:
+        lines = [leaf.line for leaf in leaves(page_of(build)) if isinstance(leaf, Command)]
+        (run,) = [n for n, line in enumerate(lines) if re.search(r"^calib run \S+ photos -o camera$", line)][:1]
+        (use,) = [n for n, line in enumerate(lines) if "camera/detections.csv" in line]
+        assert run < use
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        IcoFile.model_validate({"edge": "20mm"}),
+        IcoFile.model_validate({"edge": "100mm"}),
+        IcoFile.model_validate({"edge": "133mm", "build": "stickers"}),
+        BoardFile.model_validate({"size": "200x200mm"}),
+        BoardFile.model_validate({"size": "400x300mm", "build": "sheet"}),
+    ],
+    ids=["small-solid", "solid", "stickers", "board", "wide-sheet"],
+)
+def test_simulated_photos_cover_the_image(asked: SpecFile) -> None:
+    """The rings of the simulated photos that the page offers surround three quarters of the image.
+
+    A board shows many of its rings in each, so that it can be named.
+    """
+    design = Design(size_job(asked).job)
+    words = shlex.split(simulated_line(design))
+    option = dict(itertools.pairwise(words))
+    near, far = (float(part.removesuffix("mm")) for part in option["--distance"].split(".."))
+    cap = math.radians(float(option.get("--cap-angle", "180deg").removesuffix("deg")))
+    aside = float(option["--aim-offset"].removesuffix("mm"))
+    grid = PoseGrid(int(option["--views"]), cap, (near, far), "--random-roll" in words, aside)
+    assert near > bounding_radius_mm(design.target) + aside  # else calib render refuses
+    camera, scene = read_camera(SIMULATED_CAMERA).camera, scene_from_target(design.target)
+    truths = [ring_truth(scene, camera, pose) for pose in grid_poses(grid, np.random.default_rng(0))]
+    seen = [truth.center_px[truth.whole & (truth.incidence_rad < math.radians(65))] for truth in truths]
+    assert MultiPoint(np.concatenate(seen)).convex_hull.area >= 0.75 * math.prod(camera.image_size)
+    if design.target.face_count == 1:
+        assert np.median([len(rings) for rings in seen]) > 0.9 * design.target.ring_count
+        assert min(len(rings) for rings in seen) > 0.3 * design.target.ring_count
+
+
+def test_the_simulated_camera_is_the_one_that_is_rendered() -> None:
+    """Angles of view and name are those of the default of `calib render`."""
+    assert inspect.signature(render).parameters["camera"].default == SIMULATED_CAMERA
+    camera = read_camera(SIMULATED_CAMERA).camera
+    width, height = camera.image_size
+    focal_px = camera.params[0]
+    assert pytest.approx(height / 2 / focal_px, rel=1e-3) == IMAGE_HALF_HEIGHT
+    assert pytest.approx(math.hypot(width, height) / 2 / focal_px, rel=1e-3) == IMAGE_HALF_DIAGONAL
 
 
 @pytest.mark.parametrize(
@@ -195,8 +309,8 @@ def test_a_caliper_reaches_the_example(shape: dict[str, str | int], reach_mm: fl
     """The length of the commands is within a caliper's reach, over the rings' outer edges, if the board has such."""
     asked = BoardFile.model_validate({"build": "sheet", "dots": False, **shape})
     target = lay_out(size_job(asked).job.target)
-    length = parse_length("--length", example_length(Design(size_job(asked).job)), target).length
-    assert length.value_mm + 2 * target.radius_outer_mm[0] <= reach_mm
+    name = example_length(Design(size_job(asked).job)).split(":")[0]
+    assert length_in(target, name) + 2 * target.radius_outer_mm[0] <= reach_mm
 
 
 def test_commands_have_only_options_that_exist() -> None:

@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 
 from calib.cli import app as calib_app
 from designer.cli import app as design_app
-from tests.command_line import Answer, calib, design, summary_of
+from tests.command_line import LENIENT, Answer, calib, design, summary_of
 from tests.command_scene import make_scene, without_waiting
 
 ROOT = Path(__file__).parent.parent
@@ -24,6 +24,7 @@ TAKEN = ("--target", "board.target.json", "--detections", "detections.csv")
 BOOTSTRAP = ("study", "bootstrap", *TAKEN, "--sizes", "6", "--samples", "4", "--jobs", "1", "-o", "out")
 TOLERANCE = ("tolerance", "board.target.json", "--views", "8", "--distance", "200mm", "--linear", "-o", "out")
 SOLVE = ("solve", "--target", "board.target.json", "--model", "pinhole", "-o", "out")
+RUN = ("run", "board.target.json", "photos", "--model", "opencv", "-o", "out")
 FOR_POSES = ("pose", "board.target.json", "camera.json")
 
 
@@ -49,6 +50,8 @@ DESIGN = (
     Case(("check", "3d-board", "--printer", "bambu-a1-mini"), 1),
     Case(("check", "none.toml"), 2),
     Case((*TOLERANCE, "--errors", "fdm-board"), 0),
+    Case((*TOLERANCE, "--errors", "fdm-board", "--require", "intersection=1mm"), 0),
+    Case((*TOLERANCE, "--errors", "fdm-board", "--require", "intersection=1um"), 1),
     Case((*TOLERANCE, "--errors", "fdm"), 2),
     Case(("no-command",), 2),
 )
@@ -62,11 +65,15 @@ CALIB = (
     Case(("detect", "board.target.json", "photos", "-o", "out.csv", "--overlay", "seen"), 0),
     Case(("detect", "board.target.json", "blank", "-o", "out.csv"), 1),
     Case(("detect", "board.target.json", "none.png", "-o", "out.csv"), 2),
-    Case(("run", "board.target.json", "photos", "--model", "opencv", "-o", "out"), 0),
+    Case((*RUN, *LENIENT), 0),
+    Case((*RUN, "--criteria", "metrology", "--no-page"), 1),  # of a camera that is not to be used
     Case(("run", "board.target.json", "blank", "-o", "out"), 1),
     Case(("run", "board.target.json", "photos", "--model", "fisheye", "-o", "out"), 2),
-    Case((*SOLVE, "detections.csv"), 0),
-    Case((*SOLVE, "frontal.csv"), 1),
+    Case((*RUN, "--criteria", "none"), 2),
+    Case((*SOLVE, "detections.csv", *LENIENT), 0),
+    Case((*SOLVE, "detections.csv", "--criteria", "metrology", "--no-page"), 1),  # of a camera that is not to be used
+    Case((*SOLVE, "frontal.csv", *LENIENT), 1),  # of one that is not determined, whatever the limits
+    Case((*SOLVE, "detections.csv", "--criteria", "none.toml"), 2),
     Case((*SOLVE, "camera.json"), 2),
     Case(("evaluate", "solved", "--truth", "truth.json"), 0),
     Case(("evaluate", "lost", "--no-figures"), 1),
@@ -84,6 +91,7 @@ CALIB = (
     Case(("measure", "board.target.json", "squarely.csv", "--rings", "rigid", "--flat", "-o", "m.target.json"), 1),
     Case(("measure", "board.target.json", "-o", "m.target.json"), 2),
     Case(("report", "solved"), 0),
+    Case(("report", "solved", "--criteria", "metrology"), 1),
     Case(("report", "photos"), 2),
     Case(BOOTSTRAP, 0),
     Case((*BOOTSTRAP, "--sizes", "none"), 2),

@@ -13,7 +13,7 @@ pytest.importorskip("playwright")
 
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from designer.page.blocks import Column, Gallery, Picture, Section, Table
+from designer.page.blocks import Cell, Column, Gallery, Picture, Section, Table
 from designer.page.blocks import Page as Report
 from tests.browser import WIDTHS, open_page, overflow_px, unresolved
 from tests.pages import HOSTILE, hostile_page, picture, values_table, whole_page, written
@@ -104,6 +104,20 @@ def test_numbers_sort_by_value(page: Page) -> None:
     assert column(table, 2)[:3] == ["10", "9", "0.5"]
     assert column(table, 2)[-2:] == ["-2", "–"]
     expect(table.get_by_role("columnheader").nth(1)).to_have_attribute("aria-sort", "descending")
+
+
+def test_a_table_that_goes_on_beyond_its_edge_says_so(browser: Browser, tmp_path: Path) -> None:
+    """Where columns are hidden at the right, or at the left after scrolling, that edge fades; where none are, none."""
+    columns = tuple(Column(f"quantity {n} [mm]") for n in range(20))
+    cells = tuple(Cell("0.1234 ± 0.0056", float(n)) for n in range(20))
+    tables = (Table("Wide", columns, (cells,)), Table("Narrow", columns[:2], (cells[:2],)))
+    report = Report("t", "Test", None, (Section("Tables", tables),))
+    with open_page(browser, written(report, tmp_path)) as page:
+        wide, narrow = (page.get_by_role("region", name=name) for name in ("Wide", "Narrow"))
+        expect(wide).to_have_class("scroll more-right")
+        expect(narrow).to_have_class("scroll")
+        wide.evaluate("(one) => { one.scrollLeft = 1e6; }")
+        expect(wide).to_have_class("scroll more-left")
 
 
 def test_texts_sort_with_their_numbers(page: Page) -> None:

@@ -16,6 +16,8 @@ from playwright.sync_api import Browser
 from calib.detect.batch import find_photos
 from calib.render.job import run_job
 from calib.render.options import RenderOptions
+from calib.render.rings import ring_truth
+from calib.render.scene import scene_from_target
 from calib.report.claim import why_no_page
 from calib.report.gallery import MOST_PICTURES, Shot, spread
 from calib.report.kept_target import keep_target, kept_target
@@ -28,6 +30,7 @@ from designer.errors import InputError
 from designer.page.blocks import Block, Fold, Gallery, Page, Table, View3d
 from designer.page.scene import Cameras, Rings
 from designer.page.shell import page_html
+from designer.target import TargetGeometry
 from tests.browser import WIDTHS, open_page, overflow_px, unresolved
 from tests.pages import HOSTILE, png
 from tests.picture_folders import (
@@ -43,6 +46,7 @@ from tests.picture_folders import (
     page_of,
     pictures,
     posed,
+    poses,
     rendered,
     result,
     undistorted,
@@ -105,11 +109,30 @@ def test_a_folder_that_was_copied_has_the_same_page(kind: str, tmp_path: Path) -
     assert page_html(page_of(kind, other)) == first
 
 
+def test_rings_that_the_detector_does_not_want_are_called_too_small(tmp_path: Path) -> None:
+    """A set of which no photo shows a ring of 5 px says so at once, as `calib render` does; a nearer one does not."""
+    rendered(tmp_path / "far", ICO, views=3)
+    level, word, sentence = headline(page_of("photos", tmp_path / "far"))
+    assert (level, word) == ("usable", "rings too small")
+    largest = float(re.search(r"radius of ([\d.]+) px; the detector wants 5 px", sentence)[1])  # type: ignore[index]
+    assert largest < 5
+    rendered(tmp_path / "board", BOARD, views=3)
+    rings = ring_sizes_px(BOARD, 3)
+    level, _, sentence = headline(page_of("photos", tmp_path / "board"))
+    assert ("detector wants" in sentence) == (max(rings) < 5)
+
+
+def ring_sizes_px(target: TargetGeometry, views: int) -> list[float]:
+    """The largest semi-minor axis of the rings that each rendered photo shows."""
+    scene = scene_from_target(target)
+    truths = [ring_truth(scene, CAMERA, pose) for pose in poses(views)]
+    return [float(one.minor_radius_px[one.visible].max()) for one in truths]
+
+
 def test_a_rendered_set_says_what_it_is(tmp_path: Path) -> None:
     """Target, camera, distance, effects that are on, and seed; what is off is not said."""
     rendered(tmp_path, ICO, RenderOptions(blur_px=0.7, contrast_to_noise=50, gamma=2.2), views=6)
-    level, _, sentence = headline(page_of("photos", tmp_path))
-    assert level == "note"
+    _, _, sentence = headline(page_of("photos", tmp_path))
     for words in (
         "6 photos of 640 x 480 px",
         "icosahedron",

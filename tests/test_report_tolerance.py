@@ -46,10 +46,12 @@ def test_costs_are_those_of_the_study(page: Page) -> None:
         for place, quantity in enumerate(MAIN):
             assert rows[name][4 + place].value == pytest.approx(cost[quantity_row(quantity)], rel=1e-8)
         assert rows[name][3].value == pytest.approx(math.sqrt(total**2 - cost[row] ** 2))
+    assert rows.keys() == set(report.ranking)  # sorting must not mix sums with errors
+    rows = {row[0].text: row for row in table_of(page, "All errors together, and none").rows}
     for place, quantity in enumerate(MAIN):
         at = quantity_row(quantity)
-        assert rows["all errors together"][4 + place].value == pytest.approx(float(report.table.together.value[at]))
-        assert rows["no error: noise alone"][4 + place].value == pytest.approx(float(report.table.baseline.value[at]))
+        assert rows["all errors together"][1 + place].value == pytest.approx(float(report.table.together.value[at]))
+        assert rows["no error: noise alone"][1 + place].value == pytest.approx(float(report.table.baseline.value[at]))
 
 
 def test_the_largest_errors_are_those_of_the_study(page: Page) -> None:

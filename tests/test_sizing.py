@@ -2,6 +2,7 @@
 
 import math
 import re
+import tomllib
 
 import pytest
 from hypothesis import assume, given, settings
@@ -13,8 +14,9 @@ from designer.layout import lay_out
 from designer.size_rules import widths_mm
 from designer.sizing import Sized, size_job
 from designer.spec import BoardSpec, IcoSpec, TargetSpec
-from designer.spec_file import RawValue, parse_spec
+from designer.spec_file import RawValue, parse_spec, spec_to_toml
 
+TOO_LITTLE = "size, or its rings and their distance; give --size 200x200mm, or --columns 10 --rows 7 --pitch 20mm"
 LINES = {"0.2mm": 0.22, "0.4mm": 0.45}  # nozzle: width of its line, in all profiles
 
 
@@ -255,9 +257,10 @@ def test_largest_ring_and_smallest_edge_named_work(
         ("ico", {"edge": 100, "border": 40, "pitch": 0.001}, "stroke|touch"),
         ("ico", {"edge": 100, "build": "printed"}, "build 'printed' is not for 'ico'; use 'solid' or 'stickers'"),
         ("ico", {"edge": 100, "build": "stickers", "sticker_thickness": 4}, "sticker thickness 4mm .* at most"),
-        ("board", {}, "needs its size|without a size"),
-        ("board", {"columns": 10, "rows": 7}, "give --pitch"),
-        ("board", {"columns": 10, "pitch": 10}, "give --size .* or --columns 10 --rows 7"),
+        ("board", {}, TOO_LITTLE),
+        ("board", {"pitch": 10}, TOO_LITTLE),
+        ("board", {"columns": 10, "rows": 7}, TOO_LITTLE),
+        ("board", {"columns": 10, "pitch": 10}, TOO_LITTLE),
         ("board", {"size": "30x30mm", "pitch": 10}, r"30x30mm holds 2 x 2 rings at pitch 10mm; it must hold 3 x 3"),
         ("board", {"size": "1x1mm", "pitch": 10}, "holds 0 x 0 rings"),
         ("board", {"columns": 2, "rows": 5, "pitch": 10}, "it must hold 3 x 3"),
@@ -273,6 +276,45 @@ def test_largest_ring_and_smallest_edge_named_work(
 def test_impossible_sizes_are_refused(kind: str, values: dict[str, RawValue], message: str) -> None:
     """One line with value, rule and remedy."""
     assert re.search(message, refusal(kind, **values))
+
+
+@pytest.mark.parametrize("values", [{"size": "200x200mm"}, {"columns": 10, "rows": 7, "pitch": "20mm"}])
+def test_what_a_board_needs_is_enough(values: dict[str, RawValue]) -> None:
+    """Both ways that the refusal of an incomplete board offers give a board, with at least 5 x 5 rings."""
+    assert min(board(**values).columns, board(**values).rows) >= 5
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"kind": "board", "size": "200x200mm"},
+        {"kind": "board", "size": "200x200mm", "ring_diameter": "7mm", "thickness": "3mm"},
+        {"kind": "board", "columns": 10, "rows": 7, "pitch": "20mm", "margin": "4mm"},
+        {"kind": "ico", "edge": "100mm", "pitch": "10mm"},
+        {"kind": "ico", "edge": "100mm", "rings_per_side": 7, "border": "3mm"},
+    ],
+)
+def test_every_size_that_was_chosen_is_said(values: dict[str, RawValue]) -> None:
+    """The remark names each size that was not given, with its value, and none that was; given again, none is left."""
+    result = sized(**values)
+    spec = result.job.target
+    numbers = {
+        "pitch": f"pitch {spec.pitch_mm:g}mm (", "ring_diameter": f"rings of {spec.ring_diameter_mm:g}mm (",
+        "margin": f"margin {spec.margin_mm:g}mm (",
+    }  # fmt: skip
+    if isinstance(spec, BoardSpec):
+        numbers |= {
+            "thickness": f"thickness {spec.thickness_mm:g}mm (", "columns": f"{spec.columns} x {spec.rows} rings (",
+            "size": f"board {spec.size_mm[0]:g}x{spec.size_mm[1]:g}mm (",
+        }  # fmt: skip
+    else:
+        numbers |= {
+            "border": f"border {spec.border_mm:g}mm (", "rings_per_side": f"{spec.rings_per_side} rings a side (",
+        }  # fmt: skip
+    said = {name for name, words in numbers.items() if words in result.remarks[0]}
+    assert said == numbers.keys() - values.keys()
+    again = sized(**tomllib.loads(spec_to_toml(result.job)))
+    assert again.remarks[0] == "sizes: as given"
 
 
 def test_named_remedies_work() -> None:

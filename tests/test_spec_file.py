@@ -151,7 +151,7 @@ def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
         ({"edge": 20}, "kind is missing; write kind = 'ico' or 'board'"),
         ({"kind": "cube"}, "kind 'cube' is unknown; write kind = 'ico' or 'board'"),
         ({"kind": ["ico"]}, "kind .* is unknown"),
-        ({"kind": "ico"}, "edge is missing; give the edge length, such as 20mm"),
+        ({"kind": "ico"}, "edge is missing; give the edge length, such as 100mm"),
         ({**ICO, "edge": 0}, "edge 0: must be more than zero"),
         ({**ICO, "pitch": 1e-310}, "pitch 1e-310: must be at least"),
         ({**ICO, "edge": "-20mm"}, "edge '-20mm': must be more than zero"),

@@ -16,7 +16,7 @@ from calib.commands.tolerance import tolerance
 from calib.studies.tolerance.report import MAIN
 from designer.command import run
 from designer.target import target_to_json
-from tests.command_line import Answer, files_in
+from tests.command_line import PAGE, Answer, files_in
 from tests.perturbed_targets import board, ico
 from tests.study_commands import named
 
@@ -55,10 +55,10 @@ def design(*arguments: str) -> Answer:
     return Answer(end.value.code, out.getvalue(), err.getvalue())
 
 
-def done(*arguments: str) -> str:
-    """Run it; it must go well."""
+def done(*arguments: str, code: int = 0) -> str:
+    """Run it; it must go well, with a limit missed (1) or not (0)."""
     answer = design(*arguments)
-    assert (answer.code, answer.err) == (0, ""), answer
+    assert (answer.code, answer.err) == (code, ""), answer
     return answer.out
 
 
@@ -72,9 +72,11 @@ def test_a_prediction_answers_all_three_questions(folder: Path) -> None:
     """`--linear` writes tables and figures and no study: costs, budgets and the crossover, and says what it is."""
     said = done(
         "ico.target.json", *TAKEN, "--set", "warp=0.3mm", "--linear", "--require", "intersection=0.05mm", "--against",
-        "board.target.json", "--against-errors", "fdm-board", "--vary", "face_tilt", "-o", "out",
+        "board.target.json", "--against-errors", "fdm-board", "--vary", "face_tilt", "-o", "out", code=1,
     )  # fmt: skip
-    assert files_in(folder / "out") == TABLES | {f"figures/{name}.png" for name in ("ranking", "budget", "crossover")}
+    assert files_in(folder / "out") == TABLES | PAGE | {
+        f"figures/{name}.png" for name in ("ranking", "budget", "crossover")
+    }
     assert "warp: does nothing to this target: it is for boards" in said
     assert "intersection error against the drawing up to 0.05mm: " in said
     assert "worse than board from" in said
@@ -98,7 +100,7 @@ def test_a_study_is_kept_and_gone_on_with(folder: Path) -> None:
     assert "3 draws in " in said
     assert "scale: is 0" in said
     names = {"ranking", "sweep_intersection"}
-    assert files_in(folder / "out") == TABLES | {"study.sqlite"} | {
+    assert files_in(folder / "out") == TABLES | PAGE | {"study.sqlite"} | {
         f"figures/{name}.{suffix}" for name in names for suffix in ("png", "pdf", "svg")
     } | {f"sweeps/{factor}x.sqlite" for factor in ("0.25", "0.5", "2", "4")}  # fmt: skip
     first = Path("out/table.csv").read_bytes()
@@ -112,7 +114,7 @@ def test_a_study_is_kept_and_gone_on_with(folder: Path) -> None:
     assert predicted.code == 2
     assert "the folder holds a study with draws" in predicted.err
     assert Path("out/table.csv").read_bytes() == first
-    said = done("ico.target.json", *DRAWN, *few, "--resume", "--require", "reprojection=0.1px", "-o", "out")
+    said = done("ico.target.json", *DRAWN, *few, "--resume", "--require", "reprojection=0.1px", "-o", "out", code=1)
     assert "draws in" not in said
     assert Path("out/table.csv").read_bytes() == first
     assert "sweep_reprojection" in said

@@ -191,16 +191,79 @@ def test_only_what_is_sure_of_the_target_makes_a_camera_unusable() -> None:
     assert _shape(5.0, 0.05, 0.01).grade == "good"
 
 
-def _halves(ratio: float, percentile_95_px: float) -> Grade:
+def _halves(ratio: float, percentile_95_px: float, stated_px: float | None = None) -> Check:
     evidence = evidence_of(solved(sightings(views=6)), 0, NoHalves("not asked for"))
-    found = replace(evidence, halves=HalvesFound(ratio, percentile_95_px, percentile_95_px / ratio, percentile_95_px))
-    return next(one.grade for one in judge(found, read_criteria()).checks if one.name == "halves")
+    stated = percentile_95_px / ratio if stated_px is None else stated_px
+    found = replace(evidence, halves=HalvesFound(ratio, percentile_95_px, stated, percentile_95_px))
+    return next(one for one in judge(found, read_criteria()).checks if one.name == "halves")
 
 
 def test_halves_that_agree_to_what_is_needed_are_usable() -> None:
     """Wrong standard deviations alone make no camera unusable; halves that are pixels apart do."""
-    assert _halves(1.9, 3.0) == "good"
-    assert _halves(3.0, 0.25) == "usable"
-    assert _halves(3.0, 0.4) == "bad"
-    assert _halves(9.0, 0.08) == "usable"
-    assert _halves(9.0, 0.25) == "bad"
+    assert _halves(1.9, 0.5).grade == "good"
+    assert _halves(3.0, 0.25).grade == "usable"
+    assert _halves(3.0, 0.4).grade == "bad"
+    assert _halves(9.0, 0.08).grade == "usable"
+    assert _halves(9.0, 0.25).grade == "bad"
+
+
+def test_halves_that_may_differ_by_anything_show_nothing_by_agreeing() -> None:
+    """Expected to be a pixel apart, they cannot tell; that they are farther apart than that is told all the same."""
+    blind = _halves(0.4, 0.37, 0.93)
+    assert blind.grade == "unknown"
+    assert "0.93 px between them is expected, more than 0.3 px" in blind.sentence
+    assert _halves(1.0, 0.29, 0.29).grade == "good"
+    assert _halves(3.0, 2.8, 0.93).grade == "bad"
+
+
+def test_halves_without_power_leave_no_praise() -> None:
+    """A verdict that rests on halves that cannot tell is usable at best, and says why."""
+    evidence = evidence_of(solved(sightings(views=20)), 0, NoHalves("not asked for"))
+    verdict = judge(replace(evidence, halves=HalvesFound(0.4, 0.37, 0.93, 0.4)), read_criteria())
+    assert verdict.grade == "usable"
+    assert "not everything could be checked: halves of the photos are so uncertain" in verdict.sentence
+
+
+def _of_leftover(name: str, ratio: float = 1.0, **changes: float) -> Check:
+    evidence = evidence_of(solved(sightings(views=6)), 0, NoHalves("not asked for"))
+    found = replace(
+        evidence, leftover=replace(evidence.leftover, **changes), shape=ShapeEffect(0.2, ratio, 0.01, 0.1)
+    )  # fmt: skip
+    return next(one for one in judge(found, read_criteria()).checks if one.name == name)
+
+
+def test_words_are_no_stronger_than_what_is_found() -> None:
+    """Within a limit there is a hint, and a target is only called wrong where the check of its shape is sure."""
+    assert "may not be quite as its file says" in _of_leftover("systematic", 2.5, target_px=0.04, rmse_px=0.06).sentence
+    assert "may not be quite as its file says" in _of_leftover("systematic", 2.5, target_px=0.1).sentence
+    assert "is not quite as its file says" in _of_leftover("systematic", 5.0, target_px=0.1).sentence
+    within = _of_leftover("residuals", rmse_px=0.06, sigma_px=0.045, stated_sigma_px=0.005)
+    assert within.grade == "good"
+    assert "within the limit, though 9.0 times the noise" in within.sentence
+    beyond = _of_leftover("residuals", rmse_px=0.3, sigma_px=0.21, stated_sigma_px=0.005)
+    assert "most of it is not noise" in beyond.sentence
+
+
+def test_a_grade_better_than_its_limits_says_why() -> None:
+    """A target's effect beyond the limit of usable is only a suspicion below three sigma, and is said to be."""
+    found = _shape(2.9, 0.33, 0.1)
+    assert (found.grade, found.value) == ("usable", 0.33)
+    assert "more than 0.3 px, but below 3 sigma a suspicion" in found.sentence
+    assert "suspicion" not in _shape(2.9, 0.29, 0.1).sentence
+
+
+def test_what_is_far_off_is_told_by_the_noise_where_covariances_are_weights() -> None:
+    """Sightings of very different noise are no outliers, in a solution whose covariances stand for weights neither."""
+    rng = np.random.default_rng(4)
+    seen = sightings(views=8, noise_px=0.0)
+    sigma = np.where(rng.random(len(seen.view)) < 0.05, 0.4, 0.02)
+    noise = sigma[:, None, None] ** 2 * np.eye(2)
+    shifted = replace(seen, center_px=seen.center_px + sigma[:, None] * rng.standard_normal((len(sigma), 2)))
+    alike = replace(shifted, cov_px2=np.tile(np.eye(2), (len(sigma), 1, 1)))
+    weighted = replace(OPTIONS, weighted=True)
+    assert any("are off by more than 6" in remark for remark in solve(alike, "opencv", weighted).remarks)
+    told = solve(alike, "opencv", weighted, noise_px2=noise)
+    assert told.remarks == ()
+    known = judged(replace(shifted, cov_px2=noise))
+    assert check(known, "outliers").grade == "good"
+    assert "of the noise that the detector states" in check(known, "outliers").sentence

@@ -79,7 +79,9 @@ def _value_and_sigma(place: str, quantity: str) -> tuple[float, float | None]:
         try:
             number = parse_length_mm(part.strip() if own else f"{part.strip()}{unit}")
         except ValueError as error:
-            raise InputError(f"{place}: {what}: {error}") from None
+            is_word = part.strip() and not any(character.isdigit() for character in part)
+            remedy = f"; put your reading in place of {shown(part.strip())}" if is_word else ""
+            raise InputError(f"{place}: {what}: {error}{remedy}") from None
         if not number > 0:
             raise InputError(f"{place}: {what} is {format_mm(number)}; it must be more than 0")
         numbers.append(number)

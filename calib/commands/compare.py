@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.folder_page import with_page
+from calib.commands.folder_page import say_next, with_page
 from calib.commands.screen import progress_bar, quoted, shown, table_console, waiting
 from calib.commands.solve import check_folder
 from calib.commands.study import KEPT, JobsOption, OutOption, ResumeOption, SeedOption, kept_when_stopped, table_answer
@@ -67,7 +67,7 @@ def compare(
         with open_study(out / STUDY_FILE, identity(plan), resume=resume) as study:
             _sample(whole, study, jobs or os.cpu_count() or 1)
             summary = _show(study, whole, out)
-        return with_page(summary, out, "compare")
+        return say_next(with_page(summary, out, "compare"), out)
 
 
 def _sample(whole: "Comparison", study: "Study", jobs: int) -> None:
@@ -112,8 +112,7 @@ def _show(study: "Study", whole: "Comparison", folder: Path) -> Summary:
     print(f"\nwrote {shown(folder / MARKDOWN_FILE)}, {CSV_FILE}, {JSON_FILE}: the tables and what they say")
     print(f"      {shown(pictures)}: {', '.join(f'{name}.png' for name in FIGURES)}, as PDF and SVG too")
     print(f"      {shown(study.path)}: every set of photos")
-    step = f"calib study compare -o {quoted(folder)} --resume --prints {2 * whole.plan.prints}"
-    print(f"next  look at {shown(pictures / f'{FIGURES[0]}.png')}; {step} adds prints")
+    step = f"calib study compare -o {quoted(folder)} --resume --prints {2 * whole.plan.prints}   # adds prints"
     return Summary(table_answer(files[folder / JSON_FILE]), (*files, study.path), (step,))
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from calib.commands.answers.photos import detections_answer, expected_features, median_sigma_px
-from calib.commands.folder_page import folder_page
+from calib.commands.folder_page import folder_page, say_next
 from calib.commands.screen import progress_bar, quoted, table_console
 from designer.answer import Summary, program
 from designer.command import printable
@@ -23,7 +23,7 @@ from designer.errors import InputError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from calib.detect.batch import Detect, Found, PhotoResult
+    from calib.detect.batch import Detect, Found, PhotoResult, Pixels
     from calib.types import Camera, Detections
     from designer.target import TargetGeometry
 
@@ -61,9 +61,15 @@ def detect(
     The exit code is 1 if nothing at all was found.
     """
     from calib.detect.pipeline import detect as detect_one
+    from calib.report.why_nothing import explained
+
+    def search(
+        pixels: "Pixels", target: "TargetGeometry", *, name: str, camera: "Camera | None" = None
+    ) -> "Detections":
+        return explained(detect_one(pixels, target, name=name, camera=camera), pixels, target)
 
     return run_detect(
-        detect_one, target, photos, out=out, overlay=overlay, camera_name=camera, jobs=jobs or os.cpu_count() or 1
+        search, target, photos, out=out, overlay=overlay, camera_name=camera, jobs=jobs or os.cpu_count() or 1
     )
 
 
@@ -106,31 +112,45 @@ def run_detect(
         pages, more = overlays_page(overlay, target, geometry, table, results, found.failures)
         remarks = (*remarks, *more)
     is_found = any(len(one.ring) for one in seen)
-    return Summary(
+    summary = Summary(
         detections_answer(geometry, found, results, seconds),
         (table, records_path(table), *pictures, *pages),
         (f"calib solve {quoted(table)} --target {quoted(target)} -o DIR",) if is_found else (),
         remarks,
         exit_code=0 if is_found else NOTHING_FOUND,
     )
+    return summary if overlay is None else say_next(summary, overlay)
 
 
 def overlays_page(
-    overlays: Path,
+    folder: Path,
     target: Path,
     geometry: "TargetGeometry",
     table: Path,
     results: "Sequence[PhotoResult]",
     failures: Sequence[str],
+    *,
+    overlays: Path | None = None,
 ) -> tuple[tuple[Path, ...], tuple[str, ...]]:
-    """Write the page of a folder of overlays; its files, or a remark that says why there is none."""
+    """Write the page of what was found; its files, or a remark that says why there is none.
+
+    Args:
+        folder: of the page.
+        target: its file.
+        geometry: the target.
+        table: the detections.
+        results: of each photo.
+        failures: arguments that stood for no photo.
+        overlays: the pictures' folder (default: the page's).
+    """
     from calib.report.detected_file import write_detected
 
     def keep() -> tuple[Path, ...]:
         sigmas_px = [math.nan if result.seen is None else median_sigma_px(result.seen) for result in results]
-        return (write_detected(overlays, target, geometry, table, results, sigmas_px, failures),)
+        place = folder if overlays is None else overlays
+        return (write_detected(folder, target, geometry, table, results, sigmas_px, failures, overlays=place),)
 
-    return folder_page(overlays, DETECTIONS, keep)
+    return folder_page(folder, DETECTIONS, keep)
 
 
 def _table_path(out: Path | None, target: Path) -> Path:
@@ -253,9 +273,11 @@ def summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[Pho
     features = sum(len(one.ring) for one in seen)
     expected = sum(expected_features(one) for one in seen)
     images = "1 image" if len(seen) == 1 else f"{len(seen)} images"
+    counts = f"{features} of {expected} features of the faces seen that could be measured; " if with_target else ""
     print(
-        f"\n{images} searched, {len(with_target)} with the target; {features} of {expected} features of the "
-        f"faces seen; {len(found.failures) + len(results) - len(seen)} failures; {seconds:.1f} s"
+        f"\n{images} searched, {len(with_target) or 'none'} with the target; {counts}"
+        f"{len(found.failures) + len(results) - len(seen)} {'failures' if with_target else 'could not be read'}; "
+        f"{seconds:.1f} s"
     )
 
 

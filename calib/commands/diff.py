@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from calib.interop.reading import OpenedCamera
 
 HEAD_BYTES = 4096
+WHOLE = "whole image"
 
 
 def diff(
@@ -129,12 +130,26 @@ def _table(difference: "CameraDifference") -> None:
     table.add_column("difference (px)")
     for column in ("RMS", "median", "max"):
         table.add_column(column, justify="right")
-    for name, known in _zones(difference):
-        if np.isfinite(known).any():
-            table.add_row(name, *(f"{value:.4f}" for value in _summary(known)))
+    for name, lengths in _zones(difference):
+        label = _label(name, float(np.isfinite(lengths).mean()) if lengths.size else 0.0)
+        if np.isfinite(lengths).any():
+            table.add_row(label, *(f"{value:.4f}" for value in _summary(lengths)))
         else:
-            table.add_row(name, "not known", "", "")
+            table.add_row(label, "not known", "", "")
     table_console().print(table)
+
+
+def _label(zone: str, known: float) -> str:
+    """What a zone is called: one that is compared in part must not pass for all of it.
+
+    Args:
+        zone: a name of `_zones`.
+        known: the share of it in which both cameras know what they see.
+    """
+    if known == 1 or not known:
+        return zone
+    share = f"{100 * known:.0f} %" if known < 0.995 else "> 99 %"
+    return f"where both are known ({share})" if zone == WHOLE else f"{zone} ({share} of it)"
 
 
 def _zones(difference: "CameraDifference") -> "tuple[tuple[str, NDArray[np.float64]], ...]":
@@ -144,7 +159,7 @@ def _zones(difference: "CameraDifference") -> "tuple[tuple[str, NDArray[np.float
     part = difference.off_centre_px / (np.hypot(*difference.image_size) / 2)
     length = difference.length_px
     return (
-        ("whole image", length.ravel()),
+        (WHOLE, length.ravel()),
         ("centre", length[part < 1 / 3]),
         ("between", length[(part >= 1 / 3) & (part < 2 / 3)]),
         ("corners", length[part >= 2 / 3]),

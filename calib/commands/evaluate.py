@@ -73,7 +73,7 @@ def evaluate(
         exit_code=DEGENERATE if solved.status == "degenerate" else 0,
     )
     reported = next((place for place in (folder, folder.parent) if _has_page(place)), None)
-    return summary if reported is None else with_page_again(summary, reported)
+    return summary if reported is None else with_page_again(summary, reported, ("calibration",))
 
 
 def _has_page(folder: Path) -> bool:

@@ -1,6 +1,6 @@
 """The page of a folder of pictures, which a command leaves beside what it was asked for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -52,17 +52,46 @@ def with_page(summary: Summary, folder: Path, kind: str) -> Summary:
     return replace(summary, wrote=(*summary.wrote, *files), remarks=(*summary.remarks, *remarks))
 
 
-def with_page_again(summary: Summary, folder: Path) -> Summary:
-    """The same where results were drawn again: the page keeps what it says of their origin."""
+def say_next(summary: Summary, folder: Path) -> Summary:
+    """Say below all that was written what a person does next; the summary as it is.
+
+    Args:
+        summary: with the page among its files, if there is one, else with pictures.
+        folder: of the page.
+    """
+    from calib.report.write import PAGE_FILE
+
+    pictures = [path for path in summary.wrote if path.suffix in (".png", ".jpg")]
+    look = [f"look at {shown(pictures[0])}"] if pictures else []
+    if folder / PAGE_FILE in summary.wrote:
+        look = [f"open {shown(folder / PAGE_FILE)} in a browser"]
+    for number, step in enumerate((*look, *summary.next_steps)):
+        print(f"{'' if number else 'next'}".ljust(6) + step)
+    return summary
+
+
+def with_page_again(summary: Summary, folder: Path, kinds: Collection[str]) -> Summary:
+    """The same where results were drawn again: the page keeps what it says of their origin.
+
+    Args:
+        summary: of the results, all written.
+        folder: where they lie.
+        kinds: of pages that show such results; another's, and somebody's own, stays as it is.
+    """
+    from calib.report.claim import why_no_page
     from calib.report.guess import origin_in
     from calib.report.write import build_page, write_page
 
     try:
-        with waiting("drawing the page"):
-            origin = origin_in(folder)
-            page = write_page(folder, origin, build_page(folder, origin))
+        origin = origin_in(folder)
+        kind = origin.kind if origin.kind in kinds else next(iter(kinds))
+        remark = why_no_page(folder, kind)
+        if not remark:
+            with waiting("drawing the page"):
+                page = write_page(folder, origin, build_page(folder, origin))
     except InputError as error:
         remark = f"no page: {printable(str(error))}"
+    if remark:
         print(remark)
         return replace(summary, remarks=(*summary.remarks, remark))
     print(f"wrote {shown(page)}: all of it on one page; open it in a browser")

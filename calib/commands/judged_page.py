@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.commands.folder_page import folder_page
-from calib.commands.screen import shown, table_console, waiting
+from calib.commands.screen import quoted, shown, table_console, waiting
 from calib.commands.solutions import stop
+from designer.command import command_line
+from designer.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,13 +23,28 @@ if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
 BAD = 1
+HEAD_BYTES = 200
 DEFAULT_CRITERIA = "standard"
+
+
+def criteria_templates(incomplete: str) -> list[str]:
+    """Templates of limits, for a shell."""
+    from designer.presets import preset_names
+
+    return [name for name in preset_names("criteria") if name.startswith(incomplete)]
+
+
 CriteriaOption = Annotated[
     str,
     typer.Option(
         help="limits of the verdict: a template (standard, metrology, robotics), or a TOML file of one's own",
         metavar="NAME|FILE",
+        autocompletion=criteria_templates,
     ),
+]
+
+PageOption = Annotated[
+    bool, typer.Option("--page/--no-page", help="write the folder's index.html, or save the seconds that takes")
 ]
 
 
@@ -39,11 +56,26 @@ class JudgedPage:
     files: tuple[Path, ...]
     remarks: tuple[str, ...]
     look: tuple[str, ...]  # what a person does first
+    proposed: int  # photos to take next, which the page or next_views.json describes
 
     @property
     def exit_code(self) -> int:
         """1 if the camera is not to be used."""
         return BAD if self.verdict.grade == "bad" else 0
+
+    def again(self, how: str) -> tuple[str, str] | None:
+        """What to do, and then what to type, if the camera is not to be used; None if it is.
+
+        Args:
+            how: what to do with more photos, as in "add them to the others".
+        """
+        if self.verdict.grade != "bad":
+            return None
+        has_page = any(path.suffix == ".html" for path in self.files)
+        where = "the page proposes" if has_page else "next_views.json describes"
+        photos = "the photo" if self.proposed == 1 else f"the {self.proposed} photos"
+        take = f"take {photos} that {where}, {how}" if self.proposed else "do what is said above"
+        return f"{take}; then run the same command again", command_line()
 
     @property
     def answer(self) -> "dict[str, Value]":
@@ -51,8 +83,28 @@ class JudgedPage:
         return {"verdict": verdict_answer(self.verdict)}
 
 
+def check_judged_folder(folder: Path) -> None:
+    """Refuse a folder in which a verdict's files have the names of somebody's own, before any work is done.
+
+    Raises:
+        InputError: the message names the file.
+    """
+    from calib.verdict.next_views_file import FORMAT as NEXT_VIEWS
+    from calib.verdict.next_views_file import NEXT_VIEWS_FILE
+    from calib.verdict.verdict_file import FORMAT as VERDICT
+    from calib.verdict.verdict_file import VERDICT_FILE
+
+    for path, form in ((folder / VERDICT_FILE, VERDICT), (folder / NEXT_VIEWS_FILE, NEXT_VIEWS)):
+        if not path.exists():
+            continue
+        with path.open("rb") as stream:
+            head = stream.read(HEAD_BYTES)
+        if head and form.encode() not in head:
+            raise InputError(f"{path}: exists and is not of this program; choose another folder with -o")
+
+
 def judge_and_report(
-    solutions: "Sequence[Solution]", work: "Work", criteria: "Criteria", target: "TargetGeometry | None"
+    solutions: "Sequence[Solution]", work: "Work", criteria: "Criteria", target: "TargetGeometry | None", *, page: bool
 ) -> JudgedPage:
     """Judge the camera of a folder, say so, and write the folder's page.
 
@@ -61,40 +113,54 @@ def judge_and_report(
         work: what they are of.
         criteria: the limits.
         target: as it was used, which the page shows in 3D; None: points from elsewhere.
+        page: whether to write it; `calib report` does so later.
     """
     try:
-        return _judge_and_report(work.folder, criteria, target)
+        return _judge_and_report(work.folder, criteria, target, page=page)
     except KeyboardInterrupt:
         stop(solutions, work.finished)
 
 
-def _judge_and_report(folder: Path, criteria: "Criteria", target: "TargetGeometry | None") -> JudgedPage:
+def _judge_and_report(folder: Path, criteria: "Criteria", target: "TargetGeometry | None", *, page: bool) -> JudgedPage:
     from calib.files import write_files
     from calib.report.judging import judge_folder
     from calib.report.run_folder import TARGET_FILE
-    from calib.verdict.next_views_file import NEXT_VIEWS_FILE
+    from calib.report.write import PAGE_FILE
+    from calib.verdict.next_views_file import NEXT_VIEWS_FILE, read_next_views
     from calib.verdict.verdict_file import VERDICT_FILE
     from designer.target import target_to_json
 
     files = [folder / VERDICT_FILE, folder / NEXT_VIEWS_FILE]
     with waiting("judging"):
-        if target is not None:
-            write_files({folder / TARGET_FILE: target_to_json(target).encode()})
-            files.append(folder / TARGET_FILE)
+        place = folder / TARGET_FILE
+        # One that lies in a folder without a verdict is somebody's own.
+        if target is not None and ((folder / VERDICT_FILE).exists() or not place.exists()):
+            write_files({place: target_to_json(target).encode()})
+            files.append(place)
         judged = judge_folder(folder, criteria)
+        proposed = len(read_next_views(folder))
     _say(judged.verdict, criteria)
+    if not page:
+        step = f"calib report {quoted(folder)}   # draws its page"
+        earlier = folder / PAGE_FILE
+        old = (f"{shown(earlier)}: is of an earlier run; {step}",) if earlier.exists() else ()
+        return JudgedPage(judged.verdict, tuple(files), old, old or (step,), proposed)
     with waiting("drawing the page"):
-        page, remarks = folder_page(folder, "calibration", tuple)
-    look = tuple(f"open {shown(path)} in a browser" for path in page if path.suffix == ".html")
-    return JudgedPage(judged.verdict, (*files, *page), remarks, look)
+        pages, remarks = folder_page(folder, "calibration", tuple)
+    look = tuple(f"open {shown(path)} in a browser" for path in pages if path.suffix == ".html")
+    return JudgedPage(judged.verdict, (*files, *pages), remarks, look, proposed)
 
 
 def _say(verdict: "Verdict", criteria: "Criteria") -> None:
     """The checks, and the answer below them, where the eye ends."""
-    from calib.verdict.words import checks_table, criteria_line, headline
+    from calib.verdict.words import checks_table, criteria_line, headline, meanings_table
 
     print()
-    table_console().print(checks_table(verdict))
+    console, meanings = table_console(), meanings_table(verdict)
+    console.print(checks_table(verdict))
+    if meanings.row_count:
+        print()
+        console.print(meanings)
     print(f"\n{headline(verdict)}")
     print(criteria_line(criteria))
     for number, step in enumerate(verdict.advice):

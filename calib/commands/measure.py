@@ -9,7 +9,7 @@ import typer
 
 from calib.commands.answers.measured import measured_answer
 from calib.commands.folder_page import with_page
-from calib.commands.measured_screen import say_measured
+from calib.commands.measured_screen import say_measured, say_next_size
 from calib.commands.screen import progress_bar, quoted, shown, waiting
 from calib.commands.solve import FixOption, RejectOption, ShareOption, WeightedOption
 from designer.answer import Summary, Value, program
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 DEGENERATE = 1
 MODELS = ("opencv", "luhmann", "pinhole")
+SAME_MM = 0.005
+"""A length nearer to the design's is likely copied from it: calipers tell hundredths."""
 LEAST_VIEWS = 3
 """Of a camera: from fewer, a target that may have any shape does not tell the camera."""
 USUAL_FOLDS = 5
@@ -113,7 +115,8 @@ def measure(
     if measured_length is not None:
         _refuse_both(detections, length)
         check_places(places, target)
-        return _rescale(nominal, target, parse_length("--measured-length", measured_length, nominal), places.target)
+        asked = parse_length("--measured-length", measured_length, nominal)
+        return _rescale(nominal, target, asked, places.target, _compensation(shrink_compensation))
     if not detections:
         raise InputError(
             "no detections: give the detections.csv of photos of the print, or --measured-length to rescale without"
@@ -124,7 +127,7 @@ def measure(
     check_places(places, target)
     shape = None if truth is None else _truth(truth, nominal, target)
     prepared = _read(detections, nominal, target, one_camera=one_camera)
-    remarks = tuple(line for one in prepared for line in one.remarks)
+    remarks = (*(line for one in prepared for line in one.remarks), *_doubts(nominal, lengths))
     for remark in remarks:
         print(printable(remark))
     folds = _folds(held_out, sum(one.observations.view_count for one in prepared))
@@ -141,7 +144,7 @@ def measure(
     done = with_page(
         _write_and_say(found, held, lengths, made, settings, places, detections), places.target.parent, "measure"
     )
-    return replace(done, remarks=(*remarks, *found.remarks))
+    return replace(done, remarks=(*remarks, *found.remarks, *done.remarks))
 
 
 def _nominal(path: Path) -> "TargetGeometry":
@@ -164,9 +167,23 @@ def _refuse_both(detections: Sequence[Path] | None, length: Sequence[str] | None
         )
 
 
-def _rescale(target: "TargetGeometry", path: Path, asked: "AskedLength", out: Path) -> Summary:
+def _doubts(target: "TargetGeometry", lengths: "Sequence[AskedLength]") -> tuple[str, ...]:
+    """What to say of lengths that nobody seems to have read off a caliper."""
+    from calib.as_built.lengths import length_in
+
+    return tuple(
+        f"length {one.text} is the design's value to {SAME_MM:g} mm: is it a reading?"
+        for one in lengths
+        if abs(one.length.value_mm - length_in(target, one.length.name)) <= SAME_MM
+    )
+
+
+def _rescale(
+    target: "TargetGeometry", path: Path, asked: "AskedLength", out: Path, made_with_percent: float
+) -> Summary:
     """The quick way."""
     from calib.as_built.lengths import length_in, rescaled
+    from calib.as_built_report.deviations import Estimate, compensation_percent
     from calib.files import write_files
     from designer.target import target_to_json
 
@@ -174,16 +191,23 @@ def _rescale(target: "TargetGeometry", path: Path, asked: "AskedLength", out: Pa
     made = rescaled(target, asked.length)
     write_files({out: target_to_json(made).encode()})
     print(f"length {asked.text}")
-    sigma = asked.length.sigma_mm / asked.length.value_mm
-    print(f"size   {100 * (size - 1):+.3f} +- {100 * sigma:.3f} % against the design; the shape is taken as designed")
+    off = Estimate(size - 1, asked.length.sigma_mm / asked.length.value_mm)
+    print(
+        f"size   {100 * off.value:+.3f} +- {100 * off.sigma:.3f} % against the design; the shape is taken as designed"
+    )
     print(f"wrote  {shown(out)}: {shown(path)} made {size:.6f} times as large")
-    step = f"calib solve DETECTIONS --target {quoted(out)} -o DIR"
-    print(f"next   {step}")
+    say_next_size(off, made_with_percent)
+    doubts = _doubts(target, [asked])
+    for doubt in doubts:
+        print(doubt)
+    step = f"calib run {quoted(out)} photos -o camera"
+    print(f"next   {step}   # with the folder of your photos")
     answer: dict[str, Value] = {
         "status": "rescaled", "nominal_geometry_id": target.geometry_id, "measured_geometry_id": made.geometry_id,
-        "size": {"value": size - 1, "sigma": sigma},
+        "size": {"value": off.value, "sigma": off.sigma},
+        "next_shrink_compensation_percent": compensation_percent(off.value, made_with_percent),
     }  # fmt: skip
-    return Summary(answer, (out,), (step,))
+    return Summary(answer, (out,), (step,), doubts)
 
 
 def _options(

@@ -6,7 +6,21 @@ from calib.commands.screen import table_console
 from designer.command import printable
 
 if TYPE_CHECKING:
+    from calib.as_built_report.deviations import Estimate
     from calib.as_built_report.files import Report
+
+
+def say_next_size(size: "Estimate", made_with_percent: float) -> None:
+    """The shrinkage compensation of the next print, where one length alone tells the size."""
+    from calib.as_built_report.deviations import compensation_percent
+
+    if not size.is_significant:
+        keep = f"keep --shrink-compensation {made_with_percent:g}%; " if made_with_percent else ""
+        print(f"next print: {keep}the size is right, as far as this reading tells")
+        return
+    percent = compensation_percent(size.value, made_with_percent)
+    before = f"; this one was made with {made_with_percent:g}%" if made_with_percent else ""
+    print(f"next print: design ... --shrink-compensation {percent:.3f}%   # printed plastic{before}")
 
 
 def say_measured(report: "Report") -> None:

@@ -76,7 +76,11 @@ def render(
     jobs: Annotated[int | None, typer.Option(help="processes (default: one per core)")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace another set in the folder")] = False,
 ) -> Summary:
-    """Render synthetic photos of a target from known poses."""
+    """Render synthetic photos of a target from known poses.
+
+    Photos that a camera can be calibrated with come from several distances, with --random-roll, and with an
+    --aim-offset that brings rings into the corners of the image; the page of a design has the line for its target.
+    """
     from calib.commands.camera_argument import read_camera
     from calib.render.job import FileFormat, RenderJob
     from calib.render.options import RenderOptions, Sampling
@@ -113,8 +117,9 @@ def render(
         raise InputError("--bits 16 does not fit --format jpeg, which holds 8; use png or tiff")
     seed = whole("--seed", seed, 0, 2**63 - 1)
     if poses is not None:
-        cam_from_target = load_poses(poses)
+        cam_from_target, looks_aside = load_poses(poses), False
     else:
+        looks_aside = length("--aim-offset", aim_offset, 0, 10_000) > 0
         cam_from_target = _grid(geometry, views, distance, region, cap_angle, random_roll, aim_offset, seed)
     job = RenderJob(
         target=geometry,
@@ -125,7 +130,7 @@ def render(
         file_format=cast("FileFormat", choice("--format", file_format, get_args(FileFormat))),
         quality=whole("--quality", quality, 1, 100),
     )
-    warnings = tuple(_warnings(job))
+    warnings = tuple(_warnings(job, looks_aside=looks_aside))
     for warning in warnings:
         typer.echo(f"warning: {warning}", err=True)
     done = _run(job, target, out, _processes(jobs), overwrite)
@@ -183,8 +188,13 @@ def _processes(jobs: int | None) -> int:
     return os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, 1024)
 
 
-def _warnings(job: "RenderJob") -> Iterator[str]:
-    """What will make detection hard, from a sample of the views."""
+def _warnings(job: "RenderJob", *, looks_aside: bool) -> Iterator[str]:
+    """What will make detection hard, from a sample of the views.
+
+    Args:
+        job: what is to be rendered.
+        looks_aside: whether a target that reaches beyond the image was asked for.
+    """
     import numpy as np
 
     from calib.render.rings import ring_truth, target_fits
@@ -197,7 +207,7 @@ def _warnings(job: "RenderJob") -> Iterator[str]:
     sample = np.unique(np.linspace(0, count - 1, min(count, CHECKED_VIEWS)).round().astype(int))
     poses = job.cam_from_target[sample]
     fitting = sum(target_fits(job.target, job.camera, pose) for pose in poses)
-    if fitting < len(poses):
+    if fitting < len(poses) and not looks_aside:
         yield (
             f"the target reaches beyond the image in {1 - fitting / len(poses):.0%} of the views; "
             "stand farther away to see all of it"
@@ -229,8 +239,7 @@ def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: b
             f"stopped; {len(done)} of {len(job.file_names)} images are in {out}; the same command renders the others",
             Summary({"images": len(done), "asked": len(job.file_names)}, done),
         ) from None
-    photos = f"{quoted(out)}/*{Path(job.file_names[0]).suffix}"
-    step = f"calib detect {quoted(target)} {photos} -o {quoted(out / 'detections.csv')}"
+    step = f"calib run {quoted(target)} {quoted(out)} -o {quoted(_camera_folder(out))}"
     _summarise(job, rendered, out)
     pages, remarks = folder_page(out, PHOTOS, lambda: keep_target(out, job.target, PHOTOS))
     print(f"next  {step}")
@@ -250,6 +259,11 @@ def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: b
         (step,),
         remarks,
     )
+
+
+def _camera_folder(photos: Path) -> Path:
+    """A folder beside that of the photos, for the camera that took them."""
+    return Path("camera") if photos.name in ("", "..") else photos.with_name(f"{photos.name}-camera")
 
 
 def _summarise(job: "RenderJob", rendered: "Rendered", out: Path) -> None:

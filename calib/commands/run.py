@@ -24,7 +24,14 @@ from calib.commands.detect import (
     summarise,
     write_results,
 )
-from calib.commands.judged_page import DEFAULT_CRITERIA, CriteriaOption, judge_and_report
+from calib.commands.folder_page import say_next
+from calib.commands.judged_page import (
+    DEFAULT_CRITERIA,
+    CriteriaOption,
+    PageOption,
+    check_judged_folder,
+    judge_and_report,
+)
 from calib.commands.screen import quoted, shown
 from calib.commands.solutions import (
     Work,
@@ -51,7 +58,7 @@ from calib.commands.solve import (
     reference_settings,
 )
 from designer.answer import Summary, Value
-from designer.command import printable
+from designer.command import command_line, printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -86,6 +93,7 @@ def run(
         Path | None, typer.Option(help="of rendered photos (default: the truth.json beside them, if there is one)")
     ] = None,
     criteria: CriteriaOption = DEFAULT_CRITERIA,
+    page: PageOption = True,
     jobs: Annotated[
         int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
     ] = None,
@@ -103,6 +111,7 @@ def run(
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     folder = out if out is not None else exports_folder(target) / "calibration"
     check_folder(folder)
+    check_judged_folder(folder)
     found = _without_pictures(find_photos(photos), folder)
     truth_path = truth if truth is not None else _truth_beside(found.paths)
     known = None if truth_path is None else _read_truth(truth_path, is_asked=truth is not None)
@@ -111,12 +120,7 @@ def run(
     detected = _detect_twice(geometry, found, plan, folder, jobs or os.cpu_count() or 1)
     seen = _with_target(detected.results)
     if not seen:
-        answer = {"detections": detected.answer, **solutions_answer([], None), "verdict": None}
-        page, remarks = overlays_page(
-            folder / "overlays", target, geometry, folder / "detections.csv", detected.results, found.failures
-        )
-        print("next  look at the overlays: is it the target of this file, sharp and large enough?")
-        return Summary(answer, (*detected.files, *page), remarks=(*detected.remarks, *remarks), exit_code=NOTHING_FOUND)
+        return _nothing_found(folder, target, geometry, found, detected, page=page)
     prepared = observations_from_detections(dataset_of(seen), geometry, origin="the photos")
     settings = (
         ("target", target.name), ("photos", str(len(found.paths))), *reference_settings(reference, reference_target),
@@ -127,7 +131,7 @@ def run(
         (table,),
     )  # fmt: skip
     solutions, comparison = _draw(solve_and_say(work), folder, table)
-    judged = judge_and_report(solutions, work, limits, geometry)
+    judged = judge_and_report(solutions, work, limits, geometry, page=page)
     steps = _advise(solutions, judged, None if known is None else truth_path)
     return Summary(
         {"detections": detected.answer, **solutions_answer(solutions, best_of(solutions)), **judged.answer},
@@ -136,6 +140,29 @@ def run(
         (*detected.remarks, *prepared.remarks, *judged.remarks),
         judged.exit_code,
     )
+
+
+def _nothing_found(
+    folder: Path, target: Path, geometry: "TargetGeometry", found: "Found", detected: "_Detected", *, page: bool
+) -> Summary:
+    """Write the page that shows why, of the run's folder, or of its overlays if an earlier camera has the folder."""
+    from calib.report.run_folder import is_run_folder
+
+    place = folder / "overlays" if is_run_folder(folder) else folder
+    table, overlays = folder / "detections.csv", folder / "overlays"
+    pages: tuple[Path, ...] = ()
+    remarks: tuple[str, ...] = ()
+    if page:
+        pages, remarks = overlays_page(
+            place, target, geometry, table, detected.results, found.failures, overlays=overlays
+        )
+    again = command_line()
+    summary = Summary(
+        {"detections": detected.answer, **solutions_answer([], None), "verdict": None}, (*detected.files, *pages),
+        (f"{again}   # with other photos: the page says what they lack",) if again else (),
+        (*detected.remarks, *remarks), NOTHING_FOUND,
+    )  # fmt: skip
+    return say_next(summary, place)
 
 
 def _draw(solutions: "Sequence[Solution]", folder: Path, table: Path) -> "tuple[list[Solution], tuple[Path, ...]]":
@@ -181,7 +208,8 @@ def _advise(solutions: "Sequence[Solution]", judged: "JudgedPage", truth: Path |
         known = "" if truth is None else f" --truth {quoted(truth)}"
         return f"calib evaluate {quoted(best.folder)} --held-out 5{known}   # on photos that it was not solved from"
 
-    return advise(solutions, first=judged.look, evaluate=evaluate)
+    again = judged.again("and add them to the photos")
+    return advise(solutions, first=judged.look, again=again, evaluate=evaluate)
 
 
 def _without_pictures(found: "Found", folder: Path) -> "Found":
@@ -263,13 +291,14 @@ def _with_target(results: "Sequence[PhotoResult]") -> "list[Detections]":
 def _remembering() -> "tuple[dict[str, Detections], Detect]":
     """The detector, and what it found in each photo."""
     from calib.detect.pipeline import detect
+    from calib.report.why_nothing import explained
 
     found: dict[str, Detections] = {}
 
     def search(
         pixels: "Pixels", target: "TargetGeometry", *, name: str, camera: "Camera | None" = None
     ) -> "Detections":
-        found[name] = detect(pixels, target, name=name, camera=camera)
+        found[name] = explained(detect(pixels, target, name=name, camera=camera), pixels, target)
         return found[name]
 
     return found, search
@@ -278,13 +307,14 @@ def _remembering() -> "tuple[dict[str, Detections], Detect]":
 def _again(camera: "Camera | None", first: "dict[str, Detections]") -> "Detect":
     """The detector with the lens known; photos of another size, or all without a camera, are as they were."""
     from calib.detect.pipeline import detect
+    from calib.report.why_nothing import explained
 
     def search(pixels: "Pixels", target: "TargetGeometry", *, name: str, **_: object) -> "Detections":
         height, width = pixels.shape
         fits = camera is not None and camera.image_size == (width, height)
         if name in first and not fits:
             return first[name]
-        return detect(pixels, target, name=name, camera=camera if fits else None)
+        return explained(detect(pixels, target, name=name, camera=camera if fits else None), pixels, target)
 
     return search
 

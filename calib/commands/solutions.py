@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from calib.virtual.solve_virtual import Reference
 
 
+LONGEST_LINE = 400
+"""Of a command that is said again; of thousands of file names nobody reads more."""
+
+
 @dataclass(frozen=True, eq=False)
 class Work:
     """What is to be solved, and where it comes from."""
@@ -138,18 +142,25 @@ def say_files(solutions: "Sequence[Solution]") -> None:
 
 
 def advise(
-    solutions: "Sequence[Solution]", *, first: Sequence[str] = (), evaluate: "Callable[[Solution], str]"
+    solutions: "Sequence[Solution]",
+    *,
+    first: Sequence[str] = (),
+    again: tuple[str, str] | None = None,
+    evaluate: "Callable[[Solution], str]",
 ) -> tuple[str, ...]:
     """Say what to do next; return what of it is a command line.
 
     Args:
         solutions: what came of the models.
         first: what comes before all.
+        again: of a camera that is not to be used: what to do, and what to type then, "" if that is not known.
         evaluate: what to type to evaluate a solution, "" for nothing.
     """
     best = best_of(solutions)
-    if is_degenerate(solutions):
-        said, commands = [*first, "no camera is determined: do what is said above, and solve again"], []
+    none = "no camera is determined: " if is_degenerate(solutions) else ""
+    if again is not None:  # a camera that is not to be used is not handed on
+        commands = [again[1]] if again[1] else []
+        said = [*first, f"{none}{again[0]}", *(one for one in commands if len(one) <= LONGEST_LINE)]
     else:
         convert = f"calib convert {quoted(best.folder / 'camera.json')} --to colmap -o cameras.txt"
         commands = [step for step in (evaluate(best), f"{convert}   # or opencv, ros, kalibr, ...") if step]

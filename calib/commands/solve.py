@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.commands.answers.solutions import solutions_answer
-from calib.commands.judged_page import DEFAULT_CRITERIA, CriteriaOption, judge_and_report
+from calib.commands.judged_page import (
+    DEFAULT_CRITERIA,
+    CriteriaOption,
+    PageOption,
+    check_judged_folder,
+    judge_and_report,
+)
 from calib.commands.screen import quoted
 from calib.commands.solutions import Work, advise, best_of, files_of_solutions, say_files, solve_and_say
 from designer.answer import Summary
@@ -76,6 +82,7 @@ def solve(
     grid: GridOption = None,
     pitch: PitchOption = None,
     criteria: CriteriaOption = DEFAULT_CRITERIA,
+    page: PageOption = True,
 ) -> Summary:
     """Solve the camera, and where it stood, from what was detected, and judge it.
 
@@ -87,6 +94,7 @@ def solve(
     limits = read_criteria(criteria)
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     check_folder(out)
+    check_judged_folder(out)
     prepared = read_input(detections, target, image_size, grid, pitch)
     settings = (
         ("detections", detections.name),
@@ -100,8 +108,11 @@ def solve(
     )  # fmt: skip
     solutions = solve_and_say(work)
     say_files(solutions)
-    judged = judge_and_report(solutions, work, limits, geometry)
-    steps = advise(solutions, first=judged.look, evaluate=lambda best: f"calib evaluate {quoted(best.folder)}")
+    judged = judge_and_report(solutions, work, limits, geometry, page=page)
+    steps = advise(
+        solutions, first=judged.look, again=judged.again("and detect them with the others"),
+        evaluate=lambda best: f"calib evaluate {quoted(best.folder)}",
+    )  # fmt: skip
     return Summary(
         {**solutions_answer(solutions, best_of(solutions)), **judged.answer},
         (*files_of_solutions(solutions), *judged.files),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.folder_page import with_page, with_page_again
+from calib.commands.folder_page import say_next, with_page, with_page_again
 from calib.commands.screen import progress_bar, quoted, shown, table_console, waiting
 from calib.commands.solve import (
     MODELS,
@@ -33,6 +33,7 @@ from designer.errors import InputError
 
 if TYPE_CHECKING:
     from calib.pipeline.settings import SolvePlan
+    from calib.studies.findings import Finding
     from calib.studies.paper_study import PaperStudy
     from calib.studies.store import Study
     from calib.studies.workers import CaseSpec
@@ -41,6 +42,8 @@ MAX_SIZE = 100_000
 MAX_SAMPLES = 1_000_000
 MAX_SEED = 2**63 - 1
 LONGEST_NAME = 60
+RUN_FOLDER = "calibration"
+"""How `calib run` calls its folder."""
 KEPT = "stopped; what is finished is kept: go on with --resume"
 
 app = typer.Typer(
@@ -130,7 +133,7 @@ def bootstrap(
         with open_study(out / STUDY_FILE, identity, resume=resume) as study:
             sample(specs, study, samples=samples, seed=seed, jobs=jobs, dask=dask)
             summary = show(study, out, (*prepared.remarks, *pool.remarks))
-        return with_page(summary, out, "bootstrap")
+        return say_next(with_page(summary, out, "bootstrap"), out)
 
 
 @command(app)
@@ -163,7 +166,7 @@ def paper(
         with open_study(out / STUDY_FILE, identity, resume=resume) as study:
             sample(specs, study, samples=work.samples, seed=seed, jobs=jobs, dask=dask)
             summary = show(study, out)
-        return with_page(summary, out, "paper")
+        return say_next(with_page(summary, out, "paper"), out)
 
 
 @command(app)
@@ -183,7 +186,7 @@ def plot(
     check_folder(place)
     with read_study(path) as study:
         summary = show(study, place)
-    return with_page_again(summary, place)
+    return say_next(with_page_again(summary, place, ("bootstrap", "paper")), place)
 
 
 def parse_sizes(text: str) -> tuple[int, ...]:
@@ -236,7 +239,7 @@ def _told(counts: list[int], bar: Callable[[float], None]) -> Callable[[int], No
 
 
 def show(study: "Study", folder: Path, remarks: Sequence[str] = ()) -> Summary:
-    """Write tables and figures, print the tables and what they say, and what to look at.
+    """Write tables and figures, print the tables and what they say.
 
     Args:
         study: finished or not.
@@ -244,8 +247,9 @@ def show(study: "Study", folder: Path, remarks: Sequence[str] = ()) -> Summary:
         remarks: on the photos, said already.
     """
     from calib.files import write_files
+    from calib.report.study_words import OWN
     from calib.studies.outputs import FIGURES_FOLDER, study_output
-    from calib.studies.table import finding_in_words, findings_table, notes, screen_tables
+    from calib.studies.table import notes, screen_tables
     from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
 
     with waiting("drawing"):
@@ -259,12 +263,9 @@ def show(study: "Study", folder: Path, remarks: Sequence[str] = ()) -> Summary:
         print(f"- {printable(line)}")
     if output.findings:
         print()
-        console.print(findings_table(output.findings))
-        for one in output.findings:
-            if one.verdict != "holds":
-                print(f"- {printable(finding_in_words(one))}")
+        _say_findings(output.findings)
         for line in output.reasons:
-            print(f"- {printable(line)}")
+            print(f"- {printable(line.removeprefix(OWN))}")
     mixed = tuple(_mixed_programs(study))
     for line in mixed:
         print(f"- {line}")
@@ -272,10 +273,25 @@ def show(study: "Study", folder: Path, remarks: Sequence[str] = ()) -> Summary:
     print(f"\nwrote {shown(folder / MARKDOWN_FILE)}, {CSV_FILE}, {JSON_FILE}: the tables")
     print(f"      {shown(folder / FIGURES_FOLDER)}: {', '.join(path.name for path in pictures)}, as PDF and SVG too")
     print(f"      {shown(study.path)}: every sample")
-    step = f"calib study plot {quoted(study.path)} -o {quoted(folder)}"
-    print(f"next  look at {shown(pictures[0])} before you trust the numbers; {step} draws all again")
+    step = f"calib study plot {quoted(study.path)} -o {quoted(folder)}   # draws all again"
     answer = table_answer(output.files[folder / JSON_FILE])
     return Summary(answer, (*output.files, study.path), (step,), (*remarks, *mixed))
+
+
+def _say_findings(found: "Sequence[Finding]") -> None:
+    """What holds of the paper's findings; of a person's own photos only how sigma falls, which is no claim."""
+    from calib.report.study_words import fall_in_words
+    from calib.studies.table import finding_in_words, findings_table
+
+    if not any(one.ratios for one in found):
+        falls = {(fall.target, fall.metric): fall for one in found for fall in one.falls}
+        for fall in falls.values():
+            print(f"- {printable(fall.target)}, {fall.metric} error: {fall_in_words(fall.exponent, fall.error)}")
+        return
+    table_console().print(findings_table(found))
+    for one in found:
+        if one.verdict != "holds":
+            print(f"- {printable(finding_in_words(one))}")
 
 
 def table_answer(table: bytes) -> dict[str, Value]:
@@ -323,8 +339,11 @@ def _name_of(path: Path) -> str:
     """What a target is called in tables."""
     from calib.studies.paper_table import TARGETS
 
-    # A name stands above columns and pictures.
-    name = printable(path.name.removesuffix(".json").removesuffix(".target")) or printable(path.name)
+    # A name stands above columns and pictures; in the folder of a run, the folder says more than target.json.
+    file = path.name.removesuffix(".json").removesuffix(".target") or path.name
+    place = path.absolute().parent
+    folder = place.parent.name if place.name == RUN_FOLDER else place.name
+    name = printable((folder or file) if file == "target" else file)
     short = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
     # The paper's own targets are others, whose numbers must not stand beside.
     return f"own {short}" if short in TARGETS else short

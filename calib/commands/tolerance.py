@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.folder_page import with_page
+from calib.commands.folder_page import say_next, with_page
 from calib.commands.screen import progress_bar, quoted, waiting
 from calib.commands.solve import check_folder
 from calib.commands.study import kept_when_stopped, stopped_in_a_line, table_answer
@@ -116,7 +116,7 @@ def tolerance(
         if other is not None and against is not None:
             keeping = replace(keeping, inputs={"target": against})
             report = replace(report, against=_compared(report, scene, other, asked, keeping, vary))
-        return with_page(_write(report, out, target), out, "tolerance")
+        return say_next(with_page(_write(report, out, target), out, "tolerance"), out)
 
 
 @dataclass(frozen=True)
@@ -367,7 +367,8 @@ def _write(report: "Report", folder: Path, target: Path) -> Summary:
         files = report_files(report, folder)
         write_files(files)
     step = f"calib measure {quoted(target)} DETECTIONS -o measured/{quoted(Path(target.name))}"
-    say_files(report, folder, list(files), target)
+    step += "   # takes the errors of your own print back, from photos of it"
+    say_files(report, folder, list(files))
     names = (STUDY_FILE,) if report.against is None else (STUDY_FILE, AGAINST_FILE)
     draws = [folder / name for name in names if report.table.draws]
     kept = all(report.is_kept(one.budget) for one in report.budgets)

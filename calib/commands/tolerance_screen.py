@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.commands.screen import quoted, shown, table_console
+from calib.commands.screen import shown, table_console
 from designer.command import printable
 
 if TYPE_CHECKING:
@@ -42,8 +42,8 @@ def _print_notes(lines: tuple[str, ...]) -> None:
         print(f"- {printable(line)}")
 
 
-def say_files(report: "Report", folder: Path, files: Sequence[Path], target: Path) -> None:
-    """What was written, what to look at, and what to do next."""
+def say_files(report: "Report", folder: Path, files: Sequence[Path]) -> None:
+    """What was written."""
     from calib.studies.outputs import FIGURES_FOLDER
     from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
     from calib.studies.tolerance.explore import STUDY_FILE
@@ -55,5 +55,3 @@ def say_files(report: "Report", folder: Path, files: Sequence[Path], target: Pat
         print(f"      {shown(folder / FIGURES_FOLDER)}: {', '.join(path.name for path in pictures)}{also}")
     if report.table.draws:
         print(f"      {shown(folder / STUDY_FILE)}: every draw")
-    look = f"look at {shown(pictures[0])}; " if pictures else ""
-    print(f"next  {look}calib measure {quoted(target)} takes the errors of your own print back")

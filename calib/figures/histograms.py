@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 FEWEST_BINS, MOST_BINS = 10, 40
 SHOWN_PERCENT = 99.5
 """The largest errors are counted in the last bin, so that one of thousands does not set the scale."""
+ROOM = 1.45
+"""Height over the highest bar, for the legend, which no line may cross."""
 
 
 def draw_sizes(axes: "Axes", sizes: Array, unit: str) -> None:
@@ -40,9 +42,9 @@ def draw_sizes(axes: "Axes", sizes: Array, unit: str) -> None:
     count = np.histogram(np.minimum(sizes, most), edges)[0]
     axes.stairs(count, edges, fill=True, color=BLUE, alpha=0.6)
     rmse, percentile_95 = float(np.sqrt(np.mean(sizes**2))), float(np.percentile(sizes, 95))
-    axes.axvline(rmse, color=VERMILION, linewidth=2.2, label="root mean square")
-    axes.axvline(percentile_95, color=ORANGE, linewidth=2.2, linestyle="--", label="95 % are below")
+    axes.axvline(rmse, ymax=1 / ROOM, color=VERMILION, linewidth=2.2, label="root mean square")
+    axes.axvline(percentile_95, ymax=1 / ROOM, color=ORANGE, linewidth=2.2, linestyle="--", label="95 % are below")
     axes.set_xlim(0, most)
-    axes.set_ylim(0, 1.45 * count.max())
+    axes.set_ylim(0, ROOM * count.max())
     axes.locator_params(axis="x", nbins=5)
     axes.legend(loc="upper right", frameon=False)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import rays
 from calib.refit import image_grid
 from calib.solver.uncertainty import projected_sigma_px, sigma_over_image_px
 from calib.types import Calibration
@@ -15,6 +16,8 @@ MAP = (49, 37)
 """Columns and rows: both odd, so that one pixel is the middle."""
 SHARE_SHOWN, MOST_BEYOND = 95, 2.5
 """Colours end at this percentile if the largest value is so many times more: a lens runs away in its corners."""
+OUTER = 1 / 6
+"""Of the image's side: what lies in it is at the edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +28,7 @@ class SigmaMap:
     pixel: Array  # (R, C, 2)
     sigma_px: Array  # (R, C) nan where the camera has no rays
     most_px: float  # what 95 % of the image do not exceed; infinite if less is known
+    known_share: float  # the part of the image where the camera has rays, 0 to 1
 
     @property
     def known_px(self) -> Array:
@@ -35,11 +39,6 @@ class SigmaMap:
     def is_known(self) -> bool:
         """Whether there is anything but zeros and gaps."""
         return bool(len(self.known_px) and self.known_px.max() > 0)
-
-    @property
-    def known_share(self) -> float:
-        """The part of the image where it is known, 0 to 1."""
-        return len(self.known_px) / self.sigma_px.size
 
     @property
     def centre_px(self) -> float:
@@ -56,7 +55,7 @@ class SigmaMap:
     def worst_place(self) -> str:
         """Where the largest is, in words: "in the top left corner"."""
         row, column = np.unravel_index(np.nanargmax(self.sigma_px), self.sigma_px.shape)
-        return place_in_image(self.pixel[row, column], self.image_size)
+        return place_on_map(self.pixel, np.isfinite(self.sigma_px), (int(row), int(column)), self.image_size)
 
 
 def sigma_map(calibration: Calibration) -> SigmaMap:
@@ -65,7 +64,9 @@ def sigma_map(calibration: Calibration) -> SigmaMap:
     pixel = image_grid(size, *MAP)
     sigma = projected_sigma_px(calibration.camera, calibration.param_covariance, pixel.reshape(-1, 2))
     most_px = sigma_over_image_px(calibration.camera, calibration.param_covariance)
-    return SigmaMap(size, pixel, sigma.reshape(pixel.shape[:2]), most_px)
+    # Of the same pixels as the verdict's share, so that both are one number.
+    known = float(np.isfinite(rays(calibration.camera, image_grid(size).reshape(-1, 2))).all(axis=1).mean())
+    return SigmaMap(size, pixel, sigma.reshape(pixel.shape[:2]), most_px, known)
 
 
 def scale_end(values: Array) -> tuple[float, bool]:
@@ -74,10 +75,38 @@ def scale_end(values: Array) -> tuple[float, bool]:
     return (usual, True) if largest > MOST_BEYOND * usual > 0 else (largest, False)
 
 
-def place_in_image(pixel: Array, image_size: tuple[int, int]) -> str:
-    """A place of an image in words, by its thirds: "in the top left corner", "at the left edge", "in the middle"."""
-    third = [min(max(int(3 * (at + 0.5) / side), 0), 2) for at, side in zip(pixel.tolist(), image_size, strict=True)]
+def place_on_map(pixel: Array, is_known: NDArray[np.bool_], at: tuple[int, int], image_size: tuple[int, int]) -> str:
+    """A place of a map over the image in words; what is known there may end short of the corner or edge.
+
+    Args:
+        pixel: of the map (R, C, 2).
+        is_known: where it has values (R, C).
+        at: row and column of the place.
+        image_size: width, height in px.
+    """
+    border = []
+    for index, count in zip(at, is_known.shape, strict=True):
+        part = index / max(count - 1, 1)
+        border.append(0 if part < OUTER else count - 1 if part > 1 - OUTER else index)
+    return place_in_image(pixel[at], image_size, is_reached=bool(is_known[border[0], border[1]]))
+
+
+def place_in_image(pixel: Array, image_size: tuple[int, int], *, is_reached: bool = True) -> str:
+    """A place of an image in words, by its thirds: "in the top left corner", "at the left edge", "in the middle".
+
+    What lies short of the outer sixth is only "towards the top left".
+
+    Args:
+        pixel: the place (2,).
+        image_size: width, height in px.
+        is_reached: something is known as far as the corner or edge itself.
+    """
+    part = [(at + 0.5) / side for at, side in zip(pixel.tolist(), image_size, strict=True)]
+    third = [min(max(int(3 * along), 0), 2) for along in part]
     across, down = ("left", "", "right")[third[0]], ("top", "", "bottom")[third[1]]
-    if across and down:
-        return f"in the {down} {across} corner"
-    return f"at the {across or down} edge" if across or down else "in the middle"
+    if not across and not down:
+        return "in the middle"
+    outer = [min(along, 1 - along) < OUTER for along, name in zip(part, (across, down), strict=True) if name]
+    if not all(outer) or not is_reached:
+        return f"towards the {down} {across}".replace("  ", " ").rstrip()
+    return f"in the {down} {across} corner" if across and down else f"at the {across or down} edge"

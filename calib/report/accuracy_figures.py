@@ -11,11 +11,12 @@ from calib.figures.fields import draw_means, draw_residuals
 from calib.figures.histograms import draw_sizes
 from calib.figures.maps import draw_coverage, draw_map
 from calib.figures.page import draw_histogram, draw_uncertainty
-from calib.figures.sigma_map import SigmaMap, place_in_image
+from calib.figures.sigma_map import SigmaMap, place_on_map
 from calib.figures.style import bar_beside, image_axes, panel_height_in, svg_panel
 from calib.metrics.residual_cells import Cells, Residuals
 from calib.report.run_folder import Solved
 from calib.results.evaluation_table import figure as digits
+from calib.verdict.apart import Known, sigma_over
 from calib.verdict.coverage import Coverage, region_words
 from calib.verdict.halves import HalvesApart, NoHalves
 from designer.page.blocks import Figure
@@ -31,6 +32,8 @@ CONTRADICTED = 2.0
 """Cameras of halves that differ by so many of their standard deviations contradict these."""
 NOTHING_PX = 1e-4
 """Cameras that differ by less are the same for any use."""
+NOTICEABLE = 1.5
+"""The covered area is told apart if the whole image is so many times as uncertain."""
 HISTOGRAM_IN = 3.2
 """How high the panel of a histogram is."""
 
@@ -72,15 +75,18 @@ def uncertainty_figure(one: Solved, found: SigmaMap, halves: HalvesApart | NoHal
     """How uncertain the camera is at each pixel, and how much of that cameras of halves of the photos confirm."""
     calibration = one.calibration
     title = "Uncertainty of the camera (1 sigma)"
+    inside = covered_words(one, found)
     alt = f"{title}: {uncertainty_words(found)}"
     caption = (
-        f"{uncertainty_words(found)}. How far a direction may be shown from its true pixel, less a rotation of all: "
-        "what the noise of the photos leaves open"
+        f"{uncertainty_words(found)}. How far a direction may be shown from its true pixel, the rotation that fits the "
+        "whole image best removed: what the noise of the photos leaves open"
     )
     if calibration.camera.learned is not None:
         caption += "; the learned map is taken as exact, so the truth is larger"
+    caption += f". {inside}" if inside else ""
     if found.known_share < 1:
-        caption += ". Grey: the model has no directions there"
+        share = f", in {100 * (1 - found.known_share):.0f} % of the image" if math.isfinite(found.most_px) else ""
+        caption += f". Grey: the model has no directions there{share}"
     return image_panel(
         title, found.image_size, lambda axes: draw_uncertainty(axes, calibration, found), alt,
         f"{caption}. {halves_words(halves)}".rstrip(),
@@ -95,10 +101,27 @@ def uncertainty_words(found: SigmaMap) -> str:
     most = (
         f"95 % of the image is within {digits(found.most_px, 2)} px"
         if math.isfinite(found.most_px)
-        else f"it is known in {100 * found.known_share:.0f} % of the image only"
+        else f"{100 * (1 - found.known_share):.0f} % of the image has no directions"
     )
     words = f"{middle}{digits(found.worst_px, 2)} px {found.worst_place}; {most}"
     return words[:1].upper() + words[1:]
+
+
+def covered_words(one: Solved, found: SigmaMap) -> str:
+    """What the verdict says of the covered area, where the map says something else of it; "" if not."""
+    calibration = one.calibration
+    if not found.is_known or not np.isfinite(calibration.param_covariance).all():
+        return ""
+    inside = sigma_over(Known(calibration.camera, calibration.param_covariance), one.coverage)
+    if not len(inside):
+        return ""
+    within = float(np.percentile(inside, 95, method="inverted_cdf"))
+    if found.most_px <= NOTICEABLE * within:
+        return ""
+    return (
+        "What is open where nothing was seen moves that rotation, and so all of the map; where the target was seen, "
+        f"its own rotation removed, 95 % is within {digits(within, 2)} px"
+    )
 
 
 def halves_words(halves: HalvesApart | NoHalves) -> str:
@@ -228,7 +251,8 @@ def apart_words(found: Difference) -> str:
     length = found.length_px
     row, column = np.unravel_index(np.nanargmax(length), length.shape)
     width, height = found.pixel[-1, -1] + found.pixel[0, 0]
-    place = place_in_image(found.pixel[row, column], (round(width + 1), round(height + 1)))
+    size = round(width + 1), round(height + 1)
+    place = place_on_map(found.pixel, np.isfinite(length), (int(row), int(column)), size)
     most = float(np.nanmax(length))
     if most < NOTHING_PX:
         return f"Less than {NOTHING_PX:g} px everywhere"

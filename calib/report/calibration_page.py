@@ -52,7 +52,7 @@ def calibration_page(folder: Path, origin: Origin) -> Page:
         sections = [
             verdict_section(verdict, best, faults),
             *next_section(verdict, best, proposed),
-            camera_section(run, best),
+            camera_section(run, best, is_usable=verdict is None or verdict.grade != "bad"),
             accuracy_section(best, found, halves),
         ]
         after: list[Section] = []

@@ -25,7 +25,7 @@ def page_lead(best: Solved, found: SigmaMap, halves: HalvesApart | NoHalves) -> 
     facts = (
         ("camera model", best.model),
         ("image", f"{width} x {height} px"),
-        ("focal length", f"{focal_length(calibration).replace('+-', '±')} px"),
+        (focal_title(calibration.camera), f"{focal_length(calibration).replace('+-', '±')} px"),
         ("field of view", field_of_view_words(calibration.camera)),
         ("photos used", str(seen.view_count)),
         ("sightings", f"{int((~calibration.is_outlier).sum())} rings and dots"),
@@ -34,6 +34,11 @@ def page_lead(best: Solved, found: SigmaMap, halves: HalvesApart | NoHalves) -> 
         ("solution", calibration.status),
     )
     return uncertainty_figure(best, found, halves), Facts(facts)
+
+
+def focal_title(camera: Camera) -> str:
+    """What a focal length is called: that of a learned map is none of the lens."""
+    return "focal length" if camera.learned is None else "focal length of the virtual sensor"
 
 
 def field_of_view_words(camera: Camera) -> str:
@@ -50,20 +55,28 @@ def field_of_view_words(camera: Camera) -> str:
     return f"{across:.1f}° x {down:.1f}°"
 
 
-def camera_section(run: RunFolder, best: Solved) -> Section:
-    """Parameters, and the files to use."""
+def camera_section(run: RunFolder, best: Solved, *, is_usable: bool) -> Section:
+    """Parameters, and the files to use.
+
+    Args:
+        run: the folder.
+        best: its camera.
+        is_usable: whether to say how to use it; a camera that is judged unfit is not handed on.
+    """
     place = f"{best.path}camera.json"
     blocks: list[Block] = [parameters_table(best)]
     blocks += [
         Fold(f"Parameters of model {one.model}", (parameters_table(one),)) for one in run.solved if one is not best
     ]
-    blocks.append(Command(
-        f"calib convert {shlex.quote(place)} --to opencv -o camera.yaml",
-        "To use it: camera.json holds all; for OpenCV (or ros, kalibr, colmap, mrcal, metashape) type in this folder",
-    ))  # fmt: skip
+    if is_usable:
+        blocks.append(Command(
+            f"calib convert {shlex.quote(place)} --to opencv -o camera.yaml",
+            "To use it: camera.json holds all; for OpenCV (ros, kalibr, colmap, mrcal, metashape) type in this folder",
+        ))  # fmt: skip
     calibration = best.calibration
     words = (
-        f"Focal length {focal_length(calibration).replace('+-', '±')} px, "
-        f"field of view {field_of_view_words(calibration.camera)}; {place} is the file to use."
+        f"{focal_title(calibration.camera).capitalize()} {focal_length(calibration).replace('+-', '±')} px, "
+        f"field of view {field_of_view_words(calibration.camera)}; "
+        + (f"{place} is the file to use." if is_usable else f"{place} is not to be used: see the verdict.")
     )
     return Section("Camera", tuple(blocks), lead=words)

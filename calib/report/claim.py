@@ -7,6 +7,9 @@ from calib.report.write import PAGE_FILE
 from designer.command import printable
 from designer.errors import InputError
 
+REPLACED = (("detections", "calibration"),)
+"""Kinds that give way to another in the same folder: a run that found nothing, to one that found a camera."""
+
 
 def why_no_page(folder: Path, kind: str) -> str:
     """Why a folder's page has to stay as it is, in one line; "" if a page of this kind may be written.
@@ -21,6 +24,6 @@ def why_no_page(folder: Path, kind: str) -> str:
         there = read_origin(folder).kind
     except InputError as error:
         return printable(str(error))
-    if there == kind:
+    if there == kind or (there, kind) in REPLACED:
         return ""
     return f"{printable(str(page))}: stays as it is, the page of what is in this folder otherwise ({printable(there)})"

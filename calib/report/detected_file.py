@@ -66,17 +66,20 @@ def write_detected(
     results: "Sequence[PhotoResult]",
     sigmas_px: Sequence[float],
     failures: Sequence[str],
+    *,
+    overlays: Path | None = None,
 ) -> Path:
     """Write `detected.json`; its path.
 
     Args:
-        folder: of the overlays.
+        folder: of the page.
         target: its file.
         geometry: the target.
         table: the detections that were written.
         results: of each photo.
         sigmas_px: median standard deviation of each photo's centres; nan without centres.
         failures: arguments that stood for no photo.
+        overlays: their folder, within the page's (default: the page's).
 
     Raises:
         InputError: another file has that name, or it cannot be written.
@@ -85,9 +88,11 @@ def write_detected(
 
     path = folder / DETECTED_FILE
     require_replaceable(path, start_of(FORMAT), "list of overlays")
+    way = "" if overlays is None or overlays == folder else f"{overlays.relative_to(folder).as_posix()}/"
     file = DetectedFile(
         str(target), geometry.face_count, geometry.layout_id, geometry.geometry_id, program(), str(table),
-        _from_folder(table, folder), tuple(map(_photo, results, sigmas_px)), tuple(failures),
+        _from_folder(table, folder),
+        tuple(_photo(result, sigma, way) for result, sigma in zip(results, sigmas_px, strict=True)), tuple(failures),
     )  # fmt: skip
     write_files({path: own_to_json(asdict(file))})
     return path
@@ -101,10 +106,10 @@ def _from_folder(path: Path, folder: Path) -> str:
         return ""
 
 
-def _photo(result: "PhotoResult", sigma_px: float) -> DetectedPhoto:
+def _photo(result: "PhotoResult", sigma_px: float, way: str) -> DetectedPhoto:
     if result.seen is None:
         return DetectedPhoto(ImageRecord(result.photo.name, None, 0, 0, (), (), result.failure), None, "")
-    overlay = "" if result.overlay is None else result.overlay.name
+    overlay = "" if result.overlay is None else f"{way}{result.overlay.name}"
     known = sigma_px if math.isfinite(sigma_px) else None
     return DetectedPhoto(image_record(result.seen), known, overlay, result.overlay_failure)
 

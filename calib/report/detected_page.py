@@ -215,14 +215,18 @@ def _faces_table(file: DetectedFile) -> Table:
 def _missing_section(file: DetectedFile) -> Section:
     """Why rings are missing, over all photos."""
     missing = sum((missing_of(photo) for photo in file.photos), Counter[str]())
+    title = "Why rings are missing"
+    if not any(photo.record.features for photo in file.photos):
+        lead = "In no photo was a face named, so no ring can be told missing; what each shows instead stands above."
+        return Section(title, (), lead=lead)
     if not missing:
-        return Section("Why rings are missing", (), lead="No ring of a face that shows is missing.")
+        return Section(title, (), lead="No ring of a face that shows is missing.")
     rows = tuple((Cell(printable(why)), whole(count)) for why, count in missing.most_common())
     note = f"Rings that are {TOO_FLAT} are not expected: no detector measures them." if TOO_FLAT in missing else ""
     table = Table("Reasons", (Column("reason", is_number=False), Column("rings")), rows, note)
     lost = missing.total() - missing[TOO_FLAT]
     lead = f"{lost} rings are missing that could have been measured" if lost else "Only rings that nobody could measure"
-    return Section("Why rings are missing", (table,), lead=f"{lead}.")
+    return Section(title, (table,), lead=f"{lead}.")
 
 
 def _files(folder: Path, file: DetectedFile) -> Section:

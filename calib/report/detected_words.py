@@ -30,10 +30,10 @@ def checks(file: DetectedFile) -> tuple[Finding, ...]:
     found = sum(photo.record.features for photo in searched)
     expected = sum(photo.expected for photo in searched)
     asked = len(file.photos) + len(file.failures)
-    rows = [
-        _check("Rings of the faces that show", found, expected, "Rings that are seen too flat are not counted."),
-        _check("Photos that show the target", len(showing), len(searched), "Of the photos that could be read."),
-    ]
+    rows = [_check("Photos that show the target", len(showing), len(searched), "Of the photos that could be read.")]
+    if showing:
+        flat = "Rings that are seen too flat are not counted."
+        rows.insert(0, _check("Rings of the faces that show", found, expected, flat))
     if len(searched) < asked:
         rows.append(_check("Photos that could be read", len(searched), asked, "The others are listed with the reason."))
     return tuple(rows)
@@ -62,6 +62,8 @@ def detected_headline(file: DetectedFile, rows: Sequence[Finding]) -> Headline:
     found, expected = sum(p.record.features for p in searched), sum(p.expected for p in searched)
     if not showing:
         sentence = f"The target was found in none of {_photos(len(file.photos))}."
+        if reason := first_reason(file):
+            sentence += f" {reason}"
     else:
         sentence = (
             f"The target was found in {showing} of {_photos(len(file.photos))}, with {found} of the {expected} rings "
@@ -71,6 +73,17 @@ def detected_headline(file: DetectedFile, rows: Sequence[Finding]) -> Headline:
     if failed:
         sentence += f" {failed} could not be read."
     return Headline(level, WORDS[level], sentence)
+
+
+def first_reason(file: DetectedFile) -> str:
+    """What is said of a photo that does not show the target, as a sentence; "" if nothing is."""
+    without = [photo.record for photo in readable(file) if not photo.record.features and photo.record.remarks]
+    if not without:
+        return ""
+    words = printable("; ".join(without[0].remarks))
+    if all(record.remarks == without[0].remarks for record in without):
+        return f"{words[:1].upper()}{words[1:]}."
+    return f"{printable(without[0].image)}: {words}."
 
 
 def _photos(count: int) -> str:

@@ -21,6 +21,7 @@ BY_NAME: Mapping[str, str] = {
 }  # fmt: skip
 """Files that commands leave in folders of pictures, and what the folder then is."""
 MEASURED = "*.as_built.json"
+OVERLAYS, DETECTED_FILE = "overlays", "detected.json"
 DESIGN = "*.target.json"
 
 
@@ -42,6 +43,11 @@ def origin_in(folder: Path) -> Origin:
     if any(folder.glob(DESIGN)):
         name = next((path.name for path in sorted(folder.glob("*.toml"))), "NAME.toml")
         raise InputError(f"{folder}: is a design's folder: design make {name} -o {folder} writes its page")
+    if (folder / OVERLAYS / DETECTED_FILE).is_file():
+        raise InputError(
+            f"{folder}: holds no camera, only what was found in photos: calib report {folder / OVERLAYS} writes "
+            "its page"
+        )
     raise InputError(
         f"{folder}: holds nothing to report; give a folder that calib run, calib measure, calib study or "
         "design tolerance wrote"

@@ -1,5 +1,6 @@
 """Judging the calibration in a folder, by limits of one's choice."""
 
+import math
 from pathlib import Path
 
 from calib.files import write_files
@@ -11,6 +12,9 @@ from calib.verdict.next_views_file import NEXT_VIEWS_FILE, next_views_file
 from calib.verdict.of_run import Judged, judge_run
 from calib.verdict.verdict_file import VERDICT_FILE, read_verdict, verdict_to_json
 from designer.errors import InputError
+
+SAME = 1e-9
+"""Two roots of mean squares of the same files differ by less, of their size."""
 
 
 def judge_folder(folder: Path, criteria: Criteria) -> Judged:
@@ -45,8 +49,15 @@ def _stored_halves(folder: Path, best: Solved) -> HalfSplit | None:
 
 
 def is_verdict_on(judged: Judged, best: Solved) -> bool:
-    """Whether a verdict is on this camera: of its model, and its halves, if there are any, of its photos."""
-    if judged.verdict.model != best.model:
+    """Whether a verdict is on this camera.
+
+    It is of its model; its halves, if there are any, are of its photos; and as much is left over, which other
+    detections of the same photos would change.
+    """
+    left_px = next((check.value for check in judged.verdict.checks if check.name == "residuals"), None)
+    if judged.verdict.model != best.model or left_px is None:
+        return False
+    if not math.isclose(left_px, best.rmse_px, rel_tol=SAME):
         return False
     names, size = set(best.calibration.observations.view_names), best.calibration.camera.image_size
     for first, second in judged.halves.pairs if isinstance(judged.halves, Halves) else ():

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.inputs.records import ImageRecord, Records
+from calib.inputs.records import ImageRecord, Records, measurable
 from calib.metrics.evaluation import by_view
 from calib.report.run_folder import RunFolder, Solved
 from calib.verdict.view_facts import view_facts
@@ -26,7 +26,7 @@ class PhotoRow:
     name: str
     is_used: bool  # the camera was solved from it
     seen: int  # features that were found, or without records those that were used
-    expected: int | None  # of the faces that show; None: not known
+    expected: int | None  # that could be measured of the faces that show; None: not known
     outliers: int
     rmse_px: float
     worst_px: float
@@ -94,10 +94,10 @@ def _used_rows(one: Solved, records: Mapping[str, ImageRecord]) -> list[PhotoRow
 
 
 def _expected(record: ImageRecord | None) -> int | None:
-    """How many features the faces have that were found."""
+    """How many features of the faces that were found could have been measured, as commands count them too."""
     if record is None:
         return None
-    return sum(face.rings_expected for face in record.faces if face.face is not None)
+    return sum(measurable(face) for face in record.faces if face.face is not None)
 
 
 def _unused_row(record: ImageRecord) -> PhotoRow:

@@ -19,6 +19,7 @@ from calib.report.place_scene import distance_words, place_view, place_words, ti
 from calib.report.rendered_file import RenderedSet, effects, missing_finding, option_words, read_rendered
 from calib.report.study_folder import files_section, warnings
 from calib.results.evaluation_table import figure as digits
+from calib.studies.tolerance.view_fit import LEAST_RADIUS_PX
 from designer.command import printable
 from designer.page.blocks import (
     Block,
@@ -28,6 +29,7 @@ from designer.page.blocks import (
     Facts,
     Findings,
     Headline,
+    Level,
     Page,
     Section,
     Table,
@@ -54,6 +56,12 @@ class Row:
     faces: int | None  # with a ring that can be measured
     rings: int | None  # that can be measured, nothing hiding them
     radius_px: float  # median of their semi-minor axes
+    largest_px: float  # of all semi-minor axes; nan where no ring shows
+
+    @property
+    def is_too_small(self) -> bool:
+        """Whether no ring is as large as the detector wants."""
+        return self.largest_px < LEAST_RADIUS_PX
 
 
 def rendered_page(folder: Path, origin: Origin) -> Page:
@@ -69,6 +77,7 @@ def rendered_page(folder: Path, origin: Origin) -> Page:
     careful: tuple[Block, ...] = (
         *((Findings((missing_finding(missing, len(rows)),)),) if missing else ()),
         *warnings("File", (wrong,) if wrong else ()),
+        *warnings("Rings too small", (_too_small(rows),) if any(row.is_too_small for row in rows) else ()),
     )
     shots = [Shot(row.name, row.name, _caption(row)) for row in rows if row.is_there]
     names = tuple(printable(row.name) for row in rows)
@@ -83,13 +92,13 @@ def rendered_page(folder: Path, origin: Origin) -> Page:
         files_section(folder, FILES, Command("calib report .", AGAIN)),
     )  # fmt: skip
     return Page(
-        title=title_of(folder), kind="Rendered photos", headline=_headline(found, target, missing), sections=sections,
+        title=title_of(folder), kind="Rendered photos", headline=_headline(found, target, rows), sections=sections,
         lead=(Facts(_facts(found, target)),), made_by=origin.command, program=origin.program,
     )  # fmt: skip
 
 
-def _headline(found: RenderedSet, target: TargetGeometry | None, missing: int) -> Headline:
-    total = len(found.truth.files)
+def _headline(found: RenderedSet, target: TargetGeometry | None, rows: list[Row]) -> Headline:
+    total, missing = len(rows), sum(not row.is_there for row in rows)
     width, height = found.truth.camera.image_size
     seen = effects(found.options)
     sentence = (
@@ -99,7 +108,20 @@ def _headline(found: RenderedSet, target: TargetGeometry | None, missing: int) -
     )
     if missing:
         return Headline("usable", "unfinished", f"{total - missing} of {sentence}")
+    if all(row.is_too_small for row in rows):
+        return Headline("usable", "rings too small", f"{sentence} {_too_small(rows)}")
     return Headline("note", "rendered", sentence)
+
+
+def _too_small(rows: list[Row]) -> str:
+    """Which photos show no ring that is large enough, and what to do, in the words of `calib render`."""
+    small = [row for row in rows if row.is_too_small]
+    largest = digits(max(row.largest_px for row in small), 2)
+    where = "" if len(small) == len(rows) else f" in {len(small)} of {len(rows)} photos"
+    return (
+        f"The largest ring{where} has a radius of {largest} px; the detector wants {LEAST_RADIUS_PX:g} px: come "
+        "nearer, or use a longer lens."
+    )
 
 
 def _facts(found: RenderedSet, target: TargetGeometry | None) -> tuple[tuple[str, str], ...]:
@@ -138,14 +160,15 @@ def _images(folder: Path) -> set[str]:
         return {entry.name for entry in entries if entry.is_file()}
 
 
-def _seen(found: RenderedSet, scene: Scene | None, view: int) -> tuple[int | None, int | None, float]:
+def _seen(found: RenderedSet, scene: Scene | None, view: int) -> tuple[int | None, int | None, float, float]:
     """Faces and rings that a photo shows large enough, and how large they are."""
     if scene is None:
-        return None, None, np.nan
+        return None, None, np.nan, np.nan
     rings = ring_truth(scene, found.truth.camera, found.truth.cam_from_target[view])
     clear = rings.whole & (rings.minor_radius_px >= MIN_RADIUS_PX)
     radius = float(np.median(rings.minor_radius_px[clear])) if clear.any() else np.nan
-    return len(np.unique(scene.ring_face[clear])), int(clear.sum()), radius
+    largest = float(rings.minor_radius_px[rings.visible].max(initial=0))
+    return len(np.unique(scene.ring_face[clear])), int(clear.sum()), radius, largest
 
 
 def _rings_words(rows: list[Row]) -> str:
@@ -154,9 +177,11 @@ def _rings_words(rows: list[Row]) -> str:
         return ""
     least, most = min(counts), max(counts)
     each = f"{least}" if least == most else f"{least} to {most}"
+    if all(row.is_too_small for row in rows):
+        return ""  # said already
     return (
-        f"Each shows {each} rings whole and with a semi-minor axis of at least {MIN_RADIUS_PX:g} px, which is what "
-        "can be measured."
+        f"Each shows {each} rings whole and with a semi-minor axis of at least {MIN_RADIUS_PX:g} px. So small ones can "
+        f"be measured beside others; to find and name a face, the detector wants rings of {LEAST_RADIUS_PX:g} px."
     )
 
 
@@ -189,7 +214,8 @@ def _table(rows: list[Row], *, is_flat: bool) -> Table:
 def _cells(row: Row, *, is_flat: bool) -> tuple[Cell, ...]:
     link = row.name if row.is_there and is_linkable(row.name) else ""
     name = printable(row.name) if row.is_there else f"{printable(row.name)} (not there)"
-    cells = [Cell(name, path=link, level=None if row.is_there else "usable"), number(row.distance_mm)]
+    level: Level | None = "usable" if row.is_too_small or not row.is_there else None
+    cells = [Cell(name, path=link, level=level), number(row.distance_mm)]
     if is_flat:
         cells.append(number(row.tilt_deg, 2))
     if row.rings is not None and row.faces is not None:

@@ -6,14 +6,15 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from calib.cameras import MODELS
-from calib.inputs.records import Records
+from calib.inputs.records import Records, measurable
 from calib.metrics.errors import Summary, summarise
 from calib.metrics.evaluation import by_face
 from calib.report.cells import number, whole
 from calib.report.run_folder import Solved
 from calib.report.stored_metrics import StoredMetric, StoredMetrics
+from calib.results.evaluation_table import OF_ITS_OWN_SENSOR, focal_length, with_digits
 from calib.results.evaluation_table import figure as digits
-from calib.results.evaluation_table import focal_length, with_digits
+from calib.types import TOO_FLAT, Calibration
 from designer.command import printable
 from designer.page.blocks import Cell, Column, Table
 
@@ -104,9 +105,10 @@ def models_table(solved: Sequence[Solved]) -> Table:
     columns = (
         Column("model", is_number=False), Column("sightings"),
         *(Column(f"{name} {printable(units[name])}", note="root mean square") for name in (*names, *poses)),
-        Column("fx px"), Column("status", is_number=False),
+        Column("fx px", note=OF_ITS_OWN_SENSOR), Column("status", is_number=False),
     )  # fmt: skip
-    return Table("Models of the camera", columns, tuple(_model_row(one, names, poses) for one in solved))
+    note = OF_ITS_OWN_SENSOR if any(one.calibration.camera.learned is not None for one in solved) else ""
+    return Table("Models of the camera", columns, tuple(_model_row(one, names, poses) for one in solved), note)
 
 
 def _model_row(one: Solved, names: Iterable[str], poses: Iterable[str]) -> tuple[Cell, ...]:
@@ -117,9 +119,16 @@ def _model_row(one: Solved, names: Iterable[str], poses: Iterable[str]) -> tuple
         Cell(one.model), whole(int((~calibration.is_outlier).sum())),
         *(Cell("") if errors is None else number(summarise(errors).rmse, 4) for errors in found),
         *(Cell("") if metric is None or metric.rmse is None else number(metric.rmse, 4) for metric in stored),
-        Cell(focal_length(calibration).replace("+-", "±"), float(calibration.camera.params[0])),
+        _focal_cell(calibration),
         Cell(calibration.status, level=None if calibration.status == "converged" else "bad"),
     )  # fmt: skip
+
+
+def _focal_cell(calibration: Calibration) -> Cell:
+    """`fx`; of a learned map it is that of a sensor of its own, beside which others mean nothing."""
+    if calibration.camera.learned is not None:
+        return Cell("")
+    return Cell(focal_length(calibration).replace("+-", "±"), float(calibration.camera.params[0]))
 
 
 def _stored(one: Solved, name: str) -> StoredMetric | None:
@@ -137,7 +146,12 @@ def faces_table(one: Solved, records: Records | None) -> Table:
     rings, expected = _rings_of_faces(records, faces)
     columns = [Column("face"), Column("photos", note="that show it"), Column("sightings", note="that count")]
     if records is not None:
-        columns.append(Column("rings found %", note="of those it has, in the photos in which it was read"))
+        columns.append(
+            Column(
+                "rings found %",
+                note=f"in the photos in which it was read, of those that could be measured: not those {TOO_FLAT}",
+            )
+        )
     columns += [Column(f"{e.metric} {e.unit}", note="root mean square") for e, _ in grouped]
     columns.append(Column("worst px", note="the largest that is left over"))
     reprojection = next((summaries for e, summaries in grouped if e.metric == "reprojection"), None)
@@ -153,13 +167,13 @@ def faces_table(one: Solved, records: Records | None) -> Table:
 
 
 def _rings_of_faces(records: Records | None, faces: int) -> tuple[list[int], list[int]]:
-    """How many rings of each face were found in all photos, and how many there were."""
+    """How many rings of each face were found in all photos, and how many could have been measured."""
     found, expected = [0] * faces, [0] * faces
     for image in () if records is None else records.images:
         for face in image.faces:
             if face.face is not None and 0 <= face.face < faces:
                 found[face.face] += face.rings_found
-                expected[face.face] += face.rings_expected
+                expected[face.face] += measurable(face)
     return found, expected
 
 

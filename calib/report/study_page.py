@@ -21,10 +21,12 @@ from calib.report.study_tables import (
     LEVEL_OF_VERDICT,
     errors_table,
     factors_table,
+    falls_table,
     findings_table,
     parameters_table,
 )
 from calib.report.study_words import (
+    OWN,
     bootstrap_headline,
     correlations_alt,
     histograms_alt,
@@ -185,7 +187,7 @@ def _views(folder: Path, table: StudyTable) -> Section:
     blocks = list(figures(folder, texts))
     falls = [one for one in table.findings if one.exponents]
     is_own = len(falls) == len(table.findings)
-    claims = findings_table(falls, "Does sigma fall with the number of views") if is_own else None
+    claims = falls_table(falls) if is_own else None
     return Section(
         "More views", (*blocks, *((claims,) if claims is not None else ())),
         lead="Where sigma falls as 1/sqrt(N), four times as many views halve it.",
@@ -252,7 +254,7 @@ def _table_2(table: StudyTable) -> Section:
 
 def _notes(table: StudyTable) -> Section:
     reasons = () if any(one.ratios for one in table.findings) else table.reasons
-    return Section("Notes", notes((*table.notes, *reasons)))
+    return Section("Notes", notes((*table.notes, *(line.removeprefix(OWN) for line in reasons))))
 
 
 def _next_of_bootstrap(table: StudyTable) -> Steps:

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 
 from calib.report.parameter_spread import Spread
 from calib.report.study_table_file import MOST_SETTINGS, StudyCase, StudyFinding, StudyMetric, StudyTable
+from calib.report.study_words import fall_in_words
 from calib.results.evaluation_table import figure, with_digits
+from calib.studies.findings import ABOUT, ROOT, SIGNIFICANT
 from calib.studies.statistics import Metric
 from calib.studies.table import LARGEST, setting_in_words
 from designer.page.blocks import Cell, Column, Level, Table
@@ -28,7 +30,9 @@ def errors_table(table: StudyTable, target: str) -> Table:
     In the paper's units if it has any of the cases.
     """
     metrics, in_paper = table.metrics, any(map(_has_paper, table.cases))
-    columns = [Column("views"), Column("of", is_number=False, note="the paper, or the way of sampling and counting")]
+    has_ways = in_paper or any(map(any, table.settings))
+    way = Column("of", is_number=False, note="the paper, or the way of sampling and counting")
+    columns = [Column("views"), *((way,) if has_ways else ())]
     for metric in metrics:
         unit = unit_words(metric) if in_paper else metric.unit
         columns.append(Column(f"{metric.name} [{unit}]", note="mean ± sigma over all samples"))
@@ -38,7 +42,7 @@ def errors_table(table: StudyTable, target: str) -> Table:
     for size in table.sizes:
         cases = [one for setting in table.settings if (one := table.case(target, size, setting)) is not None]
         rows += [_paper_row(cases[0], metrics)] if cases and _has_paper(cases[0]) else []
-        rows += [_case_row(one, metrics, in_paper=in_paper) for one in cases]
+        rows += [_case_row(one, metrics, in_paper=in_paper, has_ways=has_ways) for one in cases]
     note = (
         "Mean ± standard deviation over all samples that have the error; the interval is that of the samples, not of a "
         "fitted Gaussian."
@@ -67,8 +71,8 @@ def _paper_cells(metric: Metric, found: StudyMetric) -> list[Cell]:
     return [Cell(f"{mu:.2f} ± {sigma:.2f}", mu), Cell(f"{low:.2f} to {high:.2f}", low)]
 
 
-def _case_row(case: StudyCase, metrics: Sequence[Metric], *, in_paper: bool) -> tuple[Cell, ...]:
-    cells = [Cell(str(case.size), case.size), Cell(setting_in_words(*case.setting))]
+def _case_row(case: StudyCase, metrics: Sequence[Metric], *, in_paper: bool, has_ways: bool) -> tuple[Cell, ...]:
+    cells = [Cell(str(case.size), case.size), *((Cell(setting_in_words(*case.setting)),) if has_ways else ())]
     for metric in metrics:
         found = case.of(metric)
         cells += [NOT_KNOWN] * 2 if found is None else _cells(found, 10.0**-metric.power if in_paper else 1.0)
@@ -153,6 +157,33 @@ def findings_table(found: Sequence[StudyFinding], title: str) -> Table | None:
         "of the number of views for the errors one by one (-0.5: as 1/sqrt(N))."
     )
     return Table(title, columns, rows[:MOST_ROWS], note, visible_rows=20)
+
+
+def falls_table(found: Sequence[StudyFinding]) -> Table | None:
+    """How fast the sigma of each error falls with the number of views; None if that is not known."""
+    falls = {
+        (one.claim.rpartition(" for the ")[2], part.metric): part
+        for one in found
+        for part in one.exponents
+        if part.exponent is not None and part.error is not None
+    }
+    rows = []
+    for (target, metric), part in falls.items():
+        exponent, error = part.exponent or 0.0, part.error or 0.0
+        is_slow = exponent > ROOT + ABOUT + SIGNIFICANT * error
+        words = fall_in_words(exponent, error).partition(", ")[2]
+        rows.append((
+            Cell(target), Cell(metric), Cell(f"{exponent:.2f} ± {error:.2f}", exponent),
+            Cell(words, level="usable" if is_slow else None),
+        ))  # fmt: skip
+    if not rows:
+        return None
+    columns = (
+        Column("target", is_number=False), Column("error", is_number=False),
+        Column("exponent", note="a of sigma = c N^a, N the number of views; -0.5 is 1/sqrt(N)"),
+        Column("that is", is_number=False),
+    )  # fmt: skip
+    return Table("How fast sigma falls with the number of views", columns, tuple(rows[:MOST_ROWS]))
 
 
 def _verdict_cell(one: StudyFinding | None) -> Cell:

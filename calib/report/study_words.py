@@ -5,12 +5,19 @@ from collections.abc import Sequence
 from calib.report.parameter_spread import Spread
 from calib.report.study_table_file import StudyCase, StudyFinding, StudyTable
 from calib.results.evaluation_table import figure, with_digits
+from calib.studies.findings import ABOUT, ROOT, SIGNIFICANT
 from calib.studies.statistics import METRICS, Metric
 from calib.studies.table import setting_in_words
 from designer.page.blocks import Headline, Level
 
 MANY_LOST, SOME_LOST = 0.05, 0.01
 """Parts of the samples without a good camera, from which on a study says: not with so few views, or with care."""
+OWN = "ours: "
+"""What lines on a study of one way of sampling begin with, beside the paper's."""
+ON_ITS_OWN_VIEWS = (
+    " Each sample is measured on the views it was solved from, and few views are easily fitted: a smaller error with "
+    "fewer views is no better camera. What says how sure the camera is, is the spread (sigma)."
+)
 FOCAL = 0
 """Place of the focal length among the parameters of every model."""
 
@@ -54,7 +61,10 @@ def interval_sentence(table: StudyTable) -> str:
             if found is not None and found.percentile_low is not None and found.percentile_high is not None:
                 ends = f"{figure(found.percentile_low, 3)} and {figure(found.percentile_high, 3)} {found.unit}"
                 parts.append(f"with {case.size} views between {ends}")
-    return f"Intersection error of 95 % of the samples: {'; '.join(parts)}." if parts else ""
+    if not parts:
+        return ""
+    several = len({one.size for one in table.cases}) > 1
+    return f"Intersection error of 95 % of the samples: {'; '.join(parts)}.{ON_ITS_OWN_VIEWS * several}"
 
 
 def paper_headline(table: StudyTable) -> Headline:
@@ -130,6 +140,23 @@ def sigma_alt(table: StudyTable, sightings: str) -> str:
     ]
     found = "; ".join(parts) or "exponents are not known"
     return f"Sigma of each error falls with the number of views, next to a line of 1/sqrt(N). {found}."
+
+
+def fall_in_words(exponent: float, error: float) -> str:
+    """How fast sigma falls, against 1/sqrt(N).
+
+    Args:
+        exponent: a of sigma = c N^a.
+        error: its standard error.
+    """
+    told = f"sigma goes as N^({exponent:.2f} ± {error:.2f})"
+    if abs(exponent - ROOT) <= ABOUT and SIGNIFICANT * error < -ROOT:
+        return f"{told}, about as 1/sqrt(N)"
+    if abs(exponent - ROOT) <= ABOUT + SIGNIFICANT * error:
+        return f"{told}, not told from 1/sqrt(N) by so few samples"
+    if exponent < ROOT:
+        return f"{told}, faster than 1/sqrt(N): samples of few views are at times much worse than usual"
+    return f"{told}, slower than 1/sqrt(N): more views bring less than usual"
 
 
 def _exponents(one: StudyFinding) -> list[str]:

@@ -28,6 +28,7 @@ from calib.report.tolerance_tables import (
     sensitivity_table,
     source_title,
     sweep_table,
+    together_table,
     totals_table,
 )
 from calib.report.tolerance_words import (
@@ -130,7 +131,7 @@ def _ranking(folder: Path, table: ToleranceFile) -> Section:
     told = (*OFF, f"{of_name(table.ranked_by).title}: ")  # elsewhere, and in the lead
     others = [line for line in table.notes if not line.lower().startswith(tuple(map(str.lower, told)))]
     return Section(
-        "Costs", (*figures(folder, [text]), cost_table(table), *notes(others)),
+        "Costs", (*figures(folder, [text]), cost_table(table), together_table(table), *notes(others)),
         lead=cost_sentence(table, table.ranked_by),
     )  # fmt: skip
 

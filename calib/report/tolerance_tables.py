@@ -72,14 +72,22 @@ def cost_table(table: ToleranceFile) -> Table:
         *(Column(head(name), note=of_name(name).title) for name in MAIN),
     )  # fmt: skip
     rows = [_cost_row(table, one) for one in table.ranking]
-    rows.append((Cell("all errors together"), *[Cell("")] * 3, *_costs(table, TOGETHER)))
-    noise = [Cell(figure(table.noise(name), 3), table.noise(name)) for name in MAIN]
-    rows.append((Cell("no error: noise alone"), *[Cell("")] * 3, *noise))
     note = (
         "A cost is what an error adds, in squares, to what noise alone gives; < where it is below a tenth of the noise "
         "or not told from it."
     )
     return Table("What each error costs", columns, tuple(rows), note, visible_rows=20)
+
+
+def together_table(table: ToleranceFile) -> Table:
+    """What all errors add together, and what is left without any: apart, so that no sorting mixes them with errors."""
+    columns = (Column("of", is_number=False), *(Column(head(name), note=of_name(name).title) for name in MAIN))
+    noise = [Cell(figure(table.noise(name), 3), table.noise(name)) for name in MAIN]
+    rows = (
+        (Cell("all errors together"), *_costs(table, TOGETHER)),
+        (Cell("no error: noise alone"), *noise),
+    )
+    return Table("All errors together, and none", columns, rows)
 
 
 def _cost_row(table: ToleranceFile, one: CostRow) -> tuple[Cell, ...]:

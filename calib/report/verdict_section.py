@@ -114,12 +114,12 @@ def next_views_figure(best: Solved, proposed: Sequence[NextView]) -> Figure:
     def draw(axes: "Axes") -> None:
         draw_next_views(axes, seen.image_size, proposed, seen.center_px)
 
-    last = proposed[-1].sigma_px_after
     count = "One more photo" if len(proposed) == 1 else f"{len(proposed)} more photos"
-    words = (
-        f"{count} would bring 95 % of the image within about {digits(last, 1)} px (1 sigma), "
-        "if the lens is as estimated"
-    )
+    last = proposed[-1]
+    words = f"{count} would bring 95 % of the image within about {digits(last.sigma_px_after, 1)} px (1 sigma)"
+    if last.covered_after > proposed[0].covered_before:
+        words += f" and the coverage to {100 * last.covered_after:.0f} %"
+    words += ", if the lens is as estimated"
     return image_panel(
         "Where to hold the target next", seen.image_size, draw, words,
         f"{words}. Grey: rings seen so far. Numbered: outlines of the target in the next photos.", has_bar=False,

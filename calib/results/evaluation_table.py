@@ -14,6 +14,9 @@ from calib.types import Calibration
 from designer.command import printable
 
 WORST = 5
+OF_ITS_OWN_SENSOR = (
+    "fx of the virtual camera is left out: it belongs to the sensor that its map leads to, not to the photos"
+)
 LEAST_SIGHTINGS = 3
 """Of a ring that is called bad: the largest of thousands of single errors is always large."""
 _STATISTICS = (("RMSE", "rmse"), ("mean", "mean"), ("median", "median"), ("95 %", "percentile_95"), ("max", "largest"))
@@ -99,7 +102,10 @@ def _worst_table(evaluation: Evaluation, title: str, name_of: Callable[[int], st
 
 
 def comparison_table(evaluations: Sequence[Evaluation]) -> Table:
-    """Calibrations of the same photos side by side: RMSE of each metric, and the focal length with its sigma."""
+    """Calibrations of the same photos side by side: RMSE of each metric, and the focal length with its sigma.
+
+    The focal length of a learned map is no camera's, and is left out with a word below.
+    """
     shown = dict.fromkeys(errors.metric for one in evaluations for errors in one.errors)
     table = _table("model", "photos", "sightings", left=("model",))
     for name in shown:
@@ -113,8 +119,11 @@ def comparison_table(evaluations: Sequence[Evaluation]) -> Table:
         counted = int((~calibration.is_outlier).sum())
         table.add_row(
             calibration.camera.model, str(calibration.observations.view_count), str(counted), *cells,
-            focal_length(calibration), Text(calibration.status, "" if calibration.status == "converged" else "yellow"),
+            "" if calibration.camera.learned is not None else focal_length(calibration),
+            Text(calibration.status, "" if calibration.status == "converged" else "yellow"),
         )  # fmt: skip
+    if any(one.calibration.camera.learned is not None for one in evaluations):
+        table.caption, table.caption_justify = Text(OF_ITS_OWN_SENSOR, "dim"), "left"
     return table
 
 

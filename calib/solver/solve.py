@@ -22,7 +22,9 @@ Array = NDArray[np.float64]
 FAR_OFF = 6.0
 
 
-def solve(observations: Observations, model: str, options: SolveOptions | None = None) -> Calibration:
+def solve(
+    observations: Observations, model: str, options: SolveOptions | None = None, *, noise_px2: Array | None = None
+) -> Calibration:
     """Solve a camera and the poses of all views.
 
     Levenberg-Marquardt on the distances in the image, from linear equations (homographies of planar views, direct
@@ -32,6 +34,8 @@ def solve(observations: Observations, model: str, options: SolveOptions | None =
         observations: what was seen; every view has four points or more that are not on a line.
         model: a camera model that is its parameters alone.
         options: weights, losses, fixed and shared parameters.
+        noise_px2: of the observations (M, 2, 2), by which it is told what is far off; None: the covariances they have,
+            which may also stand for weights.
 
     Raises:
         InputError: fewer equations than unknowns, no view whose pose can be found, or options that do not fit.
@@ -40,6 +44,7 @@ def solve(observations: Observations, model: str, options: SolveOptions | None =
     options = options or SolveOptions()
     _check(options)
     tie = tie_parameters(model, options)
+    noise = observations.cov_px2 if noise_px2 is None else noise_px2
     problem = pack(observations, weighted=options.weighted)
     _require_equations(problem, tie)
     camera = coarse_camera(problem, model, tie.row, tie.value, options.focal_px, is_robust=is_robust(options))
@@ -48,18 +53,20 @@ def solve(observations: Observations, model: str, options: SolveOptions | None =
         raise InputError("no view has a pose that shows its points; check that points and pixels belong together")
     remarks = _left_out(observations, first.found)
     if remarks:
+        noise = None if noise is None else noise[first.found[observations.view]]
         observations = keep_views(observations, first.found)
         problem = pack(observations, weighted=options.weighted)
         _require_equations(problem, tie)
     poses = first.cam_from_target[first.found]
-    descended = descend(problem, camera, poses, tie, options, observations.cov_px2)
+    descended = descend(problem, camera, poses, tie, options, noise)
     while is_robust(options) and descended.is_lost.any() and not descended.is_lost.all():
         remarks += _lost(observations, descended)
         poses = poses[~descended.is_lost]
+        noise = None if noise is None else noise[~descended.is_lost[observations.view]]
         observations = keep_views(observations, ~descended.is_lost)
         problem = pack(observations, weighted=options.weighted)
         _require_equations(problem, tie)
-        descended = descend(problem, camera, poses, tie, options, observations.cov_px2)
+        descended = descend(problem, camera, poses, tie, options, noise)
     return _calibration(observations, problem, descended, tie, options, remarks, time.perf_counter() - begin)
 
 

@@ -20,11 +20,11 @@ SHARE_PERCENT = 95
 """Of the image, where one number stands for all of it."""
 
 
-def projected_covariance_px2(camera: Camera, param_covariance: Array, pixel: Array) -> Array:
-    """Covariances (N, 2, 2) of where the camera shows the directions it has at pixels (N, 2); nan where it has none.
+def projected_change(camera: Camera, pixel: Array) -> Array:
+    """How each parameter moves where the camera shows the directions it has at pixels (N, 2, P); nan where it has none.
 
     With G = du/dparams and R = du/drotation at a pixel, and W the least-squares rotation over the image for each
-    parameter, the change by dp is `(G + R W) dp`.
+    parameter, that is `G + R W`.
     """
     by_params, by_rotation = _derivatives(camera, image_grid(camera.image_size, *GRID).reshape(-1, 2))
     seen: NDArray[np.bool_] = np.asarray(np.isfinite(by_params).all(axis=(1, 2)))
@@ -32,7 +32,13 @@ def projected_covariance_px2(camera: Camera, param_covariance: Array, pixel: Arr
         by_rotation[seen].reshape(-1, 3), -by_params[seen].reshape(-1, by_params.shape[2]), rcond=None
     )
     here_params, here_rotation = _derivatives(camera, pixel)
-    change = here_params + here_rotation @ turn
+    change: Array = here_params + here_rotation @ turn
+    return change
+
+
+def projected_covariance_px2(camera: Camera, param_covariance: Array, pixel: Array) -> Array:
+    """Covariances (N, 2, 2) of where the camera shows the directions it has at pixels (N, 2); nan where it has none."""
+    change = projected_change(camera, pixel)
     covariance: Array = change @ param_covariance @ change.transpose(0, 2, 1)
     return covariance
 

@@ -1,9 +1,11 @@
 """What to do better next time, in sentences: each rests on a number of these photos, the most useful comes first.
 
-What spoils the photos comes before what is missing in them: more photos of a bent target make nothing better.
+What would change the verdict comes first, in the order in which the verdict names what is wrong. Of advice that mends
+the same, what spoils the photos comes before what is missing in them: more photos of a bent target do not help.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +13,14 @@ from numpy.typing import NDArray
 from calib.results.evaluation_table import figure
 from calib.solver.outliers import deviations
 from calib.types import Calibration
-from calib.verdict.checks import BY_CHANCE
-from calib.verdict.coverage import region_words
+from calib.verdict.checks import BY_CHANCE, SURE, checks_of
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import FAR_OFF, Evidence, HalvesFound
+from calib.verdict.judge import NEEDED, faults_of
 from calib.verdict.next_view_words import distance_words, short
-from calib.verdict.next_views import NextView, photos_needed
+from calib.verdict.next_views import NextView
+from calib.verdict.photo_advice import is_sure, photo_advice, px
+from calib.verdict.verdict import Check
 from calib.verdict.view_facts import ViewFacts, view_facts
 
 SMALL_TILT_DEG, GOOD_TILT_DEG = 15.0, 20.0
@@ -28,10 +32,6 @@ SMALL_SIZE = 0.33
 """Of the image: a target that fills less of it in the median photo is small."""
 FEW_RINGS = 20
 FEW_PHOTOS, ENOUGH_PHOTOS = 6, 10
-MANY_TIMES = 5
-"""So many times as many photos as there are will not be taken."""
-HOPELESS_TIMES = 100
-"""A number that large tells nobody anything."""
 LARGE_SHARE, NOTICEABLE = 0.5, 3.0
 """A part of what is left over that is worth a word: so much of it, and so many times the detector's noise."""
 WORSE, SPREADS = 2.0, 5.0
@@ -43,58 +43,73 @@ SIGMA_OF_MAD = 1.4826
 FEWEST_FAR = 3
 """Sightings far off that are no chance."""
 MOST_NAMES = 4
+SOLVE = "calib solve detections.csv --target NAME.target.json -o again"
+MEASURE = (
+    "`calib measure NAME.target.json detections.csv -o measured/NAME.target.json`, then `calib solve detections.csv "
+    "--target measured/NAME.target.json -o again`"
+)
+"""With the person's own names of files."""
 MAP_MISSING = 0.05
 """Of the image: a learned map that leaves more open is worth a word."""
 
 
+@dataclass(frozen=True)
+class _Step:
+    """Something to do, and the checks that it may change."""
+
+    sentences: tuple[str, ...]
+    mends: tuple[str, ...]
+
+
 def advice_of(
-    calibration: Calibration, evidence: Evidence, criteria: Criteria, views: Sequence[NextView] = ()
+    calibration: Calibration, evidence: Evidence, criteria: Criteria, views: Sequence[NextView] | None = None
 ) -> tuple[str, ...]:
-    """What to do better, the most useful first; nothing if there is nothing.
+    """What to do better, what would change the verdict first; nothing if there is nothing.
 
     Args:
         calibration: the one that is judged.
         evidence: of it.
         criteria: the limits it is judged by.
-        views: the next photos that were found for it.
+        views: the next photos that were found for it; None: nobody looked for any.
     """
     facts = view_facts(calibration)
     faults = (
-        (_undetermined(evidence),)
+        (_step(_undetermined(evidence), "solution"),)
         if evidence.status == "degenerate"
         else (
             _target(evidence, criteria),
-            _odd_photos(facts, criteria),
-            _far_off(calibration, evidence, criteria, facts),
-            _few_photos(facts),
-            _tilts(evidence, criteria, facts),
+            _step(_odd_photos(facts, criteria), "residuals", "outliers"),
+            _step(_far_off(calibration, evidence, criteria, facts), "outliers"),
+            _step(_few_photos(facts), "halves"),
+            _step(_tilts(evidence, criteria, facts), "uncertainty"),
         )
     )
-    found = (
+    is_to_measure = any("calib measure" in sentence for step in faults for sentence in step.sentences)
+    steps = (
         *faults,
-        _sigma(evidence, criteria, views, len(facts.name)),
-        _uncovered(evidence, criteria),
-        _lens(evidence, criteria, calibration.camera.model),
-        "" if any(map(_is_to_measure, faults)) else _target_share(evidence, criteria),
-        _small(facts),
-        _few_rings(facts),
-        _one_distance(facts),
-        _map(evidence),
+        _Step(photo_advice(calibration, evidence, criteria, views), ("solution", "uncertainty", "coverage")),
+        _step(_lens(evidence, criteria, calibration.camera.model), "systematic", "models"),
+        _step("" if is_to_measure else _target_share(evidence, criteria)),
+        _step(_small(facts)),
+        _step(_few_rings(facts)),
+        _step(_one_distance(facts)),
+        _step(_map(evidence)),
     )
-    return tuple(sentence for sentence in found if sentence)
+    order = _wanting(checks_of(evidence, criteria))
+    ranked = sorted(
+        steps, key=lambda step: min((order.index(name) for name in step.mends if name in order), default=99)
+    )
+    return tuple(sentence for step in ranked for sentence in step.sentences)
 
 
-def _is_to_measure(sentence: str) -> bool:
-    """Whether a sentence says already what to do about the target."""
-    return "calib measure" in sentence
+def _step(sentence: str, *mends: str) -> _Step:
+    return _Step((sentence,) if sentence else (), mends)
 
 
-def _px(value: float) -> str:
-    return f"{figure(value, 2)} px"
-
-
-def _count(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+def _wanting(checks: Sequence[Check]) -> list[str]:
+    """Names of the checks that keep the verdict from being good, as the verdict names them, the worst first."""
+    missing = [check.name for check in checks if check.grade == "unknown" and check.name in NEEDED]
+    return [check.name for check in (*faults_of(checks, "bad"), *faults_of(checks, "usable"))] + missing
 
 
 def _names(facts: ViewFacts, rows: NDArray[np.int64]) -> str:
@@ -104,27 +119,31 @@ def _names(facts: ViewFacts, rows: NDArray[np.int64]) -> str:
     return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
 
 
-def _target(evidence: Evidence, criteria: Criteria) -> str:
+def _target(evidence: Evidence, criteria: Criteria) -> _Step:
     """A target that is not as its file says: its rings are off in all photos, or another shape explains them better."""
     on_target, shape, halves = evidence.leftover.target_px, evidence.shape, evidence.halves
-    remedy = "measure the target with `calib measure`, and solve with the measured one"
+    measure = f"measure the target, and solve with the measured one: {MEASURE}"
     if on_target is not None and on_target > criteria.systematic_px.good:
-        return (
-            f"{remedy}: its rings are off by {_px(on_target)} in the same way in all photos, so it is not flat or not "
-            "as its file says"
+        is_certain = shape is None or shape.ratio > SURE
+        sentence = (
+            f"{measure}; its rings are off by {px(on_target)} in the same way in all photos, so it "
+            f"{'is' if is_certain else 'may be'} not flat or not as its file says"
         )
+        return _step(sentence, "target", "systematic", "halves")
     if shape is not None and shape.ratio > BY_CHANCE and shape.percentile_95_px > criteria.target_px.good:
-        return (
-            f"{remedy}: a target that may bend and stretch explains the photos better, and moves the camera by up to "
-            f"{_px(shape.percentile_95_px)}"
+        sentence = (
+            f"{measure}; a target that may bend and stretch explains the photos better ({figure(shape.ratio, 2)} "
+            f"sigma), and moves the camera by up to {px(shape.percentile_95_px)}"
         )
+        return _step(sentence, "target", "halves")
     if isinstance(halves, HalvesFound) and halves.ratio > criteria.halves_sigma.good:
-        return (
+        sentence = (
             "find what differs between the photos before taking more: two halves of them give cameras that differ "
             f"{figure(halves.ratio, 2)} times more than noise explains; a target that is not flat (`calib measure` "
             "tells) or bends when held, or autofocus, zoom or image stabilisation that were on"
         )
-    return ""
+        return _step(sentence, "halves")
+    return _step("")
 
 
 def _target_share(evidence: Evidence, criteria: Criteria) -> str:
@@ -136,8 +155,8 @@ def _target_share(evidence: Evidence, criteria: Criteria) -> str:
     if found.stated_sigma_px is None or on_target <= NOTICEABLE * found.stated_sigma_px:
         return ""
     return (
-        f"measure the target with `calib measure`: of the {_px(found.rmse_px)} left over, {_px(on_target)} are the "
-        "same for a ring in all photos"
+        f"measure the target: {MEASURE}; of the {px(found.rmse_px)} left over, {px(on_target)} are the same for a "
+        "ring in all photos"
     )
 
 
@@ -146,10 +165,11 @@ def _lens(evidence: Evidence, criteria: Criteria, model: str) -> str:
     over_image, on_target = evidence.leftover.image_px, evidence.leftover.target_px or 0.0
     if over_image is None or over_image <= max(criteria.systematic_px.good, on_target):
         return ""
-    other = "another camera model" if model == "virtual" else "`--model virtual`"
+    other = "another camera model" if model == "virtual" else "the virtual model"
+    command = "" if model == "virtual" else f": `{SOLVE} --model virtual`"
     return (
-        f"try {other}: residuals at the same place in the image agree in all photos, by {_px(over_image)} beyond "
-        f"noise, so {model} does not fit this lens"
+        f"try {other}{command}; residuals at the same place in the image agree in all photos, by {px(over_image)} "
+        f"beyond noise, so {model} does not fit this lens"
     )
 
 
@@ -175,8 +195,8 @@ def _odd_photos(facts: ViewFacts, criteria: Criteria) -> str:
     odd = odd[np.argsort(-facts.rms_px[odd], kind="stable")]
     worst = float(facts.rms_px[odd[0]])
     return (
-        f"look at {_names(facts, odd)}: {'its' if len(odd) == 1 else 'their'} residuals are up to {_px(worst)}, the "
-        f"median photo's {_px(middle)}; blurred, moved, or rings taken for others: take {_them(odd)} again, or leave "
+        f"look at {_names(facts, odd)}: {'its' if len(odd) == 1 else 'their'} residuals are up to {px(worst)}, the "
+        f"median photo's {px(middle)}; blurred, moved, or rings taken for others: take {_them(odd)} again, or leave "
         f"{_them(odd)} out"
     )
 
@@ -197,9 +217,10 @@ def _far_off(calibration: Calibration, evidence: Evidence, criteria: Criteria, f
     rows = rows[per_view[rows] > 0]
     where = f"in {_names(facts, rows)}" if len(rows) <= MOST_NAMES else f"most in {_names(facts, rows[:MOST_NAMES])}"
     what = "were left out" if out[far].all() else "are far off or were left out" if out.any() else "are far off"
+    leave = "" if out.any() else f"; to leave them out: `{SOLVE} --reject {FAR_OFF:g}`"
     return (
         f"look at the overlays for glare, shadows and fingers: {count} of {len(far)} sightings "
-        f"({figure(percent, 2)} %) {what}, {where}"
+        f"({figure(percent, 2)} %) {what}, {where}{leave}"
     )
 
 
@@ -225,63 +246,12 @@ def _tilts(evidence: Evidence, criteria: Criteria, facts: ViewFacts) -> str:
             f"tilted by more than {largest:.0f} deg; {means}"
         )
     count = len(facts.name)
-    if _is_sure(evidence, criteria) or tilted >= min(TILTED_VIEWS, TILTED_SHARE * count):
+    if is_sure(evidence, criteria) or tilted >= min(TILTED_VIEWS, TILTED_SHARE * count):
         return ""
     return (
         f"tilt the board more, by 30 to 50 deg to all sides by turns: {tilted or 'none'} of {count} photos "
         f"{'shows' if tilted == 1 else 'show'} it tilted by {GOOD_TILT_DEG:.0f} deg or more, the largest tilt is "
         f"{largest:.0f} deg; {means}"
-    )
-
-
-def _is_sure(evidence: Evidence, criteria: Criteria) -> bool:
-    """Whether the camera is known as well as it should be."""
-    sigma = evidence.uncertainty.image_px
-    return evidence.uncertainty.is_map_exact or (sigma is not None and sigma <= criteria.uncertainty_px.good)
-
-
-def _sigma(evidence: Evidence, criteria: Criteria, views: Sequence[NextView], photos: int) -> str:
-    """A camera that is not known well enough: the next photo, what it gives, and how many like the others would."""
-    if _is_sure(evidence, criteria) or not evidence.uncertainty.is_estimated:
-        return ""
-    sigma, limit = evidence.uncertainty.image_px, criteria.uncertainty_px.good
-    alike = ""
-    if sigma is not None and evidence.status == "converged":
-        alike = f"; {_photos_alike(photos, sigma, limit)}"
-    if not views:
-        return f"take photos that fill the image and show the target from other sides{alike}"
-    enough = next((n for n, view in enumerate(views, start=1) if view.sigma_px_after <= limit), len(views))
-    last = views[enough - 1].sigma_px_after
-    more = f"; with {enough} as proposed {_px(last)}" if enough > 1 else ""
-    return f"next photo: {views[0].sentence}{more} (wanted: {_px(limit)}){alike}"
-
-
-def _photos_alike(photos: int, sigma_px: float, limit_px: float) -> str:
-    """What more photos like those so far would do."""
-    needed = photos_needed(photos, sigma_px, limit_px)
-    if needed > HOPELESS_TIMES * photos:
-        return f"more photos like the {photos} so far will not do it"
-    if needed > MANY_TIMES * photos:
-        return f"more photos like the {photos} so far will not do it: {_round_up(needed)} would be needed"
-    return f"or {_count(needed - photos, 'more photo')} like the {photos} so far"
-
-
-def _round_up(count: int) -> str:
-    """A large number of photos, to two digits."""
-    step = 10 ** max(len(str(count)) - 2, 0)
-    return f"about {-(-count // step) * step}"
-
-
-def _uncovered(evidence: Evidence, criteria: Criteria) -> str:
-    """Parts of the image without the target."""
-    percent = 100 * evidence.coverage.share
-    names = tuple(region.name for region in evidence.coverage.not_covered)
-    if percent >= criteria.coverage_percent.good or not names:
-        return ""
-    beyond = "the map is not known" if evidence.uncertainty.is_map_exact else "the lens is a guess of its model"
-    return (
-        f"show the target in {region_words(names)} too: the rings surround {percent:.0f} % of the image, "
-        f"{criteria.coverage_percent.good:.0f} % is wanted, and beyond them {beyond}"
     )
 
 

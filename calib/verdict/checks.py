@@ -26,6 +26,8 @@ SURE = 3.0
 """Sigmas beyond which the target is to blame, as is usual for a claim."""
 LEAST_PX = 0.001
 """Nobody needs to know a camera better."""
+OWN_ROTATION = "its own rotation removed"
+"""Said of the covered area: the rotation is that which fits it, not the whole image, best."""
 LARGE_SHARE = 0.5
 """Of the residuals: a systematic part that is worth a word although it is small."""
 
@@ -74,7 +76,7 @@ def _uncertainty(evidence: Evidence, criteria: Criteria) -> Check:
     found, limits, halves = evidence.uncertainty, criteria.uncertainty_px, evidence.halves
     if not found.is_estimated:
         return _check("uncertainty", "unknown", None, "px", limits, "no parameter was estimated, so none is uncertain")
-    inside = "" if found.covered_px is None else f"; where the target was seen, {px(found.covered_px)}"
+    inside = "" if found.covered_px is None else f"; where the target was seen, {px(found.covered_px)} ({OWN_ROTATION})"
     if isinstance(halves, HalvesFound) and halves.ratio > criteria.halves_sigma.good:
         inside += f"; halves of the photos say about {figure(halves.ratio, 2)} times as much"
     if found.is_map_exact:
@@ -106,12 +108,20 @@ def _halves(evidence: Evidence, criteria: Criteria) -> Check:
     """Within the limit of the ratio it is good; beyond, what matters is how far the halves are apart in pixels.
 
     A camera whose halves agree to what a good camera may be uncertain by is usable, though its standard deviations are
-    not; one whose halves differ by more than a usable camera may be uncertain by is not.
+    not; one whose halves differ by more than a usable camera may be uncertain by is not. Halves that may differ by
+    more than that by noise alone show nothing by agreeing.
     """
     found, limits = evidence.halves, criteria.halves_sigma
     if isinstance(found, NoHalves):
         return _check("halves", "unknown", None, "sigma", limits, f"not checked: {found.reason}")
     grade = _at_most(found.ratio, limits)
+    if grade == "good" and found.stated_px > criteria.uncertainty_px.usable:
+        sentence = (
+            f"cannot tell: halves of the photos are so uncertain that {px(found.stated_px)} between them is expected, "
+            f"more than {criteria.uncertainty_px.usable:g} px, so that they differ by {px(found.rms_px)} (RMS) shows "
+            "neither good nor bad"
+        )
+        return _check("halves", "unknown", found.ratio, "sigma", limits, sentence)
     if grade != "good":
         within = criteria.uncertainty_px.good if grade == "bad" else criteria.uncertainty_px.usable
         grade = "usable" if found.percentile_95_px <= within else "bad"
@@ -138,12 +148,15 @@ def _halves_sentence(found: HalvesFound, grade: Grade, criteria: Criteria) -> st
 def _residuals(evidence: Evidence, limits: Limits) -> Check:
     found = evidence.leftover
     sentence = f"{px(found.rmse_px)} are left over (RMS of {found.count} sightings)"
+    grade = _at_most(found.rmse_px, limits)
     if found.stated_sigma_px and found.sigma_px > NOISY * found.stated_sigma_px:
-        times = figure(found.sigma_px / found.stated_sigma_px, 2)
+        times = f"{figure(found.sigma_px / found.stated_sigma_px, 2)} times the noise that the detector states"
         sentence += (
-            f", {times} times the noise of the detector: most of it is not noise, but target, lens or moving things"
+            f": within the limit, though {times}, a hint that some of it comes from target, lens or moving things"
+            if grade == "good"
+            else f", {times}: most of it is not noise, but target, lens or moving things"
         )
-    return _check("residuals", _at_most(found.rmse_px, limits), found.rmse_px, "px", limits, sentence)
+    return _check("residuals", grade, found.rmse_px, "px", limits, sentence)
 
 
 def _systematic(evidence: Evidence, limits: Limits) -> Check:
@@ -154,16 +167,25 @@ def _systematic(evidence: Evidence, limits: Limits) -> Check:
     value = max(known)
     on_target = found.target_px is not None and found.target_px == value
     where = "of a ring in all photos" if on_target else "of a place in the image"
+    grade = _at_most(value, limits)
+    is_certain = grade != "good" and (not on_target or _is_other_shape(evidence))
     cause = (
-        "the target is not as its file says" if on_target else "the model does not fit the lens, or the target bends"
+        f"the target {'is not' if is_certain else 'may not be'} quite as its file says"
+        if on_target
+        else f"the model {'does' if is_certain else 'may'} not fit the lens, or the target bends"
     )
     if value <= LEAST_PX:
         sentence = "the mean residuals of places in the image, and of rings, are no larger than noise makes them"
-        return _check("systematic", _at_most(value, limits), value, "px", limits, sentence)
+        return _check("systematic", grade, value, "px", limits, sentence)
     sentence = f"the mean residual {where} is {px(value)} beyond what noise gives (RMS)"
     if value > limits.good or value > LARGE_SHARE * found.rmse_px:
         sentence += f": {cause}"
-    return _check("systematic", _at_most(value, limits), value, "px", limits, sentence)
+    return _check("systematic", grade, value, "px", limits, sentence)
+
+
+def _is_other_shape(evidence: Evidence) -> bool:
+    """Whether it is sure that the target has another shape; where that cannot be told, its rings' means say it."""
+    return evidence.shape is None or evidence.shape.ratio > SURE
 
 
 def _outliers(evidence: Evidence, limits: Limits) -> Check:
@@ -176,6 +198,8 @@ def _outliers(evidence: Evidence, limits: Limits) -> Check:
     sentence = (
         f"{_percent(found.far_share)} of the sightings are off by more than {FAR_OFF:g} robust standard deviations"
     )
+    if found.stated_sigma_px is not None:
+        sentence += ", both in pixels and of the noise that the detector states"
     if found.left_out_share > 0:
         sentence += f", and {_percent(found.left_out_share)} were left out as outliers"
     elif grade != "good":
@@ -213,6 +237,9 @@ def _target(evidence: Evidence, limits: Limits) -> Check:
     )
     if grade == "bad" and not is_sure:
         grade = "usable"
+        sentence += (
+            f"; more than {limits.usable:g} px, but below {SURE:g} sigma a suspicion: it makes no camera unusable"
+        )
     return _check("target", grade, found.percentile_95_px, "px", limits, sentence)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import MODELS, linearise, rays
+from calib.cameras import MODELS, linearise
 from calib.refit import COLUMNS, image_grid
 from calib.sightings import keep_views, sightings_per_view
 from calib.solver.blocks import RobustLoss, view_blocks
@@ -19,7 +19,7 @@ from calib.solver.options import SolveOptions
 from calib.solver.problem import pack
 from calib.solver.schur import reduced_normal
 from calib.solver.tie import tie_parameters
-from calib.solver.uncertainty import GRID
+from calib.solver.uncertainty import projected_change
 from calib.types import Calibration, Camera
 
 Array = NDArray[np.float64]
@@ -150,29 +150,16 @@ def eliminated(products: Array) -> Array:
 def image_change(known: Knowledge, columns: int = COLUMNS, rows: int | None = None) -> Array:
     """How q moves what is seen at a grid of pixels (N, 2, Q), without the rotation that best explains it.
 
-    As `calib.solver.uncertainty`: a camera that is turned a little shows the same with its poses turned back. Pixels
-    without a ray are left out.
+    Pixels without a ray are left out.
     """
-    size = known.camera.image_size
-    params, rotation = _by_params_and_rotation(known, image_grid(size, *GRID).reshape(-1, 2))
-    turn, *_ = np.linalg.lstsq(rotation.reshape(-1, 3), -params.reshape(-1, params.shape[2]), rcond=None)
-    params, rotation = _by_params_and_rotation(known, image_grid(size, columns, rows).reshape(-1, 2))
-    change: Array = params + rotation @ turn
-    return change
+    pixel = image_grid(known.camera.image_size, columns, rows).reshape(-1, 2)
+    change: Array = projected_change(known.camera, pixel) @ known.basis
+    return change[np.isfinite(change).all(axis=(1, 2))]
 
 
 def grid_count(camera: Camera) -> int:
     """How many pixels `image_change` looks at, with those that have no ray."""
     return int(image_grid(camera.image_size).shape[0] * image_grid(camera.image_size).shape[1])
-
-
-def _by_params_and_rotation(known: Knowledge, pixel: Array) -> tuple[Array, Array]:
-    ray = rays(known.camera, pixel)
-    ray = np.ascontiguousarray(ray[np.isfinite(ray).all(axis=1)])
-    seen = linearise(known.camera, np.ascontiguousarray(ray.T))
-    ok = np.isfinite(seen.by_params).all(axis=(0, 1)) & np.isfinite(seen.by_point).all(axis=(0, 1))
-    by_params = seen.by_params.transpose(2, 0, 1)[ok] @ known.basis
-    return by_params, np.cross(ray[ok][:, None, :], seen.by_point.transpose(2, 0, 1)[ok])
 
 
 def sigma_px(change: Array, information: Array) -> Array:

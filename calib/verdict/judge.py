@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from calib.verdict.checks import checks_of, px
+from calib.verdict.checks import OWN_ROTATION, checks_of, px
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import Evidence
 from calib.verdict.halves import NoHalves
@@ -41,8 +41,7 @@ def _sentence(evidence: Evidence, checks: Sequence[Check], missing: Sequence[Che
     """The answer and its main reason."""
     if grade == "good":
         return f"{WORDS[grade]}: {_why_good(evidence)}"
-    faults = [check for check in checks if check.grade == grade]
-    faults.sort(key=lambda check: (-_times_beyond(check), FIRST.index(check.name)))
+    faults = faults_of(checks, grade)
     if not faults:
         return f"{WORDS[grade]}: no fault was found, but not everything could be checked: {_bare(missing[0])}"
     names = {check.name for check in faults}
@@ -52,6 +51,12 @@ def _sentence(evidence: Evidence, checks: Sequence[Check], missing: Sequence[Che
             return f"{WORDS[grade]}: {narrow}"
     also = ", ".join(check.title.lower() for check in faults[1:])
     return f"{WORDS[grade]}: {faults[0].sentence}" + (f" (also: {also})" if also else "")
+
+
+def faults_of(checks: Sequence[Check], grade: Grade) -> tuple[Check, ...]:
+    """The checks of a grade, the one that is farthest beyond its limit first."""
+    faults = (check for check in checks if check.grade == grade)
+    return tuple(sorted(faults, key=lambda check: (-_times_beyond(check), FIRST.index(check.name))))
 
 
 def _times_beyond(check: Check) -> float:
@@ -69,18 +74,18 @@ def _good_inside(evidence: Evidence, faults: Sequence[Check]) -> str:
     limit = next((check.usable for check in faults if check.name == "uncertainty"), math.inf)
     if inside is None or inside > limit or evidence.uncertainty.is_map_exact:
         return ""
-    covered = f"the rings surround only {100 * evidence.coverage.share:.0f} % of the image, where it is known to "
+    covered = f"the rings surround only {100 * evidence.coverage.share:.0f} % of the image, where it is known to"
     if math.isinf(limit):
         elsewhere = "the lens model only continues what it learned there"
     elif outside is None:
         elsewhere = "the lens model breaks down"
     else:
         elsewhere = f"it is uncertain by up to {px(outside)} (1 sigma)"
-    return f"{covered}{px(inside)}; elsewhere {elsewhere}, and nothing was seen to check it"
+    return f"{covered} {px(inside)} ({OWN_ROTATION}); elsewhere {elsewhere}, and nothing was seen to check it"
 
 
 def _bare(check: Check) -> str:
-    return check.sentence.removeprefix("not checked: ")
+    return check.sentence.removeprefix("not checked: ").removeprefix("cannot tell: ")
 
 
 def _why_good(evidence: Evidence) -> str:

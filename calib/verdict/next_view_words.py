@@ -1,23 +1,37 @@
 """How a target is to be held, in words: left and right, top and bottom are those of the photo."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from calib.results.evaluation_table import figure
 from designer.command import printable
 
+Array = NDArray[np.float64]
 LongSide = Literal["", "level", "upright"]
 
 MOST_NAME = 40
 METRES_FROM_MM = 300.0
+LITTLE_ROOM = 0.1
+"""Of the image's side: what leaves less free is in the middle."""
+OFF_MIDDLE, HALF_WAY, CLOSE = 0.25, 0.5, 0.8
+"""Leaning to a side, of the room there is: no longer in the middle, half way, as good as there."""
+SHIFT, LITTLE_SHIFT = 0.08, 0.03
+"""Of the image's side: what is less far off the middle and at no side is only a little off it, or in it."""
+A_LITTLE = 0.25
+NEAR = 0.12
+"""Of the image's side: what leaves no more free is near the border."""
 
 
 @dataclass(frozen=True)
 class Hold:
     """Where and how to hold a target."""
 
-    place: tuple[float, float]  # right and down, -1 to 1; see `calib.verdict.candidate_views`
+    place: tuple[float, float]  # right and down, of `place_of`
     distance_mm: float
     tilt_deg: float  # of a flat target
     away: tuple[float, float]  # right and down, to its far side
@@ -27,17 +41,23 @@ class Hold:
     usual_distance_mm: float | None = None  # in the photos so far, where only the ratio of distances is known
 
 
-def sentence_of(hold: Hold, before_px: float, after_px: float, *, is_rough: bool = False) -> str:
-    """What to do and what it gives.
+@dataclass(frozen=True)
+class Gain:
+    """What a photo gives."""
 
-    Args:
-        hold: where and how.
-        before_px: what 95 % of the image stays within; infinite: not determined.
-        after_px: the same with the photo.
-        is_rough: the lens is known so badly that what the photo will show is not known well.
-    """
+    before_px: float  # what 95 % of the image stays within; infinite: not determined
+    after_px: float  # the same with the photo
+    covered_before: float  # of the image, 0 to 1
+    covered_after: float
+    is_rough: bool = False  # the lens is known so badly that what the photo will show is not known well
+    tells_sigma: bool = True  # the deviation is worth a word
+    tells_area: bool = False  # what is covered is
+
+
+def sentence_of(hold: Hold, gain: Gain) -> str:
+    """What to do and what it gives."""
     thing = "board" if hold.is_flat else "target"
-    parts = [f"hold the {thing} {place_words(hold.place)} of the image"]
+    parts = [f"hold the {thing} {place_words(hold.place)}"]
     if hold.long_side:
         parts.append(f"its long side {hold.long_side}")
     if hold.is_flat:
@@ -46,24 +66,72 @@ def sentence_of(hold: Hold, before_px: float, after_px: float, *, is_rough: bool
         side = f"turned as in {short(hold.like_photo)}" if hold.like_photo else "any side to the camera"
         parts.append(side)
     parts.append(f"at about {distance_words(hold.distance_mm, hold.usual_distance_mm)}")
-    before = figure(before_px, 2) if math.isfinite(before_px) else "not determined"
-    after = f"about {figure(after_px, 1)} px, if the lens is as estimated" if is_rough else f"{figure(after_px, 2)} px"
-    return f"{', '.join(parts)}: 95 % sigma {before} -> {after}"
+    return f"{', '.join(parts)}: {gain_words(gain)}"
+
+
+def gain_words(gain: Gain) -> str:
+    """What a photo gives: "95 % sigma 0.21 -> 0.13 px, coverage 18 -> 31 %"."""
+    words = []
+    if gain.tells_sigma:
+        before = figure(gain.before_px, 2) if math.isfinite(gain.before_px) else "not determined"
+        words.append(f"95 % sigma {before} -> {after_words(gain)}")
+    if gain.tells_area:
+        words.append(f"coverage {100 * gain.covered_before:.0f} -> {100 * gain.covered_after:.0f} %")
+    return ", ".join(words)
+
+
+def after_words(gain: Gain) -> str:
+    """The deviation with the photo; of a lens that is known badly no more than its size."""
+    if gain.is_rough:
+        return f"about {figure(gain.after_px, 1)} px if the lens is as estimated"
+    return f"{figure(gain.after_px, 2)} px"
+
+
+def place_of(outline_px: Sequence[Array], image_size: tuple[int, int]) -> tuple[float, float]:
+    """Where outlines lie in an image, to the right and down, -1 to 1.
+
+    0 is in the middle, 0.25 a little off it, 0.5 half way to a side, 1 at it. By what is left free at both sides: at
+    a side is what leaves little free there and much less than at the other.
+    """
+    if not outline_px:
+        return 0.0, 0.0
+    points = np.concatenate(list(outline_px))
+    low, high = points.min(axis=0), points.max(axis=0)
+    place = [
+        _along(first / size, (size - last) / size)
+        for first, last, size in zip((low + 0.5).tolist(), (high + 0.5).tolist(), image_size, strict=True)
+    ]
+    return place[0], place[1]
+
+
+def _along(before: float, after: float) -> float:
+    """The place along one axis of what leaves so much free before and after it, of the image's side."""
+    lean = (before - after) / max(before + after, LITTLE_ROOM)
+    if abs(lean) < OFF_MIDDLE:
+        return 0.0
+    if abs(lean) >= CLOSE or (abs(lean) >= HALF_WAY and min(before, after) <= NEAR):
+        return math.copysign(1.0, lean)
+    shift = 0.5 * abs(before - after)
+    return math.copysign(0.5 if shift >= SHIFT else 0.25 if shift >= LITTLE_SHIFT else 0.0, lean)
 
 
 def place_words(place: tuple[float, float]) -> str:
-    """A place in the image: "in the bottom left corner", "at the right edge"."""
+    """A place in the image: "in the bottom left corner of the image", "at the left edge, towards the top"."""
     right, down = place
-    row = "top" if down < 0 else "bottom"
-    column = "left" if right < 0 else "right"
-    if right == 0 and down == 0:
-        return "in the middle"
-    if right == 0:
-        return f"at the {'top' if down < 0 else 'bottom'} edge"
-    if down == 0:
-        return f"at the {column} edge"
-    corner = f"the {row} {column} corner"
-    return f"in {corner}" if max(abs(right), abs(down)) >= 1 else f"half way to {corner}"
+    row, column = "top" if down < 0 else "bottom", "left" if right < 0 else "right"
+    if max(abs(right), abs(down)) <= A_LITTLE:
+        off = f"{row * (down != 0)} {column * (right != 0)}".strip()
+        return "in the middle of the image" + (f", a little to the {off}" if off else "")
+    right, down = (0.0 if abs(along) <= A_LITTLE else along for along in (right, down))
+    if right == 0 or down == 0:
+        side = row if right == 0 else column
+        return f"{'at' if max(abs(right), abs(down)) >= 1 else 'half way to'} the {side} edge of the image"
+    if abs(right) >= 1 and abs(down) >= 1:
+        return f"in the {row} {column} corner of the image"
+    if abs(right) < 1 and abs(down) < 1:
+        return f"half way to the {row} {column} corner of the image"
+    at, towards = (column, row) if abs(right) >= 1 else (row, column)
+    return f"at the {at} edge of the image, towards the {towards}"
 
 
 def tilt_words(tilt_deg: float, away: tuple[float, float]) -> str:

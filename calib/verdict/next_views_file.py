@@ -28,6 +28,7 @@ MAX_PX = 1e7
 _Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 _Pixel = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-MAX_PX, le=MAX_PX)]
 _Sigma = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=MAX_PX)]
+_Share = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
 _Row = tuple[_Number, _Number, _Number, _Number]
 
 
@@ -39,6 +40,8 @@ class _View(BaseModel):
     sentence: Annotated[str, Field(min_length=1, max_length=MAX_SENTENCE)]
     sigma_px_before: _Sigma | None
     sigma_px_after: _Sigma
+    covered_before: _Share = 0.0
+    covered_after: _Share = 0.0
     cam_from_target: tuple[_Row, _Row, _Row, _Row]
     outline_px: Annotated[
         list[Annotated[list[tuple[_Pixel, _Pixel]], Field(min_length=2, max_length=MAX_POINTS)]],
@@ -63,6 +66,8 @@ def next_views_to_json(views: Sequence[NextView]) -> list[JsonValue]:
             "sentence": view.sentence,
             "sigma_px_before": view.sigma_px_before if math.isfinite(view.sigma_px_before) else None,
             "sigma_px_after": view.sigma_px_after,
+            "covered_before": round(view.covered_before, 6),
+            "covered_after": round(view.covered_after, 6),
             "cam_from_target": view.cam_from_target.tolist(),
             "outline_px": [[[round(u, 2), round(v, 2)] for u, v in line.tolist()] for line in view.outline_px],
         }
@@ -108,5 +113,7 @@ def _view(view: _View) -> NextView:
         printable(view.sentence),
         math.inf if view.sigma_px_before is None else view.sigma_px_before,
         view.sigma_px_after,
+        view.covered_before,
+        view.covered_after,
         tuple(np.array(line, dtype=np.float64) for line in view.outline_px),
     )

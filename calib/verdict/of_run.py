@@ -29,7 +29,7 @@ def judge_run(
     best: int,
     halves: HalfSplit,
     criteria: Criteria,
-    views: Sequence[NextView] = (),
+    views: Sequence[NextView] | None = None,
 ) -> Judged:
     """Judge the recommended camera of a run; nothing is solved.
 
@@ -38,7 +38,7 @@ def judge_run(
         best: row of the one that is judged.
         halves: of that one, by `calib.verdict.halves.half_split`.
         criteria: the limits.
-        views: the photos to take next, which the advice names.
+        views: the photos to take next, which the advice names; None: nobody looked for any.
     """
     evidence = evidence_of(calibrations, best, halves)
     advice = advice_of(calibrations[best], evidence, criteria, views)

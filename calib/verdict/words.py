@@ -1,4 +1,4 @@
-"""A verdict on the screen: a line with the answer, and a table with a row for each check."""
+"""A verdict on the screen: a line with the answer, a table with a row for each check, and what is not good in words."""
 
 from rich.table import Table
 from rich.text import Text
@@ -23,18 +23,30 @@ def headline(verdict: Verdict) -> str:
 
 
 def checks_table(verdict: Verdict) -> Table:
-    """A row a check: grade, what was checked, what was measured, the limits and what it means."""
+    """A row a check: grade, what was checked, what was measured, and the limits; it fits 80 columns."""
     table = Table(box=None, padding=(0, 2, 0, 0))
-    for name, justify in (("grade", "left"), ("check", "left"), ("measured", "right"), ("good", "right")):
-        table.add_column(name, justify="right" if justify == "right" else "left")
-    table.add_column("usable", justify="right")
-    table.add_column("meaning", overflow="fold")
+    table.add_column("grade")
+    table.add_column("check", overflow="fold")
+    for name in ("measured", "good", "usable"):
+        table.add_column(name, justify="right")
     for check in verdict.checks:
         word, style = MARKS[check.grade]
         table.add_row(
             Text(word, style), Text(printable(check.title)), measured(check), limit(check, check.good),
-            limit(check, check.usable), Text(printable(check.sentence)),
+            limit(check, check.usable),
         )  # fmt: skip
+    return table
+
+
+def meanings_table(verdict: Verdict) -> Table:
+    """What was found and what it means, of the checks that are not good; as wide as the screen."""
+    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+    table.add_column()
+    table.add_column(overflow="fold")
+    for check in verdict.checks:
+        if check.grade != "good":
+            word, style = MARKS[check.grade]
+            table.add_row(Text(word, style), Text(f"{printable(check.title)}: {printable(check.sentence)}"))
     return table
 
 

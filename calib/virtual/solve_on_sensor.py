@@ -50,7 +50,10 @@ def solve_on_sensor(observations: Observations, learned: LearnedMap, options: So
     begin = time.perf_counter()
     kept, remarks = _known_part(observations, learned)
     moved = move_to_sensor(kept, learned, weighted=options.weighted)
-    solved = solve(moved.observations, "pinhole", replace(options, weighted=True))
+    noise = None
+    if kept.cov_px2 is not None:  # what is far off is told by what the detector states, not by the weights
+        noise = moved.jacobian @ kept.cov_px2 @ moved.jacobian.transpose(0, 2, 1)
+    solved = solve(moved.observations, "pinhole", replace(options, weighted=True), noise_px2=noise)
     rows = rows_of_views(kept, solved.observations.view_names)
     kept = without_empty_views(keep_sightings(kept, rows))
     return replace(

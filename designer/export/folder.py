@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from designer.errors import InputError
+from designer.target import TargetGeometry, load_target
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,27 @@ class Written:
     folder: Path
     files: tuple[OutputFile, ...]
     left: tuple[str, ...]
+    replaced: tuple[str, ...] = ()  # a line on another target that stood under this name
+
+
+def replaced_target(folder: Path, name: str, target: TargetGeometry) -> tuple[str, ...]:
+    """What to say of an earlier target of this name that is about to be replaced by another one.
+
+    Args:
+        folder: to be written into.
+        name: of the design.
+        target: the new one.
+    """
+    try:
+        earlier = load_target(folder / f"{name}.target.json").geometry_id
+    except InputError:  # there is none, or nobody can use it
+        return ()
+    if earlier == target.geometry_id:
+        return ()
+    return (
+        f"replaces target {earlier} by {target.geometry_id} in {folder}: prints and photos of the earlier one need its "
+        "target file",
+    )
 
 
 def files_left(folder: Path, name: str, files: Iterable[OutputFile]) -> tuple[str, ...]:

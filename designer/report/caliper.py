@@ -16,7 +16,7 @@ PARALLEL = 1e-6
 
 REACH_MM = 150.0
 """Of the usual caliper."""
-UPRIGHT = "along the printer's z axis"
+UPRIGHT = "along z"
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Caliper:
 
     what: str  # "face 0 to face 15"
     length_mm: float  # of the design
-    how: str  # what to lay the caliper on, or which axis of the printer it shows
+    how: str  # which axis of the printer it shows; "": that does not matter
     option: str = ""  # the name in `calib measure --length NAME:VALUE`; "": not one of its lengths
     error_source: str = ""  # what is off at both of its ends, of the error models' sources
     is_modelled: bool = True  # whether the error models tell how far it usually is off
@@ -39,18 +39,33 @@ def caliper_lengths(design: Design) -> tuple[Caliper, ...]:
 
 
 def _solid_lengths(design: Design) -> tuple[Caliper, ...]:
-    """All pairs of opposite faces, and the edge."""
+    """All pairs of opposite faces; where they are out of reach of a caliper, also the sides of the topmost face."""
     up = bed_from_target(design.target, design.job.printing)[2, :3]
     normals = design.target.target_from_face[:, :3, 2]
     rows = []
     for first, second in opposite_faces(design.target):
         lean = math.degrees(math.acos(min(abs(float(normals[first] @ up)), 1.0)))
-        how = UPRIGHT if lean < 1 else f"{lean:.1f} deg from the printer's z axis"
+        how = UPRIGHT if lean < 1 else f"{lean:.1f}° off z"
         if not design.job.printing.is_two_filament:  # nobody knows how the body lay
-            how = "outside, on the stickers"
+            how = ""
         name = f"face {first} to face {second}"
         rows.append(Caliper(name, face_to_face_mm(design.target, first, second), how, name, "face_offset"))
+    # Of stickers the length of a row is that of the sheet, not that of the body.
+    if design.job.printing.is_two_filament and all(needs_rule(design.target, one) for one in rows):
+        rows += _sides_of_face(design.target, int(np.argmax(normals @ up)))
     return tuple(rows)
+
+
+def _sides_of_face(target: TargetGeometry, face: int) -> list[Caliper]:
+    """The three outermost rows of rings of a triangular face, from end to end."""
+    (rings,) = np.nonzero(target.ring_face == face)
+    # i counts from the code corner down the left side, j down the right side.
+    ends = {"code": np.array([-1, -1]), "left": np.array([1, 0]), "right": np.array([0, 1])}
+    corner = {name: int(rings[np.argmax(target.ring_index[rings] @ way)]) for name, way in ends.items()}
+    return [
+        _between_rings(target, f"top face ({face}), {a} corner to {b} corner", corner[a], corner[b])
+        for a, b in (("code", "left"), ("code", "right"), ("left", "right"))
+    ]
 
 
 def opposite_faces(target: TargetGeometry) -> tuple[tuple[int, int], ...]:
@@ -85,13 +100,12 @@ def _board_lengths(design: Design) -> tuple[Caliper, ...]:
     rows = []
     spec = design.job.target
     is_printed = design.job.printing.is_two_filament  # else a hand or a shop cuts the plate
-    outside = "outside, at both ends and in the middle"
     if isinstance(spec, BoardSpec):
         width, height = spec.size_mm
         rows = [
-            Caliper("width of the plate", width, outside, is_modelled=is_printed),
-            Caliper("height of the plate", height, outside, is_modelled=is_printed),
-            Caliper("thickness of the plate", spec.thickness_mm, "at the four corners", is_modelled=False),
+            Caliper("width of the plate", width, "", is_modelled=is_printed),
+            Caliper("height of the plate", height, "", is_modelled=is_printed),
+            Caliper("thickness of the plate", spec.thickness_mm, "", is_modelled=False),
         ]
     names = ("lower row", "right column", "upper row", "left column", "diagonal up right", "diagonal up left")
     pairs = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
@@ -106,9 +120,7 @@ def _board_lengths(design: Design) -> tuple[Caliper, ...]:
 
 def _between_rings(target: TargetGeometry, name: str, first: int, second: int) -> Caliper:
     option = f"ring {first} to ring {second}"
-    return Caliper(
-        f"{name}: {option}", ring_to_ring_mm(target, first, second), "centre to centre", option, "ring_jitter"
-    )
+    return Caliper(f"{name}: {option}", ring_to_ring_mm(target, first, second), "", option, "ring_jitter")
 
 
 def _within_reach(target: TargetGeometry) -> int:

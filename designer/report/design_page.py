@@ -28,7 +28,7 @@ from designer.page.blocks import (
 from designer.page.shell import page_html
 from designer.printability import Check
 from designer.produce import Design
-from designer.report.filament import PURGE_G_PER_CHANGE, SPREAD, Amount, Filament, Shells, expected_filament
+from designer.report.filament import PURGE_G_PER_CHANGE, SPREAD, Amount, Filament, Shells, expected_filament, two_digits
 from designer.report.measure_steps import measure_blocks, photo_blocks
 from designer.report.preview_panels import Panels, preview_panels
 from designer.report.printed_scene import printed_ink, printed_scene
@@ -69,8 +69,8 @@ def design_page(design: Design, check: Check, files: Sequence[OutputFile]) -> Pa
             Section("Printability", (rule_findings(design, check),), rule_lead(design, check)),
             Section("Making it", _making_blocks(design, filament, files), _making_lead(design)),
             *(() if filament is None else (Section("Expected filament", *_filament_section(filament, design)),)),
-            Section("After printing: measure it", measure_blocks(design), _MEASURE_LEAD),
-            Section("Photos, and what comes next", photo_blocks(design), "Run the commands in this folder."),
+            Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
+            Section("What was printed: measure it", measure_blocks(design), _MEASURE_LEAD),
             Section("Codes", (*code_blocks(design), *_net(design, panels))),
             Section("Files", (_file_list(files),), f"{job.name}.target.json is the file that calib reads."),
         ),
@@ -228,9 +228,9 @@ def _purge_words(filament: Filament) -> str:
     """What a single nozzle throws away."""
     return (
         f"{filament.inked_layers} layers hold ink, which makes {filament.changes} changes of the filament. On a single "
-        f"nozzle each purges some: about {filament.purge_g:.2g} g in all at {PURGE_G_PER_CHANGE:g} g a change; your "
-        "slicer tells its own number, which can be several times that. Printers with a nozzle for each filament purge "
-        "little."
+        f"nozzle each purges some: about {two_digits(filament.purge_g)} g in all at {PURGE_G_PER_CHANGE:g} g a change; "
+        "your slicer tells its own number, which can be several times that. Printers with a nozzle for each filament "
+        "purge little."
     )
 
 

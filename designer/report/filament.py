@@ -78,6 +78,11 @@ class Amount:
         return f"{_range_text(self.length_m)} m"
 
 
+def two_digits(value: float) -> str:
+    """`120`: an estimate has no more digits."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def _range_text(value: float) -> str:
     """`30-37`: the value's range, rounded outwards to two digits, or three of those above 100."""
     low, high = value * (1 - SPREAD), value * (1 + SPREAD)

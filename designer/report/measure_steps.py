@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from designer.page.blocks import Block, Cell, Column, Command, Leaf, Paragraph, Steps, Table
 from designer.produce import Design
 from designer.report.caliper import (
+    REACH_MM,
     UPRIGHT,
     Caliper,
     caliper_lengths,
@@ -13,8 +14,10 @@ from designer.report.caliper import (
     skew_effect_mm,
     skew_per_mm_deg,
 )
+from designer.report.filament import two_digits
 from designer.skew import NO_SKEW, format_skew
 from designer.spec import Build
+from designer.target import bounding_radius_mm
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
 
@@ -27,8 +30,18 @@ ERRORS_OF_BUILD: dict[Build, str] = {
 """The error template that says how a build usually comes out."""
 _CALIPER_MM = 0.02
 _SHEET_FIRST = "Measure the sheet on its carrier, as it will be used."
-_LONG_TOOL = "longer than a 150 mm caliper"
+READING = "READING"
+"""What stands in the commands where a person's reading belongs: calib measure refuses it."""
 _LEAST_RING_PX = 10
+SIMULATED_CAMERA = "machine-vision"
+"""The camera template that calib render takes unless told otherwise."""
+IMAGE_HALF_HEIGHT = 0.4096
+"""Of that camera, at distance 1: tangents of half its angles of view, over the height and over the diagonal."""
+IMAGE_HALF_DIAGONAL = 0.6383
+_SIMULATED_VIEWS = 24
+_AIM_SHARE = {"ico": 0.8, "board": 0.7}
+"""How far the camera looks past the target, of the distance from the image's middle to its corners: so far that rings
+come into the corners, and that no board loses the dots that name its rings."""
 
 
 @dataclass(frozen=True)
@@ -69,19 +82,22 @@ def _length_table(design: Design) -> Table:
     columns = (
         Column("length", is_number=False),
         Column("design, mm", note="what a perfect print has after cooling"),
-        Column("usual, mm", is_number=False, note=f"two standard deviations of the error template {usual.template}"),
-        Column("how", is_number=False),
+        Column("usual, mm", note=f"two standard deviations of the error template {usual.template}"),
     )
+    lengths = caliper_lengths(design)
+    has_long = any(needs_rule(design.target, one) for one in lengths)
+    long_words = f"* longer than a caliper of {REACH_MM:g} mm reaches." if has_long else ""
+    how_words = "z is the printer's upright axis." if any(one.how for one in lengths) else ""
     rows = tuple(
         (
-            Cell(one.what),
-            Cell(f"{one.length_mm:.2f}", one.length_mm),
-            Cell(_usual_words(usual, one)),
-            Cell(f"{one.how}; {_LONG_TOOL}" if needs_rule(design.target, one) else one.how),
+            Cell(f"{one.what}, {one.how}" if one.how else one.what),
+            Cell(f"{one.length_mm:.2f}{' *' * needs_rule(design.target, one)}", one.length_mm),
+            Cell(_usual_words(usual, one), 2 * usual.of_length_mm(one) if one.is_modelled else None),
         )
-        for one in caliper_lengths(design)
+        for one in lengths
     )
-    return Table("Lengths for the caliper", columns, rows, visible_rows=12)
+    note = " ".join(filter(None, (long_words, how_words)))
+    return Table("Lengths for the caliper", columns, rows, note=note, visible_rows=13)
 
 
 def _usual_words(usual: Usual, one: Caliper) -> str:
@@ -94,20 +110,44 @@ def _hints(design: Design) -> Leaf:
     if design.target.face_count > 1:
         return Steps((
             "Let the print cool to the room. Cut brim and blobs off.",
+            *_reach_words(design),
             "Close the jaws flat on two opposite faces, in their middles, and turn the part a little for the least "
             "reading.",
             "Measure as many of the pairs as you can: their mean is the size, their differences are the shape. Over "
             "the corners a caliper reads too little: print rounds them.",
         ))  # fmt: skip
-    example, diameter = _example(design), 2 * float(design.target.radius_outer_mm.max())
     return Steps((
         "Let the print cool to the room." if design.job.printing.is_two_filament else _SHEET_FIRST,
-        "Centre to centre: measure two rings over their outer edges, then between the edges that face each other, and "
-        f"take the mean; bleeding ink cancels out. Of {example.option} these are "
-        f"{example.length_mm + diameter:.2f} and {example.length_mm - diameter:.2f} mm.",
+        _ring_words(design),
+        "The plate: outside, at both ends and in the middle; its thickness at the four corners.",
         "Lay the board down and the tips of the jaws on it, without pressing.",
         "A straight edge along both diagonals shows how bent the plate is: light under it is an error of the target.",
     ))  # fmt: skip
+
+
+def _ring_words(design: Design) -> str:
+    """How the distance of two rings is taken."""
+    example, diameter = _example(design), 2 * float(design.target.radius_outer_mm.max())
+    return (
+        "Ring to ring is centre to centre: measure over the two outer edges, then between the edges that face each "
+        f"other, and take the mean; bleeding ink cancels out. Of {example.option} these are "
+        f"{example.length_mm + diameter:.2f} and {example.length_mm - diameter:.2f} mm."
+    )
+
+
+def _reach_words(design: Design) -> tuple[str, ...]:
+    """What to do where opposite faces are too far apart for the usual caliper."""
+    pairs = [one for one in caliper_lengths(design) if one.option.startswith("face")]
+    if not all(needs_rule(design.target, one) for one in pairs):
+        return ()
+    across = f"Across the faces it is {pairs[0].length_mm:.2f} mm: that takes a caliper of 200 mm or more"
+    if _example(design).option.startswith("face"):
+        return (f"{across}, or a height gauge.",)
+    return (
+        f"{across}, and is the better length: 'face-to-face' in the commands below. With one of {REACH_MM:g} mm "
+        "measure the sides of the top face, the one opposite the face on the bed; left and right are those of that "
+        f"face seen from outside, its code corner up. {_ring_words(design)}",
+    )
 
 
 def _solid_meaning(design: Design, usual: Usual) -> Leaf:
@@ -164,10 +204,10 @@ def _remedy(design: Design) -> str:
 
 
 def example_length(design: Design) -> str:
-    """A length as calib measure reads it, with the design's value in place of a reading."""
+    """A length as calib measure reads it, once a reading stands in its place."""
     example = _example(design)
-    name = example.option if design.target.face_count == 1 else "face-to-face"
-    return f"{name}:{example.length_mm:.2f}mm+-{_CALIPER_MM:g}mm"
+    name = "face-to-face" if example.option.startswith("face") else example.option
+    return f"{name}:{READING}mm+-{_CALIPER_MM:g}mm"
 
 
 def _example(design: Design) -> Caliper:
@@ -181,26 +221,29 @@ def _example(design: Design) -> Caliper:
 
 def _measure_commands(design: Design) -> tuple[Leaf, ...]:
     name, length = design.job.name, example_length(design)
-    what = "the mean of all pairs" if design.target.face_count > 1 else "your reading"
+    what = "the mean of your readings of all pairs" if length.startswith("face") else "your reading"
     printing = design.job.printing
-    made = ""
-    if printing.shrink_compensation_percent:
-        made = f" --shrink-compensation {printing.shrink_compensation_percent:g}%"
+    percent = printing.shrink_compensation_percent
+    made = shrunk = f" --shrink-compensation {percent:g}%" if percent else ""
     if printing.skew_compensation_rad != NO_SKEW:
         made += f' --skew-compensation "{format_skew(printing.skew_compensation_rad)}"'
     return (
         Paragraph(
-            f"Put {what} in place of the design's value. The measured target file is then used instead of "
+            f"Put {what} in place of {READING}, as in 12.34mm. The measured target file is then used instead of "
             f"{name}.target.json, and no new print is needed."
         ),
         Command(
-            f'calib measure {name}.target.json --measured-length "{length}" -o measured/{name}.target.json',
+            f'calib measure {name}.target.json --measured-length "{length}"{shrunk} -o measured/{name}.target.json',
             "the quick way: the size from one length, the shape as designed",
         ),
         Command(
             f'calib measure {name}.target.json camera/detections.csv --length "{length}"{made} '
             f"-o measured/{name}.target.json",
-            "the thorough way: size, shape and every face, from 20 or more photos from all sides and one length",
+            "the thorough way, after calib run: size, shape and every face, from the photos and one length",
+        ),
+        Command(
+            f"calib run measured/{name}.target.json photos -o camera",
+            "the camera again, from the target as it was printed",
         ),
     )
 
@@ -223,10 +266,28 @@ def photo_blocks(design: Design) -> tuple[Block, ...]:
 
 def _photo_count(*, is_solid: bool) -> str:
     if is_solid:
-        return "10 to 30 photos; turn the target between them. One can be solved, but hardly checked."
+        return (
+            "20 to 30 photos from all sides; turn the target between them. One can be solved, but hardly checked; to "
+            "measure the print takes 20 or more."
+        )
     return (
-        "15 to 30 photos, tilted by 20 to 50 degrees about different axes, and a few straight on. Fewer than 6 cannot "
+        "20 to 30 photos, tilted by 20 to 50 degrees about different axes, and a few straight on. Fewer than 6 cannot "
         "be checked."
+    )
+
+
+def simulated_line(design: Design) -> str:
+    """The command that takes simulated photos as one should: near and far, turned, and into the image's corners.
+
+    From the nearest place the target's outline fills the height of the image.
+    """
+    nearest = bounding_radius_mm(design.target) / IMAGE_HALF_HEIGHT
+    aim = _AIM_SHARE[design.job.target.kind] * IMAGE_HALF_DIAGONAL * nearest
+    near, far, aside = (two_digits(length) for length in (nearest, 2 * nearest, aim))
+    cap = " --cap-angle 45deg" if design.target.face_count == 1 else ""
+    return (
+        f"calib render {design.job.name}.target.json -o simulated --views {_SIMULATED_VIEWS} "
+        f"--distance {near}mm..{far}mm --aim-offset {aside}mm --random-roll{cap} --blur 0.7px --contrast-to-noise 50"
     )
 
 
@@ -234,10 +295,8 @@ def _next_commands(design: Design, name: str) -> tuple[Leaf, ...]:
     errors = ERRORS_OF_BUILD[design.job.printing.build]
     return (
         Command(f"calib run {name}.target.json photos -o camera", "from the photos to the camera, with a verdict"),
-        Command(
-            f"calib render {name}.target.json -o photos --views 20 --blur 0.7px --contrast-to-noise 50",
-            "no print yet: simulated photos with known truth",
-        ),
+        Command(simulated_line(design), "no print yet: simulated photos with known truth"),
+        Command(f"calib run {name}.target.json simulated -o simulated-camera", "and the camera that they give"),
         Command(
             f"design tolerance {name}.target.json --errors {errors} --linear -o tolerance",
             f"what usual errors would cost, in seconds: {usual_errors(design.job.printing.build).title}",

@@ -7,7 +7,7 @@ from designer.page.blocks import Cell, Column, Facts, Leaf, Paragraph, Table
 from designer.polyhedron import INRADIUS, adjacent_faces
 from designer.produce import Design
 from designer.report.caliper import opposite_faces
-from designer.report.filament import Filament
+from designer.report.filament import Filament, two_digits
 from designer.skew import NO_SKEW, format_skew
 from designer.spec import BoardSpec, IcoSpec
 from designer.target import TargetGeometry
@@ -80,7 +80,7 @@ def _print_rows(design: Design, filament: Filament | None) -> list[tuple[str, st
         width, height = pages[0].width_mm, pages[0].height_mm
         return [("sheet", f"{len(pages)} page{'s' * (len(pages) > 1)} of {width:.0f} x {height:.0f} mm")]
     size = " x ".join(f"{length:.1f}" for length in printed_size_mm(design.target, printing))
-    rows = [("on the bed", f"{size} mm"), ("weight", f"about {_rounded(filament.total_g)} g in PLA")]
+    rows = [("on the bed", f"{size} mm"), ("weight", f"about {two_digits(filament.total_g)} g in PLA")]
     if printing.is_two_filament:
         offset = f", grown by {printing.ink_offset_mm:+g} mm a side" if printing.ink_offset_mm else ""
         rows.append(("ink", f"{printing.inlay_mm:g} mm deep{offset}"))
@@ -91,11 +91,6 @@ def _print_rows(design: Design, filament: Filament | None) -> list[tuple[str, st
     if printing.build == "stickers":
         rows.append(("sticker", f"{printing.sticker_thickness_mm:g} mm thick; the body is smaller by it on every face"))
     return rows
-
-
-def _rounded(value: float) -> str:
-    """Two digits: an estimate has no more."""
-    return f"{float(f'{value:.2g}'):g}"
 
 
 def code_blocks(design: Design) -> tuple[Leaf, ...]:

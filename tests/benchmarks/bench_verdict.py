@@ -15,8 +15,7 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[name] = "1"  # before NumPy is loaded
@@ -25,81 +24,23 @@ import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
 from calib.camera_difference import camera_difference  # noqa: E402
-from calib.camera_file import camera_or_preset  # noqa: E402
-from calib.cameras import project, rays  # noqa: E402
-from calib.inputs.observations import known_points  # noqa: E402
 from calib.pipeline.calibrate import calibrate  # noqa: E402
-from calib.render.poses import fibonacci_cap  # noqa: E402
-from calib.se3 import exp_rotation, look_at, transform  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
-from calib.types import Calibration, Camera, KnownPoints, Observations  # noqa: E402
+from calib.types import Calibration, Camera  # noqa: E402
 from calib.verdict.coverage import coverage_of  # noqa: E402
 from calib.verdict.criteria import Criteria, read_criteria  # noqa: E402
 from calib.verdict.halves import half_split  # noqa: E402
 from calib.verdict.of_run import Judged, judge_run  # noqa: E402
 from calib.verdict.verdict import Grade  # noqa: E402
 from designer.errors import InputError  # noqa: E402
-from designer.layout import lay_out  # noqa: E402
-from designer.spec import BoardSpec, IcoSpec  # noqa: E402
-from designer.target import TargetGeometry  # noqa: E402
-from designer.tolerance.error_file import error_model  # noqa: E402
-from designer.tolerance.model import perturb  # noqa: E402
+from tests.benchmarks.verdict_scenes import Case, case_of, lens_of, sightings_of  # noqa: E402
 
 Array = NDArray[np.float64]
 
-RUNS = 400
+RUNS = 600
 PEER_RMSE_PX = 0.2
 QUANTILE = 95
 GRADES: tuple[Grade, ...] = ("good", "usable", "bad")
-LEAST_RINGS = 6
-"""Of a view, fewer are not kept."""
-TRIES = 6
-"""Poses drawn for each photo until one shows the target."""
-MARGIN_PX = 8
-INCIDENCE_DEG = 70.0
-PRINTS = {"board": ("fdm-board", "sheet-print"), "ico": ("fdm-dual", "fdm-dual-calibrated", "hand-stickers")}
-SIZE, SPLINE_SIZE = (2448, 2048), (2448, 1836)
-
-
-@dataclass(frozen=True)
-class Habit:
-    """How somebody takes photos."""
-
-    reach: float  # how far from the middle the target is shown, of the field of view
-    size: float  # the target's half width in the nearest photo, of the image's
-    tilt_deg: float  # the largest
-    depth: float  # the farthest photo is so much farther than the nearest, as a share
-
-
-HABITS = {
-    "careful": Habit(0.9, 0.55, 45.0, 0.5),
-    "casual": Habit(0.6, 0.45, 35.0, 0.4),
-    "middle": Habit(0.15, 0.75, 40.0, 0.3),
-    "frontal": Habit(0.8, 0.55, 12.0, 0.3),
-    "small": Habit(0.9, 0.2, 45.0, 0.8),
-}
-HABIT_SHARES = (0.6, 0.15, 0.1, 0.1, 0.05)
-FAULTS = ("none", "print", "bow", "glare", "focus")
-FAULT_SHARES = (0.5, 0.2, 0.1, 0.1, 0.1)
-LENSES = ("mild", "strong", "luhmann", "spline")
-LENS_SHARES = (0.45, 0.2, 0.2, 0.15)
-
-
-@dataclass(frozen=True)
-class Case:
-    """One calibration that somebody makes."""
-
-    seed: int
-    target: str  # "board", "ico"
-    fine: bool
-    lens: str
-    habit: str
-    views: int
-    noise_px: float
-    fault: str
-    amount: float  # of the fault: a factor of the error model, mm of bow, share of sightings, relative focal length
-    print_model: str
-    rejects: bool  # solved with --reject 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,156 +59,6 @@ class Outcome:
     def grade(self) -> Grade:
         """Of the verdict."""
         return self.judged.verdict.grade
-
-
-def case_of(seed: int) -> Case:
-    """A draw."""
-    rng = np.random.default_rng([7, seed])
-    target = str(rng.choice(["board", "ico"]))
-    fault = str(rng.choice(FAULTS, p=FAULT_SHARES))
-    amounts = {
-        "none": 0.0,
-        "print": _between(0.03, 1.0, rng),
-        "bow": _between(0.01, 1.0, rng),
-        "glare": _between(0.002, 0.08, rng),
-        "focus": _between(1e-5, 2e-3, rng),
-    }
-    return Case(
-        seed, target, bool(rng.random() < 0.5), str(rng.choice(LENSES, p=LENS_SHARES)),
-        str(rng.choice(list(HABITS), p=HABIT_SHARES)), int(rng.integers(1, 4)) if rng.random() < 0.1 else round(_between(4, 40, rng)),
-        float(np.exp(rng.triangular(*np.log([0.01, 0.04, 0.5])))), fault, amounts[fault],
-        str(rng.choice(PRINTS[target])), bool(rng.random() < 0.3),
-    )  # fmt: skip
-
-
-def _between(low: float, high: float, rng: np.random.Generator) -> float:
-    """A number of any size between two."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-
-@cache
-def _target(target: str, *, fine: bool) -> TargetGeometry:
-    if target == "board":
-        columns, rows, pitch = (20, 16, 11.0) if fine else (11, 9, 20.0)
-        size = ((columns + 1) * pitch, (rows + 1) * pitch)
-        return lay_out(BoardSpec(size, 3.0, columns, rows, "square", 0.7 * pitch, 0.45, pitch, 0.0, 1.0, dots=False))
-    side = 7 if fine else 5
-    pitch = 80.0 / side
-    return lay_out(IcoSpec(100.0, side, 0.7 * pitch, 0.45, pitch, 2.0, 1.0))
-
-
-def lens_of(case: Case, rng: np.random.Generator) -> Camera:
-    """The true camera, a little different in each run."""
-    if case.lens == "spline":
-        return _part_of_spline(_between(0.01, 1.0, rng))
-    off = rng.normal(0, 20, 2)
-    focal = 1500.0 if case.lens == "strong" else 2500 * float(rng.uniform(0.7, 1.4))
-    head = [focal, focal * (1 + 2e-3 * float(rng.normal())), 1223.5 + off[0], 1023.5 + off[1]]
-    bend = float(rng.uniform(0, 1.5))
-    tangential = 4e-4 * rng.normal(size=2)
-    if case.lens == "strong":
-        return Camera("opencv", np.array([*head, -0.30, 0.10, *tangential, -0.012]), SIZE)
-    if case.lens == "luhmann":
-        return Camera("luhmann", np.array([*head, -0.12 * bend, 0.05 * bend, 0.01, *tangential]), SIZE)
-    return Camera("opencv", np.array([*head, -0.12 * bend, 0.05 * bend, *tangential, 0.01 * bend]), SIZE)
-
-
-def _part_of_spline(share: float) -> Camera:
-    """The lens of the template with a part of its surface, on a smaller sensor."""
-    full = camera_or_preset("phase-one-spline")
-    params = full.params * (SPLINE_SIZE[0] / full.image_size[0])
-    params[4:] *= share
-    return Camera("spline", params, SPLINE_SIZE)
-
-
-def poses_of(case: Case, camera: Camera, radius_mm: float, count: int, rng: np.random.Generator) -> Array:
-    """How the photos are taken.  # (V, 4, 4)"""
-    habit = HABITS[case.habit]
-    width, height = camera.image_size
-    focal = camera.params[0]
-    # So far that the target's radius takes a share of the image's half width.
-    far = focal * radius_mm / (habit.size * width / 2)
-    cap = fibonacci_cap(max(count, 2), np.radians(habit.tilt_deg))[rng.permutation(max(count, 2))[:count]]
-    if case.target == "ico":
-        # Any side of it may be shown.
-        cap = rng.normal(size=(count, 3))
-        cap /= np.linalg.norm(cap, axis=1, keepdims=True)
-    eye = far * rng.uniform(1.0, 1.0 + habit.depth, (count, 1)) * cap
-    pose = look_at(eye, np.zeros((count, 3)), rng.uniform(-np.pi, np.pi, count))
-    turn = np.tile(np.eye(4), (count, 1, 1))
-    reach = habit.reach * np.arctan([0.5 * height / focal, 0.5 * width / focal])
-    for one, (down, right) in zip(turn, rng.uniform(-1, 1, (count, 2)) * reach, strict=True):
-        one[:3, :3] = exp_rotation(np.array([down, right, 0.0]))
-    seen: Array = turn @ pose
-    return seen
-
-
-def _see(camera: Camera, points: KnownPoints, pose: Array) -> tuple[NDArray[np.int64], Array]:
-    """Rows of the points that are seen in one photo, and where."""
-    place = transform(pose, points.position_mm)
-    normal = points.plane[points.face, :3]
-    cosine = -(place * (normal @ pose[:3, :3].T)).sum(axis=1) / np.linalg.norm(place, axis=1)
-    pixel = project(camera, place)
-    with np.errstate(invalid="ignore"):
-        inside = ((pixel > MARGIN_PX) & (pixel < np.array(camera.image_size) - MARGIN_PX)).all(axis=1)
-        # Beyond where a polynomial turns back there are no images.
-        again = rays(camera, np.where(inside[:, None], pixel, 0.0))
-        inside &= np.linalg.norm(again[:, :2] - place[:, :2] / place[:, 2:], axis=1) < 1e-6
-    rows = np.flatnonzero(inside & (cosine > np.cos(np.radians(INCIDENCE_DEG))))
-    return rows, pixel[rows]
-
-
-def sightings_of(case: Case, camera: Camera, rng: np.random.Generator) -> Observations | None:
-    """What is detected, believed to be of the nominal target; None if it is seen in no photo."""
-    nominal = _target(case.target, fine=case.fine)
-    points, made = known_points(nominal), known_points(_made(case, nominal, rng))
-    if case.fault == "bow":
-        made = _bowed(made, case.amount, case.target)
-    radius = float(np.abs(points.position_mm[:, :2]).max())
-    views, rows, pixels = [], [], []
-    for pose in poses_of(case, camera, radius, TRIES * case.views, rng):
-        lens = camera
-        if case.fault == "focus":
-            params = camera.params.copy()
-            params[:2] *= 1 + case.amount * float(rng.normal())
-            lens = replace(camera, params=params)
-        row, pixel = _see(lens, made, pose)
-        if len(row) >= LEAST_RINGS and len(views) < case.views:
-            views.append(np.full(len(row), len(views)))
-            rows.append(row)
-            pixels.append(pixel)
-    if not views:
-        return None
-    pixel = np.concatenate(pixels)
-    pixel = pixel + case.noise_px * rng.standard_normal(pixel.shape)
-    if case.fault == "glare":
-        off = rng.random(len(pixel)) < case.amount
-        length = np.exp(rng.uniform(np.log(0.5), np.log(10.0), off.sum()))
-        angle = rng.uniform(-np.pi, np.pi, off.sum())
-        pixel[off] += length[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    covariance = np.tile(case.noise_px**2 * np.eye(2), (len(pixel), 1, 1))
-    names = tuple(f"photo{n:03}.png" for n in range(len(views)))
-    return Observations(
-        camera.image_size, names, np.concatenate(views), np.concatenate(rows), pixel, covariance, points
-    )
-
-
-def _made(case: Case, nominal: TargetGeometry, rng: np.random.Generator) -> TargetGeometry:
-    """The target as it came out."""
-    if case.fault != "print":
-        return nominal
-    return perturb(nominal, error_model(case.print_model).scaled(case.amount), rng)
-
-
-def _bowed(points: KnownPoints, bow_mm: float, target: str) -> KnownPoints:
-    """A board whose ends stand out of its plane; of an icosahedron, one corner that is off."""
-    place = points.position_mm.copy()
-    if target == "board":
-        place[:, 2] += bow_mm * (place[:, 0] / np.abs(place[:, 0]).max()) ** 2
-    else:
-        height = place[:, 2] / np.abs(place[:, 2]).max()
-        place[:, 0] += bow_mm * height
-    return replace(points, position_mm=place)
 
 
 def outcome_of(case: Case, criteria: Criteria, models: Sequence[str]) -> Outcome | None:
@@ -359,15 +150,10 @@ def print_confusion(found: Sequence[Outcome], criteria: Criteria) -> None:
         print(f"  RMSE <= {PEER_RMSE_PX:g} px      {_share(theirs, peer)}   {_share(theirs, wrong)}")
         rates = [len(part) / max(len(whole), 1) for part, whole in ((theirs, peer), (ours, good))]
         print(f"  ratio               {rates[0] / rates[1] if rates[1] else np.inf:.1f}")
-    fine = [one for one in found if one.true_px <= limits.good]
-    alarms = [one for one in bad if one.true_px <= limits.good]
-    print(
-        f"\nbad, and within {limits.good:g} px: of those bad {_share(alarms, bad)}; of all within {_share(alarms, fine)}"
-    )
-    usable = [one for one in found if one.grade == "usable"]
-    print(
-        f"usable, and beyond {limits.usable:g} px:    {_share([o for o in usable if o.true_px > limits.usable], usable)}"
-    )
+    fine, usable = [one for one in found if one.true_px <= limits.good], [one for one in found if one.grade == "usable"]
+    alarms, far = [one for one in bad if one in fine], [one for one in usable if one.true_px > limits.usable]
+    print(f"\nbad, and within {limits.good:g} px: of those bad {_share(alarms, bad)}; of all {_share(alarms, fine)}")
+    print(f"usable, and beyond {limits.usable:g} px: {_share(far, usable)}")
 
 
 def print_checks(found: Sequence[Outcome], criteria: Criteria) -> None:
@@ -448,10 +234,11 @@ def main() -> None:
     warnings.simplefilter("ignore", RuntimeWarning)
     criteria = read_criteria(arguments.criteria)
     models = ("luhmann", "opencv", *(("virtual",) if arguments.virtual else ()))
-    begin = time.perf_counter()
+    begin = time.perf_counter(), time.process_time()
     found = outcomes(range(arguments.first, arguments.first + arguments.runs), criteria, models)
-    seconds = time.perf_counter() - begin
-    print(f"{len(found)} cameras of {arguments.runs} runs, {seconds:.0f} s, limits {criteria.name}\n")
+    wall, processor = time.perf_counter() - begin[0], time.process_time() - begin[1]
+    seconds = f"{wall:.0f} s, {processor:.0f} s of the processor"
+    print(f"{len(found)} cameras of {arguments.runs} runs, {seconds}, limits {criteria.name}\n")
     print_confusion(found, criteria)
     print_checks(found, criteria)
     print_kinds(found, criteria)

@@ -25,7 +25,7 @@ TITLES = {
     "reconstruction_true": "Reconstruction, true shape",
     "pose": "Camera's centre",
     "focal_length": "Focal length",
-    "distortion_map": "Camera over the image",
+    "distortion_map": "Camera where seen",
 }
 
 

@@ -21,15 +21,16 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity("rotation", "deg", "error of the camera's axes"),
     Quantity("focal_length", "px", "error of the focal lengths"),
     Quantity("principal_point", "px", "error of the principal point"),
-    Quantity("distortion_map", "px", "error of the camera over the seen part of the image"),
+    Quantity("distortion_map", "px", "error of the camera where the target was seen"),
 )
 """In the order of all arrays. The first three need no truth; reprojection, intersection, reconstruction, pose and
 rotation are those of `calib.metrics`.
 
 Focal length: root mean square of fx and fy; principal point: distance; both against the camera of the model that fits
-the noise-free views of the nominal target best, which is the true camera if the model is its own. Camera over the
-image: distances between the pixels that both cameras give to one direction, after the best rotation, as in
-`calib.camera_difference`, within the convex hull of all sightings: a lens that is extrapolated beyond says nothing.
+the noise-free views of the nominal target best, which is the true camera if the model is its own. Camera
+where the target was seen: distances between the pixels that both cameras give to one direction, after the best
+rotation, as in `calib.camera_difference`, within the convex hull of all sightings: a lens that is extrapolated beyond
+says nothing.
 """
 
 NAMES: tuple[str, ...] = tuple(quantity.name for quantity in QUANTITIES)

@@ -38,7 +38,7 @@ HEADS = {
     "reconstruction_true": "reconstruction\ntrue shape [mm]",
     "pose": "camera's\ncentre [mm]",
     "focal_length": "focal\nlength [px]",
-    "distortion_map": "camera over\nimage [px]",
+    "distortion_map": "camera\nwhere seen [px]",
 }
 HUMAN: dict[Unit, tuple[str, float]] = {
     "mm": ("mm", 1.0),

@@ -27,6 +27,19 @@
     button.addEventListener("click", () => sort(button.closest("th")));
   }
 
+  // Tables that are wider than their place: what goes on beyond an edge is told by a class.
+  const wide = Array.from(document.querySelectorAll(".scroll"));
+  const edge = (one) => {
+    const rest = one.scrollWidth - one.clientWidth - one.scrollLeft;
+    one.classList.toggle("more-left", one.scrollLeft > 1);
+    one.classList.toggle("more-right", rest > 1);
+  };
+  const edges = new ResizeObserver((seen) => seen.forEach((entry) => edge(entry.target)));
+  for (const one of wide) {
+    one.addEventListener("scroll", () => edge(one), { passive: true });
+    edges.observe(one);
+  }
+
   // Galleries: a picture opens large; arrow keys go on, Escape closes (the dialog's own).
   const box = document.getElementById("lightbox");
   const part = (name) => document.getElementById(`lightbox-${name}`);

@@ -1,0 +1,205 @@
+"""Which photo to take next, of those that could be: the one after which the camera is best known, or best covered.
+
+Candidates are compared by what they tell with some of the target's points, or by the cells of the image they show
+points in; the best few are then looked at with all points.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.types import Calibration, Camera
+from calib.verdict.candidate_views import Candidates, candidates_of, shown_in
+from calib.verdict.coverage import coverage, coverage_of
+from calib.verdict.information import Knowledge, image_change, knowledge_of, sigma_px, view_information
+from calib.verdict.next_view_target import Habits, TargetShape, habits_of, shape_of
+
+Array = NDArray[np.float64]
+
+SHARE_PERCENT = 95.0
+COARSE_MAP = (16, 12)
+"""Pixels of the map that candidates are compared by; the deviation that is stated is over the usual grid."""
+POINTS_COMPARED = 240
+FEWEST_ON_FACE = 12
+POINTS_AT_A_TIME = 200_000
+COMPARED_IN_FULL = 300
+"""Of the candidates, those best by the mean square over the image."""
+TRIED = 12
+"""Of the candidates in their order, so many are looked at with all points."""
+LEAST_RINGS = 12
+STRANGE = 0.2
+"""A distance beyond the used ones by a factor of two must be worth this share more."""
+AGAIN = 0.1
+"""The same for a place that was proposed already, because the lens may be less even than its model takes it to be."""
+WORTH_OF_NEW = 0.2
+"""The same for a photo that shows nothing where nothing was seen yet, against the one that shows most there."""
+CELLS = (16, 12)
+"""Parts of the image, by which what is new is counted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What a choice is made from."""
+
+    known: Knowledge
+    shape: TargetShape
+    habits: Habits
+    candidates: Candidates
+    information: Array  # (C, Q, Q) of each, from some of the points
+    covers: NDArray[np.bool_]  # (C, K) cells of the image that each shows a point in
+
+
+@dataclass(frozen=True, eq=False)
+class SoFar:
+    """What is known and covered with the photos chosen so far."""
+
+    knowledge: Array  # (Q, Q)
+    is_covered: NDArray[np.bool_]  # (R, C) cells of a coverage
+    chosen: tuple[int, ...]  # rows of the candidates
+
+    @property
+    def covered(self) -> float:
+        """Of the image, 0 to 1."""
+        return float(self.is_covered.mean())
+
+
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """A candidate with all its points."""
+
+    row: int
+    information: Array  # (Q, Q)
+    area: NDArray[np.bool_]  # (R, C) cells of a coverage
+
+
+def scene_of(calibration: Calibration, face_share: float | None) -> Scene | None:
+    """The photos that could be taken and what they tell; None if no point lies on a known plane.
+
+    Args:
+        calibration: what is known so far.
+        face_share: so much of a face must be seen for its rings to be read; None: as in the photos taken so far.
+    """
+    shape = shape_of(calibration)
+    if shape is None:
+        return None
+    habits = habits_of(calibration, shape)
+    if face_share is not None:
+        habits = replace(habits, face_share=face_share)
+    known = knowledge_of(calibration)
+    candidates = candidates_of(calibration, shape, habits)
+    is_read, covers = _read(calibration.camera, shape, habits, candidates)
+    ok = is_read.sum(axis=1) >= min(LEAST_RINGS, habits.rings)
+    rows, faces = _some_points(shape), len(shape.normal)
+    stands_for = np.bincount(shape.face, minlength=faces) / np.bincount(shape.face[rows], minlength=faces).clip(min=1)
+    weight = is_read[ok][:, rows] * stands_for[shape.face[rows]]
+    information = view_information(known, candidates.cam_from_target[ok], shape.position_mm[rows], weight)
+    return Scene(known, shape, habits, candidates[ok], information, covers[ok])
+
+
+def start_of(scene: Scene, calibration: Calibration) -> SoFar:
+    """Before the first choice."""
+    return SoFar(np.eye(scene.known.basis.shape[1]), coverage_of(calibration).is_covered, ())
+
+
+def with_photo(so_far: SoFar, photo: Photo) -> SoFar:
+    """After a choice."""
+    return SoFar(so_far.knowledge + photo.information, so_far.is_covered | photo.area, (*so_far.chosen, photo.row))
+
+
+def new_area(so_far: SoFar, photo: Photo) -> float:
+    """Of the image, what a photo adds to what is covered."""
+    return float((photo.area & ~so_far.is_covered).mean())
+
+
+def for_accuracy(scene: Scene, so_far: SoFar) -> tuple[Photo, ...]:
+    """Photos that make the camera best known, the best first."""
+    change = image_change(scene.known, *COARSE_MAP)
+    flat = change.reshape(-1, change.shape[2])
+    mean_square = flat.T @ flat / len(change)
+    nothing_new = 1 - _new_cells(scene, so_far)
+    effort = _effort(scene, so_far) * (1 + WORTH_OF_NEW * nothing_new)
+    after = so_far.knowledge + scene.information
+    square = np.einsum("cij,ji->c", np.linalg.inv(after), mean_square)
+    best = np.argsort(square * effort**2, kind="stable")[:COMPARED_IN_FULL]
+    share = np.percentile(sigma_px(change, after[best]), SHARE_PERCENT, axis=1)
+    order = best[np.argsort(share * effort[best], kind="stable")]
+    return tuple(in_full(scene, row) for row in order[:TRIED].tolist())
+
+
+def for_coverage(scene: Scene, so_far: SoFar) -> tuple[Photo, ...]:
+    """Photos that surround most of what no photo has shown yet, the best first."""
+    effort = _effort(scene, so_far)
+    order = np.argsort(-_new_cells(scene, so_far) / effort, kind="stable")[:TRIED]
+    photos = [in_full(scene, row) for row in order.tolist()]
+    return tuple(sorted(photos, key=lambda photo: -new_area(so_far, photo) / float(effort[photo.row])))
+
+
+def in_full(scene: Scene, row: int) -> Photo:
+    """What a candidate would add with all its points."""
+    shape, pose, camera = scene.shape, scene.candidates.cam_from_target[row : row + 1], scene.known.camera
+    shown = shown_in(camera, shape, scene.habits, pose, np.arange(len(shape.face)))
+    read = shown.is_read[0]
+    added: Array = view_information(scene.known, pose, shape.position_mm, shown.is_read.astype(np.float64))[0]
+    one_view = np.zeros(int(read.sum()), dtype=np.int64)
+    area = coverage(camera.image_size, shown.pixel[0, read], one_view, shape.face[read])
+    return Photo(row, added, area.is_covered)
+
+
+def _read(
+    camera: Camera, shape: TargetShape, habits: Habits, candidates: Candidates
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which of all points (C, N) candidates show, and in which cells of the image (C, K)."""
+    count, points = len(candidates.distance_mm), np.arange(len(shape.face))
+    is_read = np.zeros((count, len(points)), dtype=bool)
+    covers = np.zeros((count, CELLS[0] * CELLS[1]), dtype=bool)
+    step = max(1, POINTS_AT_A_TIME // max(len(points), 1))
+    for begin in range(0, count, step):
+        part = slice(begin, begin + step)
+        shown = shown_in(camera, shape, habits, candidates.cam_from_target[part], points)
+        is_read[part], covers[part] = shown.is_read, _cells(camera, shown.pixel, shown.is_read)
+    return is_read, covers
+
+
+def _cells(camera: Camera, pixel: Array, is_read: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which cells of the image photos show a point in (C, K)."""
+    columns, rows = CELLS
+    covers = np.zeros((len(pixel), columns * rows), dtype=bool)
+    photo, point = np.nonzero(is_read)
+    place = (pixel[photo, point] + 0.5) / camera.image_size * CELLS
+    column, row = np.clip(place.astype(np.int64), 0, np.array(CELLS) - 1).T
+    covers[photo, row * columns + column] = True
+    return covers
+
+
+def _new_cells(scene: Scene, so_far: SoFar) -> Array:
+    """What each candidate shows of what is not covered yet (C,), of the one that shows most: 0 to 1."""
+    columns, rows = CELLS
+    fine = so_far.is_covered
+    row = ((np.arange(rows) + 0.5) / rows * fine.shape[0]).astype(np.int64)
+    column = ((np.arange(columns) + 0.5) / columns * fine.shape[1]).astype(np.int64)
+    new = (scene.covers & ~fine[np.ix_(row, column)].ravel()).sum(axis=1)
+    share: Array = new / max(int(new.max(initial=0)), 1)
+    return share
+
+
+def _effort(scene: Scene, so_far: SoFar) -> Array:
+    """Factors (C,) that make less attractive: distances nobody has used, places proposed already."""
+    near, far = scene.habits.distance_mm
+    distance, place = scene.candidates.distance_mm, scene.candidates.place
+    beyond = np.maximum(np.log2(near / distance), np.log2(distance / far)).clip(min=0.0)
+    again: NDArray[np.bool_] = np.asarray((place[:, None] == place[list(so_far.chosen)]).all(axis=2).any(axis=1))
+    effort: Array = np.asarray((1 + STRANGE * beyond) * (1 + AGAIN * again))
+    return effort
+
+
+def _some_points(shape: TargetShape) -> NDArray[np.int64]:
+    """Rows of a few points a face: its corners, and others evenly over their order."""
+    faces = np.unique(shape.face)
+    each = max(FEWEST_ON_FACE, POINTS_COMPARED // len(faces)) if len(faces) > 1 else POINTS_COMPARED // 3
+    chosen = []
+    for face in faces.tolist():
+        rows = np.flatnonzero(shape.face == face)
+        some = rows[np.linspace(0, len(rows) - 1, min(len(rows), each)).round().astype(np.int64)]
+        chosen.append(np.union1d(some, shape.corner[face]))
+    return np.concatenate(chosen)
