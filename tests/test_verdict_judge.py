@@ -267,3 +267,25 @@ def test_what_is_far_off_is_told_by_the_noise_where_covariances_are_weights() ->
     known = judged(replace(shifted, cov_px2=noise))
     assert check(known, "outliers").grade == "good"
     assert "of the noise that the detector states" in check(known, "outliers").sentence
+
+
+def test_a_model_that_fits_worse_cannot_blame_the_camera() -> None:
+    """A lens with distortion solved as such is good, however far off a pinhole is that leaves over much more."""
+    run = judged(sightings(views=20), models=("opencv", "pinhole"))
+    assert check(run, "models").grade == "unknown"
+    assert "pinhole does not fit the lens" in check(run, "models").sentence
+    assert run.verdict.grade == "good"
+
+
+@pytest.mark.parametrize(("ratio", "factor"), [(0.5, 1.0), (1.3, 1.0), (1.6, 1.6), (4.0, 4.0)])
+def test_halves_that_differ_beyond_chance_enlarge_the_uncertainty(ratio: float, factor: float) -> None:
+    """Stated deviations are multiplied by the ratio of the halves where chance does not explain it, and only there."""
+    halves = HalvesFound(ratio, 0.01, 0.01 / ratio, 0.02)
+    assert halves.factor == factor
+    evidence = evidence_of(solved(sightings(views=6)), 0, NoHalves("not asked for"))
+    stated = evidence.uncertainty.image_px
+    assert stated is not None
+    enlarged = replace(evidence, halves=halves, uncertainty=replace(evidence.uncertainty, factor=halves.factor))
+    found = next(one for one in judge(enlarged, read_criteria()).checks if one.name == "uncertainty")
+    assert found.value == pytest.approx(factor * stated)
+    assert ("times what the solution states" in found.sentence) == (factor > 1)

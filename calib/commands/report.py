@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.commands.judged_page import criteria_templates
 from calib.commands.screen import quoted, shown, waiting
 from designer.answer import Summary, Value
 from designer.command import printable
@@ -29,6 +30,7 @@ def report(
             help="judge a calibration by other limits: a template (standard, metrology, robotics) or a TOML file of "
             "one's own",
             metavar="NAME|FILE",
+            autocompletion=criteria_templates,
         ),
     ] = None,
 ) -> Summary:

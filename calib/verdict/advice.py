@@ -134,9 +134,11 @@ def _target(evidence: Evidence, criteria: Criteria) -> _Step:
         sentence = (
             f"{measure}; a target that may bend and stretch explains the photos better ({figure(shape.ratio, 2)} "
             f"sigma), and moves the camera by up to {px(shape.percentile_95_px)}"
+            + (", unless it is the lens that the model does not fit" if evidence.may_be_lens else "")
         )
         return _step(sentence, "target", "halves")
-    if isinstance(halves, HalvesFound) and halves.ratio > criteria.halves_sigma.good:
+    is_enlarged = evidence.uncertainty.factor > 1 and not is_sure(evidence, criteria)
+    if isinstance(halves, HalvesFound) and (halves.ratio > criteria.halves_sigma.good or is_enlarged):
         sentence = (
             "find what differs between the photos before taking more: two halves of them give cameras that differ "
             f"{figure(halves.ratio, 2)} times more than noise explains; a target that is not flat (`calib measure` "
@@ -167,9 +169,10 @@ def _lens(evidence: Evidence, criteria: Criteria, model: str) -> str:
         return ""
     other = "another camera model" if model == "virtual" else "the virtual model"
     command = "" if model == "virtual" else f": `{SOLVE} --model virtual`"
+    may_bend = evidence.shape is not None and evidence.shape.ratio > BY_CHANCE
     return (
         f"try {other}{command}; residuals at the same place in the image agree in all photos, by {px(over_image)} "
-        f"beyond noise, so {model} does not fit this lens"
+        f"beyond noise, so {model} does not fit this lens" + (", or the target bends" if may_bend else "")
     )
 
 

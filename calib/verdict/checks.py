@@ -1,5 +1,7 @@
 """Each check: what was measured against its limits, and what that means in one sentence."""
 
+import math
+
 from calib.results.evaluation_table import figure
 from calib.verdict.coverage import region_words
 from calib.verdict.criteria import Criteria, Limits
@@ -24,6 +26,8 @@ BY_CHANCE = 2.0
 """Sigmas of the effect of the target's shape that chance exceeds in about 1 of 100 honest runs (simulated)."""
 SURE = 3.0
 """Sigmas beyond which the target is to blame, as is usual for a claim."""
+REFUTED = 1.05
+"""A model that leaves over so many times as much as the judged one does not fit the lens: its dissent tells nothing."""
 LEAST_PX = 0.001
 """Nobody needs to know a camera better."""
 OWN_ROTATION = "its own rotation removed"
@@ -73,16 +77,18 @@ def _solution(evidence: Evidence) -> Check:
 
 
 def _uncertainty(evidence: Evidence, criteria: Criteria) -> Check:
-    found, limits, halves = evidence.uncertainty, criteria.uncertainty_px, evidence.halves
+    found, limits = evidence.uncertainty, criteria.uncertainty_px
     if not found.is_estimated:
         return _check("uncertainty", "unknown", None, "px", limits, "no parameter was estimated, so none is uncertain")
-    inside = "" if found.covered_px is None else f"; where the target was seen, {px(found.covered_px)} ({OWN_ROTATION})"
-    if isinstance(halves, HalvesFound) and halves.ratio > criteria.halves_sigma.good:
-        inside += f"; halves of the photos say about {figure(halves.ratio, 2)} times as much"
+    inside = ""
+    if found.covered_px is not None:
+        inside = f"; where the target was seen, {px(found.factor * found.covered_px)} ({OWN_ROTATION})"
+    if found.factor > 1:
+        inside += f"; that is {figure(found.factor, 2)} times what the solution states, as halves of the photos differ"
     if found.is_map_exact:
         sentence = f"not known: the learned map is taken as exact, and covers {100 * found.known:.0f} % of the image"
         return _check("uncertainty", "unknown", None, "px", limits, sentence)
-    if found.image_px is None:
+    if found.enlarged_px is None:
         what = (
             "the lens model breaks down in the outer"
             if found.known < 1
@@ -90,18 +96,25 @@ def _uncertainty(evidence: Evidence, criteria: Criteria) -> Check:
         )
         sentence = f"{what} {100 * max(1 - found.known, 0.05):.0f} % of the image{inside}"
         return _check("uncertainty", "bad", None, "px", limits, sentence)
-    sentence = f"the camera is uncertain by up to {px(found.image_px)} in 95 % of the image (1 sigma){inside}"
-    return _check("uncertainty", _at_most(found.image_px, limits), found.image_px, "px", limits, sentence)
+    value = found.enlarged_px
+    sentence = f"the camera is uncertain by up to {px(value)} in 95 % of the image (1 sigma){inside}"
+    return _check("uncertainty", _at_most(value, limits), value, "px", limits, sentence)
 
 
 def _coverage(evidence: Evidence, limits: Limits) -> Check:
     percent = 100 * evidence.coverage.share
     grade: Grade = "good" if percent >= limits.good else "usable" if percent >= limits.usable else "bad"
     names = tuple(region.name for region in evidence.coverage.not_covered)
-    sentence = f"the rings surround {percent:.0f} % of the image"
+    sentence = f"the rings surround {_short_of(percent, limits)} % of the image"
     if names:
         sentence += f"; mostly without: {region_words(names)}"
     return _check("coverage", grade, percent, "%", limits, sentence, is_at_least=True)
+
+
+def _short_of(percent: float, limits: Limits) -> str:
+    """A share in per cent, with a decimal where rounding would lift it to a limit that it does not reach."""
+    is_lifted = any(percent < limit <= round(percent) for limit in (limits.good, limits.usable))
+    return f"{math.floor(10 * percent) / 10:.1f}" if is_lifted else f"{percent:.0f}"
 
 
 def _halves(evidence: Evidence, criteria: Criteria) -> Check:
@@ -230,8 +243,10 @@ def _target(evidence: Evidence, limits: Limits) -> Check:
         )
         return _check("target", "good", found.percentile_95_px, "px", limits, sentence)
     grade, is_sure = _at_most(found.percentile_95_px, limits), found.ratio > SURE
+    blamed = "may not be" if not is_sure or evidence.may_be_lens else "is not"
+    other = ", or the model does not fit the lens" if evidence.may_be_lens else ""
     sentence = (
-        f"the target {'is not' if is_sure else 'may not be'} quite as its file says ({figure(found.ratio, 2)} sigma; "
+        f"the target {blamed} quite as its file says{other} ({figure(found.ratio, 2)} sigma; "
         f"bent by about {figure(found.bow_mm, 2)} mm): allowed for, it moves the camera by up to "
         f"{px(found.percentile_95_px)} in 95 % of the covered image"
     )
@@ -248,9 +263,20 @@ def _models(evidence: Evidence, limits: Limits) -> Check:
 
     A learned map rests on few photos, so its dissent alone makes no camera unusable.
     """
-    known = [(one, one.percentile_95_px) for one in evidence.models if one.percentile_95_px is not None]
+    judged_px = evidence.leftover.rmse_px
+    refuted = [one for one in evidence.models if not one.is_learned and one.rmse_px > REFUTED * judged_px]
+    known = [
+        (one, one.percentile_95_px)
+        for one in evidence.models
+        if one.percentile_95_px is not None and one not in refuted
+    ]
+    others = [f"{one.model} {one.reason}" for one in evidence.models if one.percentile_95_px is None]
+    others += [
+        f"{one.model} does not fit the lens (it leaves over {px(one.rmse_px)}, {evidence.model} {px(judged_px)})"
+        for one in refuted
+    ]
     if not known:
-        why = "; ".join(f"{one.model} {one.reason}" for one in evidence.models) or "no other model was solved"
+        why = "; ".join(others) or "no other model was solved"
         return _check("models", "unknown", None, "px", limits, f"not checked: {why}")
 
     def order(pair: tuple[ModelApart, float]) -> tuple[bool, float]:
@@ -258,11 +284,12 @@ def _models(evidence: Evidence, limits: Limits) -> Check:
         return _models_grade(one, value, limits) == "bad", value
 
     worst, value = max(known, key=order)
-    sentence = f"{worst.model} differs by up to {px(value)} in 95 % of the covered image"
+    up_to = "" if value < LEAST_PX else "up to "
+    sentence = f"{worst.model} differs by {up_to}{px(value)} in 95 % of the covered image"
     if worst.is_learned:
         sentence += f", where its map is known ({100 * worst.shared:.0f} % of it)"
     rest = [f"{one.model} by {px(other)}" for one, other in known if one is not worst]
-    rest += [f"{one.model} {one.reason}" for one in evidence.models if one.percentile_95_px is None]
+    rest += others
     sentence += f"; {', '.join(rest)}" if rest else ""
     return _check("models", _models_grade(worst, value, limits), value, "px", limits, sentence)
 

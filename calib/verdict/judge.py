@@ -70,7 +70,9 @@ def _times_beyond(check: Check) -> float:
 
 def _good_inside(evidence: Evidence, faults: Sequence[Check]) -> str:
     """Why a camera is not to be used that is good where the target was seen; "" if it is not."""
-    inside, outside = evidence.uncertainty.covered_px, evidence.uncertainty.image_px
+    inside, outside = evidence.uncertainty.covered_px, evidence.uncertainty.enlarged_px
+    if inside is not None:
+        inside *= evidence.uncertainty.factor
     limit = next((check.usable for check in faults if check.name == "uncertainty"), math.inf)
     if inside is None or inside > limit or evidence.uncertainty.is_map_exact:
         return ""
@@ -89,7 +91,7 @@ def _bare(check: Check) -> str:
 
 
 def _why_good(evidence: Evidence) -> str:
-    uncertain, halves = evidence.uncertainty.image_px, evidence.halves
+    uncertain, halves = evidence.uncertainty.enlarged_px, evidence.halves
     parts = [f"{100 * evidence.coverage.share:.0f} % of the image is covered"]
     if uncertain is not None:
         parts.insert(0, f"the camera is uncertain by at most {px(uncertain)} in 95 % of the image")

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from calib.results.evaluation_table import figure
 from calib.types import Calibration
+from calib.verdict.checks import SURE
 from calib.verdict.coverage import region_words
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import Evidence
@@ -46,7 +47,7 @@ def _photos(
             for number, view in enumerate(views, start=1)
         ]
         sentences[0] += f" (wanted: {_wanted(evidence, criteria)})"
-    elif views is None or is_sure(evidence, criteria):
+    elif views is None or is_sure(evidence, criteria) or _is_sure_as_stated(evidence, criteria):
         sentences = []
     else:
         why = why_no_next_views(calibration) or (
@@ -70,8 +71,12 @@ def _after_them(evidence: Evidence, criteria: Criteria, views: Sequence[NextView
     if is_sure(evidence, criteria) or not evidence.uncertainty.is_estimated:
         return ""
     sigma, limit = evidence.uncertainty.image_px, criteria.uncertainty_px.good
+    if _is_sure_as_stated(evidence, criteria):
+        return ""  # by noise alone it is known well enough: what makes the halves differ comes first
     alike = ""
-    if sigma is not None and evidence.status == "converged":
+    # Photos average noise out, not what is the same in all of them.
+    is_noise = evidence.uncertainty.factor <= 1 and (evidence.shape is None or evidence.shape.ratio <= SURE)
+    if sigma is not None and evidence.status == "converged" and is_noise:
         alike = _photos_alike(evidence.view_count, sigma, limit, others=bool(views))
     if views is not None:
         return alike
@@ -131,8 +136,14 @@ def _again(last: NextView, criteria: Criteria) -> tuple[str, ...]:
 
 def is_sure(evidence: Evidence, criteria: Criteria) -> bool:
     """Whether the camera is known as well as it should be."""
-    sigma = evidence.uncertainty.image_px
+    sigma = evidence.uncertainty.enlarged_px
     return evidence.uncertainty.is_map_exact or (sigma is not None and sigma <= criteria.uncertainty_px.good)
+
+
+def _is_sure_as_stated(evidence: Evidence, criteria: Criteria) -> bool:
+    """Whether it is by the standard deviations of the solution."""
+    sigma = evidence.uncertainty.image_px
+    return sigma is not None and sigma <= criteria.uncertainty_px.good
 
 
 def px(value: float) -> str:

@@ -38,6 +38,7 @@ class ShapeEffect:
     ratio: float  # the same in its standard deviations, 1 on average if the target is as its file says
     sigma_px: float  # of the change, along its worse axis, 95 % of the area
     bow_mm: float  # of the most bent face, from its middle to its farthest ring
+    explained: float = 1.0  # of the residuals' variance, 0 to 1: how much less another shape leaves over
 
 
 @one_thread
@@ -71,6 +72,7 @@ def shape_effect(calibration: Calibration, coverage: Coverage) -> ShapeEffect | 
         in_sigmas(field, covariance),
         float(np.percentile(worst, QUANTILE)),
         deformation.bow_mm(step[count:]),
+        min(max(1 - variance / noise, 0.0), 1.0) if noise > 0 else 0.0,
     )
 
 
