@@ -1,6 +1,8 @@
 """Fixtures of more than one module."""
 
+import shutil
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -16,3 +18,24 @@ def browser() -> Iterator["Browser"]:
 
     with started_browser() as started:
         yield started
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with what the commands take."""
+    from tests.command_scene import make_scene
+
+    folder = tmp_path_factory.mktemp("scene")
+    make_scene(folder)
+    return folder
+
+
+@pytest.fixture
+def scene_copy(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of it to work in, whose photos a detector knows without looking."""
+    from tests.command_scene import without_waiting
+
+    shutil.copytree(scene, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    without_waiting(monkeypatch)
+    return tmp_path

@@ -1,7 +1,6 @@
 """How commands end: 0 fine, 1 ran but the answer is negative, 2 bad input, 130 stopped; in JSON too."""
 
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -15,7 +14,6 @@ from typer.core import TyperGroup
 from calib.cli import app as calib_app
 from designer.cli import app as design_app
 from tests.command_line import LENIENT, Answer, calib, design, summary_of
-from tests.command_scene import make_scene, without_waiting
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTED = (ROOT / "docs/json.md").read_text()
@@ -105,21 +103,10 @@ CASES = [pytest.param(design, case, id=f"design {' '.join(case.words[:2])} {case
 CASES += [pytest.param(calib, case, id=f"calib {' '.join(case.words[:2])} {case.code}") for case in CALIB]
 
 
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the commands take."""
-    folder = tmp_path_factory.mktemp("scene")
-    make_scene(folder)
-    return folder
-
-
 @pytest.fixture(autouse=True)
-def folder(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of it to work in."""
-    shutil.copytree(scene, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    without_waiting(monkeypatch)
-    return tmp_path
+def folder(scene_copy: Path) -> Path:
+    """Where the commands work."""
+    return scene_copy
 
 
 @pytest.mark.parametrize(("program", "case"), CASES)

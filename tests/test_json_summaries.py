@@ -20,7 +20,7 @@ from calib.results.calibration_file import read_calibration
 from designer.answer import StoppedError, Summary, Value, document, plain
 from designer.command import command_line
 from tests.command_line import LENIENT, calib, design, summary_of
-from tests.command_scene import BOARD, CAMERA, FOUND, PHOTOS, SEEN, SHIFT_PX, make_scene, without_waiting
+from tests.command_scene import BOARD, CAMERA, FOUND, PHOTOS, SEEN, SHIFT_PX
 
 ROOT = Path(__file__).parent.parent
 TOY = """
@@ -56,21 +56,10 @@ run(app)
 """
 
 
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the commands take."""
-    folder = tmp_path_factory.mktemp("scene")
-    make_scene(folder)
-    return folder
-
-
 @pytest.fixture(autouse=True)
-def folder(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of it to work in."""
-    shutil.copytree(scene, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    without_waiting(monkeypatch)
-    return tmp_path
+def folder(scene_copy: Path) -> Path:
+    """Where the commands work."""
+    return scene_copy
 
 
 def toy(*words: str) -> subprocess.CompletedProcess[str]:

@@ -5,7 +5,6 @@ And the pages that other commands leave: what refreshes them, and that nobody's 
 
 import json
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from designer.spec_file import read_spec_file
 from designer.target import load_target, target_to_json
 from tests.calibrations import board
 from tests.command_line import JUDGED, LENIENT, PAGE, calib, files_in, refused, summary_of, write_inputs
-from tests.command_scene import BOARD, SEEN, make_scene, without_waiting
+from tests.command_scene import BOARD, SEEN
 from tests.run_folders import BLANK, PANEL
 
 RUN = ("run", "board.target.json", "photos", "--model", "opencv", "-o", "out")
@@ -30,22 +29,11 @@ STRICTER = {"good": {}, "usable": {"good": "0px"}, "bad": {"good": "0px", "usabl
 """Limits of the residuals, all others being lenient, and the grade of a camera that leaves anything over."""
 
 
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the commands take."""
-    folder = tmp_path_factory.mktemp("scene")
-    make_scene(folder)
-    return folder
-
-
 @pytest.fixture(autouse=True)
-def folder(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of it to work in; figures are blank."""
-    shutil.copytree(scene, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    without_waiting(monkeypatch)
+def folder(scene_copy: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where the commands work; figures are blank."""
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
-    return tmp_path
+    return scene_copy
 
 
 def criteria(grade: str) -> tuple[str, str]:

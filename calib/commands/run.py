@@ -159,7 +159,7 @@ def _nothing_found(
     again = command_line()
     summary = Summary(
         {"detections": detected.answer, **solutions_answer([], None), "verdict": None}, (*detected.files, *pages),
-        (f"{again}   # with other photos: the page says what they lack",) if again else (),
+        (f"{again}   # with other photos{': the page says what they lack' if page else ''}",) if again else (),
         (*detected.remarks, *remarks), NOTHING_FOUND,
     )  # fmt: skip
     return say_next(summary, place)
