@@ -10,7 +10,6 @@ from calib.commands.folder_page import folder_page
 from calib.commands.screen import quoted, shown, table_console, waiting
 from calib.commands.solutions import stop
 from designer.command import command_line
-from designer.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
 BAD = 1
-HEAD_BYTES = 200
 DEFAULT_CRITERIA = "standard"
 
 
@@ -89,18 +87,14 @@ def check_judged_folder(folder: Path) -> None:
     Raises:
         InputError: the message names the file.
     """
-    from calib.verdict.next_views_file import FORMAT as NEXT_VIEWS
+    from calib.files import require_replaceable
     from calib.verdict.next_views_file import NEXT_VIEWS_FILE
-    from calib.verdict.verdict_file import FORMAT as VERDICT
+    from calib.verdict.next_views_file import START as NEXT_VIEWS
+    from calib.verdict.verdict_file import START as VERDICT
     from calib.verdict.verdict_file import VERDICT_FILE
 
-    for path, form in ((folder / VERDICT_FILE, VERDICT), (folder / NEXT_VIEWS_FILE, NEXT_VIEWS)):
-        if not path.exists():
-            continue
-        with path.open("rb") as stream:
-            head = stream.read(HEAD_BYTES)
-        if head and form.encode() not in head:
-            raise InputError(f"{path}: exists and is not of this program; choose another folder with -o")
+    require_replaceable(folder / VERDICT_FILE, VERDICT, "verdict")
+    require_replaceable(folder / NEXT_VIEWS_FILE, NEXT_VIEWS, "next photos")
 
 
 def judge_and_report(

@@ -171,19 +171,11 @@ def advise(
 
 
 def best_of(solutions: "Sequence[Solution]") -> "Solution":
-    """The one to go on with: determined, of a model that other programs know, and then with the least left over.
+    """The one to go on with."""
+    from calib.pipeline.solutions import preference
 
-    What a learned map leaves over is small because it bends to the very photos it is judged by.
-    """
-    from calib.metrics.errors import summarise
-
-    def order(solution: "Solution") -> tuple[bool, bool, float]:
-        evaluation = _evaluation_of(solution)
-        calibration, errors = evaluation.calibration, evaluation.of("reprojection")
-        left = float("inf") if errors is None else summarise(errors).rmse
-        return calibration.status != "converged", calibration.camera.learned is not None, left
-
-    return min((solution for solution in solutions if solution.evaluation is not None), key=order)
+    solved = (solution for solution in solutions if solution.evaluation is not None)
+    return min(solved, key=lambda solution: preference(_evaluation_of(solution)))
 
 
 def is_degenerate(solutions: "Sequence[Solution]") -> bool:

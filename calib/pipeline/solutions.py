@@ -1,9 +1,11 @@
 """Several models solved from the same observations, each written to its folder as soon as it is there."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.pipeline.calibrate import calibrate
 from calib.pipeline.settings import SolvePlan
@@ -23,6 +25,17 @@ class Solution:
     evaluation: Evaluation | None
     files: tuple[Path, ...] = ()
     failure: str = ""
+
+
+def preference(evaluation: Evaluation) -> tuple[bool, bool, float]:
+    """The order in which cameras of the same photos are recommended, the best first.
+
+    It is determined, of a model that other programs know, and then with the least left over: what a learned map leaves
+    over is small because it bends to the very photos it is judged by.
+    """
+    calibration, errors = evaluation.calibration, evaluation.of("reprojection")
+    left_px = math.inf if errors is None else summarise(errors).rmse
+    return calibration.status != "converged", calibration.camera.learned is not None, left_px
 
 
 def solve_models(

@@ -21,6 +21,7 @@ from calib.verdict.coverage import Coverage, region_words
 from calib.verdict.halves import HalvesApart, NoHalves
 from designer.page.blocks import Figure
 from designer.page.drawing import drawing_of_svg
+from designer.words import capital
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,7 +105,7 @@ def uncertainty_words(found: SigmaMap) -> str:
         else f"{100 * (1 - found.known_share):.0f} % of the image has no directions"
     )
     words = f"{middle}{digits(found.worst_px, 2)} px {found.worst_place}; {most}"
-    return words[:1].upper() + words[1:]
+    return capital(words)
 
 
 def covered_words(one: Solved, found: SigmaMap) -> str:

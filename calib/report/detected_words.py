@@ -8,6 +8,7 @@ from calib.report.detected_file import DetectedFile, DetectedPhoto
 from calib.types import TOO_FLAT
 from designer.command import printable
 from designer.page.blocks import Block, Command, Finding, Findings, Headline, Level, Section, Steps
+from designer.words import capital
 
 GOOD_SHARE, USABLE_SHARE = 0.95, 0.5
 """Of the rings that could have been measured, of the readable photos with the target, and of the photos that could be
@@ -82,7 +83,7 @@ def first_reason(file: DetectedFile) -> str:
         return ""
     words = printable("; ".join(without[0].remarks))
     if all(record.remarks == without[0].remarks for record in without):
-        return f"{words[:1].upper()}{words[1:]}."
+        return f"{capital(words)}."
     return f"{printable(without[0].image)}: {words}."
 
 

@@ -35,6 +35,7 @@ from designer.page.blocks import (
 )
 from designer.page.links import is_linkable
 from designer.target import TargetGeometry, load_target
+from designer.words import capital
 
 QUESTION = (
     "How does the printed target differ from its design, and is a calibration with the target as it was measured "
@@ -160,7 +161,7 @@ def _faces(folder: Path, stem: str, record: AsBuiltRecord, target: TargetGeometr
     if rings is not None:
         blocks = (*blocks, Fold(f"Ring by ring ({len(rings.rows)})", (rings,)))
     lead = face_sentence(record)
-    return Section("Faces and rings", blocks, lead=f"{lead[:1].upper()}{lead[1:]}." if lead else "")
+    return Section("Faces and rings", blocks, lead=f"{capital(lead)}." if lead else "")
 
 
 def _picture(folder: Path, stem: str, record: AsBuiltRecord) -> Figure | None:

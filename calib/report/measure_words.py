@@ -9,6 +9,7 @@ from calib.as_built_report.words import degrees, next_print_lines, percent, spre
 from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord, StoredGain
 from calib.results.evaluation_table import figure
 from designer.page.blocks import Command, Finding, Headline
+from designer.words import capital
 
 MEASURED_WINS = 1.1
 """Times smaller that errors must be for the measured target to be called better than the drawing."""
@@ -128,5 +129,5 @@ def next_print(head: AsBuiltHead) -> tuple[tuple[Command, ...], tuple[str, ...]]
             command, _, rest = text.partition("   # ")
             commands.append(Command(command, f"the next print of the same design: {rest}"))
         else:
-            others.append(f"{text[:1].upper()}{text[1:]}.".replace("+-", "±"))
+            others.append(f"{capital(text)}.".replace("+-", "±"))
     return tuple(commands), tuple(others)

@@ -11,6 +11,7 @@ from calib.cameras import MODELS
 from calib.inputs.records import Records, read_records
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
+from calib.pipeline.solutions import preference
 from calib.report.stored_metrics import StoredMetrics, read_metrics
 from calib.results.calibration_file import CALIBRATION_FILE, Provenance, read_calibration
 from calib.results.evaluation_files import METRICS_FILE
@@ -66,17 +67,8 @@ class RunFolder:
     faults: tuple[str, ...]  # what is there and could not be read, one line each
 
     def best(self, model: str = "") -> Solved:
-        """The camera to go on with: of the model asked for, or determined, of parameters only, with least left over.
-
-        What a learned map leaves over is small because it bends to the very photos it is judged by.
-        """
-        return min(
-            self.solved,
-            key=lambda one: (
-                one.model != model, one.calibration.status != "converged", one.calibration.camera.learned is not None,
-                one.rmse_px,
-            ),
-        )  # fmt: skip
+        """The camera to go on with: of the model asked for, or else the recommended one."""
+        return min(self.solved, key=lambda one: (one.model != model, *preference(one.evaluation)))
 
 
 def is_run_folder(folder: Path) -> bool:

@@ -23,6 +23,7 @@ from designer.page.blocks import (
     Raster,
     Section,
 )
+from designer.words import capital
 
 MAX_DRAWING_BYTES = 500_000
 """Of a drawing within a page: a larger one is shown as pixels."""
@@ -161,7 +162,7 @@ def notes(lines: Sequence[str]) -> tuple[Block, ...]:
         has_subject = bool(colon) and len(subject) <= LONGEST_SUBJECT
         by_subject.setdefault(subject if has_subject else "", []).append(_sentence(text if has_subject else line))
     rows = [
-        Finding("note", subject if "_" in subject else _capital(subject), " ".join(texts))
+        Finding("note", subject if "_" in subject else capital(subject), " ".join(texts))
         for subject, texts in by_subject.items()
         if subject
     ]
@@ -170,12 +171,8 @@ def notes(lines: Sequence[str]) -> tuple[Block, ...]:
 
 
 def _sentence(text: str) -> str:
-    start = text if text.startswith("sqrt(") else _capital(text)
+    start = text if text.startswith("sqrt(") else capital(text)
     return start + ("" if text.endswith(".") else ".")
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def files_section(folder: Path, purposes: Sequence[tuple[str, str]], again: Command) -> Section:

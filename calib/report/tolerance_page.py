@@ -20,7 +20,6 @@ from calib.report.tolerance_tables import (
     amounts_table,
     assumed,
     budget_table,
-    capital,
     cost_table,
     crossover_table,
     quantities_wanted,
@@ -46,6 +45,7 @@ from calib.studies.tolerance.explore import AGAINST_FILE
 from calib.studies.tolerance.report import FEWEST_TO_CHECK, of_name
 from designer.command import printable
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Fold, Page, Section, Steps
+from designer.words import capital
 
 QUESTION = (
     "What do errors of manufacturing cost a calibration that takes the drawing for true? Targets are made with errors "

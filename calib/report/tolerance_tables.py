@@ -22,6 +22,7 @@ from calib.studies.tolerance.result import Cost
 from calib.studies.tolerance.tables import HEADS, cost_cell, short, size_words
 from designer.page.blocks import Cell, Column, Level, Table
 from designer.tolerance.registry import SOURCES
+from designer.words import capital
 
 SMALL_SHARE = 1e-3
 NOT_KNOWN = Cell("-")
@@ -30,11 +31,6 @@ NOT_KNOWN = Cell("-")
 def source_title(error: str) -> str:
     """An error in words."""
     return SOURCES[error].title.partition(",")[0] if error in SOURCES else error
-
-
-def capital(text: str) -> str:
-    """With a capital first letter."""
-    return text[:1].upper() + text[1:]
 
 
 def amount(unit: ErrorUnit, size: float | None) -> str:

@@ -22,6 +22,7 @@ from calib.types import Camera
 from designer.command import printable
 from designer.errors import InputError
 from designer.page.blocks import Block, Cell, Column, Command, Facts, Figure, Headline, Page, Section, Table
+from designer.words import capital
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,7 +110,7 @@ def _headline(file: UndistortedFile, pinhole: Camera, change: Change) -> Headlin
     count = len(file.photos)
     word = "1 photo" if count == 1 else f"{count} photos"
     sentence = (
-        f"{word[:1].upper()}{word[1:]} as a pinhole of {digits(float(pinhole.params[0]), 6)} px focal length would "
+        f"{capital(word)} as a pinhole of {digits(float(pinhole.params[0]), 6)} px focal length would "
         f"have taken {'it' if count == 1 else 'them'}; {_kept_words(change)}, {_black_words(file)}."
     )
     if file.failures:

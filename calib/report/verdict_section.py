@@ -12,6 +12,7 @@ from calib.verdict.verdict import Check, Grade, Verdict
 from calib.verdict.words import measured
 from designer.command import printable
 from designer.page.blocks import Block, Figure, Finding, Findings, Headline, Level, Paragraph, Section, Steps
+from designer.words import capital
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,7 +105,7 @@ def next_section(verdict: Verdict | None, best: Solved, proposed: Sequence[NextV
 
 def as_sentence(text: str) -> str:
     """A text with a capital and a full stop."""
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '!', '?')) else '.'}"
+    return f"{capital(text)}{'' if text.endswith(('.', '!', '?')) else '.'}"
 
 
 def next_views_figure(best: Solved, proposed: Sequence[NextView]) -> Figure:

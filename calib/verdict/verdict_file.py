@@ -27,6 +27,8 @@ from designer.spec_file import shown
 
 FORMAT = "ringforge.verdict"
 VERSION = 1
+START = f'{{\n "format": "{FORMAT}"'.encode()
+"""How the file begins, so that another is told from one."""
 VERDICT_FILE = "verdict.json"
 KIND = "a verdict.json"
 MAX_FILE_BYTES = 16 * 2**20

@@ -8,6 +8,7 @@ from designer.page.blocks import Finding, Findings, Level
 from designer.printability import Check
 from designer.printability import Level as RuleLevel
 from designer.produce import Design
+from designer.words import capital
 
 _LEVELS: dict[RuleLevel, Level] = {"violation": "bad", "warning": "usable", "note": "note"}
 _ORDER: tuple[RuleLevel, ...] = ("violation", "warning", "note")
@@ -86,4 +87,4 @@ def rule_lead(design: Design, check: Check) -> str:
 
 def sentence(remark: str) -> str:
     """A remark as a sentence."""
-    return f"{remark[:1].upper()}{remark[1:]}."
+    return f"{capital(remark)}."

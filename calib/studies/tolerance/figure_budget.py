@@ -11,6 +11,7 @@ from calib.studies.tolerance.figure_parts import heading, open_sides, plain_log_
 from calib.studies.tolerance.quantities import quantity_row
 from calib.studies.tolerance.report import NEVER, CheckedBudget, Report, of_name
 from calib.studies.tolerance.tables import size_in_words
+from designer.words import capital
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +44,7 @@ def _draw_panel(axes: "Axes", report: Report, checked: CheckedBudget) -> None:
     one = of_name(budget.quantity)
     noise = float(table.baseline.value[quantity_row(one.name)])
     total = float(table.total[quantity_row(one.name)])
-    axes.set_title(f"{one.title[:1].upper()}{one.title[1:]} up to {budget.limit:g} {one.unit}")
+    axes.set_title(f"{capital(one.title)} up to {budget.limit:g} {one.unit}")
     if not budget.is_met_without:
         nothing(axes, f"noise alone gives {figure(noise, 2)} {one.unit}: no print is good enough")
         return

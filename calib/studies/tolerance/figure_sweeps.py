@@ -12,6 +12,7 @@ from calib.studies.tolerance.quantities import quantity_row
 from calib.studies.tolerance.report import Report, of_name
 from calib.studies.tolerance.sweep import FACTORS, Sweep
 from designer.tolerance.registry import SOURCES
+from designer.words import capital
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +61,7 @@ def draw_sweeps(page: "Figure", report: Report, quantity: str) -> None:
     for place in axes[::COLUMNS]:
         place.set_ylabel(f"cost in {one.unit}")
     how = "predicted" if not report.sweeps else "dots: draws with 95 %; line: prediction"
-    heading(page, f"{one.title[:1].upper()}{one.title[1:]} by the size of each error: {report.name} ({how})")
+    heading(page, f"{capital(one.title)} by the size of each error: {report.name} ({how})")
     known = {label: handle for place in axes for handle, label in zip(*place.get_legend_handles_labels(), strict=True)}
     page.legend(known.values(), known.keys(), loc="outside lower center", ncols=7, frameon=False)
 
@@ -87,15 +88,11 @@ def _draw_panel(axes: "Axes", report: Report, quantity: str, name: str, budget: 
         if sweep.source == name:
             _draw_draws(axes, sweep, row, size)
     axes.set_title(name)
-    axes.set_xlabel(f"{_capital(SOURCES[name].title)}:\n{amount_label(errors, name)}")
+    axes.set_xlabel(f"{capital(SOURCES[name].title)}:\n{amount_label(errors, name)}")
     plain_log_axis(axes, "x", *(ends * size))
     axes.grid(visible=True, which="major", color=EMPTY, linewidth=0.8)
     axes.set_axisbelow(True)
     open_sides(axes)
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _draw_draws(axes: "Axes", sweep: Sweep, row: int, size: float) -> None:
