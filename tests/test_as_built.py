@@ -11,9 +11,13 @@ from calib.as_built.options import AsBuiltOptions
 from calib.as_built.result import AsBuilt
 from calib.as_built.solve import measure
 from calib.as_built.unknowns import Shape
+from calib.inputs.observations import known_points
+from calib.metrics.errors import summarise
+from calib.metrics.evaluation import evaluate
 from calib.se3 import compose, invert, make_pose, transform
 from calib.sightings import keep_sightings, keep_views
 from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
 from calib.types import Camera, Observations
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
@@ -78,6 +82,20 @@ def test_a_warped_board_comes_out() -> None:
     assert found.bow_mm[0] == pytest.approx(shape.bow[0], abs=0.03)  # but for what the offsets have of it
     rigid = measure([seen], plate(), "opencv", AsBuiltOptions(ring_sigma_mm=None))
     assert found.scale < 1e-3 * rigid.scale
+
+
+def test_a_measured_target_is_better_by_every_metric() -> None:
+    """With a bent board as it was measured no error is larger, and each is as many times smaller as the residuals."""
+    rng = np.random.default_rng(20)
+    seen = photos(printed(plate(), random_shape(plate(), rng, bow_mm=0.3)), rng, 12, half_angle_deg=50.0)
+    found = measure([seen], plate(), "opencv")
+    rmse = []
+    for target in (plate(), found.target):
+        solution = solve(replace(seen, points=known_points(target)), "opencv")
+        rmse.append([summarise(errors).rmse for errors in evaluate(solution).errors])
+    times = np.divide(*rmse)
+    assert times[0] > 3
+    assert (times > 0.8 * times[0]).all(), times
 
 
 @pytest.mark.parametrize(

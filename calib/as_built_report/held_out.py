@@ -133,9 +133,9 @@ def _errors(
     if not has_pose.any():
         return []
     shown, poses = keep_views(shown, has_pose), poses[has_pose]
-    found = [(False, one) for one in evaluate(_judged(camera, shown, poses, own_planes(target), weighted)).errors]
+    found = [(False, one) for one in evaluate(_judged(camera, shown, poses, known_points(target), weighted)).errors]
     if truth is not None:
-        laid = own_planes(laid_over(truth, target, np.unique(shown.point)))
+        laid = known_points(laid_over(truth, target, np.unique(shown.point)))
         errors = evaluate(_judged(camera, shown, poses, laid, weighted)).errors
         found += [(True, one) for one in errors if one.metric != "reprojection"]
     return found
@@ -150,13 +150,6 @@ def _judged(camera: Camera, shown: Observations, poses: Array, points: KnownPoin
         param_covariance=np.full((params, params), np.nan), pose_covariance=np.full((len(poses), 6, 6), np.nan),
         fixed=(), weighted=weighted, status="converged", remarks=(), iterations=0, seconds=0.0,
     )  # fmt: skip
-
-
-def own_planes(target: TargetGeometry) -> KnownPoints:
-    """The rings, each in a plane of its own that is parallel to its face: a face may be bent."""
-    normal = target.target_from_face[target.ring_face, :3, 2]
-    plane = np.column_stack([normal, (normal * target.center_mm).sum(axis=1)])
-    return KnownPoints(target.center_mm, np.arange(target.ring_count), plane, target.geometry_id)
 
 
 def laid_over(truth: TargetGeometry, target: TargetGeometry, rings: NDArray[np.int64]) -> TargetGeometry:

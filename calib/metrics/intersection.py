@@ -1,7 +1,12 @@
-"""Intersection error: where the predicted ray meets the plane of the face, against the point: `X_pred - X_O`, in mm.
+"""Intersection error: where the predicted ray meets the plane of the point, against the point, in mm.
 
-With the ray `s + t d` and the plane `n X = h`: `t = (h - n s) / (n d)`.
+With the ray `s + t d` and the plane `n (X - X_O) = 0`: `t = n (X_O - s) / (n d)`.
 Ruppel, Kutlu et al., Beyond Reprojection Error, Prediction and Evaluation.
+
+The plane goes through the point itself and is parallel to its face. A ring that was measured stands off its face's mean
+plane by h, and that plane would be met h tan(slant) beside the ring even by the true ray. The normal is the face's: that
+a bow turns it by b at a ring changes the error by its b tan(slant)-th part, a hundredth where a face is bent by a
+hundredth of its half width, so the plane is right to first order wherever its point is.
 """
 
 import numpy as np
@@ -20,14 +25,15 @@ def intersection(prediction: Prediction) -> Errors:
     seen = prediction.calibration.observations
     face = seen.points.face[seen.point]
     on_plane = face >= 0
-    plane = np.concatenate([seen.points.plane, np.full((1, 4), np.nan)])[face]  # the last for face -1
-    normal, start, direction = plane[:, :3], prediction.center_mm[seen.view], prediction.direction
+    normal = np.concatenate([seen.points.plane[:, :3], np.full((1, 3), np.nan)])[face]  # the last for face -1
+    # From the point, so that no digits are lost far from the origin.
+    start, direction = prediction.center_mm[seen.view] - prediction.position_mm, prediction.direction
     sine = np.einsum("mi,mi->m", normal, direction)
     is_parallel = np.abs(sine) < LEAST_SINE
-    along = (plane[:, 3] - np.einsum("mi,mi->m", normal, start)) / np.where(is_parallel, np.nan, sine)
+    along = -np.einsum("mi,mi->m", normal, start) / np.where(is_parallel, np.nan, sine)
     is_behind = along <= 0
     along = np.where(is_behind, np.nan, along)
-    vector = start + along[:, None] * direction - prediction.position_mm
+    vector = start + along[:, None] * direction
     reason, reasons = first_reason(
         len(vector),
         (OUTLIER, prediction.calibration.is_outlier),

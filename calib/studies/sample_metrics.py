@@ -55,8 +55,7 @@ def sample_errors(sample: Sample, true_center_mm: Array | None, square_px2: floa
         square_px2: the sum of the squared reprojection errors, each as often as drawn, if it is known already.
     """
     problem, points = sample.problem, sample.observations.points
-    plane = np.array(points.plane)
-    plane[:, 3] -= plane[:, :3] @ problem.origin_mm
+    face_normal = np.ascontiguousarray(points.plane[:, :3])
     sums = np.zeros(4)  # of squares and of weights: of intersection, of reprojection
     normal = np.zeros((len(points.face), 10))
     for first, last in chunks_of(problem.view_start, sample.views):
@@ -67,7 +66,7 @@ def sample_errors(sample: Sample, true_center_mm: Array | None, square_px2: floa
         ray = rays(sample.camera, pixel)
         _intersect(
             problem.view_start, views, weight, pose, ray, problem.position_mm, sample.observations.point, points.face,
-            plane, sums, normal,
+            face_normal, sums, normal,
         )  # fmt: skip
         if square_px2 is None:
             point = np.empty((len(pixel), 3))
@@ -140,7 +139,7 @@ def _intersect(
     position: Array,
     point: Count,
     face: Count,
-    plane: Array,
+    face_normal: Array,
     sums: Array,
     normal: Array,
 ) -> None:
@@ -179,11 +178,11 @@ def _intersect(
             row[9] += w
             if face[point[m]] < 0:
                 continue
-            n = plane[face[point[m]]]
+            n = face_normal[face[point[m]]]
             sine = n[0] * x + n[1] * y + n[2] * z
             if abs(sine) < LEAST_SINE:
                 continue
-            along = (n[3] - n[0] * sx - n[1] * sy - n[2] * sz) / sine
+            along = -(n[0] * fx + n[1] * fy + n[2] * fz) / sine
             if not along > 0:
                 continue
             ex, ey, ez = fx + along * x, fy + along * y, fz + along * z
