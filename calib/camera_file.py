@@ -16,7 +16,7 @@ from designer.presets import preset_or_file
 from designer.small_file import parse_json, read_small_text
 from designer.spec_file import RawValue, read_spec_file, shown, suggestion
 
-FORMAT = "ringforge.camera"
+FORMAT = "ringsolid.camera"
 VERSION = 1
 MAX_FILE_BYTES = 2**20
 MAX_SIDE_PX = 100_000
@@ -36,7 +36,7 @@ class _CameraFile(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    format: Literal["ringforge.camera"]
+    format: Literal["ringsolid.camera"]
     version: Annotated[int, Field(strict=True)]
     model: str
     image_size: tuple[Side, Side]

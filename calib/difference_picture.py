@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera_difference import CameraDifference, image_centre
+from designer.names import NAME
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +23,8 @@ LEAST_TOP_PX = 1e-6
 """Smaller differences are rounding, and are not drawn."""
 SHARE_SHOWN, MOST_BEYOND = 95, 2.5
 """Colours end at this percentile if the largest difference is so many times more: a lens runs away in its corners."""
-TITLE = "ringforge camera difference"
+MARK = " camera difference"
+TITLE = f"{NAME}{MARK}"
 LONGEST = 0.9
 """Length of the longest arrow, in distances between arrows."""
 
@@ -64,7 +66,7 @@ def difference_picture(difference: CameraDifference, title: str, note: str) -> b
 
 def is_difference_picture(head: bytes) -> bool:
     """Whether a file's first bytes are those of such a picture, and not of somebody's photo."""
-    return head.startswith(b"\x89PNG") and TITLE.encode() in head
+    return head.startswith(b"\x89PNG") and MARK.encode() in head
 
 
 def scale_end(difference: CameraDifference) -> tuple[float, bool]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from secrets import token_hex
 
 from designer.errors import InputError
+from designer.names import bytes_as_written_today
 
 MAX_NAME_BYTES = 200
 """Of a file that is named after another; file systems take 255 with what is added."""
@@ -69,7 +70,7 @@ def require_replaceable(path: Path, start: bytes, what: str) -> None:
         if not path.is_file():
             raise InputError(f"{path}: is not a file; choose another name with -o")
         with path.open("rb") as stream:
-            if stream.read(len(start)) not in (start, b""):
+            if bytes_as_written_today(stream.read(len(start))) not in (start, b""):
                 raise InputError(f"{path}: exists and holds no {what}; choose another name with -o")
     except OSError as error:
         raise InputError(f"{path}: cannot be used: {error.strerror}; choose another name with -o") from None

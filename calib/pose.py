@@ -21,7 +21,7 @@ from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
 
-FORMAT = "ringforge.poses"
+FORMAT = "ringsolid.poses"
 VERSION = 1
 CSV_COLUMNS = (
     "image", "rings", "rms_px", "x_mm", "y_mm", "z_mm", "sx_mm", "sy_mm", "sz_mm", "distance_mm", "sdistance_mm",
@@ -29,12 +29,12 @@ CSV_COLUMNS = (
     *(f"c{row}{column}" for row in range(6) for column in range(row, 6)),
 )  # fmt: skip
 CSV_EXPLAINED = (
-    f"# ringforge poses, version {VERSION}",
+    f"# ringsolid poses, version {VERSION}",
     "# x y z: the camera in the target's frame; s: standard deviations, that of the rotation about its least sure axis",
     "# r t: cam_from_target as rotation vector and translation, camera x right, y down, z forward",
     "# c00..c55: covariance of a further rotation vector (rad) and translation (mm), both in the camera's axes",
 )
-_STARTS = {".json": b'{\n"format": "ringforge.poses"', ".csv": b"# ringforge poses, version "}
+_STARTS = {".json": b'{\n"format": "ringsolid.poses"', ".csv": b"# ringsolid poses, version "}
 
 
 @dataclass(frozen=True, eq=False)

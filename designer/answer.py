@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
-FORMAT, VERSION = "ringforge.summary", 1
+from designer.names import NAME
+
+FORMAT, VERSION = "ringsolid.summary", 1
 
 Value: TypeAlias = "Mapping[str, Value] | Sequence[Value] | str | int | float | None"
 """What an answer is made of; a number that is not finite is not known."""
@@ -37,9 +39,9 @@ def program() -> str:
     from importlib.metadata import PackageNotFoundError, version
 
     try:
-        return f"ringforge {version('ringforge')}"
+        return f"{NAME} {version(NAME)}"
     except PackageNotFoundError:
-        return "ringforge, not installed"
+        return f"{NAME}, not installed"
 
 
 def document(summary: Summary, *, command: str, line: str, error: str | None) -> str:

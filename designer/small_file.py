@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from designer.errors import InputError
+from designer.names import as_written_today
 
 JsonValue: TypeAlias = "dict[str, JsonValue] | list[JsonValue] | str | int | float | bool | None"
 
@@ -29,7 +30,7 @@ def read_small_text(path: Path, max_bytes: int, kind: str) -> str:
             content = stream.read(max_bytes + 1)
         if len(content) > max_bytes:
             raise InputError(f"{path}: more than {max_bytes} bytes; {kind} is smaller")
-        return content.decode("utf-8-sig")
+        return as_written_today(content.decode("utf-8-sig"))
     except UnicodeDecodeError:
         raise InputError(f"{path}: not UTF-8 text, so not {kind}") from None
     except OSError as error:

@@ -19,10 +19,13 @@ from numpy.typing import NDArray
 
 from designer.code import CODES
 from designer.errors import InputError
+from designer.names import as_written_today
 from designer.small_file import read_small_text
 from designer.spec import TargetSpec, spec_from_mapping, spec_to_mapping
 
-FORMAT = "ringforge.target"
+FORMAT = "ringsolid.target"
+DIGESTED = "ringforge.target 1"
+"""What a digest begins with, for good: ids outlive the name that the program had when they were introduced."""
 VERSION = 1
 MAX_FILE_BYTES = 64 * 2**20
 MAX_INDEX = 1_000_000
@@ -190,7 +193,7 @@ def _check_rules(target: TargetGeometry) -> None:
 
 def _digest(target: TargetGeometry, names: tuple[str, ...], *, full: bool = False) -> str:
     """SHA-256 over the named arrays (with source and spec if `full`), its first 16 hexadecimal digits."""
-    digest = hashlib.sha256(f"{FORMAT} {VERSION}".encode())
+    digest = hashlib.sha256(DIGESTED.encode())
     for name in names:
         array: NDArray[np.generic] = getattr(target, name)
         digest.update(f"{name} {array.shape} {array.dtype.str}".encode())
@@ -225,7 +228,7 @@ def target_from_json(text: str) -> TargetGeometry:
             of `TargetGeometry`, or ids that do not fit the numbers.
     """
     try:
-        document = json.loads(text, parse_constant=_refuse_constant)
+        document = json.loads(as_written_today(text), parse_constant=_refuse_constant)
     except RecursionError:
         raise ValueError("not a target file: nested too deep") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:

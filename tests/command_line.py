@@ -73,8 +73,8 @@ def summary_of(answer: Answer) -> dict[str, Any]:
     assert answer.out.endswith("}\n")
     document = json.loads(answer.out, parse_constant=refuse)
     assert tuple(document) == ENVELOPE
-    assert (document["format"], document["version"]) == ("ringforge.summary", 1)
-    assert document["program"].startswith("ringforge ")
+    assert (document["format"], document["version"]) == ("ringsolid.summary", 1)
+    assert document["program"].startswith("ringsolid ")
     assert document["line"].startswith(document["command"])
     assert document["exit_code"] == answer.code
     assert (document["error"] is None) == (answer.code in (0, 1))

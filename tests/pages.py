@@ -124,7 +124,7 @@ def whole_page(*, has_scene: bool = False) -> Page:
         lead=(figure, Facts((("Model", "virtual"),)), Command("calib undistort photos/*.png")),
         sections=(Section("Results", leaves(), "Two checks ask for more."), Section("More", (*view, fold))),
         made_by="calib run photos --target ico.target.json",
-        program="ringforge 0.1.0",
+        program="ringsolid 0.1.0",
     )
 
 

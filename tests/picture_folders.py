@@ -113,7 +113,7 @@ def posed(folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: S
 
 def page_of(kind: str, folder: Path) -> Page:
     """The page of a folder."""
-    return PAGES[kind](folder, Origin(kind, f"calib {kind} -o somewhere", "ringforge 1.2.3"))
+    return PAGES[kind](folder, Origin(kind, f"calib {kind} -o somewhere", "ringsolid 1.2.3"))
 
 
 PAGES: dict[str, Callable[[Path, Origin], Page]] = {

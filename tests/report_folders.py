@@ -59,7 +59,7 @@ def written(files: Files, folder: Path) -> Path:
 
 def page_of(kind: str, folder: Path) -> Page:
     """The page of a folder."""
-    return KINDS[kind](folder, Origin(kind, f"calib study {kind} -o somewhere", "ringforge 1.2.3"))
+    return KINDS[kind](folder, Origin(kind, f"calib study {kind} -o somewhere", "ringsolid 1.2.3"))
 
 
 def blocks_of(page: Page) -> Iterator[Block]:
@@ -192,7 +192,7 @@ def measure_files() -> Files:
     held = gain_on_held_out(found, "opencv", AsBuiltOptions(), 2)
     report = report_of(
         found, held, [AskedLength(length, is_usual_sigma=True)], made_with_percent=0.0,
-        made_with_skew_rad=(0.0, 0.0, 0.0), bed_turn_rad=0.0, weighted=False, program="ringforge 1.2.3",
+        made_with_skew_rad=(0.0, 0.0, 0.0), bed_turn_rad=0.0, weighted=False, program="ringsolid 1.2.3",
         settings=(("target", "ico.target.json"), ("model", "opencv"), ("fix", "")),
     )  # fmt: skip
     places = places_of(Path("x") / f"{PRINT}.target.json")

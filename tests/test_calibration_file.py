@@ -26,7 +26,7 @@ from tests.calibrations import board, example
 
 BOARD = board(5, 4)
 PROVENANCE = Provenance(
-    "ringforge 0.1.0", "layout", "geometry", 7,
+    "ringsolid 0.1.0", "layout", "geometry", 7,
     SolveOptions(weighted=True, loss="huber", reject_sigma=4.0, fixed=(("k3", None), ("p1", 0.25)),
                  shared=(("fx_px", "fy_px"),), focal_px=1234.5),
     (("detections", "a b.csv"), ("model", "opencv")),
@@ -271,7 +271,7 @@ def test_a_table_must_be_there_and_text(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "rule"),
     [
-        ('"format": "ringforge.calibration"', '"format": "x"', '"format": "ringforge.calibration"'),
+        ('"format": "ringsolid.calibration"', '"format": "x"', '"format": "ringsolid.calibration"'),
         ('"version": 1,', '"version": 2,', "version 2; this program reads version 1"),
         ('"version": 1,', '"version": true,', "version True; this program reads version 1"),
         ('"status": "stopped"', '"status": "fine"', "status: "),

@@ -258,7 +258,7 @@ def test_what_is_seen_too_flat_is_not_expected() -> None:
     assert measurable(replace(face, missing=())) == 36
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"format": "ringforge.records"}', "\xff", "[1]"])
+@pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"format": "ringsolid.records"}', "\xff", "[1]"])
 def test_other_files_are_no_records(text: str, tmp_path: Path) -> None:
     """A file that holds no records is refused in one line."""
     path = tmp_path / "r.json"

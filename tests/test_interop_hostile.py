@@ -120,7 +120,7 @@ def test_files_that_are_no_camera(tmp_path: Path) -> None:
     for content, rule in (
         (b"hello", "not a camera file of a known kind; if you know, say --from json"),
         (b"<?xml version='1.0'?>\n<opencv_storage>\n</opencv_storage>", "OpenCV's XML is not read; save it as .yaml"),
-        (b'{"format": "ringforge.other"}', "no camera file; name the camera.json beside it"),
+        (b'{"format": "ringsolid.other"}', "no camera file; name the camera.json beside it"),
         (b"\xff\xfe\x00", "not UTF-8 text"),
         (b"1 OPENCV_FISHEYE 9 9 5 5 5 5 0 0 0 0", "'OPENCV_FISHEYE': not supported"),
     ):

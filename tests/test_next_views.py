@@ -416,9 +416,9 @@ def test_views_read_back(tmp_path: Path) -> None:
 HOSTILE = {
     "not JSON": b"{",
     "another format": b'{"format": "x", "version": 1, "views": []}',
-    "another version": b'{"format": "ringforge.next_views", "version": true, "views": []}',
-    "deep": b'{"format": "ringforge.next_views", "version": 1, "views": ' + b"[" * 100_000,
-    "no list": b'{"format": "ringforge.next_views", "version": 1, "views": {}}',
+    "another version": b'{"format": "ringsolid.next_views", "version": true, "views": []}',
+    "deep": b'{"format": "ringsolid.next_views", "version": 1, "views": ' + b"[" * 100_000,
+    "no list": b'{"format": "ringsolid.next_views", "version": 1, "views": {}}',
 }
 CHANGES: dict[str, tuple[str, object]] = {
     "nan": ("sigma_px_after", math.nan),

@@ -154,7 +154,7 @@ def test_a_verdict_on_other_photos_is_not_believed(run: Path, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("name", ["verdict.json", "next_views.json", "detections.records.json", "target.json"])
-@pytest.mark.parametrize("content", [b"", b"{}", b"\xff\xfe", b'{"format": "ringforge.verdict", "version": 99}'])
+@pytest.mark.parametrize("content", [b"", b"{}", b"\xff\xfe", b'{"format": "ringsolid.verdict", "version": 99}'])
 def test_a_damaged_file_is_named_and_the_rest_stands(run: Path, name: str, content: bytes) -> None:
     """One line on the page, without the folder's place; all sections that do not need it are there."""
     (run / name).write_bytes(content)

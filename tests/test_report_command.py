@@ -117,7 +117,7 @@ def test_damaged_results_are_refused_in_one_line(run: Path) -> None:
 
 def origin_text(**changes: object) -> str:
     """The text of a `report.json` with some keys changed."""
-    whole = {"format": "ringforge.report", "version": 1, "kind": "calibration", "command": "", "program": ""}
+    whole = {"format": "ringsolid.report", "version": 1, "kind": "calibration", "command": "", "program": ""}
     return json.dumps({**whole, **changes})
 
 
@@ -125,7 +125,7 @@ def origin_text(**changes: object) -> str:
     ("content", "said"),
     [
         ("", "not valid JSON"),
-        ("[]", '"format": "ringforge.report"'),
+        ("[]", '"format": "ringsolid.report"'),
         (origin_text(version=7), "version 7"),
         (origin_text(kind=3), "kind"),
         (origin_text(kind="magic"), "there are"),
@@ -170,7 +170,7 @@ def test_unknown_limits_are_refused(run: Path) -> None:
 def test_an_origin_reads_back(tmp_path: Path) -> None:
     """Even of a command with names that are no text, or far too long."""
     for command in ("calib run a b", "calib run 'a\nb\udc80'", "x" * 10_000):
-        origin = origin_of("calibration", command, "ringforge 0.1.0")
+        origin = origin_of("calibration", command, "ringsolid 0.1.0")
         (tmp_path / ORIGIN_FILE).write_bytes(origin_to_json(origin))
         assert read_origin(tmp_path) == origin
         assert len(origin.command) <= LONGEST_COMMAND

@@ -328,7 +328,7 @@ def test_damaged_files_are_refused_in_one_line(kind: str, tmp_path: Path) -> Non
     good = path.read_text()
     document = json.loads(good)
     own = ("format", "version")
-    bad = [good[: len(good) // 2], "[]", "", "[" * 100_000, good.replace("ringforge.", "other.")]
+    bad = [good[: len(good) // 2], "[]", "", "[" * 100_000, good.replace("ringsolid.", "other.")]
     bad += [json.dumps({n: value for n, value in document.items() if n != key}) for key in document if key not in own]
     bad += [json.dumps({**document, key: {"x": [1]}}) for key in document]
     for text in bad:

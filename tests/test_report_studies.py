@@ -98,7 +98,7 @@ def test_an_empty_folder_has_a_short_page(kind: str, tmp_path: Path) -> None:
     [
         lambda text: text[: len(text) // 2],
         lambda text: text.replace('"version": 1', '"version": 2'),
-        lambda text: text.replace('"format": "ringforge.', '"format": "other.'),
+        lambda text: text.replace('"format": "ringsolid.', '"format": "other.'),
         lambda text: text.replace('"notes": [', '"notes": [1, ').replace('"remarks": [', '"remarks": [1, '),
         lambda text: text.replace('"unit": "mm"', '"unit": ["mm"]').replace('"status": "', '"status": "un'),
         lambda text: "[" * 100_000,

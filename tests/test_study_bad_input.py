@@ -60,7 +60,7 @@ BAD = {
     "no detections": (("--detections", "nowhere.csv"), "nowhere.csv"),
     "a folder": (("--detections", "."), "folder"),
     "no truth": (("--truth", "nowhere.json"), "nowhere.json"),
-    "no such truth": (("--truth", "board.target.json"), "ringforge.truth"),
+    "no such truth": (("--truth", "board.target.json"), "ringsolid.truth"),
     "a file": (("-o", "truth.json"), "truth.json"),
     "no folder": (("-o", "truth.json/x"), "truth.json/x"),
 }  # fmt: skip

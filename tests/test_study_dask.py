@@ -60,7 +60,7 @@ def free_port() -> int:
 @pytest.fixture(scope="module")
 def scheduler() -> Iterator[Cluster]:
     """A scheduler over loopback, and the workers that `cluster` gives it."""
-    pytest.importorskip("distributed", reason="Dask is not installed: ringforge[cluster]")
+    pytest.importorskip("distributed", reason="Dask is not installed: ringsolid[cluster]")
     port = free_port()
     running = Cluster(f"tcp://127.0.0.1:{port}", dask("scheduler", "--port", str(port)), [])
     try:
@@ -74,7 +74,7 @@ def scheduler() -> Iterator[Cluster]:
 @pytest.fixture
 def cluster(scheduler: Cluster) -> Cluster:
     """The scheduler with two workers."""
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed: ringforge[cluster]")
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed: ringsolid[cluster]")
     scheduler.workers[:] = [worker for worker in scheduler.workers if worker.poll() is None]
     while len(scheduler.workers) < 2:
         scheduler.workers.append(dask("worker", scheduler.address, "--nthreads", "1", "--no-nanny"))
@@ -135,7 +135,7 @@ def test_a_cluster_that_goes_away(
 @pytest.mark.parametrize("address", ["closed", "mute", "nonsense", "", "tcp://", "http://a:1", "tcp://a b:\n1"])
 def test_no_scheduler_there(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """An address without a scheduler, or with a server that never answers, is refused in time and in one line."""
-    pytest.importorskip("distributed", reason="Dask is not installed: ringforge[cluster]")
+    pytest.importorskip("distributed", reason="Dask is not installed: ringsolid[cluster]")
     assert dask_cluster.CONNECT_S <= 10
     monkeypatch.setattr(dask_cluster, "CONNECT_S", 0.3)
     begin = time.monotonic()
@@ -152,6 +152,6 @@ def test_no_scheduler_there(address: str, monkeypatch: pytest.MonkeyPatch) -> No
 def test_without_dask(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where Dask is not installed, one line says what to install."""
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r'pip install "ringforge\[cluster\]"'):  # noqa: SIM117
+    with pytest.raises(InputError, match=r'pip install "ringsolid\[cluster\]"'):  # noqa: SIM117
         with dask_cluster.dask_workers("tcp://127.0.0.1:1", SEED, slow):
             pass

@@ -64,7 +64,7 @@ def test_what_is_kept_comes_back(path: Path) -> None:
         assert study.cases() == (CASE,)
         np.testing.assert_array_equal(study.cases()[0].covariance, CASE.covariance)
         assert study.identity == IDENTITY
-        assert {name for name, _ in study.programs()} == {"numpy", "numba", "scipy", "ringforge"}
+        assert {name for name, _ in study.programs()} == {"numpy", "numba", "scipy", "ringsolid"}
         assert study.done(NAME) == {0, 1, 2, 3, 4}
         samples = study.load(NAME)
     assert samples.number.tolist() == [0, 1, 2, 3, 4]

@@ -144,11 +144,11 @@ def _fault(folder: Path) -> str | None:
         "[]",
         "{}",
         "[" * 100_000,
-        '{"format": "ringforge.verdict"}',
-        '{"format": "ringforge.verdict", "version": 2}',
-        '{"format": "ringforge.verdict", "version": 1}',
+        '{"format": "ringsolid.verdict"}',
+        '{"format": "ringsolid.verdict", "version": 2}',
+        '{"format": "ringsolid.verdict", "version": 1}',
         "\x00",
-        '{"format": "ringforge.calibration", "version": 1}',
+        '{"format": "ringsolid.calibration", "version": 1}',
     ],
 )
 def test_what_is_no_verdict_is_refused(tmp_path: Path, text: str) -> None:

@@ -16,7 +16,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(folder), str(REPOSITORY)]
     subprocess.run(command, check=True, timeout=300)
-    (path,) = folder.glob("ringforge-*.whl")
+    (path,) = folder.glob("ringsolid-*.whl")
     return path
 
 

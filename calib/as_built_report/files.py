@@ -35,10 +35,10 @@ from designer.small_file import JsonValue
 from designer.target import FORMAT as TARGET_FORMAT
 from designer.target import load_target, target_to_json
 
-FORMAT, VERSION = "ringforge.as_built", 1
+FORMAT, VERSION = "ringsolid.as_built", 1
 TARGET_SUFFIX = ".target.json"
 COLUMNS = ("part", "number", "face", "i", "j", "quantity", "value", "sigma", "significance", "unit", "is_known")
-_KIND_LINE = "# ringforge as-built deviations, version 1\n"
+_KIND_LINE = "# ringsolid as-built deviations, version 1\n"
 _PNG = b"\x89PNG\r\n"
 
 

@@ -53,7 +53,7 @@ def _on_a_page() -> AbstractContextManager[None]:
 
     return mpl.rc_context({
         "svg.fonttype": "none",  # text stays text: it can be searched, read aloud, and follows the page's colours
-        "svg.hashsalt": "ringforge",  # ids are the same each time
+        "svg.hashsalt": "ringsolid",  # ids are the same each time
         "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none", "legend.frameon": False,
     })  # fmt: skip
 

@@ -18,6 +18,7 @@ from calib.inputs.dataset import FIRST_LINE, MAX_SIDE_PX, is_covariance, read_de
 from calib.inputs.known_planes import MAX_FACE, points_with_planes
 from calib.inputs.observations import AllSightings, Prepared, observations_from_detections, prepare
 from designer.errors import InputError
+from designer.names import as_written_today
 from designer.spec_file import shown, suggestion
 from designer.target import load_target
 
@@ -128,7 +129,7 @@ def _start_of(path: Path) -> str:
         # Asked before it is opened: a pipe would wait, a device would never end.
         if stat.S_ISREG(path.stat().st_mode):
             with path.open("rb") as stream:
-                return stream.read(_PEEKED).decode("utf-8", "replace").removeprefix("\ufeff")
+                return as_written_today(stream.read(_PEEKED).decode("utf-8", "replace").removeprefix("\ufeff"))
     except (OSError, ValueError):
         pass  # said when it is read
     return ""

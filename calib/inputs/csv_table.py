@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.errors import InputError
+from designer.names import as_written_today
 
 MAX_FILE_BYTES = 512 * 2**20
 ANY_NAME = "surrogatepass"
@@ -66,7 +67,7 @@ def read_text(path: Path, kind: str, max_bytes: int = MAX_FILE_BYTES) -> str:
             raise InputError(f"{path}: not a regular file; name {kind}")
         if path.stat().st_size > max_bytes:
             raise InputError(f"{path}: {path.stat().st_size} bytes; at most {max_bytes} are read")
-        return path.read_bytes().decode("utf-8", ANY_NAME).removeprefix("\ufeff")
+        return as_written_today(path.read_bytes().decode("utf-8", ANY_NAME).removeprefix("\ufeff"))
     except UnicodeDecodeError:
         raise InputError(f"{path}: not UTF-8 text, so not {kind}; write it again") from None
     except OSError as error:

@@ -23,11 +23,11 @@ from designer.errors import InputError
 from designer.target import TargetGeometry
 
 VERSION = 1
-FIRST_LINE = f"# ringforge detections, version {VERSION}"
+FIRST_LINE = f"# ringsolid detections, version {VERSION}"
 COLUMNS = ("image", "face", "ring", "i", "j", "u", "v", "suu", "suv", "svv", "X", "Y", "Z")
 MAX_SIDE_PX = 1_000_000
 
-_KIND = "# ringforge detections, version "
+_KIND = "# ringsolid detections, version "
 _COVARIANCE_FORMAT = ".5e"
 _REALS = ("u", "v", "suu", "suv", "svv", "X", "Y", "Z")
 _IMAGE_LINE = re.compile(r'# image (\d{1,7}) x (\d{1,7}) px (".*")')

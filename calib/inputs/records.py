@@ -10,7 +10,7 @@ from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
 
 MAX_FILE_BYTES = 256 * 2**20
-RECORDS_START = b'{\n"format": "ringforge.records"'
+RECORDS_START = b'{\n"format": "ringsolid.records"'
 """How a records file begins, so that another file is told from one."""
 
 
@@ -35,7 +35,7 @@ class Records:
     layout_id: str
     geometry_id: str
     images: tuple[ImageRecord, ...]
-    format: Literal["ringforge.records"] = "ringforge.records"
+    format: Literal["ringsolid.records"] = "ringsolid.records"
     version: Literal[1] = 1
 
 

@@ -9,6 +9,7 @@ from calib.interop import FORMATS
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.own_json import JSON
 from designer.errors import InputError
+from designer.names import as_written_today
 from designer.presets import preset_names
 from designer.small_file import read_small_text
 from designer.spec_file import shown, suggestion
@@ -81,7 +82,8 @@ def find_format(name: str) -> CameraFormat:
 
 def recognise(text: str) -> CameraFormat | None:
     """The kind of file a text looks like, if it looks like any."""
-    return next((one for one in FORMATS.values() if one.recognises(text[:HEAD])), None)
+    head = as_written_today(text[:HEAD])
+    return next((one for one in FORMATS.values() if one.recognises(head)), None)
 
 
 def _split(name: str) -> tuple[Path, str | None]:
@@ -97,6 +99,6 @@ def _why_unknown(text: str) -> str:
     head = text[:HEAD]
     if "<opencv_storage>" in head:
         return "OpenCV's XML is not read; save it as .yaml"
-    if '"ringforge.' in head:
+    if '"ringsolid.' in head:
         return "no camera file; name the camera.json beside it"
     return "not a camera file of a known kind"

@@ -23,7 +23,7 @@ from calib.types import Camera
 from designer.errors import InputError
 from designer.target import TargetGeometry
 
-FORMAT = "ringforge.truth"
+FORMAT = "ringsolid.truth"
 VERSION = 1
 TRUTH_FILE = "truth.json"
 FileFormat = Literal["png", "tiff", "jpeg"]

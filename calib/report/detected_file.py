@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
 DETECTED_FILE = "detected.json"
-FORMAT = "ringforge.detected"
+FORMAT = "ringsolid.detected"
 REMEDY = "detect again"
 
 
@@ -49,7 +49,7 @@ class DetectedFile:
     table_from_here: str  # the same from this folder; "" if there is no way
     photos: tuple[DetectedPhoto, ...]
     failures: tuple[str, ...]  # arguments that stood for no photo, one line each
-    format: Literal["ringforge.detected"] = "ringforge.detected"
+    format: Literal["ringsolid.detected"] = "ringsolid.detected"
     version: Literal[1] = 1
 
     @property

@@ -7,11 +7,12 @@ from calib.report.origin import ORIGIN_FILE, Origin, origin_of, read_origin
 from calib.report.run_folder import is_run_folder
 from designer.answer import program
 from designer.errors import InputError
+from designer.names import as_written_today
 
 TABLE_FILE = "table.json"
 HEAD_BYTES = 200
 BY_FORMAT: Mapping[str, str] = {
-    "ringforge.study_table": "bootstrap", "ringforge.tolerance_table": "tolerance", "ringforge.comparison": "compare",
+    "ringsolid.study_table": "bootstrap", "ringsolid.tolerance_table": "tolerance", "ringsolid.comparison": "compare",
 }  # fmt: skip
 """Formats of table.json and what the folder then is."""
 OF_PAPER = "targets"
@@ -61,7 +62,7 @@ def _kind(folder: Path) -> str:
     table = folder / TABLE_FILE
     if table.is_file():
         with table.open("rb") as stream:
-            head = stream.read(HEAD_BYTES).decode("utf-8", "replace")
+            head = as_written_today(stream.read(HEAD_BYTES).decode("utf-8", "replace"))
         kind = next((kind for name, kind in BY_FORMAT.items() if f'"{name}"' in head), "")
         return "paper" if kind == "bootstrap" and (folder / OF_PAPER).is_dir() else kind
     if any(folder.glob(MEASURED)):

@@ -12,9 +12,9 @@ from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
 
 ORIGIN_FILE = "report.json"
-FORMAT = "ringforge.report"
+FORMAT = "ringsolid.report"
 VERSION = 1
-START = b'{\n "format": "ringforge.report"'
+START = b'{\n "format": "ringsolid.report"'
 """How the file begins, so that another file is told from one."""
 MAX_FILE_BYTES = 2**16
 LONGEST_COMMAND, LONGEST_WORD = 4000, 200
@@ -35,7 +35,7 @@ class _OriginFile(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    format: Literal["ringforge.report"]
+    format: Literal["ringsolid.report"]
     version: Annotated[int, Field(strict=True)]
     kind: Annotated[str, Field(strict=True, max_length=LONGEST_WORD)]
     command: Annotated[str, Field(strict=True, max_length=LONGEST_COMMAND)]

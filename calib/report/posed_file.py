@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
 POSED_FILE = "posed.json"
-FORMAT = "ringforge.posed"
+FORMAT = "ringsolid.posed"
 REMEDY = "find the poses again"
 Three = tuple[float, float, float]
 Row = tuple[float, float, float, float]
@@ -66,7 +66,7 @@ class PosedFile:
     poses: str  # the file of poses, as it was given; "" without
     photos: tuple[PosedPhoto, ...]
     failures: tuple[str, ...]  # arguments that stood for no photo, one line each
-    format: Literal["ringforge.posed"] = "ringforge.posed"
+    format: Literal["ringsolid.posed"] = "ringsolid.posed"
     version: Literal[1] = 1
 
     @property

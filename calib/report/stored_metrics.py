@@ -54,7 +54,7 @@ class StoredParameter:
 class StoredMetrics:
     """The keys of `metrics.json`."""
 
-    format: Literal["ringforge.metrics"]
+    format: Literal["ringsolid.metrics"]
     version: Literal[1]
     model: str
     status: str

@@ -15,7 +15,7 @@ from calib.types import Camera
 from designer.errors import InputError
 
 UNDISTORTED_FILE = "undistorted.json"
-FORMAT = "ringforge.undistorted"
+FORMAT = "ringsolid.undistorted"
 REMEDY = "undistort again"
 
 
@@ -37,7 +37,7 @@ class UndistortedFile:
     photos: tuple[UndistortedPhoto, ...]
     failures: tuple[str, ...]  # why others could not be, one line each
     share_filled: float  # of the pixels of each, the others are black
-    format: Literal["ringforge.undistorted"] = "ringforge.undistorted"
+    format: Literal["ringsolid.undistorted"] = "ringsolid.undistorted"
     version: Literal[1] = 1
 
 

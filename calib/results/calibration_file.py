@@ -29,7 +29,7 @@ from designer.spec_file import shown
 
 Array = NDArray[np.float64]
 
-FORMAT = "ringforge.calibration"
+FORMAT = "ringsolid.calibration"
 VERSION = 1
 MAX_FILE_BYTES = 512 * 2**20
 LARGEST_COVARIANCE = 1e100
@@ -68,7 +68,7 @@ class _CalibrationFile(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    format: Literal["ringforge.calibration"]
+    format: Literal["ringsolid.calibration"]
     version: Literal[1]
     provenance: Provenance
     status: Status

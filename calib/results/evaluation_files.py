@@ -15,8 +15,9 @@ from calib.metrics.errors import Errors, Summary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation
 from calib.results.observation_table import quoted
 from designer.errors import InputError
+from designer.names import bytes_as_written_today
 
-FORMAT = "ringforge.metrics"
+FORMAT = "ringsolid.metrics"
 VERSION = 1
 METRICS_FILE = "metrics.json"
 VIEWS_FILE, POINTS_FILE, FACES_FILE = "metrics_views.csv", "metrics_points.csv", "metrics_faces.csv"
@@ -66,7 +67,7 @@ def check_folder(folder: Path) -> None:
         if not place.is_file():
             raise InputError(f"{place}: is not a file; choose another folder with -o")
         with place.open("rb") as stream:
-            head = stream.read(200)
+            head = bytes_as_written_today(stream.read(200))
     except OSError as error:
         raise InputError(f"{folder}: cannot be used: {error.strerror}; choose another with -o") from None
     if head and FORMAT.encode() not in head:

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from calib.inputs.csv_table import ANY_NAME, MAX_FILE_BYTES
 from calib.types import Calibration, KnownPoints
 from designer.errors import InputError
+from designer.names import as_written_today
 
 VERSION = 1
-FIRST_LINE = f"# ringforge observations, version {VERSION}"
+FIRST_LINE = f"# ringsolid observations, version {VERSION}"
 COLUMNS = ("image", "point", "face", "X", "Y", "Z", "u", "v", "du", "dv", "outlier")
 COVARIANCE = ("suu", "suv", "svv")
 MAX_SIDE_PX = 1_000_000
@@ -28,7 +29,7 @@ EXPLAINED = (
     "# X Y Z in mm; u v as measured and du dv = predicted - measured in px, (0, 0) the centre of the first pixel"
 )
 
-_KIND = "# ringforge observations, version "
+_KIND = "# ringsolid observations, version "
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +141,7 @@ def _opened(path: Path) -> Iterator[tuple[TextIO, tuple[str, ...], int]]:
     if path.stat().st_size > MAX_FILE_BYTES:
         raise InputError(f"{path}: {path.stat().st_size} bytes; at most {MAX_FILE_BYTES} are read")
     with path.open(encoding="utf-8", errors=ANY_NAME, newline="") as stream:
-        first = stream.readline(200).strip()
+        first = as_written_today(stream.readline(200).strip())
         if first != FIRST_LINE:
             if first.startswith(_KIND):
                 version = first.removeprefix(_KIND)[:20]

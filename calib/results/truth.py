@@ -14,7 +14,7 @@ from designer.errors import InputError
 from designer.small_file import JsonValue, parse_json, read_small_text
 from designer.spec_file import shown
 
-FORMAT = "ringforge.truth"
+FORMAT = "ringsolid.truth"
 VERSION = 1
 MAX_FILE_BYTES = 64 * 2**20
 MAX_VIEWS = 100_000

@@ -153,7 +153,7 @@ def _connect(address: str) -> "Client":
     try:
         from distributed import Client
     except ImportError:
-        raise InputError('--dask needs Dask, which is not installed; pip install "ringforge[cluster]"') from None
+        raise InputError('--dask needs Dask, which is not installed; pip install "ringsolid[cluster]"') from None
 
     # What it has to say of lost connections and workers, we say in one line.
     logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
@@ -196,7 +196,7 @@ def _require_same_programs(client: "Client", address: str) -> None:
     for worker, versions in found.items():
         if isinstance(versions, BaseException):
             raise InputError(
-                f"worker {worker} cannot do this work: {in_one_line(versions)}; install ringforge[cluster] there"
+                f"worker {worker} cannot do this work: {in_one_line(versions)}; install ringsolid[cluster] there"
             )
         for (name, ours), (_, theirs) in zip(here, versions, strict=True):
             if ours != theirs:

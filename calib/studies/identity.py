@@ -9,7 +9,7 @@ from pathlib import Path
 from designer.errors import InputError
 from designer.spec_file import shown
 
-PROGRAMS = ("ringforge", "numpy", "numba", "scipy")
+PROGRAMS = ("ringsolid", "numpy", "numba", "scipy")
 """Whose versions decide the last bits of a sample."""
 
 Pairs = tuple[tuple[str, str], ...]

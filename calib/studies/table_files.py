@@ -13,7 +13,7 @@ from calib.studies.paper_table import paper_value
 from calib.studies.statistics import CaseSummary, Distribution, Over
 from calib.studies.table import markdown, notes
 
-FORMAT, VERSION = "ringforge.study_table", 1
+FORMAT, VERSION = "ringsolid.study_table", 1
 MARKDOWN_FILE, CSV_FILE, JSON_FILE = "table.md", "table.csv", "table.json"
 OVER: tuple[Over, ...] = ("all", "converged")
 

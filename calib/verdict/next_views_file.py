@@ -16,7 +16,7 @@ from designer.errors import InputError
 from designer.small_file import JsonValue, parse_json, read_small_text
 from designer.spec_file import shown
 
-FORMAT = "ringforge.next_views"
+FORMAT = "ringsolid.next_views"
 VERSION = 1
 START = f'{{\n"format": "{FORMAT}"'.encode()
 """How the file begins, so that another is told from one."""
@@ -56,7 +56,7 @@ class _Views(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    format: Literal["ringforge.next_views"]
+    format: Literal["ringsolid.next_views"]
     version: Literal[1]
     views: Annotated[list[_View], Field(max_length=MAX_VIEWS)]
 

@@ -25,7 +25,7 @@ from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
 from designer.spec_file import shown
 
-FORMAT = "ringforge.verdict"
+FORMAT = "ringsolid.verdict"
 VERSION = 1
 START = f'{{\n "format": "{FORMAT}"'.encode()
 """How the file begins, so that another is told from one."""
@@ -95,7 +95,7 @@ class _Half(_Part):
 class _VerdictFile(_Part):
     """The keys of the file in their order."""
 
-    format: Literal["ringforge.verdict"]
+    format: Literal["ringsolid.verdict"]
     version: Literal[1]
     verdict: _Verdict
     criteria: _Criteria

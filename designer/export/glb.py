@@ -31,7 +31,7 @@ def glb_bytes(part: Part, printing: PrintSpec) -> bytes:
     starts = np.cumsum([0, *buffers[:-1]]).tolist()
     targets = (_ELEMENT_ARRAY_BUFFER, _ARRAY_BUFFER) * len(meshes)
     document = {
-        "asset": {"version": "2.0", "generator": "ringforge"},
+        "asset": {"version": "2.0", "generator": "ringsolid"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [

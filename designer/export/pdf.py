@@ -21,7 +21,7 @@ def pdf_bytes(pages: tuple[Page, ...]) -> bytes:
     buffer = io.BytesIO()
     canvas = Canvas(buffer, invariant=True, pdfVersion=(1, 6))
     canvas.setTitle(_encodable(pages[0].title))
-    canvas.setCreator("ringforge")
+    canvas.setCreator("ringsolid")
     canvas.setViewerPreference("PrintScaling", "None")
     for page in pages:
         canvas.setPageSize((page.width_mm * POINTS_PER_MM, page.height_mm * POINTS_PER_MM))

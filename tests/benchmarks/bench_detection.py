@@ -184,7 +184,7 @@ def default_log() -> Path:
     """A log for this state of renderer and detector."""
     sources = [Path(__file__), *sorted(Path(calib.__file__).parent.rglob("*.py"))]
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
-    return Path(tempfile.gettempdir()) / f"ringforge-bench-detection-{digest[:12]}.jsonl"
+    return Path(tempfile.gettempdir()) / f"ringsolid-bench-detection-{digest[:12]}.jsonl"
 
 
 def report(records: list[Record]) -> None:

@@ -16,7 +16,7 @@ from calib.studies.compare.words import sentences
 from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
 from designer.command import printable
 
-FORMAT, VERSION = "ringforge.comparison", 1
+FORMAT, VERSION = "ringsolid.comparison", 1
 HEAD = ("object", "made as", "model", "intersection mm", "paper", "reconstruction mm", "paper", "reprojection px")
 LENS_HEAD = (
     "lens",

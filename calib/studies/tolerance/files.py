@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-FORMAT, VERSION = "ringforge.tolerance_table", 1
+FORMAT, VERSION = "ringsolid.tolerance_table", 1
 
 Value = str | int | float | None
 

@@ -27,7 +27,7 @@
     "0": (view) => view.reset(),
   };
 
-  const { buildLayer, lines } = ringforgeShapes;
+  const { buildLayer, lines } = ringsolidShapes;
 
   // ---- the view
 

@@ -2,7 +2,7 @@
    what of it there is). Names come from files and may hold anything: they become letters on a canvas only. */
 "use strict";
 
-const ringforgeShapes = (() => {
+const ringsolidShapes = (() => {
   // ---- from JSON to arrays
 
   const ARRAYS = { f4: Float32Array, u2: Uint16Array, u4: Uint32Array };

@@ -1,0 +1,76 @@
+"""Files that carry the program's former name."""
+
+import hashlib
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.camera_file import load_camera
+from calib.files import require_replaceable
+from calib.inputs.dataset import FIRST_LINE, check_output, read_detections
+from calib.inputs.records import RECORDS_START
+from calib.report.origin import ORIGIN_FILE, Origin, origin_to_json, read_origin
+from calib.results.calibration_file import read_calibration
+from designer.names import NAME, as_written_today, bytes_as_written_today
+from designer.target import load_target
+from tests.command_line import calib
+
+FORMER = "ringforge"
+SOLVE = ("solve", "detections.csv", "--target", "board.target.json", "--model", "opencv", "-o", "run")
+
+
+def renamed(folder: Path) -> list[Path]:
+    """Every text file of a folder as the former name wrote it."""
+    changed = []
+    for path in folder.rglob("*"):
+        if path.is_file() and NAME.encode() in (content := path.read_bytes()):
+            path.write_bytes(content.replace(NAME.encode(), FORMER.encode()))
+            changed.append(path)
+    table, document = folder / "run/observations.csv", folder / "run/calibration.json"
+    digest = hashlib.sha256(table.read_bytes()).hexdigest()
+    document.write_text(re.sub(r'("observations_sha256": )"\w+"', rf'\1"{digest}"', document.read_text()))
+    return changed
+
+
+def test_a_folder_of_the_former_name_is_read_and_replaced(scene_copy: Path) -> None:
+    """Targets, detections, cameras, calibrations and runs mean what they did, and may be replaced."""
+    assert calib(*SOLVE).code in (0, 1)
+    target, camera = load_target(Path("board.target.json")), load_camera(Path("run/camera.json"))
+    suffixes = {path.suffix for path in renamed(scene_copy)}
+    assert {".json", ".csv", ".html"} <= suffixes
+    assert load_target(Path("board.target.json")) == target
+    np.testing.assert_array_equal(load_camera(Path("run/camera.json")).params, camera.params)
+    assert len(read_detections(Path("detections.csv"), target, target_path=Path("board.target.json")).view)
+    assert read_calibration(Path("run/calibration.json")).camera.model == camera.model
+    check_output(Path("detections.csv"))
+    assert calib("report", "run").code in (0, 1)
+    assert calib("evaluate", "run/calibration.json").code == 0
+    assert calib(*SOLVE).code in (0, 1)
+
+
+def test_only_marks_change() -> None:
+    """What a person wrote stays: names of files, notes, and a table's later lines."""
+    text = '{"format": "ringforge.camera", "note": "ringforge.camera"}'
+    assert json.loads(as_written_today(text)) == {"format": "ringsolid.camera", "note": "ringforge.camera"}
+    assert as_written_today('format = "ringforge.camera"\n').startswith(f'format = "{NAME}.')
+    assert as_written_today("# a\n# ringforge detections") == "# a\n# ringforge detections"
+    assert bytes_as_written_today(b"# ringforge detections") == b"# ringsolid detections"
+    assert bytes_as_written_today(b"\x89PNG ringforge") == b"\x89PNG ringforge"
+
+
+@pytest.mark.parametrize("start", [FIRST_LINE.encode(), RECORDS_START], ids=["table", "JSON"])
+def test_former_files_may_be_replaced(tmp_path: Path, start: bytes) -> None:
+    """An older file of the same kind is ours."""
+    path = tmp_path / "file"
+    path.write_bytes(start.replace(NAME.encode(), FORMER.encode()) + b"\n")
+    require_replaceable(path, start, "anything")
+
+
+def test_a_former_origin_is_read(tmp_path: Path) -> None:
+    """The page of an older folder can be built again."""
+    made = Origin("calibration", "calib run", f"{FORMER} 0.1.0")
+    (tmp_path / ORIGIN_FILE).write_bytes(origin_to_json(made).replace(b"ringsolid.report", b"ringforge.report"))
+    assert read_origin(tmp_path) == made
