@@ -109,7 +109,9 @@ def test_the_map_is_that_of_the_solver(target: str) -> None:
     change = image_change(known)
     pixel = image_grid(calibration.camera.image_size).reshape(-1, 2)
     wanted = projected_sigma_px(calibration.camera, calibration.param_covariance, pixel)
-    np.testing.assert_allclose(sigma_px(change, np.eye(known.basis.shape[1])), wanted[np.isfinite(wanted)], rtol=1e-6)
+    np.testing.assert_allclose(
+        sigma_px(change, np.zeros((known.basis.shape[1],) * 2)), wanted[np.isfinite(wanted)], rtol=1e-6
+    )
 
 
 def test_information_never_decreases() -> None:
@@ -367,6 +369,19 @@ def test_no_photo_is_asked_for_beyond_the_goals() -> None:
     for view in more:
         assert "sigma" not in view.sentence
         assert f"coverage {100 * view.covered_before:.0f} -> {100 * view.covered_after:.0f} %" in view.sentence
+
+
+@pytest.mark.parametrize("scale", [1e-16, 1e-3])
+def test_one_straight_view_asks_for_a_tilted_one(scale: float) -> None:
+    """However exact the photo was: what it leaves open is asked for, and no number is made of rounding."""
+    pose = look_at(np.array([[0.0, 0.0, 300.0]]), np.zeros((1, 3)), np.zeros(1))
+    seen = observe(CAMERAS["pinhole"], BOARD, pose, np.random.default_rng(2), noise_px=0.0, incidence_deg=70.0)
+    solved = solve(seen, "pinhole")
+    assert solved.status == "degenerate"
+    first, *_ = next_views(replace(solved, scale=scale), most=2)
+    assert first.sigma_px_before == math.inf
+    assert 0 < first.sigma_px_after < math.inf
+    assert abs(first.cam_from_target[2, 2]) < math.cos(math.radians(15))
 
 
 def test_fixed_parameters_stay_known() -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.linear_algebra import covariance_with_prior
 from calib.types import Calibration, Camera
 from calib.verdict.candidate_views import Candidates, candidates_of, shown_in
 from calib.verdict.coverage import coverage, coverage_of
@@ -52,9 +53,9 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class SoFar:
-    """What is known and covered with the photos chosen so far."""
+    """What the photos chosen so far tell, and what is covered with them."""
 
-    knowledge: Array  # (Q, Q)
+    told: Array  # (Q, Q) information of the photos chosen so far, beside what was known
     is_covered: NDArray[np.bool_]  # (R, C) cells of a coverage
     chosen: tuple[int, ...]  # rows of the candidates
 
@@ -99,12 +100,12 @@ def scene_of(calibration: Calibration, face_share: float | None) -> Scene | None
 
 def start_of(scene: Scene, calibration: Calibration) -> SoFar:
     """Before the first choice."""
-    return SoFar(np.eye(scene.known.basis.shape[1]), coverage_of(calibration).is_covered, ())
+    return SoFar(np.zeros((scene.known.basis.shape[1],) * 2), coverage_of(calibration).is_covered, ())
 
 
 def with_photo(so_far: SoFar, photo: Photo) -> SoFar:
     """After a choice."""
-    return SoFar(so_far.knowledge + photo.information, so_far.is_covered | photo.area, (*so_far.chosen, photo.row))
+    return SoFar(so_far.told + photo.information, so_far.is_covered | photo.area, (*so_far.chosen, photo.row))
 
 
 def new_area(so_far: SoFar, photo: Photo) -> float:
@@ -119,8 +120,8 @@ def for_accuracy(scene: Scene, so_far: SoFar) -> tuple[Photo, ...]:
     mean_square = flat.T @ flat / len(change)
     nothing_new = 1 - _new_cells(scene, so_far)
     effort = _effort(scene, so_far) * (1 + WORTH_OF_NEW * nothing_new)
-    after = so_far.knowledge + scene.information
-    square = np.einsum("cij,ji->c", np.linalg.inv(after), mean_square)
+    after = so_far.told + scene.information
+    square = np.einsum("cij,ji->c", covariance_with_prior(after), mean_square)
     best = np.argsort(square * effort**2, kind="stable")[:COMPARED_IN_FULL]
     share = np.percentile(sigma_px(change, after[best]), SHARE_PERCENT, axis=1)
     order = best[np.argsort(share * effort[best], kind="stable")]

@@ -2,7 +2,7 @@
 
 The camera's parameters are written `p = p0 + basis q` with q of unit covariance, so that what is known now is the
 identity and a photo adds `A - B C^-1 B'` to it: A of q with itself, C of the pose with itself, B of both (Schur
-complement; Triggs et al. 2000, section 6).
+complement; Triggs et al. 2000, section 6). What a photo does not tell stays as well known as it was.
 """
 
 import math
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import MODELS, linearise
+from calib.linear_algebra import covariance_with_prior, symmetric_inverse
 from calib.refit import COLUMNS, image_grid
 from calib.sightings import keep_views, sightings_per_view
 from calib.solver.blocks import RobustLoss, view_blocks
@@ -88,9 +89,9 @@ def _covariance_with_guess(calibration: Calibration) -> Array:
     guess[:4] = [0.5 * float(camera.params[0]), 0.5 * float(camera.params[1]), 0.25 * longer, 0.25 * longer]
     free = np.flatnonzero(tie.row >= 0)
     deviation = np.array(guess)[free]
-    scaled = normal * deviation[:, None] * deviation / calibration.scale**2 + np.eye(len(free))
+    told = normal * deviation[:, None] * deviation / calibration.scale**2
     covariance = np.zeros((len(guess), len(guess)))
-    covariance[np.ix_(free, free)] = np.linalg.inv(scaled) * deviation[:, None] * deviation
+    covariance[np.ix_(free, free)] = covariance_with_prior(told) * deviation[:, None] * deviation
     return covariance
 
 
@@ -133,18 +134,16 @@ def _information(known: Knowledge, pose: Array, position_mm: Array, weight: Arra
 
 
 def eliminated(products: Array) -> Array:
-    """`A - B C^-1 B'` of products (C, Q + 6, Q + 6) whose last six unknowns are a pose; 0 where it is undetermined."""
+    """`A - B C^-1 B'` of products (C, Q + 6, Q + 6) whose last six unknowns are a pose.
+
+    What photos do not determine of a pose takes nothing with it.
+    """
     size = products.shape[1] - 6
-    diagonal = np.sqrt(np.diagonal(products, axis1=1, axis2=2)[:, size:])
-    able: NDArray[np.bool_] = np.asarray((diagonal > 0).all(axis=1))
-    unit = np.where(able[:, None], diagonal, 1.0)
-    pose = products[:, size:, size:] / (unit[:, :, None] * unit[:, None, :])
-    value, vector = np.linalg.eigh(np.where(able[:, None, None], pose, np.eye(6)))
-    able = able & (value[:, 0] > UNDETERMINED)
-    half = vector.transpose(0, 2, 1) @ (products[:, size:, :size] / unit[:, :, None])
-    half /= np.sqrt(np.where(able[:, None], value, 1.0))[:, :, None]
-    left = products[:, :size, :size] - half.transpose(0, 2, 1) @ half
-    return np.where(able[:, None, None], left, 0.0)
+    mixed = products[:, size:, :size]
+    left: Array = products[:, :size, :size] - mixed.transpose(0, 2, 1) @ (
+        symmetric_inverse(products[:, size:, size:], UNDETERMINED).inverse @ mixed
+    )
+    return 0.5 * (left + left.transpose(0, 2, 1))
 
 
 def image_change(known: Knowledge, columns: int = COLUMNS, rows: int | None = None) -> Array:
@@ -167,9 +166,9 @@ def sigma_px(change: Array, information: Array) -> Array:
 
     Args:
         change: of `image_change` (N, 2, Q).
-        information: on q (..., Q, Q), the identity that stands for what is known included.
+        information: of further photos on q (..., Q, Q), beside the unit covariance that is known.
     """
-    covariance = np.linalg.inv(information)
+    covariance = covariance_with_prior(information)
     size = change.shape[2]
     flat = change.reshape(-1, size)
     spread = (flat @ covariance).reshape(*covariance.shape[:-2], -1, 2, size)

@@ -116,7 +116,7 @@ def next_views(
     # Where the lens model breaks down in more than the rest, numbers can only be of what it reaches.
     pixels = everywhere if is_known else len(change)
     so_far, goals = start_of(scene, calibration), _Goals(goal_px, goal_covered)
-    before = share_px(sigma_px(change, so_far.knowledge), pixels)
+    before = share_px(sigma_px(change, so_far.told), pixels)
     is_rough = not is_known or before > ROUGH_PX
     chosen: list[NextView] = []
     while len(chosen) < most:
@@ -125,7 +125,7 @@ def next_views(
         if photo is None:
             break
         then = with_photo(so_far, photo)
-        after = share_px(sigma_px(change, then.knowledge), pixels)
+        after = share_px(sigma_px(change, then.told), pixels)
         shown = before if is_known else math.inf
         wants_area = so_far.covered < goal_covered
         gain = Gain(
@@ -143,9 +143,9 @@ def _choice(
 ) -> Photo | None:
     """The photo to take next; None if both goals are reached, or no photo is worth taking."""
     if wants_accuracy and len(so_far.chosen) < MOST_FOR_ACCURACY:
-        before = share_px(sigma_px(change, so_far.knowledge), pixels)
+        before = share_px(sigma_px(change, so_far.told), pixels)
         for photo in for_accuracy(scene, so_far):
-            if share_px(sigma_px(change, so_far.knowledge + photo.information), pixels) <= LITTLE_GAIN * before:
+            if share_px(sigma_px(change, so_far.told + photo.information), pixels) <= LITTLE_GAIN * before:
                 return photo
     if so_far.covered < goals.covered:
         photo = for_coverage(scene, so_far)[0]
@@ -212,7 +212,7 @@ def _is_same_from_any_side(scene: Scene, one: Candidates) -> bool:
     all_of = scene.candidates
     alike = (all_of.place == one.place).all(axis=1) & np.isclose(all_of.distance_mm, one.distance_mm[0])
     change = image_change(scene.known, *COARSE_MAP)
-    share = np.percentile(sigma_px(change, np.eye(change.shape[2]) + scene.information[alike]), SHARE_PERCENT, axis=1)
+    share = np.percentile(sigma_px(change, scene.information[alike]), SHARE_PERCENT, axis=1)
     return float(share.max()) <= SAME_FROM_ANY_SIDE * float(share.min())
 
 
