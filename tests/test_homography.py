@@ -133,3 +133,16 @@ def test_points_on_a_line_crash_nothing() -> None:
     assert matrix.shape == (3, 3)
     assert covariance.shape == (8, 8)
     assert residual.shape == (8, 2)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_four_points_in_general_position_determine_a_homography(turn: float) -> None:
+    """A row, bent by printing or not, or a row and one point leave it open; two points off the row fix it."""
+    row = np.column_stack([np.arange(8.0), np.zeros(8)])
+    bent = row + np.random.default_rng(1).normal(0, 1e-3, row.shape)
+    matrix = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    for points in (row[:3], row, bent, np.vstack([row, [3, 1]])):
+        assert not homography.is_determined(100 + 10 * points @ matrix.T)
+    long = np.column_stack([np.repeat(np.arange(100.0), 2), np.tile([0.0, 1.0], 100)])
+    for points in (np.vstack([row, [[3, 1], [4, 1]]]), long, np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])):
+        assert homography.is_determined(100 + 10 * points @ matrix.T)

@@ -153,6 +153,15 @@ def test_too_few_points_give_no_lens() -> None:
     assert isinstance(estimate_lens([(plane[:4], pixel[:4])] * 10, SIZE), NoLens)
 
 
+def test_a_row_of_points_changes_no_lens() -> None:
+    """A group on one line has no homography to bend: the lens is that of the other groups."""
+    groups = grids(lens(0.3, 0.1), 0.05, np.random.default_rng(7))
+    row = np.column_stack([np.arange(8.0), np.zeros(8)])
+    found = estimate_lens(groups, SIZE)
+    assert not isinstance(found, NoLens)
+    assert estimate_lens([*groups, (row, pixels(8))], SIZE) == found
+
+
 def test_a_lens_that_folds_is_not_believed() -> None:
     """Points on a bent sheet can ask for a lens that turns back inside the image: it is refused."""
     rng = np.random.default_rng(8)

@@ -94,6 +94,28 @@ def test_names_spread_from_two_faces_over_all(seed: int) -> None:
     assert set(faces.tolist()) <= set(placement.seen().tolist())
 
 
+def test_a_face_that_shows_a_single_row_costs_that_face_only() -> None:
+    """Rings on one line fix no homography: lens and all other faces are as if they had not been seen."""
+    scene = scene_of(ico(), 1)
+    plan, naming = plan_for(ico()), true_naming(scene)
+    face = ico().ring_face[naming.ring]
+    faces, count = np.unique(face, return_counts=True)
+    poor = face == faces[np.argmax(count)]
+    row = poor & (ico().ring_index[naming.ring, 1] == 0)
+    assert row.sum() == 6
+    with_row, without = (
+        place_faces(plan, scene.candidates, Naming(naming.candidate[keep], naming.ring[keep]), SIZE, None)
+        for keep in (~poor | row, ~poor)
+    )
+    others = np.setdiff1d(without.seen(), faces[np.argmax(count)])
+    assert len(others) > 1
+    assert with_row.lens == without.lens
+    well = [f for f in others if (face == f).sum() >= 10]
+    assert with_row.homography[well] == pytest.approx(without.homography[well])
+    only = place_faces(plan, scene.candidates, Naming(naming.candidate[row], naming.ring[row]), SIZE, None)
+    assert not len(only.seen())
+
+
 def test_assignment_is_one_to_one_and_near() -> None:
     """Two candidates at one place, or one at two: each name is given once, to the nearest; sizes must be alike."""
     plan = plan_for(board())

@@ -13,10 +13,12 @@ from calib.detect.lens import estimate_lens
 from calib.detect.pipeline import detect
 from calib.types import Detections
 from designer.target import TargetGeometry
+from tests.benchmarks.synthetic import target_of
 from tests.ring_views import board
 
 FOLDER = Path(__file__).parents[2] / "shared" / "real"
 WALL, GLARE = FOLDER / "rings-10x7", FOLDER / "rings-4x3-glare"
+ONE_ROW = FOLDER / "rendered-collinear" / "img_000.png"
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="the folder ../shared/real with real photos is absent")
 
 
@@ -79,3 +81,10 @@ def test_reported_sigmas_are_those_of_good_photos() -> None:
     cov = np.concatenate([found_in(path, 10, 7).cov_px2 for path in paths])
     sigma = np.sqrt(np.trace(cov, axis1=1, axis2=2) / 2)
     assert 0.003 < np.median(sigma) < 0.05
+
+
+@pytest.mark.skipif(not ONE_ROW.is_file(), reason="no path-traced photo")
+def test_a_face_that_shows_one_row_does_not_cost_the_photo() -> None:
+    """A sharp photo of many faces, one of which shows a single row of rings, keeps all other faces."""
+    pixels = np.asarray(cv2.imread(str(ONE_ROW), cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
+    assert len(detect(pixels, target_of("ico 100 mm"), name=ONE_ROW.name).ring) >= 150

@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
 
+LEAST_DETERMINED = 1e-6
+"""Least share of the second smallest eigenvalue: two rows of a hundred points have more, a bent row less."""
+
 
 def apply(homography: Floats, point: Floats) -> Floats:
     """Map points of a plane.  # (3, 3), (..., 2) -> (..., 2)"""
@@ -22,14 +25,32 @@ def _normaliser(point: Floats) -> Floats:
     return np.array([[scale, 0, -scale * centre[0]], [0, scale, -scale * centre[1]], [0, 0, 1]])
 
 
-def direct(plane: Floats, image: Floats) -> Floats:
-    """Direct linear transform with normalised points (Hartley): at least four, not on a line.  # (N, 2) twice"""
-    to_plane, to_image = _normaliser(plane), _normaliser(image)
-    x, u = apply(to_plane, plane), apply(to_image, image)
+def is_determined(plane: Floats) -> bool:
+    """Whether images of these points fix a homography: four of them stand in general position.
+
+    All points but one on a line leave it open, and what is solved from them is noise. The equations of the map that
+    leaves the points where they are have rank eight then, as those of any other map.  # (N, 2)
+    """
+    if len(plane) < 4:
+        return False
+    x = apply(_normaliser(plane), plane)
+    eigenvalue = np.linalg.eigvalsh(_normal_matrix(x, x))
+    return bool(eigenvalue[1] > LEAST_DETERMINED * eigenvalue[-1])
+
+
+def _normal_matrix(x: Floats, u: Floats) -> Floats:
+    """Of the direct linear transform from x to u: the homography spans its null space.  # (N, 2) twice -> (9, 9)"""
     one = np.column_stack([x, np.ones(len(x))])
     zero = np.zeros_like(one)
     rows = np.concatenate([np.hstack([one, zero, -u[:, :1] * one]), np.hstack([zero, one, -u[:, 1:] * one])])
-    _, vectors = np.linalg.eigh(rows.T @ rows)
+    return np.asarray(rows.T @ rows)
+
+
+def direct(plane: Floats, image: Floats) -> Floats:
+    """Direct linear transform with normalised points (Hartley), which must be `is_determined`.  # (N, 2) twice"""
+    to_plane, to_image = _normaliser(plane), _normaliser(image)
+    x, u = apply(to_plane, plane), apply(to_image, image)
+    _, vectors = np.linalg.eigh(_normal_matrix(x, u))
     homography = np.linalg.inv(to_image) @ vectors[:, 0].reshape(3, 3) @ to_plane
     return scaled(homography, plane)
 

@@ -127,7 +127,7 @@ def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, in
     """
     middle = (0.5 * (image_size[0] - 1), 0.5 * (image_size[1] - 1))
     half_diagonal = 0.5 * float(np.hypot(*image_size))
-    groups = [_thinned(*group) for group in groups if len(group[0]) >= 6]
+    groups = [_thinned(*group) for group in groups if len(group[0]) >= 6 and homography.is_determined(group[0])]
     count = sum(len(plane) for plane, _ in groups)
     freedom = 2 * count - 8 * len(groups) - 2
     if count < MIN_POINTS or freedom < 10:
@@ -161,7 +161,7 @@ def misfit_px(lens: Lens, groups: list[tuple[Floats, Floats]]) -> float:
     """
     off = [np.zeros(0)]
     for plane, pixel in groups:
-        if len(plane) < MIN_POINTS:
+        if len(plane) < MIN_POINTS or not homography.is_determined(plane):
             continue
         straight = lens.straighten(pixel)
         if not np.isfinite(straight).all():
@@ -179,9 +179,9 @@ def _lens_equations(lens: RadialLens, groups: list[tuple[Floats, Floats]]) -> tu
         mapped, _, residual = homography.fit(plane, straight, np.ones(len(plane)), rounds=1)
         size = np.linalg.norm(residual, axis=1)
         keep = size < 6 * np.median(size) + 0.05
-        if keep.sum() < 6:
-            continue
         kept = plane[keep]
+        if len(kept) < 6 or not homography.is_determined(kept):
+            continue
         if not keep.all():
             mapped, _, residual = homography.fit(kept, straight[keep], np.ones(len(kept)), rounds=1)
         _, by_plane = homography.linearised(mapped, kept)

@@ -125,7 +125,7 @@ def _place(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridRea
     if len(grid.row) < MIN_GRID:
         return None
     sure = candidates.ratio[grid.row] > 0
-    if sure.sum() < MIN_GRID - 2:
+    if sure.sum() < MIN_GRID - 2 or not homography.is_determined(grid.index[sure].astype(np.float64)):
         return None
     options = [
         _option(plan, candidates, grid, reader, alignment) for alignment in alignments(plan, 0, grid, sure, turns)

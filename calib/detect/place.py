@@ -80,7 +80,8 @@ def place_faces(
         mapped[front] = every[front]
     for f in faces:
         mine = face == f
-        if mine.sum() >= OWN_HOMOGRAPHY or (len(faces) == 1 and mine.sum() >= 4):
+        is_enough = mine.sum() >= OWN_HOMOGRAPHY or len(faces) == 1
+        if is_enough and homography.is_determined(plane[mine]):
             mapped[f] = _robust_homography(plane[mine], straight[mine])
     return Placement(lens, mapped, by_solid, mirrored)
 
@@ -132,7 +133,7 @@ def _robust_homography(plane: Floats, straight: Floats) -> Floats:
     for _ in range(2):
         size = np.linalg.norm(residual, axis=1)
         keep = size <= 5 * np.median(size) + 0.2
-        if keep.all() or keep.sum() < 5:
+        if keep.all() or keep.sum() < 5 or not homography.is_determined(plane[keep]):
             break
         mapped, _, _ = homography.fit(plane[keep], straight[keep], weight[keep])
         residual = straight - homography.apply(mapped, plane)

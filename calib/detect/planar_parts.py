@@ -47,8 +47,7 @@ def _largest_part(index: Floats, point: Floats, reach_px: Floats) -> NDArray[np.
     best = np.zeros(len(index), dtype=np.bool_)
     for middle in index:
         near = np.abs(index - middle).max(axis=1) <= NEIGHBOURHOOD
-        spread = index[near] - index[near].mean(axis=0)
-        if near.sum() < SMALLEST or np.linalg.matrix_rank(spread) < 2:
+        if near.sum() < SMALLEST or not homography.is_determined(index[near]):
             continue
         off = np.linalg.norm(homography.apply(homography.direct(index[near], point[near]), index) - point, axis=1)
         inside = off < reach_px
