@@ -29,7 +29,7 @@ class Design:
     @cached_property
     def target(self) -> TargetGeometry:
         """The nominal geometry, which no printing option changes."""
-        return lay_out(self.job.target)
+        return replace(lay_out(self.job.target), build=self.job.printing.build)
 
     @property
     def scale(self) -> float:

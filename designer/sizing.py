@@ -14,6 +14,7 @@ from designer.size_ico import size_ico
 from designer.size_rules import Line
 from designer.skew import NO_SKEW, format_skew
 from designer.spec import (
+    BUILDS,
     PAPER_LINE_MM,
     TWO_FILAMENT_BUILDS,
     Build,
@@ -33,7 +34,6 @@ FLAT_INLAY_LAYERS = 3
 CHORD_ERROR_MM = 0.005
 STICKER_THICKNESS_MM = 0.1
 
-BUILDS: dict[str, tuple[Build, ...]] = {"ico": ("solid", "stickers"), "board": ("printed", "sheet")}
 TWO_FILAMENT_FORMATS: tuple[Format, ...] = ("3mf", "stl", "png")
 PAPER_FORMATS: tuple[Format, ...] = ("stl", "png", "pdf", "svg")
 

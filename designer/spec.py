@@ -14,6 +14,8 @@ Build = Literal["solid", "stickers", "printed", "sheet"]
 Format = Literal["3mf", "stl", "png", "pdf", "svg", "step", "glb"]
 SpecValue = str | float | int | bool | list[float]
 
+BUILDS: dict[str, tuple[Build, ...]] = {"ico": ("solid", "stickers"), "board": ("printed", "sheet")}
+"""By kind, the usual one first."""
 TWO_FILAMENT_BUILDS: tuple[Build, ...] = ("solid", "printed")
 """Builds whose ink is printed into the body."""
 PAPER_LINE_MM = 0.1

@@ -21,7 +21,7 @@ from designer.code import CODES
 from designer.errors import InputError
 from designer.names import as_written_today
 from designer.small_file import read_small_text
-from designer.spec import TargetSpec, spec_from_mapping, spec_to_mapping
+from designer.spec import BUILDS, Build, TargetSpec, spec_from_mapping, spec_to_mapping
 
 FORMAT = "ringsolid.target"
 DIGESTED = "ringforge.target 1"
@@ -82,10 +82,14 @@ class TargetGeometry:
     face_code: NDArray[np.int64]  # (F,) row of code.CODES; -1: no code
     lattice_mm: NDArray[np.float64]  # (F, 2, 2) rows: steps of i and of j in the face frame
     face_covariance: NDArray[np.float64] | None = None  # (F, 6, 6) rotation vector (rad), translation (mm)
+    build: Build | None = None  # how it is made, for information: no id tells it; None: not known
 
     def __post_init__(self) -> None:
         if self.source not in SOURCES:
             raise ValueError(f"source is {self.source!r}; it must be one of {', '.join(SOURCES)}")
+        known = [build for builds in BUILDS.values() for build in builds]
+        if self.build is not None and self.build not in known:
+            raise ValueError(f"build is {self.build!r}; it must be one of {', '.join(known)}")
         sizes: dict[str, int] = {}
         for name, (dtype, shape) in _ARRAYS.items():
             values = getattr(self, name)
@@ -215,6 +219,8 @@ def target_to_json(target: TargetGeometry) -> str:
         "unit": "mm",
         "spec": None if target.spec is None else spec_to_mapping(target.spec),
     }
+    if target.build is not None:
+        document["build"] = target.build
     document.update({name: array.tolist() for name, array in _present_arrays(target).items()})
     lines = (f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in document.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
@@ -238,7 +244,7 @@ def target_from_json(text: str) -> TargetGeometry:
     if document.get("unit") != "mm":
         raise ValueError(f'"unit" is {document.get("unit")!r}; it must be "mm"')
     known = {"format", "version", "layout_id", "geometry_id", "source", "unit", "spec", *_REQUIRED}
-    odd = (known ^ document.keys()) - {"face_covariance"}
+    odd = (known ^ document.keys()) - {"face_covariance", "build"}
     if odd:
         raise ValueError(f"missing or unknown fields: {', '.join(sorted(map(repr, odd)))}")
     target = _target_from_document(document)
@@ -266,6 +272,7 @@ def _target_from_document(document: Mapping[str, object]) -> TargetGeometry:
             spec=None if spec is None else spec_from_mapping(spec),
             **{name: np.asarray(document[name]) for name in _REQUIRED},
             face_covariance=None if covariance is None else np.asarray(covariance),
+            build=cast("Build | None", document.get("build")),  # checked by TargetGeometry
         )
     except (TypeError, OverflowError, RecursionError) as error:
         raise ValueError(f"a value of the wrong type: {error}") from error

@@ -265,10 +265,10 @@ def test_ids_are_computed_as_the_schema_describes(target: TargetGeometry) -> Non
 
 def test_schema_and_type_have_the_same_fields() -> None:
     """Every array of the type is described in the schema, with its shape, and nothing else is."""
-    head = {"format", "version", "layout_id", "geometry_id", "source", "unit", "spec"}
+    head = {"format", "version", "layout_id", "geometry_id", "source", "unit", "spec", "build"}
     properties = SCHEMA.schema["properties"]
     assert properties.keys() == head | ARRAYS.keys()
-    assert set(SCHEMA.schema["required"]) == properties.keys() - {"face_covariance"}
+    assert set(SCHEMA.schema["required"]) == properties.keys() - {"face_covariance", "build"}
     assert all(properties[name]["description"][0] in "RF" for name in ARRAYS)
 
 
@@ -313,6 +313,7 @@ UNSOUND: dict[str, Callable[[Document], object]] = {
     "outline with two corners": lambda d: d.update(outline_mm=[[[0, 0], [1, 1]]], window_mm=[[[0, 0], [1, 1]]]),
     "object for an array": lambda d: d.update(radius_outer_mm={}),
     "deep": lambda d: d.update(radius_outer_mm=[[[[[[3.5]]]]]]),
+    "another build": lambda d: d.update(build="glued"),
     "covariance with five rows": lambda d: d.update(face_covariance=[[[0.0] * 6] * 5]),
 }
 

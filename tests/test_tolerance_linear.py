@@ -11,7 +11,6 @@ from calib.se3 import exp_rotation, log_rotation, transform
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.covariance import accuracy_of
 from calib.studies.tolerance.anchor import minimum_of
-from calib.studies.tolerance.directions import directions
 from calib.studies.tolerance.draw import drawn_noise, run_cases, run_draws, seen_px
 from calib.studies.tolerance.linear import baseline, linear_table
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES, quantity_row
@@ -19,6 +18,7 @@ from calib.studies.tolerance.reach import OFF, reach_of
 from calib.studies.tolerance.response import responses, without_rigid_motion
 from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.setting import Setting
+from designer.tolerance.directions import directions
 from designer.tolerance.model import ErrorModel, displaced_shape
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.shape import centers_mm
@@ -47,7 +47,7 @@ def params_at(setting: Setting, center_mm: Array) -> Array:
 def test_directions_are_derivatives_of_single_numbers(name: str) -> None:
     """A column of the directions is the derivative of all rings by that number alone."""
     setting = ico_setting()
-    columns = directions(setting, FULL, name)
+    columns = directions(setting.target, FULL, name, setting.bed_from_target)
     source = SOURCES[name]
     shape = (source.instances(setting.target), source.components)
     assert columns.shape == (setting.target.ring_count, 3, shape[0] * shape[1])
@@ -67,7 +67,7 @@ def test_responses_are_derivatives(name: str, make: type[Setting]) -> None:
     source = SOURCES[name]
     shape = (source.instances(setting.target), source.components)
     values = SMALL[source.unit] * np.random.default_rng(1).standard_normal(shape)
-    moved = directions(setting, FULL, name) @ values.reshape(-1)
+    moved = directions(setting.target, FULL, name, setting.bed_from_target) @ values.reshape(-1)
     found = responses(setting, moved[:, :, None])
     ahead, behind = (params_at(setting, centers(setting, name, sign * values)) for sign in (1, -1))
     unit = 1e-6 if name in SCALES else max(1e-3 * np.abs(found.params[:, 0]).max(), 1e-9)

@@ -18,16 +18,10 @@ from designer.report.filament import two_digits
 from designer.skew import NO_SKEW, format_skew
 from designer.spec import Build
 from designer.target import bounding_radius_mm
+from designer.tolerance.assumed import ERRORS_OF_BUILD
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
 
-ERRORS_OF_BUILD: dict[Build, str] = {
-    "solid": "fdm-dual",
-    "printed": "fdm-board",
-    "stickers": "hand-stickers",
-    "sheet": "sheet-print",
-}
-"""The error template that says how a build usually comes out."""
 _CALIPER_MM = 0.02
 _SHEET_FIRST = "Measure the sheet on its carrier, as it will be used."
 READING = "READING"

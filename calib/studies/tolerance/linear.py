@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from calib.one_thread import one_thread
 from calib.studies.statistics import HALF_WIDTH
-from calib.studies.tolerance.directions import directions
 from calib.studies.tolerance.draw import drawn_noise, solved
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.response import responses
 from calib.studies.tolerance.result import Cost, ToleranceTable
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.true_shape import TrueShape
+from designer.tolerance.directions import directions
 from designer.tolerance.model import ErrorModel
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ def linear_table(setting: Setting, errors: ErrorModel, seed: int = 0) -> Toleran
     fixed = np.zeros((setting.target.ring_count, 3, 1))
     drawn_square = np.zeros(len(QUANTITIES))
     for row, (name, amount) in enumerate(errors.amounts):
-        columns = directions(setting, errors, name)
+        columns = directions(setting.target, errors, name, setting.bed_from_target)
         if amount.kind == "fixed":
             columns = amount.size * columns.sum(axis=2, keepdims=True)
             fixed += columns

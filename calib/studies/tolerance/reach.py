@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.one_thread import one_thread
-from calib.studies.tolerance.directions import directions
 from calib.studies.tolerance.draw import drawn_values, run_cases
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.response import responses
 from calib.studies.tolerance.setting import Setting
+from designer.tolerance.directions import directions
 from designer.tolerance.model import ErrorModel
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def reach_of(
     """
     only = errors.only(source)
     numbers = [drawn_values(setting, only, seed, number)[source] for number in range(draws)]
-    columns = directions(setting, only, source)
+    columns = directions(setting.target, only, source, setting.bed_from_target)
     moves = np.stack([columns @ one.reshape(-1) for one in numbers], axis=2)
     linear = np.sqrt(responses(setting, moves).square.mean(axis=1)) if moves.any() else np.zeros(len(QUANTITIES))
     tried: dict[float, Array] = {}

@@ -1,0 +1,84 @@
+"""Where the rings of a target may really be, relative to its file: what is known of a way of making, to first order.
+
+The displacement of ring r is
+
+    d_r = sum_s modes[s, r] x_s  +  sum_c ring_modes[r, :, c] y_rc
+
+with x and y independent standard normal numbers: x of what rings share (the print's axes, a face that was tilted), y of
+each ring alone. So the covariance of all rings is one of low rank plus one of (3, 3) blocks, and a least-squares
+problem takes the target's shape in as unknowns with an identity as their prior.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from designer.target import TargetGeometry
+from designer.tolerance.directions import directions, displacements
+from designer.tolerance.model import ErrorModel
+from designer.tolerance.registry import SOURCES
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ShapePrior:
+    """The displacements of R rings by standard normal numbers, in the target's frame."""
+
+    modes_mm: Array  # (S, R, 3) by each number that rings share
+    ring_modes_mm: Array  # (R, 3, C) by each ring's own numbers
+
+    @property
+    def ring_covariance_mm2(self) -> Array:
+        """Of what each ring does alone.  # (R, 3, 3)"""
+        covariance: Array = self.ring_modes_mm @ self.ring_modes_mm.transpose(0, 2, 1)
+        return covariance
+
+    @property
+    def sigma_mm(self) -> Array:
+        """Standard deviations of each ring's place, all in all.  # (R, 3)"""
+        variance = (self.modes_mm**2).sum(axis=0) + (self.ring_modes_mm**2).sum(axis=2)
+        sigma: Array = np.sqrt(variance)
+        return sigma
+
+
+def shape_prior(target: TargetGeometry, errors: ErrorModel, bed_from_target: Array | None = None) -> ShapePrior:
+    """The prior of a way of making: every source that moves centres, with its standard deviation.
+
+    A source of a fixed size is one number: what it is, is not known better than how large.
+
+    Args:
+        target: the nominal geometry.
+        errors: of the way of making.
+        bed_from_target: how it lay on the bed; without it, on its last face.  # (4, 4)
+    """
+    modes, own = [np.zeros((0, target.ring_count, 3))], [np.zeros((target.ring_count, 3, 0))]
+    for name, amount in errors.amounts:
+        if SOURCES[name].scope == "ring" and amount.kind != "fixed":
+            change, _ = displacements(target, errors, name, bed_from_target)
+            own.append(amount.sigma * change[:, :, (change != 0).any(axis=(0, 1))])
+            continue
+        columns = amount.sigma * directions(target, errors, name, bed_from_target)
+        if amount.kind == "fixed":
+            columns = columns.sum(axis=2, keepdims=True)
+        modes.append(columns[:, :, (columns != 0).any(axis=(0, 1))].transpose(2, 0, 1))
+    return ShapePrior(np.concatenate(modes), np.concatenate(own, axis=2))
+
+
+def measured_prior(target: TargetGeometry) -> ShapePrior | None:
+    """The prior of a measured target: each face as uncertain as its file states; None if it states nothing."""
+    if target.face_covariance is None:
+        return None
+    face = target.ring_face
+    rotation = target.target_from_face[:, :3, :3]
+    x, y, z = target.center_in_face_mm.T
+    none = np.zeros_like(x)
+    by_turn = np.stack([none, z, -y, -z, none, x, y, -x, none], axis=1).reshape(-1, 3, 3)  # w x p = [-p] w
+    by_motion = rotation[face] @ np.concatenate([by_turn, np.tile(np.eye(3), (len(x), 1, 1))], axis=2)  # (R, 3, 6)
+    value, vector = np.linalg.eigh(target.face_covariance)
+    root = vector * np.sqrt(np.maximum(value, 0.0))[:, None, :]  # (F, 6, 6)
+    modes = np.zeros((target.face_count, 6, target.ring_count, 3))
+    modes[face, :, np.arange(target.ring_count)] = (by_motion @ root[face]).transpose(0, 2, 1)
+    flat = modes.reshape(-1, target.ring_count, 3)
+    return ShapePrior(flat[(flat != 0).any(axis=(1, 2))], np.zeros((target.ring_count, 3, 0)))
