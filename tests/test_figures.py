@@ -134,7 +134,8 @@ def test_no_text_lies_on_another(count: int) -> None:
     for axes in pages[0].axes:
         texts = [text for text in axes.findobj(Text) if isinstance(text, Text) and text.get_text()]
         flat = [text for text in texts if text.get_visible() and not text.get_rotation()]  # a slanted box is too large
-        boxes = [text.get_window_extent() for text in flat]
+        # Four pixels of air: other machines hint the font in another way.
+        boxes = [text.get_window_extent().padded(2) for text in flat]
         for number, box in enumerate(boxes):
             assert not box.count_overlaps(boxes[:number])
 

@@ -4,7 +4,6 @@ import io
 import os
 import stat
 import struct
-import time
 import zlib
 from pathlib import Path
 
@@ -249,12 +248,13 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_no_photo_is_refused_before_it_is_decoded(name: str, tmp_path: Path) -> None:
-    """Each refusal names the file and the rule, and takes no time, whatever size a header claims."""
+def test_what_is_no_photo_is_refused_before_it_is_decoded(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each refusal names the file and the rule, and no decoder sees it, whatever size a header claims."""
     data, rule = REFUSED[name]
-    start = time.perf_counter()
+    monkeypatch.setattr("cv2.imdecode", lambda *_: pytest.fail("was decoded"))
     assert rule in refusal(tmp_path, name, data)
-    assert time.perf_counter() - start < 1
 
 
 def test_photos_of_200_megapixels_are_read(tmp_path: Path) -> None:

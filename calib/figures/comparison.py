@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.figures.fields import draw_means
-from calib.figures.style import BLUE, GREEN, GREY, ORANGE, VERMILION, WIDTH_PX, bar_beside
+from calib.figures.style import BLUE, DPI, GREEN, GREY, ORANGE, VERMILION, WIDTH_PX, bar_beside
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation
 from calib.metrics.residual_cells import cells_of, columns_rows, residuals_of
@@ -21,6 +21,10 @@ MOST = len(COLOURS)
 ACROSS = 3
 """More images side by side leave no room for their titles."""
 BARS_PX = 430
+NUMBER_POINTS, DIGIT_EMS = 10.0, 0.64
+"""Size of the numbers on bars where there is room, and how wide a digit of the font is."""
+BESIDE_BARS_PX, BETWEEN_PX = 120, 6
+"""At most beside the bars of a metric, for the scale and its label; and between two numbers at least."""
 SHORT, LEAST_PART = 0.01, 1e-9
 """Below the first a number has too many zeros for a bar; no smaller part of a unit than the second is written."""
 
@@ -46,7 +50,7 @@ def draw_comparison(page: "Figure", evaluations: Sequence[Evaluation]) -> None:
     grid = page.add_gridspec(2, 1, height_ratios=[BARS_PX, below])
     bars, images = grid[0].subgridspec(1, len(metrics)), grid[1].subgridspec(*_rows_columns(len(shown)))
     for place, metric in enumerate(metrics):
-        _draw_bars(page.add_subplot(bars[place]), metric, shown)
+        _draw_bars(page.add_subplot(bars[place]), metric, shown, WIDTH_PX / len(metrics))
     fields = [residuals_of(one) for one in shown]
     shape = columns_rows(fields[0].image_size, min(len(field.pixel) for field in fields))
     cells = [cells_of(field.image_size, field.pixel, field.residual_px, shape) for field in fields]
@@ -73,8 +77,14 @@ def part_of_unit(largest: float) -> float:
     return round(part, 12)
 
 
-def _draw_bars(axes: "Axes", metric: str, evaluations: Sequence[Evaluation]) -> None:
-    """RMSE of each model by one metric."""
+def number_points(texts: Sequence[str], across_px: float) -> float:
+    """The size of type in which as many numbers stand side by side, whatever the machine's fonts are hinted to."""
+    room_px = across_px / len(texts) - BETWEEN_PX
+    return min(NUMBER_POINTS, room_px / (DIGIT_EMS * max(map(len, texts))) * 72 / DPI)
+
+
+def _draw_bars(axes: "Axes", metric: str, evaluations: Sequence[Evaluation], width_px: float) -> None:
+    """RMSE of each model by one metric, in axes so wide with all that belongs to them."""
     unit = next(errors.unit for one in evaluations if (errors := one.of(metric)))
     found = [one.of(metric) for one in evaluations]
     rmse = [0.0 if errors is None else float(np.nan_to_num(summarise(errors).rmse)) for errors in found]
@@ -84,9 +94,11 @@ def _draw_bars(axes: "Axes", metric: str, evaluations: Sequence[Evaluation]) -> 
     axes.set_ylabel(f"RMSE in {unit}" if part == 1 else f"RMSE in {np.format_float_positional(part)} {unit}")
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    for place, (height, colour) in enumerate(zip(heights, COLOURS, strict=False)):
+    numbers = [digits(height, 3) for height in heights]
+    points = number_points(numbers, width_px - BESIDE_BARS_PX)
+    for place, (height, number, colour) in enumerate(zip(heights, numbers, COLOURS, strict=False)):
         axes.bar(place, height, width=0.7, color=colour)
-        axes.text(place, height, digits(height, 3), ha="center", va="bottom", fontsize=10)
+        axes.text(place, height, number, ha="center", va="bottom", fontsize=points)
     names = [one.calibration.camera.model for one in evaluations]
     axes.set_xticks(range(len(names)), names, rotation=0 if len(names) <= ACROSS else 30)
     axes.set_ylim(0, 1.15 * max(*heights, 1e-12))

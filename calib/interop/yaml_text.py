@@ -16,6 +16,34 @@ _DIRECTIVE = re.compile(r"\A\s*%YAML[^\n]*\n")
 """OpenCV's first line, `%YAML:1.0`, is not YAML."""
 
 
+MOST_NODES, DEEPEST = 10_000, 30
+"""Values of a document, and how deep they may be nested: parsing takes time in proportion to their product."""
+
+
+class _BoundedLoader(yaml.BaseLoader):
+    """A loader that stops where a document becomes larger or deeper than any camera is."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self.nodes = self.depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """A value and all in it.
+
+        Raises:
+            RecursionError: too deep.
+            yaml.YAMLError: too many.
+        """
+        self.nodes, self.depth = self.nodes + 1, self.depth + 1
+        if self.depth > DEEPEST:
+            raise RecursionError
+        if self.nodes > MOST_NODES:
+            raise yaml.YAMLError(f"more than {MOST_NODES} values, where a camera file has fewer")
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+
 def only_keys(text: str, names: Collection[str]) -> str:
     """A YAML text with nothing but the entries of those names at its top; lines keep their numbers.
 
@@ -39,7 +67,7 @@ def parse_yaml(text: str, origin: str) -> object:
         raise InputError(f"{origin}: more than {MAX_FILE_BYTES} characters; a YAML camera file is smaller")
     try:
         # The first only: printed messages end with a mark that begins another.
-        document: object = next(iter(yaml.load_all(_DIRECTIVE.sub("", text), yaml.BaseLoader)), None)
+        document: object = next(iter(yaml.load_all(_DIRECTIVE.sub("", text), _BoundedLoader)), None)
         return document
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
