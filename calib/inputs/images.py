@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.inputs.image_headers import DamagedError, Format, Header, needed_png, read_header
+from calib.inputs.jpeg_damage import brightness_step, check_jpeg_scans
 from designer.errors import InputError
 
 MAX_PIXELS = 250_000_000
@@ -51,7 +52,7 @@ def read_image(path: Path) -> Photo:
         InputError: no image, cut off or damaged, too large, of another depth, or not to be read; it names the file.
     """
     decoded = _read(path, in_colour=False)
-    return Photo(_grey(decoded.pixels), tuple(_remarks(path, decoded.header, drops_alpha=_has_alpha(decoded.pixels))))
+    return Photo(_grey(decoded.pixels), tuple(_remarks(path, decoded, drops_alpha=_has_alpha(decoded.pixels))))
 
 
 def read_colour(path: Path) -> Photo:
@@ -64,7 +65,7 @@ def read_colour(path: Path) -> Photo:
         InputError: as `read_image` does.
     """
     decoded = _read(path, in_colour=True)
-    return Photo(decoded.pixels, tuple(_remarks(path, decoded.header, drops_alpha=False)))
+    return Photo(decoded.pixels, tuple(_remarks(path, decoded, drops_alpha=False)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +74,7 @@ class _Decoded:
 
     pixels: Grey  # (H, W), or blue, green, red and possibly alpha (H, W, C)
     header: Header
+    doubt: str = ""  # why they may not be what was written
 
 
 def _read(path: Path, *, in_colour: bool) -> _Decoded:
@@ -83,9 +85,12 @@ def _read(path: Path, *, in_colour: bool) -> _Decoded:
         if header.width * header.height > MAX_PIXELS:
             size = f"{header.width} x {header.height} px"
             raise DamagedError(f"has {size}; at most {MAX_PIXELS // 1_000_000} million are read: scale it down")
-        return _Decoded(_decode(data, header, in_colour=in_colour), header)
+        # Decoders go on after damage, with pixels in wrong places.
+        unit_rows = check_jpeg_scans(data) if header.format == "JPEG" else 0
+        pixels = _decode(data, header, in_colour=in_colour)
     except DamagedError as error:
         raise InputError(f"{path}: {error}") from None
+    return _Decoded(pixels, header, brightness_step(_grey(pixels), unit_rows) if unit_rows else "")
 
 
 def _read_file(path: Path) -> bytes:
@@ -162,9 +167,9 @@ def _patched(data: bytes, at: int, value: bytes) -> bytes:
     return bytes(changed)
 
 
-def _remarks(path: Path, header: Header, *, drops_alpha: bool) -> list[str]:
+def _remarks(path: Path, decoded: _Decoded, *, drops_alpha: bool) -> list[str]:
     """What a person should know of the file."""
-    remarks = []
+    header, remarks = decoded.header, [decoded.doubt] if decoded.doubt else []
     if path.suffix.lower() not in SUFFIXES_OF[header.format]:
         remarks.append(f"the file is {header.format}, whatever its name says")
     if header.orientation != 1:
