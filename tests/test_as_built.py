@@ -16,7 +16,7 @@ from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
 from calib.se3 import compose, invert, make_pose, transform
 from calib.sightings import keep_sightings, keep_views
-from calib.solver.options import SolveOptions
+from calib.solver.options import AS_THE_PAPER, SolveOptions
 from calib.solver.solve import solve
 from calib.types import Camera, Observations
 from designer.target import TargetGeometry
@@ -314,7 +314,7 @@ def test_known_accuracies_count() -> None:
     noise = (np.linalg.cholesky(covariance) @ rng.standard_normal((len(exact.view), 2, 1)))[:, :, 0]
     seen = replace(exact, center_px=exact.center_px + noise, cov_px2=covariance)
     weighted = measure([seen], solid(), "opencv", replace(RIGID, solve=SolveOptions(weighted=True)))
-    plain = measure([seen], solid(), "opencv", RIGID)
+    plain = measure([seen], solid(), "opencv", replace(RIGID, solve=AS_THE_PAPER))
     assert weighted.scale == pytest.approx(1.0, rel=0.04)
     true, known = truth_of(weighted, shape, RIGID), weighted.is_determined
     squares = mahalanobis(weighted.motion - true.shape.motion, blocks_of(weighted.motion_covariance))[known]

@@ -18,6 +18,7 @@ from calib.inputs.observations import (
     observations_for_poses,
     observations_from_detections,
 )
+from calib.solver.solve import solve
 from calib.types import Detections
 from designer.errors import InputError
 from designer.target import TargetGeometry
@@ -229,3 +230,34 @@ def test_poses_need_no_other_photo() -> None:
     assert kept is not None
     assert kept.view_names == ("0.png", "b.png", "2.png")
     assert observations_for_poses(dataset_of([only(seen[1], slice(3))]), BOARD) is None
+
+
+@pytest.mark.parametrize("stated_px", [1e-6, 1e-9])
+def test_no_ring_owns_the_solution_by_what_it_states(stated_px: float) -> None:
+    """A ring half a pixel off that states a millionth moves the camera as one that states a quarter of the others'."""
+    seen = photos(6)
+    center, covariance = seen[2].center_px.copy(), seen[2].cov_px2.copy()
+    center[5] += 0.5
+    covariance[5] = stated_px**2 * np.eye(2)
+    absurd = [*seen[:2], replace(seen[2], center_px=center, cov_px2=covariance), *seen[3:]]
+    found = prepared(absurd)
+    total = len(found.observations.view)
+    line = f"1 of {total} observations state less than 25% of the median standard deviation; they count as if they"
+    assert any(remark.startswith(line) for remark in found.remarks)
+    assert found.observations.cov_px2 is not None
+    least = np.sqrt(np.linalg.eigvalsh(found.observations.cov_px2)[:, 0].min())
+    assert least == pytest.approx(0.25 * SIGMA_PX)
+    solved = [solve(one.observations, camera().model) for one in (prepared(seen), found)]
+    assert all(one.weighted for one in solved)
+    off = np.linalg.norm(solved[1].residual_px[found.observations.view == 2], axis=1)
+    assert off[5] > 0.3  # it is not followed
+    assert abs(solved[1].camera.params[0] - solved[0].camera.params[0]) < 2.0
+
+
+def test_stated_covariances_count_and_others_all_alike() -> None:
+    """By default a solution is weighted where covariances are stated, and where there are none nothing is said."""
+    found = prepared(photos(5)).observations
+    assert solve(found, camera().model).weighted
+    without = solve(replace(found, cov_px2=None), camera().model)
+    assert not without.weighted
+    assert without.remarks == ()

@@ -203,7 +203,7 @@ def test_weights_are_those_of_the_measured_pixels() -> None:
     weighted = solve_virtual(seen, SolveOptions(weighted=True))
     assert weighted.weighted
     assert weighted.scale == pytest.approx(1, abs=0.15)
-    alike = solve_virtual(seen)
+    alike = solve_virtual(seen, SolveOptions(weighted=False))
     assert not alike.weighted
     off = [np.linalg.norm(centres(one.cam_from_target) - centres(poses), axis=1).mean() for one in (weighted, alike)]
     assert off[0] < 0.95 * off[1]

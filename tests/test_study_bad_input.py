@@ -151,7 +151,7 @@ def test_a_study_is_not_changed_by_another(quick: None, monkeypatch: pytest.Monk
         (truth, "--resume"),
         ((*truth, "--resume", "--seed", "2"), "seed 1, not 2"),
         ((*truth, "--resume", "--model", "opencv"), "'opencv'"),
-        ((*truth, "--resume", "--weighted"), "weighted"),
+        ((*truth, "--resume", "--unweighted"), "weighted"),
         ((*truth, "--resume", "--fix", "k3=0"), "k3=0"),
     ):
         assert says in refused(*TAKEN, *options, "--sizes", "6", "-o", "out")

@@ -105,8 +105,8 @@ def test_weights_count(quick: None) -> None:
     uneven = [replace(one, cov_px2=one.cov_px2 * (1 + 50 * (n % 2))) for n, one in enumerate(detections)]
     write_detections(Path("detections.csv"), uneven, BOARD, detector="test")
     bootstrap(samples=2)
-    bootstrap("--weighted", out="weighted", samples=2)
-    assert all(a[PARAMS] != b[PARAMS] for a, b in zip(rows_of(), rows_of("weighted/study.sqlite"), strict=True))
+    bootstrap("--unweighted", out="alike", samples=2)
+    assert all(a[PARAMS] != b[PARAMS] for a, b in zip(rows_of(), rows_of("alike/study.sqlite"), strict=True))
 
 
 def test_gone_on_with_is_as_if_done_at_once(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -190,7 +190,7 @@ def test_minimum_is_that_from_scratch(name: str) -> None:
         pixel = seen_px(setting, centers_mm(shape)) + drawn_noise(setting, 0, number)
         found = minimum_of(setting.anchor, np.ascontiguousarray(pixel.T))
         assert found is not None
-        scratch = solve(replace(setting.observations, center_px=pixel), "opencv")
+        scratch = solve(replace(setting.observations, center_px=pixel), "opencv", setting.options)
         sigma = np.sqrt(np.diagonal(scratch.param_covariance))
         assert (np.abs(found.camera.params - scratch.camera.params) < 3e-5 * sigma).all()
         assert found.cost == pytest.approx((scratch.residual_px**2).sum(), rel=1e-9)
@@ -333,7 +333,7 @@ def test_another_model_starts_from_its_best_fit() -> None:
     setting = ico_setting("luhmann")
     assert setting.reference.model == "luhmann"
     bare = run_cases(setting, errors(), drawn_values(setting, errors(), 0, 0), still(setting))[0]
-    scratch = solve(setting.observations, "luhmann")
+    scratch = solve(setting.observations, "luhmann", setting.options)
     assert of(bare, "focal_length") < 1e-3
     assert of(bare, "reprojection") == pytest.approx(np.sqrt((scratch.residual_px**2).sum(axis=1).mean()), rel=1e-4)
 

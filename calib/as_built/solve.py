@@ -111,7 +111,7 @@ def _descend(started: Sequence[Calibration], target: TargetGeometry, model: str,
     if options.solve.reject_sigma is not None:
         keeps = [np.ones_like(keep) for keep in keeps]  # what looked far off may be the target's own deviation
     ties = [tie_parameters(model, options.solve)] * len(started)
-    weighted = options.solve.weighted
+    weighted = options.solve.weighted and all(one.cov_px2 is not None for one in observations)
     seen = what_is_seen(unknowns, list(zip(observations, keeps, strict=True)))
     gauge = gauge_rows(unknowns, seen, bounding_radius_mm(target))
     joint = joint_problem(observations, ties, unknowns, gauge, weighted=weighted)

@@ -78,7 +78,7 @@ def measure(
     bow: Annotated[
         bool | None, typer.Option("--bow/--flat", help="faces may be bent, or not (default: a board may)")
     ] = None,
-    weighted: WeightedOption = False,
+    weighted: WeightedOption = True,
     reject: RejectOption = None,
     fix: FixOption = None,
     share: ShareOption = None,
@@ -130,12 +130,15 @@ def measure(
     remarks = (*(line for one in prepared for line in one.remarks), *_doubts(nominal, lengths))
     for remark in remarks:
         print(printable(remark))
+    has_covariances = all(one.observations.cov_px2 is not None for one in prepared)
+    made = replace(made, weighted=weighted and has_covariances)
     folds = _folds(held_out, sum(one.observations.view_count for one in prepared))
     found = _measure([one.observations for one in prepared], nominal, model, options, lengths)
     held = _held_out(found, model, options, folds, shape)
     settings = (
         ("target", target.name), ("detections", ", ".join(path.name for path in detections)), ("model", model),
-        ("rings", rings), ("one-camera", str(one_camera)), ("weighted", str(weighted)), ("reject", f"{reject or ''}"),
+        ("rings", rings), ("one-camera", str(one_camera)), ("weighted", str(made.weighted)),
+        ("reject", f"{reject or ''}"),
         ("bow", {None: "default", True: "bow", False: "flat"}[bow]), ("fix", " ".join(fix or [])),
         ("share", " ".join(share or [])),
         ("shrink-compensation", shrink_compensation), ("skew-compensation", skew_compensation), ("bed-turn", bed_turn),

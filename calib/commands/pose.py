@@ -20,6 +20,7 @@ from calib.commands.detect import (
 )
 from calib.commands.folder_page import folder_page
 from calib.commands.screen import table_console
+from calib.commands.solve import WeightedOption
 from designer.answer import Summary
 from designer.command import printable
 from designer.errors import InputError
@@ -48,7 +49,7 @@ def pose(
     overlay: Annotated[
         Path | None, typer.Option(help="folder for pictures with the axes and what is left over", metavar="DIR")
     ] = None,
-    weighted: Annotated[bool, typer.Option("--weighted", help="count surer centres for more")] = False,
+    weighted: WeightedOption = True,
     jobs: Annotated[
         int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
     ] = None,

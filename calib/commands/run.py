@@ -86,7 +86,7 @@ def run(
     focal: FocalOption = None,
     loss: LossOption = "squares",
     reject: RejectOption = None,
-    weighted: WeightedOption = False,
+    weighted: WeightedOption = True,
     reference: ReferenceOption = None,
     reference_target: ReferenceTargetOption = None,
     truth: Annotated[

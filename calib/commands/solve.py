@@ -47,7 +47,7 @@ RejectOption = Annotated[
     float | None, typer.Option(help="leave out what is off by more than so many robust standard deviations, such as 4")
 ]
 WeightedOption = Annotated[
-    bool, typer.Option("--weighted/--unweighted", help="weigh observations by their covariances, or all alike")
+    bool, typer.Option("--weighted/--unweighted", help="weigh observations by the covariances they state, or all alike")
 ]
 ImageSizeOption = Annotated[str | None, typer.Option(help="of files that do not say it: 2448x2048")]
 GridOption = Annotated[str | None, typer.Option(help="of a corners.vnl: 10x7 corners")]
@@ -75,7 +75,7 @@ def solve(
     focal: FocalOption = None,
     loss: LossOption = "squares",
     reject: RejectOption = None,
-    weighted: WeightedOption = False,
+    weighted: WeightedOption = True,
     reference: ReferenceOption = None,
     reference_target: ReferenceTargetOption = None,
     image_size: ImageSizeOption = None,

@@ -85,7 +85,7 @@ def bootstrap(
     jobs: JobsOption = None,
     dask: DaskOption = None,
     resume: ResumeOption = False,
-    weighted: WeightedOption = False,
+    weighted: WeightedOption = True,
     fix: FixOption = None,
     share: ShareOption = None,
     loss: LossOption = "squares",

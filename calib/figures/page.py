@@ -11,6 +11,8 @@ from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, by_view
 from calib.metrics.residual_cells import Residuals, cells_of, columns_rows
 from calib.results.evaluation_table import figure as digits
+from calib.solver.outliers import whitened
+from calib.solver.problem import whiteners
 from calib.types import Calibration
 from designer.command import printable
 
@@ -53,7 +55,7 @@ def draw_uncertainty(axes: "Axes", calibration: Calibration, found: SigmaMap) ->
 def draw_histogram(axes: "Axes", evaluation: Evaluation) -> None:
     """Coordinates of residuals against the Gaussian that the solution states."""
     calibration = evaluation.calibration
-    values, unit = _standardised(evaluation)
+    values, unit = standardised(evaluation)
     sigma = calibration.scale
     axes.set_title("Distribution of the residuals")
     axes.set_xlabel(f"predicted - measured, u and v together, in {unit}")
@@ -81,7 +83,7 @@ def draw_histogram(axes: "Axes", evaluation: Evaluation) -> None:
     note(axes, f"{beyond:.2f} % beyond 3 sigma; a Gaussian has 0.27 %" if sigma > 0 else "no sigma is stated")
 
 
-def _standardised(evaluation: Evaluation) -> tuple[np.ndarray[tuple[int], np.dtype[np.float64]], str]:
+def standardised(evaluation: Evaluation) -> tuple[np.ndarray[tuple[int], np.dtype[np.float64]], str]:
     """All coordinates of residuals that count, in px, or of a weighted solution over their stated deviations."""
     calibration, errors = evaluation.calibration, evaluation.of("reprojection")
     if errors is None or errors.sighting is None:
@@ -89,8 +91,8 @@ def _standardised(evaluation: Evaluation) -> tuple[np.ndarray[tuple[int], np.dty
     vector, covariance = errors.vector[errors.is_counted], calibration.observations.cov_px2
     if not calibration.weighted or covariance is None:
         return vector.ravel(), "px"
-    factor = np.linalg.cholesky(covariance[errors.sighting[errors.is_counted]])
-    return np.linalg.solve(factor, vector[:, :, None]).ravel(), "stated sigmas"
+    whitener = whiteners(covariance[errors.sighting[errors.is_counted]])
+    return whitened(whitener, vector.T).T.ravel(), "stated sigmas"
 
 
 def draw_views(axes: "Axes", evaluation: Evaluation) -> None:

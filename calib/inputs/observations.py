@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from calib.inputs.dataset import Dataset
 from calib.inputs.mirrored import mirrored_views
-from calib.sightings import keep_views
+from calib.linear_algebra import solve_square
+from calib.sightings import SUREST, keep_views, with_sound_covariances
 from calib.types import Detections, KnownPoints, Observations, frozen_array
 from designer.errors import InputError
 from designer.target import TargetGeometry
@@ -116,7 +117,7 @@ def observations_for_poses(dataset: Dataset, target: TargetGeometry) -> Observat
     kept = ~_on_a_line(sightings)
     if not kept.any():
         return None
-    return _select(sightings, dataset.image_sizes[int(np.argmax(kept))], kept)
+    return with_sound_covariances(_select(sightings, dataset.image_sizes[int(np.argmax(kept))], kept))[0]
 
 
 def _sightings_of(dataset: Dataset, target: TargetGeometry) -> AllSightings:
@@ -151,7 +152,12 @@ def prepare(sightings: AllSightings, *, has_fronts: bool, origin: str, remarks: 
     other = np.array([one != size for one in sightings.image_sizes], dtype=bool) & kept
     _say(said, names, other, f"that are not of {size[0]} x {size[1]} px as the others")
     kept &= ~other
-    seen = _select(sightings, size, kept)
+    seen, too_sure = with_sound_covariances(_select(sightings, size, kept))
+    if too_sure:
+        said.append(
+            f"{too_sure} of {len(seen.view)} observations state less than {SUREST:.0%} of the median standard "
+            "deviation; they count as if they stated that"
+        )
     copies = _copies(seen)
     _say(said, seen.view_names, copies >= 0, "that are another one once more", of=copies)
     seen = keep_views(seen, copies < 0)
@@ -261,6 +267,6 @@ def _is_copy(seen: Observations, first: NDArray[np.int64], second: NDArray[np.in
     if seen.cov_px2 is None:
         return False
     noise = seen.cov_px2[first] + seen.cov_px2[second]
-    square = np.einsum("ni,ni->n", difference, np.linalg.solve(noise, difference[:, :, None])[:, :, 0])
+    square = np.einsum("ni,ni->n", difference, solve_square(noise, difference[:, :, None])[:, :, 0])
     length = float(np.sqrt((difference**2).sum(axis=1).mean()))
     return length < ALIKE[0] and float(square.mean()) / 2 < ALIKE[1]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib.figures.fields import draw_means, draw_residuals
 from calib.figures.histograms import draw_sizes
 from calib.figures.maps import draw_coverage, draw_map
-from calib.figures.page import draw_histogram, draw_uncertainty
+from calib.figures.page import draw_histogram, draw_uncertainty, standardised
 from calib.figures.sigma_map import SigmaMap, place_on_map
 from calib.figures.style import bar_beside, image_axes, panel_height_in, svg_panel
 from calib.metrics.residual_cells import Cells, Residuals
@@ -194,11 +194,10 @@ def systematic_words(cells: Cells) -> str:
 
 def distribution_figure(one: Solved) -> Figure:
     """Residuals against the Gaussian that the solution states."""
-    errors = one.evaluation.of("reprojection")
     scale = one.calibration.scale
-    counted = np.zeros(0) if errors is None else errors.vector[errors.is_counted].ravel()
+    counted, _ = standardised(one.evaluation)
     words = f"{len(counted)} coordinates of residuals against a Gaussian"
-    if len(counted) and scale > 0 and not one.calibration.weighted:
+    if len(counted) and scale > 0:
         beyond = 100 * float(np.mean(np.abs(counted) > 3 * scale))
         words = f"{beyond:.2f} % of {len(counted)} coordinates lie beyond 3 sigma; of a Gaussian 0.27 % do"
     return panel(

@@ -28,13 +28,13 @@ class Poses:
     )
 
 
-def solve_poses(camera: Camera, observations: Observations, *, weighted: bool = False) -> Poses:
+def solve_poses(camera: Camera, observations: Observations, *, weighted: bool = True) -> Poses:
     """The pose of each view that minimises the squared distances in the image, the camera as it is.
 
     Args:
         camera: the known camera.
         observations: what it saw; each view has four points or more.
-        weighted: by the covariances of the observations.
+        weighted: by the covariances of the observations, where they are known.
     """
     problem = pack(observations, weighted=weighted)
     first = first_poses(problem, camera, is_robust=False)

@@ -45,10 +45,10 @@ def pack(observations: Observations, *, weighted: bool) -> Problem:
 
     Args:
         observations: what was seen; each view has some.
-        weighted: by the covariances, if they are known.
+        weighted: by the covariances, where they are known.
 
     Raises:
-        ValueError: a view without observations.
+        ValueError: a view without observations, or a covariance that is none.
     """
     count = len(observations.view)
     start = np.searchsorted(observations.view, np.arange(observations.view_count + 1))
@@ -57,6 +57,8 @@ def pack(observations: Observations, *, weighted: bool) -> Problem:
     whitener = np.stack([np.ones(count), np.zeros(count), np.ones(count)])
     if weighted and observations.cov_px2 is not None:
         whitener = whiteners(observations.cov_px2)
+        if not np.isfinite(whitener).all():
+            raise ValueError("a covariance that is not positive definite")
     position = observations.points.position_mm
     origin = 0.5 * (position.min(axis=0) + position.max(axis=0))
     return Problem(
@@ -89,11 +91,15 @@ def target_covariance(problem: Problem, poses: Array, covariance: Array) -> Arra
 
 
 def whiteners(cov_px2: Array) -> Array:
-    """The inverses of the Cholesky factors of covariances (M, 2, 2): a, b, c of [[a, 0], [b, c]].  # (3, M)"""
-    a = np.sqrt(cov_px2[:, 0, 0])
-    b = cov_px2[:, 1, 0] / a
-    c = np.sqrt(cov_px2[:, 1, 1] - b**2)
-    return np.stack([1 / a, -b / (a * c), 1 / c])
+    """The inverses of the Cholesky factors of covariances (M, 2, 2): a, b, c of [[a, 0], [b, c]].  # (3, M)
+
+    Not finite where a covariance is not positive definite.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        a = np.sqrt(cov_px2[:, 0, 0])
+        b = cov_px2[:, 1, 0] / a
+        c = np.sqrt(cov_px2[:, 1, 1] - b**2)
+        return np.stack([1 / a, -b / (a * c), 1 / c])
 
 
 def few_per_view(view_count: int) -> int:

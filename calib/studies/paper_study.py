@@ -11,7 +11,7 @@ from calib.inputs.dataset import read_detections, write_detections
 from calib.inputs.observations import observations_from_detections
 from calib.render.job import TRUTH_FILE
 from calib.results.truth import read_truth
-from calib.solver.options import SolveOptions
+from calib.solver.options import AS_THE_PAPER
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.paper_sets import (
     SAMPLINGS,
@@ -155,7 +155,7 @@ def cases_of(study: PaperStudy) -> Iterator[CaseSpec]:
         truth = read_truth(study.photo_folder(photos) / TRUTH_FILE)
         angle_deg = incidence_deg(seen, truth)
         for sightings, limit_deg in LIMITS_DEG.items():
-            pool = make_pool(only(seen, angle_deg <= limit_deg), MODEL, SolveOptions(), truth)
+            pool = make_pool(only(seen, angle_deg <= limit_deg), MODEL, AS_THE_PAPER, truth)
             for size in SIZES:
                 yield CaseSpec(Case(photos.target, size, pool.view_count, photos.sampling, sightings), pool)
 

@@ -14,7 +14,7 @@ from calib.metrics.evaluation import errors_of
 from calib.pipeline.calibrate import ALL_VIEWS, calibrate
 from calib.refit import image_grid
 from calib.sightings import keep_sightings, keep_views, without_empty_views
-from calib.solver.options import SolveOptions
+from calib.solver.options import AS_THE_PAPER
 from calib.solver.pose import solve_poses
 from calib.studies.compare.pool import ScenePool
 from calib.studies.compare.scene import Scene, stream, take_photos
@@ -94,8 +94,8 @@ def calibrate_with(seen: Observations, camera_model: str) -> Calibration:
         InputError: the photos do not determine it.
     """
     if camera_model == ALL_PHOTOS:
-        return calibrate(seen, "virtual", SolveOptions(), ALL_VIEWS)
-    return calibrate(seen, camera_model, SolveOptions())
+        return calibrate(seen, "virtual", AS_THE_PAPER, ALL_VIEWS)
+    return calibrate(seen, camera_model, AS_THE_PAPER)
 
 
 def metrics_of(solved: Calibration) -> MetricRow:
@@ -115,7 +115,7 @@ def _held_out(solved: Calibration, held: Observations) -> tuple[float, float, fl
     if not kept.any():
         return (math.nan,) * 3 + (0.0,)
     shown = without_empty_views(keep_sightings(held, kept))
-    poses = solve_poses(solved.camera, shown).cam_from_target
+    poses = solve_poses(solved.camera, shown, weighted=AS_THE_PAPER.weighted).cam_from_target
     found = np.isfinite(poses.sum(axis=(1, 2)))
     if not found.any():
         return (math.nan,) * 3 + (0.0,)

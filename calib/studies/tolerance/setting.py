@@ -16,7 +16,7 @@ from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.covariance import accuracy_of
 from calib.solver.descend import is_robust
 from calib.solver.levenberg import minimise
-from calib.solver.options import SolveOptions
+from calib.solver.options import AS_THE_PAPER, SolveOptions
 from calib.solver.problem import Problem, pack
 from calib.solver.tie import Tie, tie_parameters
 from calib.studies.tolerance.anchor import Anchor, factorise
@@ -244,7 +244,7 @@ def _setting(
     remarks: tuple[str, ...],
 ) -> Setting:
     """The setting of some sightings, whose pixels are free of noise."""
-    options = options or SolveOptions()
+    options = options or AS_THE_PAPER
     if is_robust(options):
         raise InputError("a tolerance study has no outliers; leave --loss and --reject out")
     if model not in FAMILIES:

@@ -1,0 +1,27 @@
+"""One default for weights, in the library and in all commands."""
+
+import inspect
+from collections.abc import Callable
+
+import pytest
+
+from calib.commands.measure import measure
+from calib.commands.pose import pose
+from calib.commands.run import run
+from calib.commands.solve import solve
+from calib.commands.study import bootstrap
+from calib.commands.tolerance import tolerance
+from calib.solver.options import AS_THE_PAPER, SolveOptions
+from calib.solver.pose import solve_poses
+
+
+@pytest.mark.parametrize("function", [solve, run, measure, pose, bootstrap, solve_poses])
+def test_commands_and_library_weigh_alike(function: Callable[..., object]) -> None:
+    """Whoever asks for nothing gets observations that count by the covariances they state."""
+    assert inspect.signature(function).parameters["weighted"].default is SolveOptions().weighted is True
+
+
+def test_the_papers_way_is_asked_for() -> None:
+    """Studies that repeat the paper, or state what errors of a print cost its way, count all observations alike."""
+    assert not AS_THE_PAPER.weighted
+    assert inspect.signature(tolerance).parameters["weighted"].default is AS_THE_PAPER.weighted
