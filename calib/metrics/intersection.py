@@ -3,10 +3,10 @@
 With the ray `s + t d` and the plane `n (X - X_O) = 0`: `t = n (X_O - s) / (n d)`.
 Ruppel, Kutlu et al., Beyond Reprojection Error, Prediction and Evaluation.
 
-The plane goes through the point itself and is parallel to its face. A ring that was measured stands off its face's
-mean plane by h, and that plane would be met h tan(slant) beside the ring even by the true ray. The normal is the
-face's: that a bow turns it by b at a ring changes the error by its b tan(slant)-th part, a hundredth where a face is
-bent by a hundredth of its half width, so the plane is right to first order wherever its point is.
+The plane goes through the point itself and is parallel to its face. A ring that was measured stands off its face's mean
+plane by h, and that plane would be met h tan(slant) beside the ring even by the true ray. The normal is the face's:
+where a bow turns it by b, the error changes by b tan(slant) of itself, a hundredth if a face is bent by a hundredth of
+its half width. So only the place of the plane matters, and that is right for each point.
 """
 
 import numpy as np
