@@ -40,6 +40,8 @@ from tests.solver_scenes import CAMERAS, NOISE_PX, SIZE, random_covariances
 Array = NDArray[np.float64]
 
 RINGS = (0.05, 0.02)
+WIDE = replace(RIGID, strain_sigma=0.05, face_sigma_rad=0.1, face_sigma_mm=9.5)
+"""Of a print of which nothing is expected."""
 INSIDE_95 = 12.5916
 """95 % quantile of a chi-square with six degrees of freedom."""
 SEEN_FACES = 0.9
@@ -194,7 +196,7 @@ def test_where_the_target_stands_in_its_frame_does_not_matter() -> None:
     determined = one.is_determined
     expected = transform(change, one.target.center_mm)
     assert np.abs(two.target.center_mm - expected)[determined[solid().ring_face]].max() < 1e-6
-    assert two.poses[0] == pytest.approx(compose(one.poses[0], invert(change)), abs=1e-5)
+    assert two.poses[0] == pytest.approx(compose(one.poses[0], invert(change)), abs=1e-4)
 
 
 def test_two_cameras_measure_one_print() -> None:
@@ -233,7 +235,7 @@ def test_groups_of_faces_that_no_view_joins_are_not_determined() -> None:
     rng = np.random.default_rng(9)
     shape = random_shape(solid(), rng)
     seen, upper = two_sides(photos(printed(solid(), shape), rng, 24), solid())
-    found = measure([seen], solid(), "opencv", RIGID)
+    found = measure([seen], solid(), "opencv", WIDE)
     known = found.is_determined
     assert known.any()
     assert set(upper[known].tolist()) in ({True}, {False})
@@ -250,10 +252,10 @@ def test_groups_of_faces_that_no_view_joins_are_not_determined() -> None:
 
 
 def test_a_face_that_no_view_shows_stays_as_designed() -> None:
-    """Its covariance is what was expected of it, and a remark names it."""
+    """Its covariance is what was expected of it, here by a person, and a remark names it."""
     rng = np.random.default_rng(10)
     seen = photos(printed(solid(), random_shape(solid(), rng)), rng, 14, half_angle_deg=60.0)
-    found = measure([seen], solid(), "opencv", RIGID)
+    found = measure([seen], solid(), "opencv", WIDE)
     hidden = np.flatnonzero(found.face_views == 0)
     assert len(hidden)
     assert not found.is_determined[hidden].any()

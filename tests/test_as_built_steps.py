@@ -221,7 +221,9 @@ def test_minimum_is_that_of_scipy() -> None:
     rng = np.random.default_rng(5)
     shape = random_shape(plate(), rng, bow_mm=0.3, ring_mm=RINGS)
     seen = photos(printed(plate(), shape), rng, 6, half_angle_deg=50.0)
-    found = measure([seen], plate(), "opencv", AsBuiltOptions(ring_sigma_from_photos=False))
+    rim_mm = float(np.linalg.norm(plate().outline_mm[0], axis=1).max())
+    options = AsBuiltOptions(ring_sigma_from_photos=False, strain_sigma=0.05, bow_sigma_mm=0.02 * rim_mm)
+    found = measure([seen], plate(), "opencv", options)
     pose = found.poses[0]
     turn = Rotation.from_matrix(pose[:, :3, :3]).as_rotvec()
     strain = found.strain[[0, 1, 0], [0, 1, 1]]

@@ -170,6 +170,18 @@ def test_gain_is_judged_on_photos_held_out() -> None:
     assert held.gains[0].count == len(found.observations[0].view)
 
 
+def test_what_is_no_better_is_not_recommended() -> None:
+    """Exit code 1, one line that says why, no command that uses it; the file is there to be looked at."""
+    for views, word in ((12, "no better than the drawing"), (4, "too few photos")):
+        write_seen(photos(solid(), np.random.default_rng(5), views), "seen.csv")
+        answer = command(*PLAIN[:4], "--rings", "rigid")
+        assert answer.code == 1
+        (line,) = (line for line in answer.out.splitlines() if line.startswith("next  "))
+        assert word in line
+        held = json.loads(Path("measured.as_built.json").read_text())["held_out"]
+        assert held["is_better"] is (False if views > 4 else None)
+
+
 def test_what_was_measured_from_a_photo_is_not_judged_by_it() -> None:
     """A sighting that is far off in a held-out photo changes nothing of the measurement it is judged by."""
     found = measure_print([seen()], solid(), "opencv", RIGID)
@@ -370,8 +382,8 @@ def refused(*arguments: object) -> str:
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--rings", "loose"), "free or rigid"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--reject", "0"), "--reject 0"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--fix", "k9"), "no such parameter"),
-        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--held-out", "1"), "2 to 8 parts"),
-        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--held-out", "9"), "2 to 8 parts"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--held-out", "1"), "2 to 16 parts"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--held-out", "17"), "2 to 16 parts"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--shrink-compensation", "1mm"), "not a percentage"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--skew-compensation", "3"), "expected angles such as"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--bed-turn", "1mm"), "expected an angle"),

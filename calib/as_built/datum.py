@@ -1,7 +1,8 @@
 """What photos do not tell of a target: where it is, how it is turned, and how large it is.
 
 The measured target is laid over the nominal one so that its rings come nearest, in least squares: the inner constraints
-of a free network (Grafarend and Schaffrin 1974), which prefer no ring. Only rings take part whose faces the views join.
+of a free network (Grafarend and Schaffrin 1974), which prefer no ring. Only rings take part whose faces the views join,
+and of them not those that few views show: what is not known of them would be told of all faces.
 The scale is that of the rings as they are; the rigid motion is that of the rings without the strain of the whole print,
 which acts about the target's origin: a print that is only shrunk has then no face that moved, even if half of it was
 seen.
@@ -31,6 +32,10 @@ Flags = NDArray[np.bool_]
 
 LEAST_RINGS = 3
 """Of a face in a view that tell its pose."""
+FEW_VIEWS = 3
+"""With fewer views of a face of several a mistake in one of them would not be seen."""
+THIN = 1e-3
+"""Points this much thinner than long lie on a line."""
 GAUGE_PART = 1e-3
 """Standard deviation of the constraints of the descent, as a part of the target's size, for observations of 1 px. They
 hold what the photos do not tell, so any value gives the same shape."""
@@ -51,6 +56,17 @@ class Seen:
         seen = self.group[self.group >= 0]
         main: Flags = self.group == np.bincount(seen).argmax() if len(seen) else self.face
         return main
+
+    @property
+    def datum(self) -> Flags:
+        """The faces by which the target is laid over the nominal one.  # (F,)"""
+        often = self.main & ~few_views(self.views)
+        return often if often.any() else self.main
+
+
+def few_views(views: NDArray[np.int64]) -> Flags:
+    """The faces of several that few views show, from how many show each.  # (F,)"""
+    return (views < FEW_VIEWS) & (len(views) > 1)
 
 
 def what_is_seen(unknowns: Unknowns, sets: list[tuple[Observations, Flags]]) -> Seen:
@@ -85,8 +101,8 @@ def _groups(shown: Flags) -> NDArray[np.int64]:
 
 
 def datum_rings(unknowns: Unknowns, seen: Seen) -> Flags:
-    """The rings that lie over the nominal ones: the seen ones of the largest group of faces.  # (R,)"""
-    return seen.ring & seen.main[unknowns.target.ring_face]
+    """The rings that lie over the nominal ones: the seen ones of the datum's faces.  # (R,)"""
+    return seen.ring & seen.datum[unknowns.target.ring_face]
 
 
 def rigid_design(position_mm: Array) -> Array:
@@ -181,14 +197,20 @@ def moved_target(unknowns: Unknowns, state: State, scale: float, rotation: Array
 
 
 def fit_rings(unknowns: Unknowns, seen: Seen) -> list[NDArray[np.int64]]:
-    """Of each face the rings that tell where it is: the seen ones, or all where few are."""
+    """Of each face the rings that tell where it is: the seen ones, or all where these are few or on a line."""
     target = unknowns.target
     rows = []
     for face in range(target.face_count):
         own = np.flatnonzero(target.ring_face == face)
         some = own[seen.ring[own]]
-        rows.append(some if len(some) > LEAST_RINGS else own)
+        rows.append(some if len(some) > LEAST_RINGS and _span_a_plane(target.center_in_face_mm[some]) else own)
     return rows
+
+
+def _span_a_plane(position_mm: Array) -> bool:
+    """Whether points (N, 3) lie on no line, which they could be turned about."""
+    length = np.linalg.svd(position_mm - position_mm.mean(axis=0), compute_uv=False)
+    return bool(length[1] > THIN * length[0])
 
 
 def folded(unknowns: Unknowns, seen: Seen, shape: Shape) -> Shape:

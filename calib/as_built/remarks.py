@@ -3,17 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.datum import Seen
+from calib.as_built.datum import FEW_VIEWS, Seen, few_views
 from calib.solver.outliers import deviations
 from calib.types import Observations
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
-FEW_VIEWS = 3
-"""Views of a face with which its place leans on few photos."""
-
 
 FAR_OFF = 6.0
 
@@ -23,19 +19,22 @@ def remarks_of(seen: Seen, is_determined: Flags, target: TargetGeometry, *, scal
     said = []
     unseen = ~seen.face
     if unseen.any():
-        said.append(f"no view shows {_faces(unseen)}: kept as designed")
+        said.append(f"no view shows {faces_words(unseen)}: kept as designed")
     apart = seen.face & ~seen.main
     if apart.any():
         said.append(
-            f"no view joins {_faces(apart)} with the others: where they are is not known; take photos that show faces "
-            "of both"
+            f"no view joins {faces_words(apart)} with the others: where they are is not known; take photos that show "
+            "faces of both"
         )
     unsure = ~is_determined & seen.main
     if unsure.any():
-        said.append(f"too few views of {_faces(unsure)} to tell where they are; take more")
-    few = is_determined & (seen.views < FEW_VIEWS) & (target.face_count > 1)
+        said.append(f"too few views of {faces_words(unsure)} to tell where they are; take more")
+    few = is_determined & few_views(seen.views)
     if few.any():
-        said.append(f"fewer than {FEW_VIEWS} views show {_faces(few)}: a mistake in one of them would not be seen")
+        said.append(
+            f"fewer than {FEW_VIEWS} views show {faces_words(few)}: a mistake in one of them would not be seen, so "
+            "whether they moved is not judged"
+        )
     rings = ~seen.ring & is_determined[target.ring_face]
     if rings.any():
         said.append(
@@ -60,7 +59,7 @@ def far_off(seen: Observations, residual_px: Array) -> list[str]:
     ]
 
 
-def _faces(which: Flags) -> str:
+def faces_words(which: Flags) -> str:
     """The numbers of faces, in words."""
     numbers = np.flatnonzero(which).tolist()
     return f"face{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.datum import LEAST_RINGS, Seen, best_motion, fit_rings
+from calib.as_built.datum import LEAST_RINGS, Seen, best_motion, fit_rings, rigid_design
 from calib.as_built.lengths import Length
 from calib.as_built.unknowns import Shape, Unknowns, place_rings, strain_matrix
 from calib.se3 import exp_rotation
@@ -46,11 +46,26 @@ class AsBuilt:
     lengths: tuple[tuple[Length, float], ...]  # with what is left over, in standard deviations
     is_determined: NDArray[np.bool_]  # (F,) the photos tell where the face is
     face_views: NDArray[np.int64]  # (F,) how many views show the face
+    centre_noise_mm: Array  # (F,) what the noise of one centre along an axis is on the face, at the photos' scale
     is_ring_seen: NDArray[np.bool_]  # (R,)
     remarks: tuple[str, ...]  # what the photos do not tell, one line each
     status: Status
     iterations: int
     seconds: float
+
+
+def face_shift_mm(target: TargetGeometry, square: Array) -> Array:
+    """How far the motions of faces shift their rings, root mean square along an axis.  # (F,)
+
+    Args:
+        target: the nominal geometry.
+        square: the motions' products with themselves, or their covariances (F, 6, 6).
+    """
+    design = rigid_design(target.center_in_face_mm)
+    each = np.einsum("rij,rjk,rik->r", design, square[target.ring_face], design) / 3
+    rings = np.maximum(np.bincount(target.ring_face, minlength=target.face_count), 1)
+    shift: Array = np.sqrt(np.bincount(target.ring_face, each, target.face_count) / rings)
+    return shift
 
 
 def target_of(unknowns: Unknowns, seen: Seen, shape: Shape, covariance: Array) -> TargetGeometry:

@@ -46,7 +46,8 @@ def with_seen_spread(unknowns: Unknowns, seen: Seen, shape: Shape, normal: Norma
 
 
 def is_same_spread(one: Unknowns, other: Unknowns, tolerance: float) -> bool:
-    """Whether the rings' sigmas agree."""
-    if one.ring_sigma_mm is None or other.ring_sigma_mm is None:
-        return True
-    return bool(np.abs(one.ring_sigma_mm / other.ring_sigma_mm - 1).max() < tolerance)
+    """Whether what is expected of the rings, and of what they share, agrees."""
+    ratios = [one.sigma / other.sigma]
+    if one.ring_sigma_mm is not None and other.ring_sigma_mm is not None:
+        ratios.append(one.ring_sigma_mm / other.ring_sigma_mm)
+    return bool(np.abs(np.concatenate(ratios) - 1).max(initial=0.0) < tolerance)

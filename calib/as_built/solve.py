@@ -16,13 +16,15 @@ from calib.as_built.datum import (
     what_is_seen,
 )
 from calib.as_built.descend import Minimum, minimise
+from calib.as_built.expected import with_expected_deviations, with_seen_deviations
 from calib.as_built.lengths import Length, Scale, scale_from
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.problem import Joint, State, joint_problem, without
 from calib.as_built.remarks import far_off, remarks_of
-from calib.as_built.result import AsBuilt, target_of
+from calib.as_built.result import AsBuilt, face_shift_mm, target_of
 from calib.as_built.ring_spread import is_same_spread, with_seen_spread
-from calib.as_built.unknowns import nominal_shape, strain_matrix, unknowns_of
+from calib.as_built.unknowns import nominal_shape, place_rings, strain_matrix, unknowns_of
+from calib.cameras import linearise
 from calib.inputs.observations import known_points
 from calib.one_thread import one_thread
 from calib.solver.outliers import deviations
@@ -45,8 +47,10 @@ PERFECT = 1e-5
 """Least standard deviation of an observation: with less, what the priors alone hold were lost in rounding."""
 FEW = 0.5
 """Part of the equations that must be left over, or the unknowns are counted exactly."""
-UNSURE = 0.1
-"""A face is not determined whose motion is not ten times better known than expected."""
+LEAST_NOISE_PX = 1e-3
+"""Photos whose centres are better are not known; what is less is not noticed."""
+UNSURE = 3.0
+"""A face is not determined whose rings may be farther off than the noise of so many centres."""
 
 
 @one_thread
@@ -84,14 +88,15 @@ def measure(
     joint, found, seen = descended.joint, descended.minimum, descended.seen
     joint, found, accuracy = _accurate(joint, found, seen, options)
     state = laid_over(joint.unknowns, seen, found.state)
-    is_determined = _determined(accuracy, joint, seen)
+    noise_mm = _centre_noise_mm(joint, state)
+    is_determined = _determined(accuracy, joint, seen, noise_mm)
     scale: Scale | None = None
     if lengths:
         # Without the faces of which little is known, if there are others.
         unscaled = target_of(joint.unknowns, seen, state.shape, accuracy.face)
         scale = scale_from(unscaled, lengths, is_determined if is_determined.any() else None)
         state = moved_target(joint.unknowns, state, scale.value, np.eye(3), np.zeros(3))
-    measured = _Measured(joint, found, seen, accuracy, state, is_determined, scale)
+    measured = _Measured(joint, found, seen, accuracy, state, noise_mm, is_determined, scale)
     return _as_built(started, target, measured, lengths, descended.iterations, begin)
 
 
@@ -105,7 +110,7 @@ class _Descended:
 
 def _descend(started: Sequence[Calibration], target: TargetGeometry, model: str, options: AsBuiltOptions) -> _Descended:
     """Down to the minimum at which the observations are worth what their residuals say."""
-    unknowns = unknowns_of(target, options)
+    unknowns = with_expected_deviations(unknowns_of(target, options), options)
     observations = [one.observations for one in started]
     keeps = [~one.is_outlier for one in started]
     if options.solve.reject_sigma is not None:
@@ -126,7 +131,8 @@ def _descend(started: Sequence[Calibration], target: TargetGeometry, model: str,
         scale = _posterior_scale(joint, found, seen)
         spread = joint.unknowns
         if options.ring_sigma_from_photos:
-            spread = with_seen_spread(joint.unknowns, seen, found.state.shape, found.normal)
+            spread = with_seen_spread(spread, seen, found.state.shape, found.normal)
+        spread = with_seen_deviations(spread, seen, found.state.shape)
         is_last = number > 0 and abs(scale / joint.scale - 1) < SAME_SCALE
         is_last = is_last and is_same_spread(spread, joint.unknowns, SAME_SPREAD)
         joint = joint if is_last else replace(joint, scale=scale, unknowns=spread)
@@ -207,14 +213,32 @@ def _require(accuracy: Accuracy | None) -> Accuracy:
     return accuracy
 
 
-def _determined(accuracy: Accuracy, joint: Joint, seen: Seen) -> Flags:
-    """The faces whose place the photos tell.  # (F,)"""
-    unknowns = joint.unknowns
-    if not unknowns.has_motion:
+def _centre_noise_mm(joint: Joint, state: State) -> Array:
+    """What the noise of one centre along an axis is on each face, at the photos' scale.  # (F,)"""
+    target, place = joint.unknowns.target, place_rings(joint.unknowns, state.shape).position_mm
+    square, count = np.zeros(target.face_count), np.zeros(target.face_count)
+    for one, camera, poses in zip(joint.sets, state.cameras, state.poses, strict=True):
+        a, b, c = one.problem.whitener
+        pose = poses[one.problem.view]
+        point = (pose[:, :3, :3] @ place[one.ring][:, :, None])[:, :, 0] + pose[:, :3, 3]
+        by_point = linearise(camera, np.ascontiguousarray(point.T)).by_point  # (2, 3, M)
+        whitened = (a * by_point[0]) ** 2 + (b * by_point[0] + c * by_point[1]) ** 2
+        whitened = 1 / (joint.scale**2 / whitened.sum(axis=0) + LEAST_NOISE_PX**2 / (by_point**2).sum(axis=(0, 1)))
+        face, used = target.ring_face[one.ring], one.problem.is_used
+        square += np.bincount(face[used], 0.5 * whitened[used], target.face_count)
+        count += np.bincount(face[used], minlength=target.face_count)
+    mean = np.where(count > 0, square, square.sum()) / np.where(count > 0, count, count.sum())
+    noise: Array = 1 / np.sqrt(mean)
+    return noise
+
+
+def _determined(accuracy: Accuracy, joint: Joint, seen: Seen, noise_mm: Array) -> Flags:
+    """The faces whose rings the photos, or what is expected of the print, place as well as an image shows.  # (F,)"""
+    if not joint.unknowns.has_motion:
         return seen.face
-    expected = unknowns.sigma[unknowns.first_motion : unknowns.first_bow].reshape(-1, 6)
-    largest = np.linalg.eigvalsh(accuracy.face / (expected[:, :, None] * expected[:, None]))[:, -1]
-    determined: Flags = seen.main & seen.face & (largest < UNSURE**2)
+    determined: Flags = (
+        seen.main & seen.face & (face_shift_mm(joint.unknowns.target, accuracy.face) < UNSURE * noise_mm)
+    )
     return determined
 
 
@@ -227,6 +251,7 @@ class _Measured:
     seen: Seen
     accuracy: Accuracy
     state: State
+    centre_noise_mm: Array  # (F,)
     is_determined: Flags
     scale: Scale | None
 
@@ -285,6 +310,7 @@ def _as_built(
         lengths=() if scale is None else tuple(zip(lengths, scale.residual_sigma, strict=True)),
         is_determined=measured.is_determined,
         face_views=seen.views,
+        centre_noise_mm=size * measured.centre_noise_mm,
         is_ring_seen=seen.ring,
         remarks=_remarks(started, target, measured),
         status=status,

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 STRAIN_INDEX = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Of a strain's six numbers: xx, yy, zz, yz, xz, xy."""
+KINDS = ("stretch", "shear", "tilt", "turn", "shift", "lift", "bow")
+"""Of the unknowns that rings share; the last three are mm."""
 SHARED = 15
 """Unknowns that a ring shares with others: six of the strain, six of its face's motion, three of its face's bow."""
 UPRIGHT = 1 - 1e-9
@@ -54,8 +56,16 @@ class Unknowns:
     first_bow: int
     count: int  # of shared unknowns
     column: NDArray[np.int64]  # (F, 15) of each face's unknowns; -1: not free
+    kind: NDArray[np.int64]  # (count,) of `KINDS`
+    is_given: NDArray[np.bool_]  # (count,) the standard deviation was chosen by a person
     sigma: Array  # (count,)
     ring_sigma_mm: Array | None  # (3,) None: rings stay where they are on their face
+
+    @property
+    def is_length(self) -> NDArray[np.bool_]:
+        """Which unknowns are mm; the others are rad, or parts.  # (count,)"""
+        length: NDArray[np.bool_] = self.kind >= KINDS.index("shift")
+        return length
 
     @property
     def has_strain(self) -> bool:
@@ -87,16 +97,23 @@ def unknowns_of(target: TargetGeometry, options: AsBuiltOptions) -> Unknowns:
         column[:, 6:12] = first_motion + np.arange(6 * faces).reshape(faces, 6)
     if bent:
         column[:, 12:] = first_bow + np.arange(3 * faces).reshape(faces, 3)
-    sigma = np.empty(count)
-    sigma[:first_motion] = options.strain_sigma
-    shift = 0.1 * size if options.face_sigma_mm is None else options.face_sigma_mm
-    sigma[first_motion:first_bow] = np.tile([options.face_sigma_rad] * 3 + [shift] * 3, (first_bow - first_motion) // 6)
-    sigma[first_bow:] = 0.02 * size if options.bow_sigma_mm is None else options.bow_sigma_mm
+    kind = np.concatenate([
+        np.where(strain < 3, 0, 1), np.tile([2, 2, 3, 4, 4, 5], faces if faces > 1 else 0), np.full(3 * faces, 6)
+    ])[:count]  # fmt: skip
+    strained, turned, shifted, bowed = (
+        options.strain_sigma, options.face_sigma_rad, options.face_sigma_mm, options.bow_sigma_mm
+    )  # fmt: skip
+    given = np.array([strained, strained, turned, turned, shifted, shifted, bowed], dtype=np.float64)[kind]
+    wide = np.array([0.05, 0.05, 0.1, 0.1, 0.1 * size, 0.1 * size, 0.02 * size])[kind]
+    is_given = ~np.isnan(given)
+    sigma = np.where(is_given, given, wide)
     ring_sigma = None
     if options.ring_sigma_mm is not None and options.has_free_rings:
         plane, normal = options.ring_sigma_mm
         ring_sigma = np.maximum([plane, plane, normal], LEAST_RING_SIGMA_MM)
-    return Unknowns(target, bow_basis(target), strain, first_motion, first_bow, count, column, sigma, ring_sigma)
+    return Unknowns(
+        target, bow_basis(target), strain, first_motion, first_bow, count, column, kind, is_given, sigma, ring_sigma
+    )  # fmt: skip
 
 
 def _free_strain(target: TargetGeometry) -> NDArray[np.int64]:

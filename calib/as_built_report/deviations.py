@@ -7,7 +7,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.result import AsBuilt
+from calib.as_built.datum import few_views
+from calib.as_built.result import AsBuilt, face_shift_mm
 from calib.as_built.unknowns import STRAIN_INDEX, strain_matrix, strain_numbers
 from calib.se3 import exp_rotation
 from designer.skew import NO_SKEW, SKEW_NAMES, Skew, skew_matrix
@@ -25,7 +26,10 @@ FREE_PARAMETERS = ("shift x", "shift y", "shift z", "tilt x", "tilt y", "turn z"
 _ORDER = [3, 4, 5, 0, 1, 2]
 """Of these in the motions of faces, which have rotations first."""
 
-Verdict = Literal["moved", "as designed", "not known"]
+NOTICED = 1 / 3
+"""Of a centre's noise: a motion that shifts a face's rings by less leaves their residuals as they are to 5 %."""
+
+Verdict = Literal["moved", "as designed", "few photos", "not known"]
 
 
 @dataclass(frozen=True)
@@ -171,14 +175,22 @@ def face_deviations(found: AsBuilt) -> FaceDeviations | None:
     sigma = np.sqrt(np.maximum(np.diagonal(block, axis1=1, axis2=2), 0.0))
     square = np.array([m @ np.linalg.pinv(c) @ m for m, c in zip(found.motion, block, strict=True)])
     chance = np.asarray(chi2.sf(square, 6), dtype=np.float64)
-    verdict = tuple(map(_verdict, found.is_determined.tolist(), chance.tolist()))
+    is_noticed = face_shift_mm(found.nominal, found.motion[:, :, None] * found.motion[:, None]) > (
+        NOTICED * found.centre_noise_mm
+    )
+    few = few_views(found.face_views)
+    verdict = tuple(
+        map(_verdict, found.is_determined.tolist(), few.tolist(), ((chance < CHANCE) & is_noticed).tolist())
+    )
     return FaceDeviations(found.motion[:, _ORDER], sigma[:, _ORDER], chance, verdict)
 
 
-def _verdict(is_determined: bool, chance: float) -> Verdict:
+def _verdict(is_determined: bool, has_few_views: bool, has_moved: bool) -> Verdict:
     if not is_determined:
         return "not known"
-    return "moved" if chance < CHANCE else "as designed"
+    if has_few_views:
+        return "few photos"
+    return "moved" if has_moved else "as designed"
 
 
 @dataclass(frozen=True, eq=False)

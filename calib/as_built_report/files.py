@@ -267,6 +267,7 @@ def _cameras(found: AsBuilt) -> JsonValue:
 def _held_out(held: HeldOut) -> JsonValue:
     return {
         "parts": held.folds,
+        "is_better": None if held.judged_by is None else held.judged_by.is_better,
         "gains": [asdict(gain) for gain in held.gains],
         "against_truth": [asdict(gain) for gain in held.against_truth],
         "remarks": list(held.remarks),

@@ -1,6 +1,7 @@
 """What a measured target gains on photos that it was not measured from."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,9 +10,11 @@ from numpy.typing import NDArray
 from calib.as_built.datum import best_motion
 from calib.as_built.lengths import scaled
 from calib.as_built.options import AsBuiltOptions
+from calib.as_built.remarks import faces_words
 from calib.as_built.result import AsBuilt
 from calib.as_built.solve import measure
 from calib.inputs.observations import known_points
+from calib.metrics import METRICS
 from calib.metrics.errors import Errors
 from calib.metrics.evaluation import evaluate
 from calib.se3 import make_pose, transform
@@ -26,8 +29,12 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAST_FOLDS = 2
+JUDGED_BY = ("intersection", "reprojection")
+"""The metrics that tell whether a measured target is better, the first that there is."""
 LEAST_POINTS = 4
 """Of a view that it needs for a pose."""
+SURE = 0.975
+"""Probability with which the gain is at least what is stated."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +46,18 @@ class Gain:
     count: int
     nominal: float
     measured: float
+    least_factor: float | None
+    """What the factor is at least, by how it differs from photo to photo; None: of one photo, or nothing is left."""
 
     @property
     def factor(self) -> float:
         """How many times smaller the error is with the measured target."""
         return self.nominal / self.measured if self.measured > 0 else float("inf")
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the measured target is better beyond the chance of these photos."""
+        return (self.factor if self.least_factor is None else self.least_factor) > 1
 
 
 @dataclass(frozen=True)
@@ -55,11 +69,36 @@ class HeldOut:
     against_truth: tuple[Gain, ...]  # both judged by the true rings, laid over them by a similarity; may be empty
     remarks: tuple[str, ...]
 
+    @property
+    def judged_by(self) -> Gain | None:
+        """The gain that says most."""
+        return judged_by(self.gains)
+
+
+def judged_by(gains: Sequence[Gain]) -> Gain | None:
+    """The gain that says most; None if there is none by which a target is judged."""
+    return next((gain for metric in JUDGED_BY for gain in gains if gain.metric == metric), None)
+
 
 @dataclass(frozen=True)
 class _Sum:
     square: float
     count: int
+
+
+@dataclass(frozen=True)
+class _Key:
+    metric: str
+    unit: str
+    is_true: bool  # against the true rings
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """One photo's errors with either target; of errors that are of no single photo, one part's."""
+
+    nominal: _Sum
+    measured: _Sum
 
 
 def gain_on_held_out(
@@ -73,8 +112,9 @@ def gain_on_held_out(
 ) -> HeldOut:
     """Hold every `folds`-th view out in turn, measure from the others, and judge the views held out.
 
-    Of a held-out view only its own pose is solved. Sightings that the measurement left out stay out. The size of the
-    target takes no part: as lengths are not in photos, there is nothing to hold out.
+    Of a held-out view only its own pose is solved. Sightings that the measurement left out stay out, and so do those of
+    faces that at most one of the other views shows: they are not measured then. The size of the target takes no part:
+    as lengths are not in photos, there is nothing to hold out.
 
     Args:
         found: of all views.
@@ -84,13 +124,14 @@ def gain_on_held_out(
         truth: the geometry that rendered photos show.
         done: told how many parts are finished.
 
-    Raises:
-        InputError: no part can be judged.
+    Returns:
+        The gains; none if no part can be judged, and the remarks say why.
     """
     options = replace(options, solve=replace(options.solve, reject_sigma=None))
     seen = [_usable(one, out) for one, out in zip(found.observations, found.is_outlier, strict=True)]
-    sums: dict[tuple[str, str, str, bool], list[_Sum]] = {}
+    pairs: dict[_Key, list[_Pair]] = {}
     remarks: list[str] = []
+    unmeasured, unjudged = np.zeros(found.nominal.face_count, dtype=bool), 0
     for fold in range(folds):
         held = [np.arange(one.view_count) % folds == fold for one in seen]
         others = [keep_views(one, ~out) for one, out in zip(seen, held, strict=True)]
@@ -100,19 +141,32 @@ def gain_on_held_out(
         except InputError as error:
             remarks.append(f"part {fold + 1} of {folds}: {error}")
             continue
-        shown = [keep_views(one, out) for one, out in zip(seen, held, strict=True)]
-        for name, target, cameras in (
-            ("nominal", found.nominal, nominal),
-            ("measured", measured.target, measured.cameras),
-        ):
-            for one, camera in zip(shown, cameras, strict=True):
-                for is_true, errors in _errors(camera, one, target, truth, weighted=options.solve.weighted):
-                    key = (errors.metric, errors.unit, name, is_true)
-                    sums.setdefault(key, []).append(_sum(errors))
+        for one, out, *cameras in zip(seen, held, nominal, measured.cameras, strict=True):
+            whole = keep_views(one, out)
+            is_judged = _is_measured(measured)[found.nominal.ring_face[whole.point]]
+            unmeasured[found.nominal.ring_face[whole.point[~is_judged]]] = True
+            unjudged += int((~is_judged).sum())
+            shown = _usable(whole, ~is_judged)
+            both = [
+                _errors(camera, shown, target, truth, weighted=options.solve.weighted)
+                for camera, target in zip(cameras, (found.nominal, measured.target), strict=True)
+            ]
+            for key in both[0].keys() & both[1].keys():
+                pairs.setdefault(key, []).extend(_pairs(both[0][key], both[1][key]))
         done(fold + 1)
-    if not sums:
-        raise InputError(f"no part of the photos can be held out ({remarks[0]}); take more, or give --held-out 0")
-    return HeldOut(folds, _gains(sums, is_true=False), _gains(sums, is_true=True), tuple(remarks))
+    if unjudged:
+        remarks.append(
+            f"{unjudged} sightings of {faces_words(unmeasured)} are not judged: photos that are not held out hardly "
+            "show these"
+        )
+    true, own = (tuple(_gains(pairs, is_true=is_true)) for is_true in (True, False))
+    return HeldOut(folds, own, true, tuple(remarks))
+
+
+def _is_measured(found: AsBuilt) -> Flags:
+    """The faces that are determined, and of several not by one view alone.  # (F,)"""
+    measured: Flags = found.is_determined & ((found.face_views > 1) | (found.nominal.face_count == 1))
+    return measured
 
 
 def _usable(seen: Observations, is_outlier: Flags) -> Observations:
@@ -123,22 +177,40 @@ def _usable(seen: Observations, is_outlier: Flags) -> Observations:
 
 def _errors(
     camera: Camera, shown: Observations, target: TargetGeometry, truth: TargetGeometry | None, *, weighted: bool
-) -> list[tuple[bool, Errors]]:
-    """The errors of views against the target that their poses are solved with, and against the truth."""
+) -> dict[_Key, dict[str, _Sum]]:
+    """The errors of views by their names, against the target that their poses are solved with, and the truth."""
     if not shown.view_count:
-        return []
+        return {}
     shown = replace(shown, points=known_points(target))
     poses = solve_poses(camera, shown, weighted=weighted).cam_from_target
     has_pose = np.isfinite(poses.sum(axis=(1, 2)))
     if not has_pose.any():
-        return []
+        return {}
     shown, poses = keep_views(shown, has_pose), poses[has_pose]
     found = [(False, one) for one in evaluate(_judged(camera, shown, poses, known_points(target), weighted)).errors]
     if truth is not None:
         laid = known_points(laid_over(truth, target, np.unique(shown.point)))
         errors = evaluate(_judged(camera, shown, poses, laid, weighted)).errors
         found += [(True, one) for one in errors if one.metric != "reprojection"]
-    return found
+    return {_Key(one.metric, one.unit, is_true): _sums(one, shown.view_names) for is_true, one in found}
+
+
+def _sums(errors: Errors, names: Sequence[str]) -> dict[str, _Sum]:
+    """Squares and counts by photo; of errors that are of no single photo all together."""
+    if errors.view is None:
+        names = ("",)
+    group = np.zeros(len(errors.reason), dtype=np.int64) if errors.view is None else errors.view
+    counted = errors.is_counted
+    square = np.bincount(group[counted], errors.size[counted] ** 2, len(names)).tolist()
+    count = np.bincount(group[counted], minlength=len(names)).tolist()
+    return {name: _Sum(*both) for name, *both in zip(names, square, count, strict=True) if both[1]}
+
+
+def _pairs(nominal: dict[str, _Sum], measured: dict[str, _Sum]) -> Iterator[_Pair]:
+    """What was found with both targets, so that both are judged alike."""
+    for name, one in nominal.items():
+        if name in measured:
+            yield _Pair(one, measured[name])
 
 
 def _judged(camera: Camera, shown: Observations, poses: Array, points: KnownPoints, weighted: bool) -> Calibration:
@@ -161,23 +233,34 @@ def laid_over(truth: TargetGeometry, target: TargetGeometry, rings: NDArray[np.i
     )
 
 
-def _sum(errors: Errors) -> _Sum:
-    size = errors.size[errors.is_counted]
-    return _Sum(float((size**2).sum()), len(size))
-
-
-def _gains(sums: dict[tuple[str, str, str, bool], list[_Sum]], *, is_true: bool) -> tuple[Gain, ...]:
+def _gains(pairs: dict[_Key, list[_Pair]], *, is_true: bool) -> Iterator[Gain]:
     """Root mean squares over all parts, by metric."""
-    metrics = dict.fromkeys((metric, unit) for metric, unit, _, true in sums if true == is_true)
-    found = []
-    for metric, unit in metrics:
-        both = [_rms(sums.get((metric, unit, name, is_true), [])) for name in ("nominal", "measured")]
-        count = sum(one.count for one in sums.get((metric, unit, "measured", is_true), []))
-        if count and all(np.isfinite(both)):
-            found.append(Gain(metric, unit, count, *both))
-    return tuple(found)
+    for metric in METRICS:
+        for key, both in pairs.items():
+            if key.metric != metric or key.is_true != is_true or not both:
+                continue
+            rows = np.array(
+                [(a.square, a.count, b.square, b.count) for a, b in ((p.nominal, p.measured) for p in both)]
+            )
+            total = rows.sum(axis=0)
+            nominal, measured = math.sqrt(total[0] / total[1]), math.sqrt(total[2] / total[3])
+            yield Gain(metric, key.unit, int(total[3]), nominal, measured, _least_factor(rows))
 
 
-def _rms(parts: Sequence[_Sum]) -> float:
-    count = sum(part.count for part in parts)
-    return float(np.sqrt(sum(part.square for part in parts) / count)) if count else float("nan")
+def _least_factor(rows: Array) -> float | None:
+    """What the factor is at least: its logarithm less the quantile of its jackknife deviation (Tukey 1958).
+
+    Args:
+        rows: of each photo the squares and the count of its errors with the nominal, then with the measured target.
+    """
+    from scipy.stats import t as student
+
+    count = len(rows)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        total, without = rows.sum(axis=0), rows.sum(axis=0) - rows
+        logs = 0.5 * np.log(without[:, 0] / without[:, 1] / (without[:, 2] / without[:, 3]))
+        whole = 0.5 * math.log(total[0] / total[1] / (total[2] / total[3])) if total[[0, 2]].all() else math.inf
+    if count < LEAST_FOLDS or not np.isfinite(logs).all() or not math.isfinite(whole):
+        return None
+    sigma = math.sqrt((count - 1) / count * float(((logs - logs.mean()) ** 2).sum()))
+    return math.exp(whole - float(student.ppf(SURE, count - 1)) * sigma)

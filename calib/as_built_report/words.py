@@ -154,7 +154,7 @@ def faces_table(found: AsBuilt, faces: FaceDeviations) -> Table:
 
 
 def _coloured(verdict: str) -> Text:
-    return Text(verdict, {"moved": "bold", "not known": "yellow"}.get(verdict, ""))
+    return Text(verdict, {"moved": "bold", "few photos": "yellow", "not known": "yellow"}.get(verdict, ""))
 
 
 def _cell(one: Estimate, column: int) -> str:
@@ -181,7 +181,7 @@ def rings_line(rings: RingDeviations) -> str:
 def gain_table(held: HeldOut) -> Table:
     """A line a metric: with the nominal and with the measured target."""
     table = _table("error")
-    for name in ("unit", "n", "nominal", "measured", "times less"):
+    for name in ("unit", "n", "nominal", "measured", "times less", "at least"):
         table.add_column(name, justify="left" if name == "unit" else "right")
     for gain in held.gains:
         table.add_row(*_gain_cells(gain, gain.metric))
@@ -191,7 +191,25 @@ def gain_table(held: HeldOut) -> Table:
 
 
 def _gain_cells(gain: Gain, name: str) -> list[str]:
-    return [name, gain.unit, str(gain.count), figure(gain.nominal), figure(gain.measured), f"{gain.factor:.1f}"]
+    least = "" if gain.least_factor is None else f"{gain.least_factor:.1f}"
+    return [name, gain.unit, str(gain.count), figure(gain.nominal), figure(gain.measured), f"{gain.factor:.1f}", least]
+
+
+def no_gain_line(held: HeldOut | None) -> str:
+    """Why the measured target is not to be used; "" if it is better."""
+    gain = None if held is None else held.judged_by
+    if gain is None:
+        return (
+            "too few photos to hold any out and judge the measured target: keep the drawing, and take more photos, or "
+            "give --held-out 0 to take it unjudged"
+        )
+    if gain.is_better:
+        return ""
+    return (
+        f"in photos held out the measured target is no better than the drawing beyond chance ({gain.metric} error "
+        f"{figure(gain.measured)} against {figure(gain.nominal)} {gain.unit}): keep the drawing, or take more photos, "
+        "from more sides"
+    )
 
 
 def _table(*columns: str) -> Table:

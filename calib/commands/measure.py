@@ -28,15 +28,13 @@ if TYPE_CHECKING:
     from designer.skew import Skew
     from designer.target import TargetGeometry
 
-DEGENERATE = 1
+NOT_TO_BE_USED = 1
 MODELS = ("opencv", "luhmann", "pinhole")
 SAME_MM = 0.005
 """A length nearer to the design's is likely copied from it: calipers tell hundredths."""
 LEAST_VIEWS = 3
 """Of a camera: from fewer, a target that may have any shape does not tell the camera."""
 USUAL_FOLDS = 5
-LEAST_VIEWS_A_PART = 2
-"""Of all cameras: a ring is reconstructed from two views."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +103,8 @@ def measure(
 ) -> Summary:
     """Measure a printed target with photos of it, and calibrate with what was printed.
 
-    The exit code is 1 if the photos do not determine the camera and the target.
+    The exit code is 1 if the photos do not determine the camera and the target, or if on photos held out the measured
+    target is no better than the designed one; it is written all the same.
     """
     from calib.as_built_report.files import check_places, places_of
     from calib.as_built_report.length_words import parse_length
@@ -132,7 +131,7 @@ def measure(
         print(printable(remark))
     has_covariances = all(one.observations.cov_px2 is not None for one in prepared)
     made = replace(made, weighted=weighted and has_covariances)
-    folds = _folds(held_out, sum(one.observations.view_count for one in prepared))
+    folds = _folds(held_out, min(one.observations.view_count for one in prepared))
     found = _measure([one.observations for one in prepared], nominal, model, options, lengths)
     held = _held_out(found, model, options, folds, shape)
     settings = (
@@ -145,7 +144,9 @@ def measure(
         ("length", "; ".join(length or [])), ("held-out", str(folds)),
     )  # fmt: skip
     done = with_page(
-        _write_and_say(found, held, lengths, made, settings, places, detections), places.target.parent, "measure"
+        _write_and_say(found, held, lengths, made, settings, places, detections, is_judged=held_out != 0),
+        places.target.parent,
+        "measure",
     )
     return replace(done, remarks=(*remarks, *found.remarks, *done.remarks))
 
@@ -324,16 +325,15 @@ def _measure(
 
 
 def _folds(asked: int | None, views: int) -> int:
-    """In how many parts photos are held out; 0: not."""
+    """In how many parts photos are held out, of the camera with the fewest; 0: not."""
     from calib.as_built_report.held_out import LEAST_FOLDS
 
-    most = views // LEAST_VIEWS_A_PART
     if asked is None:
-        return min(USUAL_FOLDS, most) if most >= LEAST_FOLDS else 0
-    if asked and not LEAST_FOLDS <= asked <= most:
+        return min(USUAL_FOLDS, views) if views > LEAST_VIEWS else 0
+    if asked and not LEAST_FOLDS <= asked <= views:
         raise InputError(
-            f"--held-out {asked}: {views} photos fall into {LEAST_FOLDS} to {most} parts of {LEAST_VIEWS_A_PART} or "
-            "more; give one of these, or 0 for none"
+            f"--held-out {asked}: {views} photos fall into {LEAST_FOLDS} to {views} parts; give one of these, or 0 for "
+            "none"
         )
     return asked
 
@@ -358,10 +358,13 @@ def _write_and_say(
     settings: tuple[tuple[str, str], ...],
     places: "Places",
     detections: Sequence[Path],
+    *,
+    is_judged: bool,
 ) -> Summary:
     """Write all files, then say what is in them."""
     from calib.as_built_report.files import report_files, report_of
     from calib.as_built_report.picture import report_picture
+    from calib.as_built_report.words import no_gain_line
     from calib.files import write_files
 
     report = report_of(
@@ -383,7 +386,10 @@ def _write_and_say(
     print(f"      {shown(places.picture)}: look at it before you trust the numbers")
     if found.status == "degenerate":
         print("next  no camera is determined: do what is said above, and measure again")
-        return Summary(measured_answer(report), tuple(files), exit_code=DEGENERATE)
+        return Summary(measured_answer(report), tuple(files), exit_code=NOT_TO_BE_USED)
+    if is_judged and (why := no_gain_line(held)):
+        print(f"next  {why}")
+        return Summary(measured_answer(report), tuple(files), exit_code=NOT_TO_BE_USED)
     folder = quoted(places.target.with_name(places.target.name.removesuffix(".target.json")))
     step = f"calib solve {quoted(detections[0])} --target {quoted(places.target)} -o {folder}"
     print(f"next  {step}")

@@ -64,9 +64,10 @@ def say_measured(report: "Report") -> None:
         held = report.held_out
         for remark in held.remarks:
             console.print(f"  {printable(remark)}", style="yellow", markup=False)
-        print(
-            f"root mean square errors of photos held out, in {held.folds} parts: camera and target are solved from the "
-            "other parts,\nonly a photo's own pose from itself"
-        )
-        console.print(gain_table(held))
+        if held.gains:
+            print(
+                f"root mean square errors of photos held out, in {held.folds} parts: camera and target are solved from "
+                "the other parts,\nonly a photo's own pose from itself; at least: with 97.5 % certainty"
+            )
+            console.print(gain_table(held))
         print()

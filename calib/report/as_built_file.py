@@ -11,6 +11,7 @@ from pydantic import Field
 
 from calib.as_built_report.deviations import Estimate, WholePrint
 from calib.as_built_report.files import FORMAT, VERSION
+from calib.as_built_report.held_out import Gain
 from calib.report.stored_table import Count, FewLines, Line, Number, Stored, Word, checked, read_document
 from designer.errors import InputError
 from designer.skew import NO_SKEW, Skew
@@ -71,17 +72,19 @@ class StoredGain(Stored):
     count: Count
     nominal: Number
     measured: Number
+    least_factor: Number | None = None
 
     @property
-    def factor(self) -> float:
-        """How many times smaller the error is with the measured target."""
-        return self.nominal / self.measured if self.measured > 0 else float("inf")
+    def gain(self) -> Gain:
+        """As it was judged."""
+        return Gain(self.metric, self.unit, self.count, self.nominal, self.measured, self.least_factor)
 
 
 class StoredHeldOut(Stored):
     """What is gained on photos held out."""
 
     parts: Count
+    is_better: bool | None = None
     gains: Annotated[tuple[StoredGain, ...], Field(max_length=20)]
     against_truth: Annotated[tuple[StoredGain, ...], Field(max_length=20)]
     remarks: FewLines

@@ -5,15 +5,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from calib.as_built_report.held_out import Gain, judged_by
 from calib.as_built_report.words import degrees, next_print_lines, percent, spread_mm
-from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord, StoredGain
+from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord
 from calib.results.evaluation_table import figure
 from designer.page.blocks import Command, Finding, Headline
 from designer.words import capital
 
-MEASURED_WINS = 1.1
-"""Times smaller that errors must be for the measured target to be called better than the drawing."""
-JUDGED_BY = ("intersection", "reprojection")
 PREFIX = "next print: "
 
 
@@ -29,16 +27,15 @@ def measure_headline(record: AsBuiltRecord) -> Headline:
         return Headline("usable", "not finished", f"The solution was stopped before it converged. {sentence}")
     if gain is None:
         return Headline("note", "measured, not judged", sentence)
-    if gain.factor < MEASURED_WINS:
+    if not gain.is_better:
         return Headline("usable", "no better than the drawing", sentence)
     return Headline("good", "measured target is better", sentence)
 
 
-def judged_gain(head: AsBuiltHead) -> StoredGain | None:
+def judged_gain(head: AsBuiltHead) -> Gain | None:
     """The error of photos held out that says most."""
     gains = () if head.held_out is None else head.held_out.gains
-    by_name = {one.metric: one for one in gains}
-    return next((by_name[name] for name in JUDGED_BY if name in by_name), None)
+    return judged_by([one.gain for one in gains])
 
 
 def deviation_sentence(record: AsBuiltRecord) -> str:
@@ -96,8 +93,8 @@ def gain_sentence(head: AsBuiltHead) -> str:
     if gain is None:
         return "No photos were held out to judge it."
     numbers = f"{figure(gain.nominal, 3)} {gain.unit} with the drawing, {figure(gain.measured, 3)} {gain.unit} measured"
-    if gain.factor < MEASURED_WINS:
-        return f"In photos held out it is no better than the drawing: {gain.metric} error {numbers}."
+    if not gain.is_better:
+        return f"In photos held out it is no better than the drawing beyond chance: {gain.metric} error {numbers}."
     times = figure(gain.factor, 2) if math.isfinite(gain.factor) else "any number of"
     return f"In photos held out the {gain.metric} error is {times} times smaller: {numbers}."
 
@@ -107,11 +104,10 @@ def gain_findings(head: AsBuiltHead) -> Iterator[Finding]:
     if head.held_out is None:
         return
     for gains, against in ((head.held_out.gains, ""), (head.held_out.against_truth, " against the truth")):
-        for one in gains:
-            is_better = one.factor >= MEASURED_WINS
+        for one in (stored.gain for stored in gains):
             times = f"{figure(one.factor, 3)} times less" if math.isfinite(one.factor) else "gone"
             yield Finding(
-                "good" if is_better else "usable", f"{one.metric} error{against}",
+                "good" if one.is_better else "usable", f"{one.metric} error{against}",
                 f"{times} with the measured target than with the drawing, over {one.count} of photos held out",
                 f"{figure(one.measured, 3)} {one.unit}", f"{figure(one.nominal, 3)} {one.unit} with the drawing",
             )  # fmt: skip

@@ -94,6 +94,7 @@ def _cameras(found: "AsBuilt") -> "Iterator[dict[str, Value]]":
 def _held_out(held: "HeldOut") -> "dict[str, Value]":
     return {
         "parts": held.folds,
+        "is_better": None if held.judged_by is None else held.judged_by.is_better,
         "gains": [_gain(one) for one in held.gains],
         "against_truth": [_gain(one) for one in held.against_truth],
         "remarks": held.remarks,
@@ -107,4 +108,5 @@ def _gain(one: "Gain") -> "dict[str, Value]":
         f"nominal_{one.unit}": one.nominal,
         f"measured_{one.unit}": one.measured,
         "factor": one.factor,
+        "least_factor": one.least_factor,
     }

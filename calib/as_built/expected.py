@@ -1,0 +1,84 @@
+"""How large the deviations of a print are expected to be: the prior of its way of making, told in our unknowns.
+
+The prior is given as displacements of rings (`designer.tolerance.prior`). Each of its modes is fitted with the strain
+of the whole print, then with the motions and bows of the faces; the squares add up. What the photos cannot tell, the
+size and the place of the whole target, is left out. A print may be worse than assumed, so these are where the
+measurement starts from: where the photos show more, `with_seen_deviations` takes that.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.as_built.datum import Seen, by_shared_dense, rigid_design
+from calib.as_built.options import AsBuiltOptions
+from calib.as_built.unknowns import Shape, Unknowns, nominal_shape, place_rings, shared_values
+from designer.target import TargetGeometry, bounding_radius_mm
+from designer.tolerance.assumed import error_model_for
+from designer.tolerance.model import ErrorModel
+from designer.tolerance.prior import ShapePrior, shape_prior
+
+Array = NDArray[np.float64]
+
+LEAST_MM = 1e-3
+"""At the rim of the target: nothing is made better than this, and what is wrongly thought right can still be found."""
+
+
+def made_by(target: TargetGeometry, options: AsBuiltOptions) -> ErrorModel | None:
+    """The way of making that was given, or else the usual one; None if the target is no design."""
+    if options.made is not None:
+        return options.made
+    assumed = error_model_for(target)
+    return None if assumed is None else assumed.errors
+
+
+def with_expected_deviations(unknowns: Unknowns, options: AsBuiltOptions) -> Unknowns:
+    """The unknowns with the standard deviations that the way of making gives; those of the options stay."""
+    made = made_by(unknowns.target, options)
+    if made is None:
+        return unknowns
+    expected = _expected(unknowns, shape_prior(unknowns.target, made))
+    return replace(unknowns, sigma=np.where(unknowns.is_given, unknowns.sigma, expected))
+
+
+def with_seen_deviations(unknowns: Unknowns, seen: Seen, shape: Shape) -> Unknowns:
+    """The unknowns with larger standard deviations where the deviations are larger than was expected.
+
+    Those of one kind, such as the tilts of all faces, share their factor: the root mean square of the values in their
+    expected deviations, which is the most likely one where the photos tell them (a variance component).
+    """
+    square = (shared_values(unknowns, shape) / unknowns.sigma) ** 2
+    kind, counts = unknowns.kind, np.ones(unknowns.count, dtype=bool)
+    by_face = unknowns.column[:, 6:]
+    hidden = by_face[~(seen.face & seen.main)].ravel()
+    counts[hidden[hidden >= 0]] = False
+    mean = np.bincount(kind, square * counts) / np.maximum(np.bincount(kind, counts), 1)
+    factor = np.where(unknowns.is_given, 1.0, np.sqrt(np.maximum(mean, 1.0))[kind])
+    return replace(unknowns, sigma=factor * unknowns.sigma)
+
+
+def _expected(unknowns: Unknowns, prior: ShapePrior) -> Array:
+    """The root mean squares of the unknowns over the modes of a prior.  # (count,)"""
+    target, first = unknowns.target, unknowns.first_motion
+    place = place_rings(unknowns, nominal_shape(target))
+    size, rings = bounding_radius_mm(target), target.ring_count
+    modes = prior.modes_mm.reshape(-1, 3 * rings).T  # (3 R, S)
+    by_shared = by_shared_dense(unknowns, place).reshape(3 * rings, -1)
+    rigid = rigid_design(place.position_mm).reshape(3 * rings, 6)
+    whole = np.column_stack([by_shared[:, :first], rigid])
+    fitted = np.linalg.pinv(whole) @ modes
+    value = np.zeros((unknowns.count, modes.shape[1]))
+    is_stretch = unknowns.strain < 3  # the diagonal, whose mean is the size
+    value[:first] = fitted[:first]
+    value[:first][is_stretch] -= fitted[:first][is_stretch].sum(axis=0) / max(int(is_stretch.sum()), 1)
+    left = (modes - whole @ fitted).reshape(rings, 3, -1)
+    for face in range(target.face_count):
+        columns = unknowns.column[face, 6:]
+        columns, rows = columns[columns >= 0], np.flatnonzero(target.ring_face == face)
+        if len(columns) and len(rows):
+            design = by_shared.reshape(rings, 3, -1)[rows][:, :, columns].reshape(3 * len(rows), -1)
+            value[columns] = np.linalg.pinv(design) @ left[rows].reshape(3 * len(rows), -1)
+    least = np.where(unknowns.is_length, LEAST_MM, LEAST_MM / size)
+    expected: Array = np.maximum(np.sqrt((value**2).sum(axis=1)), least)
+    return expected
