@@ -6,6 +6,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import fftconvolve
 
 from calib.detect.candidates import Candidates
 from calib.detect.grid import Grid
@@ -125,6 +126,25 @@ def alignments(plan: TargetPlan, face: int, grid: Grid, sure: NDArray[np.bool_],
                     if len(found) > MAX_ALIGNMENTS:
                         return found
     return found
+
+
+def largest_overlap(plan: TargetPlan, index: Integers, turns: Integers) -> int:
+    """How many rings of a grid fall on features of a face, laid on it as well as can be.
+
+    Args:
+        plan: the target's; its faces share one table but for their marks.
+        index: of the rings in the grid.  # (N, 2)
+        turns: the lattice's turns to try.  # (S, 2, 2)
+    """
+    table = (plan.row_table[0] >= 0).astype(np.float64)
+    best = 0.0
+    for turn in turns:
+        turned = index @ turn.T
+        turned = turned - turned.min(axis=0)
+        footprint = np.zeros(turned.max(axis=0) + 1)
+        footprint[turned[:, 0], turned[:, 1]] = 1
+        best = max(best, float(fftconvolve(table, footprint[::-1, ::-1]).max()))
+    return round(best)
 
 
 def agreement(expected_dot: NDArray[np.bool_], mark: Integers, weight: int = DISAGREEMENT) -> Integers:

@@ -48,7 +48,7 @@ def judge(
     usual_contrast = float(np.median(contrast[good])) if good.any() else 1.0
     roughness = fits.noise / np.maximum(contrast, 1e-9)
     usual_roughness = float(np.median(roughness[good])) if good.any() else 0.0
-    stretch = _stretch(fits.params[:, E00 : E11 + 1], shape)
+    stretch = stretch_of(fits.params[:, E00 : E11 + 1], shape)
     usual_stretch = float(np.median(stretch[good])) if good.any() else 0.0
     ratio = fits.params[:, RATIO]
     rings = good & ~is_dot
@@ -70,7 +70,7 @@ def judge(
     return reason
 
 
-def _stretch(shape: Floats, predicted: Floats) -> Floats:
+def stretch_of(shape: Floats, predicted: Floats) -> Floats:
     """Logarithms of the two scales between predicted circles and those seen: the singular values of E_p inv(E).
 
     Args:

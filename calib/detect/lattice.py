@@ -34,7 +34,11 @@ def lattice_of(target: TargetGeometry) -> Lattice:
         raise ValueError("the faces' lattices differ; all faces must share one lattice")
     if abs(np.linalg.det(steps)) < 0.1 * float(np.linalg.norm(steps[0]) * np.linalg.norm(steps[1])):
         raise ValueError("lattice_mm holds two steps along one line; a lattice needs two directions")
-    radius = float(np.median(target.radius_outer_mm))
+    return lattice_from(steps, float(np.median(target.radius_outer_mm)))
+
+
+def lattice_from(steps: Floats, radius: float) -> Lattice:
+    """The lattice of two steps, y up, and rings of a radius.  # (2, 2)"""
     move = np.array([m for m in itertools.product((-1, 0, 1), repeat=2) if m != (0, 0)])
     length = np.linalg.norm(move @ steps, axis=1)
     move = move[length < 1.25 * length.min()]

@@ -38,6 +38,7 @@ class Measured:
     center_px: Floats  # (N, 2)
     cov_px2: Floats  # (N, 2, 2)
     shape: Floats  # (N, 3) E
+    ratio: Floats  # (N,) inner over outer radius; 0: a dot
     missing: tuple[tuple[int, str], ...]  # row of the target, reason
 
 
@@ -84,7 +85,8 @@ def measure(
         ring=found.ring[good],
         center_px=fits.center_px[good],
         cov_px2=fits.cov_px2[good],
-        shape=fits.params[good, 2:5],
+        shape=fits.params[good, E00 : E11 + 1],
+        ratio=fits.params[good, RATIO],
         missing=tuple(missing),
     )
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from calib.detect.binarise import reduced, reduction, thresholds
 from calib.detect.candidates import Candidates, find_candidates, merged, semi_axes_px
-from calib.detect.grid import grow_grids
+from calib.detect.grid import Grid, grow_grids
 from calib.detect.lens import CameraLens, Lens, estimate_lens, misfit_px
 from calib.detect.measure import Measured, measure
 from calib.detect.name_board import BoardName, name_board
@@ -16,6 +16,7 @@ from calib.detect.name_faces import NamedGrid, name_faces
 from calib.detect.place import Naming, Placement, complete, predict, without_strangers
 from calib.detect.plan import TargetPlan, plan_for
 from calib.detect.records import face_records
+from calib.detect.verify import gather, proportion_remark, refusal
 from calib.types import Camera, Detections, FaceRecord
 from designer.target import TargetGeometry
 
@@ -33,6 +34,7 @@ class _Found:
     """What naming made of an image."""
 
     candidates: Candidates
+    grids: tuple[Grid, ...]  # all, with and without names
     named: tuple[NamedGrid, ...]
     remarks: tuple[str, ...]
     is_mirrored: bool = False
@@ -78,9 +80,9 @@ def detect(
     found = _search(pixels, plan)
     if not found.named:
         return _nothing(plan, name, image_size, found.candidates, found.remarks)
-    naming = _naming(plan, found.named)
-    naming, strangers = without_strangers(plan, found.candidates, naming, image_size, camera_lens)
-    remarks = list(found.remarks)
+    first = _naming(plan, found.named)
+    naming, strangers = without_strangers(plan, found.candidates, first, image_size, camera_lens)
+    dropped, remarks = len(first.ring) - len(naming.ring), list(found.remarks)
     if strangers and len(np.unique(target.ring_face[naming.ring])) < 2:
         return _nothing(plan, name, image_size, found.candidates, (*remarks, "the faces contradict each other"))
     if strangers:
@@ -93,6 +95,11 @@ def detect(
     measured = measure(
         pixels, plan, found.candidates, naming, placement, _contrast(pixels, found.candidates), camera_lens
     )
+    evidence = gather(plan, found.candidates, found.grids, naming, dropped, placement, measured, image_size)
+    if why := refusal(evidence):
+        return _nothing(plan, name, image_size, found.candidates, (*remarks, f"this cannot be the target: {why}"))
+    if odd := proportion_remark(evidence):
+        remarks.append(odd)
     if camera_lens is not None:
         remarks += _camera_remarks(plan, found.candidates, naming, camera_lens, image_size)
     return _result(plan, name, image_size, found, naming, placement, measured, tuple(remarks))
@@ -170,15 +177,15 @@ def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates)
     grids = grow_grids(candidates, plan.lattice, across_gaps=not plan.is_coded)
     contrast = _contrast(pixels, candidates)
     if not grids:
-        return _Found(candidates, (), ("no grid of rings was found",))
+        return _Found(candidates, (), (), ("no grid of rings was found",))
     if plan.is_coded:
         named, mirrored = name_faces(plan, candidates, grids, pixels, contrast)
         if mirrored:
-            return _Found(candidates, (), (MIRRORED,), is_mirrored=True)
-        return _Found(candidates, named, () if named else ("no face code could be read beyond doubt",))
+            return _Found(candidates, grids, (), (MIRRORED,), is_mirrored=True)
+        return _Found(candidates, grids, named, () if named else ("no face code could be read beyond doubt",))
     board: BoardName = name_board(plan, candidates, grids, pixels, contrast)
     remarks = (MIRRORED,) if board.is_mirrored else (board.remark,) if board.remark else ()
-    return _Found(candidates, (board.named,) if board.named else (), remarks, board.is_mirrored)
+    return _Found(candidates, grids, (board.named,) if board.named else (), remarks, board.is_mirrored)
 
 
 def _contrast(pixels: NDArray[np.generic], candidates: Candidates) -> float:

@@ -15,7 +15,9 @@ Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
 
 REACH = 0.22
-"""A candidate nearer than this share of the pitch to where a feature must be is that feature."""
+"""A candidate nearer than this share of the pitch to where a feature must be is that feature ..."""
+SIZE_RATIO = 1.8
+"""... if their areas differ by no more than this."""
 OWN_HOMOGRAPHY = 10
 """Faces with fewer named features are placed by the whole solid, if other faces show."""
 ROUNDS = 5
@@ -45,6 +47,10 @@ class Placement:
         """Faces that show.  # (S,)"""
         return np.flatnonzero(np.isfinite(self.homography[:, 0, 0]))
 
+    def on_face(self, face: int, pixel: Floats) -> Floats:
+        """Where pixels lie in the plane of a face that shows, in mm.  # (N, 2)"""
+        return homography.apply(np.linalg.inv(self.homography[face]), self.lens.straighten(pixel))
+
 
 @dataclass(frozen=True, eq=False)
 class Places:
@@ -53,6 +59,17 @@ class Places:
     ring: Integers  # (N,) rows of the target
     center_px: Floats  # (N, 2)
     shape: Floats  # (N, 3) E of the outer circle
+
+    def take(self, rows: NDArray[np.generic]) -> "Places":
+        """Some of them."""
+        return Places(self.ring[rows], self.center_px[rows], self.shape[rows])
+
+    def are_whole(self, image_size: tuple[int, int]) -> NDArray[np.bool_]:
+        """Whether the image's edge leaves all of a feature in the image, and a pixel around it.  # (N,)"""
+        across = np.stack([np.hypot(self.shape[:, 1], self.shape[:, 2]), self.shape[:, 0]], axis=1)
+        half = across / (self.shape[:, :1] * self.shape[:, 2:]) + 1
+        inside = (self.center_px > half) & (self.center_px < np.array(image_size) - 1 - half)
+        return np.asarray(inside.all(axis=1))
 
 
 def place_faces(
@@ -142,25 +159,45 @@ def _robust_homography(plane: Floats, straight: Floats) -> Floats:
 
 def predict(plan: TargetPlan, placement: Placement, image_size: tuple[int, int]) -> Places:
     """All features on faces that show, as far as they lie in the image."""
-    rows, centres, shapes = [], [], []
+    target = plan.target
+    parts = [Places(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 3)))]
     for f in placement.seen():
-        row = np.flatnonzero(plan.target.ring_face == f)
-        matrix = placement.homography[f]
-        plane = plan.target.center_in_face_mm[row, :2]
-        depth = plane @ matrix[2, :2] + matrix[2, 2]
-        row, plane = row[depth > 0], plane[depth > 0]
-        pixel = placement.lens.distort(homography.apply(matrix, plane))
-        has_ray = np.asarray(np.isfinite(local_form(placement.lens, pixel)[0]).all(axis=(1, 2)))
-        row, plane, pixel = row[has_ray], plane[has_ray], pixel[has_ray]
-        rows.append(row)
-        centres.append(pixel)
-        shapes.append(_shape(plan, placement.lens, matrix, plane, pixel, plan.target.radius_outer_mm[row]))
-    if not rows:
-        return Places(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 3)))
-    row, centre, shape = np.concatenate(rows), np.concatenate(centres), np.concatenate(shapes)
-    size = np.array(image_size)
-    inside = ((centre > 2) & (centre < size - 3)).all(axis=1) & (shape[:, 0] > 0) & (shape[:, 2] > 0)
-    return Places(row[inside], centre[inside], shape[inside])
+        row = np.flatnonzero(target.ring_face == f)
+        circles = target.center_in_face_mm[row, :2], target.radius_outer_mm[row]
+        parts.append(imaged(plan, placement, int(f), row, *circles, image_size))
+    names = ("ring", "center_px", "shape")
+    return Places(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def imaged(
+    plan: TargetPlan,
+    placement: Placement,
+    face: int,
+    ring: Integers,
+    plane_mm: Floats,
+    radius_mm: Floats,
+    image_size: tuple[int, int],
+) -> Places:
+    """Circles in the plane of a face that shows, as far as they lie in the image.
+
+    Args:
+        plan: the target's.
+        placement: where the face is.
+        face: which.
+        ring: what the circles are called in the result.  # (N,)
+        plane_mm: their centres in the face's frame.  # (N, 2)
+        radius_mm: their radii.  # (N,)
+        image_size: width, height in px.
+    """
+    matrix, lens = placement.homography[face], placement.lens
+    front = plane_mm @ matrix[2, :2] + matrix[2, 2] > 0
+    ring, plane_mm, radius_mm = ring[front], plane_mm[front], radius_mm[front]
+    pixel = lens.distort(homography.apply(matrix, plane_mm))
+    has_ray = np.asarray(np.isfinite(local_form(lens, pixel)[0]).all(axis=(1, 2)))
+    ring, plane_mm, pixel, radius_mm = ring[has_ray], plane_mm[has_ray], pixel[has_ray], radius_mm[has_ray]
+    shape = _shape(plan, lens, matrix, plane_mm, pixel, radius_mm)
+    inside = ((pixel > 2) & (pixel < np.array(image_size) - 3)).all(axis=1) & (shape[:, 0] > 0) & (shape[:, 2] > 0)
+    return Places(ring, pixel, shape).take(inside)
 
 
 def _shape(plan: TargetPlan, lens: Lens, matrix: Floats, plane: Floats, pixel: Floats, radius_mm: Floats) -> Floats:
@@ -182,7 +219,7 @@ def _shape(plan: TargetPlan, lens: Lens, matrix: Floats, plane: Floats, pixel: F
 def assign(plan: TargetPlan, candidates: Candidates, places: Places) -> Naming:
     """Pair places with the candidates at them: nearest in the plane, alike in size, one to one."""
     nearest, distance = nearest_candidates(
-        candidates, places.center_px, places.shape, reach=REACH * plan.pitch_radii, size_ratio=1.8
+        candidates, places.center_px, places.shape, reach=REACH * plan.pitch_radii, size_ratio=SIZE_RATIO
     )
     found = np.flatnonzero(nearest >= 0)
     closest_first = found[np.argsort(distance[found], kind="stable")]

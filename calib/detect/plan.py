@@ -58,6 +58,13 @@ class TargetPlan:
         at = np.clip(at, 0, size - 1)
         return np.asarray(np.where(inside, self.row_table[:, at[:, 0], at[:, 1]], -1))
 
+    def lattice_mm(self, face: int, index: Integers) -> Floats:
+        """Where indices lie on a face, whether the target has a feature there or not.  # (N, 2) -> (N, 2)"""
+        target = self.target
+        first = int(np.flatnonzero(target.ring_face == face)[0])
+        steps = target.lattice_mm[face]
+        return np.asarray(target.center_in_face_mm[first, :2] + (index - target.ring_index[first]) @ steps)
+
     def rows_at(self, face: int, index: Integers) -> Integers:
         """Rows of the target at indices of one face, -1 where it has nothing.  # (N, 2) -> (N,)"""
         return np.asarray(self.rows_on_all(index)[face])

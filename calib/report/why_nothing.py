@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib.detect.binarise import reduced, reduction, thresholds
 from calib.detect.candidates import Candidates, find_candidates
+from calib.detect.looks_like import looks_like
 from calib.detect.plan import plan_for
 from calib.studies.tolerance.view_fit import LEAST_RADIUS_PX
 from calib.types import Detections
@@ -42,6 +43,7 @@ def why_nothing(pixels: NDArray[np.generic], target: TargetGeometry) -> str:
     grey, ratio = reduced(pixels, factor), plan_for(target).ratio
     spots, rings = 0, 0
     spot_px = ring_px = 0.0
+    shown = ""
     for threshold in thresholds(grey):
         found = find_candidates(grey, threshold, factor, 0, ratio)
         count, radius_px = _of_one_size(found, is_ring=False)
@@ -50,6 +52,7 @@ def why_nothing(pixels: NDArray[np.generic], target: TargetGeometry) -> str:
         count, radius_px = _of_one_size(found, is_ring=True)
         if count > rings:
             rings, ring_px = count, radius_px
+            shown = looks_like(found)
     if max(spots, rings) < FEWEST:
         return ""
     what, count, radius_px = ("rings", rings, ring_px) if rings >= spots else ("dark spots", spots, spot_px)
@@ -57,7 +60,10 @@ def why_nothing(pixels: NDArray[np.generic], target: TargetGeometry) -> str:
     if radius_px < LEAST_RADIUS_PX:
         return f"{told}; rings need about {LEAST_RADIUS_PX:g} px: come nearer, or use a longer lens or more pixels"
     if what == "rings":
-        return f"{told}, in no order that fits this target: is it the target of this file, sharp, and not cut off?"
+        asked = (
+            f"{told}, in no order that fits this target: is this the right target file, is it sharp, and not cut off?"
+        )
+        return f"{asked} it looks like {shown}" if shown else asked
     return f"{told}, without the white centre of a ring: is it the target of this file, and sharp?"
 
 

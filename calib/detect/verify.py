@@ -1,0 +1,247 @@
+"""Whether what was named can be the target at all: what the photo shows against what the target has, both ways.
+
+A name by dots or a code is a hypothesis: this image shows this target here. Other targets carry the same marks. Three
+questions decide: does the target explain more rings than it lacks and leaves over; does the pattern end where the
+target ends, neither before nor after; and do the ratios agree that no perspective changes.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detect.alignment import largest_overlap
+from calib.detect.candidates import Candidates, nearest_candidates, semi_axes_px
+from calib.detect.grid import Grid
+from calib.detect.judge import stretch_of
+from calib.detect.measure import Measured
+from calib.detect.place import REACH, SIZE_RATIO, Naming, Placement, Places, imaged, predict
+from calib.detect.plan import TargetPlan
+from designer.target import TargetGeometry
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+Flags: TypeAlias = NDArray[np.bool_]
+
+PLAIN_RADIUS_PX = 4.0
+"""Features with a larger semi-minor axis are plain to see where nothing hides them."""
+MISSING_WEIGHT = 0.5
+"""Covers and glare hide rings, so that one that is missing weighs less than one that is there ..."""
+STRANGE_WEIGHT = 2.0
+"""... and nothing makes rings, so that one that the target has not weighs more."""
+MIN_GRID = 6
+"""Smaller grids of rings are clutter."""
+LEAST_ROW = 4
+"""So many places without a ring along a side are no chance ..."""
+FULL_SHARE = 2 / 3
+"""... if of the row behind them so many are there."""
+BARE_EVIDENCE = 20.0
+"""Logarithm of the odds, were features hidden one by one; covers hide several together, so it is twice what it says."""
+LEAST_BEYOND, BEYOND_SHARE = 3, 0.1
+"""So many rings, and so large a share of the places one step outside the target, are no chance."""
+MAX_SKEW = 0.25
+"""How much more, as a logarithm, circles may be stretched one way than the other: more is another lattice."""
+MAX_PROPORTION = 0.07
+"""How far, as a logarithm, ring size over pitch may be from the target's: less is print, blur and exposure."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What speaks for and against a naming, in rings and sides of faces."""
+
+    faces: int  # on which something was found
+    found: int  # plain features that were measured
+    expected: int  # plain features in the image
+    strange: int  # rings where the target has none: within its faces, or in grids that no face can hold
+    beyond: int  # rings one step outside the target, on its lattice
+    beyond_in_view: int  # such places
+    bare: int  # plain features missing in whole rows along a side, while the row behind is there ...
+    bare_faces: int  # ... of so many faces
+    is_bounded: bool  # of a face, rings were found along every side
+    skew: float  # logarithm of how much more circles are stretched one way than the other, in the median
+    proportion: float  # logarithm of ring size over pitch, seen over the target's, in the median
+
+    @property
+    def balance(self) -> float:
+        """Rings that agree less those that do not."""
+        missing = self.expected - self.found
+        return self.found - MISSING_WEIGHT * missing - STRANGE_WEIGHT * self.strange
+
+    @property
+    def is_too_small(self) -> bool:
+        """Whether the pattern goes on where the target ends."""
+        return self.beyond >= max(LEAST_BEYOND, BEYOND_SHARE * self.beyond_in_view)
+
+    @property
+    def is_too_large(self) -> bool:
+        """Whether the pattern ends before the target does, of a solid on half of the faces and more.
+
+        Whole rows along the sides are missing and little else: were they hidden, features beside them would be, too.
+        """
+        hidden = (self.expected - self.found - self.bare + 1) / (self.expected - self.bare + 2)
+        return 2 * self.bare_faces >= self.faces and -self.bare * math.log(hidden) > BARE_EVIDENCE
+
+
+def refusal(evidence: Evidence) -> str:
+    """Why this cannot be the target, in a few words; "": it can.
+
+    Other proportions alone do not refuse it: of targets made by others they may be known in part only. Where a part of
+    the target shows, they are all that tells it from a larger one.
+    """
+    if evidence.skew > MAX_SKEW:
+        return "rings lie on another lattice"
+    if evidence.balance < 0:
+        found = f"{evidence.found} of {evidence.expected} rings that should be in view were found"
+        return found + (f", and {evidence.strange} where it has none" if evidence.strange else "")
+    if evidence.is_too_small:
+        return f"{evidence.beyond} rings continue its pattern where it ends"
+    if evidence.is_too_large:
+        return "the pattern ends before the target does"
+    if abs(evidence.proportion) > MAX_PROPORTION and not evidence.is_bounded:
+        return f"a part is seen, with rings {math.exp(evidence.proportion):.2f} times as large for their pitch"
+    return ""
+
+
+def proportion_remark(evidence: Evidence) -> str:
+    """What to say of a target whose rings are of another size than its file tells; "": nothing."""
+    if abs(evidence.proportion) <= MAX_PROPORTION:
+        return ""
+    times = math.exp(evidence.proportion)
+    return f"rings are {times:.2f} times as large for their pitch as the target file says: is it the file of this one?"
+
+
+def gather(
+    plan: TargetPlan,
+    candidates: Candidates,
+    grids: tuple[Grid, ...],
+    naming: Naming,
+    dropped: int,
+    placement: Placement,
+    measured: Measured,
+    image_size: tuple[int, int],
+) -> Evidence:
+    """Hold what was seen against what the target has where it was placed.
+
+    Args:
+        plan: the target's.
+        candidates: what was seen.
+        grids: all that it forms.
+        naming: which of it has names.
+        dropped: how many lost theirs because their faces contradict the others.
+        placement: where the target must be then.
+        measured: what was measured there.
+        image_size: width, height in px.
+    """
+    places = predict(plan, placement, image_size)
+    plain = _plain(places, image_size)
+    found = np.isin(places.ring, measured.ring)
+    seen = candidates.take(np.flatnonzero(candidates.ratio > 0))
+    left = seen.take(_unexplained(plan, seen, places))
+    faces = np.unique(plan.target.ring_face[measured.ring])
+    around = [_one_step_outside(plan, placement, int(face), image_size) for face in faces]
+    sides = [_sides(plan.target, places, int(face), plain, found) for face in faces]
+    skew, proportion = _ratios(plan, measured, places)
+    return Evidence(
+        faces=len(faces),
+        found=int((plain & found).sum()),
+        expected=int(plain.sum()),
+        strange=dropped
+        + sum(int(_inside(plan, placement, int(face), left).sum()) for face in faces)
+        + sum(_too_many(plan, candidates, grid, naming) for grid in grids),
+        beyond=sum(int((_at(plan, left, part) >= 0).sum()) for part in around),
+        beyond_in_view=sum(len(part.ring) for part in around),
+        bare=sum(bare for bare, _ in sides),
+        bare_faces=sum(bare > 0 for bare, _ in sides),
+        is_bounded=any(bounded for _, bounded in sides),
+        skew=skew,
+        proportion=proportion,
+    )
+
+
+def _plain(places: Places, image_size: tuple[int, int]) -> Flags:
+    """Places whose feature would be plain to see.  # (N,)"""
+    return np.asarray((semi_axes_px(places.shape)[1] > PLAIN_RADIUS_PX) & places.are_whole(image_size))
+
+
+def _at(plan: TargetPlan, rings: Candidates, places: Places) -> Integers:
+    """The ring at each place, -1: none.  # (N,)"""
+    reach = REACH * plan.pitch_radii
+    return nearest_candidates(rings, places.center_px, places.shape, reach=reach, size_ratio=SIZE_RATIO)[0]
+
+
+def _unexplained(plan: TargetPlan, rings: Candidates, places: Places) -> Flags:
+    """Rings at no place.  # (K,)"""
+    free = np.ones(rings.count, dtype=np.bool_)
+    at = _at(plan, rings, places)
+    free[at[at >= 0]] = False
+    return free
+
+
+def _inside(plan: TargetPlan, placement: Placement, face: int, rings: Candidates) -> Flags:
+    """Rings within the outline of a face, about as large as its own.  # (K,)"""
+    on_face = placement.on_face(face, rings.ellipse[:, :2])
+    outline = plan.target.outline_mm[face]
+    return np.asarray((_depth(outline, on_face) > 0).all(axis=0) & np.isfinite(on_face).all(axis=1))
+
+
+def _depth(outline_mm: Floats, point: Floats) -> Floats:
+    """How far points lie inward of each side of an outline that runs counter-clockwise.  # (K, 2), (N, 2) -> (K, N)"""
+    along = np.roll(outline_mm, -1, axis=0) - outline_mm
+    inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    return np.asarray(np.einsum("kc,knc->kn", inward, point[None] - outline_mm[:, None]))
+
+
+def _one_step_outside(plan: TargetPlan, placement: Placement, face: int, image_size: tuple[int, int]) -> Places:
+    """Places of the lattice that the target does not have, next to those that it has, plain to see."""
+    own = plan.target.ring_index[plan.target.ring_face == face]
+    near = np.unique((own[:, None] + plan.lattice.move[None]).reshape(-1, 2), axis=0)
+    near = near[plan.rows_at(face, near) < 0]
+    name, radius = np.full(len(near), -1), np.full(len(near), plan.radius_mm)
+    places = imaged(plan, placement, face, name, plan.lattice_mm(face, near), radius, image_size)
+    return places.take(_plain(places, image_size))
+
+
+def _too_many(plan: TargetPlan, candidates: Candidates, grid: Grid, naming: Naming) -> int:
+    """How many rings of a grid without names no face can hold."""
+    sure = candidates.ratio[grid.row] > 0
+    if sure.sum() < MIN_GRID or np.isin(grid.row, naming.candidate).any():
+        return 0
+    turns = np.concatenate([plan.lattice.turns, plan.lattice.mirrors])
+    return int(sure.sum()) - largest_overlap(plan, grid.index[sure], turns)
+
+
+def _sides(target: TargetGeometry, places: Places, face: int, plain: Flags, found: Flags) -> tuple[int, bool]:
+    """How many features are missing in bare rows along a face's sides, and whether its rings reach all sides."""
+    rows = target.ring_face == face
+    outline = target.outline_mm[face]
+    pitch = float(np.linalg.norm(target.lattice_mm[face], axis=1).min())
+    outermost = _depth(outline, target.center_in_face_mm[rows, :2]).min(axis=1)
+    mine = target.ring_face[places.ring] == face
+    depth = (_depth(outline, target.center_in_face_mm[places.ring[mine], :2]) - outermost[:, None]) / pitch
+    plain, found = plain[mine], found[mine]
+    bare = np.zeros(len(plain), dtype=np.bool_)
+    reach = np.where(found, depth, np.inf).min(axis=1)
+    for side, first in zip(depth, reach, strict=True):
+        missing = plain & (side < first - 0.1)
+        behind = plain & ~missing & (side < first + 0.75)
+        if missing.sum() >= LEAST_ROW and found[behind].sum() >= max(LEAST_ROW, FULL_SHARE * behind.sum()):
+            bare |= missing
+    return int(bare.sum()), bool((reach < 0.4).all())
+
+
+def _ratios(plan: TargetPlan, measured: Measured, places: Places) -> tuple[float, float]:
+    """Skew and proportion of the rings measured: singular values of what takes predicted circles to those seen.
+
+    Exposure and blur move both edges of the ink, the outer one inward and the inner one outward or the reverse, so the
+    sum of the radii is what the print says.
+    """
+    ring = ~plan.target.is_dot[measured.ring]
+    if not ring.any():
+        return 0.0, 0.0
+    row_of = np.full(plan.target.ring_count, -1)
+    row_of[places.ring] = np.arange(len(places.ring))
+    stretch = stretch_of(measured.shape[ring], places.shape[row_of[measured.ring[ring]]])
+    size = (1 + measured.ratio[ring]) / (1 + plan.ratio)
+    return float(np.median(stretch[:, 0] - stretch[:, 1])), float(np.median(stretch.mean(axis=1) + np.log(size)))

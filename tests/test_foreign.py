@@ -1,0 +1,79 @@
+"""Photos of one target before the files of others: no names, and the question whether it is the right file."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calib.detect.pipeline import detect
+from calib.detect.verify import MAX_PROPORTION
+from calib.render import RenderOptions
+from calib.report.why_nothing import explained
+from tests.foreign_views import PLAIN, Photo, false_names, photo_of, random_target, template_targets
+
+DIRTY = RenderOptions(
+    blur_px=0.9, contrast_to_noise=30, light_gradient=0.3, vignetting=0.3, shading=0.3, glare=0.3, clutter=30,
+    occlusion=0.2,
+)  # fmt: skip
+TARGETS = {
+    **template_targets(),
+    **{f"random {seed}": random_target(np.random.default_rng(seed)) for seed in (100, 101, 103, 112)},
+}
+ASKED = {target.layout_id: target for target in TARGETS.values()}
+"""One file of each layout."""
+SHOWN = [*((name, False) for name in TARGETS), ("3d-board", True), ("shiny-ico", True), ("random 101", True)]
+
+
+@cache
+def photo(name: str, is_dirty: bool) -> Photo:
+    """The one photo of a target that all files are held against."""
+    rng = np.random.default_rng([sorted(TARGETS).index(name), is_dirty])
+    options = DIRTY if is_dirty else PLAIN
+    return photo_of(TARGETS[name], rng, options=options, size=(1000, 800), is_whole=not is_dirty)
+
+
+@pytest.mark.parametrize(("name", "is_dirty"), SHOWN)
+def test_no_target_bears_the_names_of_another(name: str, is_dirty: bool) -> None:
+    """A photo of any target has no name with the file of any other layout, and every name with its own is right."""
+    taken = photo(name, is_dirty)
+    for asked in ASKED.values():
+        found = detect(taken.view.image, asked, name="photo")
+        assert false_names(found, taken, asked) == 0
+        assert len(found.ring) or found.remarks
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_a_whole_target_is_named_with_its_own_file(name: str) -> None:
+    """The evidence that refuses others lets a target pass that is seen whole."""
+    taken = photo(name, False)
+    found = detect(taken.view.image, TARGETS[name], name="photo")
+    due = taken.view.clean & (taken.view.incidence_rad < 1.0) & (taken.view.minor_radius_px > 4)
+    assert len(found.ring) >= 0.98 * due.sum() > 20
+    assert not found.remarks or not TARGETS[name].is_dot.any()
+
+
+@pytest.mark.parametrize(
+    ("shown", "asked", "words"),
+    [
+        ("3d-board", "alu-board", "a board of 21 x 21 rings or more on a square lattice"),
+        ("master-ico", "3d-board", "rings on a triangular lattice"),
+        ("3d-board", "matt-ico", "square lattice"),
+    ],
+)
+def test_the_message_asks_for_the_right_file_and_says_what_is_seen(shown: str, asked: str, words: str) -> None:
+    """What a photo without names shows instead is said, and the question whether the file is the right one is asked."""
+    pixels = photo(shown, False).view.image
+    found = explained(detect(pixels, TARGETS[asked], name="photo"), pixels, TARGETS[asked])
+    assert len(found.ring) == 0
+    assert "is this the right target file" in found.remarks[-1]
+    assert words in found.remarks[-1]
+
+
+def test_a_solid_of_other_proportions_is_named_and_said_to_differ() -> None:
+    """Icosahedra of one layout name each other; a visible difference of ring size over pitch is a remark."""
+    taken, asked = photo("master-ico", False), TARGETS["matt-ico"]
+    found = detect(taken.view.image, asked, name="photo")
+    assert len(found.ring) > 50
+    assert false_names(found, taken, asked) == 0
+    assert any("times as large for their pitch" in remark for remark in found.remarks)
+    assert np.log((10.5 / 13.2) / (7 / 10)) > MAX_PROPORTION
