@@ -5,6 +5,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.linear_algebra import least_squares, symmetric_inverse
+
 Floats: TypeAlias = NDArray[np.float64]
 
 LEAST_DETERMINED = 1e-6
@@ -72,24 +74,26 @@ def fit(plane: Floats, image: Floats, weight: Floats, rounds: int = 4) -> tuple[
 
     Returns:
         The homography (3, 3), the inverse of its normal matrix in its first eight entries with the points moved to
-        their mean (8, 8), and the residuals (N, 2).
+        their mean (8, 8), and the residuals (N, 2); nan where the points are not
+        `is_determined`.
     """
     middle = plane.mean(axis=0)
     size = max(float(np.abs(plane - middle).max()), 1e-12)
     x = (plane - middle) / size
-    homography = direct(x, image)
-    homography /= homography[2, 2]
+    if not is_determined(x):
+        return np.full((3, 3), np.nan), np.full((8, 8), np.nan), np.full(image.shape, np.nan)
+    homography = direct(x, image)  # 1 at the points' mean, which is x = 0
     normal = np.eye(8)
     for _ in range(rounds):
         mapped, jacobian = linearised(homography, x)
         residual = image - mapped
         weighted = jacobian * weight[:, None, None]
         normal = np.einsum("nia,nib->ab", weighted, jacobian)
-        step = np.linalg.lstsq(normal, np.einsum("nia,ni->a", weighted, residual), rcond=None)[0]
+        step = least_squares(normal, np.einsum("nia,ni->a", weighted, residual))
         homography = (homography.ravel() + np.append(step, 0.0)).reshape(3, 3)
     shift = np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1]])
     residual = image - apply(homography, x)
-    return homography @ shift, np.asarray(np.linalg.pinv(normal), dtype=np.float64), residual
+    return homography @ shift, symmetric_inverse(normal).inverse, residual
 
 
 def linearised(homography: Floats, point: Floats) -> tuple[Floats, Floats]:
