@@ -73,10 +73,10 @@ def picture(height_px: int, draw: "Callable[[Figure], None]") -> bytes:
         figure = Figure(
             figsize=(WIDTH_PX / DPI, height_px / DPI), dpi=DPI, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12)
         )
-        FigureCanvasAgg(figure)
+        canvas = FigureCanvasAgg(figure)
         draw(figure)
         stream = io.BytesIO()
-        figure.savefig(stream, format="png", metadata={"Software": None})
+        canvas.print_png(stream, metadata={"Software": None})  # `savefig` would search for the layout and draw twice
     return stream.getvalue()
 
 
