@@ -9,7 +9,6 @@ from designer.produce import Design
 from designer.sizing import size_job
 from designer.spec_file import BoardFile, IcoFile
 
-
 COARSE = "50um"
 """Chord error of circles: fewer triangles to write, read and slice, and no rule depends on how many there are."""
 
