@@ -11,18 +11,18 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser() -> Iterator["Browser"]:
-    """Chromium, started once for a module's tests; skipped where there is none."""
+    """Chromium, started once for all tests; skipped where there is none."""
     from tests.browser import started_browser
 
     with started_browser() as started:
         yield started
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with what the commands take."""
+    """A folder with what the commands take; not to be changed."""
     from tests.command_scene import make_scene
 
     folder = tmp_path_factory.mktemp("scene")

@@ -213,7 +213,8 @@ def test_a_foreign_truth_beside_the_photos_does_no_harm(detector: Detector) -> N
 def test_a_second_run_does_not_take_its_pictures_for_photos(detector: Detector) -> None:
     """Results may lie beside the photos."""
     for _ in range(2):
-        answer = calib("run", "board.target.json", "photos", "-o", "photos", *LENIENT)
+        models = ("--model", "luhmann", "--model", "opencv")
+        answer = calib("run", "board.target.json", "photos", *models, "-o", "photos", *LENIENT)
         assert answer.code == 0
         assert f"{len(JOB.file_names)} images searched" in answer.out
     assert not {"comparison.png", "calibration.png"} & {name for name, _ in detector.asked}

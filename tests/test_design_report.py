@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import Browser
 from shapely import MultiPoint
 
 from calib.as_built.lengths import length_in
@@ -59,7 +60,7 @@ from designer.sizing import size_job
 from designer.skew import skew_matrix
 from designer.spec_file import BoardFile, IcoFile, SpecFile, parse_spec
 from designer.target import bounding_radius_mm
-from tests.browser import open_page, overflow_px, started_browser, unresolved
+from tests.browser import open_page, overflow_px, unresolved
 
 _LETTERED = {"size": "60x60mm", "columns": 5, "rows": 5, "ring_diameter": "7mm", "pitch": "10mm"}
 SPECS: dict[str, SpecFile] = {
@@ -457,13 +458,12 @@ def test_page_without_a_preview_has_no_poster() -> None:
     assert view.poster is None
 
 
-def test_pages_open_in_a_browser(tmp_path: Path) -> None:
+def test_pages_open_in_a_browser(tmp_path: Path, browser: Browser) -> None:
     """From disk, without trouble, every link and picture resolves and nothing is wider than a phone."""
-    with started_browser() as browser:
-        for build in ("stickers", "board"):
-            design, check, files = made(build)
-            folder = tmp_path / build
-            write_folder(folder, (*files, design_report(design, check, files)))
-            with open_page(browser, folder / PAGE_FILE, width=390) as page:
-                assert unresolved(page, folder / PAGE_FILE) == []
-                assert overflow_px(page) == 0
+    for build in ("stickers", "board"):
+        design, check, files = made(build)
+        folder = tmp_path / build
+        write_folder(folder, (*files, design_report(design, check, files)))
+        with open_page(browser, folder / PAGE_FILE, width=390) as page:
+            assert unresolved(page, folder / PAGE_FILE) == []
+            assert overflow_px(page) == 0

@@ -86,14 +86,13 @@ def test_nothing_to_fit_is_refused() -> None:
 
 
 def test_all_types_of_pixels_agree() -> None:
-    """The same levels in 8 or 16 bits or as floats give the same pairs."""
+    """The same levels as bytes or as floats, the two types that the detector looks at, give the same pairs."""
     rng = np.random.default_rng(4)
     m = mosaic(random_rings(5, rng))
     levels = np.rint(m.image).astype(np.uint8)
     start = rough(m, rng)
-    results = [fit_pairs(levels.astype(kind), start)[0] for kind in (np.uint8, np.uint16, np.float32)]
-    for other in results[1:]:
-        assert other == pytest.approx(results[0], rel=1e-5, abs=1e-6)
+    of_bytes, of_floats = (fit_pairs(levels.astype(kind), start)[0] for kind in (np.uint8, np.float32))
+    assert of_floats == pytest.approx(of_bytes, rel=1e-5, abs=1e-6)
 
 
 def test_ring_cut_by_the_border_is_refused_or_right() -> None:

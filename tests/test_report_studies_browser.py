@@ -1,41 +1,45 @@
 """Pages of study folders in a real browser."""
 
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from playwright.sync_api import Browser
 
 from designer.page.shell import page_html
-from tests.browser import WIDTHS, open_page, overflow_px, started_browser, unresolved
+from tests.browser import WIDTHS, open_page, overflow_px, unresolved
 from tests.report_folders import FOLDERS, page_of, written
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """One browser for all pages."""
-    with started_browser() as started:
-        yield started
+@cache
+def page_bytes(kind: str) -> bytes:
+    """The page of a folder with its figures, drawn once."""
+    with TemporaryDirectory() as place:
+        return page_html(page_of(kind, written(FOLDERS[kind](), Path(place, "study"))))
+
+
+@pytest.fixture
+def page_file(kind: str, tmp_path: Path) -> Path:
+    """The page of a folder, in it."""
+    place = written(FOLDERS[kind](), tmp_path) / "index.html"
+    place.write_bytes(page_bytes(kind))
+    return place
 
 
 @pytest.mark.parametrize("kind", FOLDERS)
-def test_pages_open_without_trouble(kind: str, browser: Browser, tmp_path: Path) -> None:
+def test_pages_open_without_trouble(page_file: Path, browser: Browser) -> None:
     """On a desk and on a phone: no complaint, no dead link, no picture missing, nothing beyond the window."""
-    folder = written(FOLDERS[kind](), tmp_path)
-    place = folder / "index.html"
-    place.write_bytes(page_html(page_of(kind, folder)))
     for width in WIDTHS:
-        with open_page(browser, place, width=width) as page:
-            assert unresolved(page, place) == []
+        with open_page(browser, page_file, width=width) as page:
+            assert unresolved(page, page_file) == []
             assert overflow_px(page) == 0
 
 
-def test_errors_sort_by_what_they_cost(browser: Browser, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["tolerance"])
+def test_errors_sort_by_what_they_cost(page_file: Path, browser: Browser) -> None:
     """A click on a head of the table of costs puts the largest share last or first, whatever its text."""
-    folder = written(FOLDERS["tolerance"](), tmp_path)
-    place = folder / "index.html"
-    place.write_bytes(page_html(page_of("tolerance", folder)))
-    with open_page(browser, place) as page:
+    with open_page(browser, page_file) as page:
         table = page.locator("table", has=page.get_by_role("columnheader", name="share of intersection"))
         shares = []
         for _ in range(2):

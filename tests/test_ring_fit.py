@@ -449,17 +449,16 @@ def test_an_error_in_a_thread_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> No
         in_chunks(work, 200)
 
 
-def test_eight_and_sixteen_bits_and_floats_agree(noisy: Mosaic) -> None:
-    """The same grey levels in any type give the same bits; all of them 257 times as bright, the same centres."""
+def test_bytes_and_floats_agree(noisy: Mosaic) -> None:
+    """The same grey levels in the detector's two types give the same bits; 257 times as bright, the same centres."""
     levels = np.rint(noisy.image[:61]).astype(np.uint8)
     start = disturbed(noisy.params[:10], np.random.default_rng(16))
-    results = [fit_rings(levels.astype(kind), start, limit=LIMIT) for kind in (np.uint8, np.uint16, np.float32)]
-    for other in results[1:]:
-        assert np.array_equal(other.params, results[0].params)
+    of_bytes, of_floats = (fit_rings(levels.astype(kind), start, limit=LIMIT) for kind in (np.uint8, np.float32))
+    assert np.array_equal(of_floats.params, of_bytes.params)
     start[:, WHITE] *= 257
-    bright = fit_rings(levels.astype(np.uint16) * np.uint16(257), start, limit=LIMIT)
-    assert bright.center_px == pytest.approx(results[0].center_px, abs=1e-4)
-    assert bright.cov_px2 == pytest.approx(results[0].cov_px2, rel=0.01)
+    bright = fit_rings(levels.astype(np.float32) * 257, start, limit=LIMIT)
+    assert bright.center_px == pytest.approx(of_bytes.center_px, abs=1e-4)
+    assert bright.cov_px2 == pytest.approx(of_bytes.cov_px2, rel=0.01)
 
 
 def test_levels_are_found_when_the_centre_starts_right() -> None:

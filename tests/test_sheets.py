@@ -396,7 +396,7 @@ def rasterise(pdf: bytes, folder: Path) -> np.ndarray:
     (folder / "in.pdf").write_bytes(pdf)
     command = ["pdftoppm", "-r", str(DPI), "-gray", "-f", "1", "-l", "1", "-singlefile", "in.pdf", "out"]
     subprocess.run(command, cwd=folder, check=True, timeout=120)
-    return 1 - np.asarray(Image.open(folder / "out.pgm"), dtype=float)[::-1] / 255
+    return 1 - np.asarray(Image.open(folder / "out.pgm"), dtype=np.float32)[::-1] / 255
 
 
 def measured_features(dark: np.ndarray, height_mm: float, radius_mm: float) -> np.ndarray:
@@ -404,8 +404,9 @@ def measured_features(dark: np.ndarray, height_mm: float, radius_mm: float) -> n
     label, count = ndimage.label(dark > 0.02)
     boxes = ndimage.find_objects(label)
     size = 2 * radius_mm / MM_PER_PX
-    wanted = [k + 1 for k in range(count) if all(abs(s.stop - s.start - size) < 3 for s in boxes[k])]
-    centroid = np.array(ndimage.center_of_mass(dark, label, wanted))
+    wanted = [k for k in range(count) if all(abs(s.stop - s.start - size) < 3 for s in boxes[k])]
+    corner = np.array([[s.start for s in boxes[k]] for k in wanted])
+    centroid = corner + [ndimage.center_of_mass(np.where(label[boxes[k]] == k + 1, dark[boxes[k]], 0)) for k in wanted]
     # Pixel k covers k..k+1; a page that is no whole number of pixels ends within the top row of the picture.
     up = height_mm - (len(dark) - 0.5 - centroid[:, 0]) * MM_PER_PX
     return np.stack([(centroid[:, 1] + 0.5) * MM_PER_PX, up], axis=1)
@@ -415,7 +416,7 @@ def nearest_distance_mm(from_points: np.ndarray, to_points: np.ndarray) -> np.nd
     return np.linalg.norm(from_points[:, None] - to_points[None], axis=2).min(axis=1)
 
 
-@pytest.mark.parametrize(("spec", "page"), [(ico(20.0), "A4"), (ico(100.0), "A4"), (board(60, 60, 2.0), "fit")])
+@pytest.mark.parametrize(("spec", "page"), [(ico(20.0), "fit"), (ico(100.0), "A4"), (board(60, 60, 2.0), "fit")])
 def test_pdf_features_lie_where_the_target_says(spec: TargetSpec, page: str, tmp_path: Path) -> None:
     """Rasterised by another program, every feature's centre is within 0.02 mm of its place; nothing is scaled."""
     target, pages = sheets(spec, page, prints=replace(printing(labels=False), ink_colour="#000000"))

@@ -8,10 +8,7 @@ from solver_scenes import SIZE
 from virtual_scenes import (
     CENTRE_PX,
     FOCAL_PX,
-    board_in,
-    fisheye_px,
-    samples_of,
-    sensor_of,
+    fisheye_map,
     straight,
     virtual_camera,
     wavy_map,
@@ -20,7 +17,6 @@ from virtual_scenes import (
 from calib.cameras import linearise, project, rays
 from calib.cameras.learned import known_at
 from calib.types import Camera
-from calib.virtual.learn_map import learn_map
 
 
 @pytest.fixture(scope="module", params=["waves", "fisheye", "part of the image"])
@@ -30,10 +26,7 @@ def camera(request: pytest.FixtureRequest) -> Camera:
         return virtual_camera(wavy_map(0.02))
     if request.param == "part of the image":
         return virtual_camera(wavy_map(0.02, span=(0.3, 0.7)))
-    direction = board_in((-0.3, 1.3), 21, 21)
-    direction[:, :2] *= 1.6
-    pixel = fisheye_px(direction) + 0.02 * np.random.default_rng(0).standard_normal((len(direction), 2))
-    return virtual_camera(learn_map(samples_of(pixel, sensor_of(direction)), SIZE).map)
+    return virtual_camera(fisheye_map())
 
 
 def pixels(count: int = 2000, seed: int = 0) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Lenses that no polynomial describes, and learned maps, for the tests of the virtual camera."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,11 +68,21 @@ def sensor_of(direction: Array) -> Array:
     return point
 
 
+@cache
 def wavy_map(noise_px: float, seed: int = 0, span: tuple[float, float] = (0.02, 0.98)) -> LearnedMap:
     """A map learned from a grid seen through a wavy lens."""
     direction = board_in(span)
     noise = noise_px * np.random.default_rng(seed).standard_normal((len(direction), 2))
     return learn_map(samples_of(bent(sensor_of(direction)) + noise, sensor_of(direction)), SIZE).map
+
+
+@cache
+def fisheye_map() -> LearnedMap:
+    """A map learned through a strong fisheye, which stretches the edge of the image several times."""
+    direction = board_in((-0.3, 1.3))
+    direction[:, :2] *= 1.6
+    pixel = fisheye_px(direction) + 0.02 * np.random.default_rng(0).standard_normal((len(direction), 2))
+    return learn_map(samples_of(pixel, sensor_of(direction)), SIZE).map
 
 
 def virtual_camera(learned: LearnedMap) -> Camera:
