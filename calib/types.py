@@ -138,6 +138,18 @@ Status = Literal["converged", "stopped", "degenerate"]
 
 
 @dataclass(frozen=True, eq=False)
+class TargetError:
+    """What a target that is not quite as its file says may have done to the parameters of a camera."""
+
+    made: str  # the way of making: an error template's name, a file's, "measured" or "exact"
+    because: str  # why this one, to follow "target's errors as of MADE: "; "" if it was asked for
+    param_covariance: NDArray[np.float64]  # (P, P) to be added to that of the noise
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "param_covariance", frozen_array(self.param_covariance))
+
+
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """A camera solved from observations, with V poses and what is known of their accuracy."""
 
@@ -148,7 +160,7 @@ class Calibration:
     is_outlier: NDArray[np.bool_]  # (M,) left out of the solution
     scale: float
     """Posterior standard deviation of an observation: px, or with weights in units of the stated covariance."""
-    param_covariance: NDArray[np.float64]  # (P, P), zero for fixed parameters
+    param_covariance: NDArray[np.float64]  # (P, P) by the noise alone, zero for fixed parameters
     pose_covariance: NDArray[np.float64]  # (V, 6, 6) rotation vector (rad), translation (mm), both in the camera's axes
     fixed: tuple[str, ...]  # parameters that were not estimated
     weighted: bool  # by the covariances of the observations
@@ -156,6 +168,15 @@ class Calibration:
     remarks: tuple[str, ...]  # why degenerate, what was left out and why; one line each
     iterations: int
     seconds: float
+    target_error: TargetError | None = None  # None: nothing is known of how the target was made
+
+    @property
+    def stated_covariance(self) -> NDArray[np.float64]:
+        """The parameters' covariance as it is to be told: by the noise, and by what the target may be off.  # (P, P)"""
+        if self.target_error is None:
+            return self.param_covariance
+        stated: NDArray[np.float64] = self.param_covariance + self.target_error.param_covariance
+        return stated
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "is_outlier", frozen_array(self.is_outlier, np.bool_))

@@ -8,9 +8,9 @@ from solver_scenes import observe, pose_from, poses_around
 from verdict_cases import BOARD, ICOSAHEDRON, OPTIONS, TRUE, believed, bent, check, judged, sightings, solved
 
 from calib.solver.solve import solve
-from calib.types import Observations
+from calib.types import Observations, TargetError
 from calib.verdict.criteria import Criteria, Limits, read_criteria
-from calib.verdict.evidence import HalvesFound, evidence_of
+from calib.verdict.evidence import HalvesFound, evidence_of, uncertainty_of
 from calib.verdict.halves import NoHalves, half_split
 from calib.verdict.judge import WORSE, judge
 from calib.verdict.of_run import judge_run
@@ -279,13 +279,22 @@ def test_a_model_that_fits_worse_cannot_blame_the_camera() -> None:
 
 @pytest.mark.parametrize(("ratio", "factor"), [(0.5, 1.0), (1.3, 1.0), (1.6, 1.6), (4.0, 4.0)])
 def test_halves_that_differ_beyond_chance_enlarge_the_uncertainty(ratio: float, factor: float) -> None:
-    """Stated deviations are multiplied by the ratio of the halves where chance does not explain it, and only there."""
+    """Stated deviations are multiplied by the ratio of the halves where chance does not explain it, and only there.
+
+    What the target may be off is the same in both halves, and added as it is.
+    """
     halves = HalvesFound(ratio, 0.01, 0.01 / ratio, 0.02)
     assert halves.factor == factor
-    evidence = evidence_of(solved(sightings(views=6)), 0, NoHalves("not asked for"))
+    run = solved(sightings(views=6))
+    evidence = evidence_of(run, 0, NoHalves("not asked for"))
     stated = evidence.uncertainty.image_px
     assert stated is not None
-    enlarged = replace(evidence, halves=halves, uncertainty=replace(evidence.uncertainty, factor=halves.factor))
+    uncertain = uncertainty_of(run[0], evidence.coverage, halves.factor)
+    enlarged = replace(evidence, halves=halves, uncertainty=uncertain)
     found = next(one for one in judge(enlarged, read_criteria()).checks if one.name == "uncertainty")
     assert found.value == pytest.approx(factor * stated)
+    error = TargetError("a test", "", 3 * run[0].param_covariance)
+    both = uncertainty_of(replace(run[0], target_error=error), evidence.coverage, halves.factor)
+    assert both.image_px == pytest.approx(np.sqrt(factor**2 + 3) * stated)
+    assert both.target_px == pytest.approx(np.sqrt(3) * stated)
     assert ("times what the solution states" in found.sentence) == (factor > 1)

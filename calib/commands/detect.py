@@ -237,6 +237,26 @@ def exports_folder(target: Path) -> Path:
     return Path("exports") / target.name.removesuffix(".json").removesuffix(".target")
 
 
+def truth_beside(paths: "Sequence[Path]") -> Path | None:
+    """The truth of rendered photos, if all are of one rendered set."""
+    folders = {path.parent for path in paths}
+    beside = next(iter(folders)) / "truth.json" if len(folders) == 1 else None
+    return beside if beside is not None and beside.is_file() else None
+
+
+def _rendered_id(results: "Sequence[PhotoResult]") -> str:
+    """The geometry that photos were rendered of, if a truth beside them says so; "" for real photos."""
+    from calib.results.truth import read_truth
+
+    truth = truth_beside([result.photo.path for result in results])
+    if truth is None:
+        return ""
+    try:
+        return read_truth(truth).geometry_id
+    except InputError:  # what lies there by chance does not matter
+        return ""
+
+
 def write_results(
     table: Path, results: "Sequence[PhotoResult]", seen: "Sequence[Detections]", geometry: "TargetGeometry"
 ) -> None:
@@ -247,7 +267,7 @@ def write_results(
     failed = [
         ImageRecord(result.photo.name, None, 0, 0, (), (), result.failure) for result in results if result.seen is None
     ]
-    write_detections(table, seen, geometry, detector=program(), failed=failed)
+    write_detections(table, seen, geometry, detector=program(), failed=failed, rendered_id=_rendered_id(results))
 
 
 def summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[PhotoResult]", seconds: float) -> None:

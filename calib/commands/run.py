@@ -22,6 +22,7 @@ from calib.commands.detect import (
     search_photos,
     staging_folder,
     summarise,
+    truth_beside,
     write_results,
 )
 from calib.commands.folder_page import say_next
@@ -46,6 +47,7 @@ from calib.commands.solve import (
     FixOption,
     FocalOption,
     LossOption,
+    MadeOption,
     ModelOption,
     ReferenceOption,
     ReferenceTargetOption,
@@ -53,6 +55,7 @@ from calib.commands.solve import (
     ShareOption,
     WeightedOption,
     check_folder,
+    made_settings,
     plan_of,
     reference_of,
     reference_settings,
@@ -89,6 +92,7 @@ def run(
     weighted: WeightedOption = True,
     reference: ReferenceOption = None,
     reference_target: ReferenceTargetOption = None,
+    made: MadeOption = None,
     truth: Annotated[
         Path | None, typer.Option(help="of rendered photos (default: the truth.json beside them, if there is one)")
     ] = None,
@@ -104,6 +108,7 @@ def run(
     """
     from calib.detect.batch import find_photos, named_photos
     from calib.inputs.observations import dataset_of, observations_from_detections
+    from calib.pipeline.made import how_made
     from calib.verdict.criteria import read_criteria
     from designer.target import load_target
 
@@ -113,8 +118,9 @@ def run(
     check_folder(folder)
     check_judged_folder(folder)
     found = _without_pictures(find_photos(photos), folder)
-    truth_path = truth if truth is not None else _truth_beside(found.paths)
+    truth_path = truth if truth is not None else truth_beside(found.paths)
     known = None if truth_path is None else _read_truth(truth_path, is_asked=truth is not None)
+    way = how_made(geometry, made, rendered_id="" if known is None else known.geometry_id)
     views = [photo.name for photo in named_photos(found.paths)]
     map_of = reference_of(reference, reference_target, plan, views) if views else None
     detected = _detect_twice(geometry, found, plan, folder, jobs or os.cpu_count() or 1)
@@ -123,12 +129,13 @@ def run(
         return _nothing_found(folder, target, geometry, found, detected, page=page)
     prepared = observations_from_detections(dataset_of(seen), geometry, origin="the photos")
     settings = (
-        ("target", target.name), ("photos", str(len(found.paths))), *reference_settings(reference, reference_target),
+        ("target", target.name), ("photos", str(len(found.paths))), *made_settings(made),
+        *reference_settings(reference, reference_target),
     )  # fmt: skip
     table = folder / "detections.csv"
     work = Work(
         prepared.observations, prepared.remarks, detected.plan, folder, geometry.layout_id, settings, map_of, known,
-        (table,),
+        way, (table,),
     )  # fmt: skip
     solutions, comparison = _draw(solve_and_say(work), folder, table)
     judged = judge_and_report(solutions, work, limits, geometry, page=page)
@@ -220,13 +227,6 @@ def _without_pictures(found: "Found", folder: Path) -> "Found":
     drawn = {place / COMPARISON_PICTURE, place / CALIBRATION_PICTURE}
     drawn |= {place / model / CALIBRATION_PICTURE for model in ("luhmann", "opencv", "virtual")}
     return replace(found, paths=tuple(path for path in found.paths if Path(os.path.abspath(path)) not in drawn))
-
-
-def _truth_beside(paths: Sequence[Path]) -> Path | None:
-    """The truth of rendered photos, if all are of one rendered set."""
-    folders = {path.parent for path in paths}
-    beside = next(iter(folders)) / "truth.json" if len(folders) == 1 else None
-    return beside if beside is not None and beside.is_file() else None
 
 
 def _read_truth(path: Path, *, is_asked: bool) -> "Truth | None":

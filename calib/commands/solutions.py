@@ -13,6 +13,7 @@ from designer.errors import InputError
 
 if TYPE_CHECKING:
     from calib.metrics.evaluation import Evaluation
+    from calib.pipeline.made import Made
     from calib.pipeline.settings import SolvePlan
     from calib.pipeline.solutions import Solution
     from calib.results.calibration_file import Provenance
@@ -37,6 +38,7 @@ class Work:
     settings: tuple[tuple[str, str], ...]  # of the command, for the record
     reference: "Reference | None" = None
     truth: "Truth | None" = None
+    made: "Made | None" = None  # how the target was; None: nobody knows
     finished: tuple[Path, ...] = ()  # files that are written already
 
 
@@ -50,12 +52,14 @@ def solve_and_say(work: Work) -> "list[Solution]":
 
     for remark in work.remarks:
         print(printable(remark))
+    if work.made is not None:
+        print(printable(work.made.sentence))
     solutions: list[Solution] = []
     try:
         with waiting("solving"):
             for solution in solve_models(
                 work.observations, work.plan, work.folder, provenance=_provenance_of(work), reference=work.reference,
-                truth=work.truth, remarks=work.remarks,
+                truth=work.truth, remarks=work.remarks, made=work.made,
             ):  # fmt: skip
                 solutions.append(solution)
     except KeyboardInterrupt:

@@ -17,7 +17,7 @@ from calib.commands.judged_page import (
 from calib.commands.screen import quoted
 from calib.commands.solutions import Work, advise, best_of, files_of_solutions, say_files, solve_and_say
 from designer.answer import Summary
-from designer.completion import one_of
+from designer.completion import error_templates, one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,6 +48,15 @@ RejectOption = Annotated[
 ]
 WeightedOption = Annotated[
     bool, typer.Option("--weighted/--unweighted", help="weigh observations by the covariances they state, or all alike")
+]
+MadeOption = Annotated[
+    str | None,
+    typer.Option(
+        help="how the target was made: an error template (fdm-board, sheet-print, ...), a TOML file of errors, or "
+        "exact (default: assumed from how it was built; exact if the photos were rendered)",
+        metavar="NAME|FILE",
+        autocompletion=error_templates,
+    ),
 ]
 ImageSizeOption = Annotated[str | None, typer.Option(help="of files that do not say it: 2448x2048")]
 GridOption = Annotated[str | None, typer.Option(help="of a corners.vnl: 10x7 corners")]
@@ -81,6 +90,7 @@ def solve(
     image_size: ImageSizeOption = None,
     grid: GridOption = None,
     pitch: PitchOption = None,
+    made: MadeOption = None,
     criteria: CriteriaOption = DEFAULT_CRITERIA,
     page: PageOption = True,
 ) -> Summary:
@@ -88,6 +98,7 @@ def solve(
 
     The exit code is 1 if the verdict is: do not use.
     """
+    from calib.pipeline.made import how_made
     from calib.verdict.criteria import read_criteria
     from designer.target import load_target
 
@@ -95,16 +106,18 @@ def solve(
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     check_folder(out)
     check_judged_folder(out)
+    geometry = None if target is None else load_target(target)
+    way = how_made(geometry, made, rendered_id=_rendered_id(detections))
     prepared = read_input(detections, target, image_size, grid, pitch)
     settings = (
         ("detections", detections.name),
         ("target", "" if target is None else target.name),
+        *made_settings(made),
         *reference_settings(reference, reference_target),
     )
-    geometry = None if target is None else load_target(target)
     work = Work(
         prepared.observations, prepared.remarks, plan, out, "" if geometry is None else geometry.layout_id,
-        settings, reference_of(reference, reference_target, plan, prepared.observations.view_names),
+        settings, reference_of(reference, reference_target, plan, prepared.observations.view_names), made=way,
     )  # fmt: skip
     solutions = solve_and_say(work)
     say_files(solutions)
@@ -120,6 +133,21 @@ def solve(
         (*prepared.remarks, *judged.remarks),
         judged.exit_code,
     )
+
+
+def made_settings(made: str | None) -> tuple[tuple[str, str], ...]:
+    """The way of making that was asked for, for the record."""
+    return () if made is None else (("made", made),)
+
+
+def _rendered_id(detections: Path) -> str:
+    """The geometry that the photos of detections were rendered of, if their records say so."""
+    from calib.inputs.records import read_records, records_path
+
+    try:
+        return read_records(records_path(detections)).rendered_id
+    except InputError:
+        return ""
 
 
 def read_input(

@@ -62,8 +62,8 @@ def sigma_map(calibration: Calibration) -> SigmaMap:
     """The map of a calibration's camera."""
     size = calibration.camera.image_size
     pixel = image_grid(size, *MAP)
-    sigma = projected_sigma_px(calibration.camera, calibration.param_covariance, pixel.reshape(-1, 2))
-    most_px = sigma_over_image_px(calibration.camera, calibration.param_covariance)
+    sigma = projected_sigma_px(calibration.camera, calibration.stated_covariance, pixel.reshape(-1, 2))
+    most_px = sigma_over_image_px(calibration.camera, calibration.stated_covariance)
     # Of the same pixels as the verdict's share, so that both are one number.
     known = float(np.isfinite(rays(calibration.camera, image_grid(size).reshape(-1, 2))).all(axis=1).mean())
     return SigmaMap(size, pixel, sigma.reshape(pixel.shape[:2]), most_px, known)

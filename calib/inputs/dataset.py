@@ -89,6 +89,7 @@ def write_detections(
     *,
     detector: str,
     failed: Iterable[ImageRecord] = (),
+    rendered_id: str = "",
 ) -> None:
     """Write `NAME.csv` and `NAME.records.json`, both or none. Features that a reader would refuse are left out.
 
@@ -98,7 +99,7 @@ def write_detections(
     """
     seen = [_storable(one) for one in seen]
     images = (*map(image_record, seen), *failed)
-    records = Records(detector, target.layout_id, target.geometry_id, images)
+    records = Records(detector, target.layout_id, target.geometry_id, images, rendered_id=rendered_id)
     text = detections_to_csv(seen, target, detector=detector)
     write_files({records_path(path): records_to_json(records), path: text.encode("utf-8", ANY_NAME)})
 

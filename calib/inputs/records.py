@@ -37,6 +37,7 @@ class Records:
     images: tuple[ImageRecord, ...]
     format: Literal["ringsolid.records"] = "ringsolid.records"
     version: Literal[1] = 1
+    rendered_id: str = ""  # of the geometry that the photos were rendered of; "": real photos
 
 
 def image_record(seen: Detections) -> ImageRecord:

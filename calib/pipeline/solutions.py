@@ -8,6 +8,7 @@ from pathlib import Path
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.pipeline.calibrate import calibrate
+from calib.pipeline.made import Made, with_made
 from calib.pipeline.settings import SolvePlan
 from calib.results.calibration_file import Provenance, write_calibration
 from calib.results.truth import Truth
@@ -47,6 +48,7 @@ def solve_models(
     reference: Reference | None,
     truth: Truth | None,
     remarks: Sequence[str] = (),
+    made: Made | None = None,
 ) -> Iterator[Solution]:
     """Solve each model, write it, and evaluate it. One that cannot be solved does not stop the others.
 
@@ -57,12 +59,13 @@ def solve_models(
         provenance: of a model's solution.
         reference: the photo that a learned map is of.
         truth: of rendered photos.
+        made: how the target was; None: nobody knows.
         remarks: on what the observations were made of, to stand in each calibration after its own.
     """
     for model in plan.models:
         place = folder if len(plan.models) == 1 else folder / model
         try:
-            calibration = calibrate(observations, model, plan.options_of(model), reference)
+            calibration = with_made(calibrate(observations, model, plan.options_of(model), reference), made)
             calibration = replace(calibration, remarks=(*calibration.remarks, *remarks))
             evaluation = evaluate(calibration, truth)
         except InputError as error:

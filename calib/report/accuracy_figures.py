@@ -111,9 +111,9 @@ def uncertainty_words(found: SigmaMap) -> str:
 def covered_words(one: Solved, found: SigmaMap) -> str:
     """What the verdict says of the covered area, where the map says something else of it; "" if not."""
     calibration = one.calibration
-    if not found.is_known or not np.isfinite(calibration.param_covariance).all():
+    if not found.is_known or not np.isfinite(calibration.stated_covariance).all():
         return ""
-    inside = sigma_over(Known(calibration.camera, calibration.param_covariance), one.coverage)
+    inside = sigma_over(Known(calibration.camera, calibration.stated_covariance), one.coverage)
     if not len(inside):
         return ""
     within = float(np.percentile(inside, 95, method="inverted_cdf"))

@@ -38,7 +38,7 @@ def parameters_table(one: Solved) -> Table:
     """A row a parameter with its standard deviation, and the true value where the photos were rendered."""
     calibration = one.calibration
     camera = calibration.camera
-    sigmas = np.sqrt(np.diagonal(calibration.param_covariance)).tolist()
+    sigmas = np.sqrt(np.diagonal(calibration.stated_covariance)).tolist()
     stored = {} if one.stored is None else one.stored.parameters
     has_truth = any(entry.true is not None for entry in stored.values())
     columns = [Column("parameter", is_number=False), Column("value"), Column("sigma"), Column("unit", is_number=False)]

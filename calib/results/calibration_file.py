@@ -22,7 +22,7 @@ from calib.files import write_files
 from calib.results.observation_table import observations_to_csv, read_sightings
 from calib.results.rigid import rigid_fault
 from calib.solver.options import SolveOptions
-from calib.types import Calibration, KnownPoints, Observations, Status
+from calib.types import Calibration, KnownPoints, Observations, Status, TargetError
 from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
 from designer.spec_file import shown
@@ -63,6 +63,14 @@ class _View(BaseModel):
     covariance: _RowsWithGaps
 
 
+class _TargetError(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    made: Annotated[str, Field(max_length=1000)]
+    because: Annotated[str, Field(max_length=1000)]
+    param_covariance: _Rows
+
+
 class _CalibrationFile(BaseModel):
     """The keys of the file in their order."""
 
@@ -80,6 +88,7 @@ class _CalibrationFile(BaseModel):
     fixed: tuple[str, ...]
     camera: JsonValue
     param_covariance: _RowsWithGaps
+    target_error: _TargetError | None = None
     geometry_id: str
     observations_sha256: str
     planes: list[tuple[_Number, _Number, _Number, _Number]]
@@ -123,6 +132,7 @@ def _calibration_to_json(calibration: Calibration, provenance: Provenance, diges
         "fixed": calibration.fixed,
         "camera": json.loads(camera_to_json(calibration.camera)),
         "param_covariance": _with_gaps(calibration.param_covariance),
+        "target_error": _target_error(calibration.target_error),
         "geometry_id": points.geometry_id,
         "observations_sha256": digest,
     }
@@ -136,6 +146,12 @@ def _calibration_to_json(calibration: Calibration, provenance: Provenance, diges
         body = ",\n".join(json.dumps(row, allow_nan=False) for row in rows)
         lines.append(f'"{name}": [\n{body}\n]')
     return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
+
+
+def _target_error(error: TargetError | None) -> dict[str, object] | None:
+    if error is None:
+        return None
+    return {"made": error.made, "because": error.because, "param_covariance": error.param_covariance.tolist()}
 
 
 def _views(calibration: Calibration) -> Iterator[dict[str, object]]:
@@ -209,7 +225,16 @@ def _calibration(file: _CalibrationFile, path: Path) -> Calibration:
         remarks=file.remarks,
         iterations=file.iterations,
         seconds=file.seconds,
+        target_error=_read_target_error(file.target_error, len(parameters)),
     )
+
+
+def _read_target_error(file: _TargetError | None, parameters: int) -> TargetError | None:
+    """What the target's errors may have done."""
+    if file is None:
+        return None
+    covariance = _matrix(file.param_covariance, (parameters,) * 2, "target_error.param_covariance")
+    return TargetError(file.made, file.because, _covariance(covariance))
 
 
 def _points(file: _CalibrationFile) -> KnownPoints:

@@ -43,7 +43,7 @@ def parameters_table(evaluation: Evaluation) -> Table:
     if known is not None:
         table.add_column("true", justify="right")
         table.add_column("off by", justify="right")
-    sigmas = np.sqrt(np.diagonal(calibration.param_covariance)).tolist()
+    sigmas = np.sqrt(np.diagonal(calibration.stated_covariance)).tolist()
     for n, (parameter, sigma) in enumerate(zip(MODELS[camera.model].parameters, sigmas, strict=True)):
         value, is_fixed = float(camera.params[n]), parameter.name in calibration.fixed
         unit = "" if parameter.unit == "1" else parameter.unit
@@ -129,7 +129,7 @@ def comparison_table(evaluations: Sequence[Evaluation]) -> Table:
 
 def focal_length(calibration: Calibration) -> str:
     """`fx` with its standard deviation."""
-    value, variance = float(calibration.camera.params[0]), float(calibration.param_covariance[0, 0])
+    value, variance = float(calibration.camera.params[0]), float(calibration.stated_covariance[0, 0])
     if not variance > 0:
         return f"{value:.2f}"
     sigma = math.sqrt(variance)

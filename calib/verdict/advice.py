@@ -16,7 +16,7 @@ from calib.types import Calibration
 from calib.verdict.checks import BY_CHANCE, SURE, checks_of
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import FAR_OFF, Evidence, HalvesFound
-from calib.verdict.judge import NEEDED, faults_of
+from calib.verdict.judge import faults_of, missing_of
 from calib.verdict.next_view_words import distance_words, short
 from calib.verdict.next_views import NextView
 from calib.verdict.photo_advice import is_sure, photo_advice, px
@@ -95,7 +95,7 @@ def advice_of(
         _step(_one_distance(facts)),
         _step(_map(evidence)),
     )
-    order = _wanting(checks_of(evidence, criteria))
+    order = _wanting(evidence, checks_of(evidence, criteria))
     ranked = sorted(
         steps, key=lambda step: min((order.index(name) for name in step.mends if name in order), default=99)
     )
@@ -106,10 +106,10 @@ def _step(sentence: str, *mends: str) -> _Step:
     return _Step((sentence,) if sentence else (), mends)
 
 
-def _wanting(checks: Sequence[Check]) -> list[str]:
+def _wanting(evidence: Evidence, checks: Sequence[Check]) -> list[str]:
     """Names of the checks that keep the verdict from being good, as the verdict names them, the worst first."""
-    missing = [check.name for check in checks if check.grade == "unknown" and check.name in NEEDED]
-    return [check.name for check in (*faults_of(checks, "bad"), *faults_of(checks, "usable"))] + missing
+    found = (*faults_of(checks, "bad"), *faults_of(checks, "usable"), *missing_of(evidence, checks))
+    return [check.name for check in found]
 
 
 def _names(facts: ViewFacts, rows: NDArray[np.int64]) -> str:

@@ -3,10 +3,13 @@
 import math
 
 from calib.results.evaluation_table import figure
+from calib.solver.target_error import EXACT, MEASURED
+from calib.types import TargetError
 from calib.verdict.coverage import region_words
 from calib.verdict.criteria import Criteria, Limits
 from calib.verdict.evidence import FAR_OFF, Evidence, HalvesFound, ModelApart
 from calib.verdict.halves import NoHalves
+from calib.verdict.target_shape import ShapeEffect
 from calib.verdict.verdict import Check, Grade
 
 TITLES = {
@@ -32,6 +35,8 @@ LEAST_PX = 0.001
 """Nobody needs to know a camera better."""
 OWN_ROTATION = "its own rotation removed"
 """Said of the covered area: the rotation is that which fits it, not the whole image, best."""
+IRRELEVANT = 0.25
+"""Of what a good camera may be uncertain by: halves that differ by less do no harm, whatever they should."""
 LARGE_SHARE = 0.5
 """Of the residuals: a systematic part that is worth a word although it is small."""
 
@@ -82,13 +87,18 @@ def _uncertainty(evidence: Evidence, criteria: Criteria) -> Check:
         return _check("uncertainty", "unknown", None, "px", limits, "no parameter was estimated, so none is uncertain")
     inside = ""
     if found.covered_px is not None:
-        inside = f"; where the target was seen, {px(found.factor * found.covered_px)} ({OWN_ROTATION})"
+        inside = f"; where the target was seen, {px(found.covered_px)} ({OWN_ROTATION})"
     if found.factor > 1:
-        inside += f"; that is {figure(found.factor, 2)} times what the solution states, as halves of the photos differ"
+        inside += (
+            f"; the part of the noise is {figure(found.factor, 2)} times what the solution states, as halves of the "
+            "photos differ"
+        )
+    if found.target_error is not None and found.by_target:
+        inside += f"; {px(found.target_px)} of it is what a target {made_as(found.target_error)} may be off"
     if found.is_map_exact:
         sentence = f"not known: the learned map is taken as exact, and covers {100 * found.known:.0f} % of the image"
         return _check("uncertainty", "unknown", None, "px", limits, sentence)
-    if found.enlarged_px is None:
+    if found.image_px is None:
         what = (
             "the lens model breaks down in the outer"
             if found.known < 1
@@ -96,7 +106,7 @@ def _uncertainty(evidence: Evidence, criteria: Criteria) -> Check:
         )
         sentence = f"{what} {100 * max(1 - found.known, 0.05):.0f} % of the image{inside}"
         return _check("uncertainty", "bad", None, "px", limits, sentence)
-    value = found.enlarged_px
+    value = found.image_px
     sentence = f"the camera is uncertain by up to {px(value)} in 95 % of the image (1 sigma){inside}"
     return _check("uncertainty", _at_most(value, limits), value, "px", limits, sentence)
 
@@ -120,6 +130,8 @@ def _short_of(percent: float, limits: Limits) -> str:
 def _halves(evidence: Evidence, criteria: Criteria) -> Check:
     """Within the limit of the ratio it is good; beyond, what matters is how far the halves are apart in pixels.
 
+    If that is irrelevant, it is good too: the ratio enlarges the stated standard deviations, and that is all.
+
     A camera whose halves agree to what a good camera may be uncertain by is usable, though its standard deviations are
     not; one whose halves differ by more than a usable camera may be uncertain by is not. Halves that may differ by
     more than that by noise alone show nothing by agreeing.
@@ -128,6 +140,13 @@ def _halves(evidence: Evidence, criteria: Criteria) -> Check:
     if isinstance(found, NoHalves):
         return _check("halves", "unknown", None, "sigma", limits, f"not checked: {found.reason}")
     grade = _at_most(found.ratio, limits)
+    if grade != "good" and found.percentile_95_px <= IRRELEVANT * criteria.uncertainty_px.good:
+        sentence = (
+            f"cameras solved from halves of the photos differ {figure(found.ratio, 2)} times more than their standard "
+            f"deviations let expect, but only by {px(found.percentile_95_px)} in 95 % of where the target was seen: "
+            "take the standard deviations so many times as large"
+        )
+        return _check("halves", "good", found.ratio, "sigma", limits, sentence)
     if grade == "good" and found.stated_px > criteria.uncertainty_px.usable:
         sentence = (
             f"cannot tell: halves of the photos are so uncertain that {px(found.stated_px)} between them is expected, "
@@ -235,13 +254,7 @@ def _target(evidence: Evidence, limits: Limits) -> Check:
         why = "a learned map takes up the target's shape" if is_learned else "too little is known of the target's faces"
         return _check("target", "unknown", None, "px", limits, f"not checked: {why}")
     if found.ratio <= BY_CHANCE:
-        if found.sigma_px > limits.good:
-            sentence = f"not known: a target of another shape could change the camera by {px(found.sigma_px)} (1 sigma)"
-            return _check("target", "unknown", None, "px", limits, sentence)
-        sentence = (
-            "nothing speaks against the target's file: one that may bend and stretch explains the photos no better"
-        )
-        return _check("target", "good", found.percentile_95_px, "px", limits, sentence)
+        return _target_by_chance(evidence, found, limits)
     grade, is_sure = _at_most(found.percentile_95_px, limits), found.ratio > SURE
     blamed = "may not be" if not is_sure or evidence.may_be_lens else "is not"
     other = ", or the model does not fit the lens" if evidence.may_be_lens else ""
@@ -256,6 +269,36 @@ def _target(evidence: Evidence, limits: Limits) -> Check:
             f"; more than {limits.usable:g} px, but below {SURE:g} sigma a suspicion: it makes no camera unusable"
         )
     return _check("target", grade, found.percentile_95_px, "px", limits, sentence)
+
+
+def _target_by_chance(evidence: Evidence, found: ShapeEffect, limits: Limits) -> Check:
+    """Nothing shows that the target is not as its file says: it is not, or the photos could not show it."""
+    error, by_target = evidence.uncertainty.target_error, evidence.uncertainty.target_px
+    if found.sigma_px <= limits.good:
+        sentence = (
+            "nothing speaks against the target's file: one that may bend and stretch explains the photos no better"
+        )
+        if error is not None:
+            sentence += f"; it is taken to be {made_as(error)}"
+        return _check("target", "good", found.percentile_95_px, "px", limits, sentence)
+    told = f"a target of another shape could change the camera by {px(found.sigma_px)} (1 sigma)"
+    if error is None:
+        sentence = f"not known: {told}, and how this one was made is not known (--made tells it)"
+        return _check("target", "unknown", None, "px", limits, sentence)
+    if not error.param_covariance.any():
+        sentence = f"not known: {told}; this one is taken to be {made_as(error)}"
+        return _check("target", "unknown", None, "px", limits, sentence)
+    sentence = (
+        f"the photos do not tell the target's shape: {made_as(error)}, it may be off so far that the camera is off by "
+        f"{px(by_target)} (1 sigma), which the camera's uncertainty contains"
+    )
+    return _check("target", "good" if by_target <= limits.good else "usable", by_target, "px", limits, sentence)
+
+
+def made_as(error: TargetError) -> str:
+    """How the target is taken to be made, and what says so."""
+    made = error.made if error.made in (EXACT, MEASURED) else f"made as '{error.made}'"
+    return f"{made} (assumed: {error.because}; --made tells otherwise)" if error.because else made
 
 
 def _models(evidence: Evidence, limits: Limits) -> Check:

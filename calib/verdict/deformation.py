@@ -33,6 +33,14 @@ class Deformation:
         """All unknowns."""
         return self.per_face * len(self.extent_mm)
 
+    @property
+    def modes_mm(self) -> Array:
+        """Displacement of every point by a unit of each unknown.  # (S, K, 3)"""
+        modes = np.zeros((self.count, len(self.first), 3))
+        column = self.first[:, None] + np.arange(self.per_face)
+        modes[column, np.arange(len(self.first))[:, None]] = self.shift_mm
+        return modes
+
     def bow_mm(self, unknowns: Array) -> float:
         """How far the most bent face bends out of its plane, from its middle to its farthest ring."""
         bow = unknowns.reshape(-1, self.per_face)[:, :BOWS]

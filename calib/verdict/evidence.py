@@ -14,7 +14,7 @@ from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, res
 from calib.refit import image_grid
 from calib.solver.outliers import deviations
 from calib.solver.uncertainty import sigma_over_image_px
-from calib.types import Calibration, Status
+from calib.types import Calibration, Camera, Status, TargetError
 from calib.verdict.apart import Known, apart, sigma_over
 from calib.verdict.coverage import Coverage, coverage_of
 from calib.verdict.halves import HalfSplit, NoHalves, halves_apart
@@ -34,19 +34,22 @@ FAR_OFF = 4.0
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Standard deviation of the camera's pixels, along its worse axis, as the solution states it."""
+    """Standard deviation of the camera's pixels, along its worse axis: by noise, and by what the target may be off."""
 
     image_px: float | None  # 95 % of the image is at most so uncertain; None: of less is anything known
     covered_px: float | None  # 95 % of what the sightings cover
+    noise_px: float | None  # of the image, by noise alone as the solution states it
+    target_px: float  # of the image, by the target alone
+    target_error: TargetError | None  # how the target is taken to be made; None: nobody knows
     known: float  # of the image, 0 to 1: where the model has rays
     is_estimated: bool  # at least one parameter was
     is_map_exact: bool  # the error of a learned map is not in it
-    factor: float = 1.0  # that halves of the photos enlarge the standard deviations by
+    factor: float = 1.0  # by which halves of the photos enlarge the part of the noise
 
     @property
-    def enlarged_px(self) -> float | None:
-        """`image_px` as the halves let expect it."""
-        return None if self.image_px is None else self.factor * self.image_px
+    def by_target(self) -> bool:
+        """Whether most of it is the target's."""
+        return self.image_px is not None and 2 * self.target_px**2 > self.image_px**2
 
 
 @dataclass(frozen=True)
@@ -139,23 +142,43 @@ def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSpli
     factor = found.factor if isinstance(found, HalvesFound) else 1.0
     return Evidence(
         judged.camera.model, judged.status, reason, judged.observations.view_count,
-        _uncertainty(judged, covered, factor), covered, found, _leftover(evaluate(judged)),
+        uncertainty_of(judged, covered, factor), covered, found, _leftover(evaluate(judged)),
         shape_effect(judged, covered),
         tuple(_model_apart(judged, other, covered) for other in others),
     )  # fmt: skip
 
 
-def _uncertainty(calibration: Calibration, covered: Coverage, factor: float) -> Uncertainty:
+def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -> Uncertainty:
+    """How uncertain a camera is.
+
+    Args:
+        calibration: of it, with what its target may be off if that is known.
+        covered: by its sightings.
+        factor: that halves of the photos enlarge the standard deviations of the noise by.
+    """
     pixel = image_grid(calibration.camera.image_size).reshape(-1, 2)
     is_estimated = bool((np.diagonal(calibration.param_covariance) > 0).any())
     known = float(np.isfinite(rays(calibration.camera, pixel)).all(axis=1).mean())
     image: float | None = None
     inside: float | None = None
+    noise: float | None = None
+    camera, error, by_target = calibration.camera, calibration.target_error, 0.0
     if is_estimated and np.isfinite(calibration.param_covariance).all():
-        share = sigma_over_image_px(calibration.camera, calibration.param_covariance)
-        image = share if math.isfinite(share) else None
-        inside = _quantile(sigma_over(Known(calibration.camera, calibration.param_covariance), covered))
-    return Uncertainty(image, inside, known, is_estimated, calibration.camera.learned is not None, factor)
+        # Halves show what differs between photos; what the target is off is the same in all.
+        covariance = factor**2 * calibration.param_covariance
+        if error is not None:
+            covariance = covariance + error.param_covariance
+            by_target = _over_image_px(camera, error.param_covariance) or 0.0
+        image, noise = _over_image_px(camera, covariance), _over_image_px(camera, calibration.param_covariance)
+        inside = _quantile(sigma_over(Known(camera, covariance), covered))
+    is_exact = camera.learned is not None
+    return Uncertainty(image, inside, noise, by_target, error, known, is_estimated, is_exact, factor)
+
+
+def _over_image_px(camera: Camera, covariance: Array) -> float | None:
+    """What 95 % of the image stays within; None if less of it is known."""
+    share = sigma_over_image_px(camera, covariance)
+    return share if math.isfinite(share) else None
 
 
 def _quantile(values: Array) -> float | None:

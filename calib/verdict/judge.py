@@ -31,7 +31,7 @@ def judge(evidence: Evidence, criteria: Criteria, advice: Sequence[str] = ()) ->
     checks = checks_of(evidence, criteria)
     known = [check.grade for check in checks if check.grade != "unknown"]
     grade = max(known, key=WORSE.index) if known else "usable"
-    missing = [check for check in checks if check.grade == "unknown" and check.name in NEEDED]
+    missing = missing_of(evidence, checks)
     if missing and grade == "good":
         grade = "usable"
     return Verdict(grade, evidence.model, _sentence(evidence, checks, missing, grade), checks, tuple(advice))
@@ -53,6 +53,16 @@ def _sentence(evidence: Evidence, checks: Sequence[Check], missing: Sequence[Che
     return f"{WORDS[grade]}: {faults[0].sentence}" + (f" (also: {also})" if also else "")
 
 
+def missing_of(evidence: Evidence, checks: Sequence[Check]) -> tuple[Check, ...]:
+    """The checks without which nothing is called good, and that could not be made.
+
+    What the target may be off is in the uncertainty, unless nobody knows how it was made.
+    """
+    is_told = evidence.shape is None or evidence.uncertainty.target_error is not None
+    needed = NEEDED if is_told else (*NEEDED, "target")
+    return tuple(check for check in checks if check.grade == "unknown" and check.name in needed)
+
+
 def faults_of(checks: Sequence[Check], grade: Grade) -> tuple[Check, ...]:
     """The checks of a grade, the one that is farthest beyond its limit first."""
     faults = (check for check in checks if check.grade == grade)
@@ -70,9 +80,7 @@ def _times_beyond(check: Check) -> float:
 
 def _good_inside(evidence: Evidence, faults: Sequence[Check]) -> str:
     """Why a camera is not to be used that is good where the target was seen; "" if it is not."""
-    inside, outside = evidence.uncertainty.covered_px, evidence.uncertainty.enlarged_px
-    if inside is not None:
-        inside *= evidence.uncertainty.factor
+    inside, outside = evidence.uncertainty.covered_px, evidence.uncertainty.image_px
     limit = next((check.usable for check in faults if check.name == "uncertainty"), math.inf)
     if inside is None or inside > limit or evidence.uncertainty.is_map_exact:
         return ""
@@ -91,7 +99,7 @@ def _bare(check: Check) -> str:
 
 
 def _why_good(evidence: Evidence) -> str:
-    uncertain, halves = evidence.uncertainty.enlarged_px, evidence.halves
+    uncertain, halves = evidence.uncertainty.image_px, evidence.halves
     parts = [f"{100 * evidence.coverage.share:.0f} % of the image is covered"]
     if uncertain is not None:
         parts.insert(0, f"the camera is uncertain by at most {px(uncertain)} in 95 % of the image")

@@ -70,12 +70,13 @@ def _after_them(evidence: Evidence, criteria: Criteria, views: Sequence[NextView
     """What more photos like those so far would do; where nobody looked for better ones, that they are wanted."""
     if is_sure(evidence, criteria) or not evidence.uncertainty.is_estimated:
         return ""
-    sigma, limit = evidence.uncertainty.image_px, criteria.uncertainty_px.good
+    sigma, limit = evidence.uncertainty.noise_px, criteria.uncertainty_px.good
     if _is_sure_as_stated(evidence, criteria):
         return ""  # by noise alone it is known well enough: what makes the halves differ comes first
     alike = ""
     # Photos average noise out, not what is the same in all of them.
-    is_noise = evidence.uncertainty.factor <= 1 and (evidence.shape is None or evidence.shape.ratio <= SURE)
+    uncertain, shape = evidence.uncertainty, evidence.shape
+    is_noise = uncertain.factor <= 1 and not uncertain.by_target and (shape is None or shape.ratio <= SURE)
     if sigma is not None and evidence.status == "converged" and is_noise:
         alike = _photos_alike(evidence.view_count, sigma, limit, others=bool(views))
     if views is not None:
@@ -136,13 +137,13 @@ def _again(last: NextView, criteria: Criteria) -> tuple[str, ...]:
 
 def is_sure(evidence: Evidence, criteria: Criteria) -> bool:
     """Whether the camera is known as well as it should be."""
-    sigma = evidence.uncertainty.enlarged_px
+    sigma = evidence.uncertainty.image_px
     return evidence.uncertainty.is_map_exact or (sigma is not None and sigma <= criteria.uncertainty_px.good)
 
 
 def _is_sure_as_stated(evidence: Evidence, criteria: Criteria) -> bool:
     """Whether it is by the standard deviations of the solution."""
-    sigma = evidence.uncertainty.image_px
+    sigma = evidence.uncertainty.noise_px
     return sigma is not None and sigma <= criteria.uncertainty_px.good
 
 

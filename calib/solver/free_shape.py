@@ -1,0 +1,128 @@
+"""The normal equations of a camera and the shape of its target, the poses eliminated.
+
+Of a solution, the sightings are taken to first order in the parameters of the camera, in numbers x that displace the
+target's points together, and in numbers y that displace each point alone:
+
+    r + G c + P p + T (sum_s modes_s x_s + own y) = noise
+
+with the derivatives G by the camera, P by the view's pose and T by a point's place on the target. The pose is taken out
+of each view by an orthonormal basis Q of P's columns: `A' A - (Q' A)' (Q' A)`, A being all other columns.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import linearise
+from calib.solver.problem import whiteners
+from calib.types import Calibration
+
+Array = NDArray[np.float64]
+
+SINGULAR = 1e-13
+"""Of the eigenvalues of the parameters' correlations; those of fixed and shared parameters are less."""
+POSE = 6
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeEquations:
+    """Normal equations of Q directions of the camera's parameters and N - Q numbers of the target's shape."""
+
+    basis: Array  # (P, Q) the directions in which the parameters were estimated
+    normal: Array  # (N, N)
+    gradient: Array  # (N,)
+    square: float  # sum of the squares of the residuals
+    equations: int  # less those that the poses take
+
+    @property
+    def camera(self) -> slice:
+        """The unknowns of the camera."""
+        return slice(self.basis.shape[1])
+
+
+def free_directions(param_covariance: Array) -> Array:
+    """Independent directions (P, Q) in which parameters were estimated, each a standard deviation long."""
+    sigma = np.sqrt(np.maximum(np.diagonal(param_covariance), 0.0))
+    if not np.isfinite(param_covariance).all() or not (sigma > 0).any():
+        return np.zeros((len(sigma), 0))
+    unit = np.where(sigma > 0, sigma, 1.0)
+    value, axis = np.linalg.eigh(param_covariance / unit[:, None] / unit)
+    able = value > SINGULAR * value.max()
+    free: Array = sigma[:, None] * axis[:, able] * np.sqrt(value[able])
+    return free
+
+
+def shape_equations(calibration: Calibration, basis: Array, modes_mm: Array, own_mm: Array) -> ShapeEquations:
+    """The normal equations at a solution.
+
+    Args:
+        calibration: the solution.
+        basis: of `free_directions`.
+        modes_mm: displacements of the K points by numbers that they share (S, K, 3).
+        own_mm: of each point by its own numbers (K, 3, C); points that count in no view have no unknowns.
+    """
+    seen, each = calibration.observations, own_mm.shape[2]
+    used = np.unique(seen.point[~calibration.is_outlier])
+    dense = basis.shape[1] + len(modes_mm)
+    slot = np.zeros(len(own_mm), dtype=np.int64)
+    slot[used] = dense + each * np.arange(len(used))
+    size = dense + each * len(used)
+    # The residuals stand in the last column.
+    products, taken, equations = np.zeros((size + 1, size + 1)), [], 0
+    shared = np.append(np.arange(dense), size)
+    for point, columns, by_pose, by_place in _views(calibration, basis):
+        if 2 * len(point) <= POSE:
+            continue
+        by_modes = by_place @ modes_mm[:, point].transpose(1, 2, 0)
+        common = np.concatenate([columns[:, :, :-1], by_modes, columns[:, :, -1:]], axis=2)
+        own, place = by_place @ own_mm[point], slot[point][:, None] + np.arange(each)
+        flat = common.reshape(-1, dense + 1)
+        products[np.ix_(shared, shared)] += flat.T @ flat
+        np.add.at(products, (place[:, :, None], shared), own.transpose(0, 2, 1) @ common)
+        np.add.at(products, (place[:, :, None], place[:, None, :]), own.transpose(0, 2, 1) @ own)
+        across = _orthonormal(by_pose).reshape(len(point), 2, POSE)
+        part = np.zeros((POSE, size + 1))
+        part[:, shared] = across.reshape(-1, POSE).T @ flat
+        np.add.at(part, (np.arange(POSE)[:, None], place[:, None, :]), across.transpose(0, 2, 1) @ own)
+        taken.append(part)
+        equations += 2 * len(point) - POSE
+    products[:dense, dense:-1] = products[dense:-1, :dense].T
+    products[-1, dense:-1] = products[dense:-1, -1]
+    if taken:
+        by_poses = np.concatenate(taken)
+        products -= by_poses.T @ by_poses
+    return ShapeEquations(basis, products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), equations)
+
+
+def _orthonormal(by_pose: Array) -> Array:
+    """A basis (2M, 6) of the columns of derivatives (M, 2, 6), their lengths made alike."""
+    flat = by_pose.reshape(-1, POSE)
+    basis: Array = np.linalg.qr(flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-300))[0]
+    return basis
+
+
+def _views(calibration: Calibration, basis: Array) -> Iterator[tuple[NDArray[np.int64], Array, Array, Array]]:
+    """Of each view the points (M,), and of each sighting, whitened if the solution is weighted:
+
+    derivatives by the camera with the residual behind them (M, 2, Q + 1), by the pose (M, 2, 6), and by the point's
+    place in the target's frame (M, 2, 3).
+    """
+    seen = calibration.observations
+    for view, pose in enumerate(calibration.cam_from_target):
+        rows = np.flatnonzero((seen.view == view) & ~calibration.is_outlier)
+        point = seen.point[rows]
+        place = seen.points.position_mm[point] @ pose[:3, :3].T + pose[:3, 3]
+        linear = linearise(calibration.camera, np.ascontiguousarray(place.T))
+        by_place = linear.by_point.transpose(2, 0, 1)
+        # A turn by w about the camera's axes moves a place p by w x p.
+        by_pose = np.concatenate([np.cross(place[:, None, :], by_place), by_place], axis=2)
+        by_camera = linear.by_params.transpose(2, 0, 1) @ basis
+        columns = np.concatenate([by_camera, calibration.residual_px[rows][:, :, None]], axis=2)
+        fields = (columns, by_pose, by_place @ pose[:3, :3])
+        if calibration.weighted and seen.cov_px2 is not None and len(rows):
+            a, b, c = whiteners(seen.cov_px2[rows])
+            weight = np.stack([a, np.zeros_like(a), b, c], axis=1).reshape(-1, 2, 2)
+            fields = (weight @ columns, weight @ by_pose, weight @ fields[2])
+        yield point, *fields
