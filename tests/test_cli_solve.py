@@ -1,5 +1,6 @@
 """`calib solve`, run as a user runs it: what it reads, writes, says and refuses."""
 
+import json
 import re
 import shlex
 from collections.abc import Iterator
@@ -100,12 +101,35 @@ def test_all_models_are_written_read_back_and_compared(folder: Path) -> None:
 def test_values_are_shown_to_the_second_digit_of_their_sigma() -> None:
     """A person reads from the table no more digits than are known."""
     solved, said = solve()
-    value, sigma = solved.camera.params[0], np.sqrt(solved.param_covariance[0, 0])
+    value, sigma = solved.camera.params[0], np.sqrt(solved.stated_covariance[0, 0])
     match = re.search(r"^fx_px +(\S+) +(\S+) +px", said, re.MULTILINE)
     assert match is not None
     assert abs(float(match[1]) - value) <= 0.05 * sigma
     assert float(match[2]) == pytest.approx(sigma, rel=0.05)
     assert len(match[1].split(".")[1]) == len(match[2].split(".")[1])
+
+
+def test_how_the_target_was_made_is_assumed_said_and_told() -> None:
+    """Sigmas hold what the way of making lets the target be off; it is said, recorded, and --made tells another."""
+    assumed, said = solve("--no-page")
+    assert assumed.target_error is not None
+    assert "the target is taken to be made as 'fdm-board'" in said
+    assert "--made tells otherwise" in said
+    sheet, exact = solve("--no-page", "--made", "sheet-print")[0], solve("--no-page", "--made", "exact")[0]
+    sigmas = [np.sqrt(one.stated_covariance[0, 0]) for one in (exact, sheet, assumed)]
+    assert sigmas == sorted(sigmas)
+    assert sigmas[0] < 0.95 * sigmas[2]
+    assert np.array_equal(exact.param_covariance, assumed.param_covariance)
+    records = Path("detections.records.json")
+    document = json.loads(records.read_text()) | {"rendered_id": BOARD.geometry_id}
+    records.write_text(json.dumps(document))
+    rendered, said = solve("--no-page")
+    assert rendered.target_error is not None
+    assert rendered.target_error.made == "exact"
+    assert "the photos were rendered of it" in said
+    answer = calib("solve", "detections.csv", "--target", "board.target.json", "--made", "fdm-bord", "-o", "x")
+    assert (answer.code, answer.err.count("\n")) == (2, 1)
+    assert "fdm-board" in answer.err
 
 
 def test_what_is_advised_next_works(folder: Path) -> None:

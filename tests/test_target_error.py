@@ -119,6 +119,17 @@ def test_where_photos_tell_the_shape_little_is_lost() -> None:
     assert noise["one axis"] > 3
 
 
+def test_the_advice_is_the_photos_that_would_tell_the_shape() -> None:
+    """Photos tilted about one axis are to be rolled, and tilted about the other; such photos lower the uncertainty."""
+    motions = {motion: _poses(2, rolls=rolls, axes=axes) for motion, (rolls, axes) in MOTIONS.items()}
+    one = with_made(_solved(BOARD, motions["one axis"]), how_made(BOARD))
+    advice = judge_run([one], 0, half_split(one, SolveOptions()), read_criteria()).verdict.advice
+    assert any("roll the camera" in sentence and "other axis" in sentence for sentence in advice)
+    assert any("fdm-board" in sentence for sentence in advice)
+    more = _solved(BOARD, np.concatenate([motions["one axis"], motions["all"]]))
+    assert _stated_px(more) < 0.3 * _stated_px(one)
+
+
 def test_the_size_of_the_target_does_not_matter() -> None:
     """A target too large as a whole moves no camera, however large it may be."""
     one = _solved(BOARD, _poses(3, rolls=True, axes=2))

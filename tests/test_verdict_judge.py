@@ -207,6 +207,31 @@ def test_halves_that_agree_to_what_is_needed_are_usable() -> None:
     assert _halves(9.0, 0.25).grade == "bad"
 
 
+def test_halves_that_differ_by_nothing_that_matters_condemn_no_camera() -> None:
+    """A difference of a few thousandths of a pixel is good, however small its standard deviation, and says so."""
+    found = _halves(2.1, 0.002)
+    assert found.grade == "good"
+    assert "take the standard deviations so many times as large" in found.sentence
+
+
+def test_a_shape_that_the_photos_do_not_tell_leaves_no_praise_unless_its_making_is_known() -> None:
+    """Where another shape would move the camera, nothing is good without a word on how the target was made.
+
+    What it may be off then stands in the uncertainty; a check that could not be made hides nothing.
+    """
+    evidence = evidence_of(solved(sightings(views=20)), 0, NoHalves("not asked for"))
+    evidence = replace(evidence, halves=HalvesFound(1.0, 0.01, 0.01, 0.01), shape=ShapeEffect(0.5, 1.0, 22.0, 0.1))
+    assert judge(evidence, read_criteria()).grade == "usable"
+    assert "--made" in judge(evidence, read_criteria()).sentence
+    none = np.zeros((9, 9))
+    for by_target, grade in ((0.0, "good"), (0.2, "usable"), (2.0, "bad")):
+        known = replace(
+            evidence.uncertainty, target_error=TargetError("a test", "", none + by_target), target_px=by_target,
+            image_px=float(np.hypot(0.01, by_target)),
+        )  # fmt: skip
+        assert judge(replace(evidence, uncertainty=known), read_criteria()).grade == grade
+
+
 def test_halves_that_may_differ_by_anything_show_nothing_by_agreeing() -> None:
     """Expected to be a pixel apart, they cannot tell; that they are farther apart than that is told all the same."""
     blind = _halves(0.4, 0.37, 0.93)

@@ -106,9 +106,9 @@ def solve(
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     check_folder(out)
     check_judged_folder(out)
+    prepared = read_input(detections, target, image_size, grid, pitch)
     geometry = None if target is None else load_target(target)
     way = how_made(geometry, made, rendered_id=_rendered_id(detections))
-    prepared = read_input(detections, target, image_size, grid, pitch)
     settings = (
         ("detections", detections.name),
         ("target", "" if target is None else target.name),

@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 
 EXACT, MEASURED = "exact", "measured"
 """What a target is that is as its file says, and one that is so up to the accuracy that its file states."""
+ROUNDING = 1e-12
+"""Of the residuals: of sightings that another shape explains to the last, so much noise is left."""
 ROUNDS = 20
 """Of finding the noise's variance: it changes by less than a thousandth from then on."""
 
@@ -82,7 +84,7 @@ def _added_covariance(equations: ShapeEquations) -> Array:
         left = equations.square - float((2 * along * step - value * step**2).sum())
         # What a smoother leaves over has as many degrees of freedom as it does not take up.
         told = float((value / (value + variance)).sum())
-        variance = max(left, 0.0) / max(freedom - told, 1.0)
+        variance = max(left, ROUNDING * equations.square) / max(freedom - told, 1.0)
     step = by_axis @ (along / (value + variance))
     added: Array = (by_axis * (variance / (value + variance))) @ by_axis.T + np.outer(step, step)
     return added

@@ -20,6 +20,7 @@ from calib.verdict.judge import faults_of, missing_of
 from calib.verdict.next_view_words import distance_words, short
 from calib.verdict.next_views import NextView
 from calib.verdict.photo_advice import is_sure, photo_advice, px
+from calib.verdict.shape_advice import shape_advice
 from calib.verdict.verdict import Check
 from calib.verdict.view_facts import ViewFacts, view_facts
 
@@ -82,6 +83,7 @@ def advice_of(
             _step(_far_off(calibration, evidence, criteria, facts), "outliers"),
             _step(_few_photos(facts), "halves"),
             _step(_tilts(evidence, criteria, facts), "uncertainty"),
+            _step(shape_advice(calibration, evidence, criteria, MEASURE), "uncertainty", "target"),
         )
     )
     is_to_measure = any("calib measure" in sentence for step in faults for sentence in step.sentences)

@@ -2,11 +2,12 @@
 
 Run from the repository's root: `python -m tests.benchmarks.bench_verdict [--runs N] [--first N] [--virtual]`. Each run
 draws a target (board, icosahedron), a lens (mild, strong, one that no Brown polynomial fits), a habit of taking photos
-(number, place, size, tilts, distances), noise, and half of them a fault (a target that is not as its file says, glare,
-a focus that moves). The sightings are computed, not rendered. The true error of the camera is what 95 % of the image
-differs by from the true one, their best rotation removed, in pixels. The peer is the rule people go by: a
-root-mean-square reprojection error of OpenCV's model below 0.2 px is good. `--virtual` solves the learned map too, as
-`calib run` does: several times slower on icosahedra.
+(number, place, size, tilts, distances; some tilt the target about one axis only and never roll), noise, and more than
+half of them a fault (a target that is not as its file says: printed, bent or stretched; glare, a focus that moves). The
+target is judged by how its kind is usually made. The sightings are computed, not rendered. The true error of the camera
+is what 95 % of the image differs by from the true one, their best rotation removed, in pixels. The peer is the rule
+people go by: a root-mean-square reprojection error of OpenCV's model below 0.2 px is good. `--virtual` solves the
+learned map too, as `calib run` does: several times slower on icosahedra.
 """
 
 import argparse
@@ -25,6 +26,7 @@ from numpy.typing import NDArray  # noqa: E402
 
 from calib.camera_difference import camera_difference  # noqa: E402
 from calib.pipeline.calibrate import calibrate  # noqa: E402
+from calib.pipeline.made import how_made, with_made  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
 from calib.types import Calibration, Camera  # noqa: E402
 from calib.verdict.coverage import coverage_of  # noqa: E402
@@ -33,7 +35,7 @@ from calib.verdict.halves import half_split  # noqa: E402
 from calib.verdict.of_run import Judged, judge_run  # noqa: E402
 from calib.verdict.verdict import Grade  # noqa: E402
 from designer.errors import InputError  # noqa: E402
-from tests.benchmarks.verdict_scenes import Case, case_of, lens_of, sightings_of  # noqa: E402
+from tests.benchmarks.verdict_scenes import Case, case_of, lens_of, sightings_of, target_of  # noqa: E402
 
 Array = NDArray[np.float64]
 
@@ -77,6 +79,8 @@ def outcome_of(case: Case, criteria: Criteria, models: Sequence[str]) -> Outcome
             continue
     if not solved:
         return None
+    way = how_made(target_of(case))
+    solved = [with_made(one, way) for one in solved]
     best = min(range(len(solved)), key=lambda row: _order(solved[row]))
     halves = half_split(solved[best], options)
     judged = judge_run(solved, best, halves, criteria)

@@ -38,6 +38,7 @@ class Habit:
     size: float  # the target's half width in the nearest photo, of the image's
     tilt_deg: float  # the largest
     depth: float  # the farthest photo is so much farther than the nearest, as a share
+    is_one_axis: bool = False  # all tilts about one axis of the target, never rolled
 
 
 HABITS = {
@@ -46,10 +47,11 @@ HABITS = {
     "middle": Habit(0.15, 0.75, 40.0, 0.3),
     "frontal": Habit(0.8, 0.55, 12.0, 0.3),
     "small": Habit(0.9, 0.2, 45.0, 0.8),
+    "one axis": Habit(0.9, 0.55, 45.0, 0.5, is_one_axis=True),
 }
-HABIT_SHARES = (0.6, 0.15, 0.1, 0.1, 0.05)
-FAULTS = ("none", "print", "bow", "glare", "focus")
-FAULT_SHARES = (0.5, 0.2, 0.1, 0.1, 0.1)
+HABIT_SHARES = (0.45, 0.15, 0.1, 0.1, 0.05, 0.15)
+FAULTS = ("none", "print", "bow", "stretch", "glare", "focus")
+FAULT_SHARES = (0.4, 0.2, 0.1, 0.1, 0.1, 0.1)
 LENSES = ("mild", "strong", "luhmann", "spline")
 LENS_SHARES = (0.45, 0.2, 0.2, 0.15)
 
@@ -66,7 +68,7 @@ class Case:
     views: int
     noise_px: float
     fault: str
-    amount: float  # of the fault: a factor of the error model, mm of bow, share of sightings, relative focal length
+    amount: float  # of the fault: a factor of the error model, mm of bow, share of x, of sightings, of focal length
     print_model: str
     rejects: bool  # solved with --reject 4
 
@@ -80,6 +82,7 @@ def case_of(seed: int) -> Case:
         "none": 0.0,
         "print": _between(0.03, 1.0, rng),
         "bow": _between(0.01, 1.0, rng),
+        "stretch": _between(1e-3, 1e-2, rng),
         "glare": _between(0.002, 0.08, rng),
         "focus": _between(1e-5, 2e-3, rng),
     }
@@ -144,12 +147,17 @@ def poses_of(case: Case, camera: Camera, radius_mm: float, count: int, rng: np.r
     # So far that the target's radius takes a share of the image's half width.
     far = focal * radius_mm / (habit.size * width / 2)
     cap = fibonacci_cap(max(count, 2), np.radians(habit.tilt_deg))[rng.permutation(max(count, 2))[:count]]
-    if case.target == "ico":
+    roll = rng.uniform(-np.pi, np.pi, count)
+    if habit.is_one_axis:
+        # Over the target, tilted about its x axis alone, x level in the image.
+        tilt = np.radians(habit.tilt_deg) * rng.uniform(-1, 1, count)
+        cap, roll = np.stack([np.zeros(count), np.sin(tilt), np.cos(tilt)], axis=1), np.zeros(count)
+    elif case.target == "ico":
         # Any side of it may be shown.
         cap = rng.normal(size=(count, 3))
         cap /= np.linalg.norm(cap, axis=1, keepdims=True)
     eye = far * rng.uniform(1.0, 1.0 + habit.depth, (count, 1)) * cap
-    pose = look_at(eye, np.zeros((count, 3)), rng.uniform(-np.pi, np.pi, count))
+    pose = look_at(eye, np.zeros((count, 3)), roll)
     turn = np.tile(np.eye(4), (count, 1, 1))
     reach = habit.reach * np.arctan([0.5 * height / focal, 0.5 * width / focal])
     for one, (down, right) in zip(turn, rng.uniform(-1, 1, (count, 2)) * reach, strict=True):
@@ -174,10 +182,17 @@ def _see(camera: Camera, points: KnownPoints, pose: Array) -> tuple[NDArray[np.i
     return rows, pixel[rows]
 
 
+def target_of(case: Case) -> TargetGeometry:
+    """As its file has it."""
+    return _target(case.target, fine=case.fine)
+
+
 def sightings_of(case: Case, camera: Camera, rng: np.random.Generator) -> Observations | None:
     """What is detected, believed to be of the nominal target; None if it is seen in no photo."""
-    nominal = _target(case.target, fine=case.fine)
+    nominal = target_of(case)
     points, made = known_points(nominal), known_points(_made(case, nominal, rng))
+    if case.fault == "stretch":
+        made = replace(made, position_mm=made.position_mm * [1 + case.amount, 1, 1])
     if case.fault == "bow":
         made = _bowed(made, case.amount, case.target)
     radius = float(np.abs(points.position_mm[:, :2]).max())
