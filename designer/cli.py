@@ -201,7 +201,7 @@ def check(
     from designer.target import load_target
 
     if file.suffix.lower() == ".json":
-        target = load_target(file)
+        target = load_target(file, "marks")
         printing = size_printing(
             parse_printing(_given(options)),
             kind="ico" if target.face_count > 1 else "board",

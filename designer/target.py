@@ -32,6 +32,7 @@ MAX_INDEX = 1_000_000
 SCHEMA_FILE = "target.schema.json"
 
 Source = Literal["nominal", "measured", "perturbed"]
+Needs = Literal["points", "marks", "rings"]
 SOURCES: tuple[Source, ...] = ("nominal", "measured", "perturbed")
 
 _LAYOUT_FIELDS = ("ring_face", "ring_index", "is_dot", "face_code")
@@ -64,8 +65,8 @@ class TargetGeometry:
 
     Raises:
         ValueError: an array of the wrong shape, a number that is not finite, an inner radius that is not below
-            the outer one, a face number out of range, two features with one index, or a frame that is no
-            rigid motion.
+            the outer one (but for points, which have none: all radii are 0), a face number out of range, two
+            features with one index, or a frame that is no rigid motion.
     """
 
     source: Source
@@ -104,6 +105,11 @@ class TargetGeometry:
     def ring_count(self) -> int:
         """How many features, dots included."""
         return len(self.ring_face)
+
+    @property
+    def has_marks(self) -> bool:
+        """Whether there are rings or dots to draw and to detect; else the features are points."""
+        return bool(self.radius_outer_mm.any())
 
     @property
     def face_count(self) -> int:
@@ -182,7 +188,7 @@ def _check_rules(target: TargetGeometry) -> None:
     if len(np.unique(keys, axis=0)) != len(keys):
         raise ValueError("two features of one face have the same ring_index")
     inner, outer = target.radius_inner_mm, target.radius_outer_mm
-    if not ((inner >= 0) & (inner < outer)).all():
+    if outer.any() and not ((inner >= 0) & (inner < outer)).all():
         raise ValueError("radius_inner_mm must be at least 0 and less than radius_outer_mm")
     if not (inner[target.is_dot] == 0).all() or not (inner[~target.is_dot] > 0).all():
         raise ValueError("radius_inner_mm must be 0 for dots and above 0 for rings")
@@ -289,19 +295,34 @@ def _refuse_constant(name: str) -> float:
     raise ValueError(f"the number {name} is not finite")
 
 
-def load_target(path: Path) -> TargetGeometry:
+def load_target(path: Path, needs: Needs = "points") -> TargetGeometry:
     """Read a target file.
+
+    Args:
+        path: the file.
+        needs: what its features must be: points without marks cannot be drawn, dots alone cannot be detected.
 
     Raises:
         InputError: the file cannot be read or is no valid target file; the message names it.
     """
     text = read_small_text(path, MAX_FILE_BYTES, "a target file (NAME.target.json)")
     try:
-        return target_from_json(text)
+        target = target_from_json(text)
     except json.JSONDecodeError as error:
         raise InputError(f"{path}: line {error.lineno}, column {error.colno}: {error.msg}; not valid JSON") from None
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
+    if needs == "marks" and not target.has_marks:
+        raise InputError(
+            f"{path}: holds points without marks, so there is nothing to draw; make it with `calib target --diameter`"
+        )
+    if needs == "rings" and target.is_dot.all():
+        what = "dots without rings" if target.has_marks else "points without marks"
+        raise InputError(
+            f"{path}: holds {what}, which are not detected here; give what was seen to `calib solve` as a table, "
+            "image,u,v,id"
+        )
+    return target
 
 
 def target_schema() -> str:

@@ -22,6 +22,8 @@ AXES = (("X", "#d55e00"), ("Y", "#009e73"), ("Z", "#0072b2"))
 """Okabe and Ito's vermilion, green and blue (2008), which colour-blind people tell apart."""
 CAMERA_SHARE = 0.09
 """Depth of a camera's pyramid over its distance from the target."""
+POINT_PART = 0.1
+"""Radius of a point that has no mark, of the usual distance to the next."""
 
 
 def target_scene(
@@ -117,7 +119,11 @@ def _rings(target: TargetGeometry, colours: tuple[str, ...]) -> Rings:
     where = [f"face {face}, " if target.face_count > 1 else "" for face in target.ring_face]
     what = ["dot" if is_dot else "ring" for is_dot in target.is_dot]
     names = tuple(f"{w}{k} ({i}, {j})" for w, k, (i, j) in zip(where, what, target.ring_index, strict=True))
-    return Rings(center, frame[:, :3, 2], target.radius_outer_mm, target.radius_inner_mm, colours, names)
+    # A point without a mark is shown as a small dot.
+    radius = target.radius_outer_mm
+    if not target.has_marks:
+        radius = POINT_PART * np.linalg.norm(target.lattice_mm[target.ring_face, 0], axis=1)
+    return Rings(center, frame[:, :3, 2], radius, target.radius_inner_mm, colours, names)
 
 
 def _face_numbers(target: TargetGeometry) -> Labels:

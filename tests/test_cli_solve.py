@@ -314,7 +314,7 @@ def bad_files() -> Iterator[tuple[tuple[object, ...], str]]:
     yield ("missing.csv",), "missing.csv: no such file"
     yield (".",), "is a folder"
     yield ("detections.csv",), "give --target"
-    yield ("good.csv", "--target", "board.target.json"), "leave --target out"
+    yield ("good.csv", "--target", "none.target.json"), "none.target.json"
     Path("other.target.json").write_text(target_to_json(board(8, 6)))
     other = load_target(Path("other.target.json"))
     yield ("detections.csv", "--target", "other.target.json"), f"{BOARD.layout_id}, but .* has {other.layout_id}"

@@ -140,7 +140,7 @@ def test_what_does_not_belong_together_is_refused(tmp_path: Path) -> None:
         ("d.csv", {}, "--target"),
         ("d.csv", {"target_path": target, "image_size": SIZE}, "leave --image-size"),
         ("c.csv", {}, "the image size is not known.*--image-size"),
-        ("c.csv", {"image_size": SIZE, "target_path": target}, "leave --target out"),
+        ("c.vnl", {"image_size": SIZE, "target_path": target}, "leave --target out"),
         ("c.csv", {"image_size": SIZE, "grid": GRID}, "leave --grid out"),
         ("c.csv", {"image_size": (500, 500)}, "far outside an image of 500 x 500 px; check the image size"),
         ("c.vnl", {"image_size": SIZE}, r"--grid 10x7 --pitch"),

@@ -90,7 +90,7 @@ def run_detect(
     from calib.inputs.records import records_path
     from designer.target import load_target
 
-    geometry = load_target(target)
+    geometry = load_target(target, "rings")
     named = None if camera_name is None else read_camera(camera_name)
     table = _table_path(out, target)
     check_output(table)

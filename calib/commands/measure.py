@@ -11,7 +11,7 @@ from calib.commands.answers.measured import measured_answer
 from calib.commands.folder_page import with_page
 from calib.commands.measured_screen import say_measured, say_next_size
 from calib.commands.screen import progress_bar, quoted, shown, waiting
-from calib.commands.solve import FixOption, RejectOption, ShareOption, WeightedOption
+from calib.commands.solve import FixOption, ImageSizeOption, RejectOption, ShareOption, WeightedOption, read_input
 from designer.answer import Summary, Value, program
 from designer.command import printable
 from designer.completion import one_of
@@ -50,7 +50,10 @@ class Made:
 def measure(
     target: Annotated[Path, typer.Argument(help="the target as designed (NAME.target.json)")],
     detections: Annotated[
-        list[Path] | None, typer.Argument(help="detections.csv files of the print, one for each camera")
+        list[Path] | None,
+        typer.Argument(
+            help="detections.csv files of the print, or tables image,u,v,X,Y,Z or image,u,v,id; one a camera"
+        ),
     ] = None,
     *,
     out: Annotated[Path, typer.Option("--out", "-o", help="the measured target: NAME.target.json")],
@@ -89,6 +92,7 @@ def measure(
     bed_turn: Annotated[
         str, typer.Option(help="by which the print was turned on the bed against `design`: 90deg; for axes and skew")
     ] = "0deg",
+    image_size: ImageSizeOption = None,
     held_out: Annotated[
         int | None,
         typer.Option(
@@ -125,7 +129,7 @@ def measure(
     made = Made(_compensation(shrink_compensation), _skew(skew_compensation), _angle(bed_turn), weighted)
     check_places(places, target)
     shape = None if truth is None else _truth(truth, nominal, target)
-    prepared = _read(detections, nominal, target, one_camera=one_camera)
+    prepared = _read(detections, nominal, target, image_size, one_camera=one_camera)
     remarks = (*(line for one in prepared for line in one.remarks), *_doubts(nominal, lengths))
     for remark in remarks:
         print(printable(remark))
@@ -287,7 +291,9 @@ def _truth(path: Path, nominal: "TargetGeometry", nominal_path: Path) -> "Target
     return target
 
 
-def _read(paths: Sequence[Path], target: "TargetGeometry", target_path: Path, *, one_camera: bool) -> "list[Prepared]":
+def _read(
+    paths: Sequence[Path], target: "TargetGeometry", target_path: Path, image_size: str | None, *, one_camera: bool
+) -> "list[Prepared]":
     """What each camera saw."""
     from calib.as_built_report.join import joined
     from calib.inputs.dataset import read_detections
@@ -297,11 +303,14 @@ def _read(paths: Sequence[Path], target: "TargetGeometry", target_path: Path, *,
         again = [other for other in paths if other.resolve() == path.resolve()]
         if len(again) > 1:
             raise InputError(f"{path}: given twice; give each detections file once")
-    sets = [read_detections(path, target, target_path=target_path) for path in paths]
     origins = [str(path) for path in paths]
-    if one_camera:
-        sets, origins = [joined(sets, [path.stem for path in paths])], [", ".join(origins)]
-    prepared = [observations_from_detections(one, target, origin=name) for one, name in zip(sets, origins, strict=True)]
+    if one_camera and len(paths) > 1:
+        sets = [read_detections(path, target, target_path=target_path) for path in paths]
+        origins = [", ".join(origins)]
+        whole = joined(sets, [path.stem for path in paths])
+        prepared = [observations_from_detections(whole, target, origin=origins[0])]
+    else:
+        prepared = [read_input(path, target_path, image_size, None, None) for path in paths]
     for one, name in zip(prepared, origins, strict=True):
         if one.observations.view_count < LEAST_VIEWS:
             raise InputError(

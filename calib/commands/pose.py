@@ -84,7 +84,7 @@ def run_pose(
     from calib.report.posed_file import PosedBy, write_posed
     from designer.target import load_target
 
-    geometry = load_target(target)
+    geometry = load_target(target, "rings")
     named = read_camera(camera_name)
     camera = named.camera
     if out is not None:

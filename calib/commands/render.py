@@ -88,7 +88,7 @@ def render(
     from calib.render.quantities import bounded, choice, length, parse_number, parse_pixels, share, whole
     from designer.target import load_target
 
-    geometry, named = load_target(target), read_camera(camera)
+    geometry, named = load_target(target, "marks"), read_camera(camera)
     options = RenderOptions(
         sampling=cast("Sampling", choice("--sampling", sampling, get_args(Sampling))),
         black=share("--black", black, 0, 100),
@@ -239,10 +239,13 @@ def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: b
             f"stopped; {len(done)} of {len(job.file_names)} images are in {out}; the same command renders the others",
             Summary({"images": len(done), "asked": len(job.file_names)}, done),
         ) from None
-    step = f"calib run {quoted(target)} {quoted(out)} -o {quoted(_camera_folder(out))}"
+    steps: tuple[str, ...] = (f"calib run {quoted(target)} {quoted(out)} -o {quoted(_camera_folder(out))}",)
+    if job.target.is_dot.all():
+        steps = ()  # dots alone are not detected here
     _summarise(job, rendered, out)
     pages, remarks = folder_page(out, PHOTOS, lambda: keep_target(out, job.target, PHOTOS))
-    print(f"next  {step}")
+    for step in steps:
+        print(f"next  {step}")
     return Summary(
         {
             "folder": str(out),
@@ -256,7 +259,7 @@ def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: b
             "processes": rendered.processes,
         },
         (*(out / name for name in job.file_names), out / "truth.json", *pages),
-        (step,),
+        steps,
         remarks,
     )
 

@@ -112,7 +112,7 @@ def run(
     from calib.verdict.criteria import read_criteria
     from designer.target import load_target
 
-    geometry, limits = load_target(target), read_criteria(criteria)
+    geometry, limits = load_target(target, "rings"), read_criteria(criteria)
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     folder = out if out is not None else exports_folder(target) / "calibration"
     check_folder(folder)

@@ -223,7 +223,7 @@ def reference_of(
     from calib.inputs.observations import dataset_of, observations_from_detections
     from designer.target import load_target
 
-    board = load_target(target)
+    board = load_target(target, "rings")
     seen = detect(read_image(Path(reference)).pixels, board, name=Path(reference).name)
     if not len(seen.ring):
         raise InputError(f"{reference}: shows no rings of {target}; give a photo of that board")

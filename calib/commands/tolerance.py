@@ -216,7 +216,7 @@ def _scene(path: Path, errors: str, changes: list[str], distance: str, view: _Vi
     from designer.target import bounding_radius_mm, load_target
     from designer.tolerance.error_file import error_model
 
-    geometry = load_target(path)
+    geometry = load_target(path, "rings")
     model = error_model(errors, changes)
     distance_mm = length("--distance", distance, 1, 10_000)
     inside = bounding_radius_mm(geometry)

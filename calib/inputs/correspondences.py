@@ -1,7 +1,8 @@
 """Correspondences from elsewhere, and what kind of file they are in.
 
 A CSV holds image,u,v,X,Y,Z in any order, and may hold a face (a plane that points lie in), and sigma or suu,suv,svv.
-Points are told apart by X, Y, Z. The image size stands in a comment, `# image_size 2448 x 2048`, or is given.
+Points are told apart by X, Y, Z. With a target file its points are meant: those with the ids of a column id, or those
+that are nearest to X, Y, Z. The image size stands in a comment, `# image_size 2448 x 2048`, or is given.
 """
 
 import io
@@ -11,21 +12,25 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from calib.inputs.corners_vnl import Grid, is_corners, sightings_from_corners
 from calib.inputs.csv_table import Table, read_table, read_text
 from calib.inputs.dataset import FIRST_LINE, MAX_SIDE_PX, is_covariance, read_detections
 from calib.inputs.known_planes import MAX_FACE, points_with_planes
-from calib.inputs.observations import AllSightings, Prepared, observations_from_detections, prepare
+from calib.inputs.observations import AllSightings, Prepared, known_points, observations_from_detections, prepare
+from calib.inputs.point_target import ids_of
+from calib.types import KnownPoints
 from designer.errors import InputError
 from designer.names import as_written_today
 from designer.spec_file import shown, suggestion
-from designer.target import load_target
+from designer.target import TargetGeometry, load_target
 
 Array = NDArray[np.float64]
 Size = tuple[int, int]
 
-REQUIRED = ("image", "u", "v", "X", "Y", "Z")
+SEEN, ID = ("image", "u", "v"), "id"
+REQUIRED = (*SEEN, "X", "Y", "Z")
 COVARIANCE = ("suu", "suv", "svv")
 OPTIONAL = ("face", "sigma", *COVARIANCE)
 MAX_FILE_BYTES = 128 * 2**20
@@ -33,6 +38,8 @@ MAX_FILE_BYTES = 128 * 2**20
 MAX_LENGTH_MM = 1e7
 OUTSIDE = 0.1
 """Share of a side that a point may lie outside the image; beyond, the size is not that of the photos."""
+SAME_POINT = 0.25
+"""A point that is farther off, of the distance between the target's points, may be another one."""
 MAX_SIGMA_PX = 1e4
 MAX_GRID = 1000
 """Columns or rows of a corners.vnl."""
@@ -50,7 +57,7 @@ def read_observations(
 
     Args:
         path: detections.csv, a CSV with image,u,v,X,Y,Z, or mrcal's corners.vnl.
-        target_path: the target of detections; the others hold their own points.
+        target_path: the target of detections; a table may show one too, else it holds its own points.
         image_size: width and height in px of what does not say it itself.
         grid: of a corners.vnl.
 
@@ -63,13 +70,13 @@ def read_observations(
             raise InputError(f"{path}: detections need the target they show; give --target NAME.target.json")
         if image_size is not None or grid is not None:
             raise InputError(f"{path}: detections hold image sizes and points; leave --image-size and --grid out")
-        target = load_target(target_path)
+        geometry = load_target(target_path)
         return observations_from_detections(
-            read_detections(path, target, target_path=target_path), target, origin=str(path)
+            read_detections(path, geometry, target_path=target_path), geometry, origin=str(path)
         )
-    if target_path is not None:
-        raise InputError(f"{path}: no detections file, so it holds its own points; leave --target out")
     if is_corners(path, start):
+        if target_path is not None:
+            raise InputError(f"{path}: corners lie on their own grid; leave --target out")
         sightings = sightings_from_corners(
             path, read_text(path, "a corners.vnl", MAX_FILE_BYTES), grid=grid, image_size=image_size
         )
@@ -77,11 +84,14 @@ def read_observations(
         return prepare(sightings, has_fronts=False, origin=str(path))
     if grid is not None:
         raise InputError(f"{path}: no corners.vnl, so its points have coordinates; leave --grid out")
-    return read_correspondences(path, image_size=image_size)
+    target = None if target_path is None else load_target(target_path)
+    return read_correspondences(path, image_size=image_size, target=target)
 
 
-def read_correspondences(path: Path, *, image_size: Size | None = None) -> Prepared:
-    """Read a CSV with image,u,v,X,Y,Z.
+def read_correspondences(
+    path: Path, *, image_size: Size | None = None, target: TargetGeometry | None = None
+) -> Prepared:
+    """Read a CSV with image,u,v,X,Y,Z, or of a target's points image,u,v,id.
 
     Raises:
         InputError: it cannot be read, a line breaks a rule, or nothing is left to solve from.
@@ -94,7 +104,10 @@ def read_correspondences(path: Path, *, image_size: Size | None = None) -> Prepa
             "leave one out"
         )
     size = stated or image_size
-    table = read_table(path, stream, first_line, _column_fault, skip_spaces=True)
+    of_target = target is not None
+    table = read_table(
+        path, stream, first_line, lambda names: _column_fault(names, of_target=of_target), skip_spaces=True
+    )
     if not table.lines:
         raise InputError(f"{path}: holds no correspondences; a line is such as a.png,812.3,455.1,20,40,0")
     if size is None:
@@ -102,9 +115,10 @@ def read_correspondences(path: Path, *, image_size: Size | None = None) -> Prepa
             f"{path}: the image size is not known; add a line '# image_size 2448 x 2048' at the top, or give "
             "--image-size 2448x2048"
         )
-    sightings, remarks = _sightings(table, size)
+    sightings, remarks = _sightings(table, size, target)
     _require_inside(sightings, path)
-    unused = [name for name in table.cells if name not in (*REQUIRED, *OPTIONAL)]
+    used = (*REQUIRED, *OPTIONAL, *([ID] if of_target else []))
+    unused = [name for name in table.cells if name not in used]
     if unused:
         remarks = (*remarks, f"columns that are not used: {', '.join(map(shown, unused[:10]))}")
     return prepare(sightings, has_fronts=False, origin=str(path), remarks=remarks)
@@ -154,12 +168,15 @@ def _read_comments(path: Path, stream: io.StringIO) -> tuple[Size | None, int]:
     return size, number
 
 
-def _column_fault(columns: tuple[str, ...]) -> str:
+def _column_fault(columns: tuple[str, ...], *, of_target: bool) -> str:
     """What is wrong with the names of the columns."""
     wanted = f"the columns must be {','.join(REQUIRED)}, and may be face, sigma or {','.join(COVARIANCE)}"
+    if of_target and ID in columns:
+        wanted = f"the columns must be {','.join(SEEN)},{ID}, and may be sigma or {','.join(COVARIANCE)}"
     if len(columns) == 1 and re.search(r"[;\t]", columns[0]):
         return "values must be separated by commas"
-    missing = [name for name in REQUIRED if name not in columns]
+    required = SEEN if of_target and ID in columns else REQUIRED
+    missing = [name for name in required if name not in columns]
     if missing:
         return f"column {missing[0]!r} is missing{suggestion(missing[0], list(columns))}; {wanted}"
     again = next((name for name in columns if columns.count(name) > 1), None)
@@ -171,35 +188,66 @@ def _column_fault(columns: tuple[str, ...]) -> str:
     return ""
 
 
-def _sightings(table: Table, size: Size) -> tuple[AllSightings, tuple[str, ...]]:
+def _sightings(table: Table, size: Size, target: TargetGeometry | None) -> tuple[AllSightings, tuple[str, ...]]:
     """The table's rows in order, and remarks on its points."""
     u, v = table.reals("u"), table.reals("v")
     table.require(np.maximum(np.abs(u), np.abs(v)) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
-    position = np.stack([table.reals(name) for name in "XYZ"], axis=1) + 0.0  # no negative zeros
-    table.require(np.abs(position).max(axis=1, initial=0) <= MAX_LENGTH_MM, f"X, Y or Z is beyond {MAX_LENGTH_MM:g} mm")
     covariance = _covariance(table)
     names = list(dict.fromkeys(table.cells["image"]))
     view_of = {name: number for number, name in enumerate(names)}
     view = np.array([view_of[name] for name in table.cells["image"]], dtype=np.int64)
     table.require(np.array(list(map(bool, names)))[view], "image must not be empty")
-    unique, first, point = np.unique(position, axis=0, return_index=True, return_inverse=True)
-    point = point.reshape(-1)
+    point, points, remarks = (
+        _own_points(table) if target is None else (_points_of(table, target), known_points(target), ())
+    )
     order = np.lexsort((point, view))
     again = np.zeros(len(order), dtype=bool)
     again[order[1:]] = (np.diff(view[order]) == 0) & (np.diff(point[order]) == 0)
     table.require(~again, "the same point of the same image a second time; keep one")
+    sightings = AllSightings(
+        tuple(names), (size,) * len(names), view[order], point[order], np.stack([u, v], axis=1)[order],
+        None if covariance is None else covariance[order], points,
+    )  # fmt: skip
+    return sightings, remarks
+
+
+def _positions(table: Table) -> Array:
+    """X, Y, Z of the rows.  # (M, 3)"""
+    position: Array = np.stack([table.reals(name) for name in "XYZ"], axis=1) + 0.0  # no negative zeros
+    table.require(np.abs(position).max(axis=1, initial=0) <= MAX_LENGTH_MM, f"X, Y or Z is beyond {MAX_LENGTH_MM:g} mm")
+    return position
+
+
+def _own_points(table: Table) -> tuple[NDArray[np.int64], KnownPoints, tuple[str, ...]]:
+    """The point of each row (M,), the points of a table that shows no target, and remarks on them."""
+    unique, first, point = np.unique(_positions(table), axis=0, return_index=True, return_inverse=True)
+    point = point.reshape(-1)
     face = None
     if "face" in table.cells:
         each = table.whole_numbers("face")
         table.require((each >= -1) & (each <= MAX_FACE), f"face must be from 0 to {MAX_FACE}, or -1 for none")
         face = each[first]
         table.require(each == face[point], "the point has another face on an earlier line; a point lies on one face")
-    points, remarks = points_with_planes(unique, face)
-    sightings = AllSightings(
-        tuple(names), (size,) * len(names), view[order], point[order], np.stack([u, v], axis=1)[order],
-        None if covariance is None else covariance[order], points,
-    )  # fmt: skip
-    return sightings, remarks
+    return point, *points_with_planes(unique, face)
+
+
+def _points_of(table: Table, target: TargetGeometry) -> NDArray[np.int64]:
+    """The row of the target's point that each row shows.  # (M,)"""
+    if ID in table.cells:
+        ids, known = table.whole_numbers(ID), ids_of(target)
+        order = np.argsort(known)
+        place = order[np.minimum(np.searchsorted(known, ids, sorter=order), len(known) - 1)]
+        table.require(known[place] == ids, "the target has no point with this id")
+        return np.asarray(place, dtype=np.int64)
+    tree = cKDTree(target.center_mm)
+    off, nearest = tree.query(_positions(table))
+    alone = tree.query(target.center_mm, k=2)[0][:, 1]
+    table.require(
+        off < SAME_POINT * alone[nearest],
+        f"X, Y, Z are no point of the target: the nearest is farther than {SAME_POINT:g} of the way to its neighbour; "
+        "check the target, or name the points in a column id",
+    )
+    return np.asarray(nearest, dtype=np.int64)
 
 
 def _covariance(table: Table) -> Array | None:

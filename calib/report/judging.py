@@ -5,6 +5,7 @@ from pathlib import Path
 
 from calib.files import write_files
 from calib.report.run_folder import Solved, read_run
+from calib.verdict.advice import DETECTED, Inputs
 from calib.verdict.criteria import Criteria
 from calib.verdict.halves import HalfSplit, Halves, half_split
 from calib.verdict.next_views import next_views
@@ -32,11 +33,17 @@ def judge_folder(folder: Path, criteria: Criteria) -> Judged:
         best.calibration, goal_px=criteria.uncertainty_px.good, goal_covered=criteria.coverage_percent.good / 100
     )
     calibrations = [one.calibration for one in run.solved]
-    judged = judge_run(calibrations, run.solved.index(best), halves, criteria, proposed)
+    judged = judge_run(calibrations, run.solved.index(best), halves, criteria, proposed, _inputs(best))
     write_files({
         folder / VERDICT_FILE: verdict_to_json(judged), folder / NEXT_VIEWS_FILE: next_views_file(proposed)
     })  # fmt: skip
     return judged
+
+
+def _inputs(best: Solved) -> Inputs:
+    """What the camera was solved from, as its command was told; `calib run` detects into a file of its own."""
+    named = dict(best.provenance.settings)
+    return Inputs(named.get("detections", DETECTED.sightings), named.get("target", DETECTED.target))
 
 
 def _stored_halves(folder: Path, best: Solved) -> HalfSplit | None:

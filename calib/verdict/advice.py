@@ -4,6 +4,7 @@ What would change the verdict comes first, in the order in which the verdict nam
 the same, what spoils the photos comes before what is missing in them: more photos of a bent target do not help.
 """
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -44,14 +45,37 @@ SIGMA_OF_MAD = 1.4826
 FEWEST_FAR = 3
 """Sightings far off that are no chance."""
 MOST_NAMES = 4
-SOLVE = "calib solve detections.csv --target NAME.target.json -o again"
-MEASURE = (
-    "`calib measure NAME.target.json detections.csv -o measured/NAME.target.json`, then `calib solve detections.csv "
-    "--target measured/NAME.target.json -o again`"
-)
-"""With the person's own names of files."""
 MAP_MISSING = 0.05
 """Of the image: a learned map that leaves more open is worth a word."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The files that a camera was solved from, by a person's own names."""
+
+    sightings: str = "detections.csv"
+    target: str = "NAME.target.json"  # "": the sightings hold their own points
+
+    @property
+    def solve(self) -> str:
+        """The command that solves again."""
+        target = f" --target {shlex.quote(self.target)}" if self.target else ""
+        return f"calib solve {shlex.quote(self.sightings)}{target} -o again"
+
+    @property
+    def measure(self) -> str:
+        """The commands that measure the target and solve with the measured one."""
+        target, sightings = self.target or "NAME.target.json", shlex.quote(self.sightings)
+        made = "" if self.target else f"`calib target --from POINTS.csv -o {target}` with a table of its points, then "
+        measured = shlex.quote(f"measured/{target}")
+        return (
+            f"{made}`calib measure {shlex.quote(target)} {sightings} -o {measured}`, then `calib solve {sightings} "
+            f"--target {measured} -o again`"
+        )
+
+
+DETECTED = Inputs()
+"""Of photos that were detected into the usual file."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +87,11 @@ class _Step:
 
 
 def advice_of(
-    calibration: Calibration, evidence: Evidence, criteria: Criteria, views: Sequence[NextView] | None = None
+    calibration: Calibration,
+    evidence: Evidence,
+    criteria: Criteria,
+    views: Sequence[NextView] | None = None,
+    inputs: Inputs = DETECTED,
 ) -> tuple[str, ...]:
     """What to do better, what would change the verdict first; nothing if there is nothing.
 
@@ -72,15 +100,16 @@ def advice_of(
         evidence: of it.
         criteria: the limits it is judged by.
         views: the next photos that were found for it; None: nobody looked for any.
+        inputs: what it was solved from, for the commands to type.
     """
     facts = view_facts(calibration)
     faults = (
         (_step(_undetermined(evidence), "solution"),)
         if evidence.status == "degenerate"
         else (
-            _target(evidence, criteria),
+            _target(evidence, criteria, inputs),
             _step(_odd_photos(facts, criteria), "residuals", "outliers"),
-            _step(_far_off(calibration, evidence, criteria, facts), "outliers"),
+            _step(_far_off(calibration, evidence, criteria, facts, inputs), "outliers"),
             _step(_few_photos(facts), "halves"),
             _step(_tilts(evidence, criteria, facts), "uncertainty"),
             _step(shape_advice(calibration, evidence, criteria, MEASURE), "uncertainty", "target"),
@@ -90,8 +119,8 @@ def advice_of(
     steps = (
         *faults,
         _Step(photo_advice(calibration, evidence, criteria, views), ("solution", "uncertainty", "coverage")),
-        _step(_lens(evidence, criteria, calibration.camera.model), "systematic", "models"),
-        _step("" if is_to_measure else _target_share(evidence, criteria)),
+        _step(_lens(evidence, criteria, calibration.camera.model, inputs), "systematic", "models"),
+        _step("" if is_to_measure else _target_share(evidence, criteria, inputs)),
         _step(_small(facts)),
         _step(_few_rings(facts)),
         _step(_one_distance(facts)),
@@ -121,10 +150,10 @@ def _names(facts: ViewFacts, rows: NDArray[np.int64]) -> str:
     return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
 
 
-def _target(evidence: Evidence, criteria: Criteria) -> _Step:
+def _target(evidence: Evidence, criteria: Criteria, inputs: Inputs) -> _Step:
     """A target that is not as its file says: its rings are off in all photos, or another shape explains them better."""
     on_target, shape, halves = evidence.leftover.target_px, evidence.shape, evidence.halves
-    measure = f"measure the target, and solve with the measured one: {MEASURE}"
+    measure = f"measure the target, and solve with the measured one: {inputs.measure}"
     if on_target is not None and on_target > criteria.systematic_px.good:
         is_certain = shape is None or shape.ratio > SURE
         sentence = (
@@ -150,7 +179,7 @@ def _target(evidence: Evidence, criteria: Criteria) -> _Step:
     return _step("")
 
 
-def _target_share(evidence: Evidence, criteria: Criteria) -> str:
+def _target_share(evidence: Evidence, criteria: Criteria, inputs: Inputs) -> str:
     """A target whose error is within the limit, and yet most of what is left over."""
     found = evidence.leftover
     on_target = found.target_px
@@ -159,18 +188,18 @@ def _target_share(evidence: Evidence, criteria: Criteria) -> str:
     if found.stated_sigma_px is None or on_target <= NOTICEABLE * found.stated_sigma_px:
         return ""
     return (
-        f"measure the target: {MEASURE}; of the {px(found.rmse_px)} left over, {px(on_target)} are the same for a "
-        "ring in all photos"
+        f"measure the target: {inputs.measure}; of the {px(found.rmse_px)} left over, {px(on_target)} are the same for "
+        "a ring in all photos"
     )
 
 
-def _lens(evidence: Evidence, criteria: Criteria, model: str) -> str:
+def _lens(evidence: Evidence, criteria: Criteria, model: str, inputs: Inputs) -> str:
     """Mean residuals over the image that the target does not explain."""
     over_image, on_target = evidence.leftover.image_px, evidence.leftover.target_px or 0.0
     if over_image is None or over_image <= max(criteria.systematic_px.good, on_target):
         return ""
     other = "another camera model" if model == "virtual" else "the virtual model"
-    command = "" if model == "virtual" else f": `{SOLVE} --model virtual`"
+    command = "" if model == "virtual" else f": `{inputs.solve} --model virtual`"
     may_bend = evidence.shape is not None and evidence.shape.ratio > BY_CHANCE
     return (
         f"try {other}{command}; residuals at the same place in the image agree in all photos, by {px(over_image)} "
@@ -210,7 +239,7 @@ def _them(rows: NDArray[np.int64]) -> str:
     return "it" if len(rows) == 1 else "them"
 
 
-def _far_off(calibration: Calibration, evidence: Evidence, criteria: Criteria, facts: ViewFacts) -> str:
+def _far_off(calibration: Calibration, evidence: Evidence, criteria: Criteria, facts: ViewFacts, inputs: Inputs) -> str:
     """Many sightings that are far off, or were left out."""
     seen, out = calibration.observations, calibration.is_outlier
     far = out | (deviations(calibration.residual_px.T, seen.cov_px2) > FAR_OFF)
@@ -222,7 +251,7 @@ def _far_off(calibration: Calibration, evidence: Evidence, criteria: Criteria, f
     rows = rows[per_view[rows] > 0]
     where = f"in {_names(facts, rows)}" if len(rows) <= MOST_NAMES else f"most in {_names(facts, rows[:MOST_NAMES])}"
     what = "were left out" if out[far].all() else "are far off or were left out" if out.any() else "are far off"
-    leave = "" if out.any() else f"; to leave them out: `{SOLVE} --reject {FAR_OFF:g}`"
+    leave = "" if out.any() else f"; to leave them out: `{inputs.solve} --reject {FAR_OFF:g}`"
     return (
         f"look at the overlays for glare, shadows and fingers: {count} of {len(far)} sightings "
         f"({figure(percent, 2)} %) {what}, {where}{leave}"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from calib.one_thread import one_thread
 from calib.types import Calibration
-from calib.verdict.advice import advice_of
+from calib.verdict.advice import DETECTED, Inputs, advice_of
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import evidence_of
 from calib.verdict.halves import HalfSplit
@@ -30,6 +30,7 @@ def judge_run(
     halves: HalfSplit,
     criteria: Criteria,
     views: Sequence[NextView] | None = None,
+    inputs: Inputs = DETECTED,
 ) -> Judged:
     """Judge the recommended camera of a run; nothing is solved.
 
@@ -39,7 +40,8 @@ def judge_run(
         halves: of that one, by `calib.verdict.halves.half_split`.
         criteria: the limits.
         views: the photos to take next, which the advice names; None: nobody looked for any.
+        inputs: the files it was solved from, which the advice names.
     """
     evidence = evidence_of(calibrations, best, halves)
-    advice = advice_of(calibrations[best], evidence, criteria, views)
+    advice = advice_of(calibrations[best], evidence, criteria, views, inputs)
     return Judged(judge(evidence, criteria, advice), criteria, halves)

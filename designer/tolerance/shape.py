@@ -50,7 +50,7 @@ class Shape:
         hole = self.radius_inner_mm[is_ring]
         if (hole <= 0).any():
             raise ValueError(f"the hole of a ring closes: its radius comes to {hole.min():.3g}mm")
-        width = self.radius_outer_mm - self.radius_inner_mm
+        width = (self.radius_outer_mm - self.radius_inner_mm)[self.nominal.radius_outer_mm > 0]
         if (width <= 0).any():
             raise ValueError(f"the ink of a ring vanishes: its width comes to {width.min():.3g}mm")
 

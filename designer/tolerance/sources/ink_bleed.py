@@ -11,9 +11,9 @@ from designer.tolerance.source import Array, ErrorSource
 def _apply(shape: Shape, values: Array) -> Shape:
     """Ink grows by b at every edge: R + b outside, r - b at a ring's hole. Centres stay where they are.
 
-    Dots have no hole to lose.
+    Dots have no hole to lose, points no ink.
     """
-    bleed = values[0, 0]
+    bleed = values[0, 0] * shape.nominal.has_marks
     has_hole = shape.nominal.radius_inner_mm > 0
     return replace(
         shape,

@@ -1,0 +1,103 @@
+"""The command `calib target`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from calib.commands.screen import quoted, shown
+from designer.answer import Summary, Value
+from designer.errors import InputError
+
+if TYPE_CHECKING:
+    from designer.target import TargetGeometry
+
+SUFFIX = ".target.json"
+
+
+def target(
+    file: Annotated[Path | None, typer.Argument(help="a target file (NAME.target.json)")] = None,
+    *,
+    from_: Annotated[
+        Path | None, typer.Option("--from", help="make a target file of points X,Y,Z[,plane,id] that others made (CSV)")
+    ] = None,
+    planes: Annotated[
+        Path | None, typer.Option(help="the points' planes, plane,nx,ny,nz,d (CSV); without: fitted")
+    ] = None,
+    diameter: Annotated[str, typer.Option(help="of the dots at the points, to render them; 0mm: no marks")] = "0mm",
+    inside: Annotated[
+        bool, typer.Option("--inside", help="fitted planes are seen from inside, as the walls of a room")
+    ] = False,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="the target file to make: NAME.target.json")] = None,
+) -> Summary:
+    """Read a target file and say what it holds, or make one of a table of points."""
+    from designer.target import load_target
+
+    if from_ is None:
+        if file is None:
+            raise InputError("no target: give a target file, or a table of points with --from")
+        if out is not None or planes is not None:
+            raise InputError(f"{out or planes}: belongs to --from POINTS.csv, which is missing")
+        geometry = load_target(file)
+        return Summary(_say(file, geometry))
+    if file is not None or out is None:
+        raise InputError("--from: makes a file: give -o NAME.target.json, and no other target")
+    geometry = _made(from_, planes, diameter, inside=inside, out=out)
+    answer = _say(out, geometry)
+    print(f"wrote  {shown(out)}")
+    step = f"calib measure {quoted(out)} sightings.csv -o measured/{quoted(Path(out.name))}"
+    print(f"next   {step}   # sightings.csv: image,u,v,id or image,u,v,X,Y,Z")
+    return Summary(answer, (out,), (step,))
+
+
+def _made(points: Path, planes: Path | None, diameter: str, *, inside: bool, out: Path) -> "TargetGeometry":
+    """Make the target file."""
+    from calib.files import require_replaceable, write_files
+    from calib.inputs.point_target import read_planes, read_points, target_from_points
+    from designer.target import FORMAT, load_target, target_to_json
+    from designer.units import parse_length_mm
+
+    if not out.name.endswith(SUFFIX) or out.name == SUFFIX:
+        raise InputError(f"-o {out}: target files end in {SUFFIX}; call it {out.stem.split('.')[0] or 'my'}{SUFFIX}")
+    require_replaceable(out, f'{{\n"format": "{FORMAT}"'.encode(), "target")
+    if (
+        out.exists()
+        and out.stat().st_size
+        and (there := load_target(out))
+        and (there.spec or there.source != "nominal")
+    ):
+        raise InputError(f"-o {out}: exists and holds a target that was not made of points; choose another name")
+    try:
+        diameter_mm = parse_length_mm(diameter)
+    except ValueError as error:
+        raise InputError(f"--diameter {diameter!r}: {error}") from None
+    if not 0 <= diameter_mm <= 1000:
+        raise InputError(f"--diameter {diameter!r}: must be from 0mm to 1000mm")
+    given = None if planes is None else read_planes(planes)
+    geometry = target_from_points(read_points(points), given, diameter_mm=diameter_mm, inside=inside)
+    write_files({out: target_to_json(geometry).encode()})
+    return geometry
+
+
+def _say(file: Path, geometry: "TargetGeometry") -> dict[str, Value]:
+    """What a target holds."""
+    from designer.target import bounding_radius_mm
+
+    dots = int(geometry.is_dot.sum())
+    kind = "made elsewhere" if geometry.spec is None else geometry.spec.kind
+    if not geometry.has_marks:
+        marks = f"points without marks on {geometry.face_count} plane{'s' if geometry.face_count > 1 else ''}"
+    elif geometry.face_count > 1:
+        marks = f"{geometry.face_count} faces {'with' if (geometry.face_code >= 0).all() else 'without'} codes"
+    else:
+        marks = "one face with an origin mark" if dots else "one face without marks, its orientation ambiguous"
+    print(f"{file}: {kind}, {geometry.source} geometry, {marks}")
+    print(f"  rings {geometry.ring_count - dots}, {'dots' if geometry.has_marks else 'points'} {dots}")
+    print(f"  farthest corner {bounding_radius_mm(geometry):.3f} mm from the origin")
+    print(f"  layout id {geometry.layout_id}, geometry id {geometry.geometry_id}")
+    return {
+        "target_id": geometry.geometry_id, "layout_id": geometry.layout_id,
+        "kind": None if geometry.spec is None else geometry.spec.kind, "source": geometry.source,
+        "faces": geometry.face_count, "rings": geometry.ring_count - dots, "dots": dots,
+        "farthest_corner_mm": bounding_radius_mm(geometry),
+    }  # fmt: skip
