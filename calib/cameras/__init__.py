@@ -37,6 +37,11 @@ class CameraModel(Protocol):
         ...
 
     @property
+    def remedy(self) -> str:
+        """What to do about light that the model cannot show, because it comes from too far off the axis."""
+        ...
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """What `Camera.params` holds, in its order; the first four are fx, fy, cx, cy in px."""
         ...

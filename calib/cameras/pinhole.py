@@ -16,6 +16,7 @@ class Pinhole:
     """A camera without distortion."""
 
     name: str = "pinhole"
+    remedy: str = "solve a model with a lens"
     parameters: tuple[Parameter, ...] = FOCAL_AND_CENTRE
 
     def rays(self, camera: Camera, pixel: Array) -> Array:

@@ -140,6 +140,7 @@ class Spline:
     """A pinhole and a displacement of its image; for simulation only."""
 
     name: str = "spline"
+    remedy: str = "show the target there too"
     parameters: tuple[Parameter, ...] = (
         *FOCAL_AND_CENTRE,
         *(

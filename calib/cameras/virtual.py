@@ -78,6 +78,7 @@ class Virtual:
     """A learned map, then a pinhole; the parameters are those of the pinhole, in pixels of the virtual sensor."""
 
     name: str = "virtual"
+    remedy: str = "show the target there too"
     parameters: tuple[Parameter, ...] = FOCAL_AND_CENTRE
 
     def rays(self, camera: Camera, pixel: Array) -> Array:

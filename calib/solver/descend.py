@@ -1,10 +1,12 @@
 """The descent from a first camera and first poses to the minimum, and what robustness asks for after it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.solver.beyond import Shown, lost_views, minimise_shown
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.levenberg import Minimum, minimise
 from calib.solver.options import Loss, SolveOptions
@@ -17,7 +19,6 @@ Array = NDArray[np.float64]
 
 NEAR = 1e-10
 """Damping to begin the last descent with."""
-LEAST_POINTS = 4
 ROUNDS = 6
 """Of weighing or leaving out outliers and solving again."""
 
@@ -28,6 +29,7 @@ class Descended:
 
     minimum: Minimum
     is_used: NDArray[np.bool_]  # (M,)
+    is_beyond: NDArray[np.bool_]  # (M,) not used, because the model does not show them
     deviation: Array  # (M,) in robust standard deviations
     robust: tuple[float, float] | None  # if weights were lowered: sigma of a whitened coordinate, factor of covariances
     is_lost: NDArray[np.bool_]  # (V,) views with too few observations left for a pose; the minimum is then none
@@ -54,27 +56,33 @@ def descend(
         loss = _first_loss(thin, camera, poses, options)
         near = minimise(thin, camera, poses, tie.row, loss, max_iterations=steps, small_decrease=1e-6)
         starts.insert(0, (near.camera, near.cam_from_target))
-    for start in starts:
-        loss = _first_loss(problem, *start, options)
-        found = minimise(problem, *start, tie.row, loss, max_iterations=steps, damping=NEAR)
-        if np.isfinite(found.blocks.cost).all():
-            break  # else the lens, fitted to a part, folds the image over where the rest lies
-    is_used = problem.is_used
+    shown = _best_of(problem, starts, tie, options)
     if is_robust(options):
-        found, is_used = _forgiving(problem, found, tie, options, cov_px2)
+        shown, is_used = _forgiving(problem, shown, tie, options, cov_px2)
+    else:
+        is_used = problem.is_used & ~shown.is_beyond
+    found = shown.minimum
     residual = found.blocks.residual_px
     robust = None
     if options.loss != "squares":
         standard = whitened(problem.whitener, residual)
         sigma, length = robust_sigma(standard), np.hypot(*standard)[is_used]
         robust = sigma, robust_covariance_factor(length[np.isfinite(length)], RobustLoss(options.loss, sigma))
-    return Descended(found, is_used, deviations(residual, cov_px2), robust, _lost(problem, is_used))
+    return Descended(
+        found, is_used, shown.is_beyond, deviations(residual, cov_px2), robust, lost_views(problem, is_used)
+    )
 
 
-def _lost(problem: Problem, is_used: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Views of which fewer observations count than a pose needs."""
-    lost: NDArray[np.bool_] = np.add.reduceat(is_used.astype(np.int64), problem.view_start[:-1]) < LEAST_POINTS
-    return lost
+def _best_of(problem: Problem, starts: Sequence[tuple[Camera, Array]], tie: Tie, options: SolveOptions) -> Shown:
+    """The minimum from the first start that leads to one with all points; else the one that leaves least error."""
+    found = []
+    for start in starts:
+        loss = _first_loss(problem, *start, options)
+        shown = minimise_shown(problem, *start, tie.row, loss, max_iterations=options.max_iterations, damping=NEAR)
+        if not shown.is_beyond.any():
+            return shown  # else the lens, maybe fitted to a part, folds the image over where the rest lies
+        found.append(shown)
+    return min(found, key=lambda one: (not one.minimum.converged, one.mean_cost))
 
 
 def is_robust(options: SolveOptions) -> bool:
@@ -97,9 +105,10 @@ def _first_loss(problem: Problem, camera: Camera, poses: Array, options: SolveOp
 
 
 def _forgiving(
-    problem: Problem, found: Minimum, tie: Tie, options: SolveOptions, cov_px2: Array | None
-) -> tuple[Minimum, NDArray[np.bool_]]:
-    """Weigh down or leave out what lies far off, until nothing changes."""
+    problem: Problem, start: Shown, tie: Tie, options: SolveOptions, cov_px2: Array | None
+) -> tuple[Shown, NDArray[np.bool_]]:
+    """Weigh down or leave out what lies far off, until nothing changes; and which observations then count."""
+    found, is_beyond = start.minimum, start.is_beyond
     is_used, steps, taken = problem.is_used, options.max_iterations, found.iterations
     limit = np.inf if options.reject_sigma is None else options.reject_sigma
     kinds: list[Loss] = [options.loss] * ROUNDS if options.reject_sigma is None else ["cauchy"] * 3
@@ -110,13 +119,16 @@ def _forgiving(
     for _ in range(0 if options.reject_sigma is None else ROUNDS):
         residual = found.blocks.residual_px
         keeps = problem.is_used & (deviations(residual, cov_px2) <= limit)
-        if _lost(problem, keeps).any():
-            return found, keeps
+        if lost_views(problem, keeps).any():
+            return Shown(found, is_beyond), keeps
         loss = RobustLoss(options.loss, robust_sigma(whitened(problem.whitener, residual)))
         kept = replace(problem, is_used=keeps)
-        found = minimise(kept, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)
+        shown = minimise_shown(kept, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)
+        found, is_beyond = shown.minimum, shown.is_beyond
         taken += found.iterations
         same, is_used = np.array_equal(keeps, is_used), keeps
         if same:
             break
-    return replace(found, iterations=taken), is_used
+    # Losses that forgive have no barrier: what they do not show lies as far off as can be.
+    is_beyond = is_beyond | (problem.is_used & ~np.isfinite(found.blocks.residual_px).all(axis=0))
+    return Shown(replace(found, iterations=taken), is_beyond), is_used & ~is_beyond

@@ -24,6 +24,8 @@ ROUNDING = 1e-13
 """Of the cost: a step that promises less and does not deliver is lost in rounding."""
 PERFECT_PX = 1e-11
 """Root mean square of residuals that are nothing but rounding."""
+PATIENCE = 16
+"""Steps refused because the model does not show all points there, until the descent is given up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,7 @@ class Minimum:
     blocks: Blocks  # there
     iterations: int
     converged: bool
+    in_the_way: NDArray[np.bool_] | None = None  # (M,) points that the model would have ceased to show, had it gone on
 
 
 def minimise(
@@ -64,6 +67,10 @@ def minimise(
     cost = float(blocks.cost.sum())
     perfect = PERFECT_PX**2 * max(int(problem.is_used.sum()), 1)
     growth = 2.0
+    barrier = _Barrier(problem.is_used)
+    if not np.isfinite(cost):
+        barrier.refuses(blocks)
+        return Minimum(camera, cam_from_target, blocks, 0, False, barrier.in_the_way)
     for iteration in range(1, max_iterations + 1):
         step = damped_step(blocks.products, tie, damping)
         if step.solvable and step.predicted <= small_decrease * cost + perfect:
@@ -79,12 +86,32 @@ def minimise(
                 damping, growth = max(damping * _shrinkage(gain, bold), SMALLEST_DAMPING), 2.0
                 camera, cam_from_target, blocks, cost = trial, poses, there, trial_cost
                 continue
-            if step.predicted <= ROUNDING * cost:
+            if not np.isfinite(trial_cost):
+                barrier.refuses(there)
+                if barrier.refused > PATIENCE:
+                    return Minimum(camera, cam_from_target, blocks, iteration, False, barrier.in_the_way)
+            elif step.predicted <= ROUNDING * cost:
                 return Minimum(camera, cam_from_target, blocks, iteration, converged=True)
         damping, growth = damping * growth, growth * 2
         if damping > LARGEST_DAMPING:
-            return Minimum(camera, cam_from_target, blocks, iteration, converged=False)
-    return Minimum(camera, cam_from_target, blocks, max_iterations, converged=False)
+            return Minimum(camera, cam_from_target, blocks, iteration, False, barrier.in_the_way)
+    return Minimum(camera, cam_from_target, blocks, max_iterations, False, barrier.in_the_way)
+
+
+class _Barrier:
+    """The steps to where a model no longer shows all points are counted, and the fewest that one would lose kept."""
+
+    def __init__(self, is_used: NDArray[np.bool_]) -> None:
+        self.is_used = is_used
+        self.refused = 0
+        self.in_the_way: NDArray[np.bool_] | None = None
+
+    def refuses(self, there: Blocks) -> None:
+        """One more."""
+        hidden = self.is_used & ~np.isfinite(there.residual_px).all(axis=0)
+        self.refused += 1
+        if self.in_the_way is None or hidden.sum() <= self.in_the_way.sum():
+            self.in_the_way = hidden
 
 
 def _shrinkage(gain: float, bold: float) -> float:

@@ -5,6 +5,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import MODELS
 from calib.sightings import keep_views
 from calib.solver.covariance import accuracy_of
 from calib.solver.degeneracy import why_degenerate
@@ -59,7 +60,7 @@ def solve(
         _require_equations(problem, tie)
     poses = first.cam_from_target[first.found]
     descended = descend(problem, camera, poses, tie, options, noise)
-    while is_robust(options) and descended.is_lost.any() and not descended.is_lost.all():
+    while descended.is_lost.any() and not descended.is_lost.all():
         remarks += _lost(observations, descended)
         poses = poses[~descended.is_lost]
         noise = None if noise is None else noise[~descended.is_lost[observations.view]]
@@ -105,11 +106,12 @@ def _calibration(
         remarks = [reason, *remarks]
     elif not found.converged:
         remarks = [f"stopped after {found.iterations} steps, short of the minimum; allow more", *remarks]
-    left_out = int((~is_used).sum())
+    beyond, left_out = descended.is_beyond, int((~is_used & ~descended.is_beyond).sum())
+    remarks = [*remarks, *_beyond(observations, descended)]
     if not is_robust(options):
         remarks = [*remarks, *_far_off(observations, descended)]
     if left_out:
-        views = len(np.unique(observations.view[~is_used]))
+        views = len(np.unique(observations.view[~is_used & ~beyond]))
         limit = f"beyond {options.reject_sigma:g} robust standard deviations"
         remarks = [*remarks, f"{left_out} of {len(is_used)} observations in {views} views left out: {limit}"]
     return Calibration(
@@ -118,6 +120,18 @@ def _calibration(
         target_covariance(problem, found.cam_from_target, accuracy.pose_covariance), tie.fixed,
         options.weighted and observations.cov_px2 is not None, status, tuple(remarks), found.iterations, seconds,
     )  # fmt: skip
+
+
+def _beyond(observations: Observations, descended: Descended) -> list[str]:
+    """A word on observations that the model does not show."""
+    beyond = descended.is_beyond
+    if not beyond.any():
+        return []
+    model = MODELS[descended.minimum.camera.model]
+    return [
+        f"{int(beyond.sum())} of {len(beyond)} observations in {len(np.unique(observations.view[beyond]))} views lie "
+        f"beyond what the {model.name} model can show together with the others, and are left out; {model.remedy}"
+    ]
 
 
 def _far_off(observations: Observations, descended: Descended) -> list[str]:
@@ -154,8 +168,10 @@ def _left_out(observations: Observations, found: NDArray[np.bool_]) -> list[str]
 
 
 def _lost(observations: Observations, descended: Descended) -> list[str]:
-    """What to say of views that are nearly all outliers."""
+    """What to say of views of which too little counts."""
+    beyond = np.bincount(observations.view[descended.is_beyond], minlength=observations.view_count) > 0
     return [
         f"{observations.view_names[view]}: left out: nearly all of its observations are outliers"
+        + (" or lie beyond what the model can show" if beyond[view] else "")
         for view in np.flatnonzero(descended.is_lost).tolist()
     ]

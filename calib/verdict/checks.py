@@ -233,7 +233,7 @@ def _outliers(evidence: Evidence, limits: Limits) -> Check:
     if found.stated_sigma_px is not None:
         sentence += ", both in pixels and of the noise that the detector states"
     if found.left_out_share > 0:
-        sentence += f", and {_percent(found.left_out_share)} were left out as outliers"
+        sentence += f", and {_percent(found.left_out_share)} were left out"
     elif grade != "good":
         sentence += f": look at them, and solve with --reject {FAR_OFF:g}"
     return _check("outliers", grade, percent, "%", limits, sentence)
