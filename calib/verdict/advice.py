@@ -112,7 +112,7 @@ def advice_of(
             _step(_far_off(calibration, evidence, criteria, facts, inputs), "outliers"),
             _step(_few_photos(facts), "halves"),
             _step(_tilts(evidence, criteria, facts), "uncertainty"),
-            _step(shape_advice(calibration, evidence, criteria, MEASURE), "uncertainty", "target"),
+            _step(shape_advice(calibration, evidence, criteria, inputs.measure), "uncertainty", "target"),
         )
     )
     is_to_measure = any("calib measure" in sentence for step in faults for sentence in step.sentences)
