@@ -380,6 +380,8 @@ def refused(*arguments: object) -> str:
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--model", "virtual"), "cannot measure them"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--model", "open"), "did you mean 'opencv'"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--rings", "loose"), "free or rigid"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--made", "exact"), "nothing to measure then"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--made", "fdm-dua"), "did you mean 'fdm-dual'"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--reject", "0"), "--reject 0"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--fix", "k9"), "no such parameter"),
         (("ico.target.json", "seen.csv", "-o", "m.target.json", "--held-out", "1"), "2 to 16 parts"),

@@ -11,7 +11,15 @@ from calib.commands.answers.measured import measured_answer
 from calib.commands.folder_page import with_page
 from calib.commands.measured_screen import say_measured, say_next_size
 from calib.commands.screen import progress_bar, quoted, shown, waiting
-from calib.commands.solve import FixOption, ImageSizeOption, RejectOption, ShareOption, WeightedOption, read_input
+from calib.commands.solve import (
+    FixOption,
+    ImageSizeOption,
+    MadeOption,
+    RejectOption,
+    ShareOption,
+    WeightedOption,
+    read_input,
+)
 from designer.answer import Summary, Value, program
 from designer.command import printable
 from designer.completion import one_of
@@ -38,7 +46,7 @@ USUAL_FOLDS = 5
 
 
 @dataclass(frozen=True)
-class Made:
+class Print:
     """How the print was made, and how its photos are weighed."""
 
     with_percent: float  # shrinkage compensation
@@ -79,6 +87,7 @@ def measure(
     bow: Annotated[
         bool | None, typer.Option("--bow/--flat", help="faces may be bent, or not (default: a board may)")
     ] = None,
+    made: MadeOption = None,
     weighted: WeightedOption = True,
     reject: RejectOption = None,
     fix: FixOption = None,
@@ -125,30 +134,35 @@ def measure(
             "no detections: give the detections.csv of photos of the print, or --measured-length to rescale without"
         )
     lengths = [parse_length("--length", text, nominal) for text in length or []]
-    options = _options(model, rings, fix, share, reject, weighted=weighted, bow=bow)
-    made = Made(_compensation(shrink_compensation), _skew(skew_compensation), _angle(bed_turn), weighted)
+    options = _options(model, rings, fix, share, reject, made, weighted=weighted, bow=bow)
+    how = Print(_compensation(shrink_compensation), _skew(skew_compensation), _angle(bed_turn), weighted)
     check_places(places, target)
     shape = None if truth is None else _truth(truth, nominal, target)
     prepared = _read(detections, nominal, target, image_size, one_camera=one_camera)
-    remarks = (*(line for one in prepared for line in one.remarks), *_doubts(nominal, lengths))
+    remarks = (
+        *(line for one in prepared for line in one.remarks),
+        *_expected(nominal, made),
+        *_doubts(nominal, lengths),
+    )
     for remark in remarks:
         print(printable(remark))
     has_covariances = all(one.observations.cov_px2 is not None for one in prepared)
-    made = replace(made, weighted=weighted and has_covariances)
+    how = replace(how, weighted=weighted and has_covariances)
     folds = _folds(held_out, min(one.observations.view_count for one in prepared))
     found = _measure([one.observations for one in prepared], nominal, model, options, lengths)
     held = _held_out(found, model, options, folds, shape)
     settings = (
         ("target", target.name), ("detections", ", ".join(path.name for path in detections)), ("model", model),
-        ("rings", rings), ("one-camera", str(one_camera)), ("weighted", str(made.weighted)),
+        ("rings", rings), ("one-camera", str(one_camera)), ("weighted", str(how.weighted)),
         ("reject", f"{reject or ''}"),
         ("bow", {None: "default", True: "bow", False: "flat"}[bow]), ("fix", " ".join(fix or [])),
+        ("made", made or ""),
         ("share", " ".join(share or [])),
         ("shrink-compensation", shrink_compensation), ("skew-compensation", skew_compensation), ("bed-turn", bed_turn),
         ("length", "; ".join(length or [])), ("held-out", str(folds)),
     )  # fmt: skip
     done = with_page(
-        _write_and_say(found, held, lengths, made, settings, places, detections, is_judged=held_out != 0),
+        _write_and_say(found, held, lengths, how, settings, places, detections, is_judged=held_out != 0),
         places.target.parent,
         "measure",
     )
@@ -184,6 +198,14 @@ def _doubts(target: "TargetGeometry", lengths: "Sequence[AskedLength]") -> tuple
         for one in lengths
         if abs(one.length.value_mm - length_in(target, one.length.name)) <= SAME_MM
     )
+
+
+def _expected(target: "TargetGeometry", made: str | None) -> tuple[str, ...]:
+    """What is taken for granted where the photos do not tell."""
+    from calib.pipeline.made import how_made
+
+    way = how_made(target, made)
+    return () if way is None or not way.because else (way.sentence,)
 
 
 def _rescale(
@@ -224,6 +246,7 @@ def _options(
     fix: list[str] | None,
     share: list[str] | None,
     reject: float | None,
+    made: str | None,
     *,
     weighted: bool,
     bow: bool | None,
@@ -231,7 +254,9 @@ def _options(
     """The options of the command line."""
     from calib.as_built.options import AsBuiltOptions
     from calib.pipeline.settings import plan_from_words
+    from calib.solver.target_error import EXACT
     from designer.spec_file import suggestion
+    from designer.tolerance.error_file import error_model
 
     if model == "virtual":
         raise InputError(
@@ -246,8 +271,11 @@ def _options(
     plan = plan_from_words(
         model, fix=fix or [], share=share or [], focal=None, loss="squares", reject=reject, weighted=weighted
     )
-    options = AsBuiltOptions(bow=bow, solve=plan.options)
-    return options if rings == "free" else AsBuiltOptions(ring_sigma_mm=None, bow=bow, solve=plan.options)
+    if made == EXACT:
+        raise InputError(f"--made {EXACT}: there is nothing to measure then; give an error template, or leave it out")
+    errors = None if made is None else error_model(made)
+    options = AsBuiltOptions(made=errors, bow=bow, solve=plan.options)
+    return options if rings == "free" else replace(options, ring_sigma_mm=None)
 
 
 def _compensation(text: str) -> float:
@@ -363,7 +391,7 @@ def _write_and_say(
     found: "AsBuilt",
     held: "HeldOut | None",
     lengths: "Sequence[AskedLength]",
-    made: Made,
+    how: Print,
     settings: tuple[tuple[str, str], ...],
     places: "Places",
     detections: Sequence[Path],
@@ -380,10 +408,10 @@ def _write_and_say(
         found,
         held,
         lengths,
-        made_with_percent=made.with_percent,
-        made_with_skew_rad=made.with_skew_rad,
-        bed_turn_rad=made.bed_turn_rad,
-        weighted=made.weighted,
+        made_with_percent=how.with_percent,
+        made_with_skew_rad=how.with_skew_rad,
+        bed_turn_rad=how.bed_turn_rad,
+        weighted=how.weighted,
         program=program(),
         settings=settings,
     )
