@@ -17,6 +17,7 @@ from calib.metrics.residual_cells import Cells, Residuals
 from calib.report.run_folder import Solved
 from calib.results.evaluation_table import figure as digits
 from calib.verdict.apart import Known, sigma_over
+from calib.verdict.checks import made_words
 from calib.verdict.coverage import Coverage, region_words
 from calib.verdict.halves import HalvesApart, NoHalves
 from designer.page.blocks import Figure
@@ -82,6 +83,8 @@ def uncertainty_figure(one: Solved, found: SigmaMap, halves: HalvesApart | NoHal
         f"{uncertainty_words(found)}. How far a direction may be shown from its true pixel, the rotation that fits the "
         "whole image best removed: what the noise of the photos leaves open"
     )
+    if calibration.target_error is not None and calibration.target_error.param_covariance.any():
+        caption += f", and what a target {made_words(calibration.target_error)} may be off"
     if calibration.camera.learned is not None:
         caption += "; the learned map is taken as exact, so the truth is larger"
     caption += f". {inside}" if inside else ""

@@ -41,7 +41,12 @@ def parameters_table(one: Solved) -> Table:
     sigmas = np.sqrt(np.diagonal(calibration.stated_covariance)).tolist()
     stored = {} if one.stored is None else one.stored.parameters
     has_truth = any(entry.true is not None for entry in stored.values())
-    columns = [Column("parameter", is_number=False), Column("value"), Column("sigma"), Column("unit", is_number=False)]
+    columns = [
+        Column("parameter", is_number=False),
+        Column("value"),
+        Column("sigma", note="by noise, and by what the target may be off"),
+        Column("unit", is_number=False),
+    ]
     if has_truth:
         columns += [Column("true"), Column("off by", note="value - true, in standard deviations")]
     rows = []

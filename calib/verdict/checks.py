@@ -295,9 +295,14 @@ def _target_by_chance(evidence: Evidence, found: ShapeEffect, limits: Limits) ->
     return _check("target", "good" if by_target <= limits.good else "usable", by_target, "px", limits, sentence)
 
 
+def made_words(error: TargetError) -> str:
+    """How the target is taken to be made."""
+    return error.made if error.made in (EXACT, MEASURED) else f"made as '{error.made}'"
+
+
 def made_as(error: TargetError) -> str:
     """How the target is taken to be made, and what says so."""
-    made = error.made if error.made in (EXACT, MEASURED) else f"made as '{error.made}'"
+    made = made_words(error)
     return f"{made} (assumed: {error.because}; --made tells otherwise)" if error.because else made
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.types import Calibration
-from calib.verdict.checks import made_as, px
+from calib.verdict.checks import made_words, px
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import Evidence
 from calib.verdict.next_view_target import shape_of
@@ -31,9 +31,8 @@ def shape_advice(calibration: Calibration, evidence: Evidence, criteria: Criteri
         return ""
     if uncertain.target_error is None:
         return ""
-    reason = (
-        f"one {made_as(uncertain.target_error)} may be off so far that the camera is off by {px(uncertain.target_px)}"
-    )
+    made = made_words(uncertain.target_error)
+    reason = f"one {made} may be off so far that the camera is off by {px(uncertain.target_px)}"
     photos = " and ".join(_missing(calibration))
     if not photos:
         return f"measure the target, and solve with the measured one: {measure}; {reason}"

@@ -72,6 +72,11 @@ class Case:
     print_model: str
     rejects: bool  # solved with --reject 4
 
+    @property
+    def is_exact(self) -> bool:
+        """Whether the target is as its file says."""
+        return self.fault not in ("print", "bow", "stretch")
+
 
 def case_of(seed: int) -> Case:
     """A draw."""
