@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib.as_built.options import AsBuiltOptions
+from calib.as_built.solve import measure
 from calib.camera_file import load_camera
 from calib.cameras import project
 from calib.inputs.correspondences import read_observations
@@ -15,12 +17,14 @@ from calib.inputs.point_target import Plane, PointTable, target_from_points
 from calib.se3 import exp_rotation, look_at, transform
 from designer.errors import InputError
 from designer.target import load_target, target_to_json
+from designer.tolerance.error_file import error_model
 from tests.as_built_scenes import solid
 from tests.command_line import LENIENT, Answer, calib
 from tests.solver_scenes import CAMERAS
 
 Array = NDArray[np.float64]
 
+BOARD = Path(__file__).parents[2] / "shared" / "real" / "wide-figueroa" / "corners.csv"
 NOISE_PX = 0.1
 CAMERA = CAMERAS["opencv"]
 FACES = ("right", "back", "top")
@@ -113,6 +117,26 @@ def test_a_cube_whose_sides_are_off_is_measured() -> None:
     solve = ("solve", "ids.csv", "--target", "measured.target.json", "--model", "opencv", "--no-page", "-o", "out")
     assert calib(*solve, *LENIENT).code == 0
     assert load_camera(Path("out/camera.json")).params[0] == pytest.approx(CAMERA.params[0], rel=5e-4)
+
+
+@pytest.mark.skipif(not BOARD.is_file(), reason="the folder ../shared/real with real corners is absent")
+def test_a_real_board_is_bent_as_others_found() -> None:
+    """From corners of a chessboard its bend along both sides is what mrcal 2.2 finds with its own solver and lens."""
+    size, names, *lines = BOARD.read_text().splitlines()
+    cells = [line.split(",") for line in lines]
+    # No model here follows this lens into its corners; a third of the photos, and of these the middle, is enough.
+    some = [row for row in cells if int(row[0][5:]) % 3 == 0]
+    used = [row for row in some if np.hypot(float(row[1]) - 3008, float(row[2]) - 2008) < 1700]
+    Path("seen.csv").write_text("\n".join([size, names, *map(",".join, used)]) + "\n")
+    position = np.unique([[float(cell) for cell in row[3:6]] for row in cells], axis=0)
+    target = target_from_points(PointTable(position, ("",) * len(position), np.arange(len(position))))
+    Path("board.target.json").write_text(target_to_json(target))
+    seen = read_observations(Path("seen.csv"), Path("board.target.json")).observations
+    found = measure([seen], target, "opencv", AsBuiltOptions(ring_sigma_mm=None, made=error_model("fdm-board")))
+    rim_mm = float(np.linalg.norm(target.outline_mm[0], axis=1).max())
+    dome, saddle, _ = found.bow_mm[0] * (0.5 * np.ptp(position[:, 0]) / rim_mm) ** 2
+    assert sorted(np.abs([dome + saddle, dome - saddle])) == pytest.approx([0.52, 1.04], abs=0.1)
+    assert (dome + saddle) * (dome - saddle) < 0
 
 
 def test_points_are_found_by_ids_or_places() -> None:
