@@ -11,10 +11,10 @@ from calib.camera_difference import camera_difference
 from calib.inputs.observations import known_points
 from calib.pipeline.made import how_made, with_made
 from calib.se3 import exp_rotation
-from calib.solver.free_shape import free_directions, shape_equations
+from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.solver.target_error import with_target_error
+from calib.solver.target_error import extended, with_target_error
 from calib.solver.uncertainty import sigma_over_image_px
 from calib.types import Calibration
 from calib.verdict.criteria import read_criteria
@@ -150,18 +150,55 @@ def test_the_equations_are_those_of_all_unknowns_at_once() -> None:
     prior = shape_prior(BOARD, AS_PRINTED)
     basis = free_directions(one.param_covariance)
     found = shape_equations(one, basis, prior.modes_mm, prior.ring_modes_mm)
+    normal, gradient = _whole(found)
     dense = _dense(one, basis, prior)
-    unknowns = len(found.gradient)
+    unknowns = len(gradient)
     poses_of, rest = dense[:, unknowns:-1], np.delete(dense, slice(unknowns, -1), axis=1)
     rest = rest - poses_of @ np.linalg.lstsq(poses_of, rest, rcond=None)[0]
     expected = rest.T @ rest
     # A pure scale leaves nothing but the rounding of what it was.
     length = np.linalg.norm(np.delete(dense, slice(unknowns, -1), axis=1), axis=0)
     size = np.outer(length, length)
-    assert np.abs((found.normal - expected[:-1, :-1]) / size[:-1, :-1]).max() < 1e-6
-    assert np.abs((found.gradient - expected[:-1, -1]) / size[:-1, -1]).max() < 1e-6
+    assert np.abs((normal - expected[:-1, :-1]) / size[:-1, :-1]).max() < 1e-6
+    assert np.abs((gradient - expected[:-1, -1]) / size[:-1, -1]).max() < 1e-6
     assert found.square == pytest.approx(expected[-1, -1])
     assert found.equations == len(dense) - 6 * len(poses)
+
+
+def test_the_error_is_that_of_the_dense_solution_and_many_photos_change_nothing() -> None:
+    """Point by point elimination gives what the whole normal matrix gives, with few views and with more than points."""
+    prior = shape_prior(BOARD, AS_PRINTED)
+    for views in (3, 60):
+        poses = np.concatenate([_poses(seed, rolls=True, axes=2) for seed in range(max(views // VIEWS, 1))])[:views]
+        one = _solved(_stretched(0.001), poses)
+        kept = np.isin(one.observations.point, np.arange(12)) | (views < 10)
+        one = replace(one, is_outlier=~kept)
+        basis = free_directions(one.param_covariance)
+        equations = shape_equations(one, basis, prior.modes_mm, prior.ring_modes_mm)
+        variance = NOISE_PX**2
+        found = extended(equations, variance)
+        normal, gradient = _whole(equations)
+        is_shape = np.arange(len(normal)) >= basis.shape[1]
+        whole = np.linalg.inv(normal + np.diag(np.where(is_shape, variance, 0.0)))
+        gradient = np.where(is_shape, gradient, 0.0)
+        step = -whole @ gradient
+        size = basis.shape[1]
+        np.testing.assert_allclose(found.camera_inverse, whole[:size, :size], rtol=1e-4, atol=1e-6 * whole[:size].max())
+        np.testing.assert_allclose(found.step, step[:size], rtol=1e-4, atol=1e-6 * np.abs(step[:size]).max())
+        left = equations.square + 2 * gradient @ step + step @ normal @ step
+        assert found.left == pytest.approx(left, rel=1e-5)
+        assert found.told == pytest.approx(is_shape.sum() - variance * np.trace(whole[size:, size:]), rel=1e-5)
+
+
+def _whole(equations: ShapeEquations) -> tuple[Array, Array]:
+    """Normal matrix and gradient of the camera's, the shared and all points' own numbers, poses eliminated."""
+    own, count = equations.own, equations.own.block.shape[1]
+    alone = -own.by_poses.T @ own.by_poses
+    for row, block in enumerate(own.block):
+        place = slice(count * row, count * row + count)
+        alone[place, place] += block
+    normal = np.block([[equations.normal, own.cross], [own.cross.T, alone]])
+    return normal, np.concatenate([equations.gradient, own.gradient])
 
 
 def _dense(one: Calibration, basis: Array, prior: ShapePrior) -> Array:

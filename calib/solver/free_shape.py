@@ -27,14 +27,28 @@ POSE = 6
 
 
 @dataclass(frozen=True, eq=False)
+class OwnEquations:
+    """The part of the U points' own numbers, C each, poses not yet eliminated: that would couple all with all.
+
+    With the block diagonal D of their normal matrix and the poses' part F, it is `D - F' F`.
+    """
+
+    block: Array  # (U, C, C) D
+    by_poses: Array  # (K, U C) F, K at most six times the views
+    cross: Array  # (N, U C) with the unknowns of `ShapeEquations`, poses eliminated
+    gradient: Array  # (U C,) poses eliminated
+
+
+@dataclass(frozen=True, eq=False)
 class ShapeEquations:
-    """Normal equations of Q directions of the camera's parameters and N - Q numbers of the target's shape."""
+    """Normal equations of Q directions of the camera's parameters and N - Q numbers that the target's points share."""
 
     basis: Array  # (P, Q) the directions in which the parameters were estimated
-    normal: Array  # (N, N)
+    normal: Array  # (N, N) poses eliminated
     gradient: Array  # (N,)
     square: float  # sum of the squares of the residuals
     equations: int  # less those that the poses take
+    own: OwnEquations
 
     @property
     def camera(self) -> slice:
@@ -65,35 +79,36 @@ def shape_equations(calibration: Calibration, basis: Array, modes_mm: Array, own
     """
     seen, each = calibration.observations, own_mm.shape[2]
     used = np.unique(seen.point[~calibration.is_outlier])
-    dense = basis.shape[1] + len(modes_mm)
+    dense, count = basis.shape[1] + len(modes_mm), each * len(used)
     slot = np.zeros(len(own_mm), dtype=np.int64)
-    slot[used] = dense + each * np.arange(len(used))
-    size = dense + each * len(used)
-    # The residuals stand in the last column.
-    products, taken, equations = np.zeros((size + 1, size + 1)), [], 0
-    shared = np.append(np.arange(dense), size)
+    slot[used] = np.arange(len(used))
+    # The residuals stand behind the other columns.
+    products, block, cross = np.zeros((dense + 1,) * 2), np.zeros((len(used), each, each)), np.zeros((count, dense + 1))
+    taken, taken_own, equations = [np.zeros((0, dense + 1))], [np.zeros((0, count))], 0
     for point, columns, by_pose, by_place in _views(calibration, basis):
         if 2 * len(point) <= POSE:
             continue
         by_modes = by_place @ modes_mm[:, point].transpose(1, 2, 0)
         common = np.concatenate([columns[:, :, :-1], by_modes, columns[:, :, -1:]], axis=2)
-        own, place = by_place @ own_mm[point], slot[point][:, None] + np.arange(each)
+        own, row = by_place @ own_mm[point], slot[point]
+        column = each * row[:, None] + np.arange(each)
         flat = common.reshape(-1, dense + 1)
-        products[np.ix_(shared, shared)] += flat.T @ flat
-        np.add.at(products, (place[:, :, None], shared), own.transpose(0, 2, 1) @ common)
-        np.add.at(products, (place[:, :, None], place[:, None, :]), own.transpose(0, 2, 1) @ own)
+        products += flat.T @ flat
+        np.add.at(block, row, own.transpose(0, 2, 1) @ own)
+        np.add.at(cross, column, own.transpose(0, 2, 1) @ common)
         across = _orthonormal(by_pose).reshape(len(point), 2, POSE)
-        part = np.zeros((POSE, size + 1))
-        part[:, shared] = across.reshape(-1, POSE).T @ flat
-        np.add.at(part, (np.arange(POSE)[:, None], place[:, None, :]), across.transpose(0, 2, 1) @ own)
-        taken.append(part)
+        part = np.zeros((POSE, count))
+        np.add.at(part, (np.arange(POSE)[:, None], column[:, None, :]), across.transpose(0, 2, 1) @ own)
+        taken.append(across.reshape(-1, POSE).T @ flat)
+        taken_own.append(part)
         equations += 2 * len(point) - POSE
-    products[:dense, dense:-1] = products[dense:-1, :dense].T
-    products[-1, dense:-1] = products[dense:-1, -1]
-    if taken:
-        by_poses = np.concatenate(taken)
-        products -= by_poses.T @ by_poses
-    return ShapeEquations(basis, products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), equations)
+    by_poses, own_by_poses = np.concatenate(taken), np.concatenate(taken_own)
+    products -= by_poses.T @ by_poses
+    cross -= own_by_poses.T @ by_poses
+    if len(own_by_poses) > count:  # of many photos only the product counts
+        own_by_poses = np.asarray(np.linalg.qr(own_by_poses, mode="r"))
+    alone = OwnEquations(block, own_by_poses, np.ascontiguousarray(cross[:, :-1].T), cross[:, -1])
+    return ShapeEquations(basis, products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), equations, alone)
 
 
 def _orthonormal(by_pose: Array) -> Array:

@@ -17,7 +17,7 @@ little is added; where they tell that it is not, the error that they tell is add
 way of making lets expect. What poses take up, also the size of the whole, does nothing.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +34,8 @@ EXACT, MEASURED = "exact", "measured"
 """What a target is that is as its file says, and one that is so up to the accuracy that its file states."""
 ROUNDING = 1e-12
 """Of the residuals: of sightings that another shape explains to the last, so much noise is left."""
-ROUNDS = 20
-"""Of finding the noise's variance: it changes by less than a thousandth from then on."""
+ROUNDS, SETTLED = 20, 1e-3
+"""Of finding the noise's variance: until it changes by less than a thousandth."""
 
 
 @one_thread
@@ -62,29 +62,71 @@ def with_target_error(
 
 
 def _added_covariance(equations: ShapeEquations) -> Array:
-    """The camera's mean square error by the target, in the equations' directions.  # (Q, Q)
-
-    With the camera eliminated too, M = N_ss - N_sc N_cc^-1 N_cs has eigenvalues w along axes V, and so for any noise
-
-        E_ss = V diag(1 / (w + v)) V',   v E_cc - v N_cc^-1 = v B E_ss B'   with B = N_cc^-1 N_cs.
-    """
-    camera, shape = equations.camera, slice(equations.camera.stop, None)
+    """The camera's mean square error by the target, in the equations' directions.  # (Q, Q)"""
+    camera, shared = equations.camera, equations.basis.shape[1]
     alone = symmetric_inverse(equations.normal[camera, camera]).inverse
-    by_shape = alone @ equations.normal[camera, shape]
-    value, axis = np.linalg.eigh(equations.normal[shape, shape] - equations.normal[shape, camera] @ by_shape)
-    value, by_axis = np.maximum(value, 0.0), by_shape @ axis
-    # The solution is the minimum for the target as its file has it, whatever loss it was found with.
-    along = axis.T @ equations.gradient[shape]
-    freedom = equations.equations - camera.stop
-    if freedom <= 0 or not len(value) or not equations.square > 0:
+    freedom = equations.equations - shared
+    if freedom <= 0 or not equations.square > 0 or len(equations.normal) + len(equations.own.gradient) == shared:
         return np.zeros_like(alone)
     variance = equations.square / freedom
+    found = extended(equations, variance)
     for _ in range(ROUNDS):
-        step = along / (value + variance)
-        left = equations.square - float((2 * along * step - value * step**2).sum())
         # What a smoother leaves over has as many degrees of freedom as it does not take up.
-        told = float((value / (value + variance)).sum())
-        variance = max(left, ROUNDING * equations.square) / max(freedom - told, 1.0)
-    step = by_axis @ (along / (value + variance))
-    added: Array = (by_axis * (variance / (value + variance))) @ by_axis.T + np.outer(step, step)
+        left = max(found.left, ROUNDING * equations.square) / max(freedom - found.told, 1.0)
+        if abs(left - variance) <= SETTLED * variance:
+            break
+        variance = left
+        found = extended(equations, variance)
+    lost = found.lost
+    # (N - T)^-1 - N^-1 = N^-1 (T + T (N - T)^-1 T) N^-1 is positive semidefinite as it stands.
+    spread = alone @ (lost + lost @ found.camera_inverse @ lost) @ alone
+    added: Array = variance * spread + np.outer(found.step, found.step)
     return added
+
+
+@dataclass(frozen=True, eq=False)
+class Extended:
+    """The least-squares problem with the target's shape among the unknowns, for one variance of the noise."""
+
+    camera_inverse: Array  # (Q, Q) E_cc
+    lost: Array  # (Q, Q) T of E_cc = (N_cc - T)^-1: what the shape takes of what the photos tell of the camera
+    step: Array  # (Q,) of the camera
+    left: float  # sum of squares of the residuals
+    told: float  # how many of the shape's numbers the photos tell
+
+
+def extended(equations: ShapeEquations, variance: float) -> Extended:
+    """Eliminate the points' own numbers, then the shared ones.
+
+    With G = (D + v)^-1, which is one small block a point, (D + v - F' F)^-1 is G + G F' (1 - F G F')^-1 F G (Woodbury).
+    """
+    own, camera = equations.own, equations.camera
+    shared, count = slice(camera.stop, None), equations.own.block.shape[1]
+    each = symmetric_inverse(own.block + variance * np.eye(count)).inverse  # G (U, C, C)
+
+    def g_times(columns: Array) -> Array:
+        return (each @ columns.reshape(len(each), count, columns.shape[1])).reshape(columns.shape)
+
+    by_poses = g_times(own.by_poses.T)  # G F'
+    inner = symmetric_inverse(np.eye(len(own.by_poses)) - own.by_poses @ by_poses).inverse
+    right = np.column_stack([own.cross.T, own.gradient])
+    solved = g_times(right) + by_poses @ (inner @ (by_poses.T @ right))
+    # The solution is the minimum for the target as its file has it, whatever loss it was found with.
+    gradient = np.where(np.arange(len(equations.gradient)) < camera.stop, 0.0, equations.gradient)
+    taken, normal = own.cross @ solved[:, :-1], equations.normal
+    prior = np.diag(np.where(np.arange(len(normal)) < camera.stop, 0.0, variance))
+    reduced, pull = normal + prior - 0.5 * (taken + taken.T), gradient - own.cross @ solved[:, -1]
+    modes = symmetric_inverse(reduced[shared, shared]).inverse
+    lost = normal[camera, camera] - reduced[camera, camera] + reduced[camera, shared] @ modes @ reduced[shared, camera]
+    inverse = symmetric_inverse(normal[camera, camera] - lost).inverse
+    step = -inverse @ (pull[camera] - reduced[camera, shared] @ modes @ pull[shared])
+    all_shared = np.concatenate([step, -modes @ (pull[shared] + reduced[shared, camera] @ step)])
+    alone = -solved[:, -1] - solved[:, :-1] @ all_shared
+    whole = symmetric_inverse(reduced).inverse
+    trace = float(
+        np.trace(whole[shared, shared]) + np.trace(each, axis1=1, axis2=2).sum()
+        + (by_poses * (by_poses @ inner)).sum() + (solved[:, :-1] * (solved[:, :-1] @ whole)).sum()
+    )  # fmt: skip
+    numbers = np.concatenate([all_shared[shared], alone])
+    least = equations.square + float(gradient @ all_shared + own.gradient @ alone)
+    return Extended(inverse, lost, step, least - variance * float(numbers @ numbers), len(numbers) - variance * trace)
