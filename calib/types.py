@@ -50,7 +50,11 @@ class Camera:
 Mark = Literal["dot", "ring", "unreadable"]
 
 TOO_FLAT = "seen too small or too flat"
-"""Why a feature is missing that no camera could have measured from there."""
+OUTSIDE = "outside the image"
+CUT_OFF = "cut by the image's edge"
+NOT_MEASURABLE = (TOO_FLAT, OUTSIDE, CUT_OFF)
+"""Why features are missing that no camera could have measured from there."""
+UNMEASURABLE_WORDS = f"{TOO_FLAT}, outside the image or cut by its edge"
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from calib.camera_file import camera_or_preset
 from calib.detect.pipeline import detect
+from calib.inputs.records import measurable
 from calib.render import RenderOptions, View, render_view
 from calib.types import Detections
 from designer.target import TargetGeometry
@@ -271,3 +272,55 @@ def test_large_image_is_searched_small_and_measured_full() -> None:
     assert len(found.ring) >= view.clean.sum() - 1
     assert rmse(found, view) < 0.01
     assert 0.6 < chi_square(found, view).mean() / 2 < 1.5
+
+
+LOSSLESS = RenderOptions(blur_px=0.8, contrast_to_noise=40, glare=0.6, clutter=20)
+
+
+def turned_back(center_px: Array, size: tuple[int, int]) -> Array:
+    """Places in the image of a size (width, height) of those in the same image turned a quarter to the left."""
+    return np.stack([size[0] - 1 - center_px[:, 1], center_px[:, 0]], axis=1)
+
+
+@pytest.mark.parametrize("target", [board(), ico()], ids=["board", "ico"])
+def test_turning_the_image_by_right_angles_turns_the_centres(target: TargetGeometry) -> None:
+    """The same rings are found, well within a thousandth of a pixel and a thirtieth of their standard deviation."""
+    image = np.asarray(view_of(target, 3, options=LOSSLESS, distance_mm=350).image)
+    plain = detect(image, target, name="x")
+    assert len(plain.ring) > 90
+    sigma = np.sqrt(np.linalg.eigvalsh(plain.cov_px2)[:, 1])
+    sizes = [image.shape[::-1]]
+    for quarters in (1, 2, 3):
+        turned = np.ascontiguousarray(np.rot90(image, quarters))
+        found = detect(turned, target, name="x")
+        center = found.center_px
+        for size in reversed(sizes):
+            center = turned_back(center, (size[0], size[1]))
+        sizes.append(turned.shape[::-1])
+        assert np.array_equal(found.ring, plain.ring)
+        apart = np.linalg.norm(center - plain.center_px, axis=1)
+        assert (apart < 1e-6 + 0.03 * sigma).all()
+        assert np.median(apart) < 1e-6
+        assert (apart[sigma < 0.03] < 1e-3).all()
+
+
+@pytest.mark.parametrize("step", [256, 257])
+def test_sixteen_bits_of_an_eight_bit_photo_are_that_photo(step: int) -> None:
+    """A copy in 16 bits, bytes moved up or written twice, gives the same to the last bit."""
+    image = np.asarray(view_of(ico(), 3, options=LOSSLESS).image)
+    copy = image.astype(np.uint16) * np.uint16(step)
+    assert same(detect(image, ico(), name="x"), detect(copy, ico(), name="x"))
+
+
+def test_rings_beyond_the_edge_are_not_said_to_be_hidden() -> None:
+    """Of a board that a clean image cuts, rings outside and rings that its edge cuts are told apart, none expected."""
+    target = board()
+    view = view_of(target, 2)
+    right = view.center_px[:, 0]
+    column = int(right[right > right[target.is_dot].max() + 40].min()) + 5
+    found = detect(np.ascontiguousarray(view.image[:, :column]), target, name="x")
+    missing = dict(found.faces[0].missing)
+    assert missing["outside the image"] > 5
+    assert missing["cut by the image's edge"] > 0
+    assert set(missing) <= {"outside the image", "cut by the image's edge"}
+    assert measurable(found.faces[0]) == len(found.ring)

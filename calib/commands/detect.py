@@ -339,13 +339,13 @@ def _images_table(seen: "Sequence[Detections]", geometry: "TargetGeometry", said
 
 def _remarks(one: "Detections") -> list[str]:
     """What to know of an image, and why rings of seen faces are missing that could have been measured."""
-    from calib.types import TOO_FLAT
+    from calib.types import NOT_MEASURABLE
 
     missing: dict[str, int] = {}
     for record in one.faces:
         for reason, count in record.missing if record.face is not None else ():
             missing[reason] = missing.get(reason, 0) + count
-    lost = [f"{count} {reason}" for reason, count in missing.items() if count and reason != TOO_FLAT]
+    lost = [f"{count} {reason}" for reason, count in missing.items() if count and reason not in NOT_MEASURABLE]
     return [printable(remark) for remark in (*one.remarks, *lost)]
 
 

@@ -17,7 +17,6 @@ FAINT = "too little contrast"
 ODD_SHAPE = "not the shape a feature has there"
 VAGUE = "too blurred to be placed well"
 OFF_GRID = "off the grid"
-OUTSIDE = "outside the image"
 
 MAX_STRETCH = 0.25
 """How much longer or shorter, as a logarithm, a circle may look in any direction than its place predicts."""

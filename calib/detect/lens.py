@@ -64,10 +64,11 @@ class RadialLens:
         offset = straight - np.array(self.middle_px)
         target = np.linalg.norm(offset, axis=-1, keepdims=True) / self.half_diagonal_px
         radius = target.copy()
-        for _ in range(12):
-            r2 = radius * radius
-            slope = 1 + 3 * self.k1 * r2 + 5 * self.k2 * r2 * r2
-            radius = radius - (radius * (1 + self.k1 * r2 + self.k2 * r2 * r2) - target) / np.maximum(slope, 0.1)
+        with np.errstate(over="ignore", invalid="ignore"):  # far outside the image it may run away
+            for _ in range(12):
+                r2 = radius * radius
+                slope = 1 + 3 * self.k1 * r2 + 5 * self.k2 * r2 * r2
+                radius = radius - (radius * (1 + self.k1 * r2 + self.k2 * r2 * r2) - target) / np.maximum(slope, 0.1)
         return np.asarray(np.array(self.middle_px) + offset * radius / np.maximum(target, 1e-12))
 
 

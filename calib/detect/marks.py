@@ -6,6 +6,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.detect.plane_distance import upright
 from calib.jit import jit
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -27,7 +28,7 @@ def _sample_marks(image: NDArray[np.generic], ellipse: Floats, ratio: float, aro
         level[n, :] = np.nan
         inside = True
         for s in range(SAMPLES):
-            angle = 2.0 * math.pi * s / SAMPLES
+            angle = 2.0 * math.pi * s / SAMPLES + upright(e[2], e[3], e[4])
             x0 = math.cos(angle) / e[2]
             x1 = (math.sin(angle) - e[3] * x0) / e[4]
             for zone in range(3):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect.candidates import MIN_RADIUS_PX, Candidates, semi_axes_px
-from calib.detect.judge import COVERED, OUTSIDE, judge
+from calib.detect.judge import COVERED, judge
 from calib.detect.lens import Lens, local_form
 from calib.detect.lines import Lines, Seen, fit_lens, fit_lines
 from calib.detect.marks import DOT, RING, read_marks
@@ -17,7 +17,7 @@ from calib.detect.place import Naming, Placement, Places, predict
 from calib.detect.plan import TargetPlan
 from calib.detect.ring_fit import RingFits, fit_rings
 from calib.detect.ring_model import BLUR, DARKNESS, E00, E11, PARAMETERS, RATIO, WHITE
-from calib.types import TOO_FLAT
+from calib.types import CUT_OFF, OUTSIDE, TOO_FLAT
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -52,7 +52,8 @@ def measure(
     camera_lens: Lens | None,
 ) -> Measured:
     """Fit all features that must be in the image and keep those that prove to be there."""
-    places = predict(plan, placement, (image.shape[1], image.shape[0]))
+    image_size = (image.shape[1], image.shape[0])
+    places = predict(plan, placement, image_size)
     marks = read_marks(
         image,
         np.hstack([places.center_px, places.shape]),
@@ -74,10 +75,10 @@ def measure(
     reason = judge(fits, residual_px, is_dot[at], found.shape, plan)
     good = reason == ""
     left_out = np.setdiff1d(np.arange(len(places.ring)), at)
-    missing = [
-        (int(r), TOO_FLAT if minor < MIN_RADIUS_PX else COVERED)
-        for r, minor in zip(places.ring[left_out], small[left_out], strict=True)
-    ]
+    is_whole = places.are_whole(image_size)
+    reason[~good & ~is_whole[at]] = CUT_OFF
+    unseen = np.where(small < MIN_RADIUS_PX, TOO_FLAT, np.where(is_whole, COVERED, CUT_OFF))[left_out]
+    missing = [(int(r), str(why)) for r, why in zip(places.ring[left_out], unseen, strict=True)]
     missing += [(int(r), str(why)) for r, why in zip(found.ring[~good], reason[~good], strict=True)]
     on_seen = np.flatnonzero(np.isin(plan.target.ring_face, placement.seen()))
     missing += [(int(r), OUTSIDE) for r in np.setdiff1d(on_seen, places.ring)]
@@ -195,7 +196,8 @@ def _fit_with_lines(
 
 def _softened(image: NDArray[np.generic], start: Floats) -> tuple[NDArray[np.generic], Floats]:
     """The image blurred by SOFTENING_PX, and starts to fit: halves the error of images without grey edges."""
-    soft = np.asarray(cv2.GaussianBlur(np.asarray(image), (3, 3), SOFTENING_PX))
+    # Not in bytes: rounding would be one more noise.
+    soft = np.asarray(cv2.GaussianBlur(np.asarray(image, dtype=np.float32), (3, 3), SOFTENING_PX))
     start = start.copy()
     start[:, BLUR] = np.hypot(start[:, BLUR], SOFTENING_PX)
     return soft, start

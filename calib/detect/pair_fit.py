@@ -31,7 +31,7 @@ Floats: TypeAlias = NDArray[np.float64]
 
 RAYS = 40
 MAX_STEPS = 33
-ITERATIONS = 12
+ITERATIONS = 40
 ROBUST_PX = 0.4
 """Edge points farther off than this count less (Huber)."""
 
@@ -72,7 +72,7 @@ def _edge_points(
             mid_u, mid_v = p[CENTER_U] + x0, p[CENTER_V] + x1
             far = 0.5 * half + 1.0
             # Asked so that what is not a number is left out too.
-            if not (far <= mid_u <= width - 2 - far and far <= mid_v <= height - 2 - far):
+            if not (far <= mid_u <= width - 1 - far and far <= mid_v <= height - 1 - far):
                 continue
             for k in range(2 * half + 1):
                 t = 0.5 * (k - half)
@@ -171,7 +171,7 @@ def _fit_pair(image: NDArray[np.generic], p: Floats, q: Floats) -> float:
                 continue
             trial_cost = _pair_cost(trial, q, count, edge_uv, edge_rho, trial_normal, trial_gradient)
             if trial_cost < cost:
-                done = cost - trial_cost < 1e-5 * cost
+                done = cost - trial_cost < 1e-9 * cost
                 p[:8] = trial[:8]
                 normal[:] = trial_normal
                 gradient[:] = trial_gradient

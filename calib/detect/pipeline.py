@@ -26,6 +26,7 @@ Integers: TypeAlias = NDArray[np.int64]
 REGIONS_APART = 1 << 40
 EASY_RADIUS_PX = 4.0
 """Features with a smaller semi-axis below this may stay unseen without another threshold being tried."""
+BYTES_IN_WORDS = (257, 256)
 MIRRORED = "mirrored: the image shows the target in a mirror, or was flipped; flip it back and detect again"
 
 
@@ -120,7 +121,16 @@ def _camera_remarks(
 
 
 def _as_kernels_want(pixels: NDArray[np.generic]) -> NDArray[np.generic]:
-    """Bytes or single floats, contiguous and writable: every other kind would be compiled for, which takes 20 s."""
+    """Bytes or single floats, contiguous and writable: every other kind would be compiled for, which takes 20 s.
+
+    What sixteen bits hold of an 8-bit photo are its bytes, written twice or moved up.
+    """
+    if pixels.dtype == np.uint16:
+        for step in BYTES_IN_WORDS:
+            whole, rest = np.divmod(pixels, np.uint16(step))
+            if not rest.any():
+                pixels = whole.astype(np.uint8)
+                break
     kind = np.uint8 if pixels.dtype == np.uint8 else np.float32
     return np.require(pixels, dtype=kind, requirements=["C", "W"])
 
@@ -190,13 +200,14 @@ def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates)
 
 def _contrast(pixels: NDArray[np.generic], candidates: Candidates) -> float:
     """White minus ink of the usual ring, in grey levels."""
-    rings = np.flatnonzero(candidates.ratio > 0)[:400]
+    rings = np.flatnonzero(candidates.ratio > 0)
     if not len(rings):
         return 1.0
     e, ratio = candidates.ellipse[rings], candidates.ratio[rings]
     height, width = pixels.shape
     steps = []
-    for angle in np.arange(4) * (np.pi / 2) + 0.4:
+    upright = np.arctan2(e[:, 3], e[:, 2] + e[:, 4])
+    for angle in (upright + quarter * (np.pi / 2) + 0.4 for quarter in range(4)):
         across = np.cos(angle) / e[:, 2]
         along = (np.sin(angle) - e[:, 3] * across) / e[:, 4]
         levels = []

@@ -50,8 +50,19 @@ def plane_distance(p: Floats, q: Floats, v0: float, v1: float, out: Floats) -> N
 
 
 @jit
+def upright(e00: float, e10: float, e11: float) -> float:
+    """The turn Q of the polar decomposition E = Q S, S symmetric, of a lower triangular E: an angle in the plane."""
+    return math.atan2(e10, e00 + e11)
+
+
+@jit
 def offset_on_circle(p: Floats, rho: float, angle: float) -> tuple[float, float]:
-    """The straightened offset xi of the point at plane distance rho in a direction of the plane."""
+    """The straightened offset xi of the point at plane distance rho in a direction of the plane.
+
+    Angles are counted so that the map from the plane is symmetric (`upright`): turning the image by a right angle then
+    turns all directions by a right angle, whatever the triangular E does.
+    """
+    angle += upright(p[E00], p[E10], p[E11])
     x0 = math.cos(angle) / p[E00]
     x1 = (math.sin(angle) - p[E10] * x0) / p[E11]
     scale = rho / (1.0 + rho * (p[M0] * x0 + p[M1] * x1))

@@ -12,11 +12,13 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.detect.plane_distance import upright
 from calib.jit import jit
 
 Floats: TypeAlias = NDArray[np.float64]
 
 STEPS = 12
+"""Lines; two make a step."""
 
 
 @jit
@@ -69,7 +71,8 @@ def refine_seeds(
 ) -> NDArray[np.bool_]:
     """Move each seed (N, 2) to the projected centre of its two borders; false where the lines miss them.
 
-    The mean of the last half of the steps is taken, because borders run in whole pixels.
+    The mean of the last half of the steps is taken, because borders run in whole pixels. A step goes along two lines at
+    a right angle in the plane, both from one place, so that it does not matter which of them comes first.
     """
     ok = np.zeros(len(outer), dtype=np.bool_)
     big, small = np.empty(2), np.empty(2)
@@ -79,18 +82,20 @@ def refine_seeds(
         mean_u = mean_v = 0.0
         taken = 0
         e = ellipse[o]
-        for step in range(STEPS):
-            # Right angles in the plane, and a different pair of lines each second step.
-            angle = 0.5 * math.pi * step + math.pi / STEPS * (step // 2)
+        for line in range(STEPS):
+            if line % 2 == 0:
+                from_u, from_v = cu, cv
+            # A different pair of lines each step.
+            angle = 0.5 * math.pi * line + math.pi / STEPS * (line // 2) + upright(e[2], e[3], e[4])
             y0, y1 = math.cos(angle), math.sin(angle)
             du = y0 / e[2]
             dv = (y1 - e[3] * du) / e[4]
             norm = math.sqrt(du * du + dv * dv)
             du /= norm
             dv /= norm
-            if not _crossings(point, first[o], first[o + 1], cu, cv, du, dv, big):
+            if not _crossings(point, first[o], first[o + 1], from_u, from_v, du, dv, big):
                 break
-            if not _crossings(point, first[i], first[i + 1], cu, cv, du, dv, small):
+            if not _crossings(point, first[i], first[i + 1], from_u, from_v, du, dv, small):
                 break
             # Half a pixel from the white pixels' centres to the edge.
             t = midpoint_on_line(big[0] + 0.5, small[0] - 0.5, small[1] + 0.5, big[1] - 0.5)
@@ -98,11 +103,11 @@ def refine_seeds(
                 break
             cu += t * du
             cv += t * dv
-            if step >= STEPS // 2:
+            if line >= STEPS // 2 and line % 2 == 1:
                 mean_u += cu
                 mean_v += cv
                 taken += 1
-        if taken == STEPS - STEPS // 2:
+        if taken == STEPS // 4:
             seed[n, 0] = mean_u / taken
             seed[n, 1] = mean_v / taken
             ok[n] = True

@@ -35,10 +35,10 @@ MIN_GRID = 6
 """Smaller grids of rings are clutter."""
 LEAST_ROW = 4
 """So many places without a ring along a side are no chance ..."""
-FULL_SHARE = 2 / 3
+FULL_SHARE = 0.5
 """... if of the row behind them so many are there."""
 BARE_EVIDENCE = 20.0
-"""Logarithm of the odds, were features hidden one by one; covers hide several together, so it is twice what it says."""
+"""Odds as if features were hidden one by one; covers hide several together, so half of it is true."""
 LEAST_BEYOND, BEYOND_SHARE = 3, 0.1
 """So many rings, and so large a share of the places one step outside the target, are no chance."""
 MAX_SKEW = 0.25
@@ -57,8 +57,12 @@ class Evidence:
     strange: int  # rings where the target has none: within its faces, or in grids that no face can hold
     beyond: int  # rings one step outside the target, on its lattice
     beyond_in_view: int  # such places
-    bare: int  # plain features missing in whole rows along a side, while the row behind is there ...
-    bare_faces: int  # ... of so many faces
+    bare: (
+        float  # logarithm of the odds against whole rows missing along sides by chance, while the rows behind are there
+    )
+    bare_faces: int  # on which there are such
+    cut_off: int  # features outside the image, of a target without marks
+    is_lone: bool  # one face of a solid, so that no other face tells how large it is
     is_bounded: bool  # of a face, rings were found along every side
     skew: float  # logarithm of how much more circles are stretched one way than the other, in the median
     proportion: float  # logarithm of ring size over pitch, seen over the target's, in the median
@@ -80,8 +84,7 @@ class Evidence:
 
         Whole rows along the sides are missing and little else: were they hidden, features beside them would be, too.
         """
-        hidden = (self.expected - self.found - self.bare + 1) / (self.expected - self.bare + 2)
-        return 2 * self.bare_faces >= self.faces and -self.bare * math.log(hidden) > BARE_EVIDENCE
+        return 2 * self.bare_faces >= self.faces and self.bare > BARE_EVIDENCE
 
 
 def refusal(evidence: Evidence) -> str:
@@ -95,10 +98,14 @@ def refusal(evidence: Evidence) -> str:
     if evidence.balance < 0:
         found = f"{evidence.found} of {evidence.expected} rings that should be in view were found"
         return found + (f", and {evidence.strange} where it has none" if evidence.strange else "")
+    if evidence.cut_off:
+        return "it has no dots, and not all of it is in the image"
     if evidence.is_too_small:
         return f"{evidence.beyond} rings continue its pattern where it ends"
     if evidence.is_too_large:
         return "the pattern ends before the target does"
+    if evidence.is_lone and (not evidence.is_bounded or evidence.strange >= LEAST_BEYOND):
+        return "only one face is seen, and not to all its sides, or beside rings that no face of it can hold"
     if abs(evidence.proportion) > MAX_PROPORTION and not evidence.is_bounded:
         return f"a part is seen, with rings {math.exp(evidence.proportion):.2f} times as large for their pitch"
     return ""
@@ -135,12 +142,13 @@ def gather(
         image_size: width, height in px.
     """
     places = predict(plan, placement, image_size)
-    plain = _plain(places, image_size)
     found = np.isin(places.ring, measured.ring)
+    least_px = _plain_radius_px(places.shape[found])
+    plain = _plain(places, least_px, image_size)
     seen = candidates.take(np.flatnonzero(candidates.ratio > 0))
     left = seen.take(_unexplained(plan, seen, places))
     faces = np.unique(plan.target.ring_face[measured.ring])
-    around = [_one_step_outside(plan, placement, int(face), image_size) for face in faces]
+    around = [_one_step_outside(plan, placement, int(face), least_px, image_size) for face in faces]
     sides = [_sides(plan.target, places, int(face), plain, found) for face in faces]
     skew, proportion = _ratios(plan, measured, places)
     return Evidence(
@@ -154,15 +162,22 @@ def gather(
         beyond_in_view=sum(len(part.ring) for part in around),
         bare=sum(bare for bare, _ in sides),
         bare_faces=sum(bare > 0 for bare, _ in sides),
+        cut_off=0 if plan.target.is_dot.any() else plan.target.ring_count - len(places.ring),
+        is_lone=len(faces) == 1 < plan.target.face_count,
         is_bounded=any(bounded for _, bounded in sides),
         skew=skew,
         proportion=proportion,
     )
 
 
-def _plain(places: Places, image_size: tuple[int, int]) -> Flags:
+def _plain_radius_px(found: Floats) -> float:
+    """From which semi-minor axis on features are plain to see; of small ones, half of those found.  # (N, 3)"""
+    return min(PLAIN_RADIUS_PX, float(np.median(semi_axes_px(found)[1]))) if len(found) else PLAIN_RADIUS_PX
+
+
+def _plain(places: Places, least_px: float, image_size: tuple[int, int]) -> Flags:
     """Places whose feature would be plain to see.  # (N,)"""
-    return np.asarray((semi_axes_px(places.shape)[1] > PLAIN_RADIUS_PX) & places.are_whole(image_size))
+    return np.asarray((semi_axes_px(places.shape)[1] >= least_px) & places.are_whole(image_size))
 
 
 def _at(plan: TargetPlan, rings: Candidates, places: Places) -> Integers:
@@ -193,14 +208,16 @@ def _depth(outline_mm: Floats, point: Floats) -> Floats:
     return np.asarray(np.einsum("kc,knc->kn", inward, point[None] - outline_mm[:, None]))
 
 
-def _one_step_outside(plan: TargetPlan, placement: Placement, face: int, image_size: tuple[int, int]) -> Places:
+def _one_step_outside(
+    plan: TargetPlan, placement: Placement, face: int, least_px: float, image_size: tuple[int, int]
+) -> Places:
     """Places of the lattice that the target does not have, next to those that it has, plain to see."""
     own = plan.target.ring_index[plan.target.ring_face == face]
     near = np.unique((own[:, None] + plan.lattice.move[None]).reshape(-1, 2), axis=0)
     near = near[plan.rows_at(face, near) < 0]
     name, radius = np.full(len(near), -1), np.full(len(near), plan.radius_mm)
     places = imaged(plan, placement, face, name, plan.lattice_mm(face, near), radius, image_size)
-    return places.take(_plain(places, image_size))
+    return places.take(_plain(places, least_px, image_size))
 
 
 def _too_many(plan: TargetPlan, candidates: Candidates, grid: Grid, naming: Naming) -> int:
@@ -212,8 +229,8 @@ def _too_many(plan: TargetPlan, candidates: Candidates, grid: Grid, naming: Nami
     return int(sure.sum()) - largest_overlap(plan, grid.index[sure], turns)
 
 
-def _sides(target: TargetGeometry, places: Places, face: int, plain: Flags, found: Flags) -> tuple[int, bool]:
-    """How many features are missing in bare rows along a face's sides, and whether its rings reach all sides."""
+def _sides(target: TargetGeometry, places: Places, face: int, plain: Flags, found: Flags) -> tuple[float, bool]:
+    """The odds against the bare rows along a face's sides, as a logarithm, and whether its rings reach all sides."""
     rows = target.ring_face == face
     outline = target.outline_mm[face]
     pitch = float(np.linalg.norm(target.lattice_mm[face], axis=1).min())
@@ -221,14 +238,22 @@ def _sides(target: TargetGeometry, places: Places, face: int, plain: Flags, foun
     mine = target.ring_face[places.ring] == face
     depth = (_depth(outline, target.center_in_face_mm[places.ring[mine], :2]) - outermost[:, None]) / pitch
     plain, found = plain[mine], found[mine]
-    bare = np.zeros(len(plain), dtype=np.bool_)
+    beyond = np.zeros(len(plain), dtype=np.bool_)
+    rows = []
     reach = np.where(found, depth, np.inf).min(axis=1)
     for side, first in zip(depth, reach, strict=True):
         missing = plain & (side < first - 0.1)
         behind = plain & ~missing & (side < first + 0.75)
         if missing.sum() >= LEAST_ROW and found[behind].sum() >= max(LEAST_ROW, FULL_SHARE * behind.sum()):
-            bare |= missing
-    return int(bare.sum()), bool((reach < 0.4).all())
+            rows.append((int(missing.sum()), _share(~found[behind])))
+            beyond |= missing
+    hidden = _share(~found[plain & ~beyond])
+    return sum(-count * math.log(min(hidden, behind)) for count, behind in rows), bool((reach < 0.4).all())
+
+
+def _share(flags: Flags) -> float:
+    """The share that a few draws tell (Laplace's rule of succession), neither 0 nor 1."""
+    return (int(flags.sum()) + 1) / (len(flags) + 2)
 
 
 def _ratios(plan: TargetPlan, measured: Measured, places: Places) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-from calib.types import TOO_FLAT, Detections, FaceRecord
+from calib.types import NOT_MEASURABLE, Detections, FaceRecord
 from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
 
@@ -47,8 +47,8 @@ def image_record(seen: Detections) -> ImageRecord:
 
 
 def measurable(record: FaceRecord) -> int:
-    """How many features of a face could have been measured: all but those that are seen too flat."""
-    return record.rings_expected - dict(record.missing).get(TOO_FLAT, 0)
+    """How many features of a face could have been measured: all but those too flat, cut off or outside the image."""
+    return record.rings_expected - sum(count for why, count in record.missing if why in NOT_MEASURABLE)
 
 
 def records_path(detections: Path) -> Path:

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from calib.inputs.records import measurable
 from calib.report.cells import number, whole
 from calib.report.detected_file import DETECTED_FILE, DetectedFile, DetectedPhoto, read_detected
 from calib.report.detected_words import (
@@ -22,7 +23,7 @@ from calib.report.photo_rows import common_remarks
 from calib.report.photos import shortened
 from calib.report.study_folder import files_section, warnings
 from calib.results.evaluation_table import figure as digits
-from calib.types import TOO_FLAT
+from calib.types import NOT_MEASURABLE, UNMEASURABLE_WORDS
 from designer.command import printable
 from designer.page.blocks import (
     Block,
@@ -161,7 +162,7 @@ def _photos_table(folder: Path, file: DetectedFile, common: Sequence[str]) -> Ta
     columns = (
         Column("photo", is_number=False),
         Column("found", note="rings and dots that were named and measured"),
-        Column("expected", note="of the faces that show, without those that are seen too flat"),
+        Column("expected", note=f"of the faces that show, without those {UNMEASURABLE_WORDS}"),
         Column("found %"),
         *faces,
         Column("sigma px", note="median of the centres' standard deviations, along their worse axis"),
@@ -199,10 +200,10 @@ def _faces_table(file: DetectedFile) -> Table:
                 continue
             photos[face.face] += 1
             found[face.face] += face.rings_found
-            expected[face.face] += face.rings_expected - dict(face.missing).get(TOO_FLAT, 0)
+            expected[face.face] += measurable(face)
     columns = (
         Column("face"), Column("photos", note="in which rings of it were measured"), Column("found"),
-        Column("expected", note="of these photos, without those that are seen too flat"),
+        Column("expected", note=f"of these photos, without those {UNMEASURABLE_WORDS}"),
     )  # fmt: skip
     rows = tuple(
         (Cell(str(face), float(face), level=None if photos[face] else "usable"), whole(photos[face]),
@@ -222,9 +223,10 @@ def _missing_section(file: DetectedFile) -> Section:
     if not missing:
         return Section(title, (), lead="No ring of a face that shows is missing.")
     rows = tuple((Cell(printable(why)), whole(count)) for why, count in missing.most_common())
-    note = f"Rings that are {TOO_FLAT} are not expected: no detector measures them." if TOO_FLAT in missing else ""
+    unmeasurable = sum(missing[why] for why in NOT_MEASURABLE)
+    note = f"Rings {UNMEASURABLE_WORDS} are not expected: no detector measures them." if unmeasurable else ""
     table = Table("Reasons", (Column("reason", is_number=False), Column("rings")), rows, note)
-    lost = missing.total() - missing[TOO_FLAT]
+    lost = missing.total() - unmeasurable
     lead = f"{lost} rings are missing that could have been measured" if lost else "Only rings that nobody could measure"
     return Section(title, (table,), lead=f"{lead}.")
 

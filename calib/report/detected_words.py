@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from calib.report.detected_file import DetectedFile, DetectedPhoto
-from calib.types import TOO_FLAT
+from calib.types import NOT_MEASURABLE
 from designer.command import printable
 from designer.page.blocks import Block, Command, Finding, Findings, Headline, Level, Section, Steps
 from designer.words import capital
@@ -102,7 +102,8 @@ def missing_of(photo: DetectedPhoto) -> Counter[str]:
 
 def missing_words(missing: Counter[str]) -> str:
     """The same in words, without what no photo can change."""
-    return ", ".join(f"{count} {printable(why)}" for why, count in missing.most_common() if count and why != TOO_FLAT)
+    lost = ((why, count) for why, count in missing.most_common() if count and why not in NOT_MEASURABLE)
+    return ", ".join(f"{count} {printable(why)}" for why, count in lost)
 
 
 def next_section(file: DetectedFile, level: Level) -> Section:

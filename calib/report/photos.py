@@ -17,7 +17,7 @@ from calib.inputs.images import read_colour
 from calib.report.cells import number, whole
 from calib.report.photo_rows import PhotoRow
 from calib.results.evaluation_table import figure as digits
-from calib.types import TOO_FLAT
+from calib.types import UNMEASURABLE_WORDS
 from designer.command import printable
 from designer.errors import InputError
 from designer.page.blocks import Block, Cell, Column, Finding, Findings, Gallery, Picture, Raster, Section, Table
@@ -225,7 +225,10 @@ def views_table(rows: Sequence[PhotoRow], *, is_flat: bool) -> Table:
     side = Column("tilt °", note="between the target and the image plane; 0 is straight on")
     columns = (
         Column("photo", is_number=False),
-        Column("rings", note=f"found, of those of the faces in the photo that could be measured: not those {TOO_FLAT}"),
+        Column(
+            "rings",
+            note=f"found, of those of the faces in the photo that could be measured: not those {UNMEASURABLE_WORDS}",
+        ),
         Column("outliers", note="sightings that were left out of the solution"),
         Column("RMSE px", note="root mean square of what is left over: predicted - measured"),
         Column("worst px", note="the largest that is left over"),

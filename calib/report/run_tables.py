@@ -14,7 +14,7 @@ from calib.report.run_folder import Solved
 from calib.report.stored_metrics import StoredMetric, StoredMetrics
 from calib.results.evaluation_table import OF_ITS_OWN_SENSOR, focal_length, with_digits
 from calib.results.evaluation_table import figure as digits
-from calib.types import TOO_FLAT, Calibration
+from calib.types import UNMEASURABLE_WORDS, Calibration
 from designer.command import printable
 from designer.page.blocks import Cell, Column, Table
 
@@ -154,7 +154,7 @@ def faces_table(one: Solved, records: Records | None) -> Table:
         columns.append(
             Column(
                 "rings found %",
-                note=f"in the photos in which it was read, of those that could be measured: not those {TOO_FLAT}",
+                note=f"in the photos in which it was read, of those that could be measured, not {UNMEASURABLE_WORDS}",
             )
         )
     columns += [Column(f"{e.metric} {e.unit}", note="root mean square") for e, _ in grouped]
