@@ -76,7 +76,8 @@ def picture(height_px: int, draw: "Callable[[Figure], None]") -> bytes:
         canvas = FigureCanvasAgg(figure)
         draw(figure)
         stream = io.BytesIO()
-        canvas.print_png(stream, metadata={"Software": None})  # `savefig` would search for the layout and draw twice
+        # `savefig` would search for the layout and draw twice; matplotlib gives this method no types.
+        canvas.print_png(stream, metadata={"Software": None})  # type: ignore[no-untyped-call]
     return stream.getvalue()
 
 

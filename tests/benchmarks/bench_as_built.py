@@ -19,7 +19,7 @@ from calib.se3 import make_pose, transform
 from calib.sightings import keep_views
 from calib.solver.pose import solve_poses
 from calib.solver.solve import solve
-from calib.types import KnownPoints, Observations
+from calib.types import Observations
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import perturb
@@ -104,12 +104,8 @@ def against_truth(seen: Observations, used: TargetGeometry, print_: TargetGeomet
     laid = scaled(print_, scale)
     change = make_pose(rotation, shift)
     laid = replace(laid, center_mm=transform(change, laid.center_mm), target_from_face=change @ laid.target_from_face)
-    # A face may be bent: each ring is in a plane of its own.
-    normal = laid.target_from_face[laid.ring_face, :3, 2]
-    plane = np.column_stack([normal, (normal * laid.center_mm).sum(axis=1)])
-    true_points = KnownPoints(laid.center_mm, np.arange(laid.ring_count), plane)
     judged = replace(
-        camera, observations=replace(shown, points=true_points), cam_from_target=poses.cam_from_target,
+        camera, observations=replace(shown, points=known_points(laid)), cam_from_target=poses.cam_from_target,
         residual_px=poses.residual_px, is_outlier=np.zeros(len(shown.view), dtype=bool),
         pose_covariance=poses.covariance,
     )  # fmt: skip
