@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise, project, rays
+from calib.linear_algebra import least_squares
 from calib.refit import image_grid
 from calib.se3 import exp_rotation, log_rotation
 from calib.types import Camera, frozen_array
@@ -111,7 +112,7 @@ def _least_squares_turn(camera: Camera, pixel: Array, ray: Array, rotation: Arra
         jacobian = np.vstack([np.cross(point, gradient, axis=0).T for gradient in linear.by_point])
         residual = (linear.pixel - pixel.T).reshape(-1)
         seen = np.isfinite(residual)
-        step = np.linalg.lstsq(jacobian[seen], -residual[seen], rcond=None)[0]
+        step = least_squares(jacobian[seen], -residual[seen])
         rotation = exp_rotation(step) @ rotation
         if np.linalg.norm(step) < 1e-14:
             break

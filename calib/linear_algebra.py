@@ -104,15 +104,15 @@ def least_squares(design: Array, right: Array) -> Array:
     return np.asarray(solved / unit.reshape(-1, *(1,) * (right.ndim - 1)))
 
 
-def covariance_root(covariance: Array) -> Array:
-    """A root L with `L L' = C` of covariances (..., N, N), singular ones too; nan where they are not finite.
-
-    Not triangular; for draws and for lengths of ellipses' axes, where any root does.
-    """
-    covariance = np.asarray(covariance, dtype=np.float64)
-    finite = np.isfinite(covariance).all(axis=(-2, -1), keepdims=True)
-    value, vector = np.linalg.eigh(np.where(finite, covariance, 0.0))
-    return np.where(finite, vector * np.sqrt(value.clip(min=0.0))[..., None, :], np.nan)
+def pseudo_inverse(design: Array) -> Array:
+    """What takes b to the x of `least_squares` (K, N), of a matrix A (N, K); nan if A is not finite."""
+    design = np.asarray(design, dtype=np.float64)
+    if not np.isfinite(design).all():
+        return np.full(design.shape[::-1], np.nan)
+    length = np.linalg.norm(design, axis=0)
+    unit = np.where(length > 0, length, 1.0)
+    inverse: Array = np.linalg.pinv(design / unit, rcond=ROUNDING) / unit[:, None]
+    return inverse
 
 
 def _unit_diagonal(matrix: Array) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise, parameter_names, project, rays
+from calib.linear_algebra import least_squares
 from calib.se3 import exp_rotation, log_rotation
 from calib.types import Camera, frozen_array
 from designer.errors import InputError
@@ -147,7 +148,7 @@ def _frame_of_image(pixel: Array, ray: Array, image_size: tuple[int, int]) -> Ar
     centre = (np.array(image_size) - 1) / 2
     unit = ray[rows] / np.linalg.norm(ray[rows], axis=1, keepdims=True)
     offset = np.column_stack([np.ones(len(rows)), pixel[rows] - centre])
-    forward, right, _ = np.linalg.lstsq(offset, unit, rcond=None)[0]
+    forward, right, _ = least_squares(offset, unit)
     forward /= np.linalg.norm(forward)
     right -= forward * (right @ forward)
     right /= np.linalg.norm(right)
@@ -161,7 +162,7 @@ def _without_lens(pixel: Array, ray: Array, image_size: tuple[int, int], model: 
     params = np.zeros(len(parameter_names(model)))
     for axis in range(2):
         columns = np.column_stack([slope[:, axis], np.ones(len(rows))])
-        params[[axis, 2 + axis]] = np.linalg.lstsq(columns, pixel[rows, axis], rcond=None)[0]
+        params[[axis, 2 + axis]] = least_squares(columns, pixel[rows, axis])
     if not (params[:2] > 0).all():
         raise InputError("the camera's rays do not follow its pixels (mirrored, or all alike); check its parameters")
     return Camera(model, params, image_size)

@@ -281,6 +281,37 @@ def test_one_frontal_view_of_a_plane_is_degenerate() -> None:
     assert read_calibration(Path("out/calibration.json"))[0].status == "degenerate"
 
 
+GRID = 20.0 * np.stack(np.meshgrid(np.arange(9.0) - 4, np.arange(7.0) - 3, 0.0), axis=-1).reshape(-1, 3)
+TILTED = [look_at(300 * np.array([np.sin(a), 0.1, np.cos(a)]), np.zeros(3), a) for a in (0.1, 0.4, 0.7, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("points", "poses", "code"),
+    [
+        (GRID[GRID[:, 1] == 0], TILTED, 2),
+        (GRID[:1], TILTED, 2),
+        (np.repeat(GRID[:1], 6, axis=0) + 1e-9 * np.arange(6)[:, None], TILTED, 2),
+        (GRID, [TILTED[2], TILTED[2]], 1),
+        (GRID, [TILTED[0]], 1),
+    ],
+    ids=["collinear", "one ring only", "all in one spot", "two identical views", "one nearly frontal view"],
+)
+def test_what_determines_no_camera_is_refused_or_judged(
+    points: NDArray[np.float64], poses: list[NDArray[np.float64]], code: int
+) -> None:
+    """One line and exit code 2, or a verdict and exit code 1; never a traceback, never a camera to go on with."""
+    lines = ["# image_size 1281 x 961", "image,u,v,X,Y,Z"]
+    one = Camera("pinhole", np.array([1000.0, 1000, 640, 480]), (1281, 961))
+    for view, pose in enumerate(poses):
+        seen = np.column_stack([project(one, transform(pose, points)), points])
+        lines += [f"{view}.png," + ",".join(f"{x:.9f}" for x in row) for row in seen.tolist()]
+    Path("few.csv").write_text("\n".join(lines) + "\n")
+    answer = calib("solve", "few.csv", "--model", "opencv", "-o", "out", "--no-page")
+    assert answer.code == code
+    assert answer.err.count("\n") == (code == 2)
+    assert ("verdict on opencv: do not use" in answer.out) == (code == 1)
+
+
 def test_views_that_cannot_be_used_are_named_and_recorded() -> None:
     """A duplicate, another size, too few points: each is said once, and stands in the calibration."""
     seen = detections_of(SEEN, BOARD)

@@ -24,6 +24,7 @@ from calib.as_built.unknowns import (
     strain_matrix,
     strain_numbers,
 )
+from calib.linear_algebra import pseudo_inverse
 from calib.se3 import exp_rotation, invert, log_rotation, make_pose, skew, transform
 from calib.types import Observations
 
@@ -115,7 +116,7 @@ def rigid_design(position_mm: Array) -> Array:
 
 def rigid_fit(position_mm: Array) -> Array:
     """What turns displacements (3 R,) of rings into the rigid motion that fits them best.  # (6, 3 R)"""
-    return np.asarray(np.linalg.pinv(rigid_design(position_mm).reshape(-1, 6)), dtype=np.float64)
+    return pseudo_inverse(rigid_design(position_mm).reshape(-1, 6))
 
 
 def scale_fit(position_mm: Array) -> Array:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from calib.as_built.datum import Seen, by_shared_dense, rigid_design
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.unknowns import Shape, Unknowns, nominal_shape, place_rings, shared_values
+from calib.linear_algebra import pseudo_inverse
 from designer.target import TargetGeometry, bounding_radius_mm
 from designer.tolerance.assumed import error_model_for
 from designer.tolerance.model import ErrorModel
@@ -67,7 +68,7 @@ def _expected(unknowns: Unknowns, prior: ShapePrior) -> Array:
     by_shared = by_shared_dense(unknowns, place).reshape(3 * rings, -1)
     rigid = rigid_design(place.position_mm).reshape(3 * rings, 6)
     whole = np.column_stack([by_shared[:, :first], rigid])
-    fitted = np.linalg.pinv(whole) @ modes
+    fitted = pseudo_inverse(whole) @ modes
     value = np.zeros((unknowns.count, modes.shape[1]))
     is_stretch = unknowns.strain < 3  # the diagonal, whose mean is the size
     value[:first] = fitted[:first]
@@ -78,7 +79,7 @@ def _expected(unknowns: Unknowns, prior: ShapePrior) -> Array:
         columns, rows = columns[columns >= 0], np.flatnonzero(target.ring_face == face)
         if len(columns) and len(rows):
             design = by_shared.reshape(rings, 3, -1)[rows][:, :, columns].reshape(3 * len(rows), -1)
-            value[columns] = np.linalg.pinv(design) @ left[rows].reshape(3 * len(rows), -1)
+            value[columns] = pseudo_inverse(design) @ left[rows].reshape(3 * len(rows), -1)
     least = np.where(unknowns.is_length, LEAST_MM, LEAST_MM / size)
     expected: Array = np.maximum(np.sqrt((value**2).sum(axis=1)), least)
     return expected

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.options import AsBuiltOptions
+from calib.linear_algebra import least_squares
 from calib.se3 import exp_rotation, skew
 from designer.target import TargetGeometry, bounding_radius_mm
 
@@ -140,7 +141,7 @@ def bow_basis(target: TargetGeometry) -> Array:
         x, y = (target.center_in_face_mm[rows, :2] / rim).T
         plane = np.column_stack([np.ones(len(rows)), x, y])
         bent = np.column_stack([x * x + y * y, x * x - y * y, 2 * x * y])
-        bent -= plane @ np.linalg.lstsq(plane, bent, rcond=None)[0]
+        bent -= plane @ least_squares(plane, bent)
         basis[rows] = np.where(np.linalg.norm(bent, axis=0) > 1e-9, bent, 0.0)
     return basis
 

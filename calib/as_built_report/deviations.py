@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calib.as_built.datum import few_views
 from calib.as_built.result import AsBuilt, face_shift_mm
 from calib.as_built.unknowns import STRAIN_INDEX, strain_matrix, strain_numbers
+from calib.linear_algebra import symmetric_inverse
 from calib.se3 import exp_rotation
 from designer.skew import NO_SKEW, SKEW_NAMES, Skew, skew_matrix
 from designer.target import TargetGeometry
@@ -173,7 +174,7 @@ def face_deviations(found: AsBuilt) -> FaceDeviations | None:
         return None
     block = found.motion_covariance.reshape(count, 6, count, 6)[np.arange(count), :, np.arange(count)]
     sigma = np.sqrt(np.maximum(np.diagonal(block, axis1=1, axis2=2), 0.0))
-    square = np.array([m @ np.linalg.pinv(c) @ m for m, c in zip(found.motion, block, strict=True)])
+    square = np.einsum("fi,fij,fj->f", found.motion, symmetric_inverse(block).inverse, found.motion)
     chance = np.asarray(chi2.sf(square, 6), dtype=np.float64)
     is_noticed = face_shift_mm(found.nominal, found.motion[:, :, None] * found.motion[:, None]) > (
         NOTICED * found.centre_noise_mm

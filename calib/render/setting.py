@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.linear_algebra import solve_square
 from calib.render.faces import Box, SeenFace, union
 from calib.render.lens import vignette
 from calib.render.lighting import Gradient, Lamp, glare_at, gradient_at, lambert, make_gradient, place_lamp, to_face
@@ -136,6 +137,6 @@ def _is_touched(share: Grey, truth: RingTruth, row: int, reach_px: float) -> boo
         return False
     # Within the ellipse grown by `reach_px`: at most that much farther out than where the ray leaves the ellipse.
     away = np.column_stack([u, v]) + low - center
-    unit_radius = np.linalg.norm(np.linalg.solve(affine, away.T), axis=0)
+    unit_radius = np.linalg.norm(solve_square(affine, away.T), axis=0)
     distance = np.linalg.norm(away, axis=1)
     return bool((distance <= distance / np.maximum(unit_radius, 1e-9) + reach_px).any())

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.linear_algebra import symmetric_inverse
 from calib.solver.blocks import RobustLoss
 from calib.solver.levenberg import minimise_poses
 from calib.solver.poses import first_poses
@@ -47,7 +48,7 @@ def solve_poses(camera: Camera, observations: Observations, *, weighted: bool = 
     normal = np.where(found[:, None, None], minimum.blocks.products[:, -7:-1, -7:-1], np.eye(6))
     lost = ~found
     poses = minimum.cam_from_target
-    covariance = target_covariance(problem, poses, scale**2 * np.linalg.inv(normal))
+    covariance = target_covariance(problem, poses, scale**2 * symmetric_inverse(normal).covariance)
     return Poses(
         np.where(lost[:, None, None], np.nan, target_poses(problem, poses)),
         np.where(lost[:, None, None], np.nan, covariance),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise, rays
+from calib.linear_algebra import least_squares
 from calib.refit import image_grid
 from calib.types import Camera
 
@@ -28,9 +29,7 @@ def projected_change(camera: Camera, pixel: Array) -> Array:
     """
     by_params, by_rotation = _derivatives(camera, image_grid(camera.image_size, *GRID).reshape(-1, 2))
     seen: NDArray[np.bool_] = np.asarray(np.isfinite(by_params).all(axis=(1, 2)))
-    turn, *_ = np.linalg.lstsq(
-        by_rotation[seen].reshape(-1, 3), -by_params[seen].reshape(-1, by_params.shape[2]), rcond=None
-    )
+    turn = least_squares(by_rotation[seen].reshape(-1, 3), -by_params[seen].reshape(-1, by_params.shape[2]))
     here_params, here_rotation = _derivatives(camera, pixel)
     change: Array = here_params + here_rotation @ turn
     return change

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.linear_algebra import solve_square, symmetric_inverse
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.covariance import accuracy_of
 from calib.solver.levenberg import is_allowed, move_poses, turn_of_centre
@@ -117,7 +118,7 @@ def _start(
         columns.append((ends[0].gradient - ends[1].gradient) / (2 * sigma[:, k : k + 1]))
     second = np.stack(columns, axis=-1)  # (V, P + 6, 6)
     pose = second[:, parameters:]
-    inverse = np.linalg.inv(0.5 * (pose + pose.transpose(0, 2, 1)))
+    inverse = symmetric_inverse(0.5 * (pose + pose.transpose(0, 2, 1))).inverse
     slope = -inverse @ second[:, :parameters].transpose(0, 2, 1) @ direction
     extra = second - products[:, :-1, -7:-1]
     return _Start(problem, camera, cam_from_target, direction, extra, inverse, slope)
@@ -134,6 +135,6 @@ def _look(start: _Start, y: Array) -> Array:
     parameters = len(start.direction)
     pose = products[:, parameters:-1, parameters:-1] + start.extra[:, parameters:]
     coupling = start.direction.T @ (products[:, :parameters, parameters:-1] + start.extra[:, :parameters])
-    rest = -np.linalg.solve(pose, products[:, parameters:-1, -1:])
+    rest = -solve_square(pose, products[:, parameters:-1, -1:])
     reduced = products[:, :parameters, -1] @ start.direction + (coupling @ rest)[..., 0]
     return np.concatenate([reduced, step + rest[..., 0]], axis=1)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from calib.camera_difference import camera_difference
 from calib.cameras import linearise, project, rays
+from calib.linear_algebra import least_squares
 from calib.types import Camera, frozen_array
 from calib.verdict.coverage import Coverage
 
@@ -113,9 +114,7 @@ def _less_turn(camera: Camera, ray: Array, off: Array) -> tuple[Array, Array]:
     by_params = seen.by_params.transpose(2, 0, 1)
     by_turn = np.cross(ray[:, None, :], seen.by_point.transpose(2, 0, 1))
     fields = np.concatenate([by_params, off[:, :, None]], axis=2)
-    # Three unknowns, well told apart by any part of an image: normal equations do.
-    across = by_turn.reshape(-1, 3)
-    turn = np.linalg.solve(across.T @ across, across.T @ fields.reshape(-1, fields.shape[2]))
+    turn = least_squares(by_turn.reshape(-1, 3), fields.reshape(-1, fields.shape[2]))
     rest = fields - by_turn @ turn
     return rest[:, :, :-1], rest[:, :, -1]
 

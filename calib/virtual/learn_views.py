@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.learned import to_sensor
+from calib.linear_algebra import least_squares, solve_square
 from calib.se3 import transform
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
@@ -102,7 +103,7 @@ def _without_gauge(step: Array, point: Array, params: Array, variance: Array) ->
     motions = [(x, zero), (zero, y), (one, zero), (zero, one), (x * y, 1 + y * y), (1 + x * x, x * y), (-y, x)]
     basis = np.stack([np.stack(motion, axis=1) * focal for motion in motions], axis=-1).reshape(-1, len(motions))
     weight = np.repeat(1 / np.sqrt(variance), 2)
-    share = np.linalg.lstsq(basis * weight[:, None], step.ravel() * weight, rcond=None)[0]
+    share = least_squares(basis * weight[:, None], step.ravel() * weight)
     rest: Array = step - (basis @ share).reshape(-1, 2)
     return rest
 
@@ -110,7 +111,7 @@ def _without_gauge(step: Array, point: Array, params: Array, variance: Array) ->
 def _largest_px(step: Array, learned: Learned, pixel: Array, image_size: tuple[int, int]) -> float:
     """The largest of some steps (N, 2) on the sensor, in pixels of the image."""
     jacobian = to_sensor(learned.map, image_size, pixel).jacobian
-    return float(np.abs(np.linalg.solve(jacobian, step[:, :, None])).max())
+    return float(np.abs(solve_square(jacobian, step[:, :, None])).max())
 
 
 def _map_of_camera(camera: Camera) -> SensorMap:

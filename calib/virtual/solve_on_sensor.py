@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.learned import known_at, to_image, to_sensor
+from calib.linear_algebra import solve_square
 from calib.sightings import keep_sightings, without_empty_views
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
@@ -72,7 +73,7 @@ def _in_image(learned: LearnedMap, observations: Observations, solved: Calibrati
     predicted = solved.observations.center_px + solved.residual_px
     residual = to_image(learned, observations.image_size, predicted) - observations.center_px
     # Far outside the map, as the prediction of a grossly wrong sighting may be, there is only its tangent.
-    tangent = np.linalg.solve(jacobian, solved.residual_px[:, :, None])[:, :, 0]
+    tangent = solve_square(jacobian, solved.residual_px[:, :, None])[:, :, 0]
     return np.where(np.isfinite(residual), residual, tangent)
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise
+from calib.linear_algebra import least_squares
 from calib.metrics.reconstruction import LEAST_SPREAD_RAD
 from calib.se3 import transform
 from calib.studies.tolerance.map_error import turn_jacobian
@@ -97,7 +98,7 @@ def without_rigid_motion(center_mm: Array, weight: Array, displacement_mm: Array
     basis = np.concatenate([turn, np.tile(np.eye(3), (len(arm), 1, 1))], axis=2).reshape(-1, 6)
     flat = displacement_mm.reshape(len(basis), -1)
     weights = np.repeat(share, 3)[:, None]
-    motion = np.linalg.lstsq((np.sqrt(weights) * basis), np.sqrt(weights) * flat, rcond=None)[0]
+    motion = least_squares(np.sqrt(weights) * basis, np.sqrt(weights) * flat)
     still: Array = (flat - basis @ motion).reshape(displacement_mm.shape)
     return still
 
