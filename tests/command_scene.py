@@ -21,6 +21,7 @@ from calib.types import Camera, Detections, Observations
 from designer.target import TargetGeometry, target_to_json
 from tests.calibrations import board, camera, poses_around, seen_by
 from tests.command_line import detections_of
+from tests.run_folders import BLANK, PANEL
 from tests.study_commands import named
 
 SIZE = (320, 240)
@@ -64,6 +65,7 @@ def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """The detector above, and pictures that are not drawn: both take longer than all else."""
     monkeypatch.setattr("calib.detect.pipeline.detect", detect)
     monkeypatch.setattr("calib.figures.picture", lambda *_: b"picture")
+    monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     monkeypatch.setattr("calib.studies.figures.files_of", named)
     monkeypatch.setattr("calib.studies.tolerance.files.picture", lambda *_: b"picture")
     monkeypatch.setattr("calib.as_built_report.picture.picture", lambda *_: b"picture")

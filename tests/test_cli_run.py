@@ -27,6 +27,7 @@ from calib.types import Calibration, Camera, Detections, Observations
 from designer.target import TargetGeometry, target_to_json
 from tests.calibrations import board, camera, poses_around
 from tests.command_line import JUDGED, LENIENT, PAGE, calib, files_in, refused
+from tests.run_folders import BLANK, PANEL
 from tests.sightings import sighting
 
 REPOSITORY = Path(__file__).parent.parent
@@ -96,6 +97,7 @@ def detector(monkeypatch: pytest.MonkeyPatch) -> Detector:
     fake = Detector()
     monkeypatch.setattr("calib.detect.pipeline.detect", fake)
     monkeypatch.setattr("calib.figures.picture", lambda *_: b"picture")
+    monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     return fake
 
 

@@ -19,7 +19,6 @@ from designer.target import load_target, target_to_json
 from tests.calibrations import board
 from tests.command_line import JUDGED, LENIENT, PAGE, calib, files_in, refused, summary_of, write_inputs
 from tests.command_scene import BOARD, SEEN
-from tests.run_folders import BLANK, PANEL
 
 RUN = ("run", "board.target.json", "photos", "--model", "opencv", "-o", "out")
 SOLVE = ("solve", "detections.csv", "--target", "board.target.json", "--model", "opencv", "-o", "out")
@@ -30,9 +29,8 @@ STRICTER = {"good": {}, "usable": {"good": "0px"}, "bad": {"good": "0px", "usabl
 
 
 @pytest.fixture(autouse=True)
-def folder(scene_copy: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where the commands work; figures are blank."""
-    monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
+def folder(scene_copy: Path) -> Path:
+    """Where the commands work."""
     return scene_copy
 
 
