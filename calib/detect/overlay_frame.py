@@ -23,6 +23,8 @@ REJECTED: Colour = (213, 0, 60)
 _INK: Colour = (30, 33, 38)
 _SOFT: Colour = (105, 112, 122)
 _PAPER: Colour = (250, 250, 248)
+_PLASMA = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_PLASMA)[:, 0, ::-1].tolist()
+"""Red, green and blue of each level; OpenCV makes this table anew whenever it is asked for one colour."""
 
 
 def face_colours(target: TargetGeometry) -> tuple[Colour, ...]:
@@ -40,8 +42,7 @@ def sigma_colour(sigma_px: float) -> Colour:
     """Blue for sure, over purple, to orange for unsure: dark enough for white paper, in order of lightness too."""
     low, high = map(math.log, SIGMA_RANGE_PX)
     share = (math.log(max(sigma_px, 1e-12)) - low) / (high - low) if math.isfinite(sigma_px) else 1.0
-    level = np.array([[round(255 * 0.82 * min(max(share, 0.0), 1.0))]], np.uint8)
-    blue, green, red = cv2.applyColorMap(level, cv2.COLORMAP_PLASMA)[0, 0].tolist()
+    red, green, blue = _PLASMA[round(255 * 0.82 * min(max(share, 0.0), 1.0))]
     return red, green, blue
 
 
