@@ -181,7 +181,7 @@ def _lens_equations(lens: RadialLens, groups: list[tuple[Floats, Floats]]) -> tu
         size = np.linalg.norm(residual, axis=1)
         keep = size < 6 * np.median(size) + 0.05
         kept = plane[keep]
-        if len(kept) < 6 or not homography.is_determined(kept):
+        if not keep.all() and (len(kept) < 6 or not homography.is_determined(kept)):
             continue
         if not keep.all():
             mapped, _, residual = homography.fit(kept, straight[keep], np.ones(len(kept)), rounds=1)

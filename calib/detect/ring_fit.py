@@ -21,7 +21,7 @@ from calib.threads import in_chunks
 Floats: TypeAlias = NDArray[np.float64]
 
 MAX_ITERATIONS = 25
-CONVERGED_PX = 1e-5
+CONVERGED_PX = 1e-4
 """A step of the centre this small is the last."""
 NO_GAIN = 1e-6
 """Grey levels squared a pixel: less than rounding."""
