@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from calib.cameras import MODELS, CameraModel, parameter_names
+from calib.cameras import MODELS, CameraModel, parameter_names, rays
 from calib.learned_map_file import LearnedMapFile, learned_map_from_file, learned_map_lines
 from calib.types import Camera, LearnedMap
 from designer.errors import InputError
@@ -21,12 +21,15 @@ VERSION = 1
 MAX_FILE_BYTES = 2**20
 MAX_SIDE_PX = 100_000
 REQUIRED = ("fx_px", "fy_px", "cx_px", "cy_px")
-"""What every model has; the lens's other parameters are 0 if left out."""
+"""What every model has; in a TOML file the lens's other parameters are 0 if left out."""
 LEARNING = ("virtual",)
 """Models that are nothing without a learned map."""
 FOCAL_RANGE_PX = (1e-3, 1e9)
 LARGEST = {"px": 1e9, "1": 1e30}
 """By unit, what a parameter may be at most; what is larger overflows further on, and is no lens."""
+
+GRID, LEAST_SEEN, STEEPEST = 41, 0.01, 1e3
+"""Of pixels that are tried, the least share with a ray less than 89.9 degrees off the axis."""
 
 Side = Annotated[int, Field(ge=1, le=MAX_SIDE_PX, strict=True)]
 
@@ -61,12 +64,13 @@ def camera_to_json(camera: Camera) -> str:
     return text + "\n"
 
 
-def camera_from_mapping(values: RawValue, origin: str) -> Camera:
+def camera_from_mapping(values: RawValue, origin: str, *, is_written_by_hand: bool = False) -> Camera:
     """The camera in a parsed file.
 
     Args:
         values: what JSON or TOML held.
         origin: what messages name.
+        is_written_by_hand: what the lens is not said to have, it has not; else all parameters must be there.
 
     Raises:
         InputError: another format or version, an unknown or missing key, or a value that breaks a rule.
@@ -79,29 +83,48 @@ def camera_from_mapping(values: RawValue, origin: str) -> Camera:
         file = _CameraFile.model_validate(values)
     except ValidationError as error:
         raise InputError(f"{origin}: {_explain(error)}") from None
-    return _camera(file, origin)
+    return _camera(file, origin, REQUIRED if is_written_by_hand else None)
 
 
-def _camera(file: _CameraFile, origin: str) -> Camera:
+def _camera(file: _CameraFile, origin: str, required: tuple[str, ...] | None) -> Camera:
     """Hold a file's parameters to the rules of its model."""
     model = MODELS.get(file.model)
     if model is None:
         hint = suggestion(file.model, list(MODELS)) or f"; there are {', '.join(MODELS)}"
         raise InputError(f"{origin}: unknown camera model {shown(file.model)}{hint}")
-    params = _parameters(file, model, origin)
-    return Camera(model.name, params, file.image_size, _learned_map(file, origin))
+    learned = _learned_map(file, origin)
+    params = _parameters(file, model, origin, required or parameter_names(model.name))
+    camera = Camera(model.name, params, file.image_size, learned)
+    _require_plausible(camera, origin)
+    return camera
 
 
-def _parameters(file: _CameraFile, model: CameraModel, origin: str) -> NDArray[np.float64]:
+def _require_plausible(camera: Camera, origin: str) -> None:
+    """Refuse what no camera is, whatever file it came from: one that sees hardly a part of its own image."""
+    width, height = camera.image_size
+    u, v = np.meshgrid(np.linspace(0, width - 1, GRID), np.linspace(0, height - 1, GRID))
+    with np.errstate(all="ignore"):
+        ray = rays(camera, np.stack([u, v], axis=-1))
+        is_seen = np.hypot(ray[..., 0], ray[..., 1]) <= STEEPEST  # false where there is none
+    if is_seen.mean() < LEAST_SEEN:
+        raise InputError(
+            f"{origin}: by these numbers {100 * is_seen.mean():.1f} % of the image see what is in front of the camera; "
+            "check the parameters, their order and units"
+        )
+
+
+def _parameters(file: _CameraFile, model: CameraModel, origin: str, required: tuple[str, ...]) -> NDArray[np.float64]:
     """The parameters in the model's order, each within its bounds."""
     given = file.parameters
     names = parameter_names(model.name)
     for name in given.keys() - set(names):
         hint = suggestion(name, list(names))
         raise InputError(f"{origin}: unknown parameter {shown(name)} of model {model.name!r}{hint}")
-    for name in REQUIRED:
+    for name in required:
         if name not in given:
-            raise InputError(f"{origin}: parameter {name} is missing; give it in pixels")
+            raise InputError(
+                f"{origin}: parameter {name} is missing; give it{' in pixels' if name in REQUIRED else ''}"
+            )
     for name in ("fx_px", "fy_px"):
         if not given[name] > 0:
             raise InputError(f"{origin}: {name} {given[name]:g}: a focal length must be more than zero pixels")
@@ -153,7 +176,7 @@ def load_camera(path: Path) -> Camera:
         InputError: the file cannot be read or is no valid camera file; the message names it.
     """
     if path.suffix.lower() == ".toml":
-        return camera_from_mapping(read_spec_file(path), str(path))
+        return camera_from_mapping(read_spec_file(path), str(path), is_written_by_hand=True)
     values = parse_json(read_small_text(path, MAX_FILE_BYTES, "a camera file"), path, "a camera file")
     return camera_from_mapping(values, str(path))
 

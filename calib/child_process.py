@@ -1,5 +1,6 @@
 """Processes that work for another one."""
 
+import multiprocessing.resource_tracker
 import os
 import signal
 import sys
@@ -34,6 +35,10 @@ def interrupts_held() -> Iterator[None]:
     if sys.platform == "win32":
         yield
         return
+    # Else they are started with the first process, and let the signal through again for all that follow.
+    multiprocessing.resource_tracker.ensure_running()
+    if "joblib.externals.loky.backend.resource_tracker" in sys.modules:
+        sys.modules["joblib.externals.loky.backend.resource_tracker"].ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

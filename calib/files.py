@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from secrets import token_hex
 
-from designer.errors import InputError
+from designer.errors import InputError, NotWrittenError
 from designer.names import bytes_as_written_today
+from designer.own_files import require_ours, signed
 
 MAX_NAME_BYTES = 200
 """Of a file that is named after another; file systems take 255 with what is added."""
@@ -31,11 +32,15 @@ def write_files(files: Mapping[Path, bytes]) -> None:
     """Write each file under a temporary name beside its final one, then rename all; a full disk changes none.
 
     Raises:
-        InputError: a folder cannot be made or written, or the disk is full.
+        NotWrittenError: a folder cannot be made or written, or the disk is full.
+        InputError: a file is somebody else's.
     """
     staged: dict[Path, Path] = {}
+    ours = {final: signed(final.name, content) for final, content in files.items()}
+    for final, content in ours.items():
+        require_ours(final, content)
     try:
-        for final, content in files.items():
+        for final, content in ours.items():
             final.parent.mkdir(parents=True, exist_ok=True)
             staged[final] = final.with_name(f".unfinished-{token_hex(8)}")
             with staged[final].open("xb") as stream:
@@ -45,7 +50,7 @@ def write_files(files: Mapping[Path, bytes]) -> None:
         for final, place in staged.items():
             place.replace(final)
     except OSError as error:
-        raise InputError(
+        raise NotWrittenError(
             f"{next(iter(files))}: cannot be written: {error.strerror}; choose another place, or make room"
         ) from None
     finally:

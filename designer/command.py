@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 
 from designer.answer import StoppedError, Summary, document
 from designer.errors import InputError
-from designer.streams import forgive_readers, people_on_stderr
+from designer.streams import forgive_readers, not_heard, people_on_stderr
 
 BAD_INPUT, STOPPED = 2, 130
 JSON = "--json"
@@ -74,6 +74,8 @@ def run(app: typer.Typer) -> None:
             print(document(summary, command=_command_of(app, name, words), line=line, error=error), end="")
     finally:
         _LINE.reset(before)
+    if reason := not_heard():
+        summary, _ = _refused(f"standard output cannot be written: {reason}; make room, or send it elsewhere")
     sys.exit(summary.exit_code)
 
 

@@ -6,3 +6,7 @@ class InputError(ValueError):
 
     The command line prints it as it is and exits with code 2.
     """
+
+
+class NotWrittenError(InputError):
+    """A file cannot be written where it is to lie: no room, or no right to. No command goes on without it."""

@@ -2,6 +2,7 @@
 
 import json
 import stat
+from collections import Counter
 from pathlib import Path
 from typing import TypeAlias
 
@@ -45,14 +46,30 @@ def parse_json(text: str, path: Path, kind: str) -> JsonValue:
     """The value in a JSON text.
 
     Raises:
-        InputError: not JSON, nested too deep, or a number of thousands of digits; the message names file and place.
+        InputError: not JSON, nested too deep, a number of thousands of digits, or a key twice; the message names the
+            file.
     """
     try:
-        value: JsonValue = json.loads(text)
+        value: JsonValue = json.loads(text, object_pairs_hook=once_each)
     except json.JSONDecodeError as error:
         raise InputError(f"{path}: line {error.lineno}, column {error.colno}: {error.msg}; not valid JSON") from None
     except RecursionError:
         raise InputError(f"{path}: nested too deep for {kind}") from None
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     except ValueError:  # Python refuses to read integers of thousands of digits
         raise InputError(f"{path}: a number is too long; not {kind}") from None
     return value
+
+
+def once_each(pairs: list[tuple[str, JsonValue]]) -> dict[str, JsonValue]:
+    """An object of a JSON text: of a key that stands there twice nobody knows which value was meant.
+
+    Raises:
+        InputError: there is one.
+    """
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
+        raise InputError(f"key {twice[:40]!a} stands there twice; leave one of them out")
+    return values

@@ -12,22 +12,29 @@ OUT, ERR = 1, 2
 
 
 class _Forgiving(io.TextIOWrapper):
-    """A stream whose reader may leave, as in `calib ... | head -1`: the work goes on, and nobody hears the rest."""
+    """A stream whose reader may leave, as in `calib ... | head -1`: the work goes on, and nobody hears the rest.
+
+    So it does where the disk that the words go to is full, but that is no one's wish: `failure` says so at the end.
+    """
+
+    failure = ""
 
     def write(self, text: str, /) -> int:
         try:
             return super().write(text)
-        except BrokenPipeError:
-            return self._unheard(len(text))
+        except OSError as error:
+            return self._unheard(len(text), error)
 
     def flush(self) -> None:
         try:
             super().flush()
-        except BrokenPipeError:
-            self._unheard(0)
+        except OSError as error:
+            self._unheard(0, error)
 
-    def _unheard(self, count: int) -> int:
+    def _unheard(self, count: int, error: OSError) -> int:
         """Lead nowhere from now on, what is still in the buffer included."""
+        if not isinstance(error, BrokenPipeError):
+            self.failure = error.strerror or str(error)
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self.fileno())
         os.close(nowhere)
@@ -40,6 +47,14 @@ def forgive_readers() -> None:
         sys.stdout = _forgiving(sys.stdout, OUT)
     if sys.stderr is sys.__stderr__ and sys.stderr is not None:
         sys.stderr = _forgiving(sys.stderr, ERR)
+
+
+def not_heard() -> str:
+    """Why standard output could not be written to its end; "" if it was, or nobody wished to hear it."""
+    if not isinstance(sys.stdout, _Forgiving):
+        return ""
+    sys.stdout.flush()
+    return sys.stdout.failure
 
 
 def _forgiving(stream: TextIO, number: int) -> TextIO:

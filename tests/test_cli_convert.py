@@ -119,7 +119,7 @@ def test_a_camera_that_cannot_be_fitted_is_named() -> None:
     """The line that refuses a camera says which file it is of."""
     nothing = Camera("opencv", np.array([900.0, 900, -1e6, 380, -0.3, 0, 0, 0, -0.1]), SIZE)
     Path("nothing.json").write_text(camera_to_json(nothing))
-    with pytest.raises(InputError, match=r"^nothing\.json: the camera has rays at 0 of"):
+    with pytest.raises(InputError, match=r"^nothing\.json: by these numbers 0\.0 % of the image see"):
         convert("nothing.json", to="kalibr", out=Path("c.yaml"))
     assert not Path("c.yaml").exists()
 

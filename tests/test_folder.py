@@ -11,8 +11,8 @@ from designer.errors import InputError
 from designer.export.folder import OutputFile, write_folder
 
 FILES = (
-    OutputFile("a.stl", b"new a", "a"),
-    OutputFile("b.3mf", b"new b" * 100_000, "b"),
+    OutputFile("a.stl", b"ringsolid file: new a", "a"),
+    OutputFile("b.3mf", b"ringsolid file: new b" * 100_000, "b"),
     OutputFile("c.png", b"", "nothing"),
 )
 
@@ -28,14 +28,17 @@ def folder(tmp_path: Path) -> Path:
     folder = tmp_path / "out"
     folder.mkdir()
     for name in ("a.stl", "b.3mf", "notes.txt"):
-        (folder / name).write_bytes(f"old {name}".encode())
+        (folder / name).write_bytes(f"ringsolid file: old {name}".encode())
     return folder
 
 
 def test_files_are_written_and_others_left(folder: Path) -> None:
     """New files come in place of old ones; what is not among them stays, and nothing else is left behind."""
     write_folder(folder, FILES)
-    assert contents(folder) == {**{file.name: file.content for file in FILES}, "notes.txt": b"old notes.txt"}
+    assert contents(folder) == {
+        **{file.name: file.content for file in FILES},
+        "notes.txt": b"ringsolid file: old notes.txt",
+    }
 
 
 def test_folder_is_made(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ NAN, INF = float("nan"), float("inf")
 
 def result(number: int) -> SampleResult:
     """A sample with numbers that decimal digits do not hold."""
-    value = np.random.default_rng(number).normal(size=7).tolist()
+    value = np.abs(np.random.default_rng(number).normal(size=7)).tolist()
     return SampleResult(number, "converged", 12, *value[:3], NAN, tuple(value[4:]), 3)
 
 

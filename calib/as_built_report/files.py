@@ -30,6 +30,7 @@ from calib.as_built_report.length_words import AskedLength
 from calib.cameras import parameter_names
 from calib.files import require_replaceable
 from designer.errors import InputError
+from designer.own_files import require_ours
 from designer.skew import Skew
 from designer.small_file import JsonValue
 from designer.target import FORMAT as TARGET_FORMAT
@@ -39,7 +40,6 @@ FORMAT, VERSION = "ringsolid.as_built", 1
 TARGET_SUFFIX = ".target.json"
 COLUMNS = ("part", "number", "face", "i", "j", "quantity", "value", "sigma", "significance", "unit", "is_known")
 _KIND_LINE = "# ringsolid as-built deviations, version 1\n"
-_PNG = b"\x89PNG\r\n"
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ def check_places(places: Places, nominal: Path) -> None:
         raise InputError(f"-o {out}: exists and holds a {source} target, not a measured one; choose another name")
     require_replaceable(places.report, _start(FORMAT), "report on a measured target")
     require_replaceable(places.table, _KIND_LINE.encode(), "table of a measured target")
-    require_replaceable(places.picture, _PNG, "picture")
+    require_ours(places.picture)
     try:
         folder = next(parent for parent in out.absolute().parents if parent.exists())
         with tempfile.TemporaryFile(dir=folder):

@@ -19,6 +19,7 @@ from designer.answer import Summary, program
 from designer.command import printable
 from designer.completion import camera_templates
 from designer.errors import InputError
+from designer.own_files import require_ours
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -217,7 +218,10 @@ def keep_pictures(staging: Path | None, folder: Path | None) -> tuple[Path, ...]
     """Put finished pictures in their place, which is returned."""
     if staging is None or folder is None:
         return ()
-    return tuple(picture.replace(folder / picture.name) for picture in sorted(staging.iterdir()))
+    pictures = sorted(staging.iterdir())
+    for picture in pictures:
+        require_ours(folder / picture.name, picture.read_bytes())
+    return tuple(picture.replace(folder / picture.name) for picture in pictures)
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from pathlib import Path
 from calib.commands.screen import shown, waiting
 from designer.answer import Summary
 from designer.command import command_line, printable
-from designer.errors import InputError
+from designer.errors import InputError, NotWrittenError
 
 
 def folder_page(
@@ -15,7 +15,7 @@ def folder_page(
 ) -> tuple[tuple[Path, ...], tuple[str, ...]]:
     """Write what a folder's page is built from, and the page; the files, or a remark that says why there is none.
 
-    The pictures are there already and are what was asked for: nothing here ends the command.
+    The pictures are there already and are what was asked for: nothing here ends the command but a full disk.
 
     Args:
         folder: of the pictures.
@@ -33,6 +33,8 @@ def folder_page(
             page = write_report(folder, kind, command_line())
             print(f"wrote {shown(page)}: all of it on one page; open it in a browser")
             return (*kept, folder / ORIGIN_FILE, page), ()
+    except NotWrittenError:
+        raise
     except InputError as error:
         remark = f"no page: {printable(str(error))}"
     print(remark)
@@ -89,6 +91,8 @@ def with_page_again(summary: Summary, folder: Path, kinds: Collection[str]) -> S
         if not remark:
             with waiting("drawing the page"):
                 page = write_page(folder, origin, build_page(folder, origin))
+    except NotWrittenError:
+        raise
     except InputError as error:
         remark = f"no page: {printable(str(error))}"
     if remark:

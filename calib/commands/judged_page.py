@@ -81,18 +81,24 @@ class JudgedPage:
         return {"verdict": verdict_answer(self.verdict)}
 
 
-def check_judged_folder(folder: Path) -> None:
-    """Refuse a folder in which a verdict's files have the names of somebody's own, before any work is done.
+def check_judged_folder(folder: Path, models: "Sequence[str]") -> None:
+    """Refuse a folder in which a file to be written has the name of somebody's own, before any work is done.
 
     Raises:
         InputError: the message names the file.
     """
+    from calib.figures import CALIBRATION_PICTURE, COMPARISON_PICTURE
     from calib.files import require_replaceable
+    from calib.results.calibration_file import CALIBRATION_FILE, CAMERA_FILE, OBSERVATIONS_FILE
     from calib.verdict.next_views_file import NEXT_VIEWS_FILE
     from calib.verdict.next_views_file import START as NEXT_VIEWS
     from calib.verdict.verdict_file import START as VERDICT
     from calib.verdict.verdict_file import VERDICT_FILE
+    from designer.own_files import require_ours
 
+    for place in (folder, *(folder / model for model in models)):
+        for name in (CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE, CALIBRATION_PICTURE, COMPARISON_PICTURE):
+            require_ours(place / name)
     require_replaceable(folder / VERDICT_FILE, VERDICT, "verdict")
     require_replaceable(folder / NEXT_VIEWS_FILE, NEXT_VIEWS, "next photos")
 
@@ -122,13 +128,15 @@ def _judge_and_report(folder: Path, criteria: "Criteria", target: "TargetGeometr
     from calib.report.write import PAGE_FILE
     from calib.verdict.next_views_file import NEXT_VIEWS_FILE, read_next_views
     from calib.verdict.verdict_file import VERDICT_FILE
+    from designer.own_files import is_ours
     from designer.target import target_to_json
 
     files = [folder / VERDICT_FILE, folder / NEXT_VIEWS_FILE]
     with waiting("judging"):
         place = folder / TARGET_FILE
         # One that lies in a folder without a verdict is somebody's own.
-        if target is not None and ((folder / VERDICT_FILE).exists() or not place.exists()):
+        is_free = not place.exists() or ((folder / VERDICT_FILE).exists() and is_ours(place))
+        if target is not None and is_free:
             write_files({place: target_to_json(target).encode()})
             files.append(place)
         judged = judge_folder(folder, criteria)

@@ -1,5 +1,6 @@
 """The command `calib measure`."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -328,7 +329,7 @@ def _read(
     from calib.inputs.observations import observations_from_detections
 
     for path in paths:
-        again = [other for other in paths if other.resolve() == path.resolve()]
+        again = [other for other in paths if os.path.realpath(other) == os.path.realpath(path)]
         if len(again) > 1:
             raise InputError(f"{path}: given twice; give each detections file once")
     origins = [str(path) for path in paths]

@@ -130,10 +130,11 @@ def render(
         file_format=cast("FileFormat", choice("--format", file_format, get_args(FileFormat))),
         quality=whole("--quality", quality, 1, 100),
     )
+    processes = _processes(jobs)
     warnings = tuple(_warnings(job, looks_aside=looks_aside))
     for warning in warnings:
         typer.echo(f"warning: {warning}", err=True)
-    done = _run(job, target, out, _processes(jobs), overwrite)
+    done = _run(job, target, out, processes, overwrite)
     return replace(done, remarks=(*named.remarks, *warnings, *done.remarks))
 
 

@@ -116,7 +116,7 @@ def run(
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     folder = out if out is not None else exports_folder(target) / "calibration"
     check_folder(folder)
-    check_judged_folder(folder)
+    check_judged_folder(folder, plan.models)
     found = _without_pictures(find_photos(photos), folder)
     truth_path = truth if truth is not None else truth_beside(found.paths)
     known = None if truth_path is None else _read_truth(truth_path, is_asked=truth is not None)

@@ -105,7 +105,7 @@ def solve(
     limits = read_criteria(criteria)
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     check_folder(out)
-    check_judged_folder(out)
+    check_judged_folder(out, plan.models)
     prepared = read_input(detections, target, image_size, grid, pitch)
     geometry = None if target is None else load_target(target)
     way = how_made(geometry, made, rendered_id=_rendered_id(detections))

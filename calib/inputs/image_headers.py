@@ -42,6 +42,7 @@ class Header:
     height: int  # px
     orientation: int = 1  # EXIF: 1 is as the sensor saw it
     page_count: int = 1
+    pixel_bytes: int = 1  # as decoded
     is_white_zero: bool = False  # TIFF: the smallest number is white
     orientation_at: tuple[int, bytes] | None = None  # TIFF: where the tag's value lies, and the bytes of "1"
 
@@ -106,13 +107,15 @@ def _png_header(data: bytes) -> Header:
     if data[12:16] != b"IHDR":
         raise DamagedError("its header is damaged or cut off; copy it again")
     width, height = struct.unpack_from(">II", data, 16)
+    depth, colour = struct.unpack_from("BB", data, 24)
+    pixel_bytes = {2: 3, 3: 3, 4: 4, 6: 4}.get(colour, 1) * (2 if depth == 16 else 1)
     orientation, at = 1, len(_PNG_START)
     while at + 12 <= len(data):  # only names and lengths: what is cut off shows when the pixels are read
         (length,) = struct.unpack_from(">I", data, at)
         if data[at + 4 : at + 8] == b"eXIf":
             orientation = _exif_orientation(data[at + 8 : at + 8 + length])
         at += 12 + length
-    return Header("PNG", width, height, orientation)
+    return Header("PNG", width, height, orientation, pixel_bytes=pixel_bytes)
 
 
 def _jpeg_header(data: bytes) -> Header:
@@ -163,7 +166,7 @@ def _check_jpeg(
 def _bmp_header(data: bytes) -> Header:
     (size,) = struct.unpack_from("<I", data, 14)
     width, height = struct.unpack_from("<HH" if size == 12 else "<ii", data, 18)
-    return Header("BMP", width, abs(height))
+    return Header("BMP", width, abs(height), pixel_bytes=4)
 
 
 def _pnm_header(data: bytes) -> Header:
@@ -171,9 +174,16 @@ def _pnm_header(data: bytes) -> Header:
     text = data[2:4096]
     if data.startswith(b"P7"):
         words = dict(line.split(None, 1) for line in text.split(b"ENDHDR")[0].splitlines() if b" " in line)
-        return Header("PNM", _pnm_number(words.get(b"WIDTH", b"")), _pnm_number(words.get(b"HEIGHT", b"")))
+        width, height, depth, most = (
+            _pnm_number(words.get(name, b"")) for name in (b"WIDTH", b"HEIGHT", b"DEPTH", b"MAXVAL")
+        )
+        return Header("PNM", width, height, pixel_bytes=depth * (1 if most < 256 else 2))
     numbers = b"\n".join(line.split(b"#", 1)[0] for line in text.split(b"\n")).split(None, 2)
-    return Header("PNM", _pnm_number(numbers[0]), _pnm_number(numbers[1]))
+    is_bitmap = data[1:2] in b"14"
+    deep = 1 if is_bitmap or _pnm_number(numbers[2].split()[0]) < 256 else 2
+    return Header(
+        "PNM", _pnm_number(numbers[0]), _pnm_number(numbers[1]), pixel_bytes=deep * (3 if data[1:2] in b"36" else 1)
+    )
 
 
 def _pnm_number(digits: bytes) -> int:
@@ -202,8 +212,9 @@ def _tiff_header(data: bytes) -> Header:
         except struct.error:
             raise DamagedError("is cut off: a page is missing; copy it again") from None
         pages += 1
+    pixel_bytes = max(1, min(value.get(277, 1), 4)) * (2 if value.get(258, 1) > 8 else 1)
     at = (tags[274][1], struct.pack(order + "H", 1)) if 274 in tags else None
-    return Header("TIFF", value[256], value[257], _valid(value.get(274, 1)), pages, photometric == 0, at)
+    return Header("TIFF", value[256], value[257], _valid(value.get(274, 1)), pages, pixel_bytes, photometric == 0, at)
 
 
 def _byte_order(data: bytes) -> str:

@@ -16,6 +16,8 @@ from designer.errors import InputError
 
 MAX_PIXELS = 250_000_000
 """Above this a photo is refused before it is decoded; the largest sensors on sale have 200 million."""
+MAX_DECODED_BYTES = 10**9
+"""Of pixels with all their channels: 250 million of three colours, or 166 million of three with 16 bits."""
 MAX_FILE_BYTES = 2**31 - 1
 SUFFIXES_OF: Mapping[Format, tuple[str, ...]] = {
     "PNG": (".png",),
@@ -85,6 +87,9 @@ def _read(path: Path, *, in_colour: bool) -> _Decoded:
         if header.width * header.height > MAX_PIXELS:
             size = f"{header.width} x {header.height} px"
             raise DamagedError(f"has {size}; at most {MAX_PIXELS // 1_000_000} million are read: scale it down")
+        if header.width * header.height * header.pixel_bytes > MAX_DECODED_BYTES:
+            size = f"{header.width} x {header.height} px of {header.pixel_bytes} bytes"
+            raise DamagedError(f"has {size}; at most {MAX_DECODED_BYTES // 10**9} GB are read: convert it to grey")
         # Decoders go on after damage, with pixels in wrong places.
         unit_rows = check_jpeg_scans(data) if header.format == "JPEG" else 0
         pixels = _decode(data, header, in_colour=in_colour)

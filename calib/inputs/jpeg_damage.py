@@ -241,12 +241,9 @@ def _check_scan(stream: Bytes, at: int, frame: _Frame, tables: _Tables, body: by
         np.array([first, last, approximation >> 4, approximation & 0x0F, frame.is_progressive], np.int64),
     )  # fmt: skip
     if read < units:
-        _refuse(read / units)
+        part = f"{100 * read / units:.0f} %"
+        raise DamagedError(f"is damaged: its compressed pixels make no sense from {part} of them on; {COPY}")
     return {number for number, _ in chosen} if first == 0 else set()
-
-
-def _refuse(part: float) -> None:
-    raise DamagedError(f"is damaged: its compressed pixels make no sense from {100 * part:.0f} % of them on; {COPY}")
 
 
 def _runs_of_codes(stream: Bytes, at: int, count: int) -> tuple[Bytes, Whole]:

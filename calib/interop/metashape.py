@@ -89,7 +89,7 @@ def _camera(calibration: Element, origin: str) -> ReadCamera:
     if calibration.find("fx") is not None:
         raise InputError(f"{origin}: a calibration of an old PhotoScan; save it again with Metashape")
     size = _image_size(calibration, origin)
-    values = {name: number(calibration.findtext(name) or "0", name, origin) for name in NUMBERS}
+    values = {name: number(calibration.findtext(name, "0"), name, origin) for name in NUMBERS}
     f, b1 = values["f"], values["b1"]
     linear = [f + b1, f, size[0] / 2 + values["cx"] - CORNER, size[1] / 2 + values["cy"] - CORNER]
     foreign = [name for name in ("b2", "k4", "p3", "p4") if values[name]]

@@ -14,7 +14,7 @@ from calib.results.calibration_file import Provenance, write_calibration
 from calib.results.truth import Truth
 from calib.types import Observations
 from calib.virtual.solve_virtual import Reference
-from designer.errors import InputError
+from designer.errors import InputError, NotWrittenError
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,10 @@ def solve_models(
             calibration = with_made(calibrate(observations, model, plan.options_of(model), reference), made)
             calibration = replace(calibration, remarks=(*calibration.remarks, *remarks))
             evaluation = evaluate(calibration, truth)
+            files = tuple(write_calibration(place, calibration, provenance(model)))
+        except NotWrittenError:
+            raise
         except InputError as error:
             yield Solution(model, place, None, failure=str(error))
             continue
-        yield Solution(model, place, evaluation, tuple(write_calibration(place, calibration, provenance(model))))
+        yield Solution(model, place, evaluation, files)

@@ -65,7 +65,7 @@ def measure_page(folder: Path, origin: Origin) -> Page:
     target, wrong = _target(folder / f"{stem}{TARGET_SUFFIX}", record)
     lines = [*wrong, *(f"{name}: another print in this folder, which this page is not of" for name in others)]
     careful = warnings("File", lines)
-    title = printable(stem) or printable(folder.resolve().name) or "print"
+    title = printable(stem) or printable(folder.absolute().name) or "print"
     if record is None:
         text = f"NAME{REPORT_SUFFIX} is missing: measure the print with photos, and what was found stands here."
         missing = Findings((Finding("usable", "No measurement", text),))

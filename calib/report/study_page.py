@@ -118,7 +118,7 @@ def paper_page(folder: Path, origin: Origin) -> Page:
 
 
 def _title(folder: Path, table: StudyTable | None) -> str:
-    return printable(folder.resolve().name) or "study" if table is None else ", ".join(table.targets)
+    return printable(folder.absolute().name) or "study" if table is None else ", ".join(table.targets)
 
 
 def _setting(folder: Path, table: StudyTable | None, question: str) -> Section:

@@ -79,7 +79,7 @@ def tolerance_page(folder: Path, origin: Origin) -> Page:
     if table is None:
         missing = Findings((Finding("usable", "No tables", NO_TABLE),))
         sections = [question_section(QUESTION, (), missing), files_section(folder, FILES, AGAIN)]
-        title = printable(folder.resolve().name) or "study"
+        title = printable(folder.absolute().name) or "study"
         return Page(
             title, "Tolerance study", None, tuple(sections), made_by=origin.command, program=origin.program
         )  # fmt: skip

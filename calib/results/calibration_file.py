@@ -19,10 +19,10 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 from calib.camera_file import camera_from_mapping, camera_to_json
 from calib.cameras import parameter_names
 from calib.files import write_files
-from calib.results.observation_table import observations_to_csv, read_sightings
+from calib.results.observation_table import MAX_RESIDUAL_PX, observations_to_csv, read_sightings
 from calib.results.rigid import rigid_fault
 from calib.solver.options import SolveOptions
-from calib.types import Calibration, KnownPoints, Observations, Status, TargetError
+from calib.types import Calibration, Camera, KnownPoints, Observations, Status, TargetError
 from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
 from designer.spec_file import shown
@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 FORMAT = "ringsolid.calibration"
 VERSION = 1
 MAX_FILE_BYTES = 512 * 2**20
+LARGEST_SCALE = 1e9
 LARGEST_COVARIANCE = 1e100
 """Squares of what is larger overflow further on."""
 CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE = "calibration.json", "observations.csv", "camera.json"
@@ -83,7 +84,7 @@ class _CalibrationFile(BaseModel):
     remarks: tuple[str, ...]
     iterations: _Count
     seconds: Annotated[_Number, Field(ge=0)]
-    scale: Annotated[_Number, Field(ge=0)] | None
+    scale: Annotated[_Number, Field(ge=0, le=LARGEST_SCALE)] | None
     weighted: Annotated[bool, Field(strict=True)]
     fixed: tuple[str, ...]
     camera: JsonValue
@@ -100,20 +101,40 @@ def write_calibration(folder: Path, calibration: Calibration, provenance: Proven
     """Write `calibration.json`, `observations.csv` and `camera.json`, all or none; return their places.
 
     Raises:
-        InputError: they cannot be written.
+        InputError: they cannot be written, or hold what `read_calibration` refuses.
         ValueError: two views of one name, or a pose, point or parameter that is not finite.
     """
     if len(set(calibration.observations.view_names)) < calibration.observations.view_count:
         raise ValueError("two views have the same name")
     table = observations_to_csv(calibration)
     digest = hashlib.sha256(table).hexdigest()
+    text = _calibration_to_json(calibration, provenance, digest)
+    _require_readable(text, calibration, folder)
     files = {
-        folder / CALIBRATION_FILE: _calibration_to_json(calibration, provenance, digest),
+        folder / CALIBRATION_FILE: text,
         folder / OBSERVATIONS_FILE: table,
         folder / CAMERA_FILE: camera_to_json(calibration.camera).encode(),
     }
     write_files(files)
     return list(files)
+
+
+def _require_readable(text: bytes, calibration: Calibration, folder: Path) -> None:
+    """Refuse before it is written what would be refused when it is read."""
+    try:
+        file = _CalibrationFile.model_validate(json.loads(text))
+        camera, *_ = _parts(file, "camera")
+        _read_target_error(file.target_error, len(camera.params))
+        if (np.abs(calibration.residual_px) > MAX_RESIDUAL_PX).any():
+            raise ValueError(f"a residual is beyond {MAX_RESIDUAL_PX:g} px")
+    except ValidationError as error:
+        first = error.errors()[0]
+        why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+    except ValueError as error:
+        why = str(error)
+    else:
+        return
+    raise InputError(f"{folder}: the solution makes no sense and is not written: {why}; check what it is solved from")
 
 
 def _calibration_to_json(calibration: Calibration, provenance: Provenance, digest: str) -> bytes:
@@ -191,18 +212,7 @@ def read_calibration(path: Path) -> tuple[Calibration, Provenance]:
 
 def _calibration(file: _CalibrationFile, path: Path) -> Calibration:
     """Hold the file to the rules that tie its parts together, and read the table beside it."""
-    camera = camera_from_mapping(file.camera, f"{path}: camera")
-    names = tuple(view.image for view in file.views)
-    if not names or len(set(names)) < len(names):
-        raise ValueError("views must hold one view or more, each of another image")
-    parameters = parameter_names(camera.model)
-    if odd := set(file.fixed) - set(parameters):
-        raise ValueError(f"fixed holds {shown(min(odd))}, which is no parameter of model {camera.model!r}")
-    poses = np.stack([_matrix(v.cam_from_target, (4, 4), "cam_from_target", n) for n, v in enumerate(file.views)])
-    if fault := rigid_fault(poses):
-        raise ValueError(f"views.{fault[0]}.cam_from_target {fault[1]}")
-    covariance = [_matrix(v.covariance, (6, 6), "covariance", n) for n, v in enumerate(file.views)]
-    points = _points(file)
+    camera, names, poses, covariance, points, param_covariance = _parts(file, f"{path}: camera")
     table = path.parent / OBSERVATIONS_FILE
     seen = read_sightings(table, names, points)
     with table.open("rb") as stream:
@@ -217,15 +227,15 @@ def _calibration(file: _CalibrationFile, path: Path) -> Calibration:
         residual_px=seen.residual_px,
         is_outlier=seen.is_outlier,
         scale=math.nan if file.scale is None else file.scale,
-        param_covariance=_covariance(_matrix(file.param_covariance, (len(parameters),) * 2, "param_covariance")),
-        pose_covariance=np.stack(covariance),
+        param_covariance=param_covariance,
+        pose_covariance=covariance,
         fixed=file.fixed,
         weighted=file.weighted,
         status=file.status,
         remarks=file.remarks,
         iterations=file.iterations,
         seconds=file.seconds,
-        target_error=_read_target_error(file.target_error, len(parameters)),
+        target_error=_read_target_error(file.target_error, len(camera.params)),
     )
 
 
@@ -235,6 +245,23 @@ def _read_target_error(file: _TargetError | None, parameters: int) -> TargetErro
         return None
     covariance = _matrix(file.param_covariance, (parameters,) * 2, "target_error.param_covariance")
     return TargetError(file.made, file.because, _covariance(covariance))
+
+
+def _parts(file: _CalibrationFile, origin: str) -> tuple[Camera, tuple[str, ...], Array, Array, KnownPoints, Array]:
+    """Camera, names and poses of the views, their covariances, the points, and the covariance of the parameters."""
+    camera = camera_from_mapping(file.camera, origin)
+    names = tuple(view.image for view in file.views)
+    if not names or len(set(names)) < len(names):
+        raise ValueError("views must hold one view or more, each of another image")
+    parameters = parameter_names(camera.model)
+    if odd := set(file.fixed) - set(parameters):
+        raise ValueError(f"fixed holds {shown(min(odd))}, which is no parameter of model {camera.model!r}")
+    poses = np.stack([_matrix(v.cam_from_target, (4, 4), "cam_from_target", n) for n, v in enumerate(file.views)])
+    if fault := rigid_fault(poses):
+        raise ValueError(f"views.{fault[0]}.cam_from_target {fault[1]}")
+    covariance = [_matrix(v.covariance, (6, 6), "covariance", n) for n, v in enumerate(file.views)]
+    param_covariance = _covariance(_matrix(file.param_covariance, (len(parameters),) * 2, "param_covariance"))
+    return camera, names, poses, np.stack(covariance), _points(file), param_covariance
 
 
 def _points(file: _CalibrationFile) -> KnownPoints:

@@ -25,6 +25,8 @@ FIRST_LINE = f"# ringsolid observations, version {VERSION}"
 COLUMNS = ("image", "point", "face", "X", "Y", "Z", "u", "v", "du", "dv", "outlier")
 COVARIANCE = ("suu", "suv", "svv")
 MAX_SIDE_PX = 1_000_000
+MAX_RESIDUAL_PX = 1e6
+"""What a camera predicts farther from what was measured than any image is wide, it does not predict."""
 EXPLAINED = (
     "# X Y Z in mm; u v as measured and du dv = predicted - measured in px, (0, 0) the centre of the first pixel"
 )
@@ -113,7 +115,8 @@ def read_sightings(path: Path, view_names: Sequence[str], points: KnownPoints) -
     )
     require(np.abs(values[:, 6:8]).max(axis=1) <= MAX_SIDE_PX, f"u and v must be within {MAX_SIDE_PX} px")
     require(
-        np.isinf(values[:, 8:10]).sum(axis=1) == 0, "du and dv must be finite, or nan where the camera has no pixel"
+        np.nan_to_num(np.abs(values[:, 8:10]), nan=0.0, posinf=np.inf).max(axis=1) <= MAX_RESIDUAL_PX,
+        f"du and dv must be finite, at most {MAX_RESIDUAL_PX:g} px, or nan where the camera has no pixel",
     )
     require(np.isin(values[:, 10], (0, 1)), "outlier must be 0 or 1")
     covariance = None

@@ -18,6 +18,9 @@ APPLICATION_ID = 0x52465354
 """In the header of the file: "RFST"."""
 VERSION = 1
 MAX_FILE_BYTES = 4 * 2**30
+MOST_SAMPLES, MOST_CASES = 4_000_000, 10_000
+LONGEST_VALUE_BYTES = 2**24
+"""The covariance of as many parameters as a case may have is half as long; SQLite refuses to read what is longer."""
 BUSY_S = 20.0
 """Another run on the same file holds its lock for milliseconds."""
 
@@ -70,7 +73,8 @@ class Study:
     def cases(self) -> tuple[StoredCase, ...]:
         """What has been sampled, in the order of its declaration."""
         with _one_line(self.path):
-            rows = self.connection.execute(f"SELECT {CASE_COLUMNS} FROM cases ORDER BY place")  # noqa: S608 - a constant
+            limit = f"LIMIT {MOST_CASES}"
+            rows = self.connection.execute(f"SELECT {CASE_COLUMNS} FROM cases ORDER BY place {limit}")  # noqa: S608 - constants
             return tuple(case_from_row(self.path, row) for row in rows)
 
     def declare(self, case: StoredCase) -> None:
@@ -125,12 +129,14 @@ class Study:
                 f'SELECT {COLUMNS} FROM sample WHERE "case" = ? ORDER BY number',  # noqa: S608 - a constant
                 (case,),
             )
-            return samples_from_rows(self.path, record, found.fetchall())
+            return samples_from_rows(self.path, record, found)
 
     def programs(self) -> tuple[tuple[str, str], ...]:
         """Names and versions of the programs that made the samples; twice the same name: it changed meanwhile."""
         with _one_line(self.path):
-            found = self.connection.execute("SELECT name, version FROM program ORDER BY name, version").fetchall()
+            found = self.connection.execute(
+                f"SELECT name, version FROM program ORDER BY name, version LIMIT {MOST_CASES}"  # noqa: S608 - a constant
+            ).fetchall()
         return tuple((str(name), str(version)) for name, version in found)
 
     def _case(self, name: str) -> StoredCase:
@@ -237,9 +243,13 @@ def _opened(path: Path, mode: str) -> Iterator[sqlite3.Connection]:
     """A connection that is closed again if what is done with it fails."""
     with _one_line(path):
         connection = sqlite3.connect(
-            f"{path.absolute().as_uri()}?mode={mode}", uri=True, timeout=BUSY_S, isolation_level=None
+            f"{path.absolute().as_uri()}?mode={mode}{_alone(path, mode)}",
+            uri=True,
+            timeout=BUSY_S,
+            isolation_level=None,
         )
         try:
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_VALUE_BYTES)
             # What a file's schema defines is not run: it may come from anywhere.
             connection.execute("PRAGMA trusted_schema = OFF")
             connection.execute("PRAGMA cell_size_check = ON")
@@ -247,6 +257,15 @@ def _opened(path: Path, mode: str) -> Iterator[sqlite3.Connection]:
         except BaseException:
             connection.close()
             raise
+
+
+def _alone(path: Path, mode: str) -> str:
+    """Word to SQLite that nobody writes a file to be read, so that it leaves no files of its own beside it.
+
+    A run that is under way, or was killed, has left such a file with the latest samples in it.
+    """
+    beside = path.with_name(f"{path.name}-wal")
+    return "&immutable=1" if mode == "ro" and not beside.exists() else ""
 
 
 @contextmanager
@@ -305,13 +324,18 @@ def _check_file(path: Path, connection: sqlite3.Connection) -> None:
     tables = set(connection.execute("SELECT type, name, sql FROM sqlite_master LIMIT 100"))
     if tables != {("table", name, statement) for name, statement in SCHEMA.items()}:
         raise InputError(f"{path}: its tables are not those of a study; start a new study in another folder")
+    (count,) = connection.execute("SELECT count(*) FROM sample").fetchone()
+    if count > MOST_SAMPLES:
+        raise InputError(f"{path}: {count} samples; at most {MOST_SAMPLES} are read")
     (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     if verdict != "ok":
         raise InputError(f"{path}: is damaged; start a new study in another folder")
 
 
 def _identity(path: Path, connection: sqlite3.Connection) -> StudyIdentity:
-    rows = connection.execute("SELECT kind, name, value FROM identity ORDER BY kind, name").fetchall()
+    rows = connection.execute(
+        f"SELECT kind, name, value FROM identity ORDER BY kind, name LIMIT {MOST_CASES}"  # noqa: S608 - a constant
+    ).fetchall()
     identity = StudyIdentity.from_rows(rows)
     if identity is None:
         raise InputError(f"{path}: does not say what study it is; start a new study in another folder")

@@ -1,8 +1,9 @@
 """Samples of a case as arrays, and as the rows of a study file, which are checked as any input."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain, islice
 from pathlib import Path
 from typing import get_args
 
@@ -16,6 +17,9 @@ from designer.errors import InputError
 
 STATUSES = (*get_args(Status), "failed")
 MAX_PARAMS = 1000
+LONGEST_MESSAGE = 10_000
+ROWS_AT_A_TIME = 10_000
+"""Checked and packed before the next are read, so that a file of anybody's takes no more memory than its numbers."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +61,8 @@ def row_of(result: SampleResult, params: int) -> Row:
     )  # fmt: skip
 
 
-def samples_from_rows(path: Path, case: StoredCase, rows: Sequence[Row]) -> Samples:
-    """The samples of a case.
+def samples_from_rows(path: Path, case: StoredCase, rows: Iterable[Row]) -> Samples:
+    """The samples of a case, each row checked as it comes.
 
     Args:
         path: where they are from, for messages.
@@ -68,8 +72,19 @@ def samples_from_rows(path: Path, case: StoredCase, rows: Sequence[Row]) -> Samp
     Raises:
         InputError: a row is none that a study has written.
     """
-    for row in rows:
-        _check_row(path, case, row)
+    left = iter(rows)
+    parts = [_samples(case, [])]
+    while part := [_checked_row(path, case, row) for row in islice(left, ROWS_AT_A_TIME)]:
+        parts.append(_samples(case, part))
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("number", "status", "distinct_views", "metrics", "params", "iterations")
+    }
+    return Samples(case, **joined, message=tuple(chain.from_iterable(part.message for part in parts)))
+
+
+def _samples(case: StoredCase, rows: Sequence[Row]) -> Samples:
+    """The samples in rows that were checked."""
     number, status, distinct, *metrics, params, iterations, message = zip(*rows, strict=True) if rows else ((),) * 10
     numbers = np.array([[math.nan if value is None else value for value in column] for column in metrics], dtype=float)
     return Samples(
@@ -125,18 +140,21 @@ def _blob(value: object) -> bytes:
     return value if isinstance(value, bytes) else b""
 
 
-def _check_row(path: Path, case: StoredCase, row: Row) -> None:
+def _checked_row(path: Path, case: StoredCase, row: Row) -> Row:
     number, status, distinct, *metrics, params, iterations, message = row
     counts = (number, distinct, iterations)
     if not (
         all(isinstance(count, int) and count >= 0 for count in counts)
         and status in STATUSES
-        and all(value is None or isinstance(value, float) for value in metrics)
+        and all(value is None or (isinstance(value, float) and value >= 0) for value in metrics)
+        and metrics[0] != math.inf
         and isinstance(params, bytes)
         and len(params) == 8 * case.params
         and isinstance(message, str)
+        and len(message) <= LONGEST_MESSAGE
     ):
         raise _damaged(path, f"a sample of {case.case.name!r}")
+    return row
 
 
 def _damaged(path: Path, what: str) -> InputError:

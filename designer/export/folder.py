@@ -4,10 +4,11 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from designer.errors import InputError
+from designer.errors import InputError, NotWrittenError
+from designer.own_files import require_ours, signed
 from designer.target import TargetGeometry, load_target
 
 
@@ -62,16 +63,19 @@ def write_folder(folder: Path, files: Iterable[OutputFile]) -> None:
     Everything is written under temporary names on the same disk first, then renamed.
 
     Raises:
-        InputError: the folder cannot be made or written, or the disk is full.
+        InputError: the folder cannot be made or written, the disk is full, or a file is somebody else's.
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, not a folder; choose another with -o")
+    ours = [replace(file, content=signed(file.name, file.content)) for file in files]
+    for file in ours:
+        require_ours(folder / file.name, file.content)
     staging: Path | None = None
     try:
         folder.mkdir(parents=True, exist_ok=True)
         staging = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=folder))
         staged = []
-        for file in files:
+        for file in ours:
             place = staging / file.name
             with place.open("wb") as stream:
                 stream.write(file.content)
@@ -81,7 +85,7 @@ def write_folder(folder: Path, files: Iterable[OutputFile]) -> None:
         _replace_all(folder, staged)
     except OSError as error:
         where = error.filename if isinstance(error, IsADirectoryError) else folder
-        raise InputError(
+        raise NotWrittenError(
             f"{where}: cannot be written: {error.strerror}; choose another folder with -o, or make room"
         ) from error
     finally:

@@ -5,8 +5,9 @@ import struct
 import numpy as np
 
 from designer.mesh import Mesh
+from designer.names import NAME
 
-_HEADER = b"binary STL, millimetres".ljust(80)
+_HEADER = f"{NAME} binary STL, millimetres".encode().ljust(80)
 """Must not begin with "solid": readers would take the file for text."""
 
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

@@ -1,0 +1,99 @@
+"""Whose a file is, told by its content: nothing that this program did not write is ever replaced by it.
+
+Each kind of file says somewhere near its beginning or end who wrote it, and what it is: JSON by `"format"`, tables and
+texts by a comment, pages by their generator, pictures by a note that viewers do not show. A table without one is known
+by its columns.
+"""
+
+import re
+import struct
+import zlib
+from pathlib import Path
+
+from designer.errors import InputError
+from designer.names import NAME
+
+_HEAD, _TAIL = 2**16, 2**12
+_MARK = re.compile(
+    rb'(?:\A(?:\xef\xbb\xbf)?\s*\{\s*"format"\s*:\s*"|\A(?:\xef\xbb\xbf)?\# |\A|"generator": ?"'
+    rb'|<meta name="generator" content="|(?:Software|Title)\0|/Creator \(|\xff\xd8\xff\xfe\0.|PK\x05\x06.{18}'
+    rb"|\n(?:\# |% |<!-- |/\* ))(?:ringsolid|ringforge)(?:[ .]([a-zA-Z_-]+))?",
+    re.DOTALL,
+)
+_NOTES = {
+    ".md": "<!-- {} -->", ".svg": "<!-- {} -->", ".xml": "<!-- {} -->", ".pdf": "% {}", ".step": "/* {} */",
+    ".toml": "# {}", ".yaml": "# {}", ".yml": "# {}", ".txt": "# {}", ".cameramodel": "# {}",
+}  # fmt: skip
+"""The last line of files of a kind, which its readers skip."""
+_PNG, _JPEG, _ZIP_END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"PK\x05\x06"
+_IHDR_END, _ZIP_END_BYTES = 33, 22
+
+
+def signed(name: str, content: bytes) -> bytes:
+    """A file's content with a note that this program made it; as it is where it says so, or has no place for it."""
+    if not content or kind_of(content).startswith(b"ours"):
+        return content
+    mine, note = NAME.encode(), _NOTES.get(Path(name).suffix.lower())
+    if note is not None:
+        return content.rstrip(b"\n") + b"\n" + note.format(NAME).encode() + b"\n"
+    if content.startswith(_PNG):
+        text = b"tEXtSoftware\0" + mine
+        chunk = struct.pack(">I", len(text) - 4) + text + struct.pack(">I", zlib.crc32(text))
+        return content[:_IHDR_END] + chunk + content[_IHDR_END:]
+    if content.startswith(_JPEG):
+        return content[:2] + b"\xff\xfe" + struct.pack(">H", 2 + len(mine)) + mine + content[2:]
+    if content[-_ZIP_END_BYTES:].startswith(_ZIP_END):
+        return content[:-2] + struct.pack("<H", len(mine)) + mine
+    return content
+
+
+def kind_of(content: bytes) -> bytes:
+    """What a file of this program says that it is, after "ours "; a table's columns; "" of any other."""
+    found = _MARK.search(content[:_HEAD]) or _MARK.search(content[-_TAIL:])
+    if found is not None:
+        return b"ours " + (found[1] or b"")
+    first = content[:_HEAD].split(b"\n", 1)[0]
+    return first if first.count(b",") >= 2 and not first.startswith((b"{", b"[")) else b""
+
+
+def is_ours(path: Path) -> bool:
+    """Whether a file may be written over by a later one of this program."""
+    try:
+        require_ours(path)
+    except InputError:
+        return False
+    return True
+
+
+def require_ours(path: Path, new: bytes | None = None) -> None:
+    """Refuse to write over anything but an earlier file of the same kind, an empty one, or the same again.
+
+    Args:
+        path: to be written.
+        new: what it is to hold; None before that is known: then any file of this program will do.
+
+    Raises:
+        InputError: it is there and is no file, or somebody else's, or cannot be read.
+    """
+    try:
+        if not path.exists():
+            return
+        if path.is_dir():
+            raise InputError(
+                f"{path}: cannot be written: a folder has the name of a file to write; choose another place"
+            )
+        if not path.is_file():
+            raise InputError(f"{path}: is not a file; choose another name with -o")
+        with path.open("rb") as stream:
+            there = stream.read(_HEAD)
+            stream.seek(max(_HEAD, path.stat().st_size - _TAIL))
+            there += stream.read(_TAIL)
+        is_same = new is not None and path.stat().st_size == len(new) and path.read_bytes() == new
+    except OSError as error:
+        raise InputError(f"{path}: cannot be used: {error.strerror}; choose another place with -o") from None
+    kind = kind_of(there)
+    is_kind = kind.startswith(b"ours") if new is None else bool(kind) and kind == kind_of(new)
+    if there and not is_same and not is_kind:
+        raise InputError(
+            f"{path}: is there already, and not of {NAME}'s making; move it, or choose another place with -o"
+        )

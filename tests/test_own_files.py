@@ -1,0 +1,101 @@
+"""Nothing that somebody else made is ever replaced, by any command that writes."""
+
+import io
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from calib.files import write_files
+from designer.errors import InputError
+from designer.own_files import kind_of, require_ours, signed
+from tests.command_line import Answer, summary_of
+from tests.test_exit_codes import CASES, Case, folder
+
+__all__ = ["folder"]  # the scene that the commands work in
+FOREIGN = {
+    ".html": b"<!doctype html>\n<title>My ringsolid board</title>\n",
+    ".json": b'{"mine": 1, "format": "ringsolid.camera"}\n',
+    ".toml": b'kind = "board"\nname = "mine"  # for ringsolid\n',
+    ".csv": b"mine,yours\n1,2\n",
+    ".png": cv2.imencode(".png", np.zeros((3, 4), np.uint8))[1].tobytes(),
+}
+
+
+def foreign(path: Path) -> bytes:
+    """What somebody may keep under a name."""
+    return FOREIGN.get(path.suffix, b"somebody's own\n")
+
+
+def contents() -> dict[Path, bytes]:
+    """All files of the current folder."""
+    return {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+
+
+OFTEN = ("ico", "make")
+"""Commands that write as another one does; `board` stands for them."""
+WRITING = [
+    one
+    for one in CASES
+    if one.values[1].code != 2
+    and one.values[1].words[0] not in OFTEN
+    and ("-o" in one.values[1].words or one.values[1].words[0] in ("evaluate", "diff"))
+]
+
+
+@pytest.mark.parametrize(("program", "case"), WRITING)
+def test_files_of_somebody_else_stay(program: Callable[..., Answer], case: Case) -> None:
+    """Under each name that a command writes lies something else: it stays, byte for byte, and a line names one of them.
+
+    Where the command does without that file it says so; else it ends with 2, and nothing new is there.
+    """
+    if case.before:
+        assert program(*case.before).code == 0
+    earlier = contents()
+    assert program(*case.words).code == case.code
+    wrote = [path for path, content in contents().items() if earlier.get(path) != content]
+    for path in wrote:
+        path.write_bytes(foreign(path))
+    planted = {path: foreign(path) for path in wrote}
+    answer = program(*case.words, "--json")
+    there = contents()
+    assert {path: there[path] for path in planted} == planted
+    named = " ".join([summary_of(answer)["error"] or "", *summary_of(answer)["remarks"], answer.err])
+    assert not wrote or any(path.name in named for path in wrote), named
+    if answer.code == 2:
+        assert there == {**earlier, **planted}
+
+
+def test_a_picture_is_signed_and_shows_the_same(tmp_path: Path) -> None:
+    """PNG and JPEG, a package and a text are known for this program's afterwards, and what they hold is as before."""
+    pixels = np.arange(48, dtype=np.uint8).reshape(6, 8)
+    for suffix in (".png", ".jpg"):
+        plain = cv2.imencode(suffix, pixels)[1].tobytes()
+        assert not kind_of(plain)
+        own = signed(f"a{suffix}", plain)
+        assert kind_of(own).startswith(b"ours")
+        assert np.array_equal(np.asarray(Image.open(io.BytesIO(own))), np.asarray(Image.open(io.BytesIO(plain))))
+        assert signed("a", own) == own
+    package = io.BytesIO()
+    with zipfile.ZipFile(package, "w") as archive:
+        archive.writestr("a", "text")
+    with zipfile.ZipFile(io.BytesIO(signed("a.3mf", package.getvalue()))) as archive:
+        assert (archive.read("a"), archive.comment) == (b"text", b"ringsolid")
+    write_files({tmp_path / "a.md": b"# A table"})
+    write_files({tmp_path / "a.md": b"# Another table"})
+    assert (tmp_path / "a.md").read_text().startswith("# Another table\n<!-- ringsolid")
+
+
+@pytest.mark.parametrize("name", ["camera.json", "design.toml", "index.html", "a.csv", "a.png", "a.svg"])
+def test_what_names_this_program_is_not_yet_its_own(name: str, tmp_path: Path) -> None:
+    """A file of somebody's that mentions the program, or holds some of its output, stays."""
+    path = tmp_path / name
+    path.write_bytes(foreign(path))
+    for new in (None, b'{\n"format": "ringsolid.camera"', b"# ringsolid design\n"):
+        with pytest.raises(InputError, match="not of ringsolid's making"):
+            require_ours(path, new)
+    require_ours(path, foreign(path))
