@@ -10,6 +10,7 @@ from calib.sightings import keep_views
 from calib.solver.covariance import accuracy_of
 from calib.solver.degeneracy import why_degenerate
 from calib.solver.descend import Descended, descend, is_robust, without_lens
+from calib.solver.image_shift import shifted_photo
 from calib.solver.options import SolveOptions
 from calib.solver.poses import FirstPoses, first_poses
 from calib.solver.problem import Problem, pack, target_covariance, target_poses
@@ -106,6 +107,8 @@ def _calibration(
         remarks = [reason, *remarks]
     elif not found.converged:
         remarks = [f"stopped after {found.iterations} steps, short of the minimum; allow more", *remarks]
+    else:
+        remarks = [*remarks, *shifted_photo(found.blocks.products, tie, observations.view_names)]
     beyond, left_out = descended.is_beyond, int((~is_used & ~descended.is_beyond).sum())
     remarks = [*remarks, *_beyond(observations, descended)]
     if not is_robust(options):

@@ -1,0 +1,69 @@
+"""A photo whose picture is shifted against the others': damaged on its way, cropped, or moved by a stabiliser.
+
+Its pose takes up most of a shift: what is left is spread over all photos, and looks like noise. So the principal point
+of each photo is freed in turn, by the normal equations at the minimum: with the views' reduced blocks H_v, h_v (poses
+eliminated), their sum N, and A the columns of the principal point, the shift is `-S^-1 h_v[A]` with
+`S = H_v[A, A] - H_v[A, :] N^-1 H_v[:, A]`, and `T = h_v[A]' S^-1 h_v[A]` is by how much the squares would fall (a score
+test; Cook and Weisberg 1982, section 2.2). The largest T is held against those of the others once it is accounted for.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.linear_algebra import symmetric_inverse
+from calib.solver.tie import Tie
+
+Array = NDArray[np.float64]
+
+PRINCIPAL_POINT = slice(2, 4)
+"""Of the parameters of every model."""
+LEAST_VIEWS = 4
+MEDIAN_SQUARE = 1.3862943611198906
+"""Of a normal vector in the plane, 2 ln 2, in squares of a coordinate's standard deviation."""
+SURE = 15.0
+"""Times what the others scatter. Measured: a block's 8 or 16 px in one of 5 to 20 photos 17 to 70; of sound photos the
+largest 3 to 4, and up to 14 where the model leaves pixels over of a wide lens."""
+LEAST_PX = 0.2
+
+
+def shifted_photo(products: Array, tie: Tie, names: Sequence[str]) -> list[str]:
+    """A word on the photo whose picture is shifted most, if that is not by chance.
+
+    Args:
+        products: the blocks of V views at the minimum (V, P + 7, P + 7).
+        tie: which parameters are free.
+        names: of the views.
+    """
+    if len(products) < LEAST_VIEWS or (tie.row[PRINCIPAL_POINT] < 0).any():
+        return []
+    camera, pose, last = slice(0, len(tie.row)), slice(len(tie.row), -1), -1
+    by_pose = products[:, camera, pose] @ symmetric_inverse(products[:, pose, pose]).inverse
+    block = products[:, camera, camera] - by_pose @ products[:, pose, camera]  # (V, P, P)
+    gradient = products[:, camera, last] - np.einsum("vij,vj->vi", by_pose, products[:, pose, last])
+    free = np.zeros((len(tie.row), int(tie.row.max()) + 1))
+    free[tie.row >= 0, tie.row[tie.row >= 0]] = 1
+    inverse = free @ symmetric_inverse(free.T @ block.sum(axis=0) @ free).inverse @ free.T
+
+    own = block[:, :, PRINCIPAL_POINT]  # (V, P, 2)
+    spread = symmetric_inverse(own[:, PRINCIPAL_POINT] - own.transpose(0, 2, 1) @ inverse @ own).inverse
+    gain = _gain(gradient, spread)
+    worst = int(gain.argmax())
+    shift_px = -spread[worst] @ gradient[worst, PRINCIPAL_POINT]
+    # What the other photos' gradients are once the camera no longer makes up for this one.
+    others = gradient - block @ inverse @ own[worst] @ shift_px
+    usual = float(np.median(np.delete(_gain(others, spread), worst))) / MEDIAN_SQUARE
+    if not (gain[worst] > SURE**2 * usual and np.hypot(*shift_px) > LEAST_PX):
+        return []
+    return [
+        f"{names[worst]}: its picture is shifted by about {shift_px[0]:.2g}, {shift_px[1]:.2g} px against the others' "
+        f"({np.sqrt(gain[worst] / usual):.0f} times what they scatter): damaged, cropped, or taken with another zoom, "
+        "focus or a stabiliser; leave it out"
+    ]
+
+
+def _gain(gradient: Array, spread: Array) -> Array:
+    """By how much the sum of squares would fall (V,)."""
+    of_point = gradient[:, PRINCIPAL_POINT]
+    return np.asarray(np.einsum("vi,vij,vj->v", of_point, spread, of_point))

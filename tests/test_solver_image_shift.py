@@ -1,0 +1,43 @@
+"""A photo whose picture is shifted as a whole: its pose hides it, the solution names it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.inputs.observations import known_points
+from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
+from calib.types import Calibration
+from tests.calibrations import board, camera, poses_around, seen_by
+
+CAMERA = camera("opencv", (640, 480), 620.0)
+TARGET = board(9, 7, "12mm")
+
+
+def solved(photos: int, shift_px: tuple[float, float], model: str = "opencv") -> Calibration:
+    """A solution of photos of which the third is shifted."""
+    rng = np.random.default_rng(photos)
+    seen = seen_by(CAMERA, known_points(TARGET), poses_around(photos, rng, distance_mm=220.0))
+    off = np.where(seen.view == 2, 1.0, 0.0)[:, None] * shift_px
+    noisy = replace(seen, center_px=seen.center_px + off + rng.normal(0, 0.03, seen.center_px.shape))
+    return solve(noisy, model, SolveOptions())
+
+
+@pytest.mark.parametrize("photos", [5, 8, 20])
+@pytest.mark.parametrize("shift_px", [(16.0, 0.0), (0.0, -16.0)])
+def test_a_photo_shifted_by_a_block_is_named(photos: int, shift_px: tuple[float, float]) -> None:
+    """By as much as it is, though no residual is larger than a few tenths of a pixel."""
+    one = solved(photos, shift_px)
+    assert np.hypot(*one.residual_px.T).max() < 1
+    (remark,) = (line for line in one.remarks if "shifted" in line)
+    assert remark.startswith(one.observations.view_names[2])
+    told = np.array([float(word.strip(",")) for word in remark.split("about ")[1].split(" px")[0].split()])
+    assert np.abs(told - shift_px).max() < 4
+
+
+@pytest.mark.parametrize("photos", [4, 8, 20])
+@pytest.mark.parametrize("model", ["opencv", "pinhole"])
+def test_sound_photos_are_not_blamed(photos: int, model: str) -> None:
+    """Not where the model fits, nor where it leaves all of the lens over."""
+    assert not [line for line in solved(photos, (0, 0), model).remarks if "shifted" in line]
