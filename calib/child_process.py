@@ -35,10 +35,8 @@ def interrupts_held() -> Iterator[None]:
     if sys.platform == "win32":
         yield
         return
-    # Else they are started with the first process, and let the signal through again for all that follow.
+    # Else it is started with the first process, and lets the signal through again, for that process too.
     multiprocessing.resource_tracker.ensure_running()
-    if "joblib.externals.loky.backend.resource_tracker" in sys.modules:
-        sys.modules["joblib.externals.loky.backend.resource_tracker"].ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -66,7 +66,7 @@ def test_one_size_makes_all_default_files_in_the_exports_folder(tmp_path: Path) 
 
 
 def test_replacing_another_target_is_said(tmp_path: Path) -> None:
-    """A design of the same name with another target says what it replaces; the same target, or a damaged file, not."""
+    """A design of the same name with another target says what it replaces; a damaged file, no one's any more, stays."""
     ico = ("ico", "--edge", "20mm", "-o", "out", "--json")
     file = tmp_path / "out" / "ico-20mm.target.json"
     first = json.loads(design(*ico, cwd=tmp_path).stdout)["answer"]["target_id"]
@@ -80,8 +80,9 @@ def test_replacing_another_target_is_said(tmp_path: Path) -> None:
     assert line in changed.stderr
     file.write_text("{")
     damaged = design(*ico, cwd=tmp_path)
-    assert (damaged.returncode, "replaces" in damaged.stdout + damaged.stderr) == (0, False)
-    assert json.loads(file.read_text())["geometry_id"] == first
+    assert damaged.returncode == 2
+    assert "ico-20mm.target.json: is there already, and not of ringsolid's making" in damaged.stderr
+    assert file.read_text() == "{"
 
 
 def test_help_says_what_to_type_first(tmp_path: Path) -> None:

@@ -110,10 +110,8 @@ def test_a_camera_that_sees_nothing_makes_no_black_photos(folder: Path) -> None:
     """A lens that folds over at once knows no light: one line that says so, and no files."""
     nothing = Camera("opencv", np.array([95.0, 95.0, -5e4, 59.5, -0.3, 0.0, 0.0, 0.0, 0.0]), (160, 120))
     Path("camera.json").write_text(camera_to_json(nothing))
-    with pytest.raises(InputError, match=r"a\.png: all of the undistorted photo would be black.*check the camera file"):
+    with pytest.raises(InputError, match=r"camera\.json: by these numbers 0\.0 % of the image see"):
         run("photos")
-    with pytest.raises(InputError, match="the camera knows no light anywhere in its image"):
-        run("photos", alpha=1.0)
     assert not Path("out").exists()
 
 

@@ -235,6 +235,7 @@ REFUSED = {
     "no-width.tif": (tiff(GREY).replace(struct.pack("<HH", 256, 4), struct.pack("<HH", 255, 4)), "header is damaged"),
     "zero.png": (png(0, 1, 8, 0, b""), "0 x 1"),
     "bomb.png": (png(200_000, 200_000, 8, 0, b""), "at most 250 million"),
+    "deep.png": (png(15_000, 15_000, 16, 6, b""), "8 bytes; at most 1 GB"),
     "bomb.jpg": (JPEG.replace(struct.pack(">HH", HEIGHT, WIDTH), b"\xff\xff\xff\xff", 1), "at most 250 million"),
     "bomb.tif": (tiff(GREY, t256=100_000, t257=100_000), "at most 250 million"),
     "bomb.bmp": (WHOLE["a.bmp"][:18] + struct.pack("<ii", 90_000, -90_000) + WHOLE["a.bmp"][26:], "at most 250"),

@@ -36,13 +36,13 @@ def contents() -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
 
 
-OFTEN = ("ico", "make")
-"""Commands that write as another one does; `board` stands for them."""
+SAME_WAY = ("ico", "make", "tolerance")
+"""Commands that write as another one does: `board` and the studies stand for them."""
+OF_COMMAND = {(one.values[0], one.values[1].words[:2]): one for one in CASES if one.values[1].code != 2}
 WRITING = [
     one
-    for one in CASES
-    if one.values[1].code != 2
-    and one.values[1].words[0] not in OFTEN
+    for one in OF_COMMAND.values()
+    if one.values[1].words[0] not in SAME_WAY
     and ("-o" in one.values[1].words or one.values[1].words[0] in ("evaluate", "diff"))
 ]
 

@@ -18,7 +18,7 @@ APPLICATION_ID = 0x52465354
 """In the header of the file: "RFST"."""
 VERSION = 1
 MAX_FILE_BYTES = 4 * 2**30
-MOST_SAMPLES, MOST_CASES = 4_000_000, 10_000
+MOST_SAMPLES, MOST_VALUES, MOST_CASES = 4_000_000, 50_000_000, 10_000
 LONGEST_VALUE_BYTES = 2**24
 """The covariance of as many parameters as a case may have is half as long; SQLite refuses to read what is longer."""
 BUSY_S = 20.0
@@ -125,6 +125,11 @@ class Study:
         """
         record = self._case(case)
         with _one_line(self.path):
+            (count,) = self.connection.execute('SELECT count(*) FROM sample WHERE "case" = ?', (case,)).fetchone()
+            if count * record.params > MOST_VALUES:
+                raise InputError(
+                    f"{self.path}: {count} samples of {record.params} values; at most {MOST_VALUES} are read"
+                )
             found = self.connection.execute(
                 f'SELECT {COLUMNS} FROM sample WHERE "case" = ? ORDER BY number',  # noqa: S608 - a constant
                 (case,),
