@@ -17,7 +17,7 @@ _HEAD, _TAIL = 2**16, 2**12
 _MARK = re.compile(
     rb'(?:\A(?:\xef\xbb\xbf)?\s*\{\s*"format"\s*:\s*"|\A(?:\xef\xbb\xbf)?\# |\A|"generator": ?"'
     rb'|<meta name="generator" content="|(?:Software|Title)\0|/Creator \(|\xff\xd8\xff\xfe\0.|PK\x05\x06.{18}'
-    rb"|\n(?:\# |% |<!-- |/\* ))(?:ringsolid|ringforge)(?:[ .]([a-zA-Z_-]+))?",
+    rb"|\n(?:\# |% |<!-- |/\* ))(?:ringsolid|ringforge)(?:[ .]([a-zA-Z][a-zA-Z_-]*))?",
     re.DOTALL,
 )
 _NOTES = {

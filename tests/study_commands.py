@@ -48,7 +48,7 @@ def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def named(place: Path, height_px: int, draw: object) -> dict[Path, bytes]:
     """The files of a picture without the picture."""
-    return {place.with_name(f"{place.name}.{suffix}"): b"ringsolid picture" for suffix in SUFFIXES}
+    return {place.with_name(f"{place.name}.{suffix}"): b"ringsolid" for suffix in SUFFIXES}
 
 
 def bootstrap(*options: object, out: str = "out", sizes: str = "6", samples: int = 8) -> Answer:

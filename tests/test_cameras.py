@@ -161,7 +161,11 @@ def test_templates_are_the_stated_cameras() -> None:
         ({"image_size": [10.5, 5]}, "image_size"),
         ({"image_sizes": [1, 5]}, "unknown key 'image_sizes'; did you mean 'image_size'?"),
         ({"parameters": {"fx_px": 1.0, "fy_px": 1.0, "cx_px": 0.0}}, "parameter cy_px is missing"),
-        ({"parameters": {"fx_px": 0.0, "fy_px": 1.0, "cx_px": 0.0, "cy_px": 0.0}}, "fx_px 0: a focal length must be"),
+        ({"parameters": {"fx_px": 1.0, "fy_px": 1.0, "cx_px": 0.0, "cy_px": 0.0}}, "parameter k1 is missing"),
+        (
+            {"model": "pinhole", "parameters": {"fx_px": 0.0, "fy_px": 1.0, "cx_px": 0.0, "cy_px": 0.0}},
+            "fx_px 0: a focal",
+        ),
         ({"parameters": {"fx_px": float("nan")}}, "parameters.fx_px nan"),
         ({"parameters": {"fx_px": "1"}}, "parameters.fx_px '1'"),
         ({"parameters": {"fx_px": True}}, "parameters.fx_px True"),

@@ -410,7 +410,7 @@ def test_bad_input_is_one_line(arguments: tuple[str, ...], message: str) -> None
 def test_other_files_are_not_written_over(name: str, content: str) -> None:
     """A place that holds anything but an earlier measurement is refused before any work is done."""
     Path(name).write_text(content)
-    assert "choose another name" in refused("ico.target.json", "seen.csv", "-o", "m.target.json")
+    assert "choose another" in refused("ico.target.json", "seen.csv", "-o", "m.target.json")
 
 
 def test_an_earlier_measurement_is_replaced() -> None:

@@ -137,7 +137,7 @@ def target_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path.write_text(target_to_json(target()), encoding="utf-8")
     camera = {"fx_px": 300.0, "fy_px": 300.0, "cx_px": 79.5, "cy_px": 59.5}
     document = {
-        "format": "ringsolid.camera", "version": 1, "model": "opencv", "image_size": [160, 120], "parameters": camera
+        "format": "ringsolid.camera", "version": 1, "model": "pinhole", "image_size": [160, 120], "parameters": camera
     }  # fmt: skip
     path.with_name("small.json").write_text(json.dumps(document))
     return path

@@ -234,8 +234,9 @@ def test_another_camera_is_not_taken_for_the_pinhole(tmp_path: Path) -> None:
     """A camera.json that came later is refused, as is none."""
     undistorted(tmp_path)
     shutil.copy(tmp_path / "camera.json", tmp_path / "kept")
-    text = (tmp_path / "camera.json").read_text()
-    (tmp_path / "camera.json").write_text(text.replace('"pinhole"', '"opencv"'))
+    document = json.loads((tmp_path / "camera.json").read_text())
+    document["parameters"] |= dict.fromkeys(("k1", "k2", "p1", "p2", "k3"), 0.0)
+    (tmp_path / "camera.json").write_text(json.dumps({**document, "model": "opencv"}))
     with pytest.raises(InputError, match=r"camera\.json: not the pinhole"):
         page_of("undistorted", tmp_path)
     (tmp_path / "camera.json").unlink()

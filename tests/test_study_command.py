@@ -201,7 +201,7 @@ def test_what_is_advised_next_works(quick: None) -> None:
 @pytest.mark.parametrize(
     "statement",
     [
-        "UPDATE sample SET reprojection_px = 1e999, intersection_mm = 1.7e308 * (number % 2), reconstruction_mm = NULL",
+        "UPDATE sample SET reprojection_px = 1e308, intersection_mm = 1.7e308 * (number % 2), reconstruction_mm = NULL",
         "UPDATE sample SET status = 'failed', params = zeroblob(72)",
     ],
 )
