@@ -65,7 +65,6 @@ def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """The detector above, and pictures that are not drawn: both take longer than all else."""
     monkeypatch.setattr("calib.detect.pipeline.detect", detect)
     monkeypatch.setattr("calib.figures.picture", lambda *_: b"ringsolid")
-    monkeypatch.setattr("calib.figures.picture", lambda *_: b"ringsolid")
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     monkeypatch.setattr("calib.studies.figures.files_of", named)
     monkeypatch.setattr("calib.studies.tolerance.files.picture", lambda *_: b"ringsolid")

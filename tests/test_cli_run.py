@@ -96,7 +96,7 @@ def detector(monkeypatch: pytest.MonkeyPatch) -> Detector:
     """In place of the real one, which takes longer; pictures are not drawn."""
     fake = Detector()
     monkeypatch.setattr("calib.detect.pipeline.detect", fake)
-    monkeypatch.setattr("calib.figures.picture", lambda *_: b"picture")
+    monkeypatch.setattr("calib.figures.picture", lambda *_: b"ringsolid")
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     return fake
 
