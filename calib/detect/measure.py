@@ -17,6 +17,7 @@ from calib.detect.place import Naming, Placement, Places, predict
 from calib.detect.plan import TargetPlan
 from calib.detect.ring_fit import RingFits, fit_rings
 from calib.detect.ring_model import BLUR, DARKNESS, E00, E11, PARAMETERS, RATIO, WHITE
+from calib.detect.ring_scores import variance_ratios
 from calib.types import CUT_OFF, OUTSIDE, TOO_FLAT
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -26,8 +27,16 @@ MANY_RINGS = 300
 UNDERSAMPLED_BLUR_PX = 0.65
 """Edges this sharp (as pairs of ellipses see them; pixels alone make .5) hang on where a pixel falls."""
 SOFTENING_PX = 0.5
-SOFTENED_SPREAD = 1.25
-"""Softening ties neighbouring residuals together; the covariance that takes them for independent grows by this."""
+WORTH_A_WORD = 4.0
+"""Variances of centres so many times those of noise alone are said to be so."""
+ODD_EDGES = (
+    "edges are no blurred circles, by more than noise (the print, denoising, compression or resampling); the centres' "
+    "standard deviations are more than doubled for it"
+)
+NO_GREY_EDGES = (
+    "edges have hardly any grey levels (drawn or resized without smoothing?): centres hang on where pixels fall, and "
+    "their standard deviations are more than doubled for it"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +49,7 @@ class Measured:
     shape: Floats  # (N, 3) E
     ratio: Floats  # (N,) inner over outer radius; 0: a dot
     missing: tuple[tuple[int, str], ...]  # row of the target, reason
+    remarks: tuple[str, ...] = ()  # what the edges of the photo tell of it
 
 
 def measure(
@@ -71,7 +81,7 @@ def measure(
     start = _starts(image, plan, candidates, naming, places, is_dot)
     at = np.flatnonzero(there & (start[:, BLUR] > 0))
     found = Places(places.ring[at], places.center_px[at], places.shape[at])
-    fits, residual_px = _fit_with_lines(image, plan, found, start[at], placement, camera_lens)
+    fits, residual_px, remarks = _fit_with_lines(image, plan, found, start[at], placement, camera_lens)
     reason = judge(fits, residual_px, is_dot[at], found.shape, plan)
     good = reason == ""
     left_out = np.setdiff1d(np.arange(len(places.ring)), at)
@@ -89,6 +99,7 @@ def measure(
         shape=fits.params[good, E00 : E11 + 1],
         ratio=fits.params[good, RATIO],
         missing=tuple(missing),
+        remarks=remarks,
     )
 
 
@@ -144,11 +155,11 @@ def _fit_with_lines(
     start: Floats,
     placement: Placement,
     camera_lens: Lens | None,
-) -> tuple[RingFits, Floats]:
+) -> tuple[RingFits, Floats, tuple[str, ...]]:
     """Direct fits with the faces' vanishing lines, twice: the second time with lines from the first one's centres.
 
     Returns:
-        The fits, and their distances from where the grid puts them in px.  # (N, 2)
+        The fits; their distances from where the grid puts them in px (N, 2); what the edges tell of the photo.
     """
     image_size = (image.shape[1], image.shape[0])
     is_dot = plan.target.is_dot[places.ring]
@@ -189,9 +200,11 @@ def _fit_with_lines(
         seen = after(fits, start)
         start = np.where(fits.ok[:, None], fits.params, start)
         fits = fit(image, start, seen, is_final=True)
-    if softened:
-        fits = replace(fits, cov_px2=SOFTENED_SPREAD * fits.cov_px2)
-    return fits, lines(after(fits, start))[1].residual_px
+    sound = np.where(judge(fits, None, is_dot, places.shape, plan) == "", plan.target.ring_face[places.ring], -1)
+    ratios = variance_ratios(fits.scores, fits.params, fits.noise / np.maximum(fits.contrast, 1e-9), sound)
+    fits = replace(fits, cov_px2=ratios.ring[:, None, None] * fits.cov_px2)
+    remarks = () if ratios.photo < WORTH_A_WORD else (NO_GREY_EDGES if softened else ODD_EDGES,)
+    return fits, lines(after(fits, start))[1].residual_px, remarks
 
 
 def _softened(image: NDArray[np.generic], start: Floats) -> tuple[NDArray[np.generic], Floats]:

@@ -43,7 +43,7 @@ def _edge(t: float) -> tuple[float, float]:
 
 
 @jit
-def _pixel(value: float, du: float, dv: float, p: Floats, out: Floats, rows: Floats, k: int) -> float:
+def pixel_equation(value: float, du: float, dv: float, p: Floats, out: Floats, rows: Floats, k: int) -> float:
     """Residual of one pixel, and its model's derivatives into column k of `rows`.
 
     Args:
@@ -129,7 +129,7 @@ def accumulate(
     for n in range(count):
         u, v = pixels[n, 0], pixels[n, 1]
         plane_distance(p, q, u - p[CENTER_U], v - p[CENTER_V], out)
-        residual = _pixel(float(image[v, u]), u - origin[0], v - origin[1], p, out, rows, filled)
+        residual = pixel_equation(float(image[v, u]), u - origin[0], v - origin[1], p, out, rows, filled)
         cost += residual * residual
         filled += 1
         if filled == CHUNK or n == count - 1:

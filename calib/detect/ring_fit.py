@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from calib.detect.ring_equations import CHUNK, accumulate, add_prior
 from calib.detect.ring_model import BLUR, CENTER_U, CENTER_V, DARKNESS, E00, E10, E11, M0, M1, PARAMETERS, RATIO, WHITE
 from calib.detect.ring_pixels import MAX_PIXELS, choose_pixels
+from calib.detect.ring_scores import Scores, score_ring
 from calib.jit import jit
 from calib.small_solve import cholesky_invert, cholesky_solve
 from calib.threads import in_chunks
@@ -37,6 +38,7 @@ class RingFits:
     cov_px2: Floats  # (N, 2, 2) of the centre
     cov_line: Floats  # (N, 2, 2) of m
     noise: Floats  # (N,) residual standard deviation in grey levels
+    scores: Scores  # of final fits only
     pixels: NDArray[np.int64]  # (N,) how many pixels were used
     ok: NDArray[np.bool_]  # (N,)
 
@@ -203,6 +205,8 @@ def _fit_range(
     center_cov: Floats,
     line_cov: Floats,
     noise: Floats,
+    score: Floats,
+    alone: Floats,
     used: NDArray[np.int64],
 ) -> None:
     """Fit rings first..last-1; `used` stays 0 where a fit failed."""
@@ -227,6 +231,8 @@ def _fit_range(
             noise2 = max(cost / (count - PARAMETERS), 1e-6)
             add_prior(params[n], line[n], information[n], noise2, is_ring, normal, gradient)
             done = _sandwich_covariances(count, noise2, information[n], is_ring, center_cov[n], line_cov[n], work)
+            if done and is_ring:
+                alone[n] = score_ring(image, pixels, count, params[n], q[n], start[n, :2], work[3], score[n], rows)
         else:
             done = _even_covariances(noise2, center_cov[n], line_cov[n], work)
         if done:
@@ -265,15 +271,15 @@ def fit_rings(
     start = np.ascontiguousarray(start, dtype=np.float64)
     params, noise = np.array(start), np.zeros(count)
     center_cov, line_cov = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
-    used = np.zeros(count, dtype=np.int64)
+    used, scores = np.zeros(count, dtype=np.int64), Scores.empty(count)
 
     def run(first: int, last: int) -> None:
         _fit_range(
             image, start, bend, line, information, limit, is_final, first, last,
-            params, center_cov, line_cov, noise, used,
+            params, center_cov, line_cov, noise, scores.score, scores.alone, used,
         )  # fmt: skip
 
     in_chunks(run, count)
     ok = (used > 0) & np.isfinite(params).all(axis=1) & np.isfinite(center_cov).all(axis=(1, 2))
     ok &= (center_cov[:, 0, 0] > 0) & (center_cov[:, 1, 1] > 0)
-    return RingFits(params, center_cov, line_cov, noise, used, ok)
+    return RingFits(params, center_cov, line_cov, noise, scores, used, ok)

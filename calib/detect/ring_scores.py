@@ -1,0 +1,197 @@
+"""How far neighbouring residuals go together, and what that does to a centre's covariance.
+
+To first order a centre errs by `e = sum_i h_i r_i`, with `r_i` the error of pixel i and `h_i` its influence, the
+centre's rows of `inv(J'J) J_i`. If pixels err alone its variance is `sum_i h_i h_i' r_i^2`. Denoising, compression,
+resampling and stairs along an edge tie neighbours together, and a blur of another shape than the model's leaves
+residuals across the edge whose influences cancel. Both show in the scores `s_a`, the sums of `h_i r_i` over short
+stretches of an edge: with
+
+    S = sum over |a - b| <= reach of s_a' s_b        (stretches of one edge; Newey and West, Econometrica 55, 1987,
+                                                     with an even window)
+
+the variance is S. The fit takes a part of the errors up, so even pixels that err alone leave scores that go together:
+`E[r r'] = noise^2 (I - J inv(J'J) J')` says what S would be then, S0 (Bell and McCaffrey, Survey Methodology 28, 2002).
+`S / S0` is what a covariance that takes pixels for independent has to be multiplied with. One ring tells it poorly, the
+rings of a photo together well. What all rings of a face have in common (the direction of a blur, the raster of a
+screen) moves them all alike, as a turned camera does, and is taken off first.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detect.plane_distance import OUTPUTS, plane_distance
+from calib.detect.ring_equations import pixel_equation
+from calib.detect.ring_model import CENTER_U, CENTER_V, E00, E10, E11, PARAMETERS, RATIO
+from calib.jit import jit
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+
+REACH_PX = 4.0
+"""Residuals no farther apart along an edge may go together; twice that changes no ratio of the benchmark by 10 %."""
+STRETCHES = 64
+"""Into so many parts, of equal angles in the target's plane, each edge is cut."""
+LEAST_OF_A_FACE = 4
+MOST_ROUGH = 1.5
+"""Times the usual residuals: a ring with more is disturbed by something of its own, and tells nothing of the photo."""
+TRUST = 4.0
+"""So many rings' worth is the photo's ratio for one ring, whose own scatters by 80 % (simulated)."""
+LEAST_RATIO = 0.25
+"""An even window can make S negative: no covariance shrinks to less than a quarter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Of N rings; zero of dots, and of fits that failed or were not final."""
+
+    score: Floats  # (N, 2, STRETCHES, 2) outer and inner edge; in units of what even noise makes of the centre
+    alone: Floats  # (N,) S0 in these units squared
+
+    @staticmethod
+    def empty(count: int) -> "Scores":
+        """To be filled."""
+        return Scores(np.zeros((count, 2, STRETCHES, 2)), np.zeros(count))
+
+
+@jit
+def _reach(radius_px: float) -> int:
+    """REACH_PX in stretches of an edge of this radius."""
+    return min(max(math.ceil(REACH_PX * STRETCHES / (2.0 * math.pi * max(radius_px, 1.0))), 1), STRETCHES // 2 - 1)
+
+
+@jit
+def _fill(
+    image: NDArray[np.generic],
+    pixels: NDArray[np.int32],
+    count: int,
+    p: Floats,
+    q: Floats,
+    origin: Floats,
+    inverse: Floats,
+    score: Floats,
+    leverage: Floats,
+    rows: Floats,
+) -> tuple[float, float]:
+    """Sum up scores and `h_i J_i'` by stretch; returns the sums of h'h and of squared residuals."""
+    score[:], leverage[:] = 0.0, 0.0
+    out = np.empty(OUTPUTS)
+    middle = 0.5 * (1.0 + p[RATIO])
+    even, squares = 0.0, 0.0
+    for n in range(count):
+        u, v = pixels[n, 0], pixels[n, 1]
+        du, dv = u - p[CENTER_U], v - p[CENTER_V]
+        plane_distance(p, q, du, dv, out)
+        residual = pixel_equation(float(image[v, u]), u - origin[0], v - origin[1], p, out, rows, 0)
+        turn = math.atan2(p[E10] * du + p[E11] * dv, p[E00] * du) / (2.0 * math.pi)
+        a = int((turn - math.floor(turn)) * STRETCHES) % STRETCHES
+        edge = 0 if out[0] > middle else 1
+        for k in range(2):
+            h = 0.0
+            for i in range(PARAMETERS):
+                h += inverse[k, i] * rows[i, 0]
+            score[edge, a, k] += h * residual
+            for i in range(PARAMETERS):
+                leverage[edge, k, a, i] += h * rows[i, 0]
+            even += h * h
+        squares += residual * residual
+    return even, squares
+
+
+@jit
+def score_ring(
+    image: NDArray[np.generic],
+    pixels: NDArray[np.int32],
+    count: int,
+    p: Floats,
+    q: Floats,
+    origin: Floats,
+    inverse: Floats,
+    score: Floats,
+    rows: Floats,
+) -> float:
+    """Fill the scores of one ring; returns S0.
+
+    Args:
+        image: grey levels.  # (H, W)
+        pixels: those of the fit.  # (>= count, 2)
+        count: how many.
+        p: the ring's parameters.
+        q: the lens's bend.
+        origin: of the light's gradients.
+        inverse: of the normal equations, prior included.  # (PARAMETERS, PARAMETERS)
+        score: the result.  # (2, STRETCHES, 2)
+        rows: room.  # (PARAMETERS + 1, CHUNK)
+    """
+    leverage = np.empty((2, 2, STRETCHES, PARAMETERS))
+    even, squares = _fill(image, pixels, count, p, q, origin, inverse, score, leverage, rows)
+    score /= math.sqrt(even * max(squares / (count - PARAMETERS), 1e-12))
+    radius_px = 1.0 / math.sqrt(p[E00] * p[E11])
+    near = np.empty(PARAMETERS)
+    taken_up = 0.0
+    for edge in range(2):
+        reach = _reach(radius_px if edge == 0 else radius_px * p[RATIO])
+        for k in range(2):
+            of_edge = leverage[edge, k]
+            near[:] = 0.0
+            for b in range(-reach - 1, reach):
+                near += of_edge[b % STRETCHES]
+            for a in range(STRETCHES):
+                # The window's sum follows from its neighbour's.
+                near += of_edge[(a + reach) % STRETCHES] - of_edge[(a - reach - 1) % STRETCHES]
+                for i in range(PARAMETERS):
+                    for j in range(PARAMETERS):
+                        taken_up += of_edge[a, i] * inverse[i, j] * near[j]
+    return 1.0 - taken_up / even
+
+
+def together(score: Floats, radius_px: Floats) -> Floats:
+    """S of rings from their scores.  # (N, 2, STRETCHES, 2), (N, 2) of both edges -> (N,)"""
+    reach = np.vectorize(_reach, otypes=[np.int64])(radius_px)
+    sums = (score**2).sum(axis=(2, 3))
+    for step in range(1, int(reach.max(initial=0)) + 1):
+        # Each pair of stretches counts from either side.
+        sums += np.where(reach >= step, 2 * (score * np.roll(score, step, axis=2)).sum(axis=(2, 3)), 0.0)
+    return np.asarray(sums.sum(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Ratios:
+    """S over S0, by what stated covariances have to be multiplied."""
+
+    photo: float  # of all rings that nothing disturbs; 1 where they are too few to tell
+    ring: Floats  # (N,)
+
+
+def variance_ratios(scores: Scores, params: Floats, roughness: Floats, face: Integers) -> Ratios:
+    """The ratio of a photo from its usual rings, and that of each ring between the photo's and its own.
+
+    Args:
+        scores: of N rings.
+        params: of their fits.  # (N, PARAMETERS)
+        roughness: their residuals over their contrasts.  # (N,)
+        face: that each is on; -1: it does not count.  # (N,)
+    """
+    counts = (face >= 0) & (scores.alone > 0)
+    is_usual = counts & (roughness <= MOST_ROUGH * np.median(roughness[counts])) if counts.any() else counts
+    common = np.zeros_like(scores.score)
+    lost = np.ones(len(face))
+    for f in np.unique(face[is_usual]):
+        usual = is_usual & (face == f)
+        count = int(np.count_nonzero(usual))
+        if count < LEAST_OF_A_FACE:
+            is_usual = is_usual & (face != f)
+            continue
+        common[face == f] = scores.score[usual].mean(axis=0)
+        lost[usual] = 1 - 1 / count
+    radius = 1 / np.sqrt(np.maximum(params[:, E00] * params[:, E11], 1e-12))
+    seen = together(scores.score - common, np.column_stack([radius, radius * params[:, RATIO]]))
+    expected = lost * scores.alone
+    if not is_usual.any():
+        return Ratios(1.0, np.ones(len(face)))
+    photo = max(float(seen[is_usual].sum() / expected[is_usual].sum()), LEAST_RATIO)
+    own = np.where(counts, seen / np.where(counts, expected, 1.0), photo)
+    return Ratios(photo, np.maximum((TRUST * photo + own) / (TRUST + 1), LEAST_RATIO))
