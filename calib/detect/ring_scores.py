@@ -39,7 +39,7 @@ LEAST_OF_A_FACE = 4
 MOST_ROUGH = 1.5
 """Times the usual residuals: a ring with more is disturbed by something of its own, and tells nothing of the photo."""
 TRUST = 4.0
-"""So many rings' worth is the photo's ratio for one ring, whose own scatters by 80 % (simulated)."""
+"""So many rings' worth is the photo's ratio for one ring, whose own scatters by 80 % (simulated), and 1 for a photo."""
 LEAST_RATIO = 0.25
 """An even window can make S negative: no covariance shrinks to less than a quarter."""
 
@@ -194,6 +194,7 @@ def variance_ratios(scores: Scores, params: Floats, roughness: Floats, face: Int
     expected = lost * scores.alone
     if not is_usual.any():
         return Ratios(1.0, np.ones(len(face)))
-    photo = max(float(seen[is_usual].sum() / expected[is_usual].sum()), LEAST_RATIO)
+    as_alone = TRUST * float(expected[is_usual].mean())
+    photo = max(float((seen[is_usual].sum() + as_alone) / (expected[is_usual].sum() + as_alone)), LEAST_RATIO)
     own = np.where(counts, seen / np.where(counts, expected, 1.0), photo)
     return Ratios(photo, np.maximum((TRUST * photo + own) / (TRUST + 1), LEAST_RATIO))
