@@ -82,6 +82,11 @@ def light_of(shot: Shot, options: RenderOptions = CLEAN) -> tuple[Light, Array]:
     return np.asarray(view.image, dtype=np.float32), truth.center_px
 
 
+def noisy(light: Light, rng: np.random.Generator) -> Light:
+    """With even noise."""
+    return light + np.float32(CLEAN.noise_sigma) * rng.standard_normal(light.shape, dtype=np.float32)
+
+
 def rendered(**options: float | str) -> Take:
     """As the renderer makes it."""
     settings = replace(CLEAN, **{"bits": 8, **options})  # type: ignore[arg-type]
@@ -185,10 +190,9 @@ def defocused(aperture_mm: float, focus_mm: float, rays: int = 40) -> Take:
             total += light_of(
                 replace(shot, camera=Camera("opencv", params, (width, height)), cam_from_target=pose), part
             )[0]
-        light = cv2.GaussianBlur(total / rays, (0, 0), 0.5)
-        light += np.float32(CLEAN.noise_sigma) * shot.rng.standard_normal(light.shape, dtype=np.float32)
+        light = np.asarray(cv2.GaussianBlur(total / rays, (0, 0), 0.5), dtype=np.float32)
         truth = ring_truth(scene_from_target(shot.target), shot.camera, shot.cam_from_target)
-        return Photo(levels(light), truth.center_px)
+        return Photo(levels(noisy(light, shot.rng)), truth.center_px)
 
     return take
 
@@ -204,9 +208,8 @@ def moved(length_px: float) -> Take:
             u, v = half + t * math.cos(angle), half + t * math.sin(angle)
             fu, fv = u % 1, v % 1
             kernel[int(v) : int(v) + 2, int(u) : int(u) + 2] += np.outer([1 - fv, fv], [1 - fu, fu]).astype(np.float32)
-        light = cv2.filter2D(light, -1, kernel / kernel.sum())
-        light += np.float32(CLEAN.noise_sigma) * shot.rng.standard_normal(light.shape, dtype=np.float32)
-        return Photo(levels(light), center)
+        spread = np.asarray(cv2.filter2D(light, -1, kernel / kernel.sum()), dtype=np.float32)
+        return Photo(levels(noisy(spread, shot.rng)), center)
 
     return take
 
