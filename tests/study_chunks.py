@@ -52,7 +52,7 @@ def cases_of(pool: Pool) -> tuple[CaseSpec, ...]:
 def made_up(pool: Pool, case: str, size: int, seed: int, number: int, message: str = "") -> SampleResult:
     """A sample with numbers that depend on what they must depend on."""
     counts = draw_counts(seed, case, number, size, pool.view_count)
-    numbers = np.random.default_rng([number, size, *counts.tolist()]).normal(size=8).tolist()
+    numbers = np.abs(np.random.default_rng([number, size, *counts.tolist()]).normal(size=8)).tolist()
     distinct = int(np.count_nonzero(counts))
     return SampleResult(number, "converged", distinct, *numbers[:3], float("nan"), tuple(numbers[4:]), 3, message)
 
