@@ -96,7 +96,8 @@ def detect(
     measured = measure(
         pixels, plan, found.candidates, naming, placement, _contrast(pixels, found.candidates), camera_lens
     )
-    evidence = gather(plan, found.candidates, found.grids, naming, dropped, placement, measured, image_size)
+    contrast = _contrast(pixels, found.candidates)
+    evidence = gather(pixels, contrast, plan, found.candidates, found.grids, naming, dropped, placement, measured)
     if why := refusal(evidence):
         return _nothing(plan, name, image_size, found.candidates, (*remarks, f"this cannot be the target: {why}"))
     if odd := proportion_remark(evidence):

@@ -16,6 +16,7 @@ from calib.detect.alignment import largest_overlap
 from calib.detect.candidates import Candidates, nearest_candidates, semi_axes_px
 from calib.detect.grid import Grid
 from calib.detect.judge import stretch_of
+from calib.detect.marks import RING, read_marks
 from calib.detect.measure import Measured
 from calib.detect.place import REACH, SIZE_RATIO, Naming, Placement, Places, imaged, predict
 from calib.detect.plan import TargetPlan
@@ -120,6 +121,8 @@ def proportion_remark(evidence: Evidence) -> str:
 
 
 def gather(
+    image: NDArray[np.generic],
+    contrast: float,
     plan: TargetPlan,
     candidates: Candidates,
     grids: tuple[Grid, ...],
@@ -127,11 +130,12 @@ def gather(
     dropped: int,
     placement: Placement,
     measured: Measured,
-    image_size: tuple[int, int],
 ) -> Evidence:
     """Hold what was seen against what the target has where it was placed.
 
     Args:
+        image: grey levels.  # (H, W)
+        contrast: white minus ink of its rings, in grey levels.
         plan: the target's.
         candidates: what was seen.
         grids: all that it forms.
@@ -139,8 +143,8 @@ def gather(
         dropped: how many lost theirs because their faces contradict the others.
         placement: where the target must be then.
         measured: what was measured there.
-        image_size: width, height in px.
     """
+    image_size = (image.shape[1], image.shape[0])
     places = predict(plan, placement, image_size)
     found = np.isin(places.ring, measured.ring)
     least_px = _plain_radius_px(places.shape[found])
@@ -158,7 +162,7 @@ def gather(
         strange=dropped
         + sum(int(_inside(plan, placement, int(face), left).sum()) for face in faces)
         + sum(_too_many(plan, candidates, grid, naming) for grid in grids),
-        beyond=sum(int((_at(plan, left, part) >= 0).sum()) for part in around),
+        beyond=sum(int((_read(image, plan, part, contrast) == RING).sum()) for part in around),
         beyond_in_view=sum(len(part.ring) for part in around),
         bare=sum(bare for bare, _ in sides),
         bare_faces=sum(bare > 0 for bare, _ in sides),
@@ -178,6 +182,12 @@ def _plain_radius_px(found: Floats) -> float:
 def _plain(places: Places, least_px: float, image_size: tuple[int, int]) -> Flags:
     """Places whose feature would be plain to see.  # (N,)"""
     return np.asarray((semi_axes_px(places.shape)[1] >= least_px) & places.are_whole(image_size))
+
+
+def _read(image: NDArray[np.generic], plan: TargetPlan, places: Places, contrast: float) -> Integers:
+    """What stands at places, as the pixels say: borders may not have been found there.  # (N,)"""
+    ellipse, around = np.hstack([places.center_px, places.shape]), 0.4 + 0.6 * plan.limit
+    return read_marks(image, ellipse, ratio=plan.ratio, around=around, contrast=contrast)
 
 
 def _at(plan: TargetPlan, rings: Candidates, places: Places) -> Integers:
