@@ -13,6 +13,7 @@ from calib.solver.solve import solve
 from calib.types import Calibration
 from calib.verdict.advice import advice_of
 from calib.verdict.candidate_views import tilt_rotation
+from calib.verdict.checks import px
 from calib.verdict.criteria import Criteria, read_criteria
 from calib.verdict.evidence import Evidence, HalvesFound, evidence_of
 from calib.verdict.halves import half_split
@@ -53,7 +54,7 @@ def solved(poses: Array, noise_px: float = NOISE_PX) -> Calibration:
 
 @cache
 def good() -> Calibration:
-    """Photos that leave nothing to ask for: all over the image, tilted, at three distances."""
+    """Photos without a fault: all over the image, tilted, at three distances."""
     return solved(shown_at(ALL_OVER, (330.0, 400.0, 500.0), (35.0, 10.0, 45.0, 25.0)))
 
 
@@ -82,7 +83,7 @@ def proposed(calibration: Calibration) -> tuple[NextView, ...]:
 
 def test_good_photos_get_no_advice() -> None:
     """Nothing is said of photos that leave nothing to ask for."""
-    assert advice(good()) == ()
+    assert advice(solved(shown_at(3 * ALL_OVER, (330.0, 400.0, 500.0), (35.0, 10.0, 45.0, 25.0)))) == ()
 
 
 def test_a_board_on_the_left_is_asked_for_on_the_right() -> None:
@@ -132,9 +133,10 @@ def test_a_camera_that_is_not_known_well_gets_the_next_photo_and_what_more_of_th
     first = next(row for row, sentence in enumerate(said) if sentence.startswith("next photo"))
     for row, view in enumerate(views):
         assert view.sentence in said[first + row]
-    assert "(wanted: 0.10 px" in said[first]
+    wanted = criteria().uncertainty_px.good
+    assert f"(wanted: {px(wanted)}" in said[first]
     alike = next(sentence for sentence in said if "photos like the 8 so far" in sentence)
-    needed = 8 * (sigma / 0.1) ** 2
+    needed = 8 * (sigma / wanted) ** 2
     assert needed > 40
     stated = int(alike.split("about ")[-1].split(" would")[0])
     assert needed <= stated <= 1.11 * needed

@@ -132,30 +132,30 @@ def _halves(evidence: Evidence, criteria: Criteria) -> Check:
 
     If that is irrelevant, it is good too: the ratio enlarges the stated standard deviations, and that is all.
 
-    A camera whose halves agree to what a good camera may be uncertain by is usable, though its standard deviations are
-    not; one whose halves differ by more than a usable camera may be uncertain by is not. Halves that may differ by
-    more than that by noise alone show nothing by agreeing.
+    How far apart two cameras from the same photos may be, the limits on models say. Halves that agree as well as good
+    models do make a camera usable, though its standard deviations are not; halves that differ by more than usable ones
+    do not. Those that may differ by more than that by noise alone show nothing by agreeing.
     """
     found, limits = evidence.halves, criteria.halves_sigma
     if isinstance(found, NoHalves):
         return _check("halves", "unknown", None, "sigma", limits, f"not checked: {found.reason}")
     grade = _at_most(found.ratio, limits)
-    if grade != "good" and found.percentile_95_px <= IRRELEVANT * criteria.uncertainty_px.good:
+    if grade != "good" and found.percentile_95_px <= IRRELEVANT * criteria.models_px.good:
         sentence = (
             f"cameras solved from halves of the photos differ {figure(found.ratio, 2)} times more than their standard "
             f"deviations let expect, but only by {px(found.percentile_95_px)} in 95 % of where the target was seen: "
             "take the standard deviations so many times as large"
         )
         return _check("halves", "good", found.ratio, "sigma", limits, sentence)
-    if grade == "good" and found.stated_px > criteria.uncertainty_px.usable:
+    if grade == "good" and found.stated_px > criteria.models_px.usable:
         sentence = (
             f"cannot tell: halves of the photos are so uncertain that {px(found.stated_px)} between them is expected, "
-            f"more than {criteria.uncertainty_px.usable:g} px, so that they differ by {px(found.rms_px)} (RMS) shows "
+            f"more than {criteria.models_px.usable:g} px, so that they differ by {px(found.rms_px)} (RMS) shows "
             "neither good nor bad"
         )
         return _check("halves", "unknown", found.ratio, "sigma", limits, sentence)
     if grade != "good":
-        within = criteria.uncertainty_px.good if grade == "bad" else criteria.uncertainty_px.usable
+        within = criteria.models_px.good if grade == "bad" else criteria.models_px.usable
         grade = "usable" if found.percentile_95_px <= within else "bad"
     return _check("halves", grade, found.ratio, "sigma", limits, _halves_sentence(found, grade, criteria))
 
@@ -168,7 +168,7 @@ def _halves_sentence(found: HalvesFound, grade: Grade, criteria: Criteria) -> st
     )
     if grade == "good":
         return differ
-    limit = criteria.uncertainty_px.usable
+    limit = criteria.models_px.usable
     is_within = found.percentile_95_px <= limit
     decides = f"in 95 % of it by {px(found.percentile_95_px)}, {'within' if is_within else 'more than'} {limit:g} px"
     return (

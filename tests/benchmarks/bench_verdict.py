@@ -32,7 +32,7 @@ from calib.solver.options import SolveOptions  # noqa: E402
 from calib.solver.target_error import EXACT  # noqa: E402
 from calib.types import Calibration, Camera  # noqa: E402
 from calib.verdict.coverage import coverage_of  # noqa: E402
-from calib.verdict.criteria import Criteria, read_criteria  # noqa: E402
+from calib.verdict.criteria import Criteria, Limits, read_criteria  # noqa: E402
 from calib.verdict.halves import half_split  # noqa: E402
 from calib.verdict.of_run import Judged, judge_run  # noqa: E402
 from calib.verdict.verdict import Grade  # noqa: E402
@@ -45,6 +45,11 @@ RUNS = 600
 PEER_RMSE_PX = 0.2
 QUANTILE = 95
 GRADES: tuple[Grade, ...] = ("good", "usable", "bad")
+
+
+def promised_px(criteria: Criteria) -> Limits:
+    """Within what error a camera is that is called good, being two standard deviations at most, or usable."""
+    return Limits(2 * criteria.uncertainty_px.good, criteria.uncertainty_px.usable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +134,7 @@ def outcomes(seeds: range, criteria: Criteria, models: Sequence[str], *, assumes
 
 def _level(one: Outcome, criteria: Criteria) -> Grade:
     """What a judge who knows the truth would say."""
-    limits = criteria.uncertainty_px
+    limits = promised_px(criteria)
     return "good" if one.true_px <= limits.good else "usable" if one.true_px <= limits.usable else "bad"
 
 
@@ -140,7 +145,7 @@ def _share(part: Sequence[Outcome], whole: Sequence[Outcome]) -> str:
 
 def print_confusion(found: Sequence[Outcome], criteria: Criteria) -> None:
     """Verdicts against the truth, and who praises falsely."""
-    limits = criteria.uncertainty_px
+    limits = promised_px(criteria)
     print(f"{'verdict':12}{f'<= {limits.good:g} px':>10}{f'<= {limits.usable:g} px':>10}{'beyond':>10}   (true error)")
     for grade in GRADES:
         count = Counter(_level(one, criteria) for one in found if one.grade == grade)
@@ -175,7 +180,7 @@ def print_checks(found: Sequence[Outcome], criteria: Criteria) -> None:
             share = [100 * grades[grade] / max(len(part), 1) for grade in ("usable", "bad", "unknown")]
             cells.append(f"{', '.join(f'{one:.0f}' for one in share) + ' %':>22}")
         alone = [one for one in found if _alone(one) == name]
-        right = sum(one.true_px > criteria.uncertainty_px.good for one in alone)
+        right = sum(one.true_px > promised_px(criteria).good for one in alone)
         print(f"{name:14}" + "".join(cells) + f"{f'{right}, {len(alone) - right}':>16}")
     print("alone: the only check that is not good or unknown, with a camera that is off (right) or is not (false)")
 
@@ -192,7 +197,7 @@ def _alone(one: Outcome) -> str:
 
 def print_kinds(found: Sequence[Outcome], criteria: Criteria) -> None:
     """False praise and false alarms by what was drawn."""
-    limits = criteria.uncertainty_px
+    limits = promised_px(criteria)
     print(f"\n{'kind':20}{'runs':>6}{'good':>6}{'of these off':>14}{'far off':>9}{'bad':>6}{'of these fine':>15}")
     kinds: tuple[Callable[[Case], str], ...] = (
         lambda case: case.target, lambda case: f"fault {case.fault}", lambda case: f"lens {case.lens}",
@@ -213,7 +218,7 @@ def _size_class(views: int) -> str:
 
 def print_false(found: Sequence[Outcome], criteria: Criteria, count: int) -> None:
     """The worst false praises and false alarms, one line each."""
-    limits = criteria.uncertainty_px
+    limits = promised_px(criteria)
     praised = [one for one in found if one.grade == "good" and one.true_px > limits.good]
     alarms = [one for one in found if one.grade == "bad" and one.true_px <= limits.good]
     for title, part in (("false praise", praised), ("false alarm", alarms)):
