@@ -2,7 +2,7 @@
 
 Each kind of file says somewhere near its beginning or end who wrote it, and what it is: JSON by `"format"`, tables and
 texts by a comment, pages by their generator, pictures by a note that viewers do not show. A table without one is known
-by its columns.
+by its first columns; the later ones depend on what was asked for.
 """
 
 import re
@@ -14,6 +14,7 @@ from designer.errors import InputError
 from designer.names import NAME
 
 _HEAD, _TAIL = 2**16, 2**12
+_FIRST_COLUMNS = 2
 _MARK = re.compile(
     rb'(?:\A(?:\xef\xbb\xbf)?\s*\{\s*"format"\s*:\s*"|\A(?:\xef\xbb\xbf)?\# |\A|"generator": ?"'
     rb'|<meta name="generator" content="|(?:Software|Title)\0|/Creator \(|\xff\xd8\xff\xfe\0.|PK\x05\x06.{18}'
@@ -48,12 +49,14 @@ def signed(name: str, content: bytes) -> bytes:
 
 
 def kind_of(content: bytes) -> bytes:
-    """What a file of this program says that it is, after "ours "; a table's columns; "" of any other."""
+    """What a file of this program says that it is, after "ours "; a table's first columns; "" of any other."""
     found = _MARK.search(content[:_HEAD]) or _MARK.search(content[-_TAIL:])
     if found is not None:
         return b"ours " + (found[1] or b"")
     first = content[:_HEAD].split(b"\n", 1)[0]
-    return first if first.count(b",") >= 2 and not first.startswith((b"{", b"[")) else b""
+    columns = first.split(b",")
+    is_table = len(columns) > _FIRST_COLUMNS and not first.startswith((b"{", b"["))
+    return b",".join(columns[:_FIRST_COLUMNS]) if is_table else b""
 
 
 def is_ours(path: Path) -> bool:

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator["Browser"]:
-    """Chromium, started once for all tests; skipped where there is none."""
+    """Chromium, started once for a module's tests, as its event loop is in the way of others; skipped without one."""
     from tests.browser import started_browser
 
     with started_browser() as started:

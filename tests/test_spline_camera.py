@@ -101,12 +101,12 @@ def test_the_template_is_bent_as_no_brown_polynomial_is() -> None:
 
 
 def test_control_points_left_out_of_a_file_are_zero() -> None:
-    """A camera file may name single control points only; a name that there is not is refused."""
+    """A camera file of a person may name single control points only; a name that there is not is refused."""
     values = {
         "format": "ringsolid.camera", "version": 1, "model": "spline", "image_size": list(SIZE),
         "parameters": {"fx_px": 900.0, "fy_px": 880.0, "cx_px": 510.0, "cy_px": 390.0, "du_row1_column2_px": 4.0},
     }  # fmt: skip
-    camera = camera_from_mapping(values, "test")
+    camera = camera_from_mapping(values, "test", is_written_by_hand=True)
     assert np.flatnonzero(camera.params[FIRST:]).tolist() == [COLUMNS + 2]
     assert len(parameter_names("spline")) == FIRST + 2 * ROWS * COLUMNS
     wrong = values | {"parameters": {**values["parameters"], "du_row9_column9_px": 1.0}}

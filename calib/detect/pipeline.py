@@ -98,13 +98,13 @@ def detect(
     )
     contrast = _contrast(pixels, found.candidates)
     evidence = gather(pixels, contrast, plan, found.candidates, found.grids, naming, dropped, placement, measured)
+    if camera_lens is not None:
+        remarks += _camera_remarks(plan, found.candidates, naming, camera_lens, image_size)
     if why := refusal(evidence):
         return _nothing(plan, name, image_size, found.candidates, (*remarks, f"this cannot be the target: {why}"))
     if odd := proportion_remark(evidence):
         remarks.append(odd)
     remarks += measured.remarks
-    if camera_lens is not None:
-        remarks += _camera_remarks(plan, found.candidates, naming, camera_lens, image_size)
     return _result(plan, name, image_size, found, naming, placement, measured, tuple(remarks))
 
 
