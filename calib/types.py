@@ -146,7 +146,7 @@ class TargetError:
     """What a target that is not quite as its file says may have done to the parameters of a camera."""
 
     made: str  # the way of making: an error template's name, a file's, "measured" or "exact"
-    because: str  # why this one, to follow "target's errors as of MADE: "; "" if it was asked for
+    because: str  # why this one, as in "its file says the build 'solid'"; "" if it was asked for
     param_covariance: NDArray[np.float64]  # (P, P) to be added to that of the noise
 
     def __post_init__(self) -> None:

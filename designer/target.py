@@ -53,8 +53,10 @@ _ARRAYS: Mapping[str, tuple[str, tuple[str | int, ...]]] = {
     "face_code": ("int64", ("F",)),
     "lattice_mm": ("float64", ("F", 2, 2)),
     "face_covariance": ("float64", ("F", 6, 6)),
+    "mode_mm": ("float64", ("S", "R", 3)),
 }
-_REQUIRED = tuple(name for name in _ARRAYS if name != "face_covariance")
+_OPTIONAL = ("face_covariance", "mode_mm")
+_REQUIRED = tuple(name for name in _ARRAYS if name not in _OPTIONAL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +85,7 @@ class TargetGeometry:
     face_code: NDArray[np.int64]  # (F,) row of code.CODES; -1: no code
     lattice_mm: NDArray[np.float64]  # (F, 2, 2) rows: steps of i and of j in the face frame
     face_covariance: NDArray[np.float64] | None = None  # (F, 6, 6) rotation vector (rad), translation (mm)
+    mode_mm: NDArray[np.float64] | None = None  # (S, R, 3) see `designer.tolerance.prior`: what else may be off
     build: Build | None = None  # how it is made, for information: no id tells it; None: not known
 
     def __post_init__(self) -> None:
@@ -250,7 +253,7 @@ def target_from_json(text: str) -> TargetGeometry:
     if document.get("unit") != "mm":
         raise ValueError(f'"unit" is {document.get("unit")!r}; it must be "mm"')
     known = {"format", "version", "layout_id", "geometry_id", "source", "unit", "spec", *_REQUIRED}
-    odd = (known ^ document.keys()) - {"face_covariance", "build"}
+    odd = (known ^ document.keys()) - {*_OPTIONAL, "build"}
     if odd:
         raise ValueError(f"missing or unknown fields: {', '.join(sorted(map(repr, odd)))}")
     target = _target_from_document(document)
@@ -272,12 +275,11 @@ def _target_from_document(document: Mapping[str, object]) -> TargetGeometry:
         for name in (name for name, (dtype, _) in _ARRAYS.items() if dtype != "bool"):
             if _holds_truth_value(document.get(name)):
                 raise ValueError(f"{name} holds true or false; it must hold numbers")
-        covariance = document.get("face_covariance")
         return TargetGeometry(
             source=cast("Source", source),  # checked by TargetGeometry
             spec=None if spec is None else spec_from_mapping(spec),
             **{name: np.asarray(document[name]) for name in _REQUIRED},
-            face_covariance=None if covariance is None else np.asarray(covariance),
+            **{name: np.asarray(document[name]) for name in _OPTIONAL if document.get(name) is not None},
             build=cast("Build | None", document.get("build")),  # checked by TargetGeometry
         )
     except (TypeError, OverflowError, RecursionError) as error:

@@ -190,7 +190,7 @@ def test_solve_answers_with_what_it_wrote() -> None:
     stored, _ = read_calibration(Path("out/calibration.json"))
     assert (found["sigma_of_stated"], found["sigma_px"]) == (stored.scale, None)
     assert [one["value"] for one in found["parameters"].values()] == stored.camera.params.tolist()
-    sigmas = np.sqrt(np.diag(stored.param_covariance))
+    sigmas = np.sqrt(np.diag(stored.stated_covariance))
     np.testing.assert_allclose([one["sigma"] for one in found["parameters"].values()], sigmas)
     off = np.array([one["value"] for one in found["parameters"].values()]) - CAMERA.params
     assert (np.abs(off) < 5 * sigmas).all()

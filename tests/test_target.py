@@ -44,6 +44,7 @@ ARRAYS = {
     "face_code": "<i8",
     "lattice_mm": "<f8",
     "face_covariance": "<f8",
+    "mode_mm": "<f8",
 }
 LAYOUT_ARRAYS = ("ring_face", "ring_index", "is_dot", "face_code")
 
@@ -67,6 +68,7 @@ def made_by_others() -> TargetGeometry:
         face_code=np.array([-1, 19]),
         lattice_mm=np.array([[[10, 0], [0, 10]], [[10, 0], [5, 8.660254037844386]]]),
         face_covariance=np.stack([1e-6 * np.eye(6), 1e-3 * np.eye(6)]),
+        mode_mm=np.arange(36).reshape(2, 6, 3) / 700,
     )
 
 
@@ -268,8 +270,8 @@ def test_schema_and_type_have_the_same_fields() -> None:
     head = {"format", "version", "layout_id", "geometry_id", "source", "unit", "spec", "build"}
     properties = SCHEMA.schema["properties"]
     assert properties.keys() == head | ARRAYS.keys()
-    assert set(SCHEMA.schema["required"]) == properties.keys() - {"face_covariance", "build"}
-    assert all(properties[name]["description"][0] in "RF" for name in ARRAYS)
+    assert set(SCHEMA.schema["required"]) == properties.keys() - {"face_covariance", "mode_mm", "build"}
+    assert all(properties[name]["description"][0] in "RFS" for name in ARRAYS)
 
 
 def edited(change: Callable[[Document], object]) -> Document:

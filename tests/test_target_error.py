@@ -7,6 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from solver_scenes import observe
 
+from calib.as_built.options import AsBuiltOptions
+from calib.as_built.solve import measure
 from calib.camera_difference import camera_difference
 from calib.inputs.observations import known_points
 from calib.pipeline.made import how_made, with_made
@@ -108,6 +110,18 @@ def test_drawn_parts_are_covered_on_average(weighted: bool) -> None:
         ratios.append(_error_px(one) / _stated_px(one))
     assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 1.2
     assert max(ratios) < 3
+
+
+@pytest.mark.parametrize("share", [0.001, 0.002])
+def test_measuring_hides_nothing_that_the_photos_do_not_tell(share: float) -> None:
+    """A stretch that the motion leaves open stays open in the measured target, and in a camera solved with it."""
+    one = _solved(_stretched(share), _poses(1, rolls=False, axes=1))
+    found = measure([one.observations], BOARD, "opencv", AsBuiltOptions(made=AS_PRINTED))
+    again = solve(replace(one.observations, points=known_points(found.target)), "opencv", SolveOptions())
+    told = with_made(again, how_made(found.target))
+    assert _error_px(told) < 3 * sigma_over_image_px(told.camera, told.stated_covariance)
+    run = judge_run([told], 0, half_split(told, SolveOptions()), read_criteria())
+    assert run.verdict.grade != "good" or _error_px(told) < read_criteria().uncertainty_px.good
 
 
 def test_where_photos_tell_the_shape_little_is_lost() -> None:

@@ -110,3 +110,11 @@ def test_rotations_of_any_angle_are_rigid() -> None:
     assert rigid_fault(poses) is None
     poses[2, :3, :3] *= 1.001
     assert rigid_fault(poses) == (2, "has no rotation in it")
+
+
+def test_photos_that_were_not_rendered_are_real(tmp_path: Path) -> None:
+    """A photo beside rendered ones, that their truth does not name, is no photo of an exact target."""
+    (tmp_path / "truth.json").write_text(altered())
+    truth = read_truth(tmp_path / "truth.json")
+    assert truth.rendered_id(truth.files) == truth.geometry_id
+    assert truth.rendered_id([*truth.files, "mine.png"]) == ""

@@ -14,6 +14,9 @@ from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
 
+DIGITS = 9
+"""Of a millimetre: less moves nothing."""
+
 
 @dataclass(frozen=True, eq=False)
 class AsBuilt:
@@ -68,7 +71,37 @@ def face_shift_mm(target: TargetGeometry, square: Array) -> Array:
     return shift
 
 
-def target_of(unknowns: Unknowns, seen: Seen, shape: Shape, covariance: Array) -> TargetGeometry:
+def left_open_mm(unknowns: Unknowns, shape: Shape, strain: Array, bow: Array) -> Array:
+    """Displacements of the rings (S, R, 3) by independent standard normal numbers: what is not known of strain and bow.
+
+    Where photos do not tell how far a print is stretched, it may be stretched still, measured or not.
+
+    Args:
+        unknowns: of the nominal target.
+        shape: the deviations.
+        strain: covariance of the strain (6, 6).
+        bow: covariances of the faces' bows (F, 3, 3).
+    """
+    by_shared, face = place_rings(unknowns, shape).by_shared, unknowns.target.ring_face
+    by_strain = by_shared[:, :, :6] @ _root(strain)
+    each = by_shared[:, :, 12:] @ _root(bow)[face]
+    by_bow = np.where(face[:, None, None, None] == np.arange(len(bow))[:, None], each[:, :, None], 0.0)
+    flat = np.concatenate([by_strain, by_bow.reshape(len(face), 3, -1)], axis=2).transpose(2, 0, 1)
+    rounded = np.round(flat, DIGITS)
+    left_open: Array = rounded[(rounded != 0).any(axis=(1, 2))]
+    return left_open
+
+
+def _root(covariance: Array) -> Array:
+    """L with L L' = C of covariances (..., N, N), singular ones too."""
+    value, vector = np.linalg.eigh(covariance)
+    root: Array = vector * np.sqrt(np.maximum(value, 0.0))[..., None, :]
+    return root
+
+
+def target_of(
+    unknowns: Unknowns, seen: Seen, shape: Shape, covariance: Array, open_mm: Array | None = None
+) -> TargetGeometry:
     """The geometry of a shape.
 
     A face's frame is its nominal one moved so that it fits its rings best; a strain then also stretches the outline,
@@ -79,6 +112,7 @@ def target_of(unknowns: Unknowns, seen: Seen, shape: Shape, covariance: Array) -
         seen: which rings tell where a face is.
         shape: the deviations.
         covariance: of the faces (F, 6, 6).
+        open_mm: what else is not known (S, R, 3).
     """
     target, rings = unknowns.target, place_rings(unknowns, shape)
     frame, stretch = np.array(target.target_from_face), np.tile(np.eye(2), (target.face_count, 1, 1))
@@ -101,4 +135,5 @@ def target_of(unknowns: Unknowns, seen: Seen, shape: Shape, covariance: Array) -
         window_mm=np.einsum("fij,fkj->fki", stretch, target.window_mm),
         lattice_mm=np.einsum("fij,fkj->fki", stretch, target.lattice_mm),
         face_covariance=covariance,
+        mode_mm=open_mm,
     )

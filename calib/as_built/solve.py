@@ -21,7 +21,7 @@ from calib.as_built.lengths import Length, Scale, scale_from
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.problem import Joint, State, joint_problem, without
 from calib.as_built.remarks import far_off, remarks_of
-from calib.as_built.result import AsBuilt, face_shift_mm, target_of
+from calib.as_built.result import AsBuilt, face_shift_mm, left_open_mm, target_of
 from calib.as_built.ring_spread import is_same_spread, with_seen_spread
 from calib.as_built.unknowns import nominal_shape, place_rings, strain_matrix, unknowns_of
 from calib.cameras import linearise
@@ -285,7 +285,13 @@ def _as_built(
         spread = (place[:, None] == np.arange(joint.param_count)).astype(np.float64)
         params.append(spread @ accuracy.params @ spread.T)
     return AsBuilt(
-        target=target_of(joint.unknowns, seen, state.shape, 0.5 * (face + face.transpose(0, 2, 1))),
+        target=target_of(
+            joint.unknowns,
+            seen,
+            state.shape,
+            0.5 * (face + face.transpose(0, 2, 1)),
+            left_open_mm(joint.unknowns, state.shape, strain_covariance, accuracy.bow),
+        ),
         nominal=target,
         observations=tuple(one.observations for one in started),
         cameras=state.cameras,

@@ -256,7 +256,7 @@ def _rendered_id(results: "Sequence[PhotoResult]") -> str:
     if truth is None:
         return ""
     try:
-        return read_truth(truth).geometry_id
+        return read_truth(truth).rendered_id(result.photo.path.name for result in results)
     except InputError:  # what lies there by chance does not matter
         return ""
 

@@ -120,7 +120,8 @@ def run(
     found = _without_pictures(find_photos(photos), folder)
     truth_path = truth if truth is not None else truth_beside(found.paths)
     known = None if truth_path is None else _read_truth(truth_path, is_asked=truth is not None)
-    way = how_made(geometry, made, rendered_id="" if known is None else known.geometry_id)
+    rendered_id = "" if known is None else known.rendered_id(path.name for path in found.paths)
+    way = how_made(geometry, made, rendered_id=rendered_id)
     views = [photo.name for photo in named_photos(found.paths)]
     map_of = reference_of(reference, reference_target, plan, views) if views else None
     detected = _detect_twice(geometry, found, plan, folder, jobs or os.cpu_count() or 1)

@@ -58,9 +58,7 @@ class Evidence:
     strange: int  # rings where the target has none: within its faces, or in grids that no face can hold
     beyond: int  # rings one step outside the target, on its lattice
     beyond_in_view: int  # such places
-    bare: (
-        float  # logarithm of the odds against whole rows missing along sides by chance, while the rows behind are there
-    )
+    bare: float  # logarithm of the odds against whole rows missing along sides by chance, the rows behind being there
     bare_faces: int  # on which there are such
     cut_off: int  # features outside the image, of a target without marks
     is_lone: bool  # one face of a solid, so that no other face tells how large it is

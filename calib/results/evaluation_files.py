@@ -99,7 +99,7 @@ def _parameters(evaluation: Evaluation) -> dict[str, object]:
     calibration = evaluation.calibration
     camera, truth = calibration.camera, evaluation.truth
     known = truth.camera.params if truth is not None and truth.camera.model == camera.model else None
-    sigmas = np.sqrt(np.diagonal(calibration.param_covariance)).tolist()
+    sigmas = np.sqrt(np.diagonal(calibration.stated_covariance)).tolist()
     described: dict[str, object] = {}
     for n, parameter in enumerate(MODELS[camera.model].parameters):
         entry: dict[str, object] = {"value": float(camera.params[n]), "sigma": _or_null(sigmas[n])}

@@ -1,6 +1,6 @@
 """`truth.json` of rendered photos: the camera that took them, and where it stood."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +29,10 @@ class Truth:
     files: tuple[str, ...]  # (V,) names of the images
     cam_from_target: NDArray[np.float64]  # (V, 4, 4)
     layout_id: str = ""  # of the target; "" if it is not known
+
+    def rendered_id(self, photos: Iterable[str]) -> str:
+        """The geometry that photos of these names show; "" if one of them was not rendered."""
+        return self.geometry_id if {Path(name).name for name in photos} <= set(self.files) else ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cam_from_target", frozen_array(self.cam_from_target))

@@ -36,7 +36,7 @@ LEAST_PX = 0.001
 OWN_ROTATION = "its own rotation removed"
 """Said of the covered area: the rotation is that which fits it, not the whole image, best."""
 IRRELEVANT = 0.25
-"""Of what a good camera may be uncertain by: halves that differ by less do no harm, whatever they should."""
+"""Of what good models may differ by: halves that differ by less do no harm, whatever they should."""
 LARGE_SHARE = 0.5
 """Of the residuals: a systematic part that is worth a word although it is small."""
 
@@ -285,7 +285,7 @@ def _target_by_chance(evidence: Evidence, found: ShapeEffect, limits: Limits) ->
     if error is None:
         sentence = f"not known: {told}, and how this one was made is not known (--made tells it)"
         return _check("target", "unknown", None, "px", limits, sentence)
-    if not error.param_covariance.any():
+    if by_target < LEAST_PX:
         sentence = f"not known: {told}; this one is taken to be {made_as(error)}"
         return _check("target", "unknown", None, "px", limits, sentence)
     sentence = (

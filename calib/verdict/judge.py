@@ -58,7 +58,7 @@ def missing_of(evidence: Evidence, checks: Sequence[Check]) -> tuple[Check, ...]
 
     What the target may be off is in the uncertainty, unless nobody knows how it was made.
     """
-    is_told = evidence.shape is None or evidence.uncertainty.target_error is not None
+    is_told = evidence.uncertainty.target_error is not None
     needed = NEEDED if is_told else (*NEEDED, "target")
     return tuple(check for check in checks if check.grade == "unknown" and check.name in needed)
 

@@ -23,7 +23,7 @@ class Assumed:
     """A way of making that was not told."""
 
     errors: ErrorModel
-    because: str  # what it was taken from, to follow "assumed, because"
+    because: str  # what it was taken from, as in "its file says the build 'solid'"
 
 
 def error_model_for(target: TargetGeometry) -> Assumed | None:

@@ -67,9 +67,10 @@ def shape_prior(target: TargetGeometry, errors: ErrorModel, bed_from_target: Arr
 
 
 def measured_prior(target: TargetGeometry) -> ShapePrior | None:
-    """The prior of a measured target: each face as uncertain as its file states; None if it states nothing."""
+    """The prior of a measured target: as uncertain as its file states; None if it states nothing."""
     if target.face_covariance is None:
         return None
+    shared = np.zeros((0, target.ring_count, 3)) if target.mode_mm is None else target.mode_mm
     face = target.ring_face
     rotation = target.target_from_face[:, :3, :3]
     x, y, z = target.center_in_face_mm.T
@@ -81,4 +82,5 @@ def measured_prior(target: TargetGeometry) -> ShapePrior | None:
     modes = np.zeros((target.face_count, 6, target.ring_count, 3))
     modes[face, :, np.arange(target.ring_count)] = (by_motion @ root[face]).transpose(0, 2, 1)
     flat = modes.reshape(-1, target.ring_count, 3)
-    return ShapePrior(flat[(flat != 0).any(axis=(1, 2))], np.zeros((target.ring_count, 3, 0)))
+    every: Array = np.concatenate([flat[(flat != 0).any(axis=(1, 2))], shared])
+    return ShapePrior(every, np.zeros((target.ring_count, 3, 0)))

@@ -61,7 +61,7 @@ def _parameters(calibration: "Calibration") -> "dict[str, Value]":
 
     from calib.cameras import MODELS
 
-    sigmas = np.sqrt(np.diagonal(calibration.param_covariance)).tolist()
+    sigmas = np.sqrt(np.diagonal(calibration.stated_covariance)).tolist()
     rows = zip(MODELS[calibration.camera.model].parameters, calibration.camera.params.tolist(), sigmas, strict=True)
     return {
         one.name: {
