@@ -137,6 +137,20 @@ def test_what_is_not_determined_is_not_known_afterwards(tmp_path: Path) -> None:
     assert again.status == "degenerate"
 
 
+def test_a_point_left_out_costs_no_calibration(tmp_path: Path) -> None:
+    """A residual beyond all images is no pixel of a point that is left out; of one that counts it is refused."""
+    one = calibration()
+    residual, is_outlier = one.residual_px.copy(), one.is_outlier.copy()
+    residual[5], is_outlier[5] = (3e6, 1.0), True
+    again, _ = read_calibration(written(tmp_path / "out", replace(one, residual_px=residual, is_outlier=is_outlier)))
+    assert np.isnan(again.residual_px[5]).all()
+    assert np.array_equal(np.delete(again.residual_px, 5, 0), np.delete(residual, 5, 0), equal_nan=True)
+    is_outlier[5] = False
+    with pytest.raises(InputError, match="a residual is beyond 1e\\+06 px"):
+        written(tmp_path / "counts", replace(one, residual_px=residual, is_outlier=is_outlier))
+    assert not (tmp_path / "counts").exists()
+
+
 def test_a_full_disk_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """When one file cannot be written, the old set stays whole."""
     path = written(tmp_path)

@@ -125,7 +125,7 @@ def _require_readable(text: bytes, calibration: Calibration, folder: Path) -> No
         file = _CalibrationFile.model_validate(json.loads(text))
         camera, *_ = _parts(file, "camera")
         _read_target_error(file.target_error, len(camera.params))
-        if (np.abs(calibration.residual_px) > MAX_RESIDUAL_PX).any():
+        if (np.abs(calibration.residual_px[~calibration.is_outlier]) > MAX_RESIDUAL_PX).any():
             raise ValueError(f"a residual is beyond {MAX_RESIDUAL_PX:g} px")
     except ValidationError as error:
         first = error.errors()[0]

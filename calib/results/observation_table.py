@@ -69,11 +69,14 @@ def observations_to_csv(calibration: Calibration) -> bytes:
 def _numbers(calibration: Calibration, rows: slice) -> Iterator[str]:
     """The cells from u on."""
     seen = calibration.observations
-    parts = [seen.center_px[rows], calibration.residual_px[rows]]
+    residual, is_outlier = calibration.residual_px[rows], calibration.is_outlier[rows]
+    # A point that was left out may lie in the camera's own plane: it has no pixel.
+    has_none = is_outlier & (np.abs(residual) > MAX_RESIDUAL_PX).any(axis=1)
+    parts = [seen.center_px[rows], np.where(has_none[:, None], np.nan, residual)]
     covariance = [] if seen.cov_px2 is None else [seen.cov_px2[rows].reshape(-1, 4)[:, [0, 1, 3]]]
     before = np.concatenate(parts, axis=1).tolist()
     after = np.concatenate(covariance, axis=1).tolist() if covariance else [[]] * len(before)
-    for first, flag, last in zip(before, calibration.is_outlier[rows].tolist(), after, strict=True):
+    for first, flag, last in zip(before, is_outlier.tolist(), after, strict=True):
         yield ",".join([*map(repr, first), "1" if flag else "0", *map(repr, last)])
 
 
