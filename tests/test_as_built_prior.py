@@ -105,6 +105,19 @@ def test_what_no_image_shows_is_no_motion() -> None:
         assert {faces.verdict[face] for face in np.flatnonzero(~few_views(found.face_views))} == {verdict}
 
 
+def test_photos_held_out_are_weighed_as_those_measured_from() -> None:
+    """Of two cameras one knows its covariances: nothing is weighed by them, neither the print nor its judgement."""
+    rng = np.random.default_rng(6)
+    plain = [photos(solid(), rng, 4, noise_px=0.1) for _ in range(2)]
+    uneven = rng.uniform(0.01, 1.0, len(plain[0].view))[:, None, None] * np.eye(2)
+    found = [
+        measure(sets, solid(), "pinhole", RIGID) for sets in ([replace(plain[0], cov_px2=uneven), plain[1]], plain)
+    ]
+    mixed, without = (gain_on_held_out(one, "pinhole", RIGID, 2).gains[0] for one in found)
+    assert mixed.nominal == pytest.approx(without.nominal, rel=1e-6)
+    assert mixed.measured == pytest.approx(without.measured, rel=1e-6)
+
+
 def test_a_perfect_print_is_no_better_measured() -> None:
     """Where the drawing is right, nothing is gained on photos held out, and it is not said to be."""
     seen = photos(solid(), np.random.default_rng(3), 8)

@@ -79,7 +79,7 @@ def measure(
         ValueError: no sets, or observations of another target.
     """
     begin = time.perf_counter()
-    options = options or AsBuiltOptions()
+    options = with_known_weights(options or AsBuiltOptions(), sets)
     if not sets or any(len(one.points.face) != target.ring_count for one in sets):
         raise ValueError("observations of the target's own rings are needed")
     points = known_points(target)
@@ -100,6 +100,12 @@ def measure(
     return _as_built(started, target, measured, lengths, descended.iterations, begin)
 
 
+def with_known_weights(options: AsBuiltOptions, sets: Sequence[Observations]) -> AsBuiltOptions:
+    """Weigh by covariances only if all cameras have them: one without could not be weighed against the others."""
+    weighted = options.solve.weighted and all(one.cov_px2 is not None for one in sets)
+    return replace(options, solve=replace(options.solve, weighted=weighted))
+
+
 @dataclass(frozen=True, eq=False)
 class _Descended:
     joint: Joint
@@ -116,11 +122,10 @@ def _descend(started: Sequence[Calibration], target: TargetGeometry, model: str,
     if options.solve.reject_sigma is not None:
         keeps = [np.ones_like(keep) for keep in keeps]  # what looked far off may be the target's own deviation
     ties = [tie_parameters(model, options.solve)] * len(started)
-    weighted = options.solve.weighted and all(one.cov_px2 is not None for one in observations)
     seen = what_is_seen(unknowns, list(zip(observations, keeps, strict=True)))
     gauge = gauge_rows(unknowns, seen, bounding_radius_mm(target))
-    joint = joint_problem(observations, ties, unknowns, gauge, weighted=weighted)
-    joint = replace(without(joint, keeps), scale=1.0 if weighted else 0.05)
+    joint = joint_problem(observations, ties, unknowns, gauge, weighted=options.solve.weighted)
+    joint = replace(without(joint, keeps), scale=1.0 if options.solve.weighted else 0.05)
     poses = tuple(one.cam_from_target for one in started)
     state = State(tuple(one.camera for one in started), poses, nominal_shape(target))
     found = minimise(joint, state, max_iterations=options.solve.max_iterations, small_decrease=1e-4)

@@ -12,7 +12,7 @@ from calib.as_built.lengths import scaled
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.remarks import faces_words
 from calib.as_built.result import AsBuilt
-from calib.as_built.solve import measure
+from calib.as_built.solve import measure, with_known_weights
 from calib.inputs.observations import known_points
 from calib.metrics import METRICS
 from calib.metrics.errors import Errors
@@ -132,6 +132,7 @@ def gain_on_held_out(
     pairs: dict[_Key, list[_Pair]] = {}
     remarks: list[str] = []
     unmeasured, unjudged = np.zeros(found.nominal.face_count, dtype=bool), 0
+    options = with_known_weights(options, found.observations)
     for fold in range(folds):
         held = [np.arange(one.view_count) % folds == fold for one in seen]
         others = [keep_views(one, ~out) for one, out in zip(seen, held, strict=True)]

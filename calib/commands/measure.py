@@ -120,6 +120,7 @@ def measure(
     The exit code is 1 if the photos do not determine the camera and the target, or if on photos held out the measured
     target is no better than the designed one; it is written all the same.
     """
+    from calib.as_built.solve import with_known_weights
     from calib.as_built_report.files import check_places, places_of
     from calib.as_built_report.length_words import parse_length
 
@@ -147,8 +148,8 @@ def measure(
     )
     for remark in remarks:
         print(printable(remark))
-    has_covariances = all(one.observations.cov_px2 is not None for one in prepared)
-    how = replace(how, weighted=weighted and has_covariances)
+    options = with_known_weights(options, [one.observations for one in prepared])
+    how = replace(how, weighted=options.solve.weighted)
     folds = _folds(held_out, min(one.observations.view_count for one in prepared))
     found = _measure([one.observations for one in prepared], nominal, model, options, lengths)
     held = _held_out(found, model, options, folds, shape)
