@@ -12,7 +12,8 @@ from calib.as_built.result import AsBuilt, face_shift_mm
 from calib.as_built.solve import measure
 from calib.as_built.unknowns import KINDS, Unknowns, unknowns_of
 from calib.as_built_report.deviations import face_deviations
-from calib.as_built_report.held_out import gain_on_held_out
+from calib.as_built_report.held_out import Gain, HeldOut, gain_on_held_out, judged_by
+from calib.as_built_report.words import no_gain_line
 from calib.sightings import keep_sightings
 from calib.types import Observations
 from designer.target import TargetGeometry
@@ -103,6 +104,19 @@ def test_what_no_image_shows_is_no_motion() -> None:
         faces = face_deviations(replace(sure, motion=motion))
         assert faces is not None
         assert {faces.verdict[face] for face in np.flatnonzero(~few_views(found.face_views))} == {verdict}
+
+
+def test_one_photo_tells_nothing_of_chance() -> None:
+    """However much less its error is, one held-out photo judges no target; no error with either is no gain."""
+    one = Gain("reprojection", "px", 20, 1.0, 0.5, None)
+    sure = replace(one, metric="intersection", least_factor=1.2)
+    assert one.is_better is None
+    assert judged_by([one]) is None
+    assert judged_by([one, sure]) == sure
+    assert [replace(one, nominal=a, measured=b).is_better for a, b in ((1.0, 0.0), (0.0, 0.0), (0.0, 1.0))] == [
+        True, False, False,
+    ]  # fmt: skip
+    assert "too few photos" in no_gain_line(HeldOut(2, (one,), (), ()))
 
 
 def test_photos_held_out_are_weighed_as_those_measured_from() -> None:

@@ -73,9 +73,11 @@ def test_the_answer_follows_from_photos_held_out(folder: Path, page: Page) -> No
     factor = next(one["nominal"] / one["measured"] for one in held["gains"] if one["metric"] == "intersection")
     assert f"{factor:.0f} times smaller" in page.headline.sentence or f"{factor:.1f} times" in page.headline.sentence
     chance = [{**one, "least_factor": 0.9} for one in held["gains"]]
+    unsure = [{**one, "least_factor": None} for one in held["gains"]]
     for fields, level in (
         ({"held_out": {**held, "gains": chance}}, "usable"),
         ({"held_out": None}, "note"),
+        ({"held_out": {**held, "gains": unsure}}, "note"),
         ({"status": "degenerate", "remarks": ["too few views"]}, "bad"),
     ):
         headline = page_of("measure", changed(folder, **fields)).headline

@@ -30,7 +30,7 @@ Flags = NDArray[np.bool_]
 
 LEAST_FOLDS = 2
 JUDGED_BY = ("intersection", "reprojection")
-"""The metrics that tell whether a measured target is better, the first that there is."""
+"""The metrics that tell whether a measured target is better, the first that has a bound."""
 LEAST_POINTS = 4
 """Of a view that it needs for a pose."""
 SURE = 0.975
@@ -47,17 +47,21 @@ class Gain:
     nominal: float
     measured: float
     least_factor: float | None
-    """What the factor is at least, by how it differs from photo to photo; None: of one photo, or nothing is left."""
+    """What the factor is at least, by how it differs from photo to photo; None: one photo does not tell."""
 
     @property
     def factor(self) -> float:
-        """How many times smaller the error is with the measured target."""
-        return self.nominal / self.measured if self.measured > 0 else float("inf")
+        """How many times smaller the error is with the measured target; 1 if there is none with either."""
+        if self.measured > 0:
+            return self.nominal / self.measured
+        return math.inf if self.nominal > 0 else 1.0
 
     @property
-    def is_better(self) -> bool:
-        """Whether the measured target is better beyond the chance of these photos."""
-        return (self.factor if self.least_factor is None else self.least_factor) > 1
+    def is_better(self) -> bool | None:
+        """Whether the measured target is better beyond the chance of these photos; None: too few to tell."""
+        is_exact = self.nominal == 0 or self.measured == 0  # then there is no spread to bound the factor by
+        least = self.factor if is_exact else self.least_factor
+        return None if least is None else least > 1
 
 
 @dataclass(frozen=True)
@@ -71,13 +75,14 @@ class HeldOut:
 
     @property
     def judged_by(self) -> Gain | None:
-        """The gain that says most."""
+        """The gain that says most; None if too few photos were held out."""
         return judged_by(self.gains)
 
 
 def judged_by(gains: Sequence[Gain]) -> Gain | None:
-    """The gain that says most; None if there is none by which a target is judged."""
-    return next((gain for metric in JUDGED_BY for gain in gains if gain.metric == metric), None)
+    """The gain that says most; None if there is none by which a target is judged, or too few photos to tell."""
+    can_judge = [gain for gain in gains if gain.is_better is not None]
+    return next((gain for metric in JUDGED_BY for gain in can_judge if gain.metric == metric), None)
 
 
 @dataclass(frozen=True)
@@ -127,12 +132,12 @@ def gain_on_held_out(
     Returns:
         The gains; none if no part can be judged, and the remarks say why.
     """
+    options = with_known_weights(options, found.observations)
     options = replace(options, solve=replace(options.solve, reject_sigma=None))
     seen = [_usable(one, out) for one, out in zip(found.observations, found.is_outlier, strict=True)]
     pairs: dict[_Key, list[_Pair]] = {}
     remarks: list[str] = []
     unmeasured, unjudged = np.zeros(found.nominal.face_count, dtype=bool), 0
-    options = with_known_weights(options, found.observations)
     for fold in range(folds):
         held = [np.arange(one.view_count) % folds == fold for one in seen]
         others = [keep_views(one, ~out) for one, out in zip(seen, held, strict=True)]

@@ -200,7 +200,7 @@ def no_gain_line(held: HeldOut | None) -> str:
     gain = None if held is None else held.judged_by
     if gain is None:
         return (
-            "too few photos to hold any out and judge the measured target: keep the drawing, and take more photos, or "
+            "too few photos to hold out and judge the measured target by: keep the drawing, and take more photos, or "
             "give --held-out 0 to take it unjudged"
         )
     if gain.is_better:

@@ -118,7 +118,7 @@ def measure(
     """Measure a printed target with photos of it, and calibrate with what was printed.
 
     The exit code is 1 if the photos do not determine the camera and the target, or if on photos held out the measured
-    target is no better than the designed one; it is written all the same.
+    target is no better than the designed one, or too few were held out to tell; it is written all the same.
     """
     from calib.as_built.solve import with_known_weights
     from calib.as_built_report.files import check_places, places_of

@@ -9,10 +9,11 @@ from calib.as_built_report.held_out import Gain, judged_by
 from calib.as_built_report.words import degrees, next_print_lines, percent, spread_mm
 from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord
 from calib.results.evaluation_table import figure
-from designer.page.blocks import Command, Finding, Headline
+from designer.page.blocks import Command, Finding, Headline, Level
 from designer.words import capital
 
 PREFIX = "next print: "
+LEVEL_OF_BETTER: dict[bool | None, Level] = {True: "good", False: "usable", None: "note"}
 
 
 def measure_headline(record: AsBuiltRecord) -> Headline:
@@ -91,7 +92,8 @@ def gain_sentence(head: AsBuiltHead) -> str:
     """What the measured target is worth."""
     gain = judged_gain(head)
     if gain is None:
-        return "No photos were held out to judge it."
+        few = head.held_out is not None and head.held_out.gains
+        return "Too few photos were held out to judge it." if few else "No photos were held out to judge it."
     numbers = f"{figure(gain.nominal, 3)} {gain.unit} with the drawing, {figure(gain.measured, 3)} {gain.unit} measured"
     if not gain.is_better:
         return f"In photos held out it is no better than the drawing beyond chance: {gain.metric} error {numbers}."
@@ -107,7 +109,7 @@ def gain_findings(head: AsBuiltHead) -> Iterator[Finding]:
         for one in (stored.gain for stored in gains):
             times = f"{figure(one.factor, 3)} times less" if math.isfinite(one.factor) else "gone"
             yield Finding(
-                "good" if one.is_better else "usable", f"{one.metric} error{against}",
+                LEVEL_OF_BETTER[one.is_better], f"{one.metric} error{against}",
                 f"{times} with the measured target than with the drawing, over {one.count} of photos held out",
                 f"{figure(one.measured, 3)} {one.unit}", f"{figure(one.nominal, 3)} {one.unit} with the drawing",
             )  # fmt: skip
