@@ -1,6 +1,7 @@
 """What is expected of a print, and what little data may change."""
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from calib.as_built.options import AsBuiltOptions
 from calib.as_built.result import AsBuilt, face_shift_mm
 from calib.as_built.solve import measure
 from calib.as_built.unknowns import KINDS, Unknowns, unknowns_of
-from calib.as_built_report.deviations import face_deviations
+from calib.as_built_report.deviations import Verdict, face_deviations
 from calib.as_built_report.held_out import Gain, HeldOut, gain_on_held_out, judged_by
+from calib.as_built_report.picture import face_label
 from calib.as_built_report.words import no_gain_line
 from calib.sightings import keep_sightings
 from calib.types import Observations
@@ -130,6 +132,12 @@ def test_photos_held_out_are_weighed_as_those_measured_from() -> None:
     mixed, without = (gain_on_held_out(one, "pinhole", RIGID, 2).gains[0] for one in found)
     assert mixed.nominal == pytest.approx(without.nominal, rel=1e-6)
     assert mixed.measured == pytest.approx(without.measured, rel=1e-6)
+
+
+@pytest.mark.parametrize("verdict", get_args(Verdict))
+def test_a_face_in_the_picture_has_its_own_verdict(verdict: Verdict) -> None:
+    """What is not judged is not drawn as designed."""
+    assert face_label(3, verdict).splitlines() == ["3", *([] if verdict == "moved" else [verdict])]
 
 
 def test_a_perfect_print_is_no_better_measured() -> None:

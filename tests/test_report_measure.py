@@ -10,6 +10,7 @@ from calib.as_built_report.words import next_print_lines
 from calib.report.as_built_file import AsBuiltRecord, read_as_built
 from calib.report.measure_page import measured_stem
 from calib.report.measure_scene import COLOURS, colour, deviations_of, nice
+from calib.report.measure_words import face_sentence
 from calib.report.origin import Origin
 from calib.report.registry import KINDS
 from designer.page.blocks import Command, Page, View3d
@@ -76,13 +77,23 @@ def test_the_answer_follows_from_photos_held_out(folder: Path, page: Page) -> No
     unsure = [{**one, "least_factor": None} for one in held["gains"]]
     for fields, level in (
         ({"held_out": {**held, "gains": chance}}, "usable"),
-        ({"held_out": None}, "note"),
         ({"held_out": {**held, "gains": unsure}}, "note"),
+        ({"held_out": None}, "note"),
         ({"status": "degenerate", "remarks": ["too few views"]}, "bad"),
     ):
         headline = page_of("measure", changed(folder, **fields)).headline
         assert headline is not None
         assert headline.level == level
+
+
+def test_faces_that_are_not_judged_are_counted(folder: Path) -> None:
+    """That no face moved is said of those that photos judge, and how many others there are."""
+    for verdicts, sentence in (
+        (["few photos", "not known"] + 18 * ["as designed"], "no face moved by more than noise (2 not judged)"),
+        (20 * ["as designed"], "no face moved by more than noise"),
+        (20 * ["few photos"], "no face is judged"),
+    ):
+        assert face_sentence(stored(changed(folder, face_verdict=verdicts))) == sentence
 
 
 def test_the_scene_shows_where_rings_lie(folder: Path) -> None:

@@ -31,6 +31,7 @@ NOTICED = 1 / 3
 """Of a centre's noise: a motion that shifts a face's rings by less leaves their residuals as they are to 5 %."""
 
 Verdict = Literal["moved", "as designed", "few photos", "not known"]
+JUDGED: tuple[Verdict, ...] = ("moved", "as designed")
 
 
 @dataclass(frozen=True)

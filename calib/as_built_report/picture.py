@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.as_built_report.deviations import Verdict
 from calib.as_built_report.files import Report
 from calib.as_built_report.held_out import Gain
 from calib.as_built_report.layout import Layout, layout_of
@@ -155,8 +156,7 @@ def _draw_faces(axes: "Axes", report: Report, layout: Layout) -> None:
         x, y, turn = faces.value[face, 0], faces.value[face, 1], faces.value[face, 5]
         moved = target.outline_mm[face] @ _turned(times * turn).T + times * np.array([x, y])
         axes.plot(*_closed(layout.placed(face, moved)).T, color=INK, linewidth=1.2, linestyle="--", clip_on=False)
-        word = "" if verdict == "moved" else "\nas designed"
-        _name(axes, layout, face, f"{face}{word}")
+        _name(axes, layout, face, face_label(face, verdict))
     note(
         axes,
         "colour: out (red) or in (blue), with the tilt; "
@@ -275,7 +275,12 @@ def _outline(axes: "Axes", corners: Array) -> None:
 def _unknown(axes: "Axes", layout: Layout, face: int, corners: Array) -> None:
     """A face of which photos tell nothing."""
     axes.fill(*corners.T, facecolor=EMPTY, edgecolor=GREY, hatch="///", linewidth=0.8)
-    _name(axes, layout, face, f"{face}\nnot known")
+    _name(axes, layout, face, face_label(face, "not known"))
+
+
+def face_label(face: int, verdict: Verdict) -> str:
+    """A face's number and its verdict; that it moved is drawn."""
+    return str(face) if verdict == "moved" else f"{face}\n{verdict}"
 
 
 def _name(axes: "Axes", layout: Layout, face: int, text: str) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from calib.as_built_report.deviations import JUDGED
 from calib.as_built_report.held_out import Gain, judged_by
 from calib.as_built_report.words import degrees, next_print_lines, percent, spread_mm
 from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord
@@ -67,17 +68,19 @@ def _size_words(head: AsBuiltHead) -> str:
 
 
 def face_sentence(record: AsBuiltRecord) -> str:
-    """How many faces moved, and how far."""
+    """How many faces moved, and how far, and how many the photos do not judge."""
+    unjudged = sum(verdict not in JUDGED for verdict in record.verdicts)
+    if unjudged == len(record.verdicts):
+        return "no face is judged" if unjudged else ""
+    besides = f" ({unjudged} not judged)" if unjudged else ""
     moved = [place for place, verdict in enumerate(record.verdicts) if verdict == "moved"]
-    if not record.verdicts:
-        return ""
     if not moved:
-        return "no face moved by more than noise"
+        return f"no face moved by more than noise{besides}"
     shift = np.linalg.norm(record.motion[moved, :3], axis=1).max()
     turn = np.degrees(np.linalg.norm(record.motion[moved, 3:], axis=1)).max()
     return (
         f"{len(moved)} of {record.face_count} faces moved, by up to {figure(float(shift), 2)} mm and "
-        f"{figure(float(turn), 2)} deg"
+        f"{figure(float(turn), 2)} deg{besides}"
     )
 
 
