@@ -106,11 +106,11 @@ def dense_jacobian(setting: Setting) -> tuple[Array, Array]:
     unit = np.eye(parameters + 9)
     rows = np.arange(count)
     for k in range(parameters):
-        by_unknown[:, :, k] = difference(unit[k], 1e-3 if k < 4 else 1e-6)
+        by_unknown[:, :, k] = difference(unit[k], 1.0 if k < 4 else 1e-4)
     for k in range(6):
-        by_unknown[rows, :, parameters + 6 * seen.view + k] = difference(unit[parameters + k], 1e-6 if k < 3 else 1e-4)
+        by_unknown[rows, :, parameters + 6 * seen.view + k] = difference(unit[parameters + k], 1e-5 if k < 3 else 1e-2)
     for k in range(3):
-        by_ring[rows, :, 3 * seen.point + k] = difference(unit[parameters + 6 + k], 1e-4)
+        by_ring[rows, :, 3 * seen.point + k] = difference(unit[parameters + 6 + k], 1e-2)
     return by_unknown.reshape(2 * count, -1), by_ring.reshape(2 * count, -1)
 
 
