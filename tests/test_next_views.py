@@ -19,7 +19,7 @@ from calib.solver.uncertainty import projected_sigma_px
 from calib.types import Calibration, Observations
 from calib.verdict.candidate_views import TILTS_DEG, candidates_of, faces_seen, shown_in, tilt_rotation
 from calib.verdict.coverage import coverage, coverage_of
-from calib.verdict.information import image_change, knowledge_of, sigma_px, view_information
+from calib.verdict.information import eliminated, image_change, knowledge_of, sigma_px, view_information
 from calib.verdict.next_view_target import habits_of, shape_of
 from calib.verdict.next_view_words import Gain, Hold, gain_words, place_of, place_words, sentence_of, tilt_words
 from calib.verdict.next_views import NextView, next_views, photos_needed, share_px, why_no_next_views
@@ -112,6 +112,20 @@ def test_the_map_is_that_of_the_solver(target: str) -> None:
     np.testing.assert_allclose(
         sigma_px(change, np.zeros((known.basis.shape[1],) * 2)), wanted[np.isfinite(wanted)], rtol=1e-6
     )
+
+
+@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6, 0.0])
+def test_no_photo_tells_more_than_its_pose_leaves(apart: float) -> None:
+    """However near two motions look alike, what is told is at most what is orthogonal to all motions."""
+    rng = np.random.default_rng(0)
+    columns, pose = rng.normal(size=(20, 3)), rng.normal(size=(20, 6))
+    pose[:, 5] = pose[:, 4] + apart * pose[:, 5]
+    motions = np.linalg.svd(pose, full_matrices=False)[0][:, : 6 if apart else 5]
+    left = columns - motions @ (motions.T @ columns)
+    both = np.hstack([columns, pose])
+    told = eliminated((both.T @ both)[None])[0]
+    assert np.linalg.eigvalsh(left.T @ left - told)[0] > -1e-6
+    assert (np.linalg.eigvalsh(told)[0] > 0.1) == (apart > 1e-5)
 
 
 def test_information_never_decreases() -> None:

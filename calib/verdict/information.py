@@ -30,7 +30,7 @@ TIED = 1e-12
 CHUNK = 400_000
 """Points at a time."""
 UNDETERMINED = 1e-12
-"""Smallest eigenvalue of a pose's normal matrix with a diagonal of ones."""
+"""Of a pose's normal matrix with a diagonal of ones: smaller eigenvalues, as parts of the largest, are rounding."""
 LENS_UNSURE = 1.0
 """Standard deviation of a lens coefficient of which nothing is known."""
 
@@ -136,14 +136,14 @@ def _information(known: Knowledge, pose: Array, position_mm: Array, weight: Arra
 def eliminated(products: Array) -> Array:
     """`A - B C^-1 B'` of products (C, Q + 6, Q + 6) whose last six unknowns are a pose.
 
-    What photos do not determine of a pose takes nothing with it.
+    A photo that does not determine its whole pose tells nothing: what an unknown motion would take away is not known
+    where the inverse is cut off, and none may be called surer than it is.
     """
     size = products.shape[1] - 6
     mixed = products[:, size:, :size]
-    left: Array = products[:, :size, :size] - mixed.transpose(0, 2, 1) @ (
-        symmetric_inverse(products[:, size:, size:], UNDETERMINED).inverse @ mixed
-    )
-    return 0.5 * (left + left.transpose(0, 2, 1))
+    pose = symmetric_inverse(products[:, size:, size:], UNDETERMINED)
+    left: Array = products[:, :size, :size] - mixed.transpose(0, 2, 1) @ (pose.inverse @ mixed)
+    return np.where((pose.rank == 6)[:, None, None], 0.5 * (left + left.transpose(0, 2, 1)), 0.0)
 
 
 def image_change(known: Knowledge, columns: int = COLUMNS, rows: int | None = None) -> Array:
