@@ -25,7 +25,12 @@ ROUNDING = 1e-13
 PERFECT_PX = 1e-11
 """Root mean square of residuals that are nothing but rounding."""
 PATIENCE = 16
-"""Steps refused because the model does not show all points there, until the descent is given up."""
+"""Steps refused because the model does not show all points there, all told, until the descent is given up.
+
+Not in a row: along the fold small steps succeed between refused ones, and a descent into it creeps on to its last
+iteration. Of wide lenses (half angles of 55 to 100 degrees), all but one of the descents that this ends at about 22 steps
+would have gone on to their last, the 100th, unconverged; the minima with the points left out are the same.
+"""
 
 
 @dataclass(frozen=True, eq=False)
