@@ -93,10 +93,8 @@ def detect(
     naming, placement = complete(plan, found.candidates, naming, image_size, camera_lens)
     if placement.is_mirrored:
         return _nothing(plan, name, image_size, found.candidates, (*remarks, MIRRORED))
-    measured = measure(
-        pixels, plan, found.candidates, naming, placement, _contrast(pixels, found.candidates), camera_lens
-    )
     contrast = _contrast(pixels, found.candidates)
+    measured = measure(pixels, plan, found.candidates, naming, placement, contrast, camera_lens)
     evidence = gather(pixels, contrast, plan, found.candidates, found.grids, naming, dropped, placement, measured)
     if camera_lens is not None:
         remarks += _camera_remarks(plan, found.candidates, naming, camera_lens, image_size)
