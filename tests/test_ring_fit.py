@@ -16,6 +16,7 @@ from calib.detect.plane_distance import OUTPUTS, plane_distance
 from calib.detect.ring_equations import CHUNK, MAX_CURVATURE_SHIFT, accumulate
 from calib.detect.ring_fit import RingFits, fit_rings
 from calib.detect.ring_model import BLUR, DARKNESS, M0, PARAMETERS, RATIO, WHITE
+from calib.detect.ring_pixels import MAX_PIXELS, choose_pixels
 from calib.threads import in_chunks
 from tests.ring_images import (
     CELL,
@@ -274,6 +275,18 @@ def test_large_rings_are_as_exact_though_sampled() -> None:
     fits = fit_rings(m.image, disturbed(m.params, rng), limit=LIMIT)
     assert np.abs(errors(fits, m)).max() < 0.003
     assert fits.pixels.max() < 1500
+
+
+@pytest.mark.parametrize("blur_px", [1.0, 3.0, 6.0, 10.0, 30.0])
+def test_every_quarter_of_a_large_ring_is_sampled_however_blurred(blur_px: float) -> None:
+    """Three lines or more cross each quarter of either edge, also where they are long, and there is room for them."""
+    p, pixels = parameters_of(np.diag([120.0, 120.0, 1.0]), 0.45, blur_px), np.empty((MAX_PIXELS, 2), dtype=np.int32)
+    p[:2], reach = 500.0, 3 * blur_px + 1
+    count = choose_pixels(p, np.zeros(6), reach, LIMIT, 1001, 1001, pixels)
+    assert count < MAX_PIXELS
+    u, v = (pixels[:count] - 500.0).T
+    per_edge = 2 * np.ceil(reach / 2) + 1
+    assert (np.bincount((u > 0) * 2 + (v > 0), minlength=4) >= 2 * 3 * per_edge - 10).all()
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,8 @@ DENSE_RADIUS_PX = 24.0
 """Rings up to this mean outer radius use every pixel near an edge."""
 PIXEL_BUDGET = 560
 """Larger rings are sampled: so many pixels near the edges hold the centre far better than any printer or plane does."""
+LEAST_LINES = 3
+"""Across a quarter of an edge, however wide its blur makes them."""
 
 
 @jit
@@ -31,7 +33,7 @@ def _sample_pixels(p: Floats, q: Floats, reach: float, height: int, width: int, 
     far = math.ceil(reach)
     near = math.ceil(0.5 * reach)
     # Four quarters alike, so that an image turned by a right angle is sampled at the same points.
-    quarter = int(PIXEL_BUDGET / (edges * (2 * near + 1 + 0.5 * (far - near)))) // 4
+    quarter = max(int(PIXEL_BUDGET / (edges * (2 * near + 1 + 0.5 * (far - near)))) // 4, LEAST_LINES)
     rays = 4 * quarter
     for edge in range(edges):
         rho = 1.0 if edge == 0 else p[RATIO]
