@@ -27,9 +27,9 @@ PERFECT_PX = 1e-11
 PATIENCE = 16
 """Steps refused because the model does not show all points there, all told, until the descent is given up.
 
-Not in a row: along the fold small steps succeed between refused ones, and a descent into it creeps on to its last
-iteration. Of wide lenses (half angles of 55 to 100 degrees), all but one of the descents that this ends at about 22 steps
-would have gone on to their last, the 100th, unconverged; the minima with the points left out are the same.
+Not in a row: along the fold small steps succeed between refused ones, and a descent into it creeps on. Counted in a
+row, 35 of 36 such descents with wide lenses (half angles of 55 to 100 degrees) went on to their last step, the 100th,
+where this ends them at about the 22nd; none converged, and the minima without the points in the way were the same.
 """
 
 
