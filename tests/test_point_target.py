@@ -195,6 +195,8 @@ def refused(answer: Answer, message: str) -> None:
         (["X,Y,Z,plane", "0,0,0,a", "5,0,0,a"], "plane 'a': 2 points"),
         (["X,Y,Z,plane", "0,0,0,a", "5,0,0,a", "9,0,0,a"], "lie on a line"),
         (["X,Y,Z", "0,0,0", "50,0,0", "0,50,0", "50,50,20"], "mm off it"),
+        (["X,Y,Z,plane", *(f"{n},0,0,{n}" for n in range(201))], "201 planes; at most 200 can be used"),
+        (["X,Y,Z,plane", *(f"{n},0,0,{n % 200}" for n in range(2001))], "on so many planes at most 2000 points"),
     ],
 )
 def test_bad_tables_are_one_line(lines: list[str], message: str) -> None:

@@ -23,7 +23,9 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 MAX_FILE_BYTES = 64 * 2**20
-MAX_POINTS, MAX_PLANES = 100_000, 2000
+MAX_POINTS, MAX_PLANES = 100_000, 200
+MAX_PLACES = 400_000
+"""Points times planes: what errors of every plane do to every point takes about 500 bytes for each, 200 MB in all."""
 MAX_LENGTH_MM = 1e6
 SAME_MM = 1e-3
 """Two points that are nearer are one."""
@@ -138,7 +140,13 @@ def read_points(path: Path) -> PointTable:
         table.require(np.array(list(map(bool, plane))), "plane must not be empty")
     found = PointTable(position, plane, ids)
     if len(found.names) > MAX_PLANES:
-        raise InputError(f"{path}: {len(found.names)} planes; at most {MAX_PLANES} can be used")
+        raise InputError(f"{path}: {len(found.names)} planes; at most {MAX_PLANES} can be used; leave some out")
+    if len(position) * len(found.names) > MAX_PLACES:
+        most = MAX_PLACES // len(found.names)
+        raise InputError(
+            f"{path}: {len(position)} points on {len(found.names)} planes; on so many planes at most {most} points can "
+            "be used; leave out points or planes"
+        )
     return found
 
 
