@@ -119,12 +119,15 @@ def test_a_disturbed_ring_owns_its_uncertainty(rings: Mosaic) -> None:
     assert np.median(ratios.ring[disturbed_rings]) > 2 * ratios.photo
 
 
-def test_too_few_rings_change_nothing(rings: Mosaic) -> None:
-    """Where a face has too few rings to tell, its covariances stay."""
+def test_too_few_rings_are_taken_for_usual(rings: Mosaic) -> None:
+    """Where a face has too few rings to tell, the ratio is what is usual of such photos, 1 if no other is known."""
     fits, _ = fit(rings, smoothed(rings.image))
     faces = np.full(RINGS, -1)
     faces[np.flatnonzero(fits.scores.alone > 0)[: LEAST_OF_A_FACE - 1]] = 0
     assert (ratios_of(fits, faces).ring == 1.0).all()
+    usual = variance_ratios(fits.scores, fits.params, fits.noise / fits.contrast, faces, 1.25)
+    assert usual.photo == 1.25
+    assert (usual.ring == 1.25).all()
     nothing = np.zeros(0)
     assert variance_ratios(Scores.empty(0), np.zeros((0, PARAMETERS)), nothing, nothing.astype(int)).photo == 1.0
 

@@ -27,6 +27,8 @@ MANY_RINGS = 300
 UNDERSAMPLED_BLUR_PX = 0.65
 """Edges this sharp (as pairs of ellipses see them; pixels alone make .5) hang on where a pixel falls."""
 SOFTENING_PX = 0.5
+SOFTENED_RATIO = 1.25
+"""Of variances, where rings are too few to tell: softening ties neighbouring residuals together."""
 WORTH_A_WORD = 4.0
 """Variances of centres so many times those of noise alone are said to be so."""
 ODD_EDGES = (
@@ -201,7 +203,8 @@ def _fit_with_lines(
         start = np.where(fits.ok[:, None], fits.params, start)
         fits = fit(image, start, seen, is_final=True)
     sound = np.where(judge(fits, None, is_dot, places.shape, plan) == "", plan.target.ring_face[places.ring], -1)
-    ratios = variance_ratios(fits.scores, fits.params, fits.noise / np.maximum(fits.contrast, 1e-9), sound)
+    roughness = fits.noise / np.maximum(fits.contrast, 1e-9)
+    ratios = variance_ratios(fits.scores, fits.params, roughness, sound, SOFTENED_RATIO if softened else 1.0)
     fits = replace(fits, cov_px2=ratios.ring[:, None, None] * fits.cov_px2)
     remarks = () if ratios.photo < WORTH_A_WORD else (NO_GREY_EDGES if softened else ODD_EDGES,)
     return fits, lines(after(fits, start))[1].residual_px, remarks

@@ -39,7 +39,8 @@ LEAST_OF_A_FACE = 4
 MOST_ROUGH = 1.5
 """Times the usual residuals: a ring with more is disturbed by something of its own, and tells nothing of the photo."""
 TRUST = 4.0
-"""So many rings' worth is the photo's ratio for one ring, whose own scatters by 80 % (simulated), and 1 for a photo."""
+"""So many rings' worth is the photo's ratio for one ring, whose own scatters by 80 % (simulated), and the usual ratio
+for a photo."""
 LEAST_RATIO = 0.25
 """An even window can make S negative: no covariance shrinks to less than a quarter."""
 
@@ -164,11 +165,13 @@ def together(score: Floats, radius_px: Floats) -> Floats:
 class Ratios:
     """S over S0, by what stated covariances have to be multiplied."""
 
-    photo: float  # of all rings that nothing disturbs; 1 where they are too few to tell
+    photo: float  # of all rings that nothing disturbs; the usual one where they are too few to tell
     ring: Floats  # (N,)
 
 
-def variance_ratios(scores: Scores, params: Floats, roughness: Floats, face: Integers) -> Ratios:
+def variance_ratios(
+    scores: Scores, params: Floats, roughness: Floats, face: Integers, usual_ratio: float = 1.0
+) -> Ratios:
     """The ratio of a photo from its usual rings, and that of each ring between the photo's and its own.
 
     Args:
@@ -176,6 +179,7 @@ def variance_ratios(scores: Scores, params: Floats, roughness: Floats, face: Int
         params: of their fits.  # (N, PARAMETERS)
         roughness: their residuals over their contrasts.  # (N,)
         face: that each is on; -1: it does not count.  # (N,)
+        usual_ratio: what is expected of such a photo before its rings are asked.
     """
     counts = (face >= 0) & (scores.alone > 0)
     is_usual = counts & (roughness <= MOST_ROUGH * np.median(roughness[counts])) if counts.any() else counts
@@ -193,8 +197,9 @@ def variance_ratios(scores: Scores, params: Floats, roughness: Floats, face: Int
     seen = together(scores.score - common, np.column_stack([radius, radius * params[:, RATIO]]))
     expected = lost * scores.alone
     if not is_usual.any():
-        return Ratios(1.0, np.ones(len(face)))
+        return Ratios(usual_ratio, np.full(len(face), usual_ratio))
     as_alone = TRUST * float(expected[is_usual].mean())
-    photo = max(float((seen[is_usual].sum() + as_alone) / (expected[is_usual].sum() + as_alone)), LEAST_RATIO)
+    total = float(seen[is_usual].sum()) + usual_ratio * as_alone
+    photo = max(total / (float(expected[is_usual].sum()) + as_alone), LEAST_RATIO)
     own = np.where(counts, seen / np.where(counts, expected, 1.0), photo)
     return Ratios(photo, np.maximum((TRUST * photo + own) / (TRUST + 1), LEAST_RATIO))
