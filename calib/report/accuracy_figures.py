@@ -133,7 +133,7 @@ def halves_words(halves: HalvesApart | NoHalves) -> str:
     if isinstance(halves, NoHalves) or halves.ratio < CONTRADICTED:
         return ""
     times = digits(halves.ratio, 2)
-    return f"Cameras of halves of the photos differ {times} times as much as stated: take all sigmas {times} times."
+    return f"Cameras of halves differ {times} times as much as stated: the noise's part is {times} times that."
 
 
 def coverage_figure(coverage: Coverage) -> Figure:

@@ -172,8 +172,9 @@ def _halves_sentence(found: HalvesFound, grade: Grade, criteria: Criteria) -> st
     is_within = found.percentile_95_px <= limit
     decides = f"in 95 % of it by {px(found.percentile_95_px)}, {'within' if is_within else 'more than'} {limit:g} px"
     return (
-        f"{differ}: take all standard deviations {times} times as large; something is systematic (target, lens model, "
-        f"focus). Beyond {criteria.halves_sigma.good:g} sigma the difference itself decides: {decides}"
+        f"{differ}: take the noise's part of standard deviations {times} times as large; something is systematic "
+        f"(target, lens model, focus). Beyond {criteria.halves_sigma.good:g} sigma the difference itself decides: "
+        f"{decides}"
     )
 
 
