@@ -5,18 +5,18 @@ Files say whose they are: JSON and TOML by `"format": "NAME.kind"`, tables by a 
 
 import re
 
-NAME = "ringsolid"
+NAME, FORMER = "ringsolid", "ringforge"
 _FORMER = re.compile(
-    r'((?:^|[{,\s])"?format"?\s*[:=]\s*"|\A\ufeff?# |<meta name="generator" content=")ringforge(?=[. ])'
+    r'((?:^|[{,\s])"?format"?\s*[:=]\s*"|\A\ufeff?# |<meta name="generator" content=")' + FORMER + "(?=[. ])"
 )
 """Where a file says its kind by the former name."""
 
 
 def as_written_today(text: str) -> str:
     """The text, or the beginning, of a file with its marks under the present name."""
-    return _FORMER.sub(rf"\g<1>{NAME}", text) if "ringforge" in text else text
+    return _FORMER.sub(rf"\g<1>{NAME}", text) if FORMER in text else text
 
 
 def bytes_as_written_today(head: bytes) -> bytes:
     """The same of bytes."""
-    return as_written_today(head.decode("latin-1")).encode("latin-1") if b"ringforge" in head else head
+    return as_written_today(head.decode("latin-1")).encode("latin-1") if FORMER.encode() in head else head

@@ -11,14 +11,14 @@ import zlib
 from pathlib import Path
 
 from designer.errors import InputError
-from designer.names import NAME
+from designer.names import FORMER, NAME
 
 _HEAD, _TAIL = 2**16, 2**12
 _FIRST_COLUMNS = 2
 _MARK = re.compile(
     rb'(?:\A(?:\xef\xbb\xbf)?\s*\{\s*"format"\s*:\s*"|\A(?:\xef\xbb\xbf)?\# |\A|"generator": ?"'
     rb'|<meta name="generator" content="|(?:Software|Title)\0|/Creator \(|\xff\xd8\xff\xfe\0.|PK\x05\x06.{18}'
-    rb"|\n(?:\# |% |<!-- |/\* ))(?:ringsolid|ringforge)(?:[ .]([a-zA-Z][a-zA-Z_-]*))?",
+    rb"|\n(?:\# |% |<!-- |/\* ))(?:" + f"{NAME}|{FORMER}".encode() + rb")(?:[ .]([a-zA-Z][a-zA-Z_-]*))?",
     re.DOTALL,
 )
 _NOTES = {
