@@ -11,7 +11,7 @@ from calib.as_built.options import AsBuiltOptions
 from calib.as_built.solve import measure
 from calib.camera_difference import camera_difference
 from calib.inputs.observations import known_points
-from calib.pipeline.made import how_made, with_made
+from calib.pipeline.made import how_made, prior_of, with_made
 from calib.se3 import exp_rotation
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
 from calib.solver.options import SolveOptions
@@ -20,7 +20,9 @@ from calib.solver.target_error import extended, with_target_error
 from calib.solver.uncertainty import sigma_over_image_px
 from calib.types import Calibration, Camera
 from calib.verdict.criteria import read_criteria
+from calib.verdict.evidence import evidence_of, noise_factor
 from calib.verdict.halves import half_split
+from calib.verdict.next_views import next_views
 from calib.verdict.of_run import judge_run
 from designer.errors import InputError
 from designer.layout import lay_out
@@ -145,6 +147,28 @@ def test_the_advice_is_the_photos_that_would_tell_the_shape() -> None:
     assert _stated_px(more) < 0.3 * _stated_px(one)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.001])
+def test_next_photos_promise_what_the_verdict_then_states(share: float) -> None:
+    """They start from its figure; with them it is no larger than said, and of a target that is off as said."""
+    rolls, axes = MOTIONS["all"]
+    made, poses = _stretched(share), _poses(1, rolls=rolls, axes=axes)
+    one = with_made(_solved(made, poses), how_made(BOARD))
+    halves = half_split(one, SolveOptions())
+    stated = evidence_of([one], 0, halves).uncertainty.image_px
+    views = next_views(one, most=3, factor=noise_factor(one, halves), prior=prior_of(one, BOARD))
+    assert views[0].sigma_px_before == pytest.approx(stated, rel=1e-6)
+    views = next_views(one, most=3, prior=prior_of(one, BOARD))
+    for count, view in enumerate(views, start=1):
+        more = np.concatenate([poses, np.stack([v.cam_from_target for v in views[:count]])])
+        then = with_made(_solved(made, more), how_made(BOARD))
+        now_px = sigma_over_image_px(then.camera, then.stated_covariance)
+        assert now_px < 1.1 * view.sigma_px_after
+        if share:
+            assert now_px > 0.9 * view.sigma_px_after
+    unknown = next_views(one, most=3)  # nothing is promised of the target's part where it is not known what it is
+    assert all(view.sigma_px_after > stated / 2 for view in unknown)
+
+
 def test_the_size_of_the_target_does_not_matter() -> None:
     """A target too large as a whole moves no camera, however large it may be."""
     one = _solved(BOARD, _poses(3, rolls=True, axes=2))
@@ -199,7 +223,7 @@ def test_the_error_is_that_of_the_dense_solution_and_many_photos_change_nothing(
         step = -whole @ gradient
         size = basis.shape[1]
         np.testing.assert_allclose(found.camera_inverse, whole[:size, :size], rtol=1e-4, atol=1e-6 * whole[:size].max())
-        np.testing.assert_allclose(found.step, step[:size], rtol=1e-4, atol=1e-6 * np.abs(step[:size]).max())
+        np.testing.assert_allclose(found.mean[:size], step[:size], rtol=1e-4, atol=1e-6 * np.abs(step[:size]).max())
         left = equations.square + 2 * gradient @ step + step @ normal @ step
         assert found.left == pytest.approx(left, rel=1e-5)
         assert found.told == pytest.approx(is_shape.sum() - variance * np.trace(whole[size:, size:]), rel=1e-5)

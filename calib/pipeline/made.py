@@ -57,6 +57,19 @@ def how_made(target: TargetGeometry | None, asked: str | None = None, *, rendere
     return Made(assumed.errors.name, assumed.because, shape_prior(target, assumed.errors))
 
 
+def prior_of(calibration: Calibration, target: TargetGeometry | None) -> ShapePrior | None:
+    """The prior of what a stored calibration says of its target; None if there is none, or it cannot be found."""
+    error = calibration.target_error
+    if target is None or error is None or not error.param_covariance.any():
+        return None
+    if error.made == MEASURED:
+        return measured_prior(target)
+    try:
+        return shape_prior(target, error_model(error.made))
+    except InputError:  # a file of errors that is no longer there
+        return None
+
+
 def with_made(calibration: Calibration, made: Made | None) -> Calibration:
     """The calibration with what its target may be off; as it was if nobody knows how that was made."""
     if made is None:

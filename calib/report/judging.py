@@ -4,9 +4,11 @@ import math
 from pathlib import Path
 
 from calib.files import write_files
+from calib.pipeline.made import prior_of
 from calib.report.run_folder import Solved, read_run
 from calib.verdict.advice import DETECTED, Inputs
 from calib.verdict.criteria import Criteria
+from calib.verdict.evidence import noise_factor
 from calib.verdict.halves import HalfSplit, Halves, half_split
 from calib.verdict.next_views import next_views
 from calib.verdict.next_views_file import NEXT_VIEWS_FILE, next_views_file
@@ -30,8 +32,9 @@ def judge_folder(folder: Path, criteria: Criteria) -> Judged:
     best = run.best()
     halves = _stored_halves(folder, best) or half_split(best.calibration, best.provenance.options)
     proposed = next_views(
-        best.calibration, goal_px=criteria.uncertainty_px.good, goal_covered=criteria.coverage_percent.good / 100
-    )
+        best.calibration, goal_px=criteria.uncertainty_px.good, goal_covered=criteria.coverage_percent.good / 100,
+        factor=noise_factor(best.calibration, halves), prior=prior_of(best.calibration, run.target),
+    )  # fmt: skip
     calibrations = [one.calibration for one in run.solved]
     judged = judge_run(calibrations, run.solved.index(best), halves, criteria, proposed, _inputs(best))
     write_files({

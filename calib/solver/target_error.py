@@ -52,22 +52,65 @@ def with_target_error(
     """
     size = len(calibration.camera.params)
     covariance = np.zeros((size, size))
-    basis = free_directions(calibration.param_covariance)
-    if prior is not None and basis.size and calibration.camera.learned is None:
-        used = np.unique(calibration.observations.point[~calibration.is_outlier])
-        scale = np.abs(prior.modes_mm[:, used]).max(axis=(1, 2), initial=0.0)
-        equations = shape_equations(calibration, basis, prior.modes_mm[scale > 0], prior.ring_modes_mm)
-        covariance = basis @ _added_covariance(equations) @ basis.T
+    found = _equations(calibration, prior)
+    if found is not None:
+        equations, _ = found
+        covariance = equations.basis @ _added_covariance(equations) @ equations.basis.T
     return replace(calibration, target_error=TargetError(made, because, covariance))
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOpen:
+    """What photos leave open of a camera and of the shape of its target together."""
+
+    basis: Array  # (P, Q) of the camera's parameters
+    modes_mm: Array  # (S, K, 3) displacements of the K points by the shape's shared numbers
+    mean_square: Array  # (Q + S, Q + S) of the camera's error in the basis' directions and of these numbers
+
+
+@one_thread
+def left_open(calibration: Calibration, prior: ShapePrior | None) -> LeftOpen | None:
+    """The same as a distribution: what further photos are to be weighed against; None where nothing is open."""
+    found = _equations(calibration, prior)
+    settled = None if found is None else _settled(found[0])
+    if found is None or settled is None:
+        return None
+    (equations, modes_mm), (solved, variance) = found, settled
+    square = variance * solved.covariance + np.outer(solved.mean, solved.mean)
+    return LeftOpen(equations.basis, modes_mm, square)
+
+
+def _equations(calibration: Calibration, prior: ShapePrior | None) -> tuple[ShapeEquations, Array] | None:
+    """The normal equations with a prior's numbers, and those of its modes that move a point that was seen."""
+    basis = free_directions(calibration.param_covariance)
+    if prior is None or not basis.size or calibration.camera.learned is not None:
+        return None
+    used = np.unique(calibration.observations.point[~calibration.is_outlier])
+    modes_mm = prior.modes_mm[np.abs(prior.modes_mm[:, used]).max(axis=(1, 2), initial=0.0) > 0]
+    return shape_equations(calibration, basis, modes_mm, prior.ring_modes_mm), modes_mm
 
 
 def _added_covariance(equations: ShapeEquations) -> Array:
     """The camera's mean square error by the target, in the equations' directions.  # (Q, Q)"""
-    camera, shared = equations.camera, equations.basis.shape[1]
-    alone = symmetric_inverse(equations.normal[camera, camera]).inverse
+    alone = symmetric_inverse(equations.normal[equations.camera, equations.camera]).inverse
+    settled = _settled(equations)
+    if settled is None:
+        return np.zeros_like(alone)
+    found, variance = settled
+    lost = found.lost
+    # (N - T)^-1 - N^-1 = N^-1 (T + T (N - T)^-1 T) N^-1 is positive semidefinite as it stands.
+    spread = alone @ (lost + lost @ found.camera_inverse @ lost) @ alone
+    step = found.mean[equations.camera]
+    added: Array = variance * spread + np.outer(step, step)
+    return added
+
+
+def _settled(equations: ShapeEquations) -> "tuple[Extended, float] | None":
+    """The extended problem with the noise's variance that it leaves over; None if there is nothing to tell it by."""
+    shared = equations.basis.shape[1]
     freedom = equations.equations - shared
     if freedom <= 0 or not equations.square > 0 or len(equations.normal) + len(equations.own.gradient) == shared:
-        return np.zeros_like(alone)
+        return None
     variance = equations.square / freedom
     found = extended(equations, variance)
     for _ in range(ROUNDS):
@@ -77,11 +120,7 @@ def _added_covariance(equations: ShapeEquations) -> Array:
             break
         variance = left
         found = extended(equations, variance)
-    lost = found.lost
-    # (N - T)^-1 - N^-1 = N^-1 (T + T (N - T)^-1 T) N^-1 is positive semidefinite as it stands.
-    spread = alone @ (lost + lost @ found.camera_inverse @ lost) @ alone
-    added: Array = variance * spread + np.outer(found.step, found.step)
-    return added
+    return found, variance
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +129,8 @@ class Extended:
 
     camera_inverse: Array  # (Q, Q) E_cc
     lost: Array  # (Q, Q) T of E_cc = (N_cc - T)^-1: what the shape takes of what the photos tell of the camera
-    step: Array  # (Q,) of the camera
+    covariance: Array  # (N, N) E of the camera and the shared numbers
+    mean: Array  # (N,) of the same
     left: float  # sum of squares of the residuals
     told: float  # how many of the shape's numbers the photos tell
 
@@ -129,4 +169,5 @@ def extended(equations: ShapeEquations, variance: float) -> Extended:
     )  # fmt: skip
     numbers = np.concatenate([all_shared[shared], alone])
     least = equations.square + float(gradient @ all_shared + own.gradient @ alone)
-    return Extended(inverse, lost, step, least - variance * float(numbers @ numbers), len(numbers) - variance * trace)
+    left, told = least - variance * float(numbers @ numbers), len(numbers) - variance * trace
+    return Extended(inverse, lost, whole, all_shared, left, told)

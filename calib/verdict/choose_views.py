@@ -15,6 +15,8 @@ from calib.verdict.candidate_views import Candidates, candidates_of, shown_in
 from calib.verdict.coverage import coverage, coverage_of
 from calib.verdict.information import Knowledge, image_change, knowledge_of, sigma_px, view_information
 from calib.verdict.next_view_target import Habits, TargetShape, habits_of, shape_of
+from calib.verdict.stated_error import StatedError, stated_error
+from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
 
@@ -44,6 +46,8 @@ class Scene:
     """What a choice is made from."""
 
     known: Knowledge
+    stated: StatedError
+    modes_mm: Array  # (S, N, 3) of the shape's points: what the target's numbers move
     shape: TargetShape
     habits: Habits
     candidates: Candidates
@@ -55,7 +59,7 @@ class Scene:
 class SoFar:
     """What the photos chosen so far tell, and what is covered with them."""
 
-    told: Array  # (Q, Q) information of the photos chosen so far, beside what was known
+    told: Array  # (Q + S, Q + S) information of the photos chosen so far, beside what was known
     is_covered: NDArray[np.bool_]  # (R, C) cells of a coverage
     chosen: tuple[int, ...]  # rows of the candidates
 
@@ -70,16 +74,20 @@ class Photo:
     """A candidate with all its points."""
 
     row: int
-    information: Array  # (Q, Q)
+    information: Array  # (Q + S, Q + S) on the camera, and on the target's shape
     area: NDArray[np.bool_]  # (R, C) cells of a coverage
 
 
-def scene_of(calibration: Calibration, face_share: float | None) -> Scene | None:
+def scene_of(
+    calibration: Calibration, face_share: float | None, factor: float = 1.0, prior: ShapePrior | None = None
+) -> Scene | None:
     """The photos that could be taken and what they tell; None if no point lies on a known plane.
 
     Args:
         calibration: what is known so far.
         face_share: so much of a face must be seen for its rings to be read; None: as in the photos taken so far.
+        factor: that halves of the photos enlarge the standard deviations of the noise by.
+        prior: of how the target was made; None: not known, or no matter.
     """
     shape = shape_of(calibration)
     if shape is None:
@@ -95,12 +103,16 @@ def scene_of(calibration: Calibration, face_share: float | None) -> Scene | None
     stands_for = np.bincount(shape.face, minlength=faces) / np.bincount(shape.face[rows], minlength=faces).clip(min=1)
     weight = is_read[ok][:, rows] * stands_for[shape.face[rows]]
     information = view_information(known, candidates.cam_from_target[ok], shape.position_mm[rows], weight)
-    return Scene(known, shape, habits, candidates[ok], information, covers[ok])
+    stated = stated_error(known, calibration, factor, prior)
+    on_face = calibration.observations.points.face >= 0
+    modes_mm = np.zeros((0, len(shape.face), 3)) if stated.modes_mm is None else stated.modes_mm[:, on_face]
+    return Scene(known, stated, modes_mm, shape, habits, candidates[ok], information, covers[ok])
 
 
 def start_of(scene: Scene, calibration: Calibration) -> SoFar:
     """Before the first choice."""
-    return SoFar(np.zeros((scene.known.basis.shape[1],) * 2), coverage_of(calibration).is_covered, ())
+    size = scene.known.basis.shape[1] + len(scene.modes_mm)
+    return SoFar(np.zeros((size, size)), coverage_of(calibration).is_covered, ())
 
 
 def with_photo(so_far: SoFar, photo: Photo) -> SoFar:
@@ -114,14 +126,15 @@ def new_area(so_far: SoFar, photo: Photo) -> float:
 
 
 def for_accuracy(scene: Scene, so_far: SoFar) -> tuple[Photo, ...]:
-    """Photos that make the camera best known, the best first."""
+    """Photos that make the camera best known by the noise, the best first."""
     change = image_change(scene.known, *COARSE_MAP)
     flat = change.reshape(-1, change.shape[2])
     mean_square = flat.T @ flat / len(change)
     nothing_new = 1 - _new_cells(scene, so_far)
     effort = _effort(scene, so_far) * (1 + WORTH_OF_NEW * nothing_new)
-    after = so_far.told + scene.information
-    square = np.einsum("cij,ji->c", covariance_with_prior(after), mean_square)
+    size = scene.known.basis.shape[1]
+    after = covariance_with_prior(so_far.told[:size, :size] + scene.information)
+    square = np.einsum("cij,ji->c", after, mean_square)
     best = np.argsort(square * effort**2, kind="stable")[:COMPARED_IN_FULL]
     share = np.percentile(sigma_px(change, after[best]), SHARE_PERCENT, axis=1)
     order = best[np.argsort(share * effort[best], kind="stable")]
@@ -141,7 +154,8 @@ def in_full(scene: Scene, row: int) -> Photo:
     shape, pose, camera = scene.shape, scene.candidates.cam_from_target[row : row + 1], scene.known.camera
     shown = shown_in(camera, shape, scene.habits, pose, np.arange(len(shape.face)))
     read = shown.is_read[0]
-    added: Array = view_information(scene.known, pose, shape.position_mm, shown.is_read.astype(np.float64))[0]
+    weight = shown.is_read.astype(np.float64)
+    added: Array = view_information(scene.known, pose, shape.position_mm, weight, scene.modes_mm)[0]
     one_view = np.zeros(int(read.sum()), dtype=np.int64)
     area = coverage(camera.image_size, shown.pixel[0, read], one_view, shape.face[read])
     return Photo(row, added, area.is_covered)

@@ -139,13 +139,21 @@ def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSpli
     others = [one for row, one in enumerate(calibrations) if row != best]
     reason = judged.remarks[0] if judged.status != "converged" and judged.remarks else ""
     found = _halves(halves, covered)
-    factor = found.factor if isinstance(found, HalvesFound) else 1.0
     return Evidence(
         judged.camera.model, judged.status, reason, judged.observations.view_count,
-        uncertainty_of(judged, covered, factor), covered, found, _leftover(evaluate(judged)),
+        uncertainty_of(judged, covered, _factor(found)), covered, found, _leftover(evaluate(judged)),
         shape_effect(judged, covered),
         tuple(_model_apart(judged, other, covered) for other in others),
     )  # fmt: skip
+
+
+def noise_factor(calibration: Calibration, halves: HalfSplit) -> float:
+    """What halves of the photos enlarge the standard deviations of a calibration's noise by."""
+    return _factor(_halves(halves, coverage_of(calibration)))
+
+
+def _factor(halves: HalvesFound | NoHalves) -> float:
+    return halves.factor if isinstance(halves, HalvesFound) else 1.0
 
 
 def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -> Uncertainty:

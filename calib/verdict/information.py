@@ -95,25 +95,29 @@ def _covariance_with_guess(calibration: Calibration) -> Array:
     return covariance
 
 
-def view_information(known: Knowledge, cam_from_target: Array, position_mm: Array, weight: Array) -> Array:
-    """What each of C photos would add (C, Q, Q), if their poses must be found too.
+def view_information(
+    known: Knowledge, cam_from_target: Array, position_mm: Array, weight: Array, modes_mm: Array | None = None
+) -> Array:
+    """What each of C photos would add (C, Q + S, Q + S), if their poses must be found too.
 
     Args:
         known: the camera, and the noise of observations.
         cam_from_target: poses (C, 4, 4).
         position_mm: points of the target (N, 3).
         weight: how many observations each point stands for in each photo (C, N); 0: not seen.
+        modes_mm: displacements of the points by numbers of the target's shape (S, N, 3); None: of the camera only.
     """
-    size = known.basis.shape[1]
+    modes_mm = np.zeros((0, *position_mm.shape)) if modes_mm is None else modes_mm
+    size = known.basis.shape[1] + len(modes_mm)
     result = np.empty((len(cam_from_target), size, size))
     step = max(1, CHUNK // max(len(position_mm), 1))
     for begin in range(0, len(cam_from_target), step):
         part = slice(begin, begin + step)
-        result[part] = _information(known, cam_from_target[part], position_mm, weight[part])
+        result[part] = _information(known, cam_from_target[part], position_mm, weight[part], modes_mm)
     return result
 
 
-def _information(known: Knowledge, pose: Array, position_mm: Array, weight: Array) -> Array:
+def _information(known: Knowledge, pose: Array, position_mm: Array, weight: Array, modes_mm: Array) -> Array:
     photos, count = weight.shape
     photo, row = np.nonzero(weight > 0)
     origin = position_mm.mean(axis=0)
@@ -121,9 +125,9 @@ def _information(known: Knowledge, pose: Array, position_mm: Array, weight: Arra
     middle = pose[:, :3, :3] @ origin + pose[:, :3, 3]
     seen = linearise(known.camera, np.ascontiguousarray((turned + middle[photo]).T))
     by_point = seen.by_point.transpose(2, 0, 1)
-    columns = np.concatenate(
-        [seen.by_params.transpose(2, 0, 1) @ known.basis, np.cross(turned[:, None, :], by_point), by_point], axis=2
-    )
+    by_shape = by_point @ pose[photo, :3, :3] @ modes_mm[:, row].transpose(1, 2, 0)
+    by_turn = np.cross(turned[:, None, :], by_point)
+    columns = np.concatenate([seen.by_params.transpose(2, 0, 1) @ known.basis, by_shape, by_turn, by_point], axis=2)
     columns *= (np.sqrt(weight[photo, row]) / known.noise_px)[:, None, None]
     columns[~np.isfinite(columns).all(axis=(1, 2))] = 0.0
     # As many rows for each photo: those of points that are not seen stay zero.
@@ -161,14 +165,13 @@ def grid_count(camera: Camera) -> int:
     return int(image_grid(camera.image_size).shape[0] * image_grid(camera.image_size).shape[1])
 
 
-def sigma_px(change: Array, information: Array) -> Array:
+def sigma_px(change: Array, covariance: Array) -> Array:
     """Standard deviations (..., N) along the worse axis of what is seen at N pixels.
 
     Args:
         change: of `image_change` (N, 2, Q).
-        information: of further photos on q (..., Q, Q), beside the unit covariance that is known.
+        covariance: of q (..., Q, Q).
     """
-    covariance = covariance_with_prior(information)
     size = change.shape[2]
     flat = change.reshape(-1, size)
     spread = (flat @ covariance).reshape(*covariance.shape[:-2], -1, 2, size)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project
+from calib.linear_algebra import covariance_with_prior
 from calib.se3 import transform
 from calib.solver.degeneracy import NO_FIT
 from calib.types import Calibration, Camera, frozen_array
@@ -32,6 +33,7 @@ from calib.verdict.choose_views import (
 from calib.verdict.information import grid_count, has_information, image_change, sigma_px
 from calib.verdict.next_view_target import TargetShape, shape_of
 from calib.verdict.next_view_words import Gain, Hold, place_of, sentence_of
+from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
 
@@ -95,6 +97,8 @@ def next_views(
     goal_px: float = 0.0,
     goal_covered: float = 0.0,
     face_share: float | None = None,
+    factor: float = 1.0,
+    prior: ShapePrior | None = None,
 ) -> tuple[NextView, ...]:
     """The photos to take next, the most useful first; none if both goals are reached, or `why_no_next_views` says why.
 
@@ -104,8 +108,10 @@ def next_views(
         goal_px: 95 % of the image is to be known so well.
         goal_covered: so much of the image is to be surrounded by sightings, 0 to 1.
         face_share: so much of a face must be seen for its rings to be read; None: as in the photos taken so far.
+        factor: that halves of the photos enlarge the standard deviations of the noise by.
+        prior: of how the target was made; None: not known, or no matter.
     """
-    scene = None if why_no_next_views(calibration) else scene_of(calibration, face_share)
+    scene = None if why_no_next_views(calibration) else scene_of(calibration, face_share, factor, prior)
     if scene is None:
         return ()
     change = image_change(scene.known)
@@ -116,7 +122,7 @@ def next_views(
     # Where the lens model breaks down in more than the rest, numbers can only be of what it reaches.
     pixels = everywhere if is_known else len(change)
     so_far, goals = start_of(scene, calibration), _Goals(goal_px, goal_covered)
-    before = share_px(sigma_px(change, so_far.told), pixels)
+    before = share_px(sigma_px(change, scene.stated.after(so_far.told)), pixels)
     is_rough = not is_known or before > ROUGH_PX
     chosen: list[NextView] = []
     while len(chosen) < most:
@@ -125,7 +131,7 @@ def next_views(
         if photo is None:
             break
         then = with_photo(so_far, photo)
-        after = share_px(sigma_px(change, then.told), pixels)
+        after = share_px(sigma_px(change, scene.stated.after(then.told)), pixels)
         shown = before if is_known else math.inf
         wants_area = so_far.covered < goal_covered
         gain = Gain(
@@ -143,9 +149,11 @@ def _choice(
 ) -> Photo | None:
     """The photo to take next; None if both goals are reached, or no photo is worth taking."""
     if wants_accuracy and len(so_far.chosen) < MOST_FOR_ACCURACY:
-        before = share_px(sigma_px(change, so_far.told), pixels)
+        stated = scene.stated
+        before = share_px(sigma_px(change, stated.after(so_far.told)), pixels)
         for photo in for_accuracy(scene, so_far):
-            if share_px(sigma_px(change, so_far.told + photo.information), pixels) <= LITTLE_GAIN * before:
+            after = stated.after(so_far.told + photo.information)
+            if share_px(sigma_px(change, after), pixels) <= LITTLE_GAIN * before:
                 return photo
     if so_far.covered < goals.covered:
         photo = for_coverage(scene, so_far)[0]
@@ -212,7 +220,8 @@ def _is_same_from_any_side(scene: Scene, one: Candidates) -> bool:
     all_of = scene.candidates
     alike = (all_of.place == one.place).all(axis=1) & np.isclose(all_of.distance_mm, one.distance_mm[0])
     change = image_change(scene.known, *COARSE_MAP)
-    share = np.percentile(sigma_px(change, scene.information[alike]), SHARE_PERCENT, axis=1)
+    after = covariance_with_prior(scene.information[alike])
+    share = np.percentile(sigma_px(change, after), SHARE_PERCENT, axis=1)
     return float(share.max()) <= SAME_FROM_ANY_SIDE * float(share.min())
 
 

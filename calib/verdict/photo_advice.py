@@ -47,7 +47,12 @@ def _photos(
             for number, view in enumerate(views, start=1)
         ]
         sentences[0] += f" (wanted: {_wanted(evidence, criteria)})"
-    elif views is None or is_sure(evidence, criteria) or _is_sure_as_stated(evidence, criteria):
+    elif (
+        views is None
+        or is_sure(evidence, criteria)
+        or _is_sure_as_stated(evidence, criteria)
+        or evidence.uncertainty.by_target  # what to do then is said of the target
+    ):
         sentences = []
     else:
         why = why_no_next_views(calibration) or (
