@@ -23,8 +23,7 @@ LEAST_TOP_PX = 1e-6
 """Smaller differences are rounding, and are not drawn."""
 SHARE_SHOWN, MOST_BEYOND = 95, 2.5
 """Colours end at this percentile if the largest difference is so many times more: a lens runs away in its corners."""
-MARK = " camera difference"
-TITLE = f"{NAME}{MARK}"
+TITLE = f"{NAME} camera difference"
 LONGEST = 0.9
 """Length of the longest arrow, in distances between arrows."""
 
@@ -62,11 +61,6 @@ def difference_picture(difference: CameraDifference, title: str, note: str) -> b
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Title": TITLE, "Software": None})
     return buffer.getvalue()
-
-
-def is_difference_picture(head: bytes) -> bool:
-    """Whether a file's first bytes are those of such a picture, and not of somebody's photo."""
-    return head.startswith(b"\x89PNG") and MARK.encode() in head
 
 
 def scale_end(difference: CameraDifference) -> tuple[float, bool]:

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from secrets import token_hex
 
-from designer.errors import InputError, NotWrittenError
-from designer.names import bytes_as_written_today
+from designer.errors import NotWrittenError
 from designer.own_files import require_ours, signed
 
 MAX_NAME_BYTES = 200
@@ -56,26 +55,3 @@ def write_files(files: Mapping[Path, bytes]) -> None:
     finally:
         for place in staged.values():
             place.unlink(missing_ok=True)
-
-
-def require_replaceable(path: Path, start: bytes, what: str) -> None:
-    """Refuse to write over anything but an earlier file of the same kind, or an empty one.
-
-    Args:
-        path: to be written.
-        start: what files of the kind begin with.
-        what: they hold, as in "detections".
-
-    Raises:
-        InputError: it is there and is no file, or one of another kind, or cannot be read.
-    """
-    try:
-        if not path.exists():
-            return
-        if not path.is_file():
-            raise InputError(f"{path}: is not a file; choose another name with -o")
-        with path.open("rb") as stream:
-            if bytes_as_written_today(stream.read(len(start))) not in (start, b""):
-                raise InputError(f"{path}: exists and holds no {what}; choose another name with -o")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be used: {error.strerror}; choose another name with -o") from None

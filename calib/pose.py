@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.files import require_replaceable
 from calib.inputs.dataset import Dataset
 from calib.inputs.observations import observations_for_poses
 from calib.se3 import log_rotation, skew
 from calib.solver.pose import solve_poses
 from calib.types import Camera
 from designer.errors import InputError
+from designer.own_files import require_ours
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ CSV_EXPLAINED = (
     "# r t: cam_from_target as rotation vector and translation, camera x right, y down, z forward",
     "# c00..c55: covariance of a further rotation vector (rad) and translation (mm), both in the camera's axes",
 )
-_STARTS = {".json": b'{\n"format": "ringsolid.poses"', ".csv": b"# ringsolid poses, version "}
+SUFFIXES = (".json", ".csv")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +59,9 @@ def check_output(path: Path) -> None:
     Raises:
         InputError: not a .json or .csv, a folder, or an existing file of another kind.
     """
-    start = _STARTS.get(path.suffix.lower())
-    if start is None:
+    if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: poses are a .json or a .csv file; name it so, such as poses.json")
-    require_replaceable(path, start, "poses")
+    require_ours(path, kind=FORMAT)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,3 @@ _FORMER = re.compile(
 def as_written_today(text: str) -> str:
     """The text, or the beginning, of a file with its marks under the present name."""
     return _FORMER.sub(rf"\g<1>{NAME}", text) if FORMER in text else text
-
-
-def bytes_as_written_today(head: bytes) -> bytes:
-    """The same of bytes."""
-    return as_written_today(head.decode("latin-1")).encode("latin-1") if FORMER.encode() in head else head

@@ -5,6 +5,7 @@ texts by a comment, pages by their generator, pictures by a note that viewers do
 by its first columns; the later ones depend on what was asked for.
 """
 
+import os
 import re
 import struct
 import zlib
@@ -26,13 +27,13 @@ _NOTES = {
     ".toml": "# {}", ".yaml": "# {}", ".yml": "# {}", ".txt": "# {}", ".cameramodel": "# {}",
 }  # fmt: skip
 """The last line of files of a kind, which its readers skip."""
-_PNG, _JPEG, _ZIP_END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"PK\x05\x06"
+_PNG, _JPEG, _TIFF, _ZIP_END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", (b"II*\0", b"MM\0*"), b"PK\x05\x06"
 _IHDR_END, _ZIP_END_BYTES = 33, 22
 
 
 def signed(name: str, content: bytes) -> bytes:
     """A file's content with a note that this program made it; as it is where it says so, or has no place for it."""
-    if not content or kind_of(content).startswith(b"ours"):
+    if not content or _is_of_program(kind_of(content)):
         return content
     mine, note = NAME.encode(), _NOTES.get(Path(name).suffix.lower())
     if note is not None:
@@ -43,43 +44,52 @@ def signed(name: str, content: bytes) -> bytes:
         return content[:_IHDR_END] + chunk + content[_IHDR_END:]
     if content.startswith(_JPEG):
         return content[:2] + b"\xff\xfe" + struct.pack(">H", 2 + len(mine)) + mine + content[2:]
+    if content.startswith(_TIFF):  # all in it is found by its offset, so nothing ends at the end
+        return content + b"\n# " + mine + b"\n"
     if content[-_ZIP_END_BYTES:].startswith(_ZIP_END):
         return content[:-2] + struct.pack("<H", len(mine)) + mine
     return content
 
 
 def kind_of(content: bytes) -> bytes:
-    """What a file of this program says that it is, after "ours "; a table's first columns; "" of any other."""
+    """What a file of this program says that it is, as in "NAME.camera"; a table's first columns; "" of any other."""
     found = _MARK.search(content[:_HEAD]) or _MARK.search(content[-_TAIL:])
     if found is not None:
-        return b"ours " + (found[1] or b"")
+        return f"{NAME}.".encode() + (found[1] or b"")
     first = content[:_HEAD].split(b"\n", 1)[0]
     columns = first.split(b",")
     is_table = len(columns) > _FIRST_COLUMNS and not first.startswith((b"{", b"["))
     return b",".join(columns[:_FIRST_COLUMNS]) if is_table else b""
 
 
-def is_ours(path: Path) -> bool:
-    """Whether a file may be written over by a later one of this program."""
+def _is_of_program(kind: bytes) -> bool:
+    return kind.startswith(f"{NAME}.".encode())
+
+
+def is_ours(path: Path, kind: str) -> bool:
+    """Whether nothing is there, or a file of a kind that a later one may replace."""
     try:
-        require_ours(path)
+        require_ours(path, kind=kind)
     except InputError:
         return False
     return True
 
 
-def require_ours(path: Path, new: bytes | None = None) -> None:
+def require_ours(path: Path, new: bytes | None = None, *, kind: str = "") -> None:
     """Refuse to write over anything but an earlier file of the same kind, an empty one, or the same again.
+
+    The one answer to whether a file may be replaced: of commands before their work, and of all that writes.
 
     Args:
         path: to be written.
-        new: what it is to hold; None before that is known: then any file of this program will do.
+        new: what it is to hold; None before that is known.
+        kind: what it will be, where that is known beforehand, as in "NAME.camera"; "": any file of ours will do.
 
     Raises:
         InputError: it is there and is no file, or somebody else's, or cannot be read.
     """
     try:
-        if not path.exists():
+        if not os.path.lexists(path):  # a link to nowhere, or to itself, is somebody's
             return
         if path.is_dir():
             raise InputError(
@@ -94,9 +104,11 @@ def require_ours(path: Path, new: bytes | None = None) -> None:
         is_same = new is not None and path.stat().st_size == len(new) and path.read_bytes() == new
     except OSError as error:
         raise InputError(f"{path}: cannot be used: {error.strerror}; choose another place with -o") from None
-    kind = kind_of(there)
-    is_kind = kind.startswith(b"ours") if new is None else bool(kind) and kind == kind_of(new)
-    if there and not is_same and not is_kind:
-        raise InputError(
-            f"{path}: is there already, and not of {NAME}'s making; move it, or choose another place with -o"
-        )
+    if not there or is_same:
+        return
+    found, wanted = kind_of(there), kind.encode() if new is None else kind_of(new)
+    is_of_program = _is_of_program(found)
+    if is_of_program if new is None and not kind else found and found == wanted:
+        return
+    what = f"a file of {NAME}'s of another kind" if is_of_program else f"not of {NAME}'s making"
+    raise InputError(f"{path}: is there already, and {what}; move it, or choose another place with -o")

@@ -50,7 +50,7 @@ def rendered(
     job = RenderJob(target, CAMERA, poses(views), options, seed=5)
     pictures(folder, job.file_names, content)
     (folder / "truth.json").write_text(truth_text(job))
-    keep_target(folder, target, "photos")
+    keep_target(folder, target, is_again=True)
     return job
 
 
@@ -108,7 +108,7 @@ def posed(folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: S
     }
     made = PosedBy(Path("my.target.json"), ICO, "camera.json", CAMERA, Path("poses.json"))
     write_posed(folder, made, names, found, dict(zip(names[len(rms_px) :], reasons, strict=True)), overlays, ())
-    keep_target(folder, ICO, "poses")
+    keep_target(folder, ICO, is_again=True)
 
 
 def page_of(kind: str, folder: Path) -> Page:

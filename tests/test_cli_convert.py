@@ -91,7 +91,7 @@ def test_places_that_must_not_be_written(folder: Path) -> None:
     for out, rule in (
         (folder, r"is a folder; name the file with -o, such as .*camera\.yaml"),
         (Path("barrel.json"), "is the file to read"),
-        (Path("notes.txt"), "exists and holds no camera"),
+        (Path("notes.txt"), "not of ringsolid's making"),
     ):
         with pytest.raises(InputError, match=rule):
             convert("barrel.json", to="opencv", out=out)

@@ -124,7 +124,7 @@ def test_nothing_found_is_exit_code_1_and_bad_input_an_error(folder: Path) -> No
     for photos, options, rule in (
         (["missing.png", "other.png"], {}, "missing.png: cannot be read.* 1 more"),
         (["nothing-*.png"], {}, "no file matches"),
-        (["photos"], {"out": "notes.csv"}, "notes.csv: exists and holds no detections"),
+        (["photos"], {"out": "notes.csv"}, "notes.csv: is there already, and not of ringsolid's making"),
         (["photos"], {"out": "photos/img2.png"}, "a .csv file"),
         (["photos"], {"overlay": "notes.csv"}, "is a file, not a folder"),
         (["photos"], {"camera": "camera.json"}, "camera.json"),

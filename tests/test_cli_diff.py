@@ -77,8 +77,8 @@ def test_only_pictures_of_its_own_are_overwritten(capsys: pytest.CaptureFixture[
     Path("camera.png").write_text(camera_to_json(MOVED))
     camera = Path("camera.png").read_bytes()
     for name, rule in {
-        "photo.png": "exists and is no picture of this command",
-        "folder.png": "is not a file",
+        "photo.png": "is there already, and not of ringsolid's making",
+        "folder.png": "cannot be written: a folder has the name",
         "camera.png": "is a file to read",
     }.items():
         with pytest.raises(InputError, match=f"{name}: {rule}"):

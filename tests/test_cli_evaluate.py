@@ -154,7 +154,7 @@ def test_anothers_metrics_are_not_overwritten(tmp_path: Path) -> None:
     place.write_text('{"mine": 1}')
     result = run(folder, "-o", place.parent, "--no-figures")
     assert isinstance(result.exception, InputError)
-    assert "exists and holds no metrics" in str(result.exception)
+    assert "not of ringsolid's making" in str(result.exception)
     assert place.read_text() == '{"mine": 1}'
     assert [one.name for one in place.parent.iterdir()] == ["metrics.json"]
     place.unlink()

@@ -124,7 +124,7 @@ def test_another_camera_is_not_overwritten(folder: Path) -> None:
     run("photos")
     run("photos")
     Path("out/camera.json").write_text("{}")
-    with pytest.raises(InputError, match="exists and is no pinhole"):
+    with pytest.raises(InputError, match="not of ringsolid's making"):
         run("photos")
     with pytest.raises(InputError, match="is a file, not a folder"):
         run("photos", out="camera.json")

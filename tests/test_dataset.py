@@ -274,16 +274,16 @@ def test_other_files_are_not_overwritten(tmp_path: Path) -> None:
     written(path, seen("a.png", 3, np.random.default_rng(7)))
     check_output(path)
     records_path(path).write_text("{}")
-    with pytest.raises(InputError, match="holds no detections"):
+    with pytest.raises(InputError, match="not of ringsolid's making"):
         check_output(path)
     path.write_text("a,b\n1,2\n")
-    with pytest.raises(InputError, match="holds no detections"):
+    with pytest.raises(InputError, match="not of ringsolid's making"):
         check_output(path)
     for name, rule in (("photo.png", "photo.csv"), ("", "csv")):
         with pytest.raises(InputError, match=rule):
             check_output(tmp_path / name)
     (tmp_path / "e.csv").mkdir()
-    with pytest.raises(InputError, match="not a file"):
+    with pytest.raises(InputError, match="a folder has the name"):
         check_output(tmp_path / "e.csv")
 
 

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from calib.camera_file import load_camera
-from calib.files import require_replaceable
-from calib.inputs.dataset import FIRST_LINE, check_output, read_detections
-from calib.inputs.records import RECORDS_START
+from calib.inputs.dataset import FIRST_LINE, KIND, check_output, read_detections
+from calib.inputs.records import FORMAT as RECORDS
 from calib.report.origin import ORIGIN_FILE, Origin, origin_to_json, read_origin
 from calib.results.calibration_file import read_calibration
-from designer.names import NAME, as_written_today, bytes_as_written_today
+from designer.errors import InputError
+from designer.names import NAME, as_written_today
+from designer.own_files import require_ours
 from designer.target import load_target
 from tests.command_line import calib
 
@@ -57,16 +58,16 @@ def test_only_marks_change() -> None:
     assert json.loads(as_written_today(text)) == {"format": "ringsolid.camera", "note": "ringforge.camera"}
     assert as_written_today('format = "ringforge.camera"\n').startswith(f'format = "{NAME}.')
     assert as_written_today("# a\n# ringforge detections") == "# a\n# ringforge detections"
-    assert bytes_as_written_today(b"# ringforge detections") == b"# ringsolid detections"
-    assert bytes_as_written_today(b"\x89PNG ringforge") == b"\x89PNG ringforge"
 
 
-@pytest.mark.parametrize("start", [FIRST_LINE.encode(), RECORDS_START], ids=["table", "JSON"])
-def test_former_files_may_be_replaced(tmp_path: Path, start: bytes) -> None:
+@pytest.mark.parametrize(("kind", "start"), [(KIND, FIRST_LINE), (RECORDS, f'{{\n"format": "{RECORDS}"')])
+def test_former_files_may_be_replaced(tmp_path: Path, kind: str, start: str) -> None:
     """An older file of the same kind is ours."""
     path = tmp_path / "file"
-    path.write_bytes(start.replace(NAME.encode(), FORMER.encode()) + b"\n")
-    require_replaceable(path, start, "anything")
+    path.write_text(start.replace(NAME, FORMER) + "\n")
+    require_ours(path, kind=kind)
+    with pytest.raises(InputError, match="a file of ringsolid's of another kind"):
+        require_ours(path, kind=f"{NAME}.camera")
 
 
 def test_a_former_origin_is_read(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import io
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,10 +12,12 @@ import pytest
 from PIL import Image
 
 from calib.files import write_files
+from calib.interop import FORMATS
+from calib.render.job import SUFFIX
 from designer.errors import InputError
 from designer.own_files import kind_of, require_ours, signed
-from tests.command_line import Answer, summary_of
-from tests.test_exit_codes import CASES, Case, folder
+from tests.command_line import Answer, calib, summary_of
+from tests.test_exit_codes import BOOTSTRAP, CASES, Case, folder
 
 __all__ = ["folder"]  # the scene that the commands work in
 FOREIGN = {
@@ -45,27 +48,43 @@ WRITING = [
     if one.values[1].words[0] not in SAME_WAY
     and ("-o" in one.values[1].words or one.values[1].words[0] in ("evaluate", "diff"))
 ]
+RENDER = next(one.values[1] for one in CASES if one.values[1].words[0] == "render")
+WRITING += [
+    pytest.param(calib, replace(RENDER, words=(*RENDER.words, "--overwrite", "--format", kind)), id=f"render {kind}")
+    for kind in SUFFIX
+]
+WRITING += [
+    pytest.param(calib, Case(("convert", "camera.json", "--to", kind, "-o", "new"), 0), id=f"convert {kind}")
+    for kind in FORMATS
+]
 
 
 @pytest.mark.parametrize(("program", "case"), WRITING)
-def test_files_of_somebody_else_stay(program: Callable[..., Answer], case: Case) -> None:
-    """Under each name that a command writes lies something else: it stays, byte for byte, and a line names one of them.
+def test_own_files_are_replaced_and_those_of_somebody_else_stay(program: Callable[..., Answer], case: Case) -> None:
+    """A command that runs again over its own files ends as before, and writes them all; a study goes on, if asked to.
 
+    Then under each name that it writes lies something else: it stays, byte for byte, and a line names one of them.
     Where the command does without that file it says so; else it ends with 2, and nothing new is there.
     """
     if case.before:
         assert program(*case.before).code == 0
     earlier = contents()
-    assert program(*case.words).code == case.code
-    wrote = [path for path, content in contents().items() if earlier.get(path) != content]
-    for path in wrote:
+    first = program(*case.words, "--json")
+    assert first.code == case.code, first
+    own = {path: content for path, content in contents().items() if earlier.get(path) != content}
+    again = program(*case.words, *(("--resume",) if case.words == BOOTSTRAP else ()), "--json")
+    assert again.code == case.code, again
+    assert [summary_of(again)[key] for key in ("wrote", "remarks")] == [
+        summary_of(first)[key] for key in ("wrote", "remarks")
+    ]
+    for path in own:
         path.write_bytes(foreign(path))
-    planted = {path: foreign(path) for path in wrote}
+    planted = {path: foreign(path) for path in own}
     answer = program(*case.words, "--json")
     there = contents()
     assert {path: there[path] for path in planted} == planted
     named = " ".join([summary_of(answer)["error"] or "", *summary_of(answer)["remarks"], answer.err])
-    assert not wrote or any(path.name in named for path in wrote), named
+    assert not own or any(path.name in named for path in own), named
     if answer.code == 2:
         assert there == {**earlier, **planted}
 
@@ -73,11 +92,11 @@ def test_files_of_somebody_else_stay(program: Callable[..., Answer], case: Case)
 def test_a_picture_is_signed_and_shows_the_same(tmp_path: Path) -> None:
     """PNG and JPEG, a package and a text are known for this program's afterwards, and what they hold is as before."""
     pixels = np.arange(48, dtype=np.uint8).reshape(6, 8)
-    for suffix in (".png", ".jpg"):
+    for suffix in (".png", ".jpg", ".tiff"):
         plain = cv2.imencode(suffix, pixels)[1].tobytes()
         assert not kind_of(plain)
         own = signed(f"a{suffix}", plain)
-        assert kind_of(own).startswith(b"ours")
+        assert kind_of(own) == b"ringsolid."
         assert np.array_equal(np.asarray(Image.open(io.BytesIO(own))), np.asarray(Image.open(io.BytesIO(plain))))
         assert signed("a", own) == own
     package = io.BytesIO()

@@ -247,7 +247,7 @@ def test_no_pose_is_exit_code_1_and_bad_input_an_error(folder: Path) -> None:
     for photos, options, rule in (
         (["missing.png", "other.png"], {}, r"missing\.png: cannot be read.* 1 more"),
         (["nothing-*.png"], {}, "no file matches"),
-        (["photos"], {"out": "notes.json"}, "exists and holds no poses"),
+        (["photos"], {"out": "notes.json"}, "not of ringsolid's making"),
         (["photos"], {"out": "poses.txt"}, r"a \.json or a \.csv file"),
         (["photos"], {"overlay": "notes.json"}, "is a file, not a folder"),
         (["photos"], {"camera": "notes.json"}, r"notes\.json: not a camera file"),

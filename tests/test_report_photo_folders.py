@@ -183,7 +183,7 @@ def test_the_target_is_drawn_if_it_is_the_right_one(tmp_path: Path) -> None:
     (tmp_path / "target.json").unlink()
     assert not any(isinstance(shape, Rings) for shape in shapes())
     assert any(isinstance(shape, Cameras) and len(shape.names) == 4 for shape in shapes())
-    keep_target(tmp_path, ICO, "photos")
+    keep_target(tmp_path, ICO, is_again=False)
     assert not any(isinstance(shape, Rings) for shape in shapes())
     assert "not the target of these photos" in page_html(page_of("photos", tmp_path)).decode()
 
@@ -440,14 +440,17 @@ def test_a_page_replaces_none_of_another_kind(tmp_path: Path) -> None:
 
 
 def test_a_kept_target_replaces_only_our_own(tmp_path: Path) -> None:
-    """Somebody's target.json stays; one that a page of the same kind was made of goes with its photos."""
-    assert keep_target(tmp_path, BOARD, "photos") == (tmp_path / "target.json",)
-    assert keep_target(tmp_path, BOARD, "photos") == (tmp_path / "target.json",)
-    assert keep_target(tmp_path, ICO, "photos") == ()
+    """Somebody's target.json stays, and a target put there by hand; one of an earlier run goes with its photos."""
+    place = (tmp_path / "target.json",)
+    for is_again in (False, True):
+        assert keep_target(tmp_path, BOARD, is_again=is_again) == place
+    assert keep_target(tmp_path, ICO, is_again=False) == ()
     assert kept_target(tmp_path, BOARD.geometry_id)[0] == BOARD
-    (tmp_path / "report.json").write_bytes(origin_to_json(Origin("photos", "", "")))
-    assert keep_target(tmp_path, ICO, "photos") == (tmp_path / "target.json",)
+    assert keep_target(tmp_path, ICO, is_again=True) == place
     assert kept_target(tmp_path, ICO.geometry_id)[0] == ICO
+    place[0].write_text("{}")
+    assert keep_target(tmp_path, BOARD, is_again=True) == ()
+    assert place[0].read_text() == "{}"
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -28,7 +28,6 @@ from calib.as_built_report.deviations import (
 from calib.as_built_report.held_out import HeldOut
 from calib.as_built_report.length_words import AskedLength
 from calib.cameras import parameter_names
-from calib.files import require_replaceable
 from designer.errors import InputError
 from designer.own_files import require_ours
 from designer.skew import Skew
@@ -39,7 +38,7 @@ from designer.target import load_target, target_to_json
 FORMAT, VERSION = "ringsolid.as_built", 1
 TARGET_SUFFIX = ".target.json"
 COLUMNS = ("part", "number", "face", "i", "j", "quantity", "value", "sigma", "significance", "unit", "is_known")
-_KIND_LINE = "# ringsolid as-built deviations, version 1\n"
+_TABLE, _KIND_LINE = "ringsolid.as-built", "# ringsolid as-built deviations, version 1\n"
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,22 +114,17 @@ def check_places(places: Places, nominal: Path) -> None:
     out = places.target
     if out.exists() and nominal.exists() and out.samefile(nominal):
         raise InputError(f"-o {out}: is the target it is measured against; choose another name")
-    require_replaceable(out, _start(TARGET_FORMAT), "target")
+    require_ours(out, kind=TARGET_FORMAT)
     if out.exists() and out.stat().st_size and (source := load_target(out).source) != "measured":
         raise InputError(f"-o {out}: exists and holds a {source} target, not a measured one; choose another name")
-    require_replaceable(places.report, _start(FORMAT), "report on a measured target")
-    require_replaceable(places.table, _KIND_LINE.encode(), "table of a measured target")
-    require_ours(places.picture)
+    for place, kind in ((places.report, FORMAT), (places.table, _TABLE), (places.picture, "")):
+        require_ours(place, kind=kind)
     try:
         folder = next(parent for parent in out.absolute().parents if parent.exists())
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
         raise InputError(f"-o {out}: cannot be written: {error.strerror}; choose another place") from None
-
-
-def _start(kind: str) -> bytes:
-    return f'{{\n"format": "{kind}"'.encode()
 
 
 def report_files(report: Report, places: Places) -> dict[Path, bytes]:

@@ -1,6 +1,5 @@
 """The command `calib convert`."""
 
-import os
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -69,6 +68,7 @@ def convert(
     from calib.files import write_files
     from calib.interop.converting import fit_to_format
     from calib.interop.reading import find_format, open_camera
+    from designer.own_files import signed
 
     target = find_format(to)
     opened = open_camera(camera, source)
@@ -78,7 +78,8 @@ def convert(
         written, refit = fit_to_format(opened.read.camera, target, model, zero)
     except InputError as error:
         raise InputError(f"{camera}: {error}") from None
-    write_files({out: target.write(written).encode()})
+    # Signed as a file of the kind is, whatever its name.
+    write_files({out: signed(target.file_name, target.write(written).encode())})
     print(f"read   {printable(camera)}: {opened.format.title}, {_described(opened.read.camera)}")
     for remark in opened.read.remarks:
         print(f"       {remark}")
@@ -125,24 +126,14 @@ def _lens_parameters(names: list[str] | None) -> tuple[str, ...]:
 
 
 def _check_output(out: Path, target: "CameraFormat", source: "OpenedCamera") -> None:
-    """Refuse a place that is a folder, the input, or holds something else, before any work is done."""
-    from calib.interop.reading import HEAD, recognise
+    """Refuse a place that is a folder, the input, or somebody else's, before any work is done."""
+    from designer.own_files import require_ours
 
     if out.is_dir():
         raise InputError(f"{out}: is a folder; name the file with -o, such as {out / target.file_name}")
-    if not os.path.lexists(out):
-        return
-    try:
-        if not out.is_file():
-            raise InputError(f"{out}: is not a file; choose another name with -o")
-        if source.is_file(out):
-            raise InputError(f"{out}: is the file to read; choose another name with -o")
-        with out.open("rb") as stream:
-            head = stream.read(HEAD).decode("utf-8", "replace")
-    except OSError as error:
-        raise InputError(f"{out}: cannot be used: {error.strerror}; choose another name with -o") from None
-    if head.strip() and recognise(head) is None:
-        raise InputError(f"{out}: exists and holds no camera; choose another name with -o")
+    if source.is_file(out):
+        raise InputError(f"{out}: is the file to read; choose another name with -o")
+    require_ours(out)
 
 
 def _described(camera: "Camera") -> str:

@@ -1,7 +1,6 @@
 """The command `calib diff`."""
 
 import math
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from calib.camera_difference import CameraDifference
     from calib.interop.reading import OpenedCamera
 
-HEAD_BYTES = 4096
 WHOLE = "whole image"
 
 
@@ -81,23 +79,13 @@ def diff(
 
 def _check_picture(picture: Path, opened: "Sequence[OpenedCamera]") -> None:
     """Refuse a place that is no PNG file, an input, or holds something else, before any work is done."""
-    from calib.difference_picture import is_difference_picture
+    from designer.own_files import require_ours
 
     if picture.suffix.lower() != ".png":
         raise InputError(f"{picture}: the picture is a .png file; name it so, such as {picture.stem or 'diff'}.png")
-    if not os.path.lexists(picture):
-        return
-    try:
-        if not picture.is_file():
-            raise InputError(f"{picture}: is not a file; choose another name with --picture")
-        if any(one.is_file(picture) for one in opened):
-            raise InputError(f"{picture}: is a file to read; choose another name with --picture")
-        with picture.open("rb") as stream:
-            head = stream.read(HEAD_BYTES)
-    except OSError as error:
-        raise InputError(f"{picture}: cannot be used: {error.strerror}; choose another name with --picture") from None
-    if head and not is_difference_picture(head):
-        raise InputError(f"{picture}: exists and is no picture of this command; choose another name with --picture")
+    if any(one.is_file(picture) for one in opened):
+        raise InputError(f"{picture}: is a file to read; choose another name with --picture")
+    require_ours(picture)
 
 
 def _draw(picture: Path, difference: "CameraDifference", what: str) -> None:

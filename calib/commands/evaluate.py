@@ -8,6 +8,7 @@ import typer
 from calib.commands.answers.solutions import evaluation_answer
 from calib.commands.folder_page import with_page_again
 from calib.commands.screen import quoted, table_console
+from calib.commands.solve import check_folder
 from designer.answer import Summary
 from designer.command import printable
 from designer.errors import InputError
@@ -44,15 +45,18 @@ def evaluate(
     """
     from calib.files import write_files
     from calib.metrics.evaluation import evaluate as evaluate_one
+    from calib.report.origin import is_of_kind
     from calib.results.calibration_file import CALIBRATION_FILE, read_calibration
-    from calib.results.evaluation_files import METRICS_FILE, check_folder, evaluation_files
+    from calib.results.evaluation_files import FORMAT, METRICS_FILE, evaluation_files
     from calib.results.truth import read_truth
+    from designer.own_files import require_ours
 
     path = calibration / CALIBRATION_FILE if calibration.is_dir() else calibration
     solved, provenance = read_calibration(path)
     known = None if truth is None else read_truth(truth)
     folder = path.parent if out is None else out
     check_folder(folder)
+    require_ours(folder / METRICS_FILE, kind=FORMAT)
     of_all = evaluate_one(solved, known)
     chosen = _held_out(solved, provenance, held_out, known) if held_out else of_all
     files = evaluation_files(chosen, folder)
@@ -72,18 +76,8 @@ def evaluate(
         _advise(path, chosen),
         exit_code=DEGENERATE if solved.status == "degenerate" else 0,
     )
-    reported = next((place for place in (folder, folder.parent) if _has_page(place)), None)
+    reported = next((place for place in (folder, folder.parent) if is_of_kind(place, "calibration")), None)
     return summary if reported is None else with_page_again(summary, reported, ("calibration",))
-
-
-def _has_page(folder: Path) -> bool:
-    """Whether a folder has the page of a calibration, which shows these errors too."""
-    from calib.report.origin import read_origin
-
-    try:
-        return read_origin(folder).kind == "calibration"
-    except InputError:
-        return False
 
 
 def _held_out(calibration: "Calibration", provenance: "Provenance", folds: int, truth: "Truth | None") -> "Evaluation":

@@ -88,19 +88,18 @@ def check_judged_folder(folder: Path, models: "Sequence[str]") -> None:
         InputError: the message names the file.
     """
     from calib.figures import CALIBRATION_PICTURE, COMPARISON_PICTURE
-    from calib.files import require_replaceable
     from calib.results.calibration_file import CALIBRATION_FILE, CAMERA_FILE, OBSERVATIONS_FILE
+    from calib.verdict.next_views_file import FORMAT as NEXT_VIEWS
     from calib.verdict.next_views_file import NEXT_VIEWS_FILE
-    from calib.verdict.next_views_file import START as NEXT_VIEWS
-    from calib.verdict.verdict_file import START as VERDICT
+    from calib.verdict.verdict_file import FORMAT as VERDICT
     from calib.verdict.verdict_file import VERDICT_FILE
     from designer.own_files import require_ours
 
     for place in (folder, *(folder / model for model in models)):
         for name in (CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE, CALIBRATION_PICTURE, COMPARISON_PICTURE):
             require_ours(place / name)
-    require_replaceable(folder / VERDICT_FILE, VERDICT, "verdict")
-    require_replaceable(folder / NEXT_VIEWS_FILE, NEXT_VIEWS, "next photos")
+    require_ours(folder / VERDICT_FILE, kind=VERDICT)
+    require_ours(folder / NEXT_VIEWS_FILE, kind=NEXT_VIEWS)
 
 
 def judge_and_report(
@@ -122,23 +121,16 @@ def judge_and_report(
 
 
 def _judge_and_report(folder: Path, criteria: "Criteria", target: "TargetGeometry | None", *, page: bool) -> JudgedPage:
-    from calib.files import write_files
     from calib.report.judging import judge_folder
-    from calib.report.run_folder import TARGET_FILE
+    from calib.report.kept_target import keep_target
     from calib.report.write import PAGE_FILE
     from calib.verdict.next_views_file import NEXT_VIEWS_FILE, read_next_views
     from calib.verdict.verdict_file import VERDICT_FILE
-    from designer.own_files import is_ours
-    from designer.target import target_to_json
 
     files = [folder / VERDICT_FILE, folder / NEXT_VIEWS_FILE]
     with waiting("judging"):
-        place = folder / TARGET_FILE
-        # One that lies in a folder without a verdict is somebody's own.
-        is_free = not place.exists() or ((folder / VERDICT_FILE).exists() and is_ours(place))
-        if target is not None and is_free:
-            write_files({place: target_to_json(target).encode()})
-            files.append(place)
+        if target is not None:
+            files += keep_target(folder, target, is_again=(folder / VERDICT_FILE).exists())
         judged = judge_folder(folder, criteria)
         proposed = len(read_next_views(folder))
     _say(judged.verdict, criteria)

@@ -81,6 +81,7 @@ def run_pose(
     from calib.inputs.observations import dataset_of
     from calib.pose import check_output, target_poses
     from calib.report.kept_target import keep_target
+    from calib.report.origin import is_of_kind
     from calib.report.posed_file import PosedBy, write_posed
     from designer.target import load_target
 
@@ -116,7 +117,7 @@ def run_pose(
         pages, more = folder_page(
             place, POSES, lambda: (
                 write_posed(place, made, names, poses, reasons, drawn, found.failures),
-                *keep_target(place, geometry, POSES),
+                *keep_target(place, geometry, is_again=is_of_kind(place, POSES)),
             )
         )  # fmt: skip
         remarks = (*remarks, *more)

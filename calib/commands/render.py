@@ -228,6 +228,7 @@ def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: b
     """Render the set, and say what was done and what to do next."""
     from calib.render.job import run_job
     from calib.report.kept_target import keep_target
+    from calib.report.origin import is_of_kind
 
     try:
         with progress_bar("rendering", len(job.file_names)) as tell:
@@ -244,7 +245,8 @@ def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: b
     if job.target.is_dot.all():
         steps = ()  # dots alone are not detected here
     _summarise(job, rendered, out)
-    pages, remarks = folder_page(out, PHOTOS, lambda: keep_target(out, job.target, PHOTOS))
+    again = is_of_kind(out, PHOTOS)
+    pages, remarks = folder_page(out, PHOTOS, lambda: keep_target(out, job.target, is_again=again))
     for step in steps:
         print(f"next  {step}")
     return Summary(

@@ -52,14 +52,15 @@ def target(
 
 def _made(points: Path, planes: Path | None, diameter: str, *, inside: bool, out: Path) -> "TargetGeometry":
     """Make the target file."""
-    from calib.files import require_replaceable, write_files
+    from calib.files import write_files
     from calib.inputs.point_target import read_planes, read_points, target_from_points
+    from designer.own_files import require_ours
     from designer.target import FORMAT, load_target, target_to_json
     from designer.units import parse_length_mm
 
     if not out.name.endswith(SUFFIX) or out.name == SUFFIX:
         raise InputError(f"-o {out}: target files end in {SUFFIX}; call it {out.stem.split('.')[0] or 'my'}{SUFFIX}")
-    require_replaceable(out, f'{{\n"format": "{FORMAT}"'.encode(), "target")
+    require_ours(out, kind=FORMAT)
     if (
         out.exists()
         and out.stat().st_size

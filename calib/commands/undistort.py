@@ -145,17 +145,13 @@ def _undistort_all(photos: "Sequence[PhotoFile]", place: Path, camera: "Camera",
 
 def _check_out(out: Path, place: Path) -> None:
     """Refuse a folder that is none, or holds another camera, before any work is done."""
-    from calib.camera_file import load_camera
+    from calib.camera_file import FORMAT, load_camera
+    from designer.own_files import require_ours
 
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file, not a folder; choose another with -o")
-    if not place.exists():
-        return
-    try:
-        is_ours = load_camera(place).model == "pinhole"
-    except InputError:
-        is_ours = False
-    if not is_ours:
+    require_ours(place, kind=FORMAT)
+    if place.exists() and place.stat().st_size and load_camera(place).model != "pinhole":
         raise InputError(f"{place}: exists and is no pinhole camera of an earlier run; choose another folder with -o")
 
 

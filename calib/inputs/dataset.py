@@ -15,14 +15,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.files import require_replaceable, write_files
+from calib.files import write_files
 from calib.inputs.csv_table import ANY_NAME, Table, read_table, read_text
-from calib.inputs.records import RECORDS_START, ImageRecord, Records, image_record, records_path, records_to_json
+from calib.inputs.records import FORMAT as RECORDS
+from calib.inputs.records import ImageRecord, Records, image_record, records_path, records_to_json
 from calib.types import Detections, frozen_array
 from designer.errors import InputError
+from designer.own_files import require_ours
 from designer.target import TargetGeometry
 
 VERSION = 1
+KIND = "ringsolid.detections"
 FIRST_LINE = f"# ringsolid detections, version {VERSION}"
 COLUMNS = ("image", "face", "ring", "i", "j", "u", "v", "suu", "suv", "svv", "X", "Y", "Z")
 MAX_SIDE_PX = 1_000_000
@@ -72,8 +75,8 @@ def check_output(path: Path) -> None:
     """
     if path.suffix.lower() != ".csv":
         raise InputError(f"{path}: detections are a .csv file; name it so, such as {path.with_suffix('.csv').name}")
-    for place, start in ((path, _KIND.encode()), (records_path(path), RECORDS_START)):
-        require_replaceable(place, start, "detections")
+    require_ours(path, kind=KIND)
+    require_ours(records_path(path), kind=RECORDS)
     try:
         folder = next(parent for parent in path.absolute().parents if parent.exists())
         with tempfile.TemporaryFile(dir=folder):

@@ -10,8 +10,7 @@ from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
 
 MAX_FILE_BYTES = 256 * 2**20
-RECORDS_START = b'{\n"format": "ringsolid.records"'
-"""How a records file begins, so that another file is told from one."""
+FORMAT = "ringsolid.records"
 
 
 @dataclass(frozen=True)

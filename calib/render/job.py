@@ -21,6 +21,7 @@ from calib.render.sensor import Levels
 from calib.render.view import render_view
 from calib.types import Camera
 from designer.errors import InputError
+from designer.own_files import require_ours, signed
 from designer.target import TargetGeometry
 
 FORMAT = "ringsolid.truth"
@@ -116,7 +117,10 @@ def _claim(job: RenderJob, folder: Path, overwrite: bool) -> list[int]:
     found = next((image for image in paths if image.exists()), None)
     if old is None and found is not None and not overwrite:
         raise InputError(f"{found}: is there already, without a {TRUTH_FILE}; choose another folder with -o")
-    for image in [*(folder / name for name in _named_in(old)), *paths]:
+    replaced = [*(folder / name for name in _named_in(old)), *paths]
+    for one in (path, *replaced):
+        require_ours(one)
+    for image in replaced:
         image.unlink(missing_ok=True)
     _replace(path, truth.encode())
     return list(range(len(paths)))
@@ -176,7 +180,7 @@ def _encoded(image: Levels, job: RenderJob) -> bytes:
     done, content = cv2.imencode(SUFFIX[job.file_format], image, flags)
     if not done:
         raise InputError(f"an image of {image.shape[1]} x {image.shape[0]} px cannot be written as {job.file_format}")
-    return content.tobytes()
+    return signed(f"view{SUFFIX[job.file_format]}", content.tobytes())
 
 
 def _replace(path: Path, content: bytes) -> None:

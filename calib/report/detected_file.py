@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from calib.files import require_replaceable, write_files
+from calib.files import write_files
 from calib.inputs.records import ImageRecord, Records, image_record, measurable
-from calib.report.own_file import MOST_PHOTOS, own_to_json, read_own, require_counts, start_of
+from calib.report.own_file import MOST_PHOTOS, own_to_json, read_own, require_counts
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -87,7 +87,6 @@ def write_detected(
     from designer.answer import program
 
     path = folder / DETECTED_FILE
-    require_replaceable(path, start_of(FORMAT), "list of overlays")
     way = "" if overlays is None or overlays == folder else f"{overlays.relative_to(folder).as_posix()}/"
     file = DetectedFile(
         str(target), geometry.face_count, geometry.layout_id, geometry.geometry_id, program(), str(table),

@@ -3,36 +3,31 @@
 from pathlib import Path
 
 from calib.files import write_files
-from calib.report.origin import read_origin
 from designer.command import printable
 from designer.errors import InputError
+from designer.own_files import is_ours
 from designer.spec import BoardSpec
-from designer.target import TargetGeometry, load_target, target_to_json
+from designer.target import FORMAT, TargetGeometry, load_target, target_to_json
 
 TARGET_FILE = "target.json"
 
 
-def keep_target(folder: Path, target: TargetGeometry, kind: str) -> tuple[Path, ...]:
+def keep_target(folder: Path, target: TargetGeometry, *, is_again: bool) -> tuple[Path, ...]:
     """Write `target.json`; its path, or nothing where somebody's own file has that name and stays.
 
     Args:
         folder: of the photos.
         target: as it was used.
-        kind: of the folder's page: what lies in a folder with one was written with it, and is replaced.
+        is_again: whether the same command left results here before: then the target there came with them, while one
+            in another folder was put there by somebody, though this program made it.
     """
     path = folder / TARGET_FILE
-    if path.exists() and not _is_ours(folder, kind):
-        same = kept_target(folder, target.geometry_id)[0] is not None
-        return (path,) if same else ()
+    if kept_target(folder, target.geometry_id)[0] is not None:
+        return (path,)
+    if path.exists() and not (is_again and is_ours(path, FORMAT)):
+        return ()
     write_files({path: target_to_json(target).encode()})
     return (path,)
-
-
-def _is_ours(folder: Path, kind: str) -> bool:
-    try:
-        return read_origin(folder).kind == kind
-    except InputError:
-        return False
 
 
 def kept_target(folder: Path, geometry_id: str) -> tuple[TargetGeometry | None, str]:

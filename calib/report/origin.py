@@ -14,8 +14,6 @@ from designer.small_file import parse_json, read_small_text
 ORIGIN_FILE = "report.json"
 FORMAT = "ringsolid.report"
 VERSION = 1
-START = b'{\n "format": "ringsolid.report"'
-"""How the file begins, so that another file is told from one."""
 MAX_FILE_BYTES = 2**16
 LONGEST_COMMAND, LONGEST_WORD = 4000, 200
 WHAT = "a report.json"
@@ -77,3 +75,11 @@ def read_origin(folder: Path) -> Origin:
         place = ".".join(map(str, first["loc"]))[:LONGEST_WORD]
         raise InputError(f"{path}: {place}: {first['msg']}; delete it and try again") from None
     return origin_of(file.kind, file.command, file.program)
+
+
+def is_of_kind(folder: Path, kind: str) -> bool:
+    """Whether a folder has a page of a kind: what lies there was written with it."""
+    try:
+        return read_origin(folder).kind == kind
+    except InputError:
+        return False

@@ -29,11 +29,6 @@ def own_to_json(document: Mapping[str, object]) -> bytes:
     return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
 
 
-def start_of(own_format: str) -> bytes:
-    """How a file begins, so that another is told from one."""
-    return f'{{\n"format": "{own_format}"'.encode()
-
-
 def read_own(path: Path, kind: type[Own], remedy: str) -> Own:
     """Read a file.
 

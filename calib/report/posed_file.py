@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pydantic import JsonValue
 
 from calib.camera_file import camera_from_mapping, camera_to_json
-from calib.files import require_replaceable, write_files
-from calib.report.own_file import MOST_PHOTOS, own_to_json, read_own, require_counts, require_near, start_of
+from calib.files import write_files
+from calib.report.own_file import MOST_PHOTOS, own_to_json, read_own, require_counts, require_near
 from calib.results.rigid import rigid_fault
 from calib.types import Camera
 from designer.errors import InputError
@@ -111,7 +111,6 @@ def write_posed(
         InputError: another file has that name, or it cannot be written.
     """
     path = folder / POSED_FILE
-    require_replaceable(path, start_of(FORMAT), "list of poses")
     camera = made.camera
     drawn = camera if camera.learned is None else Camera("pinhole", camera.params[:4], camera.image_size)
     file = PosedFile(

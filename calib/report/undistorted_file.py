@@ -9,8 +9,8 @@ from typing import Literal
 from pydantic import JsonValue
 
 from calib.camera_file import camera_from_mapping, camera_to_json
-from calib.files import require_replaceable, write_files
-from calib.report.own_file import own_to_json, read_own, start_of
+from calib.files import write_files
+from calib.report.own_file import own_to_json, read_own
 from calib.types import Camera
 from designer.errors import InputError
 
@@ -55,7 +55,6 @@ def write_undistorted(
         InputError: another file has that name, or it cannot be written.
     """
     path = folder / UNDISTORTED_FILE
-    require_replaceable(path, start_of(FORMAT), "list of undistorted photos")
     mapping = json.loads(camera_to_json(camera))
     file = UndistortedFile(camera_name, mapping, tuple(photos), tuple(failures), share_filled)
     write_files({path: own_to_json(asdict(file))})

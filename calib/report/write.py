@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from calib.files import require_replaceable, write_files
-from calib.report.origin import ORIGIN_FILE, START, Origin, origin_of, origin_to_json
+from calib.files import write_files
+from calib.report.origin import ORIGIN_FILE, Origin, origin_of, origin_to_json
 from calib.report.registry import KINDS
 from designer.answer import program
 from designer.errors import InputError
@@ -47,7 +47,6 @@ def write_page(folder: Path, origin: Origin, page: Page) -> Path:
     """
     from designer.page.shell import page_html
 
-    require_replaceable(folder / ORIGIN_FILE, START, "origin of a report")
     place = folder / PAGE_FILE
     write_files({folder / ORIGIN_FILE: origin_to_json(origin), place: page_html(page)})
     return place

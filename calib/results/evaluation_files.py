@@ -14,8 +14,6 @@ from calib.inputs.csv_table import ANY_NAME
 from calib.metrics.errors import Errors, Summary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation
 from calib.results.observation_table import quoted
-from designer.errors import InputError
-from designer.names import bytes_as_written_today
 
 FORMAT = "ringsolid.metrics"
 VERSION = 1
@@ -50,28 +48,6 @@ def evaluation_files(evaluation: Evaluation, folder: Path) -> dict[Path, bytes]:
         folder / FACES_FILE: _csv(["face", *planes], faces, by_face),
         folder / OBSERVATIONS_FILE: _observations(evaluation, images),
     }
-
-
-def check_folder(folder: Path) -> None:
-    """Refuse a place for the files that is no folder, or whose metrics.json is another's, before any work is done.
-
-    Raises:
-        InputError: the message names it.
-    """
-    place = folder / METRICS_FILE
-    try:
-        if folder.exists() and not folder.is_dir():
-            raise InputError(f"{folder}: is a file, not a folder; choose another with -o")
-        if not place.exists():
-            return
-        if not place.is_file():
-            raise InputError(f"{place}: is not a file; choose another folder with -o")
-        with place.open("rb") as stream:
-            head = bytes_as_written_today(stream.read(200))
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be used: {error.strerror}; choose another with -o") from None
-    if head and FORMAT.encode() not in head:
-        raise InputError(f"{place}: exists and holds no metrics; choose another folder with -o")
 
 
 def metrics_to_json(evaluation: Evaluation) -> bytes:

@@ -18,8 +18,6 @@ from designer.spec_file import shown
 
 FORMAT = "ringsolid.next_views"
 VERSION = 1
-START = f'{{\n"format": "{FORMAT}"'.encode()
-"""How the file begins, so that another is told from one."""
 NEXT_VIEWS_FILE = "next_views.json"
 KIND = "a next_views.json"
 MAX_FILE_BYTES = 8 * 2**20

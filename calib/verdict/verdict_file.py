@@ -27,8 +27,6 @@ from designer.spec_file import shown
 
 FORMAT = "ringsolid.verdict"
 VERSION = 1
-START = f'{{\n "format": "{FORMAT}"'.encode()
-"""How the file begins, so that another is told from one."""
 VERDICT_FILE = "verdict.json"
 KIND = "a verdict.json"
 MAX_FILE_BYTES = 16 * 2**20
