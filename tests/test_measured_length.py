@@ -1,5 +1,6 @@
 """`calib measure` with a length and no photos, and lengths that nobody seems to have measured."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ from calib.as_built.lengths import length_in
 from designer.target import TargetGeometry, load_target, target_to_json
 from tests.as_built_scenes import solid
 from tests.command_line import Answer, calib, refused, summary_of
+from tests.perturbed_targets import board
 
 
 @pytest.fixture(autouse=True)
@@ -57,6 +59,32 @@ def test_a_length_that_is_the_designs_is_doubted(target: TargetGeometry, off_mm:
     doubts = [one for one in summary_of(answer)["remarks"] if "is it a reading?" in one]
     assert (answer.code, len(doubts)) == (0, is_doubted)
     assert ("is the design's value to 0.005 mm: is it a reading?" in answer.err) == is_doubted
+
+
+@pytest.mark.parametrize(
+    ("made", "factor", "said"),
+    [("fdm-dual", 1.005, ""), ("fdm-dual", 1.03, "check the reading"), ("sheet-print", 1.005, "check the reading"),
+     ("fdm-dual", 1.19, "no print is off by more than 10 %")],
+)  # fmt: skip
+def test_a_length_that_no_print_has_is_not_taken_unasked(
+    target: TargetGeometry, made: str, factor: float, said: str
+) -> None:
+    """Beyond four standard deviations of its way of making a length is asked about, beyond a tenth it is refused."""
+    answer = rescaled(f"edge:{factor * length_in(target, 'edge')}mm", "--made", made)
+    assert answer.code == (2 if "no print" in said else 0)
+    assert ("check" in answer.out + answer.err) == bool(said)
+    assert said in answer.out + answer.err
+
+
+def test_a_sheet_is_corrected_in_the_printers_dialog() -> None:
+    """Paper has no shrinkage compensation, slicer or bed: what is advised is the size to print at."""
+    sheet = replace(board(), build="sheet")
+    Path("sheet.target.json").write_text(target_to_json(sheet))
+    name = "ring 0 to ring 5"
+    length = f"{name}:{1.004 * length_in(sheet, name)}mm+-0.01mm"
+    said = calib("measure", "sheet.target.json", "--measured-length", length, "-o", "out/sheet.target.json").out
+    assert "next print: print it at 99.602 % of its size" in said
+    assert "design ..." not in said.split("next print")[1]
 
 
 def test_a_place_for_a_reading_is_refused() -> None:

@@ -19,7 +19,7 @@ SAME_CORNER = 0.05
 """Corners closer than this part of an edge are one."""
 CONTRADICTION = 1e-3
 """Probability of lengths that differ as much by chance."""
-FAR = 0.2
+FAR = 0.1
 """A scale farther from 1 is a mistake, not a print."""
 NAMES = '"face-to-face", "edge", "face 0 to face 15" or "ring 3 to ring 17"'
 
@@ -130,8 +130,8 @@ def scale_from(target: TargetGeometry, lengths: Sequence[Length], known: Flags |
     for one, part, length in zip(lengths, ratio.tolist(), inside.tolist(), strict=True):
         if abs(part - 1) > FAR:
             raise InputError(
-                f"length {one.name} of {one.value_mm:g} mm: the target has {length:.2f} mm there; check what was "
-                "measured, and the unit"
+                f"length {one.name} of {one.value_mm:g} mm: the target has {length:.2f} mm there, and no print is off "
+                f"by more than {100 * FAR:g} %; check what was measured, and the unit"
             )
     weight = (inside / sigma) ** 2
     value = float((weight * ratio).sum() / weight.sum())

@@ -1,17 +1,27 @@
 """Lengths of a caliper, as the command line has them: `face-to-face:151.20mm+-0.02mm`."""
 
+import math
 import re
 from dataclasses import dataclass
+
+import numpy as np
 
 from calib.as_built.lengths import FAR, NAMES, Length, length_in
 from designer.errors import InputError
 from designer.spec_file import shown, suggestion
 from designer.target import TargetGeometry
+from designer.tolerance.model import ErrorModel, perturb
 from designer.units import format_mm, parse_length_mm
 
 CALIPER_SIGMA_MM = 0.02
 """What most makers of calipers state for 150 mm; an assumption where no sigma is given."""
 EXAMPLE = "face-to-face:151.20mm+-0.02mm"
+SAME_MM = 0.005
+"""A length nearer to the design's is likely copied from it: calipers tell hundredths."""
+DOUBTED = 4.0
+"""Standard deviations of prints from which on a length is asked about."""
+PRINTS = 100
+"""That are simulated for them, which tells them to 7 %."""
 MAX_TEXT = 120
 _NAME = re.compile(r"face-to-face|edge|(ring|face) \d{1,6} to \1 \d{1,6}")
 _EITHER = re.compile(r"±|\+/-|\+-")
@@ -61,9 +71,38 @@ def parse_length(option: str, text: str, target: TargetGeometry) -> AskedLength:
     except InputError as error:
         raise InputError(f"{option}: {error}") from None
     if abs(value_mm / inside - 1) > FAR:
-        raise InputError(f"{place}: the target has {inside:.2f} mm there; check what was measured, and the unit")
+        raise InputError(
+            f"{place}: the target has {inside:.2f} mm there, and no print is off by more than {100 * FAR:g} %; check "
+            "what was measured, and the unit"
+        )
     is_usual = sigma_mm is None
     return AskedLength(Length(name, value_mm, CALIPER_SIGMA_MM if sigma_mm is None else sigma_mm), is_usual)
+
+
+def doubt_about(asked: AskedLength, target: TargetGeometry, errors: ErrorModel | None) -> str:
+    """Why a length hardly is what a caliper showed on a print of a target, in a line; "" if it may well be.
+
+    Args:
+        asked: the length.
+        target: as designed.
+        errors: how it was made, which tells how far prints are off; None: not known.
+    """
+    length = asked.length
+    inside = length_in(target, length.name)
+    if abs(length.value_mm - inside) <= SAME_MM:
+        return f"length {asked.text} is the design's value to {SAME_MM:g} mm: is it a reading?"
+    if errors is None:
+        return ""
+    rng = np.random.default_rng(0)
+    prints = [length_in(perturb(target, errors, rng), length.name) for _ in range(PRINTS)]
+    usual_mm, sigma_mm = float(np.mean(prints)), math.hypot(float(np.std(prints)), length.sigma_mm)
+    if abs(length.value_mm - usual_mm) <= DOUBTED * sigma_mm:
+        return ""
+    return (
+        f"length {asked.text} is {length.value_mm - inside:+.2f} mm from the design's {inside:.2f} mm; prints made as "
+        f"'{errors.name}' are within {DOUBTED * sigma_mm:.2f} mm: check the reading, the scale it was printed at, or "
+        "say with --made how it was made"
+    )
 
 
 def _value_and_sigma(place: str, quantity: str) -> tuple[float, float | None]:

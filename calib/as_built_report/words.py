@@ -19,6 +19,8 @@ from calib.as_built_report.deviations import (
 from calib.as_built_report.held_out import Gain, HeldOut
 from calib.results.evaluation_table import figure, with_digits
 from designer.skew import MOST_SKEW_DEG, NO_SKEW, SKEW_NAMES, Skew
+from designer.spec import BUILDS
+from designer.target import TargetGeometry
 
 LEAST_COMPENSATION_PERCENT = 0.005
 """Less is not worth dialling in: 5 um on 100 mm."""
@@ -49,6 +51,12 @@ def _signed(value: float, sigma: float) -> str:
     return text if text.startswith("-") else f"+{text}"
 
 
+def is_plastic(target: TargetGeometry) -> bool:
+    """Whether it is of ours and printed in plastic, so that `design` corrects size and angles; else on paper, or so."""
+    build = target.build or (None if target.spec is None else BUILDS[target.spec.kind][0])
+    return build not in (None, "sheet")
+
+
 def whole_print_lines(found: AsBuilt, whole: WholePrint) -> Iterator[str]:
     """Size and shape of the whole print."""
     if whole.size is None:
@@ -56,29 +64,50 @@ def whole_print_lines(found: AsBuilt, whole: WholePrint) -> Iterator[str]:
     else:
         yield f"size      {percent(whole.size)} (larger than designed: +){_noise(whole.size)}"
     for name, one in whole.axes:
-        yield f"axis {name}    {percent(one)} beyond the size{_noise(one)}"
+        yield f"axis {name}    {percent(one)} beyond the mean{_noise(one)}"
     for name, one in whole.skews:
         yield f"skew {name}   {degrees(one)}{_noise(one)}"
-    last = found.nominal.face_count - 1
-    yield (
-        f"axes are the bed's with the target as `design` lays it: face {last} down, the longer side along x; give "
-        "--bed-turn if it was turned"
-    )
+    yield axes_words(found.nominal)
     if found.ring_sigma_mm is not None:
         plane, normal = map(spread_mm, found.ring_sigma_mm)
         yield f"rings     off by {plane} in their plane and {normal} normal to it (1 sigma each)"
+
+
+def axes_words(target: TargetGeometry) -> str:
+    """What the axes of a print are."""
+    if not is_plastic(target):
+        return "axes are the print's: x along its longer side"
+    return (
+        f"axes are the bed's with the target as `design` lays it: face {target.face_count - 1} down, the longer side "
+        "along x; give --bed-turn if it was turned"
+    )
 
 
 def _noise(estimate: Estimate) -> str:
     return "" if estimate.is_significant else ", which may be noise"
 
 
-def next_print_lines(whole: WholePrint, made_with_percent: float, made_with_skew_rad: Skew = NO_SKEW) -> Iterator[str]:
+def next_print_lines(
+    whole: WholePrint, made_with_percent: float, made_with_skew_rad: Skew = NO_SKEW, *, plastic: bool = True
+) -> Iterator[str]:
     """What to dial in, so that the next print of the same design comes out right."""
     indent = "next print: "
-    for line in _next_print(whole, made_with_percent, made_with_skew_rad):
+    lines = _next_print(whole, made_with_percent, made_with_skew_rad) if plastic else _next_sheet(whole)
+    for line in lines:
         yield indent + line
         indent = " " * len(indent)
+
+
+def _next_sheet(whole: WholePrint) -> Iterator[str]:
+    """The same of a print on paper: its size is all that a printer's dialog takes back."""
+    if whole.size is None:
+        yield "measure one length with a caliper or a ruler and give it with --length, to know the size"
+    elif not whole.size.is_significant:
+        yield "the size needs no correction"
+    else:
+        yield f"print it at {100 + compensation_percent(whole.size.value):.3f} % of its size"
+    if not whole.is_in_shape:
+        yield "axes or angles are off by more than noise: another printer or paper; until then use the measured target"
 
 
 def _next_print(whole: WholePrint, made_with_percent: float, made_with_skew_rad: Skew) -> Iterator[str]:
@@ -146,7 +175,7 @@ def faces_table(found: AsBuilt, faces: FaceDeviations) -> Table:
         cells = [""] * len(FREE_PARAMETERS)
         if verdict != "not known":
             cells = [
-                _cell(Estimate(value, sigma), k)
+                _cell(Estimate(value, sigma), k, is_starred=verdict == "moved")
                 for k, (value, sigma) in enumerate(zip(faces.value[face], faces.sigma[face], strict=True))
             ]
         table.add_row(str(face), str(found.face_views[face]), *cells, _coloured(verdict))
@@ -157,11 +186,11 @@ def _coloured(verdict: str) -> Text:
     return Text(verdict, {"moved": "bold", "few photos": "yellow", "not known": "yellow"}.get(verdict, ""))
 
 
-def _cell(one: Estimate, column: int) -> str:
-    """A number with its sigma, and a star if it is more than noise."""
+def _cell(one: Estimate, column: int, *, is_starred: bool) -> str:
+    """A number with its sigma, and, of a face that moved, a star if it is more than noise."""
     unit = 1.0 if FREE_PARAMETERS[column].startswith("shift") else math.degrees(1)
     value, sigma = unit * one.value, unit * one.sigma
-    return f"{_signed(value, sigma)} +-{figure(sigma, 2)}{'*' if one.is_significant else ' '}"
+    return f"{_signed(value, sigma)} +-{figure(sigma, 2)}{'*' if is_starred and one.is_significant else ' '}"
 
 
 def rings_line(rings: RingDeviations) -> str:
@@ -170,8 +199,11 @@ def rings_line(rings: RingDeviations) -> str:
 
     if not len(rings.seen):
         return "rings     none of a face whose place is known"
-    worst = int(np.argmax(np.linalg.norm(rings.offset_mm, axis=1)))
-    x, y, z = rings.offset_mm[worst].tolist()
+    size_mm = np.linalg.norm(rings.offset_mm, axis=1)
+    worst = int(np.argmax(size_mm))
+    if size_mm[worst] < LEAST_SPREAD_MM:
+        return f"rings     {len(rings.seen)} measured; none is off by {LEAST_SPREAD_MM:g} mm, bow included"
+    x, y, z = (np.round(rings.offset_mm[worst], 3) + 0.0).tolist()  # no -0.000
     return (
         f"rings     {len(rings.seen)} measured; ring {int(rings.seen[worst])} is off most: {x:+.3f} {y:+.3f} mm in its "
         f"face's plane, {z:+.3f} mm normal to it, bow included"
@@ -195,13 +227,19 @@ def _gain_cells(gain: Gain, name: str) -> list[str]:
     return [name, gain.unit, str(gain.count), figure(gain.nominal), figure(gain.measured), f"{gain.factor:.1f}", least]
 
 
+UNJUDGED = (
+    "not judged, as --held-out 0 asked: nothing shows whether the measured target is better than the drawing; leave "
+    "--held-out away to know before you use it"
+)
+
+
 def no_gain_line(held: HeldOut | None) -> str:
     """Why the measured target is not to be used; "" if it is better."""
     gain = None if held is None else held.judged_by
     if gain is None:
         return (
-            "too few photos to hold out and judge the measured target by: keep the drawing, and take more photos, or "
-            "give --held-out 0 to take it unjudged"
+            "too few photos to hold out and judge the measured target by: keep the drawing, and take more photos, "
+            "from all sides"
         )
     if gain.is_better:
         return ""

@@ -15,7 +15,6 @@ from calib.commands.screen import progress_bar, quoted, shown, waiting
 from calib.commands.solve import (
     FixOption,
     ImageSizeOption,
-    MadeOption,
     RejectOption,
     ShareOption,
     WeightedOption,
@@ -23,7 +22,7 @@ from calib.commands.solve import (
 )
 from designer.answer import Summary, Value, program
 from designer.command import printable
-from designer.completion import one_of
+from designer.completion import error_templates, one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,11 +35,10 @@ if TYPE_CHECKING:
     from calib.types import Observations
     from designer.skew import Skew
     from designer.target import TargetGeometry
+    from designer.tolerance.model import ErrorModel
 
 NOT_TO_BE_USED = 1
 MODELS = ("opencv", "luhmann", "pinhole")
-SAME_MM = 0.005
-"""A length nearer to the design's is likely copied from it: calipers tell hundredths."""
 LEAST_VIEWS = 3
 """Of a camera: from fewer, a target that may have any shape does not tell the camera."""
 USUAL_FOLDS = 5
@@ -88,7 +86,15 @@ def measure(
     bow: Annotated[
         bool | None, typer.Option("--bow/--flat", help="faces may be bent, or not (default: a board may)")
     ] = None,
-    made: MadeOption = None,
+    made: Annotated[
+        str | None,
+        typer.Option(
+            help="how the target was made, which says what to expect where the photos do not tell: an error template "
+            "(fdm-dual, sheet-print, ...) or a TOML file of errors (default: assumed from how it was built)",
+            metavar="NAME|FILE",
+            autocompletion=error_templates,
+        ),
+    ] = None,
     weighted: WeightedOption = True,
     reject: RejectOption = None,
     fix: FixOption = None,
@@ -130,7 +136,7 @@ def measure(
         _refuse_both(detections, length)
         check_places(places, target)
         asked = parse_length("--measured-length", measured_length, nominal)
-        return _rescale(nominal, target, asked, places.target, _compensation(shrink_compensation))
+        return _rescale(nominal, target, asked, places.target, _compensation(shrink_compensation), _errors(made))
     if not detections:
         raise InputError(
             "no detections: give the detections.csv of photos of the print, or --measured-length to rescale without"
@@ -144,7 +150,8 @@ def measure(
     remarks = (
         *(line for one in prepared for line in one.remarks),
         *_expected(nominal, made),
-        *_doubts(nominal, lengths),
+        *_doubts(nominal, lengths, options),
+        *_other_pages(places),
     )
     for remark in remarks:
         print(printable(remark))
@@ -191,14 +198,22 @@ def _refuse_both(detections: Sequence[Path] | None, length: Sequence[str] | None
         )
 
 
-def _doubts(target: "TargetGeometry", lengths: "Sequence[AskedLength]") -> tuple[str, ...]:
+def _doubts(target: "TargetGeometry", lengths: "Sequence[AskedLength]", options: "AsBuiltOptions") -> tuple[str, ...]:
     """What to say of lengths that nobody seems to have read off a caliper."""
-    from calib.as_built.lengths import length_in
+    from calib.as_built.expected import made_by
+    from calib.as_built_report.length_words import doubt_about
 
-    return tuple(
-        f"length {one.text} is the design's value to {SAME_MM:g} mm: is it a reading?"
-        for one in lengths
-        if abs(one.length.value_mm - length_in(target, one.length.name)) <= SAME_MM
+    return tuple(filter(None, (doubt_about(one, target, made_by(target, options)) for one in lengths)))
+
+
+def _other_pages(places: "Places") -> tuple[str, ...]:
+    """That the folder's page will be of this print, and no longer of another one in it."""
+    others = sorted(path for path in places.report.parent.glob("*.as_built.json") if path != places.report)
+    if not others:
+        return ()
+    return (
+        f"{shown(others[0])}: another measured target in this folder, whose index.html will be of the new one; measure "
+        "each into a folder of its own to keep both pages",
     )
 
 
@@ -211,11 +226,18 @@ def _expected(target: "TargetGeometry", made: str | None) -> tuple[str, ...]:
 
 
 def _rescale(
-    target: "TargetGeometry", path: Path, asked: "AskedLength", out: Path, made_with_percent: float
+    target: "TargetGeometry",
+    path: Path,
+    asked: "AskedLength",
+    out: Path,
+    made_with_percent: float,
+    errors: "ErrorModel | None",
 ) -> Summary:
     """The quick way."""
     from calib.as_built.lengths import length_in, rescaled
+    from calib.as_built.options import AsBuiltOptions
     from calib.as_built_report.deviations import Estimate, compensation_percent
+    from calib.as_built_report.words import is_plastic
     from calib.files import write_files
     from designer.target import target_to_json
 
@@ -228,8 +250,8 @@ def _rescale(
         f"size   {100 * off.value:+.3f} +- {100 * off.sigma:.3f} % against the design; the shape is taken as designed"
     )
     print(f"wrote  {shown(out)}: {shown(path)} made {size:.6f} times as large")
-    say_next_size(off, made_with_percent)
-    doubts = _doubts(target, [asked])
+    say_next_size(off, made_with_percent, plastic=is_plastic(target))
+    doubts = _doubts(target, [asked], AsBuiltOptions(made=errors))
     for doubt in doubts:
         print(doubt)
     step = f"calib run {quoted(out)} photos -o camera"
@@ -256,9 +278,7 @@ def _options(
     """The options of the command line."""
     from calib.as_built.options import AsBuiltOptions
     from calib.pipeline.settings import plan_from_words
-    from calib.solver.target_error import EXACT
     from designer.spec_file import suggestion
-    from designer.tolerance.error_file import error_model
 
     if model == "virtual":
         raise InputError(
@@ -273,11 +293,18 @@ def _options(
     plan = plan_from_words(
         model, fix=fix or [], share=share or [], focal=None, loss="squares", reject=reject, weighted=weighted
     )
+    options = AsBuiltOptions(made=_errors(made), bow=bow, solve=plan.options)
+    return options if rings == "free" else replace(options, ring_sigma_mm=None)
+
+
+def _errors(made: str | None) -> "ErrorModel | None":
+    """The way of making that was asked for."""
+    from calib.solver.target_error import EXACT
+    from designer.tolerance.error_file import error_model
+
     if made == EXACT:
         raise InputError(f"--made {EXACT}: there is nothing to measure then; give an error template, or leave it out")
-    errors = None if made is None else error_model(made)
-    options = AsBuiltOptions(made=errors, bow=bow, solve=plan.options)
-    return options if rings == "free" else replace(options, ring_sigma_mm=None)
+    return None if made is None else error_model(made)
 
 
 def _compensation(text: str) -> float:
@@ -403,7 +430,7 @@ def _write_and_say(
     """Write all files, then say what is in them."""
     from calib.as_built_report.files import report_files, report_of
     from calib.as_built_report.picture import report_picture
-    from calib.as_built_report.words import no_gain_line
+    from calib.as_built_report.words import UNJUDGED, no_gain_line
     from calib.files import write_files
 
     report = report_of(
@@ -429,6 +456,9 @@ def _write_and_say(
     if is_judged and (why := no_gain_line(held)):
         print(f"next  {why}")
         return Summary(measured_answer(report), tuple(files), exit_code=NOT_TO_BE_USED)
+    if not is_judged:
+        print(f"next  {UNJUDGED}")
+        return Summary(measured_answer(report), tuple(files), remarks=(UNJUDGED,))
     folder = quoted(places.target.with_name(places.target.name.removesuffix(".target.json")))
     step = f"calib solve {quoted(detections[0])} --target {quoted(places.target)} -o {folder}"
     print(f"next  {step}")

@@ -10,10 +10,14 @@ if TYPE_CHECKING:
     from calib.as_built_report.files import Report
 
 
-def say_next_size(size: "Estimate", made_with_percent: float) -> None:
+def say_next_size(size: "Estimate", made_with_percent: float, *, plastic: bool) -> None:
     """The shrinkage compensation of the next print, where one length alone tells the size."""
-    from calib.as_built_report.deviations import compensation_percent
+    from calib.as_built_report.deviations import WholePrint, compensation_percent
+    from calib.as_built_report.words import next_print_lines
 
+    if not plastic:
+        print(*next_print_lines(WholePrint(size, (), ()), 0.0, plastic=False), sep="\n")
+        return
     if not size.is_significant:
         keep = f"keep --shrink-compensation {made_with_percent:g}%; " if made_with_percent else ""
         print(f"next print: {keep}the size is right, as far as this reading tells")
@@ -28,6 +32,7 @@ def say_measured(report: "Report") -> None:
     from calib.as_built_report.words import (
         faces_table,
         gain_table,
+        is_plastic,
         next_print_lines,
         rings_line,
         whole_print_lines,
@@ -53,11 +58,12 @@ def say_measured(report: "Report") -> None:
     if report.rings is not None:
         print(rings_line(report.rings))
     print()
-    for line in next_print_lines(report.whole, report.made_with_percent, report.made_with_skew_rad):
+    plastic = is_plastic(found.nominal)
+    for line in next_print_lines(report.whole, report.made_with_percent, report.made_with_skew_rad, plastic=plastic):
         print(line)
     print()
     if report.faces is not None:
-        print("how faces lie, in their own axes (z outwards); * is more than 3 sigma")
+        print("how faces lie, in their own axes (z outwards); * is more than 3 sigma, of a face that moved")
         console.print(faces_table(found, report.faces))
         print()
     if report.held_out is not None:

@@ -4,6 +4,7 @@ import shlex
 from pathlib import Path
 
 from calib.as_built_report.files import TARGET_SUFFIX
+from calib.as_built_report.words import is_plastic
 from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord, read_as_built, settings_of
 from calib.report.measure_scene import measure_view
 from calib.report.measure_tables import cameras_table, faces_table, lengths_table, rings_table, whole_table
@@ -12,6 +13,7 @@ from calib.report.measure_words import (
     face_sentence,
     gain_findings,
     gain_sentence,
+    judged_gain,
     measure_headline,
     next_print,
 )
@@ -76,8 +78,8 @@ def measure_page(folder: Path, origin: Origin) -> Page:
         title, "Measured print", measure_headline(record),
         (
             question_section(QUESTION, _setting(record.head), *warnings("Remark", record.head.remarks), *careful),
-            _whole(record), _faces(folder, stem, record, target), _gain(record.head), _next(stem, record.head),
-            _files(folder, stem),
+            _whole(record, target), _faces(folder, stem, record, target), _gain(record.head),
+            _next(stem, record.head, target), _files(folder, stem),
         ),
         lead=() if view is None else (view,), made_by=origin.command, program=origin.program,
     )  # fmt: skip
@@ -136,9 +138,9 @@ def _setting(head: AsBuiltHead) -> list[tuple[str, str]]:
     return [*facts, ("solution", head.status), ("measured by", head.program)]
 
 
-def _whole(record: AsBuiltRecord) -> Section:
+def _whole(record: AsBuiltRecord, target: TargetGeometry | None) -> Section:
     lengths = lengths_table(record.head)
-    blocks: tuple[Block, ...] = (whole_table(record.head), *(() if lengths is None else (lengths,)))
+    blocks: tuple[Block, ...] = (whole_table(record.head, target), *(() if lengths is None else (lengths,)))
     if record.head.size is None:
         blocks = (
             Paragraph(
@@ -204,17 +206,20 @@ def _gain(head: AsBuiltHead) -> Section:
     return Section(title, (*blocks, cameras_table(head)), lead=gain_sentence(head))
 
 
-def _next(stem: str, head: AsBuiltHead) -> Section:
-    """The next print, and the next calibration."""
-    commands, lines = next_print(head)
+def _next(stem: str, head: AsBuiltHead, target: TargetGeometry | None) -> Section:
+    """The next print, and the next calibration with what was judged better."""
+    commands, lines = next_print(head, plastic=target is None or is_plastic(target))
     name = printable(f"{stem}{TARGET_SUFFIX}")
     blocks: list[Block] = []
-    if head.status != "degenerate":
+    gain = judged_gain(head)
+    is_better = head.status != "degenerate" and gain is not None and bool(gain.is_better)
+    if is_better:
         command = f"calib run {shlex.quote(name)} PHOTOS -o DIR"
         blocks.append(Command(command, "calibrates with the target as it was printed"))
     blocks += commands
     blocks += [Paragraph(line) for line in lines]
-    return Section("Next", tuple(blocks), lead="Calibrate with the measured target, and correct the next print.")
+    lead = "Calibrate with the measured target, and correct the next print."
+    return Section("Next", tuple(blocks), lead=lead if is_better else "Keep the drawing until photos show a gain.")
 
 
 def _files(folder: Path, stem: str) -> Section:

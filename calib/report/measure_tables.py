@@ -5,41 +5,42 @@ import math
 import numpy as np
 
 from calib.as_built_report.deviations import FREE_PARAMETERS, Estimate
-from calib.as_built_report.words import FINEST, degrees, percent
+from calib.as_built_report.words import FINEST, axes_words, degrees, percent
 from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord
 from calib.report.measure_scene import deviations_of
 from calib.results.evaluation_table import figure, with_digits
 from designer.page.blocks import Cell, Column, Level, Table
 from designer.target import TargetGeometry
+from designer.words import capital
 
 MOST_RINGS = 2000
 """In the table of rings, those that are off most."""
 LEVEL_OF_VERDICT: dict[str, Level] = {"moved": "usable", "as designed": "good"}
 
 
-def estimate_cell(one: Estimate, unit: float = 1.0) -> Cell:
-    """A number with its sigma, and a star if it is more than noise."""
+def estimate_cell(one: Estimate, unit: float = 1.0, *, is_starred: bool = True) -> Cell:
+    """A number with its sigma, and a star if it may have one and is more than noise."""
     value, sigma = unit * one.value, unit * one.sigma
     if not math.isfinite(value):
         return Cell("-")
     text = with_digits(value, max(sigma, FINEST))
     sign = "" if text.startswith("-") else "+"
-    return Cell(f"{sign}{text} ± {figure(sigma, 2)}{' *' if one.is_significant else ''}", value)
+    return Cell(f"{sign}{text} ± {figure(sigma, 2)}{' *' if is_starred and one.is_significant else ''}", value)
 
 
-def whole_table(head: AsBuiltHead) -> Table:
+def whole_table(head: AsBuiltHead, target: TargetGeometry | None) -> Table:
     """Size and shape of the whole print."""
     whole = head.whole
     rows = []
     if whole.size is not None:
         rows.append(_whole_row("size, + is too large", whole.size, percent(whole.size)))
-    rows += [_whole_row(f"axis {name} beyond the size", one, percent(one)) for name, one in whole.axes]
+    rows += [_whole_row(f"axis {name} beyond the mean", one, percent(one)) for name, one in whole.axes]
     rows += [_whole_row(f"skew {name}", one, degrees(one)) for name, one in whole.skews]
     columns = (
         Column("of the whole print", is_number=False), Column("value ± sigma"), Column("sigmas from zero"),
         Column("", is_number=False),
     )  # fmt: skip
-    note = "Along the axes of the bed, with the target as design lays it: its last face down, the longer side along x."
+    note = "" if target is None else f"{capital(axes_words(target).replace('`', ''))}."
     return Table("Size and shape", columns, tuple(rows), note)
 
 
@@ -66,6 +67,7 @@ def faces_table(record: AsBuiltRecord) -> Table | None:
             estimate_cell(
                 Estimate(float(record.motion[face, k]), float(record.motion_sigma[face, k])),
                 1.0 if name.startswith("shift") else math.degrees(1),
+                is_starred=verdict == "moved",
             )
             if verdict != "not known"
             else Cell("")
@@ -76,7 +78,10 @@ def faces_table(record: AsBuiltRecord) -> Table | None:
             (Cell(str(face), face), Cell(verdict, level=LEVEL_OF_VERDICT.get(verdict, "note")),
              Cell(f"{views:g}", views), *cells)
         )  # fmt: skip
-    note = "In the face's own axes, z outwards, the stretch of the whole print taken off; * is more than 3 sigma."
+    note = (
+        "In the face's own axes, z outwards, the stretch of the whole print taken off; * is more than 3 sigma, of a "
+        "face that moved."
+    )
     return Table("How the faces lie", tuple(columns), tuple(rows), note, visible_rows=20)
 
 

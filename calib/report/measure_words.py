@@ -118,11 +118,13 @@ def gain_findings(head: AsBuiltHead) -> Iterator[Finding]:
             )  # fmt: skip
 
 
-def next_print(head: AsBuiltHead) -> tuple[tuple[Command, ...], tuple[str, ...]]:
+def next_print(head: AsBuiltHead, *, plastic: bool) -> tuple[tuple[Command, ...], tuple[str, ...]]:
     """What to dial into the next print: commands, and other lines."""
     if not head.can_be_corrected:
         return (), ("Size or shape is off by more than a printer can be: nothing to dial in against it.",)
-    lines = next_print_lines(head.whole, head.made_with_shrink_compensation_percent, head.made_with_skew)
+    lines = next_print_lines(
+        head.whole, head.made_with_shrink_compensation_percent, head.made_with_skew, plastic=plastic
+    )
     commands, others = [], []
     for line in lines:
         text = line.removeprefix(PREFIX).strip()
