@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 from designer.layout import lay_out
 from designer.spec import BoardSpec, IcoSpec
 from designer.target import TargetGeometry
+from designer.tolerance.made import Made
 from designer.tolerance.model import ErrorModel, draw_values
+from designer.tolerance.prior import shape_prior
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.source import Amount
 
@@ -84,3 +86,8 @@ def one(name: str, target: TargetGeometry, *numbers: float) -> Values:
 
 def drawn(target: TargetGeometry, seed: int, *names: str) -> Values:
     return draw_values(target, FULL.only(*(names or FULL.sources)), np.random.default_rng(seed))
+
+
+def made_with(errors: ErrorModel, target: TargetGeometry) -> Made:
+    """A way of making by its errors."""
+    return Made(errors.name, "", shape_prior(target, errors))

@@ -23,6 +23,7 @@ from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel, perturb
 from designer.tolerance.source import Amount
 from tests.as_built_scenes import RIGID, photos, solid
+from tests.perturbed_targets import made_with
 
 FEW = (2, 9)
 
@@ -52,10 +53,11 @@ def test_the_way_of_making_is_what_is_expected(
 ) -> None:
     """Each error source becomes the unknown that does the same, about as large; a person's number stays."""
     errors = ErrorModel("one", "", ((source, Amount("normal", amount)),))
-    found = with_expected_deviations(unknowns_of(target, AsBuiltOptions()), AsBuiltOptions(made=errors))
+    made = made_with(errors, target)
+    found = with_expected_deviations(unknowns_of(target, AsBuiltOptions()), AsBuiltOptions(made=made))
     # Of a face that moves alone a twentieth is a motion and a strain of the whole.
     assert found_sigma(found, kind) == pytest.approx(expected, rel=0.2)
-    chosen = AsBuiltOptions(made=errors, strain_sigma=0.02, face_sigma_rad=0.03, face_sigma_mm=4.0, bow_sigma_mm=5.0)
+    chosen = AsBuiltOptions(made=made, strain_sigma=0.02, face_sigma_rad=0.03, face_sigma_mm=4.0, bow_sigma_mm=5.0)
     given = unknowns_of(target, chosen)
     assert np.array_equal(with_expected_deviations(given, chosen).sigma, given.sigma)
 

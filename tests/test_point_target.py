@@ -17,7 +17,7 @@ from calib.inputs.point_target import Plane, PointTable, target_from_points
 from calib.se3 import exp_rotation, look_at, transform
 from designer.errors import InputError
 from designer.target import load_target, target_to_json
-from designer.tolerance.error_file import error_model
+from designer.tolerance.made import how_made
 from tests.as_built_scenes import solid
 from tests.command_line import LENIENT, Answer, calib
 from tests.solver_scenes import CAMERAS
@@ -132,7 +132,7 @@ def test_a_real_board_is_bent_as_others_found() -> None:
     target = target_from_points(PointTable(position, ("",) * len(position), np.arange(len(position))))
     Path("board.target.json").write_text(target_to_json(target))
     seen = read_observations(Path("seen.csv"), Path("board.target.json")).observations
-    found = measure([seen], target, "opencv", AsBuiltOptions(ring_sigma_mm=None, made=error_model("fdm-board")))
+    found = measure([seen], target, "opencv", AsBuiltOptions(ring_sigma_mm=None, made=how_made(target, "fdm-board")))
     rim_mm = float(np.linalg.norm(target.outline_mm[0], axis=1).max())
     dome, saddle, _ = found.bow_mm[0] * (0.5 * np.ptp(position[:, 0]) / rim_mm) ** 2
     assert sorted(np.abs([dome + saddle, dome - saddle])) == pytest.approx([0.52, 1.04], abs=0.1)
@@ -227,7 +227,7 @@ def test_other_targets_stay() -> None:
     Path("notes.target.json").write_text("notes")
     for name in ("ico", "notes"):
         before = Path(f"{name}.target.json").read_bytes()
-        refused(calib("target", "--from", "points.csv", "-o", f"{name}.target.json"), "choose another name")
+        refused(calib("target", "--from", "points.csv", "-o", f"{name}.target.json"), "choose another")
         assert Path(f"{name}.target.json").read_bytes() == before
     assert calib("target", "--from", "points.csv", "-o", "cube.target.json").code == 0
 

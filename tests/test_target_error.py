@@ -11,7 +11,7 @@ from calib.as_built.options import AsBuiltOptions
 from calib.as_built.solve import measure
 from calib.camera_difference import camera_difference
 from calib.inputs.observations import known_points
-from calib.pipeline.made import how_made, prior_of, with_made
+from calib.pipeline.made import prior_of, with_made
 from calib.se3 import exp_rotation
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
 from calib.solver.options import SolveOptions
@@ -29,9 +29,11 @@ from designer.layout import lay_out
 from designer.spec import BoardSpec
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
+from designer.tolerance.made import how_made
 from designer.tolerance.model import displaced, perturb
 from designer.tolerance.prior import ShapePrior, shape_prior
 from designer.tolerance.source import Amount
+from tests.perturbed_targets import made_with
 
 Array = NDArray[np.float64]
 
@@ -118,7 +120,7 @@ def test_drawn_parts_are_covered_on_average(weighted: bool) -> None:
 def test_measuring_hides_nothing_that_the_photos_do_not_tell(share: float) -> None:
     """A stretch that the motion leaves open stays open in the measured target, and in a camera solved with it."""
     one = _solved(_stretched(share), _poses(1, rolls=False, axes=1))
-    found = measure([one.observations], BOARD, "opencv", AsBuiltOptions(made=AS_PRINTED))
+    found = measure([one.observations], BOARD, "opencv", AsBuiltOptions(made=made_with(AS_PRINTED, BOARD)))
     again = solve(replace(one.observations, points=known_points(found.target)), "opencv", SolveOptions())
     told = with_made(again, how_made(found.target))
     assert _error_px(told) < 3 * sigma_over_image_px(told.camera, told.stated_covariance)

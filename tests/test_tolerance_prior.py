@@ -14,8 +14,8 @@ from designer.sizing import size_job
 from designer.spec import Build
 from designer.spec_file import IcoFile
 from designer.target import TargetGeometry, target_from_json, target_to_json
-from designer.tolerance.assumed import ERRORS_OF_BUILD, error_model_for
 from designer.tolerance.error_file import error_model
+from designer.tolerance.made import ERRORS_OF_BUILD, error_model_for
 from designer.tolerance.model import displaced_shape, draw_values, perturb
 from designer.tolerance.prior import ShapePrior, measured_prior, shape_prior
 from designer.tolerance.shape import centers_mm

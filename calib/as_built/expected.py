@@ -15,10 +15,9 @@ from calib.as_built.datum import Seen, by_shared_dense, rigid_design
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.unknowns import Shape, Unknowns, nominal_shape, place_rings, shared_values
 from calib.linear_algebra import pseudo_inverse
-from designer.target import TargetGeometry, bounding_radius_mm
-from designer.tolerance.assumed import error_model_for
-from designer.tolerance.model import ErrorModel
-from designer.tolerance.prior import ShapePrior, shape_prior
+from designer.target import bounding_radius_mm
+from designer.tolerance.made import how_made
+from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
 
@@ -26,20 +25,12 @@ LEAST_MM = 1e-3
 """At the rim of the target: nothing is made better than this, and what is wrongly thought right can still be found."""
 
 
-def made_by(target: TargetGeometry, options: AsBuiltOptions) -> ErrorModel | None:
-    """The way of making that was given, or else the usual one; None if the target is no design."""
-    if options.made is not None:
-        return options.made
-    assumed = error_model_for(target)
-    return None if assumed is None else assumed.errors
-
-
 def with_expected_deviations(unknowns: Unknowns, options: AsBuiltOptions) -> Unknowns:
     """The unknowns with the standard deviations that the way of making gives; those of the options stay."""
-    made = made_by(unknowns.target, options)
-    if made is None:
+    made = options.made or how_made(unknowns.target)
+    if made is None or made.prior is None:
         return unknowns
-    expected = _expected(unknowns, shape_prior(unknowns.target, made))
+    expected = _expected(unknowns, made.prior)
     return replace(unknowns, sigma=np.where(unknowns.is_given, unknowns.sigma, expected))
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from calib.solver.options import SolveOptions
-from designer.tolerance.model import ErrorModel
+from designer.tolerance.made import Made
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class AsBuiltOptions:
     held.
     """
 
-    made: ErrorModel | None = None  # the way of making; None: the usual one of how the target was built
+    made: Made | None = None  # the way of making; None: the usual one of how the target was built
     ring_sigma_mm: tuple[float, float] | None = (0.05, 0.02)  # of a ring's centre in its plane, normal to it; None: 0
     ring_sigma_from_photos: bool = True  # start from these, then take what the rings' offsets turn out to be
     face_sigma_rad: float | None = None

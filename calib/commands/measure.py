@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from calib.types import Observations
     from designer.skew import Skew
     from designer.target import TargetGeometry
-    from designer.tolerance.model import ErrorModel
+    from designer.tolerance.made import Made
 
 NOT_TO_BE_USED = 1
 MODELS = ("opencv", "luhmann", "pinhole")
@@ -132,25 +132,26 @@ def measure(
 
     places = places_of(out)
     nominal = _nominal(target)
+    way = _way(nominal, made)
     if measured_length is not None:
         _refuse_both(detections, length)
         check_places(places, target)
         asked = parse_length("--measured-length", measured_length, nominal)
-        return _rescale(nominal, target, asked, places.target, _compensation(shrink_compensation), _errors(made))
+        return _rescale(nominal, target, asked, places.target, _compensation(shrink_compensation), way)
     if not detections:
         raise InputError(
             "no detections: give the detections.csv of photos of the print, or --measured-length to rescale without"
         )
     lengths = [parse_length("--length", text, nominal) for text in length or []]
-    options = _options(model, rings, fix, share, reject, made, weighted=weighted, bow=bow)
+    options = _options(model, rings, fix, share, reject, way, weighted=weighted, bow=bow)
     how = Print(_compensation(shrink_compensation), _skew(skew_compensation), _angle(bed_turn), weighted)
     check_places(places, target)
     shape = None if truth is None else _truth(truth, nominal, target)
     prepared = _read(detections, nominal, target, image_size, one_camera=one_camera)
     remarks = (
         *(line for one in prepared for line in one.remarks),
-        *_expected(nominal, made),
-        *_doubts(nominal, lengths, options),
+        *((way.sentence,) if way.because else ()),
+        *_doubts(nominal, lengths, way),
         *_other_pages(places),
     )
     for remark in remarks:
@@ -198,12 +199,11 @@ def _refuse_both(detections: Sequence[Path] | None, length: Sequence[str] | None
         )
 
 
-def _doubts(target: "TargetGeometry", lengths: "Sequence[AskedLength]", options: "AsBuiltOptions") -> tuple[str, ...]:
+def _doubts(target: "TargetGeometry", lengths: "Sequence[AskedLength]", way: "Made") -> tuple[str, ...]:
     """What to say of lengths that nobody seems to have read off a caliper."""
-    from calib.as_built.expected import made_by
     from calib.as_built_report.length_words import doubt_about
 
-    return tuple(filter(None, (doubt_about(one, target, made_by(target, options)) for one in lengths)))
+    return tuple(filter(None, (doubt_about(one, target, way.errors) for one in lengths)))
 
 
 def _other_pages(places: "Places") -> tuple[str, ...]:
@@ -217,12 +217,14 @@ def _other_pages(places: "Places") -> tuple[str, ...]:
     )
 
 
-def _expected(target: "TargetGeometry", made: str | None) -> tuple[str, ...]:
+def _way(target: "TargetGeometry", made: str | None) -> "Made":
     """What is taken for granted where the photos do not tell."""
-    from calib.pipeline.made import how_made
+    from designer.tolerance.made import EXACT, how_made
 
     way = how_made(target, made)
-    return () if way is None or not way.because else (way.sentence,)
+    if way is None or way.name == EXACT:
+        raise InputError(f"--made {EXACT}: there is nothing to measure then; give an error template, or leave it out")
+    return way
 
 
 def _rescale(
@@ -231,11 +233,10 @@ def _rescale(
     asked: "AskedLength",
     out: Path,
     made_with_percent: float,
-    errors: "ErrorModel | None",
+    way: "Made",
 ) -> Summary:
     """The quick way."""
     from calib.as_built.lengths import length_in, rescaled
-    from calib.as_built.options import AsBuiltOptions
     from calib.as_built_report.deviations import Estimate, compensation_percent
     from calib.as_built_report.words import is_plastic
     from calib.files import write_files
@@ -251,7 +252,7 @@ def _rescale(
     )
     print(f"wrote  {shown(out)}: {shown(path)} made {size:.6f} times as large")
     say_next_size(off, made_with_percent, plastic=is_plastic(target))
-    doubts = _doubts(target, [asked], AsBuiltOptions(made=errors))
+    doubts = _doubts(target, [asked], way)
     for doubt in doubts:
         print(doubt)
     step = f"calib run {quoted(out)} photos -o camera"
@@ -270,7 +271,7 @@ def _options(
     fix: list[str] | None,
     share: list[str] | None,
     reject: float | None,
-    made: str | None,
+    made: "Made",
     *,
     weighted: bool,
     bow: bool | None,
@@ -293,18 +294,8 @@ def _options(
     plan = plan_from_words(
         model, fix=fix or [], share=share or [], focal=None, loss="squares", reject=reject, weighted=weighted
     )
-    options = AsBuiltOptions(made=_errors(made), bow=bow, solve=plan.options)
+    options = AsBuiltOptions(made=made, bow=bow, solve=plan.options)
     return options if rings == "free" else replace(options, ring_sigma_mm=None)
-
-
-def _errors(made: str | None) -> "ErrorModel | None":
-    """The way of making that was asked for."""
-    from calib.solver.target_error import EXACT
-    from designer.tolerance.error_file import error_model
-
-    if made == EXACT:
-        raise InputError(f"--made {EXACT}: there is nothing to measure then; give an error template, or leave it out")
-    return None if made is None else error_model(made)
 
 
 def _compensation(text: str) -> float:

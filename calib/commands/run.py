@@ -108,9 +108,9 @@ def run(
     """
     from calib.detect.batch import find_photos, named_photos
     from calib.inputs.observations import dataset_of, observations_from_detections
-    from calib.pipeline.made import how_made
     from calib.verdict.criteria import read_criteria
     from designer.target import load_target
+    from designer.tolerance.made import how_made
 
     geometry, limits = load_target(target, "rings"), read_criteria(criteria)
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)

@@ -13,13 +13,13 @@ from designer.errors import InputError
 
 if TYPE_CHECKING:
     from calib.metrics.evaluation import Evaluation
-    from calib.pipeline.made import Made
     from calib.pipeline.settings import SolvePlan
     from calib.pipeline.solutions import Solution
     from calib.results.calibration_file import Provenance
     from calib.results.truth import Truth
     from calib.types import Calibration, Observations
     from calib.virtual.solve_virtual import Reference
+    from designer.tolerance.made import Made
 
 
 LONGEST_LINE = 400

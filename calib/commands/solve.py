@@ -98,9 +98,9 @@ def solve(
 
     The exit code is 1 if the verdict is: do not use.
     """
-    from calib.pipeline.made import how_made
     from calib.verdict.criteria import read_criteria
     from designer.target import load_target
+    from designer.tolerance.made import how_made
 
     limits = read_criteria(criteria)
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)

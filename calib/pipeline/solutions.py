@@ -8,13 +8,14 @@ from pathlib import Path
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.pipeline.calibrate import calibrate
-from calib.pipeline.made import Made, with_made
+from calib.pipeline.made import with_made
 from calib.pipeline.settings import SolvePlan
 from calib.results.calibration_file import Provenance, write_calibration
 from calib.results.truth import Truth
 from calib.types import Observations
 from calib.virtual.solve_virtual import Reference
 from designer.errors import InputError, NotWrittenError
+from designer.tolerance.made import Made
 
 
 @dataclass(frozen=True, eq=False)

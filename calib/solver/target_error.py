@@ -30,8 +30,6 @@ from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
 
-EXACT, MEASURED = "exact", "measured"
-"""What a target is that is as its file says, and one that is so up to the accuracy that its file states."""
 ROUNDING = 1e-12
 """Of the residuals: of sightings that another shape explains to the last, so much noise is left."""
 ROUNDS, SETTLED = 20, 1e-3
@@ -92,16 +90,12 @@ def _equations(calibration: Calibration, prior: ShapePrior | None) -> tuple[Shap
 
 def _added_covariance(equations: ShapeEquations) -> Array:
     """The camera's mean square error by the target, in the equations' directions.  # (Q, Q)"""
-    alone = symmetric_inverse(equations.normal[equations.camera, equations.camera]).inverse
     settled = _settled(equations)
     if settled is None:
-        return np.zeros_like(alone)
+        return np.zeros((equations.basis.shape[1],) * 2)
     found, variance = settled
-    lost = found.lost
-    # (N - T)^-1 - N^-1 = N^-1 (T + T (N - T)^-1 T) N^-1 is positive semidefinite as it stands.
-    spread = alone @ (lost + lost @ found.camera_inverse @ lost) @ alone
     step = found.mean[equations.camera]
-    added: Array = variance * spread + np.outer(step, step)
+    added: Array = variance * found.more + np.outer(step, step)
     return added
 
 
@@ -128,7 +122,7 @@ class Extended:
     """The least-squares problem with the target's shape among the unknowns, for one variance of the noise."""
 
     camera_inverse: Array  # (Q, Q) E_cc
-    lost: Array  # (Q, Q) T of E_cc = (N_cc - T)^-1: what the shape takes of what the photos tell of the camera
+    more: Array  # (Q, Q) E_cc - N_cc^-1: what the camera is less sure by, with the shape unknown
     covariance: Array  # (N, N) E of the camera and the shared numbers
     mean: Array  # (N,) of the same
     left: float  # sum of squares of the residuals
@@ -169,5 +163,8 @@ def extended(equations: ShapeEquations, variance: float) -> Extended:
     )  # fmt: skip
     numbers = np.concatenate([all_shared[shared], alone])
     least = equations.square + float(gradient @ all_shared + own.gradient @ alone)
+    # (N - T)^-1 - N^-1 = N^-1 (T + T (N - T)^-1 T) N^-1 is positive semidefinite as it stands.
+    plain = symmetric_inverse(normal[camera, camera]).inverse
+    more = plain @ (lost + lost @ inverse @ lost) @ plain
     left, told = least - variance * float(numbers @ numbers), len(numbers) - variance * trace
-    return Extended(inverse, lost, whole, all_shared, left, told)
+    return Extended(inverse, more, whole, all_shared, left, told)

@@ -3,7 +3,6 @@
 import math
 
 from calib.results.evaluation_table import figure
-from calib.solver.target_error import EXACT, MEASURED
 from calib.types import TargetError
 from calib.verdict.coverage import region_words
 from calib.verdict.criteria import Criteria, Limits
@@ -11,6 +10,7 @@ from calib.verdict.evidence import FAR_OFF, Evidence, HalvesFound, ModelApart
 from calib.verdict.halves import NoHalves
 from calib.verdict.target_shape import ShapeEffect
 from calib.verdict.verdict import Check, Grade
+from designer.tolerance.made import EXACT, MEASURED
 
 TITLES = {
     "solution": "Solution",

@@ -2,10 +2,11 @@
 
 Two halves of the photos share their target, so they agree on what a bent one does to the camera. But if the faces may
 bend, stretch and move a little (`calib.verdict.deformation`), a bent one shows: another shape explains the sightings
-better, and with it goes another camera. The least-squares solution is extended by those unknowns; one linear step from
-the solution gives the change of the camera. The extended camera is right with either target, the plain one is the more
-accurate if the target is as its file says, and then the difference of the two has the covariance of the first less
-that of the second, which tells chance from fault (Hausman 1978, Specification tests in econometrics, Econometrica 46).
+better, and with it goes another camera. The least-squares solution is extended by those unknowns
+(`calib.solver.target_error.extended`); one linear step from the solution gives the change of the camera. The extended
+camera is right with either target, the plain one is the more accurate if the target is as its file says, and then the
+difference of the two has the covariance of the first less that of the second, which tells chance from fault (Hausman
+1978, Specification tests in econometrics, Econometrica 46).
 """
 
 from dataclasses import dataclass
@@ -13,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.linear_algebra import symmetric_inverse
 from calib.one_thread import one_thread
 from calib.solver.free_shape import free_directions, shape_equations
+from calib.solver.target_error import extended
 from calib.types import Calibration
 from calib.verdict.apart import in_sigmas, moved_over
 from calib.verdict.coverage import Coverage
@@ -48,19 +49,16 @@ def shape_effect(calibration: Calibration, coverage: Coverage) -> ShapeEffect | 
     deformation = deformation_of(seen.points, used)
     none = np.zeros((len(seen.points.face), 3, 0))
     found = shape_equations(calibration, basis, deformation.modes_mm, none)
-    count = basis.shape[1]
     freedom = found.equations - len(found.normal)
     if freedom <= 0:
         return None
     # A prior of one unit keeps at zero what the photos leave open: the target's pose and size, faces seen once.
-    plain = symmetric_inverse(found.normal[:count, :count]).inverse
-    noise = found.square / (found.equations - count)
-    prior = np.concatenate([np.zeros(count), np.full(deformation.count, noise)])
-    extended = symmetric_inverse(found.normal + np.diag(prior)).inverse
-    step = -extended @ found.gradient
-    variance = max(found.square + float(found.gradient @ step), 0.0) / freedom
-    spread = basis @ (variance * (extended[:count, :count] - plain)) @ basis.T
-    field, covariance = moved_over(calibration.camera, basis @ step[:count], spread, coverage)
+    noise = found.square / (found.equations - basis.shape[1])
+    free = extended(found, noise)
+    variance = max(free.left, 0.0) / freedom
+    field, covariance = moved_over(
+        calibration.camera, basis @ free.mean[found.camera], variance * basis @ free.more @ basis.T, coverage
+    )
     if not len(field):
         return None
     worst = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, 1], 0.0))
@@ -68,6 +66,6 @@ def shape_effect(calibration: Calibration, coverage: Coverage) -> ShapeEffect | 
         float(np.percentile(np.linalg.norm(field, axis=1), QUANTILE)),
         in_sigmas(field, covariance),
         float(np.percentile(worst, QUANTILE)),
-        deformation.bow_mm(step[count:]),
+        deformation.bow_mm(free.mean[found.camera.stop :]),
         min(max(1 - variance / noise, 0.0), 1.0) if noise > 0 else 0.0,
     )

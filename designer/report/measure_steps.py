@@ -18,8 +18,8 @@ from designer.report.filament import two_digits
 from designer.skew import NO_SKEW, format_skew
 from designer.spec import Build
 from designer.target import bounding_radius_mm
-from designer.tolerance.assumed import ERRORS_OF_BUILD
 from designer.tolerance.error_file import error_model
+from designer.tolerance.made import ERRORS_OF_BUILD
 from designer.tolerance.model import ErrorModel
 
 _CALIPER_MM = 0.02

@@ -27,9 +27,8 @@ from numpy.typing import NDArray  # noqa: E402
 
 from calib.camera_difference import camera_difference  # noqa: E402
 from calib.pipeline.calibrate import calibrate  # noqa: E402
-from calib.pipeline.made import how_made, with_made  # noqa: E402
+from calib.pipeline.made import with_made  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
-from calib.solver.target_error import EXACT  # noqa: E402
 from calib.types import Calibration, Camera  # noqa: E402
 from calib.verdict.coverage import coverage_of  # noqa: E402
 from calib.verdict.criteria import Criteria, Limits, read_criteria  # noqa: E402
@@ -37,6 +36,7 @@ from calib.verdict.halves import half_split  # noqa: E402
 from calib.verdict.of_run import Judged, judge_run  # noqa: E402
 from calib.verdict.verdict import Grade  # noqa: E402
 from designer.errors import InputError  # noqa: E402
+from designer.tolerance.made import EXACT, how_made  # noqa: E402
 from tests.benchmarks.verdict_scenes import Case, case_of, lens_of, sightings_of, target_of  # noqa: E402
 
 Array = NDArray[np.float64]

@@ -1,0 +1,98 @@
+"""How a target was made, as somebody says or as it is assumed from how it was built: what its rings may be off."""
+
+from dataclasses import dataclass
+
+from designer.errors import InputError
+from designer.spec import BUILDS, Build
+from designer.target import TargetGeometry
+from designer.tolerance.error_file import error_model
+from designer.tolerance.model import ErrorModel
+from designer.tolerance.prior import ShapePrior, measured_prior, shape_prior
+
+EXACT, MEASURED = "exact", "measured"
+"""What a target is that is as its file says, and one that is so up to the accuracy that its file states."""
+
+ERRORS_OF_BUILD: dict[Build, str] = {
+    "solid": "fdm-dual",
+    "printed": "fdm-board",
+    "stickers": "hand-stickers",
+    "sheet": "sheet-print",
+}
+"""The error template that says how a build usually comes out."""
+_BY_OTHERS = ("sheet-print", "hand-stickers")
+"""Of a target that we did not design: a flat one is a print on a plate; patterns on several faces were put there."""
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """A way of making that was not told."""
+
+    errors: ErrorModel
+    because: str  # what it was taken from, as in "its file says the build 'solid'"
+
+
+def error_model_for(target: TargetGeometry) -> Assumed | None:
+    """The way of making that fits a target best; None where its file is no drawing of a part, but one part itself.
+
+    So it is with measured targets, and with simulated parts.
+    """
+    if target.source != "nominal":
+        return None
+    if target.build is not None:
+        return Assumed(error_model(ERRORS_OF_BUILD[target.build]), f"its file says the build '{target.build}'")
+    if target.spec is not None:
+        name = ERRORS_OF_BUILD[BUILDS[target.spec.kind][0]]
+        return Assumed(error_model(name), f"its file does not say how the {target.spec.kind} was built")
+    flat = target.face_count == 1
+    return Assumed(
+        error_model(_BY_OTHERS[0 if flat else 1]),
+        f"it was made by others and has {'one face' if flat else 'several faces'}",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A way of making."""
+
+    name: str  # an error template's or file's, "measured" or "exact"
+    because: str  # why this one; "" if somebody said it
+    prior: ShapePrior | None  # None: the rings are where the file has them
+    errors: ErrorModel | None = None  # that the prior is of
+
+    @property
+    def sentence(self) -> str:
+        """What is taken for granted, and how to say otherwise."""
+        taken = self.name if self.prior is None or self.name == MEASURED else f"made as '{self.name}'"
+        why = f", as {self.because}; --made tells otherwise" if self.because else ""
+        return f"the target is taken to be {taken}{why}"
+
+
+def how_made(target: TargetGeometry | None, asked: str | None = None, *, rendered_id: str = "") -> Made | None:
+    """The way a target was made; None if nobody knows.
+
+    Args:
+        target: as its file has it; None: points from elsewhere.
+        asked: an error template, a TOML file of errors, or `exact`; None: assumed from the target.
+        rendered_id: of the geometry that photos were rendered of; "": real photos.
+
+    Raises:
+        InputError: no such template or file, or one for points without a target.
+    """
+    if asked == EXACT:
+        return Made(EXACT, "", None)
+    if target is None:
+        if asked is None:
+            return None
+        raise InputError(f"--made {asked}: points without a target file have no faces that errors could be of; "
+                         f"give --made {EXACT}, or leave it out")  # fmt: skip
+    if asked is not None:
+        errors = error_model(asked)
+        return Made(asked, "", shape_prior(target, errors), errors)
+    if rendered_id == target.geometry_id:
+        return Made(EXACT, "the photos were rendered of it", None)
+    if target.source == "measured":
+        return Made(MEASURED, "its file says so", measured_prior(target))
+    assumed = error_model_for(target)
+    if assumed is None:
+        return Made(EXACT, "its file is of a simulated part", None)
+    return Made(assumed.errors.name, assumed.because, shape_prior(target, assumed.errors), assumed.errors)
