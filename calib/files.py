@@ -1,12 +1,14 @@
 """Writing files so that they are whole or as they were."""
 
 import os
+import stat
+import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from secrets import token_hex
 
-from designer.errors import NotWrittenError
+from designer.errors import InputError, NotWrittenError
 from designer.own_files import require_ours, signed
 
 MAX_NAME_BYTES = 200
@@ -25,6 +27,24 @@ def distinct_stems(names: Sequence[str]) -> list[str]:
     if len(set(kept)) < len(kept) or any(len(os.fsencode(name)) > MAX_NAME_BYTES for name in kept):
         return [str(number) for number in range(1, len(kept) + 1)]
     return kept
+
+
+def check_folder(folder: Path, option: str = "-o") -> None:
+    """Refuse a folder that takes no files before any work is done.
+
+    Raises:
+        InputError: it, or the folder it is to be made in, is none, cannot be written, or is a link to nowhere.
+    """
+    place = next(place for place in (folder, *folder.absolute().parents) if os.path.lexists(place))
+    try:
+        if not stat.S_ISDIR(place.stat().st_mode):
+            raise InputError(f"{place}: is a file, not a folder; choose another with {option}")
+        with tempfile.TemporaryFile(dir=place):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be written: {error.strerror}; choose another folder with {option}"
+        ) from None
 
 
 def write_files(files: Mapping[Path, bytes]) -> None:

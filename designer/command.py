@@ -93,7 +93,7 @@ def _carried_out(app: typer.Typer, name: str, words: Sequence[str]) -> tuple[Sum
     except (typer.Abort, KeyboardInterrupt):
         return _stopped(NOTHING_WRITTEN, Summary())
     except typer.TyperException as error:
-        return _refused(error.format_message())
+        return _refused(_beyond_limits(error) or error.format_message())
     except InputError as error:
         return _refused(str(error))
     except OSError as error:
@@ -104,6 +104,21 @@ def _carried_out(app: typer.Typer, name: str, words: Sequence[str]) -> tuple[Sum
     if ended == STOPPED:  # what typer makes of Ctrl-C
         return _stopped(NOTHING_WRITTEN, Summary())
     return Summary(exit_code=ended or 0), None
+
+
+def _beyond_limits(error: typer.TyperException) -> str:
+    """What is wrong with a number beyond an option's limits, worded as our own checks do; "" of anything else."""
+    from pydantic import ValidationError
+
+    option, cause = getattr(error, "param", None), error.__cause__
+    low, high = getattr(option, "min", None), getattr(option, "max", None)
+    if option is None or low is None or not isinstance(cause, ValidationError):
+        return ""
+    fault = cause.errors()[0]
+    if fault["type"] not in ("greater_than_equal", "less_than_equal"):
+        return ""
+    rule = f"must be {low} or more" if high is None else f"must be from {low} to {high}"
+    return f"{option.opts[0]} {fault['input']}: {rule}"
 
 
 def _refused(message: str) -> tuple[Summary, str]:

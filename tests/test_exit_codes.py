@@ -233,3 +233,9 @@ def test_a_reader_may_leave(option: list[str], tmp_path: Path) -> None:
     assert process.returncode == 1
     assert set(said.decode().splitlines()) <= {"a line that nobody reads"}
     assert (tmp_path / "done").exists()
+
+
+@pytest.mark.parametrize("words", [("run", "board.target.json", "photos"), ("render", "board.target.json"), BOOTSTRAP])
+def test_a_number_beyond_its_limits_is_told_alike_everywhere(words: tuple[str, ...]) -> None:
+    """Value and rule, in the same words whichever part of a command line finds it."""
+    assert calib(*words, "-o", "out", "--jobs", "0").err == "error: --jobs 0: must be from 1 to 1024\n"

@@ -29,8 +29,13 @@ REMEDY = "make room, or send it elsewhere"
 
 @pytest.mark.parametrize(("program", "case"), [one for one in CASES if one.values[1].code != 2])
 def test_a_link_to_itself_is_refused(program: Callable[..., Answer], case: Case) -> None:
-    """Any file or folder on a command line may be a link that leads nowhere."""
+    """Any file or folder on a command line may be a link that leads nowhere; where to is told before any work."""
     for word in case.words:
+        if word == "out" and not Path(word).exists():
+            Path(word).symlink_to(word)
+            answer = program(*("out/x" if one == "out" else one for one in case.words))
+            assert (answer.code, answer.err.count("\n"), answer.out) == (2, 1, ""), answer
+            Path(word).unlink()
         if not Path(word).exists() or word == "out":
             continue
         kept = Path(word).rename("kept")

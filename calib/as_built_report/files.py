@@ -28,6 +28,7 @@ from calib.as_built_report.deviations import (
 from calib.as_built_report.held_out import HeldOut
 from calib.as_built_report.length_words import AskedLength
 from calib.cameras import parameter_names
+from calib.files import check_folder
 from designer.errors import InputError
 from designer.own_files import require_ours
 from designer.skew import Skew
@@ -109,9 +110,8 @@ def check_places(places: Places, nominal: Path) -> None:
     Raises:
         InputError: a place is the target's own, of another target that is not a measured one, or not to be written.
     """
-    import tempfile
-
     out = places.target
+    check_folder(out.parent)
     if out.exists() and nominal.exists() and out.samefile(nominal):
         raise InputError(f"-o {out}: is the target it is measured against; choose another name")
     require_ours(out, kind=TARGET_FORMAT)
@@ -119,12 +119,6 @@ def check_places(places: Places, nominal: Path) -> None:
         raise InputError(f"-o {out}: exists and holds a {source} target, not a measured one; choose another name")
     for place, kind in ((places.report, FORMAT), (places.table, _TABLE), (places.picture, "")):
         require_ours(place, kind=kind)
-    try:
-        folder = next(parent for parent in out.absolute().parents if parent.exists())
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise InputError(f"-o {out}: cannot be written: {error.strerror}; choose another place") from None
 
 
 def report_files(report: Report, places: Places) -> dict[Path, bytes]:

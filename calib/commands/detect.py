@@ -15,6 +15,7 @@ import typer
 from calib.commands.answers.photos import detections_answer, expected_features, median_sigma_px
 from calib.commands.folder_page import folder_page, say_next
 from calib.commands.screen import progress_bar, quoted, table_console
+from calib.files import check_folder
 from designer.answer import Summary, program
 from designer.command import printable
 from designer.completion import camera_templates
@@ -167,8 +168,7 @@ def staging_folder(overlay: Path | None) -> Iterator[Path | None]:
     if overlay is None:
         yield None
         return
-    if overlay.exists() and not overlay.is_dir():
-        raise InputError(f"{overlay}: is a file, not a folder; choose another with --overlay")
+    check_folder(overlay, "--overlay")
     try:
         overlay.mkdir(parents=True, exist_ok=True)
         folder = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=overlay))

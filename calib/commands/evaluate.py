@@ -8,7 +8,7 @@ import typer
 from calib.commands.answers.solutions import evaluation_answer
 from calib.commands.folder_page import with_page_again
 from calib.commands.screen import quoted, table_console
-from calib.commands.solve import check_folder
+from calib.files import check_folder
 from designer.answer import Summary
 from designer.command import printable
 from designer.errors import InputError

@@ -54,12 +54,12 @@ from calib.commands.solve import (
     RejectOption,
     ShareOption,
     WeightedOption,
-    check_folder,
     made_settings,
     plan_of,
     reference_of,
     reference_settings,
 )
+from calib.files import check_folder
 from designer.answer import Summary, Value
 from designer.command import command_line, printable
 from designer.errors import InputError
@@ -115,7 +115,8 @@ def run(
     geometry, limits = load_target(target, "rings"), read_criteria(criteria)
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     folder = out if out is not None else exports_folder(target) / "calibration"
-    check_folder(folder)
+    for place in (folder, folder / "overlays"):
+        check_folder(place)
     check_judged_folder(folder, plan.models)
     found = _without_pictures(find_photos(photos), folder)
     truth_path = truth if truth is not None else truth_beside(found.paths)
@@ -164,10 +165,10 @@ def _nothing_found(
         pages, remarks = overlays_page(
             place, target, geometry, table, detected.results, found.failures, overlays=overlays
         )
-    again = command_line()
+    again, more = command_line(), ": the page says more" if page else ""
     summary = Summary(
         {"detections": detected.answer, **solutions_answer([], None), "verdict": None}, (*detected.files, *pages),
-        (f"{again}   # with other photos{': the page says what they lack' if page else ''}",) if again else (),
+        (f"{again}   # with the right target file, or other photos{more}",) if again else (),
         (*detected.remarks, *remarks), NOTHING_FOUND,
     )  # fmt: skip
     return say_next(summary, place)

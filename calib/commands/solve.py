@@ -16,6 +16,7 @@ from calib.commands.judged_page import (
 )
 from calib.commands.screen import quoted
 from calib.commands.solutions import Work, advise, best_of, files_of_solutions, say_files, solve_and_say
+from calib.files import check_folder
 from designer.answer import Summary
 from designer.completion import error_templates, one_of
 from designer.errors import InputError
@@ -185,20 +186,6 @@ def plan_of(
     return plan_from_words(
         model, fix=fix or [], share=share or [], focal=focal, loss=loss, reject=reject, weighted=weighted
     )
-
-
-def check_folder(folder: Path) -> None:
-    """Refuse a folder that takes no files before any work is done."""
-    import tempfile
-
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file, not a folder; choose another with -o")
-    try:
-        place = folder if folder.exists() else next(parent for parent in folder.absolute().parents if parent.exists())
-        with tempfile.TemporaryFile(dir=place):
-            pass
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}; choose another folder with -o") from None
 
 
 def reference_of(

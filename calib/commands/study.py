@@ -22,10 +22,10 @@ from calib.commands.solve import (
     RejectOption,
     ShareOption,
     WeightedOption,
-    check_folder,
     plan_of,
     read_input,
 )
+from calib.files import check_folder
 from designer.answer import StoppedError, Summary, Value, program
 from designer.command import command, printable
 from designer.completion import one_of

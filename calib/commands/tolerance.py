@@ -13,9 +13,9 @@ import typer
 
 from calib.commands.folder_page import say_next, with_page
 from calib.commands.screen import progress_bar, quoted, waiting
-from calib.commands.solve import check_folder
 from calib.commands.study import kept_when_stopped, stopped_in_a_line, table_answer
 from calib.commands.tolerance_screen import say_files, say_report
+from calib.files import check_folder
 from designer.answer import Summary
 from designer.command import printable
 from designer.completion import camera_templates, error_templates, one_of

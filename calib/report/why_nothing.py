@@ -57,13 +57,15 @@ def why_nothing(pixels: NDArray[np.generic], target: TargetGeometry) -> str:
         return ""
     what, count, radius_px = ("rings", rings, ring_px) if rings >= spots else ("dark spots", spots, spot_px)
     told = f"{count} {what} of about {radius_px:.1f} px radius were seen"
+    if shown:  # rings whose order is seen are large and sharp enough to be read
+        told = f"{rings} rings of about {ring_px:.1f} px radius were seen, in no order that fits this target"
+        return f"{told}: is this the right target file? it looks like {shown}"
     if radius_px < LEAST_RADIUS_PX:
         return f"{told}; rings need about {LEAST_RADIUS_PX:g} px: come nearer, or use a longer lens or more pixels"
     if what == "rings":
-        asked = (
+        return (
             f"{told}, in no order that fits this target: is this the right target file, is it sharp, and not cut off?"
         )
-        return f"{asked} it looks like {shown}" if shown else asked
     return f"{told}, without the white centre of a ring: is it the target of this file, and sharp?"
 
 
