@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from solver_scenes import observe, pose_from, poses_around
 from verdict_cases import BOARD, ICOSAHEDRON, OPTIONS, TRUE, believed, bent, check, judged, sightings, solved
 
@@ -15,7 +17,7 @@ from calib.verdict.halves import NoHalves, half_split
 from calib.verdict.judge import WORSE, judge
 from calib.verdict.of_run import judge_run
 from calib.verdict.target_shape import ShapeEffect
-from calib.verdict.verdict import Check, Grade
+from calib.verdict.verdict import Check, Grade, measured_text
 
 
 def _rank(grade: Grade) -> int:
@@ -102,6 +104,19 @@ def test_a_target_in_the_centre_only_is_good_there_only() -> None:
     assert "nothing was seen to check it" in run.verdict.sentence
 
 
+@given(value=st.floats(0, 120), limit=st.sampled_from([0.05, 0.3, 1.0, 5.0, 40.0, 70.0]), near=st.floats(-0.02, 0.02))
+def test_a_value_is_told_on_its_side_of_the_limits(value: float, limit: float, near: float) -> None:
+    """Rounding lifts nothing to a limit that it does not reach: grade and numbers agree for whoever compares them."""
+    for number in (value, limit * (1 + round(near, 5))):
+        for unit in ("%", "px"):
+            told = float(measured_text(number, unit, (limit,)))
+            assert (told > limit, told < limit) == (number > limit, number < limit) or abs(
+                number - limit
+            ) < 1e-7 * limit
+    assert measured_text(69.96, "%", (70.0, 40.0)) == "69.96"
+    assert measured_text(71.2, "%", (70.0, 40.0)) == "71"
+
+
 def _with_outliers(seen: Observations, share: float) -> Observations:
     rng = np.random.default_rng(5)
     rows = rng.random(len(seen.view)) < share
@@ -120,6 +135,7 @@ def test_outliers_are_counted() -> None:
     one = solve(seen, "opencv", rejecting)
     clean = judge_run([one], 0, half_split(one, rejecting), read_criteria())
     assert check(clean, "outliers").grade == "usable"
+    assert check(clean, "outliers").value <= check(clean, "outliers").usable
     assert check(clean, "outliers").value == pytest.approx(10, abs=2)
     assert clean.verdict.grade == "usable"
 

@@ -77,7 +77,7 @@ def finding_of(check: Check) -> Finding:
     found = "" if check.value is None else measured(check)
     sign = "≥" if check.is_at_least else "≤"
     has_limits = check.good or check.usable
-    rule = f"good {sign} {check.good:g}, usable {sign} {check.usable:g} {check.unit}".strip() if has_limits else ""
+    rule = f"good {sign} {check.good:.4g}, usable {sign} {check.usable:.4g} {check.unit}".strip() if has_limits else ""
     return Finding(
         LEVELS[check.grade], printable(check.title), as_sentence(printable(check.sentence)), printable(found), rule
     )

@@ -1,6 +1,6 @@
 """Each check: what was measured against its limits, and what that means in one sentence."""
 
-import math
+from dataclasses import replace
 
 from calib.results.evaluation_table import figure
 from calib.types import TargetError
@@ -9,7 +9,7 @@ from calib.verdict.criteria import Criteria, Limits
 from calib.verdict.evidence import FAR_OFF, Evidence, HalvesFound, ModelApart
 from calib.verdict.halves import NoHalves
 from calib.verdict.target_shape import ShapeEffect
-from calib.verdict.verdict import Check, Grade
+from calib.verdict.verdict import Check, Grade, measured_text
 from designer.tolerance.made import EXACT, MEASURED
 
 TITLES = {
@@ -115,16 +115,11 @@ def _coverage(evidence: Evidence, limits: Limits) -> Check:
     percent = 100 * evidence.coverage.share
     grade: Grade = "good" if percent >= limits.good else "usable" if percent >= limits.usable else "bad"
     names = tuple(region.name for region in evidence.coverage.not_covered)
-    sentence = f"the rings surround {_short_of(percent, limits)} % of the image"
+    text = measured_text(percent, "%", (limits.good, limits.usable))
+    sentence = f"the rings surround {text} % of the image"
     if names:
         sentence += f"; mostly without: {region_words(names)}"
     return _check("coverage", grade, percent, "%", limits, sentence, is_at_least=True)
-
-
-def _short_of(percent: float, limits: Limits) -> str:
-    """A share in per cent, with a decimal where rounding would lift it to a limit that it does not reach."""
-    is_lifted = any(percent < limit <= round(percent) for limit in (limits.good, limits.usable))
-    return f"{math.floor(10 * percent) / 10:.1f}" if is_lifted else f"{percent:.0f}"
 
 
 def _halves(evidence: Evidence, criteria: Criteria) -> Check:
@@ -222,19 +217,21 @@ def _is_other_shape(evidence: Evidence) -> bool:
 
 
 def _outliers(evidence: Evidence, limits: Limits) -> Check:
-    """Outliers that were left out do no harm by themselves, but many tell that something is amiss."""
+    """Outliers that were left out do no harm by themselves, but many tell that something is amiss.
+
+    So those come on top of the limit within which a solution is usable.
+    """
     found = evidence.leftover
     percent = 100 * (found.far_share + found.left_out_share)
+    limits = replace(limits, usable=limits.usable + 100 * found.left_out_share)
     grade = _at_most(percent, limits)
-    if grade == "bad" and _at_most(100 * found.far_share, limits) != "bad":
-        grade = "usable"
     sentence = (
         f"{_percent(found.far_share)} of the sightings are off by more than {FAR_OFF:g} robust standard deviations"
     )
     if found.stated_sigma_px is not None:
         sentence += ", both in pixels and of the noise that the detector states"
     if found.left_out_share > 0:
-        sentence += f", and {_percent(found.left_out_share)} were left out"
+        sentence += f", and {_percent(found.left_out_share)} were left out, which come on top of what is usable"
     elif grade != "good":
         sentence += f": look at them, and solve with --reject {FAR_OFF:g}"
     return _check("outliers", grade, percent, "%", limits, sentence)

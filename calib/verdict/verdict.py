@@ -1,10 +1,25 @@
 """What a verdict is."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
+from calib.results.evaluation_table import figure
+
 Grade = Literal["good", "usable", "bad", "unknown"]
 """`bad`: do not use; `unknown`: could not be checked, which is said and worsens nothing but leaves no praise."""
+
+MOST_DIGITS = 9
+
+
+def measured_text(value: float, unit: str, limits: tuple[float, ...]) -> str:
+    """A measured number, as short as is useful: rounded, it must not stand on another side of a limit."""
+    if not math.isfinite(value):
+        return figure(value)
+    texts = [f"{value:.0f}"] if unit == "%" and value >= 10 else []
+    texts += [figure(value, digits) for digits in range(2, MOST_DIGITS)]
+    beside = [[(value > limit) - (value < limit) for limit in limits] for value in (value, *map(float, texts))]
+    return next((text for text, sides in zip(texts, beside[1:], strict=True) if sides == beside[0]), texts[-1])
 
 
 @dataclass(frozen=True)

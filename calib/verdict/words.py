@@ -3,9 +3,8 @@
 from rich.table import Table
 from rich.text import Text
 
-from calib.results.evaluation_table import figure
 from calib.verdict.criteria import Criteria
-from calib.verdict.verdict import Check, Grade, Verdict
+from calib.verdict.verdict import Check, Grade, Verdict, measured_text
 from designer.command import printable
 
 MARKS: dict[Grade, tuple[str, str]] = {
@@ -52,20 +51,16 @@ def meanings_table(verdict: Verdict) -> Table:
 
 def measured(check: Check) -> str:
     """The value with its unit; "-" if it is not known."""
-    return "-" if check.value is None else with_unit(check.value, check.unit)
+    if check.value is None:
+        return "-"
+    return f"{measured_text(check.value, check.unit, (check.good, check.usable))} {check.unit}".rstrip()
 
 
 def limit(check: Check, value: float) -> str:
     """A limit with its unit: `<= 0.1 px`; "" where there is none."""
     if not check.unit:
         return ""
-    return f"{'>=' if check.is_at_least else '<='} {value:g} {check.unit}"
-
-
-def with_unit(value: float, unit: str) -> str:
-    """A measured number with its unit, as short as is useful."""
-    digits = f"{value:.0f}" if unit == "%" and value >= 10 else figure(value, 2)
-    return f"{digits} {unit}".rstrip()
+    return f"{'>=' if check.is_at_least else '<='} {value:.4g} {check.unit}"
 
 
 def criteria_line(criteria: Criteria) -> str:
