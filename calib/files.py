@@ -29,6 +29,11 @@ def distinct_stems(names: Sequence[str]) -> list[str]:
     return kept
 
 
+def named_in_files(path: Path) -> str:
+    """A path for results and advice, to be typed where it was typed; of an absolute one the name: no place is told."""
+    return path.name if path.is_absolute() else str(path)
+
+
 def check_folder(folder: Path, option: str = "-o") -> None:
     """Refuse a folder that takes no files before any work is done.
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from calib.camera_file import load_camera
 from calib.cameras import project
+from calib.files import named_in_files
 from calib.inputs.dataset import write_detections
 from calib.inputs.images import Photo
 from calib.pipeline.calibrate import calibrate
@@ -376,7 +377,7 @@ def test_options_that_mean_nothing_are_refused_before_any_work(folder: Path) -> 
         (("--reject", "0.1"), "--reject 0.1"),
         (("--focal", "10mm"), "length in pixels"),
         (("-o", "detections.csv"), "is a file"),
-        (("-o", "detections.csv/x"), "cannot be written"),
+        (("-o", "detections.csv/x"), "is a file"),
     ):
         common = () if "-o" in arguments else ("-o", "out")
         line = refused("solve", "detections.csv", "--target", "board.target.json", *common, *arguments)
@@ -404,7 +405,8 @@ def test_ctrl_c_keeps_what_is_finished_and_says_so(monkeypatch: pytest.MonkeyPat
 
 
 def test_no_place_of_this_machine_gets_into_the_files(folder: Path) -> None:
-    """Files are named as the user named them, by name alone where they lie."""
+    """Files are named as the user typed them, so that advice can be typed too; of absolute paths the name alone."""
+    assert named_in_files(Path("a/b.csv")) == "a/b.csv"
     place = folder / "detections.csv"
     assert calib("solve", place, "--target", folder / "board.target.json", "-o", folder / "out", *LENIENT).code == 0
     for path in (folder / "out").rglob("*"):

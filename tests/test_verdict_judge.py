@@ -46,7 +46,7 @@ def test_a_bent_board_is_not_good() -> None:
     assert check(run, "residuals").grade == "good"
     assert check(run, "models").grade == "good"
     assert check(run, "target").grade == "bad"
-    assert run.verdict.sentence.startswith("do not use: the target is not quite as its file says")
+    assert run.verdict.sentence.startswith("do not use: the target is not quite as given")
 
 
 def test_a_target_of_another_size_is_harmless() -> None:
@@ -100,7 +100,7 @@ def test_a_target_in_the_centre_only_is_good_there_only() -> None:
     run = judged(observe(TRUE, BOARD, poses_around(20, rng, distance_mm=600), rng, noise_px=0.02))
     assert run.verdict.grade == "bad"
     assert {one.name for one in run.verdict.checks if one.grade == "bad"} == {"uncertainty", "coverage"}
-    assert run.verdict.sentence.startswith("do not use: the rings surround only ")
+    assert run.verdict.sentence.startswith("do not use: the sightings surround only ")
     assert "nothing was seen to check it" in run.verdict.sentence
 
 
@@ -275,9 +275,9 @@ def _of_leftover(name: str, ratio: float = 1.0, **changes: float) -> Check:
 
 def test_words_are_no_stronger_than_what_is_found() -> None:
     """Within a limit there is a hint, and a target is only called wrong where the check of its shape is sure."""
-    assert "may not be quite as its file says" in _of_leftover("systematic", 2.5, target_px=0.04, rmse_px=0.06).sentence
-    assert "may not be quite as its file says" in _of_leftover("systematic", 2.5, target_px=0.1).sentence
-    assert "is not quite as its file says" in _of_leftover("systematic", 5.0, target_px=0.1).sentence
+    assert "may not be quite as given" in _of_leftover("systematic", 2.5, target_px=0.04, rmse_px=0.06).sentence
+    assert "may not be quite as given" in _of_leftover("systematic", 2.5, target_px=0.1).sentence
+    assert "is not quite as given" in _of_leftover("systematic", 5.0, target_px=0.1).sentence
     within = _of_leftover("residuals", rmse_px=0.06, sigma_px=0.045, stated_sigma_px=0.005)
     assert within.grade == "good"
     assert "within the limit, though 9.0 times the noise" in within.sentence
@@ -307,7 +307,7 @@ def test_what_is_far_off_is_told_by_the_noise_where_covariances_are_weights() ->
     assert told.remarks == ()
     known = judged(replace(shifted, cov_px2=noise))
     assert check(known, "outliers").grade == "good"
-    assert "of the noise that the detector states" in check(known, "outliers").sentence
+    assert "of the stated noise" in check(known, "outliers").sentence
 
 
 def test_a_model_that_fits_worse_cannot_blame_the_camera() -> None:

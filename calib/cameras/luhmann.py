@@ -99,7 +99,7 @@ class Luhmann:
     """Backward Brown distortion of a pinhole."""
 
     name: str = "luhmann"
-    remedy: str = "solve virtual too, which needs no lens formula"
+    remedy: str = "virtual needs no lens formula"
     parameters: tuple[Parameter, ...] = (
         *FOCAL_AND_CENTRE,
         *(Parameter(name, "1") for name in ("k1", "k2", "k3", "p1", "p2")),

@@ -73,7 +73,7 @@ class OpenCv:
     """Forward Brown distortion of a pinhole."""
 
     name: str = "opencv"
-    remedy: str = "solve luhmann or virtual too, which reach farther off the axis"
+    remedy: str = "luhmann and virtual reach farther off the axis"
     parameters: tuple[Parameter, ...] = (
         *FOCAL_AND_CENTRE,
         *(Parameter(name, "1") for name in ("k1", "k2", "p1", "p2", "k3")),

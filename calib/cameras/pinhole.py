@@ -16,7 +16,7 @@ class Pinhole:
     """A camera without distortion."""
 
     name: str = "pinhole"
-    remedy: str = "solve a model with a lens"
+    remedy: str = "models with a lens may reach them"
     parameters: tuple[Parameter, ...] = FOCAL_AND_CENTRE
 
     def rays(self, camera: Camera, pixel: Array) -> Array:

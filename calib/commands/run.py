@@ -59,7 +59,7 @@ from calib.commands.solve import (
     reference_of,
     reference_settings,
 )
-from calib.files import check_folder
+from calib.files import check_folder, named_in_files
 from designer.answer import Summary, Value
 from designer.command import command_line, printable
 from designer.errors import InputError
@@ -130,11 +130,12 @@ def run(
     if not seen:
         return _nothing_found(folder, target, geometry, found, detected, page=page)
     prepared = observations_from_detections(dataset_of(seen), geometry, origin="the photos")
+    table = folder / "detections.csv"
     settings = (
-        ("target", target.name), ("photos", str(len(found.paths))), *made_settings(made),
+        ("target", named_in_files(target)), ("detections", named_in_files(table)), ("photos", str(len(found.paths))),
+        *made_settings(made),
         *reference_settings(reference, reference_target),
     )  # fmt: skip
-    table = folder / "detections.csv"
     work = Work(
         prepared.observations, prepared.remarks, detected.plan, folder, geometry.layout_id, settings, map_of, known,
         way, (table,),

@@ -16,7 +16,7 @@ from calib.commands.judged_page import (
 )
 from calib.commands.screen import quoted
 from calib.commands.solutions import Work, advise, best_of, files_of_solutions, say_files, solve_and_say
-from calib.files import check_folder
+from calib.files import check_folder, named_in_files
 from designer.answer import Summary
 from designer.completion import error_templates, one_of
 from designer.errors import InputError
@@ -111,8 +111,8 @@ def solve(
     geometry = None if target is None else load_target(target)
     way = how_made(geometry, made, rendered_id=_rendered_id(detections))
     settings = (
-        ("detections", detections.name),
-        ("target", "" if target is None else target.name),
+        ("detections", named_in_files(detections)),
+        ("target", "" if target is None else named_in_files(target)),
         *made_settings(made),
         *reference_settings(reference, reference_target),
     )
@@ -124,7 +124,7 @@ def solve(
     say_files(solutions)
     judged = judge_and_report(solutions, work, limits, geometry, page=page)
     steps = advise(
-        solutions, first=judged.look, again=judged.again("and detect them with the others"),
+        solutions, first=judged.look, again=judged.again("and add what they show to the file"),
         evaluate=lambda best: f"calib evaluate {quoted(best.folder)}",
     )  # fmt: skip
     return Summary(

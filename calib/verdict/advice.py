@@ -7,6 +7,7 @@ the same, what spoils the photos comes before what is missing in them: more phot
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +52,7 @@ MAP_MISSING = 0.05
 
 @dataclass(frozen=True)
 class Inputs:
-    """The files that a camera was solved from, by a person's own names."""
+    """The files that a camera was solved from, as a person typed them."""
 
     sightings: str = "detections.csv"
     target: str = "NAME.target.json"  # "": the sightings hold their own points
@@ -67,7 +68,7 @@ class Inputs:
         """The commands that measure the target and solve with the measured one."""
         target, sightings = self.target or "NAME.target.json", shlex.quote(self.sightings)
         made = "" if self.target else f"`calib target --from POINTS.csv -o {target}` with a table of its points, then "
-        measured = shlex.quote(f"measured/{target}")
+        measured = shlex.quote(f"measured/{Path(target).name}")
         return (
             f"{made}`calib measure {shlex.quote(target)} {sightings} -o {measured}`, then `calib solve {sightings} "
             f"--target {measured} -o again`"
@@ -157,8 +158,8 @@ def _target(evidence: Evidence, criteria: Criteria, inputs: Inputs) -> _Step:
     if on_target is not None and on_target > criteria.systematic_px.good:
         is_certain = shape is None or shape.ratio > SURE
         sentence = (
-            f"{measure}; its rings are off by {px(on_target)} in the same way in all photos, so it "
-            f"{'is' if is_certain else 'may be'} not flat or not as its file says"
+            f"{measure}; its points are off by {px(on_target)} in the same way in all photos, so it "
+            f"{'is' if is_certain else 'may be'} not flat or not as given"
         )
         return _step(sentence, "target", "systematic", "halves")
     if shape is not None and shape.ratio > BY_CHANCE and shape.percentile_95_px > criteria.target_px.good:
@@ -189,7 +190,7 @@ def _target_share(evidence: Evidence, criteria: Criteria, inputs: Inputs) -> str
         return ""
     return (
         f"measure the target: {inputs.measure}; of the {px(found.rmse_px)} left over, {px(on_target)} are the same for "
-        "a ring in all photos"
+        "a point of the target in all photos"
     )
 
 
@@ -198,11 +199,15 @@ def _lens(evidence: Evidence, criteria: Criteria, model: str, inputs: Inputs) ->
     over_image, on_target = evidence.leftover.image_px, evidence.leftover.target_px or 0.0
     if over_image is None or over_image <= max(criteria.systematic_px.good, on_target):
         return ""
-    other = "another camera model" if model == "virtual" else "the virtual model"
-    command = "" if model == "virtual" else f": `{inputs.solve} --model virtual`"
+    if model == "virtual":
+        step = "try another camera model"
+    elif any(one.model == "virtual" for one in evidence.models):
+        step = "compare with the virtual camera, which was solved too"
+    else:
+        step = f"try the virtual model: `{inputs.solve} --model virtual`"
     may_bend = evidence.shape is not None and evidence.shape.ratio > BY_CHANCE
     return (
-        f"try {other}{command}; residuals at the same place in the image agree in all photos, by {px(over_image)} "
+        f"{step}; residuals at the same place in the image agree in all photos, by {px(over_image)} "
         f"beyond noise, so {model} does not fit this lens" + (", or the target bends" if may_bend else "")
     )
 
@@ -230,7 +235,7 @@ def _odd_photos(facts: ViewFacts, criteria: Criteria) -> str:
     worst = float(facts.rms_px[odd[0]])
     return (
         f"look at {_names(facts, odd)}: {'its' if len(odd) == 1 else 'their'} residuals are up to {px(worst)}, the "
-        f"median photo's {px(middle)}; blurred, moved, or rings taken for others: take {_them(odd)} again, or leave "
+        f"median photo's {px(middle)}; blurred, moved, or points taken for others: take {_them(odd)} again, or leave "
         f"{_them(odd)} out"
     )
 
@@ -253,7 +258,7 @@ def _far_off(calibration: Calibration, evidence: Evidence, criteria: Criteria, f
     what = "were left out" if out[far].all() else "are far off or were left out" if out.any() else "are far off"
     leave = "" if out.any() else f"; to leave them out: `{inputs.solve} --reject {FAR_OFF:g}`"
     return (
-        f"look at the overlays for glare, shadows and fingers: {count} of {len(far)} sightings "
+        f"look at the photos for glare, shadows and fingers: {count} of {len(far)} sightings "
         f"({figure(percent, 2)} %) {what}, {where}{leave}"
     )
 
@@ -304,8 +309,8 @@ def _few_rings(facts: ViewFacts) -> str:
     if rings >= FEW_RINGS:
         return ""
     return (
-        f"use a target with more rings: the median photo shows {rings:.0f}, whose {2 * rings:.0f} coordinates also pay "
-        "for the 6 unknowns of its pose"
+        f"use a target with more points: the median photo shows {rings:.0f}, whose {2 * rings:.0f} coordinates also "
+        "pay for the 6 unknowns of its pose"
     )
 
 

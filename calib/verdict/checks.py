@@ -116,7 +116,7 @@ def _coverage(evidence: Evidence, limits: Limits) -> Check:
     grade: Grade = "good" if percent >= limits.good else "usable" if percent >= limits.usable else "bad"
     names = tuple(region.name for region in evidence.coverage.not_covered)
     text = measured_text(percent, "%", (limits.good, limits.usable))
-    sentence = f"the rings surround {text} % of the image"
+    sentence = f"the sightings surround {text} % of the image"
     if names:
         sentence += f"; mostly without: {region_words(names)}"
     return _check("coverage", grade, percent, "%", limits, sentence, is_at_least=True)
@@ -178,7 +178,7 @@ def _residuals(evidence: Evidence, limits: Limits) -> Check:
     sentence = f"{px(found.rmse_px)} are left over (RMS of {found.count} sightings)"
     grade = _at_most(found.rmse_px, limits)
     if found.stated_sigma_px and found.sigma_px > NOISY * found.stated_sigma_px:
-        times = f"{figure(found.sigma_px / found.stated_sigma_px, 2)} times the noise that the detector states"
+        times = f"{figure(found.sigma_px / found.stated_sigma_px, 2)} times the noise that is stated"
         sentence += (
             f": within the limit, though {times}, a hint that some of it comes from target, lens or moving things"
             if grade == "good"
@@ -194,16 +194,16 @@ def _systematic(evidence: Evidence, limits: Limits) -> Check:
         return _check("systematic", "unknown", None, "px", limits, "not checked: too few sightings for means")
     value = max(known)
     on_target = found.target_px is not None and found.target_px == value
-    where = "of a ring in all photos" if on_target else "of a place in the image"
+    where = "of a point of the target in all photos" if on_target else "of a place in the image"
     grade = _at_most(value, limits)
     is_certain = grade != "good" and (not on_target or _is_other_shape(evidence))
     cause = (
-        f"the target {'is not' if is_certain else 'may not be'} quite as its file says"
+        f"the target {'is not' if is_certain else 'may not be'} quite as given"
         if on_target
         else f"the model {'does' if is_certain else 'may'} not fit the lens, or the target bends"
     )
     if value <= LEAST_PX:
-        sentence = "the mean residuals of places in the image, and of rings, are no larger than noise makes them"
+        sentence = "the mean residuals of places in the image, and of the target's points, are no larger than noise"
         return _check("systematic", grade, value, "px", limits, sentence)
     sentence = f"the mean residual {where} is {px(value)} beyond what noise gives (RMS)"
     if value > limits.good or value > LARGE_SHARE * found.rmse_px:
@@ -229,7 +229,7 @@ def _outliers(evidence: Evidence, limits: Limits) -> Check:
         f"{_percent(found.far_share)} of the sightings are off by more than {FAR_OFF:g} robust standard deviations"
     )
     if found.stated_sigma_px is not None:
-        sentence += ", both in pixels and of the noise that the detector states"
+        sentence += ", both in pixels and of the stated noise"
     if found.left_out_share > 0:
         sentence += f", and {_percent(found.left_out_share)} were left out, which come on top of what is usable"
     elif grade != "good":
@@ -257,7 +257,7 @@ def _target(evidence: Evidence, limits: Limits) -> Check:
     blamed = "may not be" if not is_sure or evidence.may_be_lens else "is not"
     other = ", or the model does not fit the lens" if evidence.may_be_lens else ""
     sentence = (
-        f"the target {blamed} quite as its file says{other} ({figure(found.ratio, 2)} sigma; "
+        f"the target {blamed} quite as given{other} ({figure(found.ratio, 2)} sigma; "
         f"bent by about {figure(found.bow_mm, 2)} mm): allowed for, it moves the camera by up to "
         f"{px(found.percentile_95_px)} in 95 % of the covered image"
     )
@@ -274,7 +274,7 @@ def _target_by_chance(evidence: Evidence, found: ShapeEffect, limits: Limits) ->
     error, by_target = evidence.uncertainty.target_error, evidence.uncertainty.target_px
     if found.sigma_px <= limits.good:
         sentence = (
-            "nothing speaks against the target's file: one that may bend and stretch explains the photos no better"
+            "nothing speaks against the target as given: one that may bend and stretch explains the photos no better"
         )
         if error is not None:
             sentence += f"; it is taken to be {made_as(error)}"

@@ -84,7 +84,7 @@ def _good_inside(evidence: Evidence, faults: Sequence[Check]) -> str:
     limit = next((check.usable for check in faults if check.name == "uncertainty"), math.inf)
     if inside is None or inside > limit or evidence.uncertainty.is_map_exact:
         return ""
-    covered = f"the rings surround only {100 * evidence.coverage.share:.0f} % of the image, where it is known to"
+    covered = f"the sightings surround only {100 * evidence.coverage.share:.0f} % of the image, where it is known to"
     if math.isinf(limit):
         elsewhere = "the lens model only continues what it learned there"
     elif outside is None:
