@@ -154,6 +154,17 @@ class TargetError:
 
 
 @dataclass(frozen=True, eq=False)
+class ImageField:
+    """Errors that are fixed in the image and that the lens model does not follow, as the residuals show them."""
+
+    left_px: float  # root mean square that it leaves in a coordinate of the residuals
+    param_covariance: NDArray[np.float64]  # (P, P) of what the parameters took of it, to be added to that of the noise
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "param_covariance", frozen_array(self.param_covariance))
+
+
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """A camera solved from observations, with V poses and what is known of their accuracy."""
 
@@ -173,13 +184,13 @@ class Calibration:
     iterations: int
     seconds: float
     target_error: TargetError | None = None  # None: nothing is known of how the target was made
+    image_field: ImageField | None = None  # None: nothing shows that there is one
 
     @property
     def stated_covariance(self) -> NDArray[np.float64]:
-        """The parameters' covariance as it is to be told: by the noise, and by what the target may be off.  # (P, P)"""
-        if self.target_error is None:
-            return self.param_covariance
-        stated: NDArray[np.float64] = self.param_covariance + self.target_error.param_covariance
+        """The parameters' covariance as it is to be told: by noise, target and what is fixed in the image.  # (P, P)"""
+        parts = [part.param_covariance for part in (self.target_error, self.image_field) if part is not None]
+        stated: NDArray[np.float64] = sum(parts, start=np.asarray(self.param_covariance))
         return stated
 
     def __post_init__(self) -> None:

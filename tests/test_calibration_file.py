@@ -20,7 +20,7 @@ from calib.files import write_files
 from calib.results.calibration_file import Provenance, read_calibration, write_calibration
 from calib.results.observation_table import COLUMNS, FIRST_LINE, read_sightings
 from calib.solver.options import SolveOptions
-from calib.types import Calibration, Camera, KnownPoints, LearnedMap, TargetError
+from calib.types import Calibration, Camera, ImageField, KnownPoints, LearnedMap, TargetError
 from designer.errors import InputError
 from tests.calibrations import board, example
 
@@ -99,6 +99,7 @@ def test_views_may_have_any_file_names(names: list[str], tmp_path: Path) -> None
 def test_what_the_target_may_be_off_is_kept(tmp_path: Path) -> None:
     """The way of making, why it was assumed, and its covariance come back; files without them know nothing of it."""
     one = replace(calibration(), target_error=TargetError("fdm-board", "its file says so", 0.1 * np.eye(9)))
+    one = replace(one, image_field=ImageField(0.02, 0.3 * np.eye(9)))
     path = written(tmp_path, one)
     assert same(read_calibration(path)[0], one)
     document = json.loads(path.read_text())

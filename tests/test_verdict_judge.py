@@ -10,7 +10,7 @@ from solver_scenes import observe, pose_from, poses_around
 from verdict_cases import BOARD, ICOSAHEDRON, OPTIONS, TRUE, believed, bent, check, judged, sightings, solved
 
 from calib.solver.solve import solve
-from calib.types import Observations, TargetError
+from calib.types import ImageField, Observations, TargetError
 from calib.verdict.criteria import Criteria, Limits, read_criteria
 from calib.verdict.evidence import HalvesFound, evidence_of, uncertainty_of
 from calib.verdict.halves import NoHalves, half_split
@@ -338,4 +338,10 @@ def test_halves_that_differ_beyond_chance_enlarge_the_uncertainty(ratio: float, 
     both = uncertainty_of(replace(run[0], target_error=error), evidence.coverage, halves.factor)
     assert both.image_px == pytest.approx(np.sqrt(factor**2 + 3) * stated)
     assert both.target_px == pytest.approx(np.sqrt(3) * stated)
+    field = ImageField(0.02, 5 * run[0].param_covariance)
+    all_three = uncertainty_of(replace(run[0], target_error=error, image_field=field), evidence.coverage, halves.factor)
+    assert all_three.image_px == pytest.approx(np.sqrt(factor**2 + 8) * stated)
+    told = judge(replace(evidence, halves=halves, uncertainty=all_three), read_criteria()).checks
+    sentence = next(one for one in told if one.name == "uncertainty").sentence
+    assert ("a field of 0.020 px fixed in the image that the lens model does not follow" in sentence) == (factor < 2)
     assert ("times what the solution states" in found.sentence) == (factor > 1)

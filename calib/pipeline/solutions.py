@@ -12,6 +12,7 @@ from calib.pipeline.made import with_made
 from calib.pipeline.settings import SolvePlan
 from calib.results.calibration_file import Provenance, write_calibration
 from calib.results.truth import Truth
+from calib.solver.image_field import with_image_field
 from calib.types import Observations
 from calib.virtual.solve_virtual import Reference
 from designer.errors import InputError, NotWrittenError
@@ -66,7 +67,8 @@ def solve_models(
     for model in plan.models:
         place = folder if len(plan.models) == 1 else folder / model
         try:
-            calibration = with_made(calibrate(observations, model, plan.options_of(model), reference), made)
+            solved = calibrate(observations, model, plan.options_of(model), reference)
+            calibration = with_image_field(with_made(solved, made))
             calibration = replace(calibration, remarks=(*calibration.remarks, *remarks))
             evaluation = evaluate(calibration, truth)
             files = tuple(write_calibration(place, calibration, provenance(model)))

@@ -85,6 +85,8 @@ def uncertainty_figure(one: Solved, found: SigmaMap, halves: HalvesApart | NoHal
     )
     if calibration.target_error is not None and calibration.target_error.param_covariance.any():
         caption += f", and what a target {made_words(calibration.target_error)} may be off"
+    if calibration.image_field is not None:
+        caption += ", and what it may have taken of a field fixed in the image that the lens model does not follow"
     if calibration.camera.learned is not None:
         caption += "; the learned map is taken as exact, so the truth is larger"
     caption += f". {inside}" if inside else ""

@@ -22,7 +22,7 @@ from calib.files import write_files
 from calib.results.observation_table import MAX_RESIDUAL_PX, observations_to_csv, read_sightings
 from calib.results.rigid import rigid_fault
 from calib.solver.options import SolveOptions
-from calib.types import Calibration, Camera, KnownPoints, Observations, Status, TargetError
+from calib.types import Calibration, Camera, ImageField, KnownPoints, Observations, Status, TargetError
 from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
 from designer.spec_file import shown
@@ -72,6 +72,13 @@ class _TargetError(BaseModel):
     param_covariance: _Rows
 
 
+class _ImageField(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    left_px: Annotated[_Number, Field(ge=0)]
+    param_covariance: _Rows
+
+
 class _CalibrationFile(BaseModel):
     """The keys of the file in their order."""
 
@@ -90,6 +97,7 @@ class _CalibrationFile(BaseModel):
     camera: JsonValue
     param_covariance: _RowsWithGaps
     target_error: _TargetError | None = None
+    image_field: _ImageField | None = None
     geometry_id: str
     observations_sha256: str
     planes: list[tuple[_Number, _Number, _Number, _Number]]
@@ -125,6 +133,7 @@ def _require_readable(text: bytes, calibration: Calibration, folder: Path) -> No
         file = _CalibrationFile.model_validate(json.loads(text))
         camera, *_ = _parts(file, "camera")
         _read_target_error(file.target_error, len(camera.params))
+        _read_image_field(file.image_field, len(camera.params))
         if (np.abs(calibration.residual_px[~calibration.is_outlier]) > MAX_RESIDUAL_PX).any():
             raise ValueError(f"a residual is beyond {MAX_RESIDUAL_PX:g} px")
     except ValidationError as error:
@@ -154,6 +163,7 @@ def _calibration_to_json(calibration: Calibration, provenance: Provenance, diges
         "camera": json.loads(camera_to_json(calibration.camera)),
         "param_covariance": _with_gaps(calibration.param_covariance),
         "target_error": _target_error(calibration.target_error),
+        "image_field": _image_field(calibration.image_field),
         "geometry_id": points.geometry_id,
         "observations_sha256": digest,
     }
@@ -173,6 +183,12 @@ def _target_error(error: TargetError | None) -> dict[str, object] | None:
     if error is None:
         return None
     return {"made": error.made, "because": error.because, "param_covariance": error.param_covariance.tolist()}
+
+
+def _image_field(field: ImageField | None) -> dict[str, object] | None:
+    if field is None:
+        return None
+    return {"left_px": field.left_px, "param_covariance": field.param_covariance.tolist()}
 
 
 def _views(calibration: Calibration) -> Iterator[dict[str, object]]:
@@ -236,6 +252,7 @@ def _calibration(file: _CalibrationFile, path: Path) -> Calibration:
         iterations=file.iterations,
         seconds=file.seconds,
         target_error=_read_target_error(file.target_error, len(camera.params)),
+        image_field=_read_image_field(file.image_field, len(camera.params)),
     )
 
 
@@ -245,6 +262,14 @@ def _read_target_error(file: _TargetError | None, parameters: int) -> TargetErro
         return None
     covariance = _matrix(file.param_covariance, (parameters,) * 2, "target_error.param_covariance")
     return TargetError(file.made, file.because, _covariance(covariance))
+
+
+def _read_image_field(file: _ImageField | None, parameters: int) -> ImageField | None:
+    """What the parameters took of a field over the image."""
+    if file is None:
+        return None
+    covariance = _matrix(file.param_covariance, (parameters,) * 2, "image_field.param_covariance")
+    return ImageField(file.left_px, _covariance(covariance))
 
 
 def _parts(file: _CalibrationFile, origin: str) -> tuple[Camera, tuple[str, ...], Array, Array, KnownPoints, Array]:

@@ -56,6 +56,24 @@ class ShapeEquations:
         return slice(self.basis.shape[1])
 
 
+@dataclass(frozen=True, eq=False)
+class WhitenedView:
+    """The M sightings of a view that count, to first order, times their weights."""
+
+    row: NDArray[np.int64]  # (M,) of the observations
+    weight: Array  # (M, 2, 2) whitener of each, unity if the solution is not weighted
+    by_camera: Array  # (M, 2, Q)
+    residual: Array  # (M, 2, 1)
+    by_pose: Array  # (M, 2, 6)
+    by_place: Array  # (M, 2, 3) in the target's frame
+
+    def poses_taken(self) -> Array:
+        """An orthonormal basis of what the pose takes up (M, 2, 6), from columns whose lengths are made alike."""
+        flat = self.by_pose.reshape(-1, POSE)
+        basis: Array = np.linalg.qr(flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-300))[0]
+        return basis.reshape(self.by_pose.shape)
+
+
 def free_directions(param_covariance: Array) -> Array:
     """Independent directions (P, Q) in which parameters were estimated, each a standard deviation long."""
     sigma = np.sqrt(np.maximum(np.diagonal(param_covariance), 0.0))
@@ -85,18 +103,19 @@ def shape_equations(calibration: Calibration, basis: Array, modes_mm: Array, own
     # The residuals stand behind the other columns.
     products, block, cross = np.zeros((dense + 1,) * 2), np.zeros((len(used), each, each)), np.zeros((count, dense + 1))
     taken, taken_own, equations = [np.zeros((0, dense + 1))], [np.zeros((0, count))], 0
-    for point, columns, by_pose, by_place in _views(calibration, basis):
+    for view in whitened_views(calibration, basis):
+        point, by_place = seen.point[view.row], view.by_place
         if 2 * len(point) <= POSE:
             continue
         by_modes = by_place @ modes_mm[:, point].transpose(1, 2, 0)
-        common = np.concatenate([columns[:, :, :-1], by_modes, columns[:, :, -1:]], axis=2)
+        common = np.concatenate([view.by_camera, by_modes, view.residual], axis=2)
         own, row = by_place @ own_mm[point], slot[point]
         column = each * row[:, None] + np.arange(each)
         flat = common.reshape(-1, dense + 1)
         products += flat.T @ flat
         np.add.at(block, row, own.transpose(0, 2, 1) @ own)
         np.add.at(cross, column, own.transpose(0, 2, 1) @ common)
-        across = _orthonormal(by_pose).reshape(len(point), 2, POSE)
+        across = view.poses_taken()
         part = np.zeros((POSE, count))
         np.add.at(part, (np.arange(POSE)[:, None], column[:, None, :]), across.transpose(0, 2, 1) @ own)
         taken.append(across.reshape(-1, POSE).T @ flat)
@@ -111,33 +130,26 @@ def shape_equations(calibration: Calibration, basis: Array, modes_mm: Array, own
     return ShapeEquations(basis, products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), equations, alone)
 
 
-def _orthonormal(by_pose: Array) -> Array:
-    """A basis (2M, 6) of the columns of derivatives (M, 2, 6), their lengths made alike."""
-    flat = by_pose.reshape(-1, POSE)
-    basis: Array = np.linalg.qr(flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-300))[0]
-    return basis
+def whitened_views(calibration: Calibration, basis: Array) -> Iterator[WhitenedView]:
+    """The sightings of each view that count, to first order.
 
-
-def _views(calibration: Calibration, basis: Array) -> Iterator[tuple[NDArray[np.int64], Array, Array, Array]]:
-    """Of each view the points (M,), and of each sighting, whitened if the solution is weighted:
-
-    derivatives by the camera with the residual behind them (M, 2, Q + 1), by the pose (M, 2, 6), and by the point's
-    place in the target's frame (M, 2, 3).
+    Args:
+        calibration: the solution.
+        basis: directions of the camera's parameters (P, Q).
     """
     seen = calibration.observations
     for view, pose in enumerate(calibration.cam_from_target):
-        rows = np.flatnonzero((seen.view == view) & ~calibration.is_outlier)
-        point = seen.point[rows]
-        place = seen.points.position_mm[point] @ pose[:3, :3].T + pose[:3, 3]
+        row = np.flatnonzero((seen.view == view) & ~calibration.is_outlier)
+        place = seen.points.position_mm[seen.point[row]] @ pose[:3, :3].T + pose[:3, 3]
         linear = linearise(calibration.camera, np.ascontiguousarray(place.T))
         by_place = linear.by_point.transpose(2, 0, 1)
         # A turn by w about the camera's axes moves a place p by w x p.
         by_pose = np.concatenate([np.cross(place[:, None, :], by_place), by_place], axis=2)
-        by_camera = linear.by_params.transpose(2, 0, 1) @ basis
-        columns = np.concatenate([by_camera, calibration.residual_px[rows][:, :, None]], axis=2)
-        fields = (columns, by_pose, by_place @ pose[:3, :3])
-        if calibration.weighted and seen.cov_px2 is not None and len(rows):
-            a, b, c = whiteners(seen.cov_px2[rows])
+        weight = np.tile(np.eye(2), (len(row), 1, 1))
+        if calibration.weighted and seen.cov_px2 is not None and len(row):
+            a, b, c = whiteners(seen.cov_px2[row])
             weight = np.stack([a, np.zeros_like(a), b, c], axis=1).reshape(-1, 2, 2)
-            fields = (weight @ columns, weight @ by_pose, weight @ fields[2])
-        yield point, *fields
+        yield WhitenedView(
+            row, weight, weight @ (linear.by_params.transpose(2, 0, 1) @ basis),
+            weight @ calibration.residual_px[row][:, :, None], weight @ by_pose, weight @ (by_place @ pose[:3, :3]),
+        )  # fmt: skip

@@ -95,6 +95,11 @@ def _uncertainty(evidence: Evidence, criteria: Criteria) -> Check:
         )
     if found.target_error is not None and found.by_target:
         inside += f"; {px(found.target_px)} of it is what a target {made_as(found.target_error)} may be off"
+    if found.image_field is not None and found.by_field and found.field_px >= LEAST_PX:
+        inside += (
+            f"; {px(found.field_px)} of it is what the camera may have taken of a field of "
+            f"{px(found.image_field.left_px)} fixed in the image that the lens model does not follow"
+        )
     if found.is_map_exact:
         sentence = f"not known: the learned map is taken as exact, and covers {100 * found.known:.0f} % of the image"
         return _check("uncertainty", "unknown", None, "px", limits, sentence)

@@ -14,7 +14,7 @@ from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, res
 from calib.refit import image_grid
 from calib.solver.outliers import deviations
 from calib.solver.uncertainty import sigma_over_image_px
-from calib.types import Calibration, Camera, Status, TargetError
+from calib.types import Calibration, Camera, ImageField, Status, TargetError
 from calib.verdict.apart import Known, apart, sigma_over
 from calib.verdict.coverage import Coverage, coverage_of
 from calib.verdict.halves import HalfSplit, NoHalves, halves_apart
@@ -34,7 +34,7 @@ FAR_OFF = 4.0
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Standard deviation of the camera's pixels, along its worse axis: by noise, and by what the target may be off."""
+    """Standard deviation of the camera's pixels, along its worse axis: by noise, target, and a field over the image."""
 
     image_px: float | None  # 95 % of the image is at most so uncertain; None: of less is anything known
     covered_px: float | None  # 95 % of what the sightings cover
@@ -45,11 +45,18 @@ class Uncertainty:
     is_estimated: bool  # at least one parameter was
     is_map_exact: bool  # the error of a learned map is not in it
     factor: float = 1.0  # by which halves of the photos enlarge the part of the noise
+    image_field: ImageField | None = None  # None: nothing shows that there is one
+    field_px: float = 0.0  # of the image, by that field alone
 
     @property
     def by_target(self) -> bool:
         """Whether most of it is the target's."""
         return self.image_px is not None and 2 * self.target_px**2 > self.image_px**2
+
+    @property
+    def by_field(self) -> bool:
+        """Whether more of it is the field's than the noise's."""
+        return self.noise_px is None or self.field_px > self.factor * self.noise_px
 
 
 @dataclass(frozen=True)
@@ -160,7 +167,7 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
     """How uncertain a camera is.
 
     Args:
-        calibration: of it, with what its target may be off if that is known.
+        calibration: of it, with what its target may be off and what is fixed in the image if that is known.
         covered: by its sightings.
         factor: that halves of the photos enlarge the standard deviations of the noise by.
     """
@@ -170,17 +177,23 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
     image: float | None = None
     inside: float | None = None
     noise: float | None = None
-    camera, error, by_target = calibration.camera, calibration.target_error, 0.0
+    camera, error, field = calibration.camera, calibration.target_error, calibration.image_field
+    by_target = by_field = 0.0
     if is_estimated and np.isfinite(calibration.param_covariance).all():
-        # Halves show what differs between photos; what the target is off is the same in all.
+        # Halves show what differs between photos; what target and lens are off is the same in all.
         covariance = factor**2 * calibration.param_covariance
         if error is not None:
             covariance = covariance + error.param_covariance
             by_target = _over_image_px(camera, error.param_covariance) or 0.0
+        if field is not None:
+            covariance = covariance + field.param_covariance
+            by_field = _over_image_px(camera, field.param_covariance) or 0.0
         image, noise = _over_image_px(camera, covariance), _over_image_px(camera, calibration.param_covariance)
         inside = _quantile(sigma_over(Known(camera, covariance), covered))
     is_exact = camera.learned is not None
-    return Uncertainty(image, inside, noise, by_target, error, known, is_estimated, is_exact, factor)
+    return Uncertainty(
+        image, inside, noise, by_target, error, known, is_estimated, is_exact, factor, field, by_field
+    )  # fmt: skip
 
 
 def _over_image_px(camera: Camera, covariance: Array) -> float | None:

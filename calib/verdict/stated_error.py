@@ -6,7 +6,8 @@ and Y between q and the numbers s of the target's shape, move the solution; its 
 
     e' = (1 + X)^-1 (e - Y s + noise of the photos).
 
-What of the target's error the photos share with those before stays, however many they are.
+What of the target's error the photos share with those before stays, however many they are, and what the camera took of
+a field that is fixed in the image stays whole.
 """
 
 from dataclasses import dataclass
@@ -32,16 +33,17 @@ class StatedError:
     modes_mm: Array | None  # (S, K, 3) of the target's shape; None: not known, so no photo takes anything from its part
     mixed: Array  # (Q, S) of e with s
     shape: Array  # (S, S) of s
+    by_field: Array  # (Q, Q) of e, by what is fixed in the image
 
     def after(self, told: Array) -> Array:
         """Mean squares (Q, Q) of e after photos with the information (Q + S, Q + S) on q and s."""
         size = len(self.by_target)
         inverse, by_shape = covariance_with_prior(told[:size, :size]), told[:size, size:]
         if self.modes_mm is None:
-            return self.noise * inverse + self.by_target
+            return self.noise * inverse + self.by_target + self.by_field
         across = self.mixed @ by_shape.T
         target = self.by_target - across - across.T + by_shape @ self.shape @ by_shape.T
-        found: Array = self.noise * inverse + inverse @ target @ inverse
+        found: Array = self.noise * inverse + inverse @ target @ inverse + self.by_field
         return found
 
 
@@ -56,12 +58,15 @@ def stated_error(known: Knowledge, calibration: Calibration, factor: float, prio
     """
     size, error = known.basis.shape[1], calibration.target_error
     none, to_q = np.zeros((size, 0)), pseudo_inverse(known.basis)
+    by_field = np.zeros((size, size))
+    if known.is_determined and calibration.image_field is not None:
+        by_field = to_q @ calibration.image_field.param_covariance @ to_q.T
     if error is None or not known.is_determined or not error.param_covariance.any():
-        return StatedError(factor**2, np.zeros((size, size)), None, none, none.T @ none)
+        return StatedError(factor**2, np.zeros((size, size)), None, none, none.T @ none, by_field)
     by_target = to_q @ error.param_covariance @ to_q.T
     found = left_open(calibration, prior)
     if found is None:
-        return StatedError(factor**2, by_target, None, none, none.T @ none)
+        return StatedError(factor**2, by_target, None, none, none.T @ none, by_field)
     camera = found.basis.shape[1]
     mixed, shape = found.mean_square[:camera, camera:], found.mean_square[camera:, camera:]
-    return StatedError(factor**2, by_target, found.modes_mm, to_q @ found.basis @ mixed, shape)
+    return StatedError(factor**2, by_target, found.modes_mm, to_q @ found.basis @ mixed, shape, by_field)

@@ -28,6 +28,7 @@ from numpy.typing import NDArray  # noqa: E402
 from calib.camera_difference import camera_difference  # noqa: E402
 from calib.pipeline.calibrate import calibrate  # noqa: E402
 from calib.pipeline.made import with_made  # noqa: E402
+from calib.solver.image_field import with_image_field  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
 from calib.types import Calibration, Camera  # noqa: E402
 from calib.verdict.coverage import coverage_of  # noqa: E402
@@ -87,7 +88,7 @@ def outcome_of(case: Case, criteria: Criteria, models: Sequence[str], *, assumes
     if not solved:
         return None
     way = how_made(target_of(case), EXACT if case.is_exact and not assumes else None)
-    solved = [with_made(one, way) for one in solved]
+    solved = [with_image_field(with_made(one, way)) for one in solved]
     best = min(range(len(solved)), key=lambda row: _order(solved[row]))
     halves = half_split(solved[best], options)
     judged = judge_run(solved, best, halves, criteria)
