@@ -91,13 +91,18 @@ class Detector:
         )  # fmt: skip
 
 
+def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """None is drawn any more."""
+    monkeypatch.setattr("calib.figures.picture", lambda *_: b"ringsolid")
+    monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
+
+
 @pytest.fixture
 def detector(monkeypatch: pytest.MonkeyPatch) -> Detector:
     """In place of the real one, which takes longer; pictures are not drawn."""
     fake = Detector()
     monkeypatch.setattr("calib.detect.pipeline.detect", fake)
-    monkeypatch.setattr("calib.figures.picture", lambda *_: b"ringsolid")
-    monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
+    no_pictures(monkeypatch)
     return fake
 
 
@@ -106,7 +111,7 @@ def quick(*arguments: object) -> tuple[str, ...]:
     return ("run", "board.target.json", *map(str, arguments), "--model", "opencv", "-o", "out", *LENIENT)
 
 
-def test_photos_become_cameras_that_are_compared(folder: Path) -> None:
+def test_photos_become_cameras_that_are_compared(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rendered photos end in three models near the truth, which is found beside them, and all files are there."""
     answer = calib("run", "board.target.json", "photos", "-o", "out", *LENIENT)
     assert (answer.code, answer.err) == (0, "")
@@ -127,6 +132,7 @@ def test_photos_become_cameras_that_are_compared(folder: Path) -> None:
     for path in (folder / "out").rglob("*.*"):
         if path.suffix in (".json", ".csv"):
             assert str(folder) not in path.read_text()
+    no_pictures(monkeypatch)
     for command in re.findall(r"calib .*", answer.out[answer.out.index("\nnext") :]):
         assert calib(*shlex.split(command, comments=True)[1:]).code == 0, command
 

@@ -31,9 +31,10 @@ from tests.solver_scenes import (
 
 Array = NDArray[np.float64]
 
-RUNS = 320
+RUNS = 202
+"""One more than numbers of noise, which is the least."""
 VIEWS = 5
-POINTS_SEEN = 150
+POINTS_SEEN = 100
 POINTS = {"board": board(8, 7, 25.0), "icosahedron": icosahedron(100.0, 5)}
 CASES: dict[str, tuple[str, str, SolveOptions]] = {
     "opencv": ("opencv", "board", SolveOptions()),
