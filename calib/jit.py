@@ -1,9 +1,12 @@
 """The one way numeric kernels are compiled."""
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from types import CodeType, FunctionType
 from typing import TypeVar, cast
 
 import numba
+import numpy as np
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
@@ -13,11 +16,44 @@ def jit(function: Kernel) -> Kernel:
 
     Kernels release the lock, so callers spread independent work over threads and results do not depend on how many.
     """
-    return cast("Kernel", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+    return _kept_while_valid(numba.njit(cache=True, nogil=True, error_model="numpy")(function), function)
 
 
 def jit_sums(function: Kernel) -> Kernel:
     """As `jit`, but sums may be taken in any order, so that the processor adds several numbers at once."""
-    return cast(
-        "Kernel", numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})(function)
-    )
+    fast = {"reassoc", "contract"}
+    return _kept_while_valid(numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=fast)(function), function)
+
+
+def _kept_while_valid(kernel: object, function: Kernel) -> Kernel:
+    """The kernel, its machine code thrown away once anything changes that went into it.
+
+    Numba looks at the kernel's own file only, while the code of kernels it calls and the values of constants that other
+    files define go into it, too. So the stamp that numba keeps with the code, and compares, is made to tell of these.
+    """
+    file = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
+    if file is not None:
+        file._source_stamp = (file._source_stamp, *sorted(_parts(cast("FunctionType", function), set())))
+    return cast("Kernel", kernel)
+
+
+def _parts(function: FunctionType, known: set[str]) -> Iterator[str]:
+    """The file of a function and what it takes from elsewhere, with the state they are in."""
+    found = os.stat(function.__code__.co_filename)
+    yield f"{function.__module__} {found.st_mtime_ns} {found.st_size}"
+    for name in _names(function.__code__):
+        value = function.__globals__.get(name)
+        called = getattr(value, "py_func", None)
+        if isinstance(value, int | float | str | tuple | np.ndarray):
+            yield f"{name} {value.tobytes().hex() if isinstance(value, np.ndarray) else repr(value)}"
+        elif called is not None and (label := f"{called.__module__}.{called.__qualname__}") not in known:
+            known.add(label)
+            yield from _parts(called, known)
+
+
+def _names(code: CodeType) -> Iterator[str]:
+    """Names that a function looks up, those of its comprehensions, too."""
+    yield from code.co_names
+    for part in code.co_consts:
+        if isinstance(part, CodeType):
+            yield from _names(part)

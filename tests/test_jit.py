@@ -1,0 +1,38 @@
+"""Kernels whose machine code is kept on disk."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import pytest
+
+CALLEE = "from calib.jit import jit\nLIMIT = {limit}\n\n\n@jit\ndef inner(x):\n    return x + {added}\n"
+KERNEL = (
+    "from calib.jit import jit\nfrom kernels_inner import LIMIT, inner\n\n\n@jit\ndef outer(x):\n"
+    "    return inner(x) + LIMIT\n"
+)
+
+
+def outer_of(folder: Path, added: int, limit: int) -> tuple[int, int]:
+    """What the kernel returns in a program that starts with such files, and how often it found its code on disk."""
+    (folder / "kernels_inner.py").write_text(CALLEE.format(added=added, limit=limit))
+    for name in ("kernels_inner", "kernels_outer"):
+        sys.modules.pop(name, None)
+    importlib.invalidate_caches()
+    kernel = importlib.import_module("kernels_outer").outer
+    return kernel(1), sum(kernel.stats.cache_hits.values())
+
+
+def test_code_is_kept_until_anything_in_it_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kernel of an unchanged file is compiled again if a kernel that it calls, or a constant, changes elsewhere."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # which takes a file of the same second for the same
+    (tmp_path / "kernels_outer.py").write_text(KERNEL)
+    assert outer_of(tmp_path, 10, 200) == (211, 0)
+    (tmp_path / "kernels_inner.py").touch()
+    assert outer_of(tmp_path, 30, 200) == (231, 0)
+    assert outer_of(tmp_path, 30, 400) == (431, 0)
+    state = (tmp_path / "kernels_inner.py").stat()
+    monkeypatch.setattr(Path, "write_text", lambda *_: 0)  # nothing changes
+    assert outer_of(tmp_path, 30, 400) == (431, 1)
+    assert (tmp_path / "kernels_inner.py").stat().st_mtime_ns == state.st_mtime_ns
