@@ -1,6 +1,7 @@
 import shutil
 import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -102,6 +103,28 @@ def test_a_study_is_read_while_it_runs(path: Path) -> None:
     with open_study(path, IDENTITY, resume=True) as study, read_study(path) as reader:
         study.add(NAME, [result(5)])
         assert 5 in reader.done(NAME)
+
+
+def test_a_transaction_that_was_killed_is_not_read(path: Path) -> None:
+    """What a killed program left half done is refused, and undone when the study is gone on with."""
+    killed = path.with_name("killed.sqlite")
+    with closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        connection.execute("PRAGMA cache_size = 1")
+        connection.execute("BEGIN IMMEDIATE")
+        connection.execute("UPDATE sample SET iterations = 99, message = hex(randomblob(20000))")
+        for suffix in ("", "-journal"):
+            shutil.copy(f"{path}{suffix}", f"{killed}{suffix}")
+        connection.execute("ROLLBACK")
+    assert "go on with it with --resume" in refusal(lambda: read_study(killed))
+    with open_study(killed, IDENTITY, resume=True) as study:
+        assert study.load(NAME).message[0] == ""
+
+
+def test_tables_of_too_many_rows_are_refused(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Part of a study would be another one."""
+    with read_study(path) as study:
+        monkeypatch.setattr("calib.studies.store.MOST_CASES", 3)
+        assert "more than 3 programs" in refusal(study.programs)
 
 
 def test_a_study_is_not_overwritten(path: Path) -> None:

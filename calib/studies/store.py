@@ -2,12 +2,12 @@
 
 import sqlite3
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeVar
 
 from calib.studies.identity import StudyIdentity, program_versions
 from calib.studies.sample import SampleResult
@@ -45,6 +45,8 @@ COLUMNS = (
     "iterations, message"
 )
 
+Row = TypeVar("Row")
+
 
 @dataclass(frozen=True, eq=False)
 class Study:
@@ -73,9 +75,8 @@ class Study:
     def cases(self) -> tuple[StoredCase, ...]:
         """What has been sampled, in the order of its declaration."""
         with _one_line(self.path):
-            limit = f"LIMIT {MOST_CASES}"
-            rows = self.connection.execute(f"SELECT {CASE_COLUMNS} FROM cases ORDER BY place {limit}")  # noqa: S608 - constants
-            return tuple(case_from_row(self.path, row) for row in rows)
+            rows = self.connection.execute(f"SELECT {CASE_COLUMNS} FROM cases ORDER BY place")  # noqa: S608 - a constant
+            return tuple(case_from_row(self.path, row) for row in _few(self.path, rows, "cases"))
 
     def declare(self, case: StoredCase) -> None:
         """Make a case known before its samples come.
@@ -139,10 +140,8 @@ class Study:
     def programs(self) -> tuple[tuple[str, str], ...]:
         """Names and versions of the programs that made the samples; twice the same name: it changed meanwhile."""
         with _one_line(self.path):
-            found = self.connection.execute(
-                f"SELECT name, version FROM program ORDER BY name, version LIMIT {MOST_CASES}"  # noqa: S608 - a constant
-            ).fetchall()
-        return tuple((str(name), str(version)) for name, version in found)
+            rows = self.connection.execute("SELECT name, version FROM program ORDER BY name, version")
+            return tuple((str(name), str(version)) for name, version in _few(self.path, rows, "programs"))
 
     def _case(self, name: str) -> StoredCase:
         record = {one.case.name: one for one in self.cases()}.get(name)
@@ -264,13 +263,26 @@ def _opened(path: Path, mode: str) -> Iterator[sqlite3.Connection]:
             raise
 
 
+def _few(path: Path, rows: Iterable[Row], what: str) -> Iterator[Row]:
+    """The rows of a small table, one after the other: part of them would be another study.
+
+    Raises:
+        InputError: there are more than any study has.
+    """
+    for number, row in enumerate(rows):
+        if number == MOST_CASES:
+            raise InputError(f"{path}: more than {MOST_CASES} {what}; a study has fewer: start a new one")
+        yield row
+
+
 def _alone(path: Path, mode: str) -> str:
     """Word to SQLite that nobody writes a file to be read, so that it leaves no files of its own beside it.
 
-    A run that is under way, or was killed, has left such a file with the latest samples in it.
+    A run that is under way, or was killed, has left such a file: with the latest samples in it, or with what the pages
+    of a transaction that did not end were before.
     """
-    beside = path.with_name(f"{path.name}-wal")
-    return "&immutable=1" if mode == "ro" and not beside.exists() else ""
+    beside = (path.with_name(f"{path.name}{suffix}") for suffix in ("-wal", "-journal"))
+    return "" if mode != "ro" or any(one.exists() for one in beside) else "&immutable=1"
 
 
 @contextmanager
@@ -280,7 +292,9 @@ def _one_line(path: Path) -> Iterator[None]:
         yield
     except (sqlite3.Error, UnicodeError) as error:
         reason = str(error) or type(error).__name__
-        remedy = "check the disk and the path, or start a new study in another folder"
+        is_half = getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_READONLY_ROLLBACK
+        killed = "a run was killed as it wrote; go on with it with --resume, which undoes what was half done"
+        remedy = killed if is_half else "check the disk and the path, or start a new study in another folder"
         raise InputError(f"{path}: cannot be used as a study: {reason}; {remedy}") from None
 
 
@@ -338,10 +352,8 @@ def _check_file(path: Path, connection: sqlite3.Connection) -> None:
 
 
 def _identity(path: Path, connection: sqlite3.Connection) -> StudyIdentity:
-    rows = connection.execute(
-        f"SELECT kind, name, value FROM identity ORDER BY kind, name LIMIT {MOST_CASES}"  # noqa: S608 - a constant
-    ).fetchall()
-    identity = StudyIdentity.from_rows(rows)
+    rows = connection.execute("SELECT kind, name, value FROM identity ORDER BY kind, name")
+    identity = StudyIdentity.from_rows(list(_few(path, rows, "settings")))
     if identity is None:
         raise InputError(f"{path}: does not say what study it is; start a new study in another folder")
     return identity
