@@ -1,5 +1,6 @@
 """Views of many targets, each before the files of all others: which names are wrong, and which nothing can refute."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -7,6 +8,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.detect import homography
 from calib.render import RenderOptions, View, render_view
 from calib.types import Camera, Detections
 from designer.layout import lay_out
@@ -24,6 +26,8 @@ Flags = NDArray[np.bool_]
 PLAIN = RenderOptions(blur_px=0.7, contrast_to_noise=50)
 PROPORTIONS_APART = 1.1
 """Rings larger by this, over the pitch, can be told apart in a photo."""
+SPACINGS_APART = 0.035
+"""Faces farther apart by this, as a logarithm, over the pitch, can be told apart where two are seen."""
 
 
 @cache
@@ -101,9 +105,32 @@ def photo_of(
     return Photo(target, camera, render_view(target, camera, pose, options, rng))
 
 
+def is_alike(a: TargetGeometry, b: TargetGeometry) -> bool:
+    """Whether two targets are one up to scale and what prints change: the same layout in the same proportions."""
+    if a.layout_id != b.layout_id:
+        return False
+    size, spacing = (abs(math.log(of(a) / of(b))) for of in (_ring_over_pitch, _edge_over_pitch))
+    return size < math.log(PROPORTIONS_APART) and (a.face_count == 1 or spacing < SPACINGS_APART)
+
+
+def _pitch_mm(target: TargetGeometry) -> float:
+    """The distance of neighbours."""
+    return float(np.linalg.norm(target.lattice_mm[0], axis=1).min())
+
+
+def _ring_over_pitch(target: TargetGeometry) -> float:
+    """The outer radius over the pitch."""
+    return float(np.median(target.radius_outer_mm)) / _pitch_mm(target)
+
+
+def _edge_over_pitch(target: TargetGeometry) -> float:
+    """The first edge of a face over the pitch."""
+    return float(np.linalg.norm(target.outline_mm[0][1] - target.outline_mm[0][0])) / _pitch_mm(target)
+
+
 def false_names(found: Detections, photo: Photo, asked: TargetGeometry) -> int:
-    """How many names are wrong: of another layout all, unless nothing in the photo could tell it from the one asked."""
-    if asked.layout_id == photo.target.layout_id:
+    """How many names are wrong: of another target all, unless nothing in the photo could tell it from the one asked."""
+    if is_alike(asked, photo.target):
         return _wrong_of_own(found, photo)
     return 0 if cannot_be_told(found, photo, asked) else len(found.ring)
 
@@ -118,21 +145,25 @@ def _wrong_of_own(found: Detections, photo: Photo) -> int:
 
 
 def cannot_be_told(found: Detections, photo: Photo, asked: TargetGeometry) -> bool:
-    """Whether a photo of a board shows only what the one asked for has at the same places, proportions alike."""
+    """Whether a photo shows only what the target asked for has at the same places, proportions alike.
+
+    Of a solid that is one face: how far the faces are apart then shows nowhere. Of a board it is a part whose ring
+    names, counted from the dots, are the same in both files, as are distances; the rest lies outside the image.
+    """
     shown, view = photo.target, photo.view
     if shown.face_count > 1 or asked.face_count > 1:
-        return False
+        is_one_face = len(np.unique(asked.ring_face[found.ring])) < 2
+        is_of_size = abs(math.log(_ring_over_pitch(shown) / _ring_over_pitch(asked))) < math.log(PROPORTIONS_APART)
+        return shown.layout_id == asked.layout_id and is_one_face and is_of_size
     steps = [board.lattice_mm[0] / np.linalg.norm(board.lattice_mm[0], axis=1).min() for board in (shown, asked)]
-    size = [
-        float(np.median(board.radius_outer_mm) / np.linalg.norm(board.lattice_mm[0][0])) for board in (shown, asked)
-    ]
+    size = [_ring_over_pitch(board) for board in (shown, asked)]
     if np.abs(steps[0] - steps[1]).max() > 0.01 or max(size) > PROPORTIONS_APART * min(size):
         return False
     row_of = {tuple(index): row for row, index in enumerate(shown.ring_index.tolist())}
     same = np.array([row_of.get(tuple(asked.ring_index[row].tolist()), -1) for row in found.ring], dtype=np.int64)
     if (same < 0).any() or (np.linalg.norm(found.center_px - view.center_px[same], axis=1) > 3).any():
         return False
-    # All that can be seen is what was asked for; what was asked for and is not there lies outside the image or hidden.
+    # All that can be seen is what was asked for; what was asked for and is not there lies outside the image.
     asked_dot = {tuple(index): dot for index, dot in zip(asked.ring_index.tolist(), asked.is_dot.tolist(), strict=True)}
     seen = [tuple(index) for index in shown.ring_index[view.clean].tolist()]
     if any(index not in asked_dot for index in seen):
@@ -140,10 +171,13 @@ def cannot_be_told(found: Detections, photo: Photo, asked: TargetGeometry) -> bo
     beyond = np.array([index for index in asked_dot if index not in row_of]).reshape(-1, 2)
     if not len(beyond):
         return True
-    from calib.detect import homography
-
     known = np.isfinite(view.center_px).all(axis=1)
     plane = shown.ring_index[known].astype(np.float64)
-    place = homography.apply(homography.direct(plane, view.center_px[known]), beyond.astype(np.float64))
+    matrix = homography.direct(plane, view.center_px[known])
+    # A ring that the image's edge cuts cannot be told from one that is not there.
+    turn = np.pi / 4 * np.arange(8)
+    around_mm = float(np.median(asked.radius_outer_mm)) * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    outline = beyond[:, None] + around_mm @ np.linalg.inv(asked.lattice_mm[0])
+    place = homography.apply(matrix, outline.reshape(-1, 2)).reshape(outline.shape)
     width, height = photo.camera.image_size
-    return bool(~((place > 0) & (place < [width - 1, height - 1])).all(axis=1).any())
+    return bool(~((place > 0) & (place < [width - 1, height - 1])).all(axis=(1, 2)).any())

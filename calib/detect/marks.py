@@ -67,8 +67,7 @@ def read_marks(
         around: where white is looked for, in outer radii.
         contrast: white minus ink of the rings nearby, in grey levels; less than a third of it cannot be read.
     """
-    level = np.full((len(ellipse), 5), np.nan)
-    _sample_marks(image, np.ascontiguousarray(ellipse), ratio, around, level)
+    level = zone_levels(image, ellipse, ratio=ratio, around=around)
     step = level[:, 2] - level[:, 1]
     with np.errstate(invalid="ignore", divide="ignore"):
         brightness = (level[:, 0] - level[:, 1]) / step
@@ -77,3 +76,17 @@ def read_marks(
     mark[readable & (brightness > 0.35)] = RING
     mark[readable & (brightness < 0.2)] = DOT
     return mark
+
+
+def zone_levels(image: NDArray[np.generic], ellipse: Floats, *, ratio: float, around: float) -> Floats:
+    """Median levels of centre, ink and white around; shares of odd ink and odd white; nan: cut by the edge.  # (N, 5)
+
+    Args:
+        image: grey levels.  # (H, W)
+        ellipse: centre u v and E of the outer border, seen or predicted.  # (N, 5)
+        ratio: inner over outer radius of rings.
+        around: where white is looked for, in outer radii.
+    """
+    level = np.full((len(ellipse), 5), np.nan)
+    _sample_marks(image, np.ascontiguousarray(ellipse), ratio, around, level)
+    return level

@@ -20,6 +20,9 @@ MIN_BOARD_GRID = 4
 RING_FOR_DOT = 3
 """A ring seen where the origin mark has a dot weighs so much: with one dot hidden, two must still decide."""
 
+MAX_OUTSIDE = 0.02
+"""Clutter may join so large a share of strangers to a board's grid."""
+
 
 @dataclass(frozen=True, eq=False)
 class BoardName:
@@ -77,9 +80,14 @@ def _by_dots(plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: Grid
 def _best(
     plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: GridReader, dots: Integers, turns: Integers
 ) -> tuple[int, int, Alignment] | None:
-    """Score, margin and alignment of the best way to explain the dots seen; None: nothing speaks for any."""
+    """Score, margin and alignment of the best way to explain the dots seen; None: nothing speaks for any.
+
+    A way that leaves rings outside the target is a rival only where it explains the dots as well as the best one that
+    does not: of a board a row larger than the target it is the true way.
+    """
     index = grid.index[sure]
-    found: list[tuple[int, Alignment]] = []
+    fitting: list[tuple[int, Alignment]] = []
+    outside: list[int] = []
     tried: set[bytes] = set()
     for turn in turns:
         for dot in dots:
@@ -89,21 +97,20 @@ def _best(
                 if key in tried:
                     continue
                 tried.add(key)
-                outside = int((plan.rows_at(0, alignment.on_face(index)) < 0).sum())
-                if outside > 0.02 * len(index):
-                    continue
                 marks = reader.marks(alignment.on_grid(plan.mark_index))
                 strange = plan.rows_at(0, alignment.on_face(dots))
                 false_dots = int(((strange >= 0) & ~plan.target.is_dot[strange]).sum())
                 score = int(agreement(plan.mark_is_dot[0], marks, RING_FOR_DOT)) - false_dots
-                found.append((score, alignment))
-    if not found:
+                if (plan.rows_at(0, alignment.on_face(index)) < 0).sum() <= MAX_OUTSIDE * len(index):
+                    fitting.append((score, alignment))
+                else:
+                    outside.append(score)
+    fitting.sort(key=lambda item: -item[0])
+    if not fitting or fitting[0][0] <= 0:
         return None
-    found.sort(key=lambda item: -item[0])
-    if found[0][0] <= 0:
-        return None
-    rival = found[1][0] if len(found) > 1 else -MIN_MARGIN
-    return found[0][0], found[0][0] - rival, found[0][1]
+    score, best = fitting[0]
+    rivals = [other for other, _ in fitting[1:]] + [other for other in outside if other >= score]
+    return score, score - max(rivals, default=-MIN_MARGIN), best
 
 
 def _by_outline(plan: TargetPlan, candidates: Candidates, grid: Grid, sure: NDArray[np.bool_]) -> BoardName:

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from calib.detect.alignment import largest_overlap
 from calib.detect.candidates import Candidates, nearest_candidates, semi_axes_px
+from calib.detect.face_spacing import lattice_over_spacing
 from calib.detect.grid import Grid
 from calib.detect.judge import stretch_of
 from calib.detect.marks import RING, read_marks
 from calib.detect.measure import Measured
+from calib.detect.pattern_end import depth, face_end
 from calib.detect.place import REACH, SIZE_RATIO, Naming, Placement, Places, imaged, predict
 from calib.detect.plan import TargetPlan
-from designer.target import TargetGeometry
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -34,11 +35,7 @@ STRANGE_WEIGHT = 2.0
 """... and nothing makes rings, so that one that the target has not weighs more."""
 MIN_GRID = 6
 """Smaller grids of rings are clutter."""
-LEAST_ROW = 4
-"""So many places without a ring along a side are no chance ..."""
-FULL_SHARE = 0.5
-"""... if of the row behind them so many are there."""
-BARE_EVIDENCE = 20.0
+END_ODDS = 20.0
 """Odds as if features were hidden one by one; covers hide several together, so half of it is true."""
 LEAST_BEYOND, BEYOND_SHARE = 3, 0.1
 """So many rings, and so large a share of the places one step outside the target, are no chance."""
@@ -46,6 +43,10 @@ MAX_SKEW = 0.25
 """How much more, as a logarithm, circles may be stretched one way than the other: more is another lattice."""
 MAX_PROPORTION = 0.07
 """How far, as a logarithm, ring size over pitch may be from the target's: less is print, blur and exposure."""
+OTHER_PROPORTION = 0.1
+"""No print, blur or exposure makes so much: it is another target."""
+OTHER_SPACING = 0.03
+"""Nor does a print move the faces of a solid by so much, as a logarithm of lattice over distance (2 mm of 80)."""
 
 
 @dataclass(frozen=True)
@@ -58,13 +59,15 @@ class Evidence:
     strange: int  # rings where the target has none: within its faces, or in grids that no face can hold
     beyond: int  # rings one step outside the target, on its lattice
     beyond_in_view: int  # such places
-    bare: float  # logarithm of the odds against whole rows missing along sides by chance, the rows behind being there
-    bare_faces: int  # on which there are such
+    end_odds: float  # logarithm of the odds against whole rows missing along sides by chance, rings beside being there
+    bare: int  # places in such rows that are as white as the margin
+    ended_faces: int  # on which there are such rows
     cut_off: int  # features outside the image, of a target without marks
     is_lone: bool  # one face of a solid, so that no other face tells how large it is
     is_bounded: bool  # of a face, rings were found along every side
     skew: float  # logarithm of how much more circles are stretched one way than the other, in the median
     proportion: float  # logarithm of ring size over pitch, seen over the target's, in the median
+    spacing: float  # logarithm of pitch over the distance of a solid's faces, seen over the target's; 0: not seen
 
     @property
     def balance(self) -> float:
@@ -81,16 +84,16 @@ class Evidence:
     def is_too_large(self) -> bool:
         """Whether the pattern ends before the target does, of a solid on half of the faces and more.
 
-        Whole rows along the sides are missing and little else: were they hidden, features beside them would be, too.
+        Whole rows along the sides are missing and little else, or margin shows in their place.
         """
-        return 2 * self.bare_faces >= self.faces and self.bare > BARE_EVIDENCE
+        return 2 * self.ended_faces >= self.faces and (self.end_odds > END_ODDS or self.bare > 0)
 
 
 def refusal(evidence: Evidence) -> str:
     """Why this cannot be the target, in a few words; "": it can.
 
-    Other proportions alone do not refuse it: of targets made by others they may be known in part only. Where a part of
-    the target shows, they are all that tells it from a larger one.
+    Somewhat other proportions do not refuse what is seen to all its sides: of targets made by others they may be known
+    in part only. Where a part of the target shows, they are all that tells it from a larger one.
     """
     if evidence.skew > MAX_SKEW:
         return "rings lie on another lattice"
@@ -105,8 +108,11 @@ def refusal(evidence: Evidence) -> str:
         return "the pattern ends before the target does"
     if evidence.is_lone and (not evidence.is_bounded or evidence.strange >= LEAST_BEYOND):
         return "only one face is seen, and not to all its sides, or beside rings that no face of it can hold"
-    if abs(evidence.proportion) > MAX_PROPORTION and not evidence.is_bounded:
-        return f"a part is seen, with rings {math.exp(evidence.proportion):.2f} times as large for their pitch"
+    if abs(evidence.proportion) > (OTHER_PROPORTION if evidence.is_bounded else MAX_PROPORTION):
+        return f"its rings are {math.exp(evidence.proportion):.2f} times as large for their pitch as the file says"
+    if abs(evidence.spacing) > OTHER_SPACING:
+        times = math.exp(evidence.spacing)
+        return f"its rings lie {times:.2f} times as far apart for the distance of its faces as the file says"
     return ""
 
 
@@ -151,7 +157,7 @@ def gather(
     left = seen.take(_unexplained(plan, seen, places))
     faces = np.unique(plan.target.ring_face[measured.ring])
     around = [_one_step_outside(plan, placement, int(face), least_px, image_size) for face in faces]
-    sides = [_sides(plan.target, places, int(face), plain, found) for face in faces]
+    ends = [face_end(image, plan, places, int(face), found) for face in faces]
     skew, proportion = _ratios(plan, measured, places)
     return Evidence(
         faces=len(faces),
@@ -162,13 +168,15 @@ def gather(
         + sum(_too_many(plan, candidates, grid, naming) for grid in grids),
         beyond=sum(int((_read(image, plan, part, contrast) == RING).sum()) for part in around),
         beyond_in_view=sum(len(part.ring) for part in around),
-        bare=sum(bare for bare, _ in sides),
-        bare_faces=sum(bare > 0 for bare, _ in sides),
+        end_odds=sum(end.odds for end in ends),
+        bare=sum(end.bare for end in ends),
+        ended_faces=sum(end.odds > 0 or end.bare > 0 for end in ends),
         cut_off=0 if plan.target.is_dot.any() else plan.target.ring_count - len(places.ring),
         is_lone=len(faces) == 1 < plan.target.face_count,
-        is_bounded=any(bounded for _, bounded in sides),
+        is_bounded=any(end.is_bounded for end in ends),
         skew=skew,
         proportion=proportion,
+        spacing=lattice_over_spacing(plan, placement.lens, measured.ring, measured.center_px),
     )
 
 
@@ -206,14 +214,7 @@ def _inside(plan: TargetPlan, placement: Placement, face: int, rings: Candidates
     """Rings within the outline of a face, about as large as its own.  # (K,)"""
     on_face = placement.on_face(face, rings.ellipse[:, :2])
     outline = plan.target.outline_mm[face]
-    return np.asarray((_depth(outline, on_face) > 0).all(axis=0) & np.isfinite(on_face).all(axis=1))
-
-
-def _depth(outline_mm: Floats, point: Floats) -> Floats:
-    """How far points lie inward of each side of an outline that runs counter-clockwise.  # (K, 2), (N, 2) -> (K, N)"""
-    along = np.roll(outline_mm, -1, axis=0) - outline_mm
-    inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
-    return np.asarray(np.einsum("kc,knc->kn", inward, point[None] - outline_mm[:, None]))
+    return np.asarray((depth(outline, on_face) > 0).all(axis=0) & np.isfinite(on_face).all(axis=1))
 
 
 def _one_step_outside(
@@ -235,33 +236,6 @@ def _too_many(plan: TargetPlan, candidates: Candidates, grid: Grid, naming: Nami
         return 0
     turns = np.concatenate([plan.lattice.turns, plan.lattice.mirrors])
     return int(sure.sum()) - largest_overlap(plan, grid.index[sure], turns)
-
-
-def _sides(target: TargetGeometry, places: Places, face: int, plain: Flags, found: Flags) -> tuple[float, bool]:
-    """The odds against the bare rows along a face's sides, as a logarithm, and whether its rings reach all sides."""
-    rows = target.ring_face == face
-    outline = target.outline_mm[face]
-    pitch = float(np.linalg.norm(target.lattice_mm[face], axis=1).min())
-    outermost = _depth(outline, target.center_in_face_mm[rows, :2]).min(axis=1)
-    mine = target.ring_face[places.ring] == face
-    depth = (_depth(outline, target.center_in_face_mm[places.ring[mine], :2]) - outermost[:, None]) / pitch
-    plain, found = plain[mine], found[mine]
-    beyond = np.zeros(len(plain), dtype=np.bool_)
-    rows = []
-    reach = np.where(found, depth, np.inf).min(axis=1)
-    for side, first in zip(depth, reach, strict=True):
-        missing = plain & (side < first - 0.1)
-        behind = plain & ~missing & (side < first + 0.75)
-        if missing.sum() >= LEAST_ROW and found[behind].sum() >= max(LEAST_ROW, FULL_SHARE * behind.sum()):
-            rows.append((int(missing.sum()), _share(~found[behind])))
-            beyond |= missing
-    hidden = _share(~found[plain & ~beyond])
-    return sum(-count * math.log(min(hidden, behind)) for count, behind in rows), bool((reach < 0.4).all())
-
-
-def _share(flags: Flags) -> float:
-    """The share that a few draws tell (Laplace's rule of succession), neither 0 nor 1."""
-    return (int(flags.sum()) + 1) / (len(flags) + 2)
 
 
 def _ratios(plan: TargetPlan, measured: Measured, places: Places) -> tuple[float, float]:
