@@ -12,13 +12,14 @@ from designer.names import as_written_today
 JsonValue: TypeAlias = "dict[str, JsonValue] | list[JsonValue] | str | int | float | bool | None"
 
 
-def read_small_text(path: Path, max_bytes: int, kind: str) -> str:
+def read_small_text(path: Path, max_bytes: int, kind: str, errors: str = "strict") -> str:
     """The text of a regular UTF-8 file of at most `max_bytes`.
 
     Args:
         path: the file.
         max_bytes: a file of its kind is never larger.
         kind: what it should be, with its article, as in "a target file".
+        errors: what becomes of bytes that are no UTF-8 text, as `bytes.decode` has it.
 
     Raises:
         InputError: no such file, a folder or device, too large, or not UTF-8 text; the message names the file.
@@ -31,7 +32,7 @@ def read_small_text(path: Path, max_bytes: int, kind: str) -> str:
             content = stream.read(max_bytes + 1)
         if len(content) > max_bytes:
             raise InputError(f"{path}: more than {max_bytes} bytes; {kind} is smaller")
-        return as_written_today(content.decode("utf-8-sig"))
+        return as_written_today(content.decode("utf-8-sig", errors))
     except UnicodeDecodeError:
         raise InputError(f"{path}: not UTF-8 text, so not {kind}") from None
     except OSError as error:

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from designer.code import CODES
 from designer.errors import InputError
-from designer.names import as_written_today
 from designer.small_file import once_each, read_small_text
 from designer.spec import BUILDS, Build, TargetSpec, spec_from_mapping, spec_to_mapping
 
@@ -243,7 +242,7 @@ def target_from_json(text: str) -> TargetGeometry:
             of `TargetGeometry`, or ids that do not fit the numbers.
     """
     try:
-        document = json.loads(as_written_today(text), parse_constant=_refuse_constant, object_pairs_hook=once_each)
+        document = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=once_each)
     except RecursionError:
         raise ValueError("not a target file: nested too deep") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:

@@ -75,3 +75,13 @@ def test_a_former_origin_is_read(tmp_path: Path) -> None:
     made = Origin("calibration", "calib run", f"{FORMER} 0.1.0")
     (tmp_path / ORIGIN_FILE).write_bytes(origin_to_json(made).replace(b"ringsolid.report", b"ringforge.report"))
     assert read_origin(tmp_path) == made
+
+
+def test_marks_are_turned_where_files_are_read() -> None:
+    """In one reader, and in two that look at the beginning of a large file: nobody after them does it again."""
+    root = Path(__file__).parent.parent
+    files = [path for package in ("calib", "designer") for path in (root / package).rglob("*.py")]
+    users = {path.relative_to(root).as_posix() for path in files if "import as_written_today" in path.read_text()}
+    assert users == {
+        "designer/small_file.py", "calib/inputs/correspondences.py", "calib/results/observation_table.py"
+    }  # fmt: skip

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.errors import InputError
-from designer.names import as_written_today
+from designer.small_file import read_small_text
 
 MAX_FILE_BYTES = 512 * 2**20
 ANY_NAME = "surrogatepass"
@@ -52,30 +52,8 @@ class Table:
 
 
 def read_text(path: Path, kind: str, max_bytes: int = MAX_FILE_BYTES) -> str:
-    """The text of a table's file, without a byte-order mark.
-
-    Args:
-        path: the file.
-        kind: what it should be, with its article, as in "a detections file".
-        max_bytes: a larger file is refused.
-
-    Raises:
-        InputError: no regular file, too large, or not UTF-8 text; the message names it.
-    """
-    try:
-        if path.exists() and not path.is_file():
-            raise InputError(f"{path}: not a regular file; name {kind}")
-        if path.stat().st_size > max_bytes:
-            raise InputError(f"{path}: {path.stat().st_size} bytes; at most {max_bytes} are read")
-        return as_written_today(path.read_bytes().decode("utf-8", ANY_NAME).removeprefix("\ufeff"))
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not UTF-8 text, so not {kind}; write it again") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
-    except ValueError as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{str(path)!r}: is no file name: {error}; check the path") from None
+    """The text of a table's file (`read_small_text`), in which files may have any name."""
+    return read_small_text(path, max_bytes, kind, ANY_NAME)
 
 
 def is_real(cell: str) -> bool:

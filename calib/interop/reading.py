@@ -9,7 +9,6 @@ from calib.interop import FORMATS
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.own_json import JSON
 from designer.errors import InputError
-from designer.names import as_written_today
 from designer.presets import preset_names
 from designer.small_file import read_small_text
 from designer.spec_file import shown, suggestion
@@ -82,8 +81,7 @@ def find_format(name: str) -> CameraFormat:
 
 def recognise(text: str) -> CameraFormat | None:
     """The kind of file a text looks like, if it looks like any."""
-    head = as_written_today(text[:HEAD])
-    return next((one for one in FORMATS.values() if one.recognises(head)), None)
+    return next((one for one in FORMATS.values() if one.recognises(text[:HEAD])), None)
 
 
 def _split(name: str) -> tuple[Path, str | None]:

@@ -7,7 +7,7 @@ from calib.report.origin import ORIGIN_FILE, Origin, origin_of, read_origin
 from calib.report.run_folder import is_run_folder
 from designer.answer import program
 from designer.errors import InputError
-from designer.names import as_written_today
+from designer.own_files import kind_of
 
 TABLE_FILE = "table.json"
 HEAD_BYTES = 200
@@ -62,8 +62,7 @@ def _kind(folder: Path) -> str:
     table = folder / TABLE_FILE
     if table.is_file():
         with table.open("rb") as stream:
-            head = as_written_today(stream.read(HEAD_BYTES).decode("utf-8", "replace"))
-        kind = next((kind for name, kind in BY_FORMAT.items() if f'"{name}"' in head), "")
+            kind = BY_FORMAT.get(kind_of(stream.read(HEAD_BYTES)).decode("utf-8", "replace"), "")
         return "paper" if kind == "bootstrap" and (folder / OF_PAPER).is_dir() else kind
     if any(folder.glob(MEASURED)):
         return "measure"
