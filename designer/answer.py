@@ -34,6 +34,14 @@ class StoppedError(Exception):
         self.summary = Summary() if summary is None else summary
 
 
+class NegativeError(Exception):
+    """The command ran and its answer is no: one line that says why, and the summary of that."""
+
+    def __init__(self, message: str, summary: Summary) -> None:
+        super().__init__(message)
+        self.summary = summary
+
+
 def program() -> str:
     """Name and version, for the record."""
     from importlib.metadata import PackageNotFoundError, version

@@ -5,6 +5,7 @@ import shlex
 import sys
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar
+from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -12,11 +13,11 @@ from typing import Annotated, TypeVar
 import typer
 from typer.core import TyperGroup
 
-from designer.answer import StoppedError, Summary, document
+from designer.answer import NegativeError, StoppedError, Summary, document
 from designer.errors import InputError
 from designer.streams import forgive_readers, not_heard, people_on_stderr
 
-BAD_INPUT, STOPPED = 2, 130
+NEGATIVE, BAD_INPUT, STOPPED = 1, 2, 130
 JSON = "--json"
 NOTHING_WRITTEN = "stopped; nothing was written"
 
@@ -90,6 +91,9 @@ def _carried_out(app: typer.Typer, name: str, words: Sequence[str]) -> tuple[Sum
         ended = typer.main.get_command(app).main(list(words) or ["--help"], prog_name=name, standalone_mode=False)
     except StoppedError as error:
         return _stopped(str(error), error.summary)
+    except NegativeError as error:
+        print(printable(str(error)))
+        return replace(error.summary, exit_code=NEGATIVE), None
     except (typer.Abort, KeyboardInterrupt):
         return _stopped(NOTHING_WRITTEN, Summary())
     except typer.TyperException as error:

@@ -208,6 +208,16 @@ def test_bad_input_leaves_nothing(folder: Path, detector: Detector) -> None:
     assert not detector.asked
 
 
+def test_rendered_photos_are_of_an_exact_target_for_every_command(detector: Detector) -> None:
+    """Wherever their truth lies, a solution from their detections takes the target as the run did."""
+    Path("photos/truth.json").rename("truth.json")
+    calib(*quick("photos", "--truth", "truth.json"))
+    again = ("--target", "board.target.json", "--model", "opencv", "-o", "again", "--no-page")
+    calib("solve", "out/detections.csv", *again)
+    made = [read_calibration(Path(place, "calibration.json"))[0].target_error for place in ("out", "again")]
+    assert [one and one.made for one in made] == ["exact", "exact"]
+
+
 def test_a_foreign_truth_beside_the_photos_does_no_harm(detector: Detector) -> None:
     """A file that happens to be called truth.json is named and not used."""
     Path("photos/truth.json").write_text('{"answer": 42}')

@@ -19,7 +19,7 @@ from designer.errors import InputError
 from designer.target import load_target, target_to_json
 from designer.tolerance.made import how_made
 from tests.as_built_scenes import solid
-from tests.command_line import LENIENT, Answer, calib
+from tests.command_line import LENIENT, Answer, calib, summary_of
 from tests.solver_scenes import CAMERAS
 
 Array = NDArray[np.float64]
@@ -194,7 +194,7 @@ def refused(answer: Answer, message: str) -> None:
         (["X,Y,Z,plane"], "0 rows"),
         (["X,Y,Z,plane", "0,0,0,a", "5,0,0,a"], "plane 'a': 2 points"),
         (["X,Y,Z,plane", "0,0,0,a", "5,0,0,a", "9,0,0,a"], "lie on a line"),
-        (["X,Y,Z", "0,0,0", "50,0,0", "0,50,0", "50,50,20"], "mm off it"),
+        (["X,Y,Z", "0,0,0", "50,0,0", "0,50,0", "50,50,20"], "name each point's in a column plane"),
         (["X,Y,Z,plane", *(f"{n},0,0,{n}" for n in range(201))], "201 planes; at most 200 can be used"),
         (["X,Y,Z,plane", *(f"{n},0,0,{n % 200}" for n in range(2001))], "on so many planes at most 2000 points"),
     ],
@@ -219,6 +219,29 @@ def test_planes_that_are_none(planes: str, message: str) -> None:
     """A plane that is missing, none, named twice, or elsewhere."""
     Path("planes.csv").write_text(planes)
     refused(calib("target", "--from", "points.csv", "--planes", "planes.csv", "-o", "new.target.json"), message)
+
+
+def test_options_of_a_table_are_never_ignored() -> None:
+    """What says nothing without a table, or beside given planes, is refused."""
+    for option in (("--diameter", "6mm"), ("--inside",), ("--planes", "planes.csv"), ("-o", "new.target.json")):
+        refused(calib("target", "cube.target.json", *option), f"{option[0]}: belongs to --from POINTS.csv")
+    given = ("--from", "points.csv", "--planes", "planes.csv", "--inside", "-o", "new.target.json")
+    refused(calib("target", *given), "--inside: of fitted planes")
+
+
+def test_a_table_that_determines_no_camera_is_a_negative_answer() -> None:
+    """Too few points for a camera end as photos do that do not determine one: 1, with the reason."""
+    lines = Path("places.csv").read_text().splitlines()
+    head = next(row for row, line in enumerate(lines) if line.startswith("image,")) + 1
+    first = [line for line in lines[head:] if line.startswith(lines[head].split(",")[0] + ",")]
+    few = first[:: len(first) // 6][:6]  # from all over the target
+    Path("few.csv").write_text("\n".join([*lines[:head], *few]) + "\n")
+    answer = calib("solve", "few.csv", "-o", "out")
+    assert (answer.code, answer.err) == (1, "")
+    assert "no camera is determined: " in answer.out
+    assert "6 observations in 1 view: too few for" in answer.out
+    summary = summary_of(calib("solve", "few.csv", "-o", "out", "--json"))
+    assert (summary["exit_code"], summary["error"], summary["answer"]["verdict"]) == (1, None, None)
 
 
 def test_other_targets_stay() -> None:

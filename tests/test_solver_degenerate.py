@@ -91,7 +91,7 @@ def test_too_few_points_are_refused() -> None:
     rng = np.random.default_rng(0)
     seen = observe(CAMERAS["opencv"], icosahedron(), pose_from((130.0, 250.0, 260.0)), rng)
     few = rows_of(seen, rng.permutation(len(seen.view))[:7])
-    with pytest.raises(InputError, match="7 observations in 1 views: too few rings for 15 unknowns"):
+    with pytest.raises(InputError, match="7 observations in 1 view: too few for 15 unknowns"):
         solve(few, "opencv")
     fixed = SolveOptions(fixed=tuple((name, 0.0) for name in ("k1", "k2", "p1", "p2", "k3")))
     assert solve(few, "opencv", fixed).iterations > 0

@@ -104,7 +104,7 @@ def run_detect(
         if not seen:
             refuse_nothing([*found.failures, *(result.failure for result in results)], NOTHING_LEFT)
         seconds = time.perf_counter() - start
-        write_results(table, results, seen, geometry)
+        write_results(table, results, seen, geometry, _rendered_id(results))
         pictures = keep_pictures(staging, overlay)
     summarise(geometry, found, results, seconds)
     _say_files(table, overlay, results)
@@ -262,16 +262,28 @@ def _rendered_id(results: "Sequence[PhotoResult]") -> str:
 
 
 def write_results(
-    table: Path, results: "Sequence[PhotoResult]", seen: "Sequence[Detections]", geometry: "TargetGeometry"
+    table: Path,
+    results: "Sequence[PhotoResult]",
+    seen: "Sequence[Detections]",
+    geometry: "TargetGeometry",
+    rendered_id: str,
 ) -> None:
-    """Write the table and the records, photos that could not be searched among them."""
+    """Write the table and the records, photos that could not be searched among them.
+
+    Args:
+        table: the detections' file.
+        results: of each photo.
+        seen: in those that could be searched.
+        geometry: the target.
+        rendered_id: of the geometry that the photos were rendered of; "": real photos.
+    """
     from calib.inputs.dataset import write_detections
     from calib.inputs.records import ImageRecord
 
     failed = [
         ImageRecord(result.photo.name, None, 0, 0, (), (), result.failure) for result in results if result.seen is None
     ]
-    write_detections(table, seen, geometry, detector=program(), failed=failed, rendered_id=_rendered_id(results))
+    write_detections(table, seen, geometry, detector=program(), failed=failed, rendered_id=rendered_id)
 
 
 def summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[PhotoResult]", seconds: float) -> None:

@@ -125,7 +125,7 @@ def run(
     way = how_made(geometry, made, rendered_id=rendered_id)
     views = [photo.name for photo in named_photos(found.paths)]
     map_of = reference_of(reference, reference_target, plan, views) if views else None
-    detected = _detect_twice(geometry, found, plan, folder, jobs or os.cpu_count() or 1)
+    detected = _detect_twice(geometry, found, plan, folder, jobs or os.cpu_count() or 1, rendered_id)
     seen = _with_target(detected.results)
     if not seen:
         return _nothing_found(folder, target, geometry, found, detected, page=page)
@@ -256,7 +256,9 @@ class _Detected:
     remarks: tuple[str, ...]
 
 
-def _detect_twice(geometry: "TargetGeometry", found: "Found", plan: "SolvePlan", folder: Path, jobs: int) -> _Detected:
+def _detect_twice(
+    geometry: "TargetGeometry", found: "Found", plan: "SolvePlan", folder: Path, jobs: int, rendered_id: str
+) -> _Detected:
     """Search the photos, solve a first camera, and search again with its lens; write the detections and overlays."""
     from calib.inputs.records import records_path
 
@@ -271,7 +273,7 @@ def _detect_twice(geometry: "TargetGeometry", found: "Found", plan: "SolvePlan",
         seen = [result.seen for result in results if result.seen is not None]
         if not seen:
             refuse_nothing([*found.failures, *(result.failure for result in results)], NOTHING_LEFT)
-        write_results(table, results, seen, geometry)
+        write_results(table, results, seen, geometry, rendered_id)
         pictures = keep_pictures(staging, overlays)
     seconds = time.perf_counter() - start
     summarise(geometry, found, results, seconds)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from calib.commands.answers.solutions import solutions_answer
 from calib.commands.screen import quoted, shown, table_console, waiting
-from designer.answer import StoppedError, Summary, program
+from designer.answer import NegativeError, StoppedError, Summary, program
 from designer.command import NOTHING_WRITTEN, printable
 from designer.errors import InputError
 
@@ -67,7 +67,11 @@ def solve_and_say(work: Work) -> "list[Solution]":
     if not any(solution.files for solution in solutions):
         reasons = {solution.failure: solution.model for solution in solutions}
         several = len(reasons) > 1
-        raise InputError("; ".join(f"{model}: {why}" if several else why for why, model in reasons.items()))
+        said = "; ".join(f"{model}: {why}" if several else why for why, model in reasons.items())
+        if not any(solution.is_undetermined for solution in solutions):
+            raise InputError(said)
+        answer = {**solutions_answer(solutions, None), "verdict": None}
+        raise NegativeError(f"no camera is determined: {said}", Summary(answer, work.finished, remarks=(said,)))
     _say_solutions(work, solutions)
     return solutions
 

@@ -24,7 +24,9 @@ def target(
     planes: Annotated[
         Path | None, typer.Option(help="the points' planes, plane,nx,ny,nz,d (CSV); without: fitted")
     ] = None,
-    diameter: Annotated[str, typer.Option(help="of the dots at the points, to render them; 0mm: no marks")] = "0mm",
+    diameter: Annotated[
+        str | None, typer.Option(help="of the dots at the points, to render them (default: no marks)")
+    ] = None,
     inside: Annotated[
         bool, typer.Option("--inside", help="fitted planes are seen from inside, as the walls of a room")
     ] = False,
@@ -36,13 +38,18 @@ def target(
     if from_ is None:
         if file is None:
             raise InputError("no target: give a target file, or a table of points with --from")
-        if out is not None or planes is not None:
-            raise InputError(f"{out or planes}: belongs to --from POINTS.csv, which is missing")
+        lost = {"-o": out, "--planes": planes, "--diameter": diameter, "--inside": inside or None}
+        if given := [option for option, value in lost.items() if value is not None]:
+            raise InputError(f"{given[0]}: belongs to --from POINTS.csv, which is missing")
         geometry = load_target(file)
         return Summary(_say(file, geometry))
     if file is not None or out is None:
         raise InputError("--from: makes a file: give -o NAME.target.json, and no other target")
-    geometry = _made(from_, planes, diameter, inside=inside, out=out)
+    if inside and planes is not None:
+        raise InputError(
+            f"--inside: of fitted planes, but {planes} gives them with their normals; leave one of both out"
+        )
+    geometry = _made(from_, planes, diameter or "0mm", inside=inside, out=out)
     answer = _say(out, geometry)
     print(f"wrote  {shown(out)}")
     step = f"calib measure {quoted(out)} sightings.csv -o measured/{quoted(Path(out.name))}"

@@ -241,7 +241,7 @@ def _check_scan(stream: Bytes, at: int, frame: _Frame, tables: _Tables, body: by
         np.array([first, last, approximation >> 4, approximation & 0x0F, frame.is_progressive], np.int64),
     )  # fmt: skip
     if read < units:
-        part = f"{100 * read / units:.0f} %"
+        part = f"{1000 * read // units / 10:g} %"  # rounded down: nothing is damaged from 100 % on
         raise DamagedError(f"is damaged: its compressed pixels make no sense from {part} of them on; {COPY}")
     return {number for number, _ in chosen} if first == 0 else set()
 

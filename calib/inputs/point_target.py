@@ -185,6 +185,9 @@ def _table(path: Path, columns: Sequence[str], kind: str, most: int) -> Table:
     return table
 
 
+SEVERAL = "whether all lie in one plane; else name each point's in a column plane"
+
+
 def _words(name: str) -> str:
     return f"plane {shown(name)}" if name else "the points' plane"
 
@@ -221,7 +224,7 @@ def _require_on(plane: Plane, position: Array, ids: Numbers, name: str) -> None:
     if len(position) < 3 or off[worst] > most:
         rule = f"{len(position)} points; give 3 or more" if len(position) < 3 else (
             f"point {ids[worst]} is {off[worst]:.3g} mm off it, {most:.3g} mm are allowed (1 % of its extent); check "
-            "the point, and which plane it is said to lie in"
+            f"the point, and {'which plane it is said to lie in' if name else SEVERAL}"
         )  # fmt: skip
         raise InputError(f"{_words(name)}: {rule}")
 

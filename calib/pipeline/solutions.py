@@ -12,6 +12,7 @@ from calib.pipeline.made import with_made
 from calib.pipeline.settings import SolvePlan
 from calib.results.calibration_file import Provenance, write_calibration
 from calib.results.truth import Truth
+from calib.solver.degeneracy import UndeterminedError
 from calib.solver.image_field import with_image_field
 from calib.types import Observations
 from calib.virtual.solve_virtual import Reference
@@ -28,6 +29,7 @@ class Solution:
     evaluation: Evaluation | None
     files: tuple[Path, ...] = ()
     failure: str = ""
+    is_undetermined: bool = False  # what failed had too little to go on
 
 
 def preference(evaluation: Evaluation) -> tuple[bool, bool, float]:
@@ -75,6 +77,7 @@ def solve_models(
         except NotWrittenError:
             raise
         except InputError as error:
-            yield Solution(model, place, None, failure=str(error))
+            few = isinstance(error, UndeterminedError)
+            yield Solution(model, place, None, failure=str(error), is_undetermined=few)
             continue
         yield Solution(model, place, evaluation, files)

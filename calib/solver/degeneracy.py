@@ -9,6 +9,7 @@ from calib.solver.levenberg import Minimum
 from calib.solver.linear_pose import FLAT
 from calib.solver.tie import Tie
 from calib.types import Observations
+from designer.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -18,6 +19,10 @@ NO_FIT = 0.03
 """Median residual, as a part of the image's longer side, that no lens explains."""
 SINGULAR = 1e-13
 LITTLE_TILT_DEG = 5.0
+
+
+class UndeterminedError(InputError):
+    """Too few observations for any camera."""
 
 
 def why_degenerate(observations: Observations, found: Minimum, accuracy: Accuracy, tie: Tie) -> str:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calib.cameras import MODELS
 from calib.sightings import keep_views
 from calib.solver.covariance import accuracy_of
-from calib.solver.degeneracy import why_degenerate
+from calib.solver.degeneracy import UndeterminedError, why_degenerate
 from calib.solver.descend import Descended, descend, is_robust, without_lens
 from calib.solver.image_shift import shifted_photo
 from calib.solver.options import SolveOptions
@@ -156,9 +156,10 @@ def _require_equations(problem: Problem, tie: Tie) -> None:
     unknowns = int(tie.row.max(initial=-1)) + 1 + 6 * problem.view_count
     equations = 2 * int(problem.is_used.sum())
     if equations < unknowns or problem.view_count == 0:
-        raise InputError(
-            f"{equations // 2} observations in {problem.view_count} views: too few rings for {unknowns} unknowns; "
-            f"take more photos, or fix parameters"
+        views = f"{problem.view_count} view{'s' * (problem.view_count != 1)}"
+        raise UndeterminedError(
+            f"{equations // 2} observations in {views}: too few for {unknowns} unknowns; take more photos, or fix "
+            "parameters"
         )
 
 

@@ -306,7 +306,8 @@ def made_words(error: TargetError) -> str:
 def made_as(error: TargetError) -> str:
     """How the target is taken to be made, and what says so."""
     made = made_words(error)
-    return f"{made} (assumed: {error.because}; --made tells otherwise)" if error.because else made
+    assumed = "" if error.made in (EXACT, MEASURED) else "assumed: "
+    return f"{made} ({assumed}{error.because}; --made tells otherwise)" if error.because else made
 
 
 def _models(evidence: Evidence, limits: Limits) -> Check:
