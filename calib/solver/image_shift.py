@@ -4,7 +4,8 @@ Its pose takes up most of a shift: what is left is spread over all photos, and l
 of each photo is freed in turn, by the normal equations at the minimum: with the views' reduced blocks H_v, h_v (poses
 eliminated), their sum N, and A the columns of the principal point, the shift is `-S^-1 h_v[A]` with
 `S = H_v[A, A] - H_v[A, :] N^-1 H_v[:, A]`, and `T = h_v[A]' S^-1 h_v[A]` is by how much the squares would fall (a score
-test; Cook and Weisberg 1982, section 2.2). The largest T is held against those of the others once it is accounted for.
+test; Cook and Weisberg 1982, section 2.2). The largest T is held against those of the others once it is accounted for:
+against their median, and against the largest of them, which a model that does not fit makes as large.
 """
 
 from collections.abc import Sequence
@@ -19,12 +20,15 @@ Array = NDArray[np.float64]
 
 PRINCIPAL_POINT = slice(2, 4)
 """Of the parameters of every model."""
-LEAST_VIEWS = 4
+LEAST_VIEWS = 5
+"""Of four, sound ones reach 20 times what the three others scatter, and 16 times the most of these."""
 MEDIAN_SQUARE = 1.3862943611198906
 """Of a normal vector in the plane, 2 ln 2, in squares of a coordinate's standard deviation."""
-SURE = 15.0
-"""Times what the others scatter. Measured: a block's 8 or 16 px in one of 5 to 20 photos 17 to 70; of sound photos the
-largest 3 to 4, and up to 14 where the model leaves pixels over of a wide lens."""
+SURE, CLEAR = 15.0, 5.0
+"""Times what the others scatter, and times the most of them. Measured, of 5 to 20 photos: by a block's 16 px at .03 px
+of noise 23 to 109 and 11 to 45, by 8 px 11 to 54 and 5.5 to 23; of sound photos at most 5 and 3.3, and where a model
+leaves pixels over of a real wide lens 12 and 3.2. A few tenths of a pixel of noise, or a model that does not fit, hide
+a shift: then nothing is said."""
 LEAST_PX = 0.2
 
 
@@ -53,8 +57,10 @@ def shifted_photo(products: Array, tie: Tie, names: Sequence[str]) -> list[str]:
     shift_px = -spread[worst] @ gradient[worst, PRINCIPAL_POINT]
     # What the other photos' gradients are once the camera no longer makes up for this one.
     others = gradient - block @ inverse @ own[worst] @ shift_px
-    usual = float(np.median(np.delete(_gain(others, spread), worst))) / MEDIAN_SQUARE
-    if not (gain[worst] > SURE**2 * usual and np.hypot(*shift_px) > LEAST_PX):
+    of_others = np.delete(_gain(others, spread), worst)
+    usual = float(np.median(of_others)) / MEDIAN_SQUARE
+    is_alone = gain[worst] > SURE**2 * usual and gain[worst] > CLEAR**2 * of_others.max()
+    if not (is_alone and np.hypot(*shift_px) > LEAST_PX):
         return []
     return [
         f"{names[worst]}: its picture is shifted by about {shift_px[0]:.2g}, {shift_px[1]:.2g} px against the others' "
