@@ -99,9 +99,9 @@ def doubt_about(asked: AskedLength, target: TargetGeometry, errors: ErrorModel |
     if abs(length.value_mm - usual_mm) <= DOUBTED * sigma_mm:
         return ""
     return (
-        f"length {asked.text} is {length.value_mm - inside:+.2f} mm from the design's {inside:.2f} mm; prints made as "
-        f"'{errors.name}' are within {DOUBTED * sigma_mm:.2f} mm: check the reading, the scale it was printed at, or "
-        "say with --made how it was made"
+        f"length {length.name} {format_mm(length.value_mm)} is {length.value_mm - inside:+.2f} mm from the design's "
+        f"{inside:.2f} mm; prints made as '{errors.name}' are within {DOUBTED * sigma_mm:.2f} mm: check the reading, "
+        "the scale it was printed at, or say with --made how it was made"
     )
 
 
