@@ -25,6 +25,13 @@ def jit_sums(function: Kernel) -> Kernel:
     return _kept_while_valid(numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=fast)(function), function)
 
 
+def jit_inside(function: Kernel) -> Kernel:
+    """As `jit_sums`, for what a loop over pixels calls: put into its caller, so that the loop takes several at once."""
+    fast = {"reassoc", "contract"}
+    compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=fast, forceinline=True)(function)
+    return _kept_while_valid(compiled, function)
+
+
 def _kept_while_valid(kernel: object, function: Kernel) -> Kernel:
     """The kernel, its machine code thrown away once anything changes that went into it.
 

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.plane_distance import OUTPUTS, offset_on_circle, plane_distance
+from calib.detect.plane_distance import offset_on_circle, plane_distance
 from calib.detect.ring_model import (
     BLUR,
     CENTER_U,
@@ -53,7 +53,6 @@ def _edge_points(
 ) -> int:
     """Sub-pixel edge points of a ring; `levels` gets each point's dark side, bright side and steepest step."""
     height, width = image.shape
-    out = np.empty(OUTPUTS)
     profile = np.empty(MAX_STEPS)
     count = 0
     edges = 2 if p[RATIO] > 0.0 else 1
@@ -63,7 +62,7 @@ def _edge_points(
         for ray in range(RAYS):
             angle = 2.0 * math.pi * (ray + 0.5 * edge) / RAYS
             x0, x1 = offset_on_circle(p, rho, angle)
-            plane_distance(p, q, x0, x1, out)
+            out = plane_distance(p, q, x0, x1)
             # As far as the middle of the ink, or of the white centre: the least room there is.
             room = (1.0 - p[RATIO]) / out[1] if p[RATIO] > 0.0 else 1.0 / out[1]
             reach = min(max(0.5 * room, 1.5), 5.0)
@@ -121,11 +120,10 @@ def _pair_cost(
     """Huber cost of the signed distances; fills the weighted normal equations."""
     normal[:] = 0.0
     gradient[:] = 0.0
-    out = np.empty(OUTPUTS)
     row = np.empty(GEOMETRY_PARAMETERS)
     cost = 0.0
     for n in range(count):
-        plane_distance(p, q, edge_uv[n, 0] - p[CENTER_U], edge_uv[n, 1] - p[CENTER_V], out)
+        out = plane_distance(p, q, edge_uv[n, 0] - p[CENTER_U], edge_uv[n, 1] - p[CENTER_V])
         is_outer = edge_rho[n] > 0.0
         inv_g = 1.0 / out[1]
         d = (out[0] - (1.0 if is_outer else p[RATIO])) * inv_g
@@ -133,8 +131,11 @@ def _pair_cost(
         cost += d * d if weight == 1.0 else ROBUST_PX * (2.0 * abs(d) - ROBUST_PX)
         row[0] = -out[2] * inv_g
         row[1] = -out[3] * inv_g
-        for k in range(5):
-            row[2 + k] = out[4 + k] * inv_g
+        row[2] = out[4] * inv_g
+        row[3] = out[5] * inv_g
+        row[4] = out[6] * inv_g
+        row[5] = out[7] * inv_g
+        row[6] = out[8] * inv_g
         row[7] = 0.0 if is_outer else -inv_g
         for a in range(GEOMETRY_PARAMETERS):
             gradient[a] -= weight * row[a] * d

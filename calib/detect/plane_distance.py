@@ -7,19 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect.ring_model import E00, E10, E11, M0, M1
-from calib.jit import jit
+from calib.jit import jit, jit_inside
 
 Floats: TypeAlias = NDArray[np.float64]
+Numbers: TypeAlias = Floats | tuple[float, ...]
+"""Where a loop runs over pixels: a tuple, which stays in registers, so that several pixels are worked out at once."""
+Distance: TypeAlias = tuple[float, float, float, float, float, float, float, float, float, float]
+"""F, |grad F|, dF/dv (2), dF/dE (3), dF/dm (2), and F times the curvature of the level set (per px)."""
 
-OUTPUTS = 10
 
-
-@jit
-def plane_distance(p: Floats, q: Floats, v0: float, v1: float, out: Floats) -> None:
-    """F and its derivatives at the offset (v0, v1): into `out`.
-
-    In this order: F, |grad F|, dF/dv (2), dF/dE (3), dF/dm (2), and F times the curvature of the level set (per px).
-    """
+@jit_inside
+def plane_distance(p: Numbers, q: Numbers, v0: float, v1: float) -> Distance:
+    """F and its derivatives at the offset (v0, v1)."""
     x0 = v0 + q[0] * v0 * v0 + q[1] * v0 * v1 + q[2] * v1 * v1
     x1 = v1 + q[3] * v0 * v0 + q[4] * v0 * v1 + q[5] * v1 * v1
     y0 = p[E00] * x0
@@ -32,21 +31,14 @@ def plane_distance(p: Floats, q: Floats, v0: float, v1: float, out: Floats) -> N
     fx1 = p[E11] * y1 * s + f * p[M1] * inv_w
     fv0 = fx0 * (1.0 + 2.0 * q[0] * v0 + q[1] * v1) + fx1 * (2.0 * q[3] * v0 + q[4] * v1)
     fv1 = fx0 * (q[1] * v0 + 2.0 * q[2] * v1) + fx1 * (1.0 + q[4] * v0 + 2.0 * q[5] * v1)
-    out[0] = f
-    out[1] = math.sqrt(fv0 * fv0 + fv1 * fv1) + 1e-12
-    out[2] = fv0
-    out[3] = fv1
-    out[4] = y0 * x0 * s
-    out[5] = y1 * x0 * s
-    out[6] = y1 * x1 * s
-    out[7] = f * x0 * inv_w
-    out[8] = f * x1 * inv_w
+    g = math.sqrt(fv0 * fv0 + fv1 * fv1) + 1e-12
     # The level set |E xi| - F (1 - m . xi) = 0 has the Hessian of |E xi| alone.
     e0 = -p[E00] * fv1
     e1 = p[E11] * fv0 - p[E10] * fv1
-    inv_g = 1.0 / out[1]
+    inv_g = 1.0 / g
     across = (y0 * e1 - y1 * e0) * s * inv_g
-    out[9] = across * across * inv_g
+    bend = across * across * inv_g
+    return f, g, fv0, fv1, y0 * x0 * s, y1 * x0 * s, y1 * x1 * s, f * x0 * inv_w, f * x1 * inv_w, bend
 
 
 @jit

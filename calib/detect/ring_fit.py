@@ -11,10 +11,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.ring_equations import CHUNK, accumulate, add_prior
+from calib.detect.ring_equations import accumulate, accumulate_squares, add_prior
 from calib.detect.ring_model import BLUR, CENTER_U, CENTER_V, DARKNESS, E00, E10, E11, M0, M1, PARAMETERS, RATIO, WHITE
 from calib.detect.ring_pixels import MAX_PIXELS, choose_pixels
-from calib.detect.ring_scores import Scores, score_ring
+from calib.detect.ring_scores import SCORES_ROOM, Scores, score_ring
 from calib.jit import jit
 from calib.small_solve import cholesky_invert, cholesky_solve
 from calib.threads import in_chunks
@@ -75,8 +75,7 @@ def _is_sane(p: Floats, start: Floats) -> bool:
 
 @jit
 def _descend(
-    image: NDArray[np.generic],
-    pixels: NDArray[np.int32],
+    pixels: Floats,
     count: int,
     start: Floats,
     q: Floats,
@@ -89,11 +88,10 @@ def _descend(
     """Levenberg-Marquardt from `start` into `params`; returns the sum of squares, or -1 if there is no way down."""
     normal, damped, trial_normal = work[0], work[1], work[2]
     gradient, total, step, trial, trial_gradient = work[4, 0], work[4, 1], work[4, 2], work[4, 3], work[4, 4]
-    unused = work[3]
     origin = start[:2]
     is_ring = start[RATIO] > 0.0
     params[:] = start
-    cost = accumulate(image, pixels, count, params, q, origin, False, normal, gradient, unused, rows)
+    cost = accumulate(pixels, count, params, q, origin, normal, gradient, rows)
     damping = 1e-4
     for _ in range(MAX_ITERATIONS):
         if damping > NO_STEP:
@@ -120,9 +118,7 @@ def _descend(
             # Neither the centre nor anything else has far to go: taken without looking again.
             params[:] = trial
             break
-        trial_cost = accumulate(
-            image, pixels, count, trial, q, origin, False, trial_normal, trial_gradient, unused, rows
-        )
+        trial_cost = accumulate(pixels, count, trial, q, origin, trial_normal, trial_gradient, rows)
         trial_prior = add_prior(trial, line, information, noise2, is_ring, damped, total)
         if trial_cost + trial_prior > cost + prior:
             if moved < 1e-3 * CONVERGED_PX:
@@ -210,29 +206,28 @@ def _fit_range(
     used: NDArray[np.int64],
 ) -> None:
     """Fit rings first..last-1; `used` stays 0 where a fit failed."""
-    height, width = image.shape
     work = np.empty((5, PARAMETERS, PARAMETERS))
-    rows = np.empty((PARAMETERS + 1, CHUNK))
-    pixels = np.empty((MAX_PIXELS, 2), dtype=np.int32)
+    rows = np.empty(SCORES_ROOM)
+    pixels = np.empty((3, MAX_PIXELS))
     for n in range(first, last):
         is_ring = start[n, RATIO] > 0.0
-        count = choose_pixels(start[n], q[n], 3.0 * start[n, BLUR] + 1.0, limit, height, width, pixels)
+        count = choose_pixels(image, start[n], q[n], 3.0 * start[n, BLUR] + 1.0, limit, pixels)
         if count < 2 * PARAMETERS:
             continue
-        cost = _descend(image, pixels, count, start[n], q[n], line[n], information[n], params[n], work, rows)
+        cost = _descend(pixels, count, start[n], q[n], line[n], information[n], params[n], work, rows)
         if cost < 0.0:
             continue
         noise2 = max(cost / (count - PARAMETERS), 1e-6)
         normal, sandwich, gradient = work[0], work[2], work[4, 0]
         if is_final:
-            cost = accumulate(
-                image, pixels, count, params[n], q[n], start[n, :2], True, normal, gradient, sandwich, rows
-            )
+            cost = accumulate_squares(pixels, count, params[n], q[n], start[n, :2], normal, gradient, sandwich, rows)
             noise2 = max(cost / (count - PARAMETERS), 1e-6)
             add_prior(params[n], line[n], information[n], noise2, is_ring, normal, gradient)
             done = _sandwich_covariances(count, noise2, information[n], is_ring, center_cov[n], line_cov[n], work)
             if done and is_ring:
-                alone[n] = score_ring(image, pixels, count, params[n], q[n], start[n, :2], work[3], score[n], rows)
+                alone[n] = score_ring(
+                    pixels, count, params[n], q[n], start[n, :2], cost / (count - PARAMETERS), work[3], score[n], rows
+                )
         else:
             done = _even_covariances(noise2, center_cov[n], line_cov[n], work)
         if done:

@@ -6,9 +6,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.plane_distance import OUTPUTS, offset_on_circle, plane_distance
+from calib.detect.plane_distance import Numbers, offset_on_circle, plane_distance
+from calib.detect.ring_equations import bend_of, parameters_of
 from calib.detect.ring_model import CENTER_U, CENTER_V, E00, E10, E11, RATIO
-from calib.jit import jit
+from calib.jit import jit, jit_sums
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -22,12 +23,23 @@ LEAST_LINES = 3
 
 
 @jit
-def _sample_pixels(p: Floats, q: Floats, reach: float, height: int, width: int, pixels: NDArray[np.int32]) -> int:
+def _take(image: NDArray[np.generic], u: int, v: int, pixels: Floats, count: int) -> int:
+    """One more pixel, if there is room for it; returns how many there are."""
+    if count == MAX_PIXELS:
+        return count
+    pixels[0, count] = u
+    pixels[1, count] = v
+    pixels[2, count] = image[v, u]
+    return count + 1
+
+
+@jit
+def _sample_pixels(image: NDArray[np.generic], p: Floats, q: Floats, reach: float, pixels: Floats) -> int:
     """Pixels on lines across the edges of a large ring; returns how many.
 
     Most lines stay close to the edge, where the position is; every fourth runs as far as `reach`, where the levels are.
     """
-    out = np.empty(OUTPUTS)
+    height, width = image.shape
     count = 0
     edges = 2 if p[RATIO] > 0.0 else 1
     far = math.ceil(reach)
@@ -41,46 +53,64 @@ def _sample_pixels(p: Floats, q: Floats, reach: float, height: int, width: int, 
             # A fraction of a turn apart for the two edges, so that rows and columns are not sampled alike.
             angle = 2.0 * math.pi * (ray + 0.37 * edge) / rays
             x0, x1 = offset_on_circle(p, rho, angle)
-            plane_distance(p, q, x0, x1, out)
-            nu, nv = out[2] / out[1], out[3] / out[1]
+            distance = plane_distance(p, q, x0, x1)
+            nu, nv = distance[2] / distance[1], distance[3] / distance[1]
             half = far if ray % quarter % 4 == 0 else near
             for t in range(-half, half + 1):
                 u = round(p[CENTER_U] + x0 + t * nu)
                 v = round(p[CENTER_V] + x1 + t * nv)
-                if 0 <= u < width and 0 <= v < height and count < MAX_PIXELS:
-                    pixels[count, 0] = u
-                    pixels[count, 1] = v
-                    count += 1
+                if 0 <= u < width and 0 <= v < height:
+                    count = _take(image, u, v, pixels, count)
     return count
 
 
+@jit_sums
+def _mark_near(p: Numbers, q: Numbers, reach: float, limit: float, u: int, v: int, near: NDArray[np.bool_]) -> None:
+    """Whether pixels from (u, v) on to the right are near the ring's edges, into `near`."""
+    has_hole = p[RATIO] > 0.0
+    for k in range(len(near)):
+        distance = plane_distance(p, q, u + k - p[CENTER_U], v - p[CENTER_V])
+        f, room = distance[0], reach * distance[1]
+        at_outer = abs(f - 1.0) <= room
+        at_inner = abs(f - p[RATIO]) <= room if has_hole else f < 0.5
+        near[k] = (at_outer | at_inner) & (f >= 0.0) & (f <= limit)
+
+
 @jit
-def choose_pixels(
-    p: Floats, q: Floats, reach: float, limit: float, height: int, width: int, pixels: NDArray[np.int32]
-) -> int:
-    """Pixels near the ring's edges: within `reach` px of one and no farther out than F = `limit`."""
+def choose_pixels(image: NDArray[np.generic], p: Floats, q: Floats, reach: float, limit: float, pixels: Floats) -> int:
+    """Pixels near the ring's edges: within `reach` px of one and no farther out than F = `limit`.
+
+    Args:
+        image: grey levels.  # (H, W)
+        p: the ring's parameters.
+        q: the lens's bend.
+        reach: in px.
+        limit: in outer radii.
+        pixels: the result: u, v and grey level.  # (3, MAX_PIXELS)
+
+    Returns:
+        How many.
+    """
+    height, width = image.shape
     s0 = math.sqrt(p[E00] * p[E00] + p[E10] * p[E10])
     det = p[E00] * p[E11]
     half_u = math.sqrt(p[E10] * p[E10] + p[E11] * p[E11]) / det
     half_v = s0 / det
     radius = 1.0 / math.sqrt(det)
-    out = np.empty(OUTPUTS)
+    if radius > DENSE_RADIUS_PX:
+        return _sample_pixels(image, p, q, reach, pixels)
+    u_first = max(0, math.floor(p[CENTER_U] - 1.15 * half_u - reach))
+    u_last = min(width - 1, math.ceil(p[CENTER_U] + 1.15 * half_u + reach))
+    v_first = max(0, math.floor(p[CENTER_V] - 1.15 * half_v - reach))
+    v_last = min(height - 1, math.ceil(p[CENTER_V] + 1.15 * half_v + reach))
+    if u_last < u_first:
+        return 0
+    near = np.empty(u_last - u_first + 1, dtype=np.bool_)
+    shape, bend = parameters_of(p), bend_of(q)
     count = 0
-    if radius <= DENSE_RADIUS_PX:
-        u_first = max(0, math.floor(p[CENTER_U] - 1.15 * half_u - reach))
-        u_last = min(width - 1, math.ceil(p[CENTER_U] + 1.15 * half_u + reach))
-        v_first = max(0, math.floor(p[CENTER_V] - 1.15 * half_v - reach))
-        v_last = min(height - 1, math.ceil(p[CENTER_V] + 1.15 * half_v + reach))
-        for v in range(v_first, v_last + 1):
-            for u in range(u_first, u_last + 1):
-                plane_distance(p, q, u - p[CENTER_U], v - p[CENTER_V], out)
-                f, g = out[0], out[1]
-                near = abs(f - 1.0) <= reach * g or (p[RATIO] > 0.0 and abs(f - p[RATIO]) <= reach * g)
-                if p[RATIO] <= 0.0 and f < 0.5:
-                    near = True
-                if near and 0.0 <= f <= limit and count < MAX_PIXELS:
-                    pixels[count, 0] = u
-                    pixels[count, 1] = v
-                    count += 1
-        return count
-    return _sample_pixels(p, q, reach, height, width, pixels)
+    for v in range(v_first, v_last + 1):
+        _mark_near(shape, bend, reach, limit, u_first, v, near)
+        for k in range(len(near)):
+            if near[k]:
+                count = _take(image, u_first + k, v, pixels, count)
+    return count

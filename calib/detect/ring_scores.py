@@ -23,10 +23,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.plane_distance import OUTPUTS, plane_distance
-from calib.detect.ring_equations import pixel_equation
+from calib.detect.plane_distance import Numbers
+from calib.detect.ring_equations import CHUNK, FACTOR, RESIDUAL, ROOM, bend_of, fill_rows, parameters_of
 from calib.detect.ring_model import CENTER_U, CENTER_V, E00, E10, E11, PARAMETERS, RATIO
-from calib.jit import jit, jit_sums
+from calib.jit import jit, jit_inside, jit_sums
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -43,6 +43,10 @@ TRUST = 4.0
 for a photo."""
 LEAST_RATIO = 0.25
 """An even window can make S negative: no covariance shrinks to less than a quarter."""
+PLACE = ROOM
+"""Where the numbers of stretches stand in a chunk's room, both edges', and after them two rows of influences."""
+INFLUENCE = PLACE + CHUNK
+SCORES_ROOM = INFLUENCE + 2 * CHUNK
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,52 +68,69 @@ def _reach(radius_px: float) -> int:
     return min(max(math.ceil(REACH_PX * STRETCHES / (2.0 * math.pi * max(radius_px, 1.0))), 1), STRETCHES // 2 - 1)
 
 
+@jit_inside
+def _turn(x: float, y: float) -> float:
+    """The direction of (x, y) in turns, 0 to 1, to 2e-6, without a branch or a call."""
+    ax, ay = abs(x), abs(y)
+    is_steep = ay > ax
+    t = (ax if is_steep else ay) / ((ay if is_steep else ax) + 1e-300)
+    t2 = t * t
+    # Hastings' polynomial for the arc tangent (Approximations for Digital Computers, 1955, sheet 11).
+    arc = 0.05265332 - 0.01172120 * t2
+    arc = 0.19354346 + t2 * (-0.11643287 + t2 * arc)
+    turn = t * (0.99997726 + t2 * (-0.33262347 + t2 * arc)) / (2.0 * math.pi)
+    turn = 0.25 - turn if is_steep else turn
+    turn = 0.5 - turn if x < 0.0 else turn
+    return 1.0 - turn if y < 0.0 else turn
+
+
 @jit_sums
-def _fill(
-    image: NDArray[np.generic],
-    pixels: NDArray[np.int32],
-    count: int,
-    p: Floats,
-    q: Floats,
-    origin: Floats,
-    inverse: Floats,
-    score: Floats,
-    leverage: Floats,
-    rows: Floats,
-) -> tuple[float, float]:
-    """Sum up scores and `h_i J_i'` by stretch; returns the sums of h'h and of squared residuals."""
-    score[:], leverage[:] = 0.0, 0.0
-    out = np.empty(OUTPUTS)
+def _prepare(p: Numbers, inverse: Floats, pixels: Floats, first: int, filled: int, rows: Floats) -> float:
+    """Influences h and the place in `leverage` of a chunk's pixels, into `rows`; returns the sum of h'h."""
+    for k in range(filled):
+        rows[PLACE + k] = pixels[0, first + k]
+        rows[INFLUENCE + k] = pixels[1, first + k]
     middle = 0.5 * (1.0 + p[RATIO])
-    even, squares = 0.0, 0.0
-    for n in range(count):
-        u, v = pixels[n, 0], pixels[n, 1]
-        du, dv = u - p[CENTER_U], v - p[CENTER_V]
-        plane_distance(p, q, du, dv, out)
-        residual = pixel_equation(float(image[v, u]), u - origin[0], v - origin[1], p, out, rows, 0)
-        turn = math.atan2(p[E10] * du + p[E11] * dv, p[E00] * du) / (2.0 * math.pi)
-        a = int((turn - math.floor(turn)) * STRETCHES) % STRETCHES
-        edge = 0 if out[0] > middle else 1
-        for k in range(2):
-            h = 0.0
-            for i in range(PARAMETERS):
-                h += inverse[k, i] * rows[i, 0]
-            score[edge, a, k] += h * residual
-            for i in range(PARAMETERS):
-                leverage[edge, k, a, i] += h * rows[i, 0]
-            even += h * h
-        squares += residual * residual
-    return even, squares
+    for k in range(filled):
+        du, dv = rows[PLACE + k] - p[CENTER_U], rows[INFLUENCE + k] - p[CENTER_V]
+        place = _turn(p[E00] * du, p[E10] * du + p[E11] * dv) * STRETCHES
+        place = 0.0 if place >= STRETCHES else place
+        rows[PLACE + k] = place if rows[FACTOR + k] > middle else place + STRETCHES
+    for c in range(2):
+        here = INFLUENCE + c * CHUNK
+        for k in range(filled):
+            rows[here + k] = 0.0
+        for i in range(PARAMETERS):
+            weight = inverse[c, i]
+            for k in range(filled):
+                rows[here + k] += weight * rows[i * CHUNK + k]
+    even = 0.0
+    for k in range(filled):
+        even += rows[INFLUENCE + k] ** 2 + rows[INFLUENCE + CHUNK + k] ** 2
+    return even
+
+
+@jit
+def _add_scores(filled: int, rows: Floats, score: Floats, leverage: Floats) -> None:
+    """Add a chunk's scores and `h_i J_i'` by stretch.  # (2 STRETCHES, 2), (2 STRETCHES, 2, PARAMETERS)"""
+    for k in range(filled):
+        a = int(rows[PLACE + k])
+        h0, h1 = rows[INFLUENCE + k], rows[INFLUENCE + CHUNK + k]
+        score[a, 0] += h0 * rows[RESIDUAL + k]
+        score[a, 1] += h1 * rows[RESIDUAL + k]
+        for i in range(PARAMETERS):
+            leverage[a, 0, i] += h0 * rows[i * CHUNK + k]
+            leverage[a, 1, i] += h1 * rows[i * CHUNK + k]
 
 
 @jit_sums
 def score_ring(
-    image: NDArray[np.generic],
-    pixels: NDArray[np.int32],
+    pixels: Floats,
     count: int,
     p: Floats,
     q: Floats,
     origin: Floats,
+    noise2: float,
     inverse: Floats,
     score: Floats,
     rows: Floats,
@@ -117,26 +138,34 @@ def score_ring(
     """Fill the scores of one ring; returns S0.
 
     Args:
-        image: grey levels.  # (H, W)
-        pixels: those of the fit.  # (>= count, 2)
+        pixels: those of the fit: u, v and grey level.  # (3, >= count)
         count: how many.
         p: the ring's parameters.
         q: the lens's bend.
         origin: of the light's gradients.
+        noise2: the residuals' variance.
         inverse: of the normal equations, prior included.  # (PARAMETERS, PARAMETERS)
         score: the result.  # (2, STRETCHES, 2)
-        rows: room.  # (PARAMETERS + 1, CHUNK)
+        rows: room.  # (SCORES_ROOM,)
     """
-    leverage = np.empty((2, 2, STRETCHES, PARAMETERS))
-    even, squares = _fill(image, pixels, count, p, q, origin, inverse, score, leverage, rows)
-    score /= math.sqrt(even * max(squares / (count - PARAMETERS), 1e-12))
+    leverage = np.zeros((2 * STRETCHES, 2, PARAMETERS))
+    score[:] = 0.0
+    by_place = score.reshape((2 * STRETCHES, 2))
+    parameters, bend = parameters_of(p), bend_of(q)
+    even = 0.0
+    for first in range(0, count, CHUNK):
+        filled = min(CHUNK, count - first)
+        fill_rows(pixels, first, filled, parameters, bend, origin, rows)
+        even += _prepare(parameters, inverse, pixels, first, filled, rows)
+        _add_scores(filled, rows, by_place, leverage)
+    score /= math.sqrt(even * max(noise2, 1e-12))
     radius_px = 1.0 / math.sqrt(p[E00] * p[E11])
     near = np.empty(PARAMETERS)
     taken_up = 0.0
     for edge in range(2):
         reach = _reach(radius_px if edge == 0 else radius_px * p[RATIO])
         for k in range(2):
-            of_edge = leverage[edge, k]
+            of_edge = leverage[edge * STRETCHES : (edge + 1) * STRETCHES, k]
             near[:] = 0.0
             for b in range(-reach - 1, reach):
                 near += of_edge[b % STRETCHES]
