@@ -66,3 +66,33 @@ def cholesky_invert(a: NDArray[np.float64], work: NDArray[np.float64], inverse: 
             inverse[row, column] = 1.0 if row == column else 0.0
         substitute(work, inverse[:, column])
     return True
+
+
+@jit
+def eigenvalues(a: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of a symmetric matrix, which is destroyed, the smallest first: Jacobi's method, sweep by sweep.  # (N,)"""
+    n = a.shape[0]
+    for _ in range(30):
+        beside, along = 0.0, 0.0
+        for i in range(n):
+            along += a[i, i] * a[i, i]
+            for j in range(i):
+                beside += a[i, j] * a[i, j]
+        if not beside > 1e-26 * along:
+            break
+        for p in range(n - 1):
+            for q in range(p + 1, n):
+                if a[p, q] == 0.0:
+                    continue
+                theta = (a[q, q] - a[p, p]) / (2.0 * a[p, q])
+                t = 1.0 / (abs(theta) + math.sqrt(theta * theta + 1.0))
+                t = -t if theta < 0.0 else t
+                c = 1.0 / math.sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(n):
+                    x, y = a[k, p], a[k, q]
+                    a[k, p], a[k, q] = c * x - s * y, s * x + c * y
+                for k in range(n):
+                    x, y = a[p, k], a[q, k]
+                    a[p, k], a[q, k] = c * x - s * y, s * x + c * y
+    return np.sort(np.diag(a))

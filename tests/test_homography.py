@@ -64,17 +64,27 @@ def test_fit_agrees_with_opencv() -> None:
     assert homography.apply(found, plane) == pytest.approx(homography.apply(theirs, plane), abs=1e-3)
 
 
-def test_derivatives_of_the_map_are_its_differences() -> None:
-    """`linearised` gives the mapped points and their derivatives by the eight free entries."""
+def test_equations_are_those_of_the_differences_of_the_map() -> None:
+    """J'WJ and J'Wr come from the derivatives of the mapped points by the eight free entries."""
     matrix, plane, image = view(4)
-    matrix = matrix / matrix[2, 2]
-    mapped, jacobian = homography.linearised(matrix, plane)
-    assert mapped == pytest.approx(image)
+    plane = np.ascontiguousarray(plane / np.abs(plane).max())
+    h = (matrix / matrix[2, 2]).ravel()
+    rng = np.random.default_rng(4)
+    weight = rng.uniform(0.5, 2, len(plane))
+    normal, gradient, residual = np.empty((8, 8)), np.empty(8), np.empty(plane.shape)
+    homography.equations(plane, image, weight, h, normal, gradient, residual)
+    assert residual == pytest.approx(image - homography.apply(h.reshape(3, 3), plane))
+    jacobian = np.empty((*plane.shape, 8))
     for k in range(8):
         step = np.zeros(9)
-        step[k] = 1e-6 * max(abs(matrix.ravel()[k]), 1e-3)
-        after, before = (homography.apply(matrix + s * step.reshape(3, 3), plane) for s in (1, -1))
-        assert jacobian[:, :, k] == pytest.approx((after - before) / (2 * step[k]), rel=1e-4, abs=1e-3)
+        step[k] = 1e-6 * max(abs(h[k]), 1e-3)
+        after, before = (homography.apply((h + s * step).reshape(3, 3), plane) for s in (1, -1))
+        jacobian[:, :, k] = (after - before) / (2 * step[k])
+    expected = np.einsum("n,nia,nib->ab", weight, jacobian, jacobian)
+    scale = np.sqrt(np.diag(expected))
+    assert normal / np.outer(scale, scale) == pytest.approx(np.tril(expected / np.outer(scale, scale)), abs=1e-4)
+    rough = np.einsum("n,nia,ni->a", weight, jacobian, residual)
+    assert gradient / scale == pytest.approx(rough / scale, rel=1e-4, abs=1e-4 * np.abs(rough / scale).max())
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)

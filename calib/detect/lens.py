@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.detect import homography
+from calib.detect.lens_equations import FLOOR_PX, descend
 from calib.types import Camera
 from designer.errors import InputError
 
@@ -133,24 +134,16 @@ def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, in
     freedom = 2 * count - 8 * len(groups) - 2
     if count < MIN_POINTS or freedom < 10:
         return NoLens()
-    k = np.zeros(2)
-    straight_cost = cost = np.inf
-    for _ in range(5):
-        lens = RadialLens(float(k[0]), float(k[1]), middle, half_diagonal)
-        normal, gradient, cost = _lens_equations(lens, groups)
-        if straight_cost == np.inf:
-            straight_cost = cost
-        step = np.linalg.lstsq(normal, gradient, rcond=None)[0]
-        k = np.clip(k + step, -0.9, 0.9)
-        if np.abs(step).max() < 1e-6:
-            break
-    lens = RadialLens(float(k[0]), float(k[1]), middle, half_diagonal)
-    cost = _lens_equations(lens, groups)[2]
+    first = np.cumsum([0] + [len(plane) for plane, _ in groups])
+    # The pixels in half diagonals from the middle, so that each group's homography leads there.
+    offset = (np.concatenate([pixel for _, pixel in groups]) - np.array(middle)) / half_diagonal
+    plane = np.concatenate([homography.moved_to_mean(np.ascontiguousarray(plane))[0] for plane, _ in groups])
+    k1, k2, straight_cost, cost = descend(plane, offset, first, FLOOR_PX / half_diagonal)
     # Without a fold: the radius must grow to the corner of the image.
     r2 = np.linspace(0, 1, 21)
-    folds = (1 + 3 * k[0] * r2 + 5 * k[1] * r2**2).min() <= 0.1
-    explained = (straight_cost - cost) / 2 / max(cost / freedom, 1e-12)
-    return NoLens() if folds or explained < SIGNIFICANCE else lens
+    folds = (1 + 3 * k1 * r2 + 5 * k2 * r2**2).min() <= 0.1
+    explained = (straight_cost - cost) / 2 / max(cost / freedom, 1e-12 / half_diagonal**2)
+    return NoLens() if folds or explained < SIGNIFICANCE else RadialLens(k1, k2, middle, half_diagonal)
 
 
 def misfit_px(lens: Lens, groups: list[tuple[Floats, Floats]]) -> float:
@@ -170,36 +163,6 @@ def misfit_px(lens: Lens, groups: list[tuple[Floats, Floats]]) -> float:
         off.append(np.linalg.norm(homography.fit(plane, straight, np.ones(len(plane)))[2], axis=1))
     every = np.concatenate(off)
     return float(np.median(every)) if len(every) else 0.0
-
-
-def _lens_equations(lens: RadialLens, groups: list[tuple[Floats, Floats]]) -> tuple[Floats, Floats, float]:
-    """Normal equations for (k1, k2) with every plane's homography eliminated, and the sum of squares (trimmed)."""
-    normal, gradient, cost = np.zeros((2, 2)), np.zeros(2), 0.0
-    for plane, pixel in groups:
-        straight = lens.straighten(pixel)
-        mapped, _, residual = homography.fit(plane, straight, np.ones(len(plane)), rounds=1)
-        size = np.linalg.norm(residual, axis=1)
-        keep = size < 6 * np.median(size) + 0.05
-        kept = plane[keep]
-        if not keep.all() and (len(kept) < 6 or not homography.is_determined(kept)):
-            continue
-        if not keep.all():
-            mapped, _, residual = homography.fit(kept, straight[keep], np.ones(len(kept)), rounds=1)
-        _, by_plane = homography.linearised(mapped, kept)
-        offset = pixel[keep] - np.array(lens.middle_px)
-        r2 = (offset**2).sum(axis=1, keepdims=True) / lens.half_diagonal_px**2
-        by_lens = np.stack([offset * r2, offset * r2 * r2], axis=-1).reshape(-1, 2)
-        free = by_lens - _projected(by_plane.reshape(-1, 8), by_lens)
-        normal += free.T @ free
-        gradient -= free.T @ residual.ravel()
-        cost += float((residual**2).sum())
-    return normal, gradient, cost
-
-
-def _projected(basis: Floats, vectors: Floats) -> Floats:
-    """Vectors as far as they lie in the span of a basis.  # (M, 8), (M, 2)"""
-    scaled = basis / np.linalg.norm(basis, axis=0)
-    return np.asarray(scaled @ (np.linalg.pinv(scaled.T @ scaled) @ (scaled.T @ vectors)))
 
 
 def _thinned(plane: Floats, pixel: Floats) -> tuple[Floats, Floats]:

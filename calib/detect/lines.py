@@ -95,16 +95,7 @@ def _spans_plane(point: Floats, plan: TargetPlan) -> bool:
 def _weighted_homography(plane: Floats, straight: Floats, sigma: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Homography and covariance, scaled by the misfit if that is more than the noise; far points left out."""
     weight = 1 / (sigma**2 + 0.003**2)
-    keep = np.ones(len(plane), dtype=np.bool_)
-    matrix, covariance, residual = homography.fit(plane, straight, weight)
-    for _ in range(3):
-        size = np.sqrt(weight * (residual**2).sum(axis=1))
-        new = size <= 5 * np.median(size[keep]) + 1e-9
-        if new.sum() < MIN_FOR_LINE or (new == keep).all():
-            break
-        keep = new
-        matrix, covariance, _ = homography.fit(plane[keep], straight[keep], weight[keep])
-        residual = straight - homography.apply(matrix, plane)
+    matrix, covariance, residual, keep = homography.fit_near(plane, straight, weight, slack=1e-9, least=MIN_FOR_LINE)
     freedom = max(2 * int(keep.sum()) - 8, 1)
     misfit = float((weight * (residual**2).sum(axis=1))[keep].sum()) / freedom
     return matrix, covariance * max(misfit, 1.0), keep

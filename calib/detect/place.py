@@ -145,16 +145,7 @@ def _shows_front(mapped: Floats, outline_mm: Floats) -> NDArray[np.bool_]:
 
 def _robust_homography(plane: Floats, straight: Floats) -> Floats:
     """A homography refitted without the points that lie far off."""
-    weight = np.ones(len(plane))
-    mapped, _, residual = homography.fit(plane, straight, weight)
-    for _ in range(2):
-        size = np.linalg.norm(residual, axis=1)
-        keep = size <= 5 * np.median(size) + 0.2
-        if keep.all() or keep.sum() < 5 or not homography.is_determined(plane[keep]):
-            break
-        mapped, _, _ = homography.fit(plane[keep], straight[keep], weight[keep])
-        residual = straight - homography.apply(mapped, plane)
-    return mapped
+    return homography.fit_near(plane, straight, np.ones(len(plane)), slack=0.2, least=5)[0]
 
 
 def predict(plan: TargetPlan, placement: Placement, image_size: tuple[int, int]) -> Places:
