@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from calib.detect.plane_distance import plane_distance
-from calib.detect.ring_equations import CHUNK, FAR, MAX_CURVATURE_SHIFT, ROOM, accumulate_squares, edge
+from calib.detect.ring_equations import CHUNK, FAR, MAX_CURVATURE_SHIFT, ROOM, accumulate_squares, edges
 from calib.detect.ring_fit import RingFits, fit_rings
 from calib.detect.ring_model import BLUR, DARKNESS, M0, PARAMETERS, RATIO, WHITE
 from calib.detect.ring_pixels import MAX_PIXELS, choose_pixels
@@ -181,9 +181,10 @@ def square_of_pixels(first: int, last: int) -> NDArray[np.int32]:
 def test_an_edge_is_the_normal_distribution() -> None:
     """Series and polynomial agree with SciPy's to 1e-9 of the contrast, and 1e-8 for the slope, far out too."""
     t = np.linspace(-2 * FAR, 2 * FAR, 1001)
-    found = np.array([edge(float(one)) for one in t])
-    assert np.abs(found[:, 0] - norm.sf(t)).max() < 1e-9
-    assert np.abs(found[:, 1] - norm.pdf(t)).max() < 1e-8
+    found = np.array([edges(float(one), float(other)) for one, other in zip(t, t[::-1], strict=True)])
+    for sign, tail, density in ((1, 0, 1), (-1, 2, 3)):
+        assert np.abs(found[:, tail] - norm.sf(sign * t)).max() < 1e-9
+        assert np.abs(found[:, density] - norm.pdf(t)).max() < 1e-8
 
 
 def test_residuals_and_normal_equations_follow_the_model() -> None:

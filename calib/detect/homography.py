@@ -146,7 +146,7 @@ def equations(
 def fit_entries(
     x: Floats, image: Floats, weight: Floats, rounds: int, h: Floats, normal: Floats, residual: Floats
 ) -> bool:
-    """Gauss-Newton from the direct solution, points at their mean; `normal` is of the last but one; false if singular."""
+    """Gauss-Newton from the direct solution, points at their mean; `normal` is the last step's; false if singular."""
     gradient, step, damped = np.empty(ENTRIES), np.empty(ENTRIES), np.empty((ENTRIES, ENTRIES))
     if not solve_direct(x, image, h):
         return False

@@ -32,6 +32,8 @@ Floats: TypeAlias = NDArray[np.float64]
 RAYS = 40
 MAX_STEPS = 33
 ITERATIONS = 40
+ENOUGH = 1e-4
+"""A share of the cost: what is found here is a start."""
 ROBUST_PX = 0.4
 """Edge points farther off than this count less (Huber)."""
 
@@ -172,7 +174,7 @@ def _fit_pair(image: NDArray[np.generic], p: Floats, q: Floats) -> float:
                 continue
             trial_cost = _pair_cost(trial, q, count, edge_uv, edge_rho, trial_normal, trial_gradient)
             if trial_cost < cost:
-                done = cost - trial_cost < 1e-9 * cost
+                done = cost - trial_cost < ENOUGH * cost
                 p[:8] = trial[:8]
                 normal[:] = trial_normal
                 gradient[:] = trial_gradient

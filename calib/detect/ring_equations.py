@@ -40,17 +40,12 @@ MAX_CURVATURE_SHIFT = 0.35
 """In blurs: beyond this the first-order shift of a curved edge is no longer true."""
 FAR = 6.0
 """In blurs from an edge: farther out nothing changes."""
+MILLS = 0.24
 
 
 @jit_inside
-def edge(t: float) -> tuple[float, float]:
-    """1 - Phi(t) and the normal density, to 4e-10, without a branch or a call.
-
-    The exponential is the 64th power of a series, Mills' ratio a polynomial in 1 / (1 + .24 |t|) (minimax on 0..FAR).
-    """
-    a = -t if t < 0.0 else t
-    is_far = a > FAR
-    a = FAR if is_far else a
+def _density(a: float) -> float:
+    """The normal density at 0 <= a <= FAR: the exponential is the 64th power of a series."""
     y = a * a * (-1.0 / 128.0)
     e = 1.0 + y * (1.0 / 7.0) * (1.0 + y * 0.125)
     e = 1.0 + y * (1.0 / 5.0) * (1.0 + y * (1.0 / 6.0) * e)
@@ -62,16 +57,38 @@ def edge(t: float) -> tuple[float, float]:
     e *= e
     e *= e
     e *= e
-    # Far out exactly zero: near a ring's centre distances in blurs have no limit.
-    density = 0.0 if is_far else 0.3989422804014327 * e
-    k = 1.0 / (1.0 + 0.24 * a)
+    return 0.3989422804014327 * e
+
+
+@jit_inside
+def _mills(k: float) -> float:
+    """Mills' ratio at a as a polynomial in k = 1 / (1 + MILLS a) (minimax on 0..FAR)."""
     mills = 1.390114509097616 - 0.3135441793179374 * k
     mills = -1.6194668776127493 + k * mills
     mills = 1.5681309295416128 + k * mills
     mills = -0.3861485101340224 + k * mills
     mills = 0.3898165051600239 + k * mills
-    tail = density * k * (0.22441175990366652 + k * mills)
-    return (1.0 - tail if t < 0.0 else tail), density
+    return k * (0.22441175990366652 + k * mills)
+
+
+@jit_inside
+def edges(t: float, other: float) -> tuple[float, float, float, float]:
+    """1 - Phi(t) and the normal density, of two numbers, to 1e-9 and 1e-8, without a branch or a call."""
+    a = -t if t < 0.0 else t
+    b = -other if other < 0.0 else other
+    # Far out exactly nothing: near a ring's centre distances in blurs have no limit.
+    a_far, b_far = a > FAR, b > FAR
+    a, b = FAR if a_far else a, FAR if b_far else b
+    density_a, density_b = _density(a), _density(b)
+    x, y = 1.0 + MILLS * a, 1.0 + MILLS * b
+    both = 1.0 / (x * y)
+    tail_a, tail_b = density_a * _mills(both * y), density_b * _mills(both * x)
+    return (
+        1.0 - tail_a if t < 0.0 else tail_a,
+        0.0 if a_far else density_a,
+        1.0 - tail_b if other < 0.0 else tail_b,
+        0.0 if b_far else density_b,
+    )
 
 
 @jit_inside
@@ -86,19 +103,18 @@ def pixel_equation(value: float, du: float, dv: float, p: Numbers, distance: Dis
         distance: what `plane_distance` said.
     """
     f, g, fv0, fv1, f_e00, f_e10, f_e11, f_m0, f_m1, bend = distance
+    is_ring = p[RATIO] > 0.0
+    ratio = p[RATIO] if is_ring else 1.0
     inv_s = 1.0 / p[BLUR]
     per_blur = inv_s / g
     # Blur moves a curved edge towards its centre of curvature by s^2 / 2 times the curvature.
     shift = 0.5 * bend * p[BLUR]
     bent_outer = MAX_CURVATURE_SHIFT if shift > MAX_CURVATURE_SHIFT else shift
-    t_outer = (f - 1.0) * per_blur + bent_outer
-    inside, phi_outer = edge(t_outer)
-    is_ring = p[RATIO] > 0.0
-    ratio = p[RATIO] if is_ring else 1.0
-    shift = shift / ratio
+    shift = shift * (1.0 / ratio)
     bent_inner = MAX_CURVATURE_SHIFT if shift > MAX_CURVATURE_SHIFT else shift
+    t_outer = (f - 1.0) * per_blur + bent_outer
     t_inner = (f - ratio) * per_blur + bent_inner
-    hole, phi_inner = edge(t_inner)
+    inside, phi_outer, hole, phi_inner = edges(t_outer, t_inner)
     hole = hole if is_ring else 0.0
     phi_inner = phi_inner if is_ring else 0.0
     ink = inside - hole
@@ -174,22 +190,22 @@ def bend_of(q: Floats) -> Numbers:
 
 
 @jit_sums
-def _add_outer(rows: Floats, filled: int, normal: Floats, gradient: Floats) -> float:
-    """Add J'J to the lower triangle and J'r to the gradient; returns r'r."""
-    for a in range(PARAMETERS):
-        for b in range(a + 1):
-            s = 0.0
+def _add_products(rows: Floats, filled: int, total: Floats) -> None:
+    """Add products of all rows of derivatives and residuals to the lower triangle: J'J, J'r and r'r.  # (16, 16)"""
+    for a in range(PARAMETERS + 1):
+        for b in range(0, a + 1, 4):
+            # Four at once: a number that is fetched serves four times.
+            s0 = s1 = s2 = s3 = 0.0
             for n in range(filled):
-                s += rows[a * CHUNK + n] * rows[b * CHUNK + n]
-            normal[a, b] += s
-        s = 0.0
-        for n in range(filled):
-            s += rows[a * CHUNK + n] * rows[RESIDUAL + n]
-        gradient[a] += s
-    s = 0.0
-    for n in range(filled):
-        s += rows[RESIDUAL + n] * rows[RESIDUAL + n]
-    return s
+                x = rows[a * CHUNK + n]
+                s0 += x * rows[b * CHUNK + n]
+                s1 += x * rows[(b + 1) * CHUNK + n]
+                s2 += x * rows[(b + 2) * CHUNK + n]
+                s3 += x * rows[(b + 3) * CHUNK + n]
+            total[a, b] += s0
+            total[a, b + 1] += s1
+            total[a, b + 2] += s2
+            total[a, b + 3] += s3
 
 
 @jit
@@ -208,14 +224,15 @@ def accumulate(
         gradient: J'r.  # (PARAMETERS,)
         rows: room.  # (ROOM,)
     """
-    normal[:] = 0.0
-    gradient[:] = 0.0
+    total = np.zeros((PARAMETERS + 1, PARAMETERS + 1))
     parameters, bend = parameters_of(p), bend_of(q)
-    cost = 0.0
     for first in range(0, count, CHUNK):
         filled = min(CHUNK, count - first)
         fill_rows(pixels, first, filled, parameters, bend, origin, rows)
-        cost += _add_outer(rows, filled, normal, gradient)
+        _add_products(rows, filled, total)
+    normal[:] = total[:PARAMETERS, :PARAMETERS]
+    gradient[:] = total[PARAMETERS, :PARAMETERS]
+    cost: float = total[PARAMETERS, PARAMETERS]
     return cost
 
 
@@ -232,20 +249,20 @@ def accumulate_squares(
     rows: Floats,
 ) -> float:
     """As `accumulate`, and the sum of r^2 J J' (lower triangle)."""
-    normal[:] = 0.0
-    gradient[:] = 0.0
-    sandwich[:] = 0.0
-    unused = np.empty(PARAMETERS)
+    total, squares = np.zeros((PARAMETERS + 1, PARAMETERS + 1)), np.zeros((PARAMETERS + 1, PARAMETERS + 1))
     parameters, bend = parameters_of(p), bend_of(q)
-    cost = 0.0
     for first in range(0, count, CHUNK):
         filled = min(CHUNK, count - first)
         fill_rows(pixels, first, filled, parameters, bend, origin, rows)
-        cost += _add_outer(rows, filled, normal, gradient)
+        _add_products(rows, filled, total)
         for a in range(PARAMETERS):
             for k in range(filled):
                 rows[a * CHUNK + k] *= rows[RESIDUAL + k]
-        _add_outer(rows, filled, sandwich, unused)
+        _add_products(rows, filled, squares)
+    normal[:] = total[:PARAMETERS, :PARAMETERS]
+    gradient[:] = total[PARAMETERS, :PARAMETERS]
+    sandwich[:] = squares[:PARAMETERS, :PARAMETERS]
+    cost: float = total[PARAMETERS, PARAMETERS]
     return cost
 
 

@@ -22,8 +22,9 @@ from calib.threads import in_chunks
 Floats: TypeAlias = NDArray[np.float64]
 
 MAX_ITERATIONS = 25
-CONVERGED_PX = 1e-4
-"""A step of the centre this small is the last."""
+CONVERGED_PX = 5e-3
+"""A step of the centre this small is the last: the next one is a hundred times smaller, and a final fit takes it."""
+NO_MOVE_PX = 1e-7
 NO_GAIN = 1e-6
 """Grey levels squared a pixel: less than rounding."""
 NO_STEP = 1e8
@@ -121,7 +122,7 @@ def _descend(
         trial_cost = accumulate(pixels, count, trial, q, origin, trial_normal, trial_gradient, rows)
         trial_prior = add_prior(trial, line, information, noise2, is_ring, damped, total)
         if trial_cost + trial_prior > cost + prior:
-            if moved < 1e-3 * CONVERGED_PX:
+            if moved < NO_MOVE_PX:
                 break
             damping = max(damping * 10.0, 1e-6)
             continue
@@ -132,6 +133,17 @@ def _descend(
         damping = max(damping * 0.1, 1e-9)
     add_prior(params, line, information, max(cost / (count - PARAMETERS), 1e-6), is_ring, normal, gradient)
     return cost
+
+
+@jit
+def _polish(params: Floats, start: Floats, work: Floats) -> None:
+    """The last step of a final fit, from equations that are at hand."""
+    damped, step, trial = work[1], work[4, 2], work[4, 3]
+    damped[:] = work[0]
+    if cholesky_solve(damped, work[4, 0], step):
+        trial[:] = params + step
+        if math.sqrt(step[0] * step[0] + step[1] * step[1]) < CONVERGED_PX and _is_sane(trial, start):
+            params[:] = trial
 
 
 @jit
@@ -223,6 +235,7 @@ def _fit_range(
             cost = accumulate_squares(pixels, count, params[n], q[n], start[n, :2], normal, gradient, sandwich, rows)
             noise2 = max(cost / (count - PARAMETERS), 1e-6)
             add_prior(params[n], line[n], information[n], noise2, is_ring, normal, gradient)
+            _polish(params[n], start[n], work)
             done = _sandwich_covariances(count, noise2, information[n], is_ring, center_cov[n], line_cov[n], work)
             if done and is_ring:
                 alone[n] = score_ring(

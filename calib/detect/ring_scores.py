@@ -160,7 +160,7 @@ def score_ring(
         _add_scores(filled, rows, by_place, leverage)
     score /= math.sqrt(even * max(noise2, 1e-12))
     radius_px = 1.0 / math.sqrt(p[E00] * p[E11])
-    near = np.empty(PARAMETERS)
+    near, through = np.empty(PARAMETERS), np.empty(PARAMETERS)
     taken_up = 0.0
     for edge in range(2):
         reach = _reach(radius_px if edge == 0 else radius_px * p[RATIO])
@@ -172,11 +172,13 @@ def score_ring(
             for a in range(STRETCHES):
                 # The window's sum follows from its neighbour's.
                 near += of_edge[(a + reach) % STRETCHES] - of_edge[(a - reach - 1) % STRETCHES]
+                through[:] = 0.0
+                for j in range(PARAMETERS):
+                    # Of a symmetric matrix: its rows, which lie together, for its columns.
+                    for i in range(PARAMETERS):
+                        through[i] += near[j] * inverse[j, i]
                 for i in range(PARAMETERS):
-                    through = 0.0
-                    for j in range(PARAMETERS):
-                        through += inverse[i, j] * near[j]
-                    taken_up += of_edge[a, i] * through
+                    taken_up += of_edge[a, i] * through[i]
     return 1.0 - taken_up / even
 
 
