@@ -221,7 +221,7 @@ def test_even_noise_stays_white_under_local_thresholds() -> None:
     """Noise on an even area is no speckle of candidates."""
     rng = np.random.default_rng(5)
     grey = rng.normal(160, 8, (400, 400)).clip(0, 255).astype(np.uint8)
-    for way in thresholds(grey)[1:]:
+    for way in list(thresholds(grey))[1:]:
         assert (binarise(grey, way) == 0).mean() < 1e-3
 
 

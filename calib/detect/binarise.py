@@ -1,5 +1,6 @@
 """Black and white from grey: the paper's global threshold, local thresholds for uneven light, and reduced images."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -49,14 +50,16 @@ class Threshold:
     offset: float = 0.0
 
 
-def thresholds(grey: NDArray[np.uint8]) -> tuple[Threshold, ...]:
+def thresholds(grey: NDArray[np.uint8]) -> Iterator[Threshold]:
     """The ways to try, in order: Otsu first, then local means over a large and a small window.
 
     The offset keeps even areas white: noise may not turn them into speckle.
     """
+    yield Threshold(0)
     side = min(grey.shape)
     offset = max(6.0, 4 * noise_level(grey))
-    return Threshold(0), Threshold(_odd(side / 6), offset), Threshold(_odd(side / 18), offset)
+    yield Threshold(_odd(side / 6), offset)
+    yield Threshold(_odd(side / 18), offset)
 
 
 def is_speckle(binary: NDArray[np.uint8]) -> bool:

@@ -76,8 +76,12 @@ def stretch_of(shape: Floats, predicted: Floats) -> Floats:
         shape: E as seen.  # (N, 3)
         predicted: E_p.  # (N, 3)
     """
-    lower = np.zeros((2, len(shape), 2, 2))
-    for full, part in zip(lower, (shape, predicted), strict=True):
-        full[:, 0, 0], full[:, 1, 0], full[:, 1, 1] = part.T
-    lower[0, np.abs(np.linalg.det(lower[0])) < 1e-12] = np.eye(2)
-    return np.asarray(np.log(np.maximum(np.linalg.svd(lower[1] @ np.linalg.inv(lower[0]), compute_uv=False), 1e-12)))
+    # M = E_p inv(E) of lower triangles: its singular values are s +- d with 2 s = |(a + d, c)| and 2 d = |(a - d, c)|.
+    area = shape[:, 0] * shape[:, 2]
+    is_flat = np.abs(area) < 1e-12
+    e00, e10, e11 = np.where(is_flat[:, None], np.array([1.0, 0.0, 1.0]), shape).T
+    a, d = predicted[:, 0] / e00, predicted[:, 2] / e11
+    c = (predicted[:, 1] - d * e10) / e00
+    half_sum, half_difference = 0.5 * np.hypot(a + d, c), 0.5 * np.hypot(a - d, c)
+    scale = np.stack([half_sum + half_difference, np.abs(half_sum - half_difference)], axis=1)
+    return np.asarray(np.log(np.maximum(scale, 1e-12)))

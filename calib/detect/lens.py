@@ -108,12 +108,9 @@ def local_form(lens: Lens, pixel: Floats, step_px: float = 2.0) -> tuple[Floats,
     """
     if isinstance(lens, NoLens):
         return np.tile(np.eye(2), (len(pixel), 1, 1)), np.zeros((len(pixel), 6))
-    right, down = np.array([step_px, 0.0]), np.array([0.0, step_px])
-    middle = lens.straighten(pixel)
-    east, west = lens.straighten(pixel + right), lens.straighten(pixel - right)
-    south, north = lens.straighten(pixel + down), lens.straighten(pixel - down)
-    corners = lens.straighten(pixel + right + down) + lens.straighten(pixel - right - down)
-    corners = corners - lens.straighten(pixel + right - down) - lens.straighten(pixel - right + down)
+    ways = step_px * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, -1], [1, -1], [-1, 1]])
+    middle, east, west, south, north, *corner = lens.straighten(pixel + ways[:, None])
+    corners = corner[0] + corner[1] - corner[2] - corner[3]
     jacobian = np.stack([east - west, south - north], axis=-1) / (2 * step_px)
     second = np.stack([0.5 * (east - 2 * middle + west), 0.25 * corners, 0.5 * (south - 2 * middle + north)], axis=-1)
     bend = np.linalg.solve(jacobian, second / step_px**2)

@@ -63,7 +63,7 @@ def fit_lines(plan: TargetPlan, ring: Integers, seen: Seen, lens: Lens, placemen
     for f in np.unique(face):
         mine = np.flatnonzero(face == f)
         rows = mine[seen.use[mine] & np.isfinite(straight[mine]).all(axis=1)]
-        if len(rows) >= MIN_FOR_LINE and _spans_plane(plane[rows], plan):
+        if len(rows) >= MIN_FOR_LINE and _spans_plane(plan.target.ring_index[ring[rows]], plan):
             matrix, covariance, kept = _weighted_homography(plane[rows], straight[rows], seen.sigma_px[rows])
             base = plane[rows][kept]
         elif np.isfinite(placement.by_solid[f, 0, 0]):
@@ -81,13 +81,11 @@ def fit_lines(plan: TargetPlan, ring: Integers, seen: Seen, lens: Lens, placemen
     return Lines(line, information, residual)
 
 
-def _spans_plane(point: Floats, plan: TargetPlan) -> bool:
+def _spans_plane(index: Integers, plan: TargetPlan) -> bool:
     """Whether a homography has something to spare: OFF_ROW points and more are left without any one row of the grid."""
-    pitch = plan.pitch_radii * plan.radius_mm
-    for step in plan.lattice.move_in_radii * np.array([1.0, -1.0]):
-        across = np.sort(point @ np.array([-step[1], step[0]]) / np.linalg.norm(step))
-        row = np.concatenate([[0], np.cumsum(np.diff(across) > 0.25 * pitch)])
-        if len(point) - np.bincount(row).max() < OFF_ROW:
+    for move in plan.lattice.move:
+        row = index @ np.array([-move[1], move[0]])
+        if len(row) - np.bincount(row - row.min()).max() < OFF_ROW:
             return False
     return True
 

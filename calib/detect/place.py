@@ -132,15 +132,13 @@ def direct_projection(point: Floats, image: Floats) -> Floats:
 
 def _shows_front(mapped: Floats, outline_mm: Floats) -> NDArray[np.bool_]:
     """Whether faces turn their front to the camera: their outline runs clockwise in the image (v points down)."""
-    front = np.zeros(len(mapped), dtype=np.bool_)
-    for f, (matrix, outline) in enumerate(zip(mapped, outline_mm, strict=True)):
-        depth = outline @ matrix[2, :2] + matrix[2, 2]
-        if depth.min() <= 0:
-            continue
-        corner = homography.apply(matrix, outline)
-        after = np.roll(corner, -1, axis=0)
-        front[f] = float((corner[:, 0] * after[:, 1] - after[:, 0] * corner[:, 1]).sum()) < 0
-    return front
+    depth = np.einsum("fkc,fc->fk", outline_mm, mapped[:, 2, :2]) + mapped[:, 2, 2:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        corner = np.einsum("fic,fkc->fki", mapped[:, :2, :2], outline_mm) + mapped[:, None, :2, 2]
+        corner = corner / depth[:, :, None]
+    after = np.roll(corner, -1, axis=1)
+    area = (corner[..., 0] * after[..., 1] - after[..., 0] * corner[..., 1]).sum(axis=1)
+    return np.asarray((depth.min(axis=1) > 0) & (area < 0))
 
 
 def _robust_homography(plane: Floats, straight: Floats) -> Floats:
@@ -151,59 +149,66 @@ def _robust_homography(plane: Floats, straight: Floats) -> Floats:
 def predict(plan: TargetPlan, placement: Placement, image_size: tuple[int, int]) -> Places:
     """All features on faces that show, as far as they lie in the image."""
     target = plan.target
-    parts = [Places(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 3)))]
-    for f in placement.seen():
-        row = np.flatnonzero(target.ring_face == f)
-        circles = target.center_in_face_mm[row, :2], target.radius_outer_mm[row]
-        parts.append(imaged(plan, placement, int(f), row, *circles, image_size))
-    names = ("ring", "center_px", "shape")
-    return Places(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    row = np.flatnonzero(np.isfinite(placement.homography[:, 0, 0])[target.ring_face])
+    row = row[np.argsort(target.ring_face[row], kind="stable")]
+    face, plane, radius = target.ring_face[row], target.center_in_face_mm[row, :2], target.radius_outer_mm[row]
+    return imaged(plan, placement, face, row, plane, radius, image_size)
 
 
 def imaged(
     plan: TargetPlan,
     placement: Placement,
-    face: int,
+    face: Integers,
     ring: Integers,
     plane_mm: Floats,
     radius_mm: Floats,
     image_size: tuple[int, int],
 ) -> Places:
-    """Circles in the plane of a face that shows, as far as they lie in the image.
+    """Circles in the planes of faces that show, as far as they lie in the image.
 
     Args:
         plan: the target's.
-        placement: where the face is.
-        face: which.
+        placement: where the faces are.
+        face: on which each circle is.  # (N,)
         ring: what the circles are called in the result.  # (N,)
         plane_mm: their centres in the face's frame.  # (N, 2)
         radius_mm: their radii.  # (N,)
         image_size: width, height in px.
     """
     matrix, lens = placement.homography[face], placement.lens
-    front = plane_mm @ matrix[2, :2] + matrix[2, 2] > 0
-    ring, plane_mm, radius_mm = ring[front], plane_mm[front], radius_mm[front]
+    front = (matrix[:, 2, :2] * plane_mm).sum(axis=1) + matrix[:, 2, 2] > 0
+    ring, plane_mm, radius_mm, matrix = ring[front], plane_mm[front], radius_mm[front], matrix[front]
     pixel = lens.distort(homography.apply(matrix, plane_mm))
-    has_ray = np.asarray(np.isfinite(local_form(lens, pixel)[0]).all(axis=(1, 2)))
-    ring, plane_mm, pixel, radius_mm = ring[has_ray], plane_mm[has_ray], pixel[has_ray], radius_mm[has_ray]
-    shape = _shape(plan, lens, matrix, plane_mm, pixel, radius_mm)
-    inside = ((pixel > 2) & (pixel < np.array(image_size) - 3)).all(axis=1) & (shape[:, 0] > 0) & (shape[:, 2] > 0)
+    jacobian, _ = local_form(lens, pixel)
+    shape = _shape(matrix, jacobian, plane_mm, radius_mm)
+    inside = ((pixel > 2) & (pixel < np.array(image_size) - 3)).all(axis=1)
+    # Beyond a lens's fold there are no rays.
+    inside &= np.isfinite(jacobian).all(axis=(1, 2)) & (shape[:, 0] > 0) & (shape[:, 2] > 0)
     return Places(ring, pixel, shape).take(inside)
 
 
-def _shape(plan: TargetPlan, lens: Lens, matrix: Floats, plane: Floats, pixel: Floats, radius_mm: Floats) -> Floats:
-    """E of circles of a face in the image: E'E is the inverse of J J' R^2, J the map's derivative.  # (N, 3)"""
-    step = 0.01 * plan.radius_mm
-    right, up = np.array([step, 0.0]), np.array([0.0, step])
-    east = homography.apply(matrix, plane + right) - homography.apply(matrix, plane - right)
-    north = homography.apply(matrix, plane + up) - homography.apply(matrix, plane - up)
-    derivative = np.stack([east, north], axis=-1) / (2 * step)
-    jacobian, _ = local_form(lens, pixel)
-    spread = np.linalg.solve(jacobian, derivative) * radius_mm[:, None, None]
-    gram = np.linalg.pinv(spread @ spread.transpose(0, 2, 1))
-    e11 = np.sqrt(np.maximum(gram[:, 1, 1], 1e-12))
-    e10 = gram[:, 0, 1] / e11
-    e00 = np.sqrt(np.maximum(gram[:, 0, 0] - e10**2, 1e-12))
+def _shape(matrix: Floats, jacobian: Floats, plane: Floats, radius_mm: Floats) -> Floats:
+    """E of circles in the image: E'E is the inverse of J J' R^2, J the derivative of the map from the plane.  # (N, 3)
+
+    Args:
+        matrix: straight image from plane, of each circle.  # (N, 3, 3)
+        jacobian: of the straight image by pixels.  # (N, 2, 2)
+        plane: the centres.  # (N, 2)
+        radius_mm: the radii.  # (N,)
+    """
+    mapped = np.einsum("nij,nj->ni", matrix[:, :, :2], plane) + matrix[:, :, 2]
+    straight = mapped[:, :2] / mapped[:, 2:]
+    derivative = (matrix[:, :2, :2] - straight[:, :, None] * matrix[:, 2:, :2]) / mapped[:, 2:, None]
+    spread = derivative * radius_mm[:, None, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cross = spread[:, 0, 0] * spread[:, 1, 1] - spread[:, 0, 1] * spread[:, 1, 0]
+        # inv(D) A takes pixels to radii.
+        back = np.stack([spread[:, 1, 1], -spread[:, 0, 1], -spread[:, 1, 0], spread[:, 0, 0]], axis=1)
+        to_radii = (back / cross[:, None]).reshape(-1, 2, 2) @ jacobian
+        gram = np.swapaxes(to_radii, 1, 2) @ to_radii
+        e11 = np.sqrt(np.maximum(gram[:, 1, 1], 1e-12))
+        e10 = gram[:, 0, 1] / e11
+        e00 = np.sqrt(np.maximum(gram[:, 0, 0] - e10**2, 1e-12))
     return np.stack([e00, e10, e11], axis=1)
 
 

@@ -22,8 +22,10 @@ from calib.threads import in_chunks
 Floats: TypeAlias = NDArray[np.float64]
 
 MAX_ITERATIONS = 25
-CONVERGED_PX = 5e-3
-"""A step of the centre this small is the last: the next one is a hundred times smaller, and a final fit takes it."""
+NEAR_PX = 5e-3
+"""A step of the centre this small is the last, of a fit that another one starts from."""
+CONVERGED_PX = 1e-3
+"""A step this small is the last but one of a final fit: the next, some hundred times smaller, costs nothing more."""
 NO_MOVE_PX = 1e-7
 NO_GAIN = 1e-6
 """Grey levels squared a pixel: less than rounding."""
@@ -85,8 +87,12 @@ def _descend(
     params: Floats,
     work: Floats,
     rows: Floats,
+    enough_px: float,
 ) -> float:
-    """Levenberg-Marquardt from `start` into `params`; returns the sum of squares, or -1 if there is no way down."""
+    """Levenberg-Marquardt from `start` into `params`; returns the sum of squares, or -1 if there is no way down.
+
+    A step of the centre shorter than `enough_px` is the last.
+    """
     normal, damped, trial_normal = work[0], work[1], work[2]
     gradient, total, step, trial, trial_gradient = work[4, 0], work[4, 1], work[4, 2], work[4, 3], work[4, 4]
     origin = start[:2]
@@ -115,7 +121,7 @@ def _descend(
         promised = 0.0
         for k in range(PARAMETERS):
             promised += total[k] * step[k]
-        if moved < CONVERGED_PX and promised < 1e-3 * cost + NO_GAIN * count:
+        if moved < enough_px and promised < 1e-3 * cost + NO_GAIN * count:
             # Neither the centre nor anything else has far to go: taken without looking again.
             params[:] = trial
             break
@@ -221,12 +227,13 @@ def _fit_range(
     work = np.empty((5, PARAMETERS, PARAMETERS))
     rows = np.empty(SCORES_ROOM)
     pixels = np.empty((3, MAX_PIXELS))
+    enough_px = CONVERGED_PX if is_final else NEAR_PX
     for n in range(first, last):
         is_ring = start[n, RATIO] > 0.0
         count = choose_pixels(image, start[n], q[n], 3.0 * start[n, BLUR] + 1.0, limit, pixels)
         if count < 2 * PARAMETERS:
             continue
-        cost = _descend(pixels, count, start[n], q[n], line[n], information[n], params[n], work, rows)
+        cost = _descend(pixels, count, start[n], q[n], line[n], information[n], params[n], work, rows, enough_px)
         if cost < 0.0:
             continue
         noise2 = max(cost / (count - PARAMETERS), 1e-6)

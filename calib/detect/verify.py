@@ -225,7 +225,7 @@ def _one_step_outside(
     near = np.unique((own[:, None] + plan.lattice.move[None]).reshape(-1, 2), axis=0)
     near = near[plan.rows_at(face, near) < 0]
     name, radius = np.full(len(near), -1), np.full(len(near), plan.radius_mm)
-    places = imaged(plan, placement, face, name, plan.lattice_mm(face, near), radius, image_size)
+    places = imaged(plan, placement, np.full(len(near), face), name, plan.lattice_mm(face, near), radius, image_size)
     return places.take(_plain(places, least_px, image_size))
 
 
