@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from calib.detect.plane_distance import plane_distance
-from calib.detect.ring_equations import CHUNK, FAR, MAX_CURVATURE_SHIFT, ROOM, accumulate_squares, edges
+from calib.detect.ring_equations import CHUNK, FAR, MAX_CURVATURE_SHIFT, ROOM, accumulate, edges
 from calib.detect.ring_fit import RingFits, fit_rings
 from calib.detect.ring_model import BLUR, DARKNESS, M0, PARAMETERS, RATIO, WHITE
 from calib.detect.ring_pixels import MAX_PIXELS, choose_pixels
@@ -167,7 +167,7 @@ def equations(
     size = (PARAMETERS, PARAMETERS)
     normal, gradient, sandwich = np.empty(size), np.empty(PARAMETERS), np.empty(size)
     sample = np.vstack([pixel.T, image[pixel[:, 1], pixel[:, 0]]]).astype(np.float64)
-    cost = accumulate_squares(sample, len(pixel), p, q, p[:2].copy(), normal, gradient, sandwich, np.empty(ROOM))
+    cost = accumulate(sample, len(pixel), p, q, p[:2].copy(), True, normal, gradient, sandwich, np.empty(ROOM))
     return cost, np.tril(normal), gradient, np.tril(sandwich)
 
 

@@ -170,17 +170,18 @@ def _fit_with_lines(
         lens = camera_lens if camera_lens is not None else fit_lens(plan, places.ring, seen, image_size)
         return lens, fit_lines(plan, places.ring, seen, lens, placement)
 
-    def fit(pixels: NDArray[np.generic], start: Floats, seen: Seen, *, is_final: bool) -> RingFits:
+    def fit(start: Floats, seen: Seen, *, is_final: bool, near: RingFits | None = None) -> RingFits:
         lens, known = lines(seen)
         _, bend = local_form(lens, seen.center_px)
         fits = fit_rings(
-            pixels,
+            image,
             start,
             limit=plan.limit,
             line=known.line,
             line_information=known.information,
             bend=bend,
             is_final=is_final,
+            near=near,
         )
         # One circle alone does not tell where its centre is projected to.
         return replace(fits, ok=fits.ok & (known.known | ~is_dot))
@@ -197,11 +198,11 @@ def _fit_with_lines(
     seen = Seen(start[:, :2], np.full(len(start), 0.1), ~is_dot)
     # Very many rings give the line from their ellipses alone; a second pass would only repeat the first.
     is_enough = len(start) > MANY_RINGS
-    fits = fit(image, start, seen, is_final=is_enough)
+    fits = fit(start, seen, is_final=is_enough)
     if not is_enough:
         seen = after(fits, start)
         start = np.where(fits.ok[:, None], fits.params, start)
-        fits = fit(image, start, seen, is_final=True)
+        fits = fit(start, seen, is_final=True, near=fits)
     sound = np.where(judge(fits, None, is_dot, places.shape, plan) == "", plan.target.ring_face[places.ring], -1)
     roughness = fits.noise / np.maximum(fits.contrast, 1e-9)
     ratios = variance_ratios(fits.scores, fits.params, roughness, sound, SOFTENED_RATIO if softened else 1.0)

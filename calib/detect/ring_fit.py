@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.ring_equations import accumulate, accumulate_squares, add_prior
+from calib.detect.ring_equations import accumulate, add_prior
 from calib.detect.ring_model import BLUR, CENTER_U, CENTER_V, DARKNESS, E00, E10, E11, M0, M1, PARAMETERS, RATIO, WHITE
 from calib.detect.ring_pixels import MAX_PIXELS, choose_pixels
 from calib.detect.ring_scores import SCORES_ROOM, Scores, score_ring
@@ -25,12 +25,26 @@ MAX_ITERATIONS = 25
 NEAR_PX = 5e-3
 """A step of the centre this small is the last, of a fit that another one starts from."""
 CONVERGED_PX = 1e-3
-"""A step this small is the last but one of a final fit: the next, some hundred times smaller, costs nothing more."""
+"""A step this small is the last of a final fit: the next would be some hundred times smaller."""
 NO_MOVE_PX = 1e-7
 NO_GAIN = 1e-6
 """Grey levels squared a pixel: less than rounding."""
 NO_STEP = 1e8
 """With more damping than this there is nowhere to go."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """Of N rings, one small step before their fits, without priors."""
+
+    normal: Floats  # (N, 15, 15) lower triangles of J'J
+    gradient: Floats  # (N, 15) J'r
+    cost: Floats  # (N,) r'r; -1: there are none
+
+    @staticmethod
+    def empty(count: int) -> "Equations":
+        """To be filled."""
+        return Equations(np.zeros((count, PARAMETERS, PARAMETERS)), np.zeros((count, PARAMETERS)), np.full(count, -1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +58,7 @@ class RingFits:
     scores: Scores  # of final fits only
     pixels: NDArray[np.int64]  # (N,) how many pixels were used
     ok: NDArray[np.bool_]  # (N,)
+    equations: Equations  # of fits that are not final
 
     @property
     def center_px(self) -> Floats:
@@ -84,21 +99,36 @@ def _descend(
     q: Floats,
     line: Floats,
     information: Floats,
+    is_final: bool,
+    cost: float,
     params: Floats,
     work: Floats,
     rows: Floats,
-    enough_px: float,
 ) -> float:
-    """Levenberg-Marquardt from `start` into `params`; returns the sum of squares, or -1 if there is no way down.
+    """Levenberg-Marquardt from `params` on; returns the sum of squares, or -1 if there is no way down.
 
-    A step of the centre shorter than `enough_px` is the last.
+    Args:
+        pixels: u, v and grey level.  # (3, >= count)
+        count: how many.
+        start: parameters that chose the pixels; the fit stays near them.
+        q: the lens's bend.
+        line: mean of the prior on m.
+        information: its inverse covariance.
+        is_final: whether the sandwich's middle is wanted.
+        cost: at `params`, where `work` holds the equations; negative: they are to be had yet.
+        params: where to start, and the result.
+        work: room; afterwards normal equations, gradient and sandwich, one small step before the result.
+        rows: room.
     """
-    normal, damped, trial_normal = work[0], work[1], work[2]
+    normal, damped, trial_normal, sandwich, trial_sandwich = work[0], work[1], work[2], work[5], work[6]
     gradient, total, step, trial, trial_gradient = work[4, 0], work[4, 1], work[4, 2], work[4, 3], work[4, 4]
     origin = start[:2]
     is_ring = start[RATIO] > 0.0
-    params[:] = start
-    cost = accumulate(pixels, count, params, q, origin, normal, gradient, rows)
+    enough_px = CONVERGED_PX if is_final else NEAR_PX
+    # Equations of another fit serve for the first step; what they promise is another lens's and has no sandwich.
+    is_borrowed = cost >= 0.0
+    if not is_borrowed:
+        cost = accumulate(pixels, count, params, q, origin, is_final, normal, gradient, sandwich, rows)
     damping = 1e-4
     for _ in range(MAX_ITERATIONS):
         if damping > NO_STEP:
@@ -121,35 +151,27 @@ def _descend(
         promised = 0.0
         for k in range(PARAMETERS):
             promised += total[k] * step[k]
-        if moved < enough_px and promised < 1e-3 * cost + NO_GAIN * count:
+        if moved < enough_px and promised < 1e-3 * cost + NO_GAIN * count and not is_borrowed:
             # Neither the centre nor anything else has far to go: taken without looking again.
             params[:] = trial
             break
-        trial_cost = accumulate(pixels, count, trial, q, origin, trial_normal, trial_gradient, rows)
+        trial_cost = accumulate(
+            pixels, count, trial, q, origin, is_final, trial_normal, trial_gradient, trial_sandwich, rows
+        )
         trial_prior = add_prior(trial, line, information, noise2, is_ring, damped, total)
-        if trial_cost + trial_prior > cost + prior:
+        if trial_cost + trial_prior > cost + prior and not is_borrowed:
             if moved < NO_MOVE_PX:
                 break
             damping = max(damping * 10.0, 1e-6)
             continue
+        is_borrowed = False
         params[:] = trial
         normal[:] = trial_normal
         gradient[:] = trial_gradient
+        sandwich[:] = trial_sandwich
         cost = trial_cost
         damping = max(damping * 0.1, 1e-9)
-    add_prior(params, line, information, max(cost / (count - PARAMETERS), 1e-6), is_ring, normal, gradient)
     return cost
-
-
-@jit
-def _polish(params: Floats, start: Floats, work: Floats) -> None:
-    """The last step of a final fit, from equations that are at hand."""
-    damped, step, trial = work[1], work[4, 2], work[4, 3]
-    damped[:] = work[0]
-    if cholesky_solve(damped, work[4, 0], step):
-        trial[:] = params + step
-        if math.sqrt(step[0] * step[0] + step[1] * step[1]) < CONVERGED_PX and _is_sane(trial, start):
-            params[:] = trial
 
 
 @jit
@@ -178,7 +200,7 @@ def _sandwich_covariances(
     The sandwich inv(A) B inv(A) is right also where noise grows with brightness; the prior on m scatters with its own
     covariance.
     """
-    normal, damped, sandwich, inverse = work[0], work[1], work[2], work[3]
+    normal, damped, inverse, sandwich = work[0], work[1], work[3], work[5]
     if not cholesky_invert(normal, damped, inverse):
         return False
     scale = count / (count - PARAMETERS)
@@ -216,6 +238,9 @@ def _fit_range(
     first: int,
     last: int,
     params: Floats,
+    normal: Floats,
+    gradient: Floats,
+    cost: Floats,
     center_cov: Floats,
     line_cov: Floats,
     noise: Floats,
@@ -224,30 +249,28 @@ def _fit_range(
     used: NDArray[np.int64],
 ) -> None:
     """Fit rings first..last-1; `used` stays 0 where a fit failed."""
-    work = np.empty((5, PARAMETERS, PARAMETERS))
+    work = np.empty((7, PARAMETERS, PARAMETERS))
     rows = np.empty(SCORES_ROOM)
     pixels = np.empty((3, MAX_PIXELS))
-    enough_px = CONVERGED_PX if is_final else NEAR_PX
     for n in range(first, last):
         is_ring = start[n, RATIO] > 0.0
         count = choose_pixels(image, start[n], q[n], 3.0 * start[n, BLUR] + 1.0, limit, pixels)
         if count < 2 * PARAMETERS:
             continue
-        cost = _descend(pixels, count, start[n], q[n], line[n], information[n], params[n], work, rows, enough_px)
-        if cost < 0.0:
+        work[0], work[4, 0] = normal[n], gradient[n]
+        cost[n] = _descend(
+            pixels, count, start[n], q[n], line[n], information[n], is_final, cost[n], params[n], work, rows
+        )
+        if cost[n] < 0.0:
             continue
-        noise2 = max(cost / (count - PARAMETERS), 1e-6)
-        normal, sandwich, gradient = work[0], work[2], work[4, 0]
+        normal[n], gradient[n] = work[0], work[4, 0]
+        noise2 = max(cost[n] / (count - PARAMETERS), 1e-6)
+        add_prior(params[n], line[n], information[n], noise2, is_ring, work[0], work[4, 0])
         if is_final:
-            cost = accumulate_squares(pixels, count, params[n], q[n], start[n, :2], normal, gradient, sandwich, rows)
-            noise2 = max(cost / (count - PARAMETERS), 1e-6)
-            add_prior(params[n], line[n], information[n], noise2, is_ring, normal, gradient)
-            _polish(params[n], start[n], work)
             done = _sandwich_covariances(count, noise2, information[n], is_ring, center_cov[n], line_cov[n], work)
             if done and is_ring:
-                alone[n] = score_ring(
-                    pixels, count, params[n], q[n], start[n, :2], cost / (count - PARAMETERS), work[3], score[n], rows
-                )
+                spread = cost[n] / (count - PARAMETERS)
+                alone[n] = score_ring(pixels, count, params[n], q[n], start[n, :2], spread, work[3], score[n], rows)
         else:
             done = _even_covariances(noise2, center_cov[n], line_cov[n], work)
         if done:
@@ -264,6 +287,7 @@ def fit_rings(
     line_information: Floats | None = None,
     bend: Floats | None = None,
     is_final: bool = True,
+    near: RingFits | None = None,
 ) -> RingFits:
     """Fit the ring model to the pixels of an image.
 
@@ -273,8 +297,9 @@ def fit_rings(
         limit: how far out, in outer radii, pixels may be used before something else than white comes.
         line: mean of the prior on m.  # (N, 2), default 0
         line_information: inverse covariance of that prior; zero leaves m free.  # (N, 2, 2), default zero
-        is_final: false for a start of something better: covariances then trust the noise to be even, in less time.
         bend: the lens's local quadratic form: xi_u in v_u^2, v_u v_v, v_v^2, then xi_v.  # (N, 6), default zero
+        is_final: false for a start of something better: covariances then trust the noise to be even, in less time.
+        near: such fits, which these ones start from, with other priors: their equations serve for the first step.
 
     Returns:
         The fits, in the order of `start`. Dots need a prior: m is not to be had from one ellipse.
@@ -284,17 +309,21 @@ def fit_rings(
     information = np.zeros((count, 2, 2)) if line_information is None else np.ascontiguousarray(line_information)
     bend = np.zeros((count, 6)) if bend is None else np.ascontiguousarray(bend)
     start = np.ascontiguousarray(start, dtype=np.float64)
-    params, noise = np.array(start), np.zeros(count)
+    params, noise, equations = np.array(start), np.zeros(count), Equations.empty(count)
+    if near is not None:
+        cost = np.where(near.ok, near.equations.cost, -1.0)
+        equations = Equations(near.equations.normal.copy(), near.equations.gradient.copy(), cost)
     center_cov, line_cov = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
     used, scores = np.zeros(count, dtype=np.int64), Scores.empty(count)
 
     def run(first: int, last: int) -> None:
         _fit_range(
             image, start, bend, line, information, limit, is_final, first, last,
-            params, center_cov, line_cov, noise, scores.score, scores.alone, used,
+            params, equations.normal, equations.gradient, equations.cost,
+            center_cov, line_cov, noise, scores.score, scores.alone, used,
         )  # fmt: skip
 
     in_chunks(run, count)
     ok = (used > 0) & np.isfinite(params).all(axis=1) & np.isfinite(center_cov).all(axis=(1, 2))
     ok &= (center_cov[:, 0, 0] > 0) & (center_cov[:, 1, 1] > 0)
-    return RingFits(params, center_cov, line_cov, noise, scores, used, ok)
+    return RingFits(params, center_cov, line_cov, noise, scores, used, ok, equations)
