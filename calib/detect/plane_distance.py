@@ -43,6 +43,18 @@ def plane_distance(p: Numbers, q: Numbers, v0: float, v1: float) -> Distance:
 
 
 @jit
+def parameters_of(p: Floats) -> Numbers:
+    """Parameters as a tuple."""
+    return (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14])
+
+
+@jit
+def bend_of(q: Floats) -> Numbers:
+    """The lens's bend as a tuple."""
+    return (q[0], q[1], q[2], q[3], q[4], q[5])
+
+
+@jit
 def upright(e00: float, e10: float, e11: float) -> float:
     """The turn Q of the polar decomposition E = Q S, S symmetric, of a lower triangular E: an angle in the plane."""
     return math.atan2(e10, e00 + e11)

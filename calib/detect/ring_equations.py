@@ -5,7 +5,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.plane_distance import Distance, Numbers, plane_distance
+from calib.detect.plane_distance import Distance, Numbers, bend_of, parameters_of, plane_distance
 from calib.detect.ring_model import (
     BLUR,
     CENTER_U,
@@ -175,18 +175,6 @@ def fill_rows(pixels: Floats, first: int, filled: int, p: Numbers, q: Numbers, o
         rows[14 * CHUNK + k] = one[14]
         rows[RESIDUAL + k] = one[15]
         rows[FACTOR + k] = distance[0]
-
-
-@jit
-def parameters_of(p: Floats) -> Numbers:
-    """Parameters as a tuple."""
-    return (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14])
-
-
-@jit
-def bend_of(q: Floats) -> Numbers:
-    """The lens's bend as a tuple."""
-    return (q[0], q[1], q[2], q[3], q[4], q[5])
 
 
 @jit_sums

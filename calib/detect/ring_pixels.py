@@ -6,8 +6,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.plane_distance import Numbers, offset_on_circle, plane_distance
-from calib.detect.ring_equations import bend_of, parameters_of
+from calib.detect.plane_distance import Numbers, bend_of, offset_on_circle, parameters_of, plane_distance
 from calib.detect.ring_model import CENTER_U, CENTER_V, E00, E10, E11, RATIO
 from calib.jit import jit, jit_sums
 

@@ -23,8 +23,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.plane_distance import Numbers
-from calib.detect.ring_equations import CHUNK, FACTOR, RESIDUAL, ROOM, bend_of, fill_rows, parameters_of
+from calib.detect.plane_distance import Numbers, bend_of, parameters_of
+from calib.detect.ring_equations import CHUNK, FACTOR, RESIDUAL, ROOM, fill_rows
 from calib.detect.ring_model import CENTER_U, CENTER_V, E00, E10, E11, PARAMETERS, RATIO
 from calib.jit import jit, jit_inside, jit_sums
 
