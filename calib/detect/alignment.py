@@ -6,7 +6,6 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 
 from calib.detect.candidates import Candidates
 from calib.detect.grid import Grid
@@ -141,9 +140,12 @@ def largest_overlap(plan: TargetPlan, index: Integers, turns: Integers) -> int:
     for turn in turns:
         turned = index @ turn.T
         turned = turned - turned.min(axis=0)
-        footprint = np.zeros(turned.max(axis=0) + 1)
+        extent = turned.max(axis=0) + 1
+        footprint = np.zeros(extent)
         footprint[turned[:, 0], turned[:, 1]] = 1
-        best = max(best, float(fftconvolve(table, footprint[::-1, ::-1]).max()))
+        shape = tuple(int(side) for side in extent + table.shape - 1)  # so that no shift meets the table's other side
+        overlap = np.fft.irfft2(np.fft.rfft2(table, shape) * np.fft.rfft2(footprint, shape).conj(), shape)
+        best = max(best, float(overlap.max()))
     return round(best)
 
 
