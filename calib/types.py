@@ -47,6 +47,9 @@ class Camera:
         object.__setattr__(self, "params", frozen_array(self.params))
 
 
+LEAST_RADIUS_PX = 5.0
+"""Of a ring that faces the camera, for the detector; turned away it is flatter, and the detector wants 5 px across."""
+
 Mark = Literal["dot", "ring", "unreadable"]
 
 TOO_FLAT = "seen too small or too flat"

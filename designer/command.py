@@ -1,5 +1,7 @@
 """How a command line begins and ends: its options, its streams, and its exit code."""
 
+import atexit
+import gc
 import inspect
 import shlex
 import sys
@@ -20,6 +22,8 @@ from designer.streams import forgive_readers, not_heard, people_on_stderr
 NEGATIVE, BAD_INPUT, STOPPED = 1, 2, 130
 JSON = "--json"
 NOTHING_WRITTEN = "stopped; nothing was written"
+OBJECTS_BETWEEN_SEARCHES = 20_000
+"""Python itself takes 700; the modules of a command alone make a hundred thousand objects, all of which stay."""
 
 _LINE = ContextVar("command line", default="")
 """Set while a command runs, and for it only."""
@@ -62,6 +66,7 @@ def run(app: typer.Typer) -> None:
     and nothing else.
     """
     forgive_readers()
+    _search_seldom_for_cycles()
     name = app.info.name if isinstance(app.info.name, str) else Path(sys.argv[0]).name
     words = sys.argv[1:]
     line = shlex.join([name, *words])
@@ -78,6 +83,12 @@ def run(app: typer.Typer) -> None:
     if reason := not_heard():
         summary, _ = _refused(f"standard output cannot be written: {reason}; make room, or send it elsewhere")
     sys.exit(summary.exit_code)
+
+
+def _search_seldom_for_cycles() -> None:
+    """Seldom while the command runs, and not at all when the process ends, which took a sixth of a short command."""
+    gc.set_threshold(OBJECTS_BETWEEN_SEARCHES)
+    atexit.register(gc.freeze)
 
 
 def _asks_for_json(words: Sequence[str]) -> bool:

@@ -158,7 +158,7 @@ def test_a_photo_without_overlay_does_not_stop_the_others(
             raise ZeroDivisionError("flat")
         return draw_overlay(pixels, seen, target)
 
-    monkeypatch.setattr("calib.detect.batch.draw_overlay", draw)
+    monkeypatch.setattr("calib.detect.overlay.draw_overlay", draw)
     photo(Path("photos") / f"{'long' * 60}.png", 80)
     assert run("photos", overlay="o", out="d.csv") == 0
     said, errors = capsys.readouterr()
@@ -287,6 +287,17 @@ def test_the_command_line_is_quick_to_help_and_strict_with_options(tmp_path: Pat
         assert answer.returncode == 2, arguments
         assert answer.stderr.count("\n") == 1
         assert answer.stderr.startswith("error: ")
+
+
+def test_a_photo_is_searched_without_what_other_commands_use() -> None:
+    """The modules that find and measure rings load no statistics, drawings or studies, which take longer."""
+    script = (
+        "import sys, calib.cli, calib.detect.batch, calib.detect.pipeline, calib.report.why_nothing\n"
+        "print(*({'scipy.signal', 'scipy.stats', 'PIL', 'matplotlib', 'sklearn', 'joblib', 'jinja2', 'calib.studies', 'calib.solver'}"
+        " & set(sys.modules)))"
+    )
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=REPOSITORY)
+    assert run.stdout.split() == []
 
 
 def test_a_linked_photo_is_the_same_photo(tmp_path: Path) -> None:

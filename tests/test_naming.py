@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.detect.alignment import Alignment, agreement, alignments
+from calib.detect.alignment import Alignment, agreement, alignments, largest_overlap
 from calib.detect.grid import Grid
 from calib.detect.lattice import lattice_of
 from calib.detect.marks import DOT, RING, UNREADABLE
@@ -45,6 +45,20 @@ def painted(image: Image, view: View, rows: NDArray[np.int64], radii: float, lev
         middle = (round(16 * float(view.center_px[row, 0])), round(16 * float(view.center_px[row, 1])))
         cv2.circle(out, middle, int(16 * radii * view.minor_radius_px[row]), level, -1, cv2.LINE_AA, 4)
     return out
+
+
+def test_the_largest_overlap_is_that_of_all_shifts_tried() -> None:
+    """Counted shift by shift and turn by turn, no grid falls on more features of a face, and none on fewer."""
+    plan, rng = plan_for(ico()), np.random.default_rng(0)
+    turns = lattice_of(ico()).turns
+    on_face = {(int(i), int(j)) for i, j in np.argwhere(plan.row_table[0] >= 0)}
+    for side in (2, 5, 9):
+        index = np.argwhere(rng.random((side, side)) < 0.6)
+        most = max(
+            sum((int(i) + di, int(j) + dj) in on_face for i, j in index @ turn.T)
+            for turn in turns for di in range(-20, 31) for dj in range(-20, 31)
+        )  # fmt: skip
+        assert largest_overlap(plan, index, turns) == most
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -40,7 +40,8 @@ from calib.studies.tolerance.result import Cost, table_of_draws
 from calib.studies.tolerance.setting import CAP_RAD
 from calib.studies.tolerance.sweep import FACTORS, sweep
 from calib.studies.tolerance.tables import budget_table, cost_cell, cost_table, crossover_table, size_in_words
-from calib.studies.tolerance.view_fit import LEAST_RADIUS_PX, view_fit
+from calib.studies.tolerance.view_fit import view_fit
+from calib.types import LEAST_RADIUS_PX
 from designer.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
 from designer.tolerance.error_file import error_model

@@ -250,11 +250,11 @@ def truth_beside(paths: "Sequence[Path]") -> Path | None:
 
 def _rendered_id(results: "Sequence[PhotoResult]") -> str:
     """The geometry that photos were rendered of, if a truth beside them says so; "" for real photos."""
-    from calib.results.truth import read_truth
-
     truth = truth_beside([result.photo.path for result in results])
     if truth is None:
         return ""
+    from calib.results.truth import read_truth
+
     try:
         return read_truth(truth).rendered_id(result.photo.path.name for result in results)
     except InputError:  # what lies there by chance does not matter

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from calib.render.job import Rendered, RenderJob
     from designer.target import TargetGeometry
 
-LEAST_RADIUS_PX = 5.0
 CHECKED_VIEWS = 50
 PHOTOS = "photos"
 """The kind of a folder's page."""
@@ -200,6 +199,7 @@ def _warnings(job: "RenderJob", *, looks_aside: bool) -> Iterator[str]:
 
     from calib.render.rings import ring_truth, target_fits
     from calib.render.scene import scene_from_target
+    from calib.types import LEAST_RADIUS_PX
 
     if job.options.white * (1 + job.options.light_gradient / 2) > 1.001:
         yield "the light gradient takes the white beyond full scale; lower --white"

@@ -13,7 +13,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.overlay import draw_overlay, write_overlay
 from calib.inputs.images import SUFFIXES_OF, read_image
 from calib.types import Camera, Detections
 from designer.errors import InputError
@@ -182,6 +181,8 @@ def _one_photo(
         return PhotoResult(photo, None, f"{photo.path}: the search failed: {type(error).__name__}: {error}")
     if overlay is None:
         return PhotoResult(photo, seen)
+    from calib.detect.overlay import draw_overlay, write_overlay
+
     try:
         return PhotoResult(photo, seen, overlay=write_overlay(overlay, draw_overlay(image.pixels, seen, target)))
     except Exception as error:

@@ -19,7 +19,7 @@ from calib.report.place_scene import distance_words, place_view, place_words, ti
 from calib.report.rendered_file import RenderedSet, effects, missing_finding, option_words, read_rendered
 from calib.report.study_folder import files_section, warnings
 from calib.results.evaluation_table import figure as digits
-from calib.studies.tolerance.view_fit import LEAST_RADIUS_PX
+from calib.types import LEAST_RADIUS_PX
 from designer.command import printable
 from designer.page.blocks import (
     Block,

@@ -9,8 +9,7 @@ from calib.detect.binarise import reduced, reduction, thresholds
 from calib.detect.candidates import Candidates, find_candidates
 from calib.detect.looks_like import looks_like
 from calib.detect.plan import plan_for
-from calib.studies.tolerance.view_fit import LEAST_RADIUS_PX
-from calib.types import Detections
+from calib.types import LEAST_RADIUS_PX, Detections
 from designer.target import TargetGeometry
 
 FEWEST = 12

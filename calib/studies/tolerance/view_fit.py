@@ -9,13 +9,11 @@ from numpy.typing import NDArray
 from calib.cameras import project
 from calib.render.poses import PoseGrid, grid_poses
 from calib.studies.tolerance.setting import CAP_RAD
-from calib.types import Camera
+from calib.types import LEAST_RADIUS_PX, Camera
 from designer.target import TargetGeometry, bounding_radius_mm
 
 Array = NDArray[np.float64]
 
-LEAST_RADIUS_PX = 5.0
-"""Of a ring that faces the camera; turned away it is flatter, and the detector wants 5 px across."""
 CHECKED_VIEWS = 60
 FARTHEST = 64.0
 CLOSE = 1.01
