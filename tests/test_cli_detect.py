@@ -141,9 +141,9 @@ def test_overlays_are_written_and_never_taken_for_photos(folder: Path, capsys: p
     for _ in range(2):
         assert run("photos", overlay="photos", out="d.csv") == 0
         pictures = {path.name for path in Path("photos").iterdir() if ".overlay" in path.name}
-        assert pictures == {"img2.overlay.png", "img10.overlay.png", "img11.overlay.png"}
+        assert pictures == {"img2.overlay.jpg", "img10.overlay.jpg", "img11.overlay.jpg"}
         assert "3 images searched" in capsys.readouterr().out
-    assert run("photos/*.png", overlay="photos", out="d.csv") == 0
+    assert run("photos/*.*g", overlay="photos", out="d.csv") == 0
     assert "left out: 3 overlays" in capsys.readouterr().out
     assert not list(folder.rglob(".unfinished*"))
 
@@ -167,7 +167,7 @@ def test_a_photo_without_overlay_does_not_stop_the_others(
     assert "0 failures" in said
     assert "3 overlays" in said
     assert len(read_detections(Path("d.csv"), BOARD, target_path=Path("t")).view_names) == 4
-    assert len(list(Path("o").glob("*.overlay.png"))) == 3
+    assert len(list(Path("o").glob("*.overlay.jpg"))) == 3
 
 
 def test_a_camera_must_fit_the_photos(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -196,7 +196,7 @@ def test_photos_of_one_name_are_told_apart_by_their_folders(folder: Path) -> Non
     assert run("a/x", "b/x", "b/y", "2.png", "2.png", out="d.csv", overlay="o") == 0
     names = read_detections(Path("d.csv"), BOARD, target_path=Path("t")).view_names
     assert names == ("a/x/1.png", "b/x/1.png", "y/1.png", "2.png")
-    assert len(list(Path("o").glob("*.overlay.png"))) == 4
+    assert len(list(Path("o").glob("*.overlay.jpg"))) == 4
 
 
 def test_arguments_stand_for_files_folders_and_patterns(folder: Path) -> None:
@@ -266,7 +266,7 @@ def test_names_of_any_kind_reach_the_screen(folder: Path, capsys: pytest.Capture
     said = capsys.readouterr().out
     for text in ("[red]x.png", "a b.png", "caf", "[bold]missing.png"):
         assert text in said
-    assert len(list(Path("o").glob("*.overlay.png"))) == 3
+    assert len(list(Path("o").glob("*.overlay.jpg"))) == 3
 
 
 def test_the_command_line_is_quick_to_help_and_strict_with_options(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ SEEN = {
 }
 OF_A_MODEL = {
     "calibration.json", "observations.csv", "camera.json", "metrics.json", "metrics_views.csv", "metrics_points.csv",
-    "metrics_faces.csv", "metrics_observations.csv", "calibration.png",
+    "metrics_faces.csv", "metrics_observations.csv",
 }  # fmt: skip
 MODELS = ("luhmann", "opencv", "virtual")
 
@@ -116,8 +116,9 @@ def test_photos_become_cameras_that_are_compared(folder: Path, monkeypatch: pyte
     answer = calib("run", "board.target.json", "photos", "-o", "out", *LENIENT)
     assert (answer.code, answer.err) == (0, "")
     wanted = {f"{model}/{name}" for model in MODELS for name in OF_A_MODEL}
-    wanted |= {"detections.csv", "detections.records.json", "comparison.png", "target.json", *JUDGED}
-    wanted |= {f"overlays/{name.replace('.png', '.overlay.png')}" for name in JOB.file_names}
+    wanted |= {"detections.csv", "detections.records.json", "target.json", *JUDGED}
+    wanted |= {"calibration.png", "comparison.png"}
+    wanted |= {f"overlays/{name.replace('.png', '.overlay.jpg')}" for name in JOB.file_names}
     assert files_in(folder / "out") == wanted
     table = answer.out[answer.out.index("root mean square errors") :]
     assert "pose mm" in table
@@ -180,7 +181,7 @@ def test_nothing_found_is_exit_code_1(detector: Detector) -> None:
     answer = calib(*(word for word in quick("photos/black.png") if word != "--no-page"))
     assert answer.code == 1
     assert "next  open out/index.html in a browser" in answer.out
-    found = {"detections.csv", "detections.records.json", "detected.json", "overlays/black.overlay.png"}
+    found = {"detections.csv", "detections.records.json", "detected.json", "overlays/black.overlay.jpg"}
     assert files_in(Path("out")) == found | PAGE
     assert len(detector.asked) == 1
 

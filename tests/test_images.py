@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from calib.inputs.image_headers import MAX_PAGES, MAX_SCANS, read_header
-from calib.inputs.images import MAX_PIXELS, Photo, read_image
+from calib.inputs.images import MAX_PIXELS, Photo, read_image, read_preview
 from designer.errors import InputError
 
 WIDTH, HEIGHT = 23, 17
@@ -158,6 +158,21 @@ def test_pixels_stay_as_the_sensor_saw_them(kind: str, orientation: int, tmp_pat
     assert np.array_equal(photo.pixels, plain.pixels)
     (remark,) = photo.remarks
     assert f"orientation {orientation}" in remark
+
+
+@pytest.mark.parametrize("kind", ["PNG", "JPEG"])
+@pytest.mark.parametrize(("columns", "shrink"), [(400, 1), (200, 2), (150, 2), (30, 8)])
+def test_a_preview_has_the_columns_asked_for_and_the_whole_picture(
+    kind: str, columns: int, shrink: int, tmp_path: Path
+) -> None:
+    """A JPEG is decoded to fewer pixels, other formats as they are; a part of a pixel at the edge counts as one."""
+    ramp = np.repeat(np.linspace(0, 255, 401).astype(np.uint8)[None], 101, axis=0)
+    (tmp_path / "a").write_bytes(encoded(Image.fromarray(ramp).convert("RGB"), kind))
+    by = shrink if kind == "JPEG" else 1
+    pixels = read_preview(tmp_path / "a", columns).pixels
+    assert pixels.shape == (-(-101 // by), -(-401 // by), 3)
+    middle = by * np.arange(pixels.shape[1]) + (by - 1) / 2  # of the pixels that one stands for
+    assert np.abs(pixels[3, :-1, 0] - middle[:-1] * 255 / 400).max() < 3
 
 
 def test_the_content_tells_the_format(tmp_path: Path) -> None:

@@ -266,10 +266,10 @@ def test_overlays_show_the_axes_where_they_are(folder: Path) -> None:
         assert run("photos", overlay="photos") == 0
     names = {path.name for path in Path("photos").iterdir()}
     beside = {"posed.json", "target.json", *PAGE}
-    assert names - beside == {"a.png", "a.pose.overlay.png", "b.png", "b.pose.overlay.png", "c.png"}
+    assert names - beside == {"a.png", "a.pose.overlay.jpg", "b.png", "b.pose.overlay.jpg", "c.png"}
     assert beside < names
     assert find_photos(["photos"]).overlays == 2
-    picture = cv2.imread("photos/a.pose.overlay.png")
+    picture = cv2.imread("photos/a.pose.overlay.jpg")
     assert picture is not None
     drawn = picture.max(axis=2).astype(int) - picture.min(axis=2)
     header = picture.shape[0] - CAMERA.image_size[1]
@@ -322,5 +322,5 @@ def test_one_broken_picture_does_not_stop_the_others(
     assert run("photos", overlay="o", out="poses.json") == 0
     said = capsys.readouterr().out
     assert "no overlay for a.png: ZeroDivisionError: flat" in said
-    assert [path.name for path in Path("o").glob("*.png")] == ["b.pose.overlay.png"]
+    assert [path.name for path in Path("o").glob("*.jpg")] == ["b.pose.overlay.jpg"]
     assert len(json.loads(Path("poses.json").read_text())["views"]) == 2

@@ -3,7 +3,6 @@
 import os
 import time
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -33,7 +32,7 @@ from calib.commands.judged_page import (
     check_judged_folder,
     judge_and_report,
 )
-from calib.commands.screen import quoted, shown
+from calib.commands.screen import quoted, shown, waiting
 from calib.commands.solutions import (
     Work,
     advise,
@@ -140,12 +139,12 @@ def run(
         prepared.observations, prepared.remarks, detected.plan, folder, geometry.layout_id, settings, map_of, known,
         way, (table,),
     )  # fmt: skip
-    solutions, comparison = _draw(solve_and_say(work), folder, table)
+    solutions, pictures = _draw(solve_and_say(work), folder, table)
     judged = judge_and_report(solutions, work, limits, geometry, page=page)
     steps = _advise(solutions, judged, None if known is None else truth_path)
     return Summary(
         {"detections": detected.answer, **solutions_answer(solutions, best_of(solutions)), **judged.answer},
-        (*detected.files, *files_of_solutions(solutions), *comparison, *judged.files),
+        (*detected.files, *files_of_solutions(solutions), *pictures, *judged.files),
         steps,
         (*detected.remarks, *prepared.remarks, *judged.remarks),
         judged.exit_code,
@@ -176,34 +175,38 @@ def _nothing_found(
 
 
 def _draw(solutions: "Sequence[Solution]", folder: Path, table: Path) -> "tuple[list[Solution], tuple[Path, ...]]":
-    """Write tables and pictures of each model, and what compares them; the solutions with their files, and the rest."""
-    from rich.console import Console
+    """Write tables of each model, and pictures of the recommended one and of all side by side.
 
+    Returns:
+        The solutions with their tables, and the pictures.
+    """
     from calib.figures import calibration_figures, comparison_figures
     from calib.files import write_files
     from calib.results.evaluation_files import evaluation_files
 
-    waiting, drawn = Console(stderr=True), []
+    written, evaluations, best = [], [], best_of(solutions)
+    pictures: dict[Path, bytes] = {}
     try:
-        with waiting.status("drawing", spinner="dots") if waiting.is_terminal else nullcontext():
+        with waiting("drawing"):
             for one in solutions:
                 files: dict[Path, bytes] = {}
                 if one.evaluation is not None:
-                    files = evaluation_files(one.evaluation, one.folder) | calibration_figures(
-                        one.evaluation, one.folder
-                    )
+                    evaluations.append(one.evaluation)
+                    files = evaluation_files(one.evaluation, one.folder)
                     write_files(files)
-                drawn.append(replace(one, files=(*one.files, *files)))
-            evaluations = [one.evaluation for one in solutions if one.evaluation is not None]
-            comparison = comparison_figures(evaluations, folder) if len(evaluations) > 1 else {}
-            write_files(comparison)
+                    if one is best:
+                        pictures |= calibration_figures(one.evaluation, folder)
+                written.append(replace(one, files=(*one.files, *files)))
+            if len(evaluations) > 1:
+                pictures |= comparison_figures(evaluations, folder)
+            write_files(pictures)
     except KeyboardInterrupt:
         stop(solutions, [table])
     print()
-    say_files(drawn)
-    for path in comparison:
-        print(f"wrote {shown(path)}: the models side by side")
-    return drawn, tuple(comparison)
+    say_files(written)
+    for path, what in zip(pictures, (f"{best.model} in pictures", "the models side by side"), strict=False):
+        print(f"wrote {shown(path)}: {what}")
+    return written, tuple(pictures)
 
 
 def _advise(solutions: "Sequence[Solution]", judged: "JudgedPage", truth: Path | None) -> tuple[str, ...]:
@@ -228,7 +231,6 @@ def _without_pictures(found: "Found", folder: Path) -> "Found":
 
     place = Path(os.path.abspath(folder))
     drawn = {place / COMPARISON_PICTURE, place / CALIBRATION_PICTURE}
-    drawn |= {place / model / CALIBRATION_PICTURE for model in ("luhmann", "opencv", "virtual")}
     return replace(found, paths=tuple(path for path in found.paths if Path(os.path.abspath(path)) not in drawn))
 
 

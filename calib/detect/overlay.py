@@ -21,8 +21,9 @@ from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
 
-JPEG_ABOVE_PIXELS = 20_000_000
-"""Larger overlays are written as JPEG; as PNG they would be larger than the photos."""
+MAX_JPEG_SIDE_PX = 65_500
+"""Longer strips are written as PNG; of others that would be larger than the photo, and take ten times as long."""
+_JPEG_QUALITY = 90
 
 _PALE = (70, 235)
 """Grey levels that the photo's black and white become, so that the marks stand out."""
@@ -30,7 +31,7 @@ _READABLE_RADIUS_PX = 22.0
 _READABLE_SIDE_PX = 1000
 _MAX_ENLARGED_PIXELS = 9_000_000
 _MAX_SIDE_PX = 64_000
-"""Of an enlarged picture, which header and legend make higher; JPEG ends at 65535."""
+"""Of an enlarged picture, which header and legend make higher."""
 _MIN_TEXT_PX = 9.0
 _AXES_START = (-0.5, -0.5)
 """Lattice index where the axes begin: in the gap before the feature (0, 0)."""
@@ -91,15 +92,15 @@ def draw_overlay(
 
 
 def write_overlay(stem: Path, overlay: NDArray[np.uint8]) -> Path:
-    """Write STEM.png, or STEM.jpg for very large pictures.
+    """Write STEM.jpg, its colours as fine as its lightness; or STEM.png if it is longer than a JPEG can be.
 
     Raises:
         InputError: it cannot be encoded or written.
     """
-    is_large = overlay.shape[0] * overlay.shape[1] > JPEG_ABOVE_PIXELS
-    suffix, options = (
-        (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 88]) if is_large else (".png", [cv2.IMWRITE_PNG_COMPRESSION, 4])
-    )
+    suffix, options = ".png", [cv2.IMWRITE_PNG_COMPRESSION, 1]
+    if max(overlay.shape) <= MAX_JPEG_SIDE_PX:
+        fine = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
+        suffix, options = ".jpg", [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY, *fine]
     done, data = cv2.imencode(suffix, cv2.cvtColor(overlay, cv2.COLOR_RGB2BGR), options)
     if not done:
         raise InputError(f"{overlay.shape[1]} x {overlay.shape[0]} px are more than an image file holds")

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from PIL import Image
 
+from calib.inputs.image_headers import png_exif
+
 EXIF_IFD, FOCAL_LENGTH_IN_35_MM = 0x8769, 0xA405
 DIAGONAL_OF_35_MM = math.hypot(36, 24)
 
@@ -19,7 +21,12 @@ def exif_focal_px(path: Path) -> float | None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with Image.open(path) as image:
-                length = image.getexif().get_ifd(EXIF_IFD).get(FOCAL_LENGTH_IN_35_MM)
+                if image.format == "PNG":  # Pillow would decode the pixels, as a block may stand behind them
+                    exif = Image.Exif()
+                    exif.load(png_exif(path.read_bytes()))
+                else:
+                    exif = image.getexif()
+                length = exif.get_ifd(EXIF_IFD).get(FOCAL_LENGTH_IN_35_MM)
                 diagonal_px = math.hypot(*image.size)
         focal_mm = float(length) if length is not None else 0.0
     except Exception:

@@ -109,13 +109,21 @@ def _png_header(data: bytes) -> Header:
     width, height = struct.unpack_from(">II", data, 16)
     depth, colour = struct.unpack_from("BB", data, 24)
     pixel_bytes = {2: 3, 3: 3, 4: 4, 6: 4}.get(colour, 1) * (2 if depth == 16 else 1)
-    orientation, at = 1, len(_PNG_START)
-    while at + 12 <= len(data):  # only names and lengths: what is cut off shows when the pixels are read
+    return Header("PNG", width, height, _exif_orientation(png_exif(data)), pixel_bytes=pixel_bytes)
+
+
+def png_exif(data: bytes) -> bytes:
+    """The EXIF block of a PNG, which may stand before its pixels or after them; empty if there is none.
+
+    Only names and lengths are read: what is cut off shows when the pixels are read.
+    """
+    block, at = b"", len(_PNG_START)
+    while at + 12 <= len(data):
         (length,) = struct.unpack_from(">I", data, at)
         if data[at + 4 : at + 8] == b"eXIf":
-            orientation = _exif_orientation(data[at + 8 : at + 8 + length])
+            block = data[at + 8 : at + 8 + length]
         at += 12 + length
-    return Header("PNG", width, height, orientation, pixel_bytes=pixel_bytes)
+    return block
 
 
 def _jpeg_header(data: bytes) -> Header:

@@ -32,6 +32,8 @@ _TURNS = {
     2: "mirrored", 3: "turned by 180 degrees", 4: "mirrored top to bottom", 5: "turned and mirrored",
     6: "turned by 90 degrees", 7: "turned and mirrored", 8: "turned by 270 degrees",
 }  # fmt: skip
+_SHRINKS = (1, 2, 4, 8)
+"""How many times fewer columns and rows a JPEG can be decoded to."""
 Grey = NDArray[np.uint8] | NDArray[np.uint16]
 
 
@@ -39,7 +41,7 @@ Grey = NDArray[np.uint8] | NDArray[np.uint16]
 class Photo:
     """An image in sensor orientation, and what a person should know of its file."""
 
-    pixels: Grey  # (H, W), or of `read_colour` as the file has it
+    pixels: Grey  # (H, W), or of `read_colour` and `read_preview` as the file has it
     remarks: tuple[str, ...]
 
 
@@ -70,6 +72,25 @@ def read_colour(path: Path) -> Photo:
     return Photo(decoded.pixels, tuple(_remarks(path, decoded, drops_alpha=False)))
 
 
+def read_preview(path: Path, columns: int) -> Photo:
+    """Read the same files as `read_colour` for a small picture.
+
+    A JPEG is decoded to no more pixels than the columns asked for need, and without a search for damage, which nobody
+    measures on a preview.
+
+    Raises:
+        InputError: as `read_image` does.
+    """
+    data = _read_file(path)
+    try:
+        header = _header_within_limits(data)
+        shrink = max(by for by in _SHRINKS if by == 1 or header.width >= by * columns)
+        pixels = _decode(data, header, in_colour=True, shrink=shrink if header.format == "JPEG" else 1)
+    except DamagedError as error:
+        raise InputError(f"{path}: {error}") from None
+    return Photo(pixels, ())
+
+
 @dataclass(frozen=True, eq=False)
 class _Decoded:
     """What a file holds."""
@@ -83,19 +104,25 @@ def _read(path: Path, *, in_colour: bool) -> _Decoded:
     """Read and decode a file within the limits."""
     data = _read_file(path)
     try:
-        header = read_header(data)
-        if header.width * header.height > MAX_PIXELS:
-            size = f"{header.width} x {header.height} px"
-            raise DamagedError(f"has {size}; at most {MAX_PIXELS // 1_000_000} million are read: scale it down")
-        if header.width * header.height * header.pixel_bytes > MAX_DECODED_BYTES:
-            size = f"{header.width} x {header.height} px of {header.pixel_bytes} bytes"
-            raise DamagedError(f"has {size}; at most {MAX_DECODED_BYTES // 10**9} GB are read: convert it to grey")
+        header = _header_within_limits(data)
         # Decoders go on after damage, with pixels in wrong places.
         unit_rows = check_jpeg_scans(data) if header.format == "JPEG" else 0
         pixels = _decode(data, header, in_colour=in_colour)
     except DamagedError as error:
         raise InputError(f"{path}: {error}") from None
     return _Decoded(pixels, header, brightness_step(_grey(pixels), unit_rows) if unit_rows else "")
+
+
+def _header_within_limits(data: bytes) -> Header:
+    """The header of a file that is not too large to decode."""
+    header = read_header(data)
+    if header.width * header.height > MAX_PIXELS:
+        size = f"{header.width} x {header.height} px"
+        raise DamagedError(f"has {size}; at most {MAX_PIXELS // 1_000_000} million are read: scale it down")
+    if header.width * header.height * header.pixel_bytes > MAX_DECODED_BYTES:
+        size = f"{header.width} x {header.height} px of {header.pixel_bytes} bytes"
+        raise DamagedError(f"has {size}; at most {MAX_DECODED_BYTES // 10**9} GB are read: convert it to grey")
+    return header
 
 
 def _read_file(path: Path) -> bytes:
@@ -119,14 +146,17 @@ def _read_file(path: Path) -> bytes:
         raise InputError(f"{os.fspath(path)!r}: is no file name: {error}") from None
 
 
-def _decode(data: bytes, header: Header, *, in_colour: bool) -> Grey:
-    """The pixels as the file has them; without colour a JPEG gives its grey."""
+def _decode(data: bytes, header: Header, *, in_colour: bool, shrink: int = 1) -> Grey:
+    """The pixels as the file has them; without colour a JPEG gives its grey, and in colour as few as are asked for."""
     import cv2
 
     flags = cv2.IMREAD_UNCHANGED
     if header.format == "JPEG":
+        coloured = (
+            cv2.IMREAD_ANYCOLOR, cv2.IMREAD_REDUCED_COLOR_2, cv2.IMREAD_REDUCED_COLOR_4, cv2.IMREAD_REDUCED_COLOR_8
+        )[_SHRINKS.index(shrink)]  # fmt: skip
         # Without colour only the luminance is decoded: several times faster, and the same grey.
-        flags = cv2.IMREAD_IGNORE_ORIENTATION | (cv2.IMREAD_ANYCOLOR if in_colour else cv2.IMREAD_GRAYSCALE)
+        flags = cv2.IMREAD_IGNORE_ORIENTATION | (coloured if in_colour else cv2.IMREAD_GRAYSCALE)
     elif header.format == "PNG":
         data = needed_png(data)
     elif header.format == "TIFF" and header.orientation != 1 and header.orientation_at is not None:
@@ -141,7 +171,7 @@ def _decode(data: bytes, header: Header, *, in_colour: bool) -> Grey:
         image = None
     if image is None:
         raise DamagedError("is cut off or damaged, or of a kind of its format that is not read; copy or convert it")
-    if image.shape[:2] != (header.height, header.width):
+    if image.shape[:2] != (-(-header.height // shrink), -(-header.width // shrink)):
         raise DamagedError("its header does not fit its content; copy it again")
     if image.dtype not in (np.uint8, np.uint16):
         raise DamagedError(f"holds {image.dtype} values; convert it to 8 or 16 bits without sign")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calib.detect.batch import OVERLAY_MARK
 from calib.inputs.image_headers import DamagedError, read_header
-from calib.inputs.images import read_colour
+from calib.inputs.images import read_preview
 from calib.report.cells import number, whole
 from calib.report.photo_rows import PhotoRow
 from calib.results.evaluation_table import figure as digits
@@ -24,7 +24,7 @@ from designer.page.blocks import Block, Cell, Column, Finding, Findings, Gallery
 from designer.page.links import is_linkable
 
 OVERLAYS = "overlays"
-SUFFIXES = (".png", ".jpg")
+SUFFIXES = (".jpg", ".png")
 BUDGET_BYTES = 4_500_000
 """Of all small pictures together; in a page they take a third more."""
 LEAST_BYTES, MOST_BYTES = 30_000, 150_000
@@ -184,7 +184,7 @@ def small_picture(path: Path, limit: int) -> Raster | str:
             head = read_header_of(stream.read(HEAD_BYTES))
         if path.stat().st_size > MAX_FILE_BYTES or head[0] * head[1] > MAX_PIXELS:
             return f"{printable(path.name)}: {head[0]} x {head[1]} px are too many for a small picture"
-        return _within(read_colour(path).pixels, limit)
+        return _within(read_preview(path, WIDTHS[0]).pixels, limit)
     except (InputError, DamagedError, OSError) as error:
         return printable(f"{path.name}: {str(error).removeprefix(f'{path}: ')}")
 

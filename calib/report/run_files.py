@@ -22,13 +22,14 @@ OF_RUN = (
     ("target.json", "the target as it was used"),
     ("detections.csv", "rings found in the photos"),
     ("detections.records.json", "what was read of each face, and why rings are missing"),
+    ("calibration.png", "figures of the recommended model on one sheet"),
     ("comparison.png", "the models on one sheet"),
 )
 
 
 def files_section(run: RunFolder, best: Solved) -> Section:
     """What the folder holds: of the run and of the best camera in sight, of the others behind a click."""
-    found = file_list(run.folder, [*OF_RUN, *_of_model(best)])
+    found = file_list(run.folder, tuple(dict([*OF_RUN, *_of_model(best)]).items()))
     others = [(one, file_list(run.folder, _of_model(one))) for one in run.solved if one is not best]
     count = len(found.rows) + sum(len(files.rows) for _, files in others)
     pictures = f" The overlays of the photos are in {OVERLAYS}/." if (run.folder / OVERLAYS).is_dir() else ""
