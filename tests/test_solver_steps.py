@@ -14,6 +14,7 @@ from calib.solver.levenberg import move_poses
 from calib.solver.options import Loss, SolveOptions
 from calib.solver.problem import few_per_view, pack, select
 from calib.solver.schur import damped_step
+from calib.solver.start import coarse_camera
 from calib.solver.tie import tie_parameters
 from calib.types import Camera, KnownPoints, Observations
 from tests.solver_scenes import CAMERAS, board, observe, poses_around, random_covariances
@@ -235,3 +236,15 @@ def test_observations_that_do_not_count_are_never_taken() -> None:
         index = (taken[0] + 21 * taken[1]).astype(int)
         assert len(np.unique(index)) == len(index)
         assert is_used.reshape(10, -1)[view][index].all()
+
+
+def test_the_start_does_not_depend_on_the_scale_of_covariances() -> None:
+    """Whether a start will do is told in pixels: large covariances do not make a senseless first guess a good one."""
+    seen, _ = scene("opencv")
+    tie = tie_parameters("opencv", SolveOptions())
+    assert seen.cov_px2 is not None
+    cameras = []
+    for scale in (1e-4, 1e8):
+        problem = pack(replace(seen, cov_px2=scale * seen.cov_px2), weighted=True)
+        cameras.append(coarse_camera(problem, "opencv", tie.row, tie.value, 30.0, is_robust=False))
+    assert cameras[1].params == pytest.approx(cameras[0].params, rel=1e-6)

@@ -54,7 +54,7 @@ def coarse_camera(
         if found is None:
             continue
         square = (found.blocks.residual_px**2).sum(axis=0)
-        cost = float(np.nanmedian(square)) if is_robust else float(found.blocks.cost.sum()) / len(square)
+        cost = float(np.nanmedian(square) if is_robust else square.mean())  # in pixels, whatever the weights
         if cost < best_cost:
             best, best_cost = found, cost
         if cost < (GOOD_FIT * side) ** 2:
