@@ -1,8 +1,12 @@
 """Linear algebra on one thread: for small matrices several only wait for each other, and round differently."""
 
+import sys
 from collections.abc import Callable
-from functools import wraps
-from typing import ParamSpec, TypeVar
+from functools import lru_cache, wraps
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
@@ -13,9 +17,15 @@ def one_thread(function: Callable[Given, Result]) -> Callable[Given, Result]:
 
     @wraps(function)
     def limited(*args: Given.args, **kwargs: Given.kwargs) -> Result:
-        from threadpoolctl import threadpool_limits
-
-        with threadpool_limits(1):
+        with _libraries("scipy.linalg" in sys.modules).limit(limits=1):
             return function(*args, **kwargs)
 
     return limited
+
+
+@lru_cache(maxsize=2)
+def _libraries(_has_scipy: bool) -> "ThreadpoolController":
+    """The libraries of linear algebra; with SciPy comes another. Finding them takes as long as a small solution."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 from solver_scenes import SIZE
 from virtual_scenes import (
     FOCAL_PX,
@@ -22,6 +22,7 @@ from calib.cameras.learned import (
     exact_variance,
     known_at,
     spline_of,
+    square_distances,
     to_image,
     to_sensor,
     trend_at,
@@ -29,6 +30,7 @@ from calib.cameras.learned import (
 from calib.types import LearnedMap
 from calib.virtual.image_cells import cells_of
 from calib.virtual.learn_map import Samples, learn_from_many, learn_map
+from calib.virtual.likelihood import log_likelihood
 from designer.errors import InputError
 
 NOISE_PX = 0.05
@@ -55,6 +57,22 @@ def test_map_is_scikit_learns_prediction(wavy: LearnedMap) -> None:
     mean, deviation = oracle.predict(pixel, return_std=True)
     assert np.abs(exact_point(wavy, pixel) - trend_at(wavy.trend, pixel) - mean).max() < 1e-6
     assert np.sqrt(exact_variance(wavy, pixel)) == pytest.approx(deviation[:, 0], rel=1e-4, abs=1e-7)
+
+
+@pytest.mark.parametrize("numbers", [(40.0, 300.0), (40.0, 300.0, 0.1)])
+def test_likelihood_is_scikit_learns(numbers: tuple[float, ...]) -> None:
+    """The logarithm of the likelihood and its derivatives are scikit-learn's, also with an even noise."""
+    rng = np.random.default_rng(0)
+    pixel, values, noise = rng.uniform(0, 1000, (60, 2)), rng.normal(0, 9, (60, 2)), rng.uniform(0.01, 0.3, 60)
+    kernel = ConstantKernel(numbers[0]) * RBF(numbers[1])
+    if len(numbers) > 2:
+        kernel += WhiteKernel(numbers[2])
+    oracle = GaussianProcessRegressor(kernel, alpha=noise, optimizer=None).fit(pixel, values)
+    expected, slope = oracle.log_marginal_likelihood(kernel.theta, eval_gradient=True)
+    found = log_likelihood(square_distances(pixel, pixel), values, noise, np.array(numbers))
+    assert found[0] == pytest.approx(expected, rel=1e-12)
+    assert found[1] == pytest.approx(slope, rel=1e-9)
+    assert found[2] == pytest.approx(oracle.alpha_, rel=1e-9, abs=1e-12)
 
 
 def test_table_is_the_sum_over_knots(wavy: LearnedMap) -> None:

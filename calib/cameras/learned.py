@@ -74,12 +74,25 @@ class Table(NamedTuple):
     starts: Starts
 
 
+def square_distances(pixel: Array, knot_px: Array) -> Array:
+    """Squared distances of pixels (N, 2) from knots (K, 2).  # (N, K)"""
+    square = pixel[:, None, 0] - knot_px[None, :, 0]
+    square *= square
+    across = pixel[:, None, 1] - knot_px[None, :, 1]
+    across *= across
+    square += across
+    return np.asarray(square)
+
+
 def kernel(pixel: Array, knot_px: Array, length_px: float) -> Array:
     """The squared exponential kernel of pixels (N, 2) and knots (K, 2).  # (N, K)"""
-    x = (pixel[:, None, 0] - knot_px[None, :, 0]) / length_px
-    y = (pixel[:, None, 1] - knot_px[None, :, 1]) / length_px
-    values: Array = np.exp(-0.5 * (x * x + y * y))
-    return values
+    return correlation(square_distances(pixel, knot_px), length_px)
+
+
+def correlation(square_px2: Array, length_px: float) -> Array:
+    """The kernel at squared distances (N, K)."""
+    exponent = square_px2 * (-0.5 / length_px**2)
+    return np.asarray(np.exp(exponent, out=exponent))
 
 
 def trend_at(trend: Array, pixel: Array) -> Array:
@@ -103,17 +116,30 @@ def exact_point(learned: LearnedMap, pixel: Array) -> Array:
 @one_thread
 def exact_jacobian(learned: LearnedMap, pixel: Array) -> Array:
     """The derivative of the map by the pixel at pixels (N, 2), knot by knot.  # (N, 2, 2)"""
-    trend, knot, length = learned.trend, learned.knot_px, learned.length_px
-    jacobian = trend[None, :2, :2] - trend_at(trend, pixel)[:, :, None] * trend[None, None, 2, :2]
-    jacobian /= (pixel @ trend[2, :2] + trend[2, 2])[:, None, None]
-    at_once = max(1, KERNEL_VALUES_AT_ONCE // max(len(knot), 1))
+    jacobian = np.empty((len(pixel), 2, 2))
+    at_once = max(1, KERNEL_VALUES_AT_ONCE // max(len(learned.knot_px), 1))
     for at in range(0, len(pixel), at_once):
         rows = slice(at, at + at_once)
-        values = kernel(pixel[rows], knot, length)
-        for axis in range(2):
-            away = (pixel[rows, None, axis] - knot[None, :, axis]) / length**2
-            jacobian[rows, :, axis] -= (away * values) @ learned.weight
+        values = kernel(pixel[rows], learned.knot_px, learned.length_px)
+        jacobian[rows] = jacobian_with(learned, pixel[rows], values)
     return jacobian
+
+
+def jacobian_with(learned: LearnedMap, pixel: Array, values: Array) -> Array:
+    """The derivative of the map by the pixel at pixels (N, 2), with the kernel's values there (N, K).  # (N, 2, 2)
+
+    The kernel's slope is `(knot - pixel) k / length^2`: the sums of `w k` and `knot w k` come of one product.
+    """
+    trend, weight = learned.trend, learned.weight
+    jacobian = trend[None, :2, :2] - trend_at(trend, pixel)[:, :, None] * trend[None, None, 2, :2]
+    jacobian /= (pixel @ trend[2, :2] + trend[2, 2])[:, None, None]
+    middle = pixel.mean(axis=0)  # a far origin would cost digits
+    knot = learned.knot_px - middle
+    sums = values @ np.concatenate([weight, knot[:, :1] * weight, knot[:, 1:] * weight], axis=1)
+    for axis in range(2):
+        here = (pixel[:, axis] - middle[axis])[:, None]
+        jacobian[:, :, axis] += (sums[:, 2 + 2 * axis : 4 + 2 * axis] - here * sums[:, :2]) / learned.length_px**2
+    return np.asarray(jacobian)
 
 
 @one_thread

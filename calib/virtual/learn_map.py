@@ -2,26 +2,24 @@
 
 The targets of the regression are points of the sensor whose pixels were measured; what a homography does not explain
 of them is the process's. Its amplitude and length are those of the greatest marginal likelihood (Rasmussen and
-Williams 2006, eq. 5.8; scikit-learn's `GaussianProcessRegressor`), within bounds that keep unknown what is far from
-all data. Nothing is random: the same data give the same map.
+Williams 2006, eq. 5.8), within bounds that keep unknown what is far from all data. Nothing is random: the same data
+give the same map.
 """
 
-import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.learned import MAX_LENGTHS, exact_jacobian, to_sensor, trend_at
+from calib.cameras.learned import MAX_LENGTHS, correlation, jacobian_with, square_distances, to_sensor, trend_at
 from calib.detect.homography import fit
 from calib.one_thread import one_thread
 from calib.types import LearnedMap
 from calib.virtual.image_cells import MAX_CELLS, cells_of
+from calib.virtual.likelihood import likeliest, weights_of
 from designer.errors import InputError
 
 Array = NDArray[np.float64]
-Objective = Callable[[Array], tuple[float, Array]]
 
 MIN_SAMPLES = 12
 AMPLITUDE_PX = (1.0, 1e4)
@@ -40,8 +38,6 @@ LARGEST_LIMIT = 0.5
 FEW = 250
 """Samples that the first guess of the process is made of."""
 ROUNDS = 2
-LIKELIHOOD_CHANGE = 1e-6
-"""Ends the search for the greatest likelihood, as a part of its logarithm."""
 THINNED_ROUNDS = 4
 IMPROVED_ROUND = 2
 """Of them, beside the first, finds the most likely process."""
@@ -86,6 +82,7 @@ class _Task:
     image_size: tuple[int, int]
     trend: Array  # (3, 3)
     rest: Array  # (N, 2) what the homography leaves of the points
+    square_px2: Array  # (N, N) squared distances of the pixels
 
     @property
     def length_bounds_px(self) -> tuple[float, float]:
@@ -119,21 +116,21 @@ def learn_map(
             "take a photo that shows more of the target"
         )
     trend, _, _ = fit(samples.pixel, samples.point, 1 / samples.variance)
-    task = _Task(samples, image_size, trend, samples.point - trend_at(trend, samples.pixel))
+    rest = samples.point - trend_at(trend, samples.pixel)
+    task = _Task(samples, image_size, trend, rest, square_distances(samples.pixel, samples.pixel))
     return _learned(task, process, improve=improve)
 
 
 @one_thread
 def _learned(task: _Task, process: Process | None, *, improve: bool) -> Learned:
-    pixel = task.samples.pixel
-    only_trend = LearnedMap(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), task.trend, 1.0, 1.0)
-    stretch = _stretch(only_trend, pixel)
+    nothing = np.zeros_like(task.rest)
+    stretch = _stretch(task, LearnedMap(task.samples.pixel, nothing, nothing[:, 0], task.trend, 1.0, 1.0))
     process = process or _first_process(task, stretch)
     for _ in range(ROUNDS if improve else 0):
         # The noise is that of the measured pixel, so it depends on how the map stretches there.
-        stretch = _stretch(_conditioned(task, stretch, process), pixel)
+        stretch = _stretch(task, _conditioned(task, stretch, process))
         process = _better_process(task, stretch, process)
-    stretch = _stretch(_conditioned(task, stretch, process), pixel)
+    stretch = _stretch(task, _conditioned(task, stretch, process))
     return Learned(_conditioned(task, stretch, process), process)
 
 
@@ -157,32 +154,26 @@ def learn_from_many(samples: Samples, image_size: tuple[int, int]) -> Learned:
     return learned
 
 
-def _stretch(learned: LearnedMap, pixel: Array) -> Array:
-    """Mean square stretch of a map at pixels (N, 2): how much of a pixel's variance reaches the sensor.  # (N,)"""
-    stretch: Array = 0.5 * (exact_jacobian(learned, pixel) ** 2).sum(axis=(1, 2))
+def _stretch(task: _Task, learned: LearnedMap) -> Array:
+    """Mean square stretch of a map at its knots, the samples: what of a pixel's variance reaches the sensor.  # (N,)"""
+    jacobian = jacobian_with(learned, task.samples.pixel, correlation(task.square_px2, learned.length_px))
+    stretch: Array = 0.5 * (jacobian**2).sum(axis=(1, 2))
     return stretch
 
 
 def _first_process(task: _Task, stretch: Array) -> Process:
     """Amplitude, length and an even noise by the marginal likelihood of some of the samples."""
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-
     low, high = task.length_bounds_px
     some = np.unique(np.linspace(0, len(task.rest) - 1, FEW).astype(np.int64))
     square = float(np.clip(100 * (task.rest**2).mean(), AMPLITUDE_PX[0] ** 2, AMPLITUDE_PX[1] ** 2))
-    kernel = ConstantKernel(square, (AMPLITUDE_PX[0] ** 2, AMPLITUDE_PX[1] ** 2)) * RBF(
-        np.sqrt(low * high), (low, high)
-    ) + WhiteKernel(1e-3, (NOISE_PX[0] ** 2, NOISE_PX[1] ** 2))
-    process = GaussianProcessRegressor(kernel, alpha=LEAST_NOISE * square, optimizer=_most_likely)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that a bound is reached is no fault
-        found = process.fit(task.samples.pixel[some], task.rest[some]).kernel_
-    return Process(
-        float(np.sqrt(found.k1.k1.constant_value)),
-        float(found.k1.k2.length_scale),
-        float(found.k2.noise_level / np.median(task.variance(stretch))),
+    (variance, length, noise), _ = likeliest(
+        task.square_px2[np.ix_(some, some)],
+        task.rest[some],
+        np.full(len(some), LEAST_NOISE * square),
+        (square, np.sqrt(low * high), 1e-3),
+        (_squares(AMPLITUDE_PX), (low, high), _squares(NOISE_PX)),
     )
+    return Process(float(np.sqrt(variance)), float(length), float(noise / np.median(task.variance(stretch))))
 
 
 def _better_process(task: _Task, stretch: Array, process: Process) -> Process:
@@ -190,47 +181,32 @@ def _better_process(task: _Task, stretch: Array, process: Process) -> Process:
 
     With amplitude and noise both times f the likelihood is greatest at `f = y' (K + noise)^-1 y / n`.
     """
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel
-
     noise = task.variance(stretch, process.noise_factor)
-    highest = float(np.clip(noise.min() / LEAST_NOISE, AMPLITUDE_PX[0] ** 2, AMPLITUDE_PX[1] ** 2))
-    kernel = ConstantKernel(min(process.amplitude_px**2, highest), (AMPLITUDE_PX[0] ** 2, highest)) * RBF(
-        process.length_px, task.length_bounds_px
+    low, high = _squares(AMPLITUDE_PX)
+    highest = float(np.clip(noise.min() / LEAST_NOISE, low, high))
+    start = min(process.amplitude_px**2, highest), process.length_px
+    (variance, length), weight = likeliest(
+        task.square_px2, task.rest, noise, start, ((low, highest), task.length_bounds_px)
     )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        found = GaussianProcessRegressor(kernel, alpha=noise, optimizer=_most_likely)
-        found.fit(task.samples.pixel, task.rest)
-    factor = float((task.rest * found.alpha_).sum() / task.rest.size)
-    least, most = (bound**2 / float(np.median(task.variance(stretch))) for bound in NOISE_PX)
-    return Process(
-        float(np.sqrt(found.kernel_.k1.constant_value)),
-        float(found.kernel_.k2.length_scale),
-        float(np.clip(process.noise_factor * factor, least, most)),
-    )
+    factor = float((task.rest * weight).sum() / task.rest.size)
+    least, most = np.array(_squares(NOISE_PX)) / np.median(task.variance(stretch))
+    return Process(float(np.sqrt(variance)), float(length), float(np.clip(process.noise_factor * factor, least, most)))
 
 
-def _most_likely(objective: Objective, start: Array, bounds: Array) -> tuple[Array, float]:
-    """Where the marginal likelihood, of which `objective` is the negative logarithm, is greatest."""
-    from scipy.optimize import minimize
-
-    found = minimize(objective, start, method="L-BFGS-B", jac=True, bounds=bounds, options={"ftol": LIKELIHOOD_CHANGE})
-    return found.x, float(found.fun)
+def _squares(bounds: tuple[float, float]) -> tuple[float, float]:
+    """Bounds of a variance, of those of a standard deviation."""
+    return bounds[0] ** 2, bounds[1] ** 2
 
 
 def _conditioned(task: _Task, stretch: Array, process: Process) -> LearnedMap:
     """The process given the samples."""
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF
-
-    pixel = task.samples.pixel
     noise = np.maximum(task.variance(stretch, process.noise_factor) / process.amplitude_px**2, LEAST_NOISE)
-    found = GaussianProcessRegressor(RBF(process.length_px), alpha=noise, optimizer=None).fit(pixel, task.rest)
+    gram = correlation(task.square_px2, process.length_px)
+    gram[np.diag_indices_from(gram)] += noise
     single = float(np.sqrt(np.quantile(noise * task.samples.measurements, KNOWN_SHARE)))
     return LearnedMap(
-        knot_px=pixel,
-        weight=found.alpha_,
+        knot_px=task.samples.pixel,
+        weight=weights_of(task.rest, gram),
         noise_variance=noise,
         trend=task.trend,
         length_px=process.length_px,
