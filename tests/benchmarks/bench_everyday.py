@@ -1,0 +1,341 @@
+"""How long everyday work takes: a photo, a run, a solution, a design, a what-if; each beside its peer in the same run.
+
+Run from the repository's root: `python -m tests.benchmarks.bench_everyday [--rows detect,solve] [--runs N]
+[--folder DIR]`. After one run that is not counted (it compiles), the median of five: of the wall clock, and of the
+processor's seconds (user and system, of all threads and processes). Whole commands run as a user runs them; the
+detector, the solver and their peers on one core, in turns, so that a busy machine slows all alike.
+
+The photos are rendered: an icosahedron of 100 mm edge, 5 megapixels. Peers: `cv2.aruco.CharucoDetector` with corner
+refinement on a board of 256 corners, 5 megapixels and 1280 x 720; `cv2.calibrateCamera`; the same solid made by
+build123d, where that is installed; OpenCV's bare threshold and contours of a photo of 100 megapixels. `--folder` keeps
+the rendered photos for the next time.
+"""
+
+import argparse
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.benchmarks.synthetic import Array, eight_bit, plane_view, row
+
+MODULE = "tests.benchmarks.bench_everyday"
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+)  # fmt: skip
+EDGE, NAME = "100mm", "ico-100mm"
+PHOTOS = ("--views", "12", "--distance", "260mm..360mm", "--aim-offset", "40mm", "--random-roll", "--blur", "0.7px")
+CONTRAST_TO_NOISE = 50.0
+SQUARES, SQUARE_MM, MARKER_MM, TILT_RAD, BLUR_PX = 17, 10.0, 7.5, 0.35, 0.7
+CORNERS = (SQUARES - 1) ** 2
+FIVE_MEGAPIXELS, SMALLER, HD = (2448, 2048), (1224, 1024), (1280, 720)
+
+Grey = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Times:
+    """Medians, in seconds."""
+
+    wall: float
+    processor: float
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the rows share."""
+
+    folder: Path
+    runs: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the table, or a few that belong together."""
+
+    measure: Callable[[Setting], None]
+    on_one_core: bool
+
+
+def used() -> tuple[float, float]:
+    """The wall clock, and the processor's seconds of this process and of those it has waited for."""
+    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return time.perf_counter(), sum(one.ru_utime + one.ru_stime for one in usage)
+
+
+def in_turns(works: Mapping[str, Callable[[], object]], runs: int) -> dict[str, Times]:
+    """Medians of each work, after one run that is not counted."""
+    taken: dict[str, list[tuple[float, float]]] = {name: [] for name in works}
+    for _ in range(runs + 1):
+        for name, work in works.items():
+            wall, processor = used()
+            work()
+            wall_after, processor_after = used()
+            taken[name].append((wall_after - wall, processor_after - processor))
+    return {
+        name: Times(*(statistics.median(one[part] for one in all_runs[1:]) for part in (0, 1)))
+        for name, all_runs in taken.items()
+    }
+
+
+def tell(what: str, goal: str, times: Times, against: str = "") -> None:
+    """A line of the table."""
+    row(what, goal, f"{times.wall:.3f} s", f"processor {times.processor:.3f} s{'; ' if against else ''}{against}")
+
+
+def command(program: str, *arguments: object, code: int = 0) -> None:
+    """Run `design` or `calib` as a user does; an icosahedron's what-if may miss its limit, which is exit code 1."""
+    package = {"design": "designer", "calib": "calib"}[program]
+    run = subprocess.run(
+        [sys.executable, "-m", f"{package}.cli", *map(str, arguments)], capture_output=True, text=True, check=False
+    )
+    if run.returncode not in (0, code):
+        raise RuntimeError(f"{program} {' '.join(map(str, arguments))}: {run.stderr}")
+
+
+def target_file(setting: Setting) -> Path:
+    """The icosahedron, made if it is not there."""
+    path = setting.folder / NAME / f"{NAME}.target.json"
+    if not path.exists():
+        command("design", "ico", "--edge", EDGE, "-o", path.parent)
+    return path
+
+
+def photo_folder(setting: Setting) -> Path:
+    """The rendered photos; a set that is there is gone on with."""
+    folder = setting.folder / "photos"
+    command(
+        "calib", "render", target_file(setting), "-o", folder, *PHOTOS, "--contrast-to-noise", CONTRAST_TO_NOISE,
+    )  # fmt: skip
+    return folder
+
+
+def charuco(size: tuple[int, int]) -> Grey:
+    """A photo of a ChArUco board that fills its height, tilted, blurred and noisy as the others."""
+    board, scale = charuco_board(), 100
+    plain = board.generateImage((SQUARES * scale, SQUARES * scale)).astype(np.float32) / 255
+    plane_mm = np.diag([SQUARE_MM / scale, SQUARE_MM / scale, 1.0])
+    plane_mm[:2, 2] = -SQUARES * SQUARE_MM / 2
+    focal_px, side_mm = 1.2 * size[0], SQUARES * SQUARE_MM
+    view = plane_view(
+        focal_px, TILT_RAD, 0.6, 1.1 * side_mm * focal_px / size[1], (np.array(size) - 1) / 2
+    )  # fmt: skip
+    seen = cv2.warpPerspective(
+        plain, view @ plane_mm, size, flags=cv2.INTER_AREA, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0
+    )  # fmt: skip
+    blurred: Array = 0.1 + 0.7 * cv2.GaussianBlur(seen, (0, 0), BLUR_PX)
+    return eight_bit(blurred, 255 * 0.7 / CONTRAST_TO_NOISE, np.random.default_rng(0))
+
+
+@cache
+def charuco_board() -> cv2.aruco.CharucoBoard:
+    """17 x 17 squares: 16 x 16 inner corners."""
+    markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_250)
+    return cv2.aruco.CharucoBoard((SQUARES, SQUARES), SQUARE_MM, MARKER_MM, markers)
+
+
+def charuco_corners(image: Grey) -> int:
+    """How many corners OpenCV finds, each refined."""
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    detector = cv2.aruco.CharucoDetector(charuco_board(), cv2.aruco.CharucoParameters(), parameters)
+    corners = detector.detectBoard(image)[0]
+    return 0 if corners is None else len(corners)
+
+
+def detection(setting: Setting) -> None:
+    """The detector on one photo, against ChArUco with as many points."""
+    from calib.detect.pipeline import detect
+    from designer.target import load_target
+
+    target = load_target(target_file(setting))
+    photos = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in sorted(photo_folder(setting).glob("view_*.png"))]
+    large = max(photos, key=lambda photo: len(detect(photo, target, name="").ring))
+    small = cv2.resize(large, SMALLER, interpolation=cv2.INTER_AREA)
+    boards = {"ChArUco": charuco(FIVE_MEGAPIXELS), "ChArUco, 1280 x 720": charuco(HD)}
+    ours = {"5 megapixels": np.asarray(large), "1224 x 1024": np.asarray(small)}
+    times = in_turns(
+        {
+            **{name: lambda image=image: detect(image, target, name="") for name, image in ours.items()},
+            **{name: lambda image=image: charuco_corners(image) for name, image in boards.items()},
+        },
+        setting.runs,
+    )
+    peer = times["ChArUco"].wall
+    for (name, image), goal in zip(ours.items(), ("<= 0.15 s", "<= 0.10 s"), strict=True):
+        rings = len(detect(image, target, name="").ring)
+        tell(f"detect, {name}, {rings} rings", goal, times[name], f"ChArUco x {peer / times[name].wall:.1f}")
+    for name, image in boards.items():
+        tell(f"  cv2 {name}, {charuco_corners(image)} of {CORNERS} corners", "", times[name])
+
+
+def solution(setting: Setting) -> None:
+    """The solver against cv2.calibrateCamera; OpenCV's rounding of pixels is the scene's."""
+    from tests.benchmarks.bench_solve import PITCH_MM, SIDE, grid, opencv, ours, scene
+
+    for views, goal in ((20, ">= x 10"), (120, ">= x 15")):
+        seen = scene(grid(SIDE, SIDE, PITCH_MM), views)
+        times = in_turns({"ours": lambda: ours(seen, "opencv"), "cv2": lambda: opencv(seen)}, setting.runs)  # noqa: B023
+        ratio = times["cv2"].wall / times["ours"].wall
+        tell(f"solve, {views} views x {SIDE * SIDE}", goal, times["ours"], f"cv2.calibrateCamera x {ratio:.1f}")
+        tell("  cv2.calibrateCamera", "", times["cv2"])
+
+
+def large_photo(setting: Setting) -> None:
+    """A photo of 100 megapixels, against the bare threshold and contours."""
+    from calib.detect.pipeline import detect
+    from designer.layout import lay_out
+    from tests.benchmarks.bench_large_image import SPEC, bare_pass, picture
+
+    target = lay_out(SPEC)
+    image = eight_bit(picture(target, 1.0)[0], 1.0, np.random.default_rng(1))
+    times = in_turns(
+        {"ours": lambda: detect(image, target, name="large"), "bare": lambda: bare_pass(image)}, setting.runs
+    )
+    ratio = times["ours"].wall / times["bare"].wall
+    tell("detect, 100 megapixels, two cores", "<= 0.45 s", times["ours"], f"{ratio:.1f} x bare Otsu + findContours")
+    tell("  bare Otsu + findContours", "", times["bare"])
+
+
+def one_photo(setting: Setting) -> None:
+    """The whole command, without and with the picture of what was found."""
+    target, photo = target_file(setting), photo_folder(setting) / "view_0000.png"
+    out = setting.folder / "one" / "detections.csv"
+    times = in_turns(
+        {
+            "calib detect": lambda: command("calib", "detect", target, photo, "-o", out),
+            "calib detect --overlay": lambda: command(
+                "calib", "detect", target, photo, "-o", out, "--overlay", out.parent / "overlay"
+            ),
+        },
+        setting.runs,
+    )
+    tell("calib detect of one photo", "<= 1.2 s", times["calib detect"])
+    tell("  the same with --overlay", "", times["calib detect --overlay"])
+
+
+def calibration(setting: Setting) -> None:
+    """Twelve photos to the verdict and the page."""
+    target, photos = target_file(setting), photo_folder(setting)
+    out = setting.folder / "camera"
+    times = in_turns({"run": lambda: command("calib", "run", target, photos, "-o", out, code=1)}, setting.runs)
+    tell("calib run, 12 photos of 5 megapixels", "<= 9 s", times["run"])
+
+
+def design(setting: Setting) -> None:
+    """The whole command, and the solid alone by CAD."""
+    out = setting.folder / "design"
+    times = in_turns({"design": lambda: command("design", "ico", "--edge", EDGE, "-o", out)}, setting.runs)
+    peer = ""
+    try:
+        from tests.benchmarks.bench_geometry import cad_route
+
+        cad = in_turns({"cad": cad_route}, setting.runs)["cad"]
+        peer = f"build123d's solid alone x {cad.wall / times['design'].wall:.1f}"
+    except ImportError:
+        peer = "no build123d here"
+    tell(f"design ico --edge {EDGE}", "<= 1.5 s", times["design"], peer)
+
+
+def help_texts(setting: Setting) -> None:
+    """What a user waits for first."""
+    works: dict[str, Callable[[], object]] = {
+        f"{program} --help": lambda program=program: command(program, "--help") for program in ("design", "calib")
+    }  # fmt: skip
+    for package in ("designer", "calib"):
+        works[f"import {package}"] = lambda package=package: subprocess.run(
+            [sys.executable, "-c", f"import {package}"], check=True
+        )
+    works["python, nothing imported"] = lambda: subprocess.run([sys.executable, "-c", ""], check=True)
+    for name, times in in_turns(works, setting.runs).items():
+        tell(name, "<= 0.5 s" if "help" in name else "<= 0.05 s" if "import " in name else "", times)
+
+
+def prediction(setting: Setting) -> None:
+    """What a print's errors cost: the whole command, and the prediction alone."""
+    from calib.camera_file import camera_or_preset
+    from calib.studies.tolerance.linear import linear_table
+    from calib.studies.tolerance.setting import make_setting
+    from designer.target import load_target
+    from designer.tolerance.error_file import error_model
+
+    target, errors = target_file(setting), error_model("fdm-dual")
+    scene = make_setting(
+        load_target(target), camera_or_preset("machine-vision"), views=90, distance_mm=400.0, model="luhmann", seed=1
+    )
+    out = setting.folder / "predicted"
+    arguments = ("tolerance", target, "--errors", "fdm-dual", "--linear", "-o", out)
+    times = in_turns(
+        {"whole": lambda: command("design", *arguments), "alone": lambda: linear_table(scene, errors, 1)}, setting.runs
+    )
+    tell("design tolerance --linear", "<= 3 s", times["whole"])
+    tell("  the prediction itself", "<= 0.3 s", times["alone"])
+
+
+def requirement(setting: Setting) -> None:
+    """How good a print must be, by draws."""
+    target, out = target_file(setting), setting.folder / "required"
+    arguments = ("tolerance", target, "--errors", "fdm-dual", "--require", "intersection=0.05mm", "-o", out)
+    times = in_turns({"whole": lambda: command("design", *arguments, code=1)}, setting.runs)
+    tell("design tolerance --require", "<= 60 s", times["whole"])
+
+
+ROWS: Mapping[str, Row] = {
+    "detect": Row(detection, on_one_core=True),
+    "command": Row(one_photo, on_one_core=False),
+    "run": Row(calibration, on_one_core=False),
+    "solve": Row(solution, on_one_core=True),
+    "design": Row(design, on_one_core=False),
+    "linear": Row(prediction, on_one_core=False),
+    "require": Row(requirement, on_one_core=False),
+    "large": Row(large_photo, on_one_core=False),
+    "help": Row(help_texts, on_one_core=False),
+}
+
+
+def measure(names: list[str], setting: Setting, *, on_one_core: bool) -> None:
+    """All rows asked for; those of one core in a process that is kept on it, and whose libraries start no threads."""
+    for name in names:
+        if on_one_core or not ROWS[name].on_one_core:
+            ROWS[name].measure(setting)
+            continue
+        arguments = ("--rows", name, "--runs", str(setting.runs), "--folder", str(setting.folder), "--one-core")
+        subprocess.run([sys.executable, "-m", MODULE, *arguments], check=True, env={**os.environ, **ONE_THREAD})
+
+
+def keep_on_one_core() -> None:
+    """This process and its threads on one core, where the system can (Linux)."""
+    cv2.setNumThreads(1)
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rows", default=",".join(ROWS), help=f"of {', '.join(ROWS)} (default: all)")
+    parser.add_argument("--runs", type=int, default=5, help="how often each is timed (default 5)")
+    parser.add_argument("--folder", type=Path, help="where photos are kept (default: a temporary one)")
+    parser.add_argument("--one-core", action="store_true", help="stay on one core, which rows of one core do anyway")
+    options = parser.parse_args()
+    names = options.rows.split(",")
+    if unknown := [name for name in names if name not in ROWS]:
+        parser.error(f"no such row: {', '.join(unknown)}; there are {', '.join(ROWS)}")
+    if options.one_core:
+        keep_on_one_core()
+    with tempfile.TemporaryDirectory() as scratch:
+        measure(names, Setting(options.folder or Path(scratch), options.runs), on_one_core=options.one_core)
+
+
+if __name__ == "__main__":
+    main()
