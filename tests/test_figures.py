@@ -130,7 +130,7 @@ def test_no_text_lies_on_another(count: int) -> None:
         draw_comparison(page, shown)
         pages.append(page)
 
-    picture(comparison_height_px(shown), draw)
+    picture(comparison_height_px(shown), draw, is_placed=True)
     for axes in pages[0].axes:
         texts = [text for text in axes.findobj(Text) if isinstance(text, Text) and text.get_text()]
         flat = [text for text in texts if text.get_visible() and not text.get_rotation()]  # a slanted box is too large

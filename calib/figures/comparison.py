@@ -6,7 +6,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.figures.fields import draw_means
-from calib.figures.style import BLUE, DPI, GREEN, GREY, ORANGE, VERMILION, WIDTH_PX, bar_beside
+from calib.figures.style import (
+    ABOVE_PX,
+    BELOW_PX,
+    BLUE,
+    DPI,
+    GREEN,
+    GREY,
+    LEFT_PX,
+    ORANGE,
+    VERMILION,
+    WIDTH_PX,
+    axes_at,
+    bar_beside,
+    headline,
+)
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation
 from calib.metrics.residual_cells import cells_of, columns_rows, residuals_of
@@ -20,7 +34,9 @@ COLOURS = (BLUE, ORANGE, GREEN, VERMILION, GREY)
 MOST = len(COLOURS)
 ACROSS = 3
 """More images side by side leave no room for their titles."""
-BARS_PX = 430
+BARS_PX, BARS_TOP_PX = 430, 90
+RIGHT_PX, BAR_PX = 15, 110
+"""Beside each axes on the right, and for the scale of colours beside the last image."""
 NUMBER_POINTS, DIGIT_EMS = 10.0, 0.64
 """Size of the numbers on bars where there is room, and how wide a digit of the font is."""
 BESIDE_BARS_PX, BETWEEN_PX = 120, 6
@@ -46,21 +62,30 @@ def draw_comparison(page: "Figure", evaluations: Sequence[Evaluation]) -> None:
     """Bars of each metric above; below what each model leaves over in the image, in one scale of colours."""
     shown = list(evaluations[:MOST])
     metrics = list(dict.fromkeys(errors.metric for one in shown for errors in one.errors))
-    below = comparison_height_px(evaluations) - BARS_PX
-    grid = page.add_gridspec(2, 1, height_ratios=[BARS_PX, below])
-    bars, images = grid[0].subgridspec(1, len(metrics)), grid[1].subgridspec(*_rows_columns(len(shown)))
     for place, metric in enumerate(metrics):
-        _draw_bars(page.add_subplot(bars[place]), metric, shown, WIDTH_PX / len(metrics))
+        across = WIDTH_PX / len(metrics)
+        bars = axes_at(
+            page, place * across + LEFT_PX, BARS_TOP_PX, across - LEFT_PX - RIGHT_PX, BARS_PX - BARS_TOP_PX - 45
+        )
+        _draw_bars(bars, metric, shown, across)
     fields = [residuals_of(one) for one in shown]
     shape = columns_rows(fields[0].image_size, min(len(field.pixel) for field in fields))
     cells = [cells_of(field.image_size, field.pixel, field.residual_px, shape) for field in fields]
     longest = max(one.long_px for one in cells)
-    every = [page.add_subplot(images[place]) for place in range(len(shown))]
+    every = [_image_axes(page, place, shown) for place in range(len(shown))]
     for axes, one, field, means in zip(every, shown, fields, cells, strict=True):
         title = f"{one.calibration.camera.model}: mean residual of each cell"
         colours = draw_means(axes, means, field.image_size, title, longest)
     bar_beside(every[min(len(every), ACROSS) - 1], colours, "length of the mean in px", longer=True)
-    page.suptitle(_headline(shown), fontsize=16, fontweight="bold", x=0.01, ha="left")
+    headline(page, _headline(shown))
+
+
+def _image_axes(page: "Figure", place: int, evaluations: Sequence[Evaluation]) -> "Axes":
+    """Room for the image of one of the models, in its row."""
+    rows, across = _rows_columns(len(evaluations))
+    width, high = (WIDTH_PX - BAR_PX) / across, (comparison_height_px(evaluations) - BARS_PX) / rows
+    left, top = place % across * width + LEFT_PX, BARS_PX + place // across * high + ABOVE_PX
+    return axes_at(page, left, top, width - LEFT_PX - RIGHT_PX, high - ABOVE_PX - BELOW_PX)
 
 
 def _headline(evaluations: Sequence[Evaluation]) -> str:
