@@ -5,7 +5,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect import homography
+from calib.detect.homography import determines, equations, fit_entries
 from calib.jit import jit
 from calib.small_solve import cholesky_factor, substitute
 
@@ -64,7 +64,7 @@ def _lens_equations(
             for c in range(2):
                 straight[n, c] = pixel[n, c] * (1.0 + k1 * r2 + k2 * r2 * r2)
         weight = np.ones(len(x))
-        if not homography.fit_entries(x, straight, weight, 1, h, normal, residual):
+        if not fit_entries(x, straight, weight, 1, h, normal, residual):
             continue
         for n in range(len(x)):
             size[n] = np.hypot(residual[n, 0], residual[n, 1])
@@ -72,11 +72,11 @@ def _lens_equations(
         if not keep.all():
             x, straight, pixel = x[keep], straight[keep], pixel[keep]
             weight, residual = weight[keep], residual[keep]
-            if len(x) < 6 or not homography.determines(x):
+            if len(x) < 6 or not determines(x):
                 continue
-            if not homography.fit_entries(x, straight, weight, 1, h, normal, residual):
+            if not fit_entries(x, straight, weight, 1, h, normal, residual):
                 continue
-        homography.equations(x, straight, weight, h, normal, gradient, residual)
+        equations(x, straight, weight, h, normal, gradient, residual)
         if not cholesky_factor(normal):
             continue
         own, cross = _by_lens(x, straight, pixel, h, residual)

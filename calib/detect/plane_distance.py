@@ -12,8 +12,9 @@ from calib.jit import jit, jit_inside
 Floats: TypeAlias = NDArray[np.float64]
 Numbers: TypeAlias = Floats | tuple[float, ...]
 """Where a loop runs over pixels: a tuple, which stays in registers, so that several pixels are worked out at once."""
-Distance: TypeAlias = tuple[float, float, float, float, float, float, float, float, float, float]
-"""F, |grad F|, dF/dv (2), dF/dE (3), dF/dm (2), and F times the curvature of the level set (per px)."""
+Distance: TypeAlias = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
+"""F, |grad F|, dF/dv (2), dF/dE (3), dF/dm (2), F times the curvature of the level set (per px); half the second
+derivative of F along its gradient over |grad F|^2, and the part of it that |E xi| has."""
 
 
 @jit_inside
@@ -38,8 +39,13 @@ def plane_distance(p: Numbers, q: Numbers, v0: float, v1: float) -> Distance:
     e1 = p[E11] * fv0 - p[E10] * fv1
     inv_g = 1.0 / g
     across = (y0 * e1 - y1 * e0) * s * inv_g
-    bend = across * across * inv_g
-    return f, g, fv0, fv1, y0 * x0 * s, y1 * x0 * s, y1 * x1 * s, f * x0 * inv_w, f * x1 * inv_w, bend
+    curvature = across * across * inv_g
+    # W F = |E xi| twice along the gradient, W = 1 - m . xi.
+    along = (y0 * (p[E10] * fv0 + p[E11] * fv1) - y1 * p[E00] * fv0) * s * inv_g
+    stretch = 0.5 * along * along / f * inv_g * inv_g
+    bow = stretch + (p[M0] * fv0 + p[M1] * fv1) * inv_w * inv_g * inv_g
+    by_e00, by_e10, by_e11 = y0 * x0 * s, y1 * x0 * s, y1 * x1 * s
+    return f, g, fv0, fv1, by_e00, by_e10, by_e11, f * x0 * inv_w, f * x1 * inv_w, curvature, bow, stretch
 
 
 @jit

@@ -36,8 +36,12 @@ FACTOR = RESIDUAL + CHUNK
 ROOM = FACTOR + CHUNK
 """Rows of a chunk: PARAMETERS of derivatives, residuals, distances. One array: the compiler can tell that its rows do
 not overlap, and then works several pixels out at once."""
-MAX_CURVATURE_SHIFT = 0.35
-"""In blurs: beyond this the first-order shift of a curved edge is no longer true."""
+MAX_CURVATURE = 0.6
+"""Of an edge, times its blur: the tips of flatter ellipses are no arcs of circles over the width of the blur."""
+LEAST_ROOM = -0.8
+"""A pixel's place between the centre of an edge's curvature (-1) and the edge (0); nearer to it none is right."""
+MAX_BOW = 0.3
+"""Distances are bettered by no more than this share."""
 FAR = 6.0
 """In blurs from an edge: farther out nothing changes."""
 MILLS = 0.24
@@ -92,6 +96,31 @@ def edges(t: float, other: float) -> tuple[float, float, float, float]:
 
 
 @jit_inside
+def blurs_from_edge(off: float, bow: float, stretch: float, per_blur: float, curvature: float) -> tuple[float, float]:
+    """How far a pixel is from an edge, in blurs, and what the edge's curvature adds to that.
+
+    A disc of radius 1 / e (in blurs), blurred, is the distribution of a Rician variable; `x + ln(1 + e x) / (2 x)`
+    takes it to the normal one (Temme, Computers Math. Applic. 25, 1993), here with a Pade approximant of the logarithm.
+
+    Args:
+        off: the pixel's F less that of the edge.
+        bow: half the second derivative of F along its gradient over |grad F|^2: what Sampson's distance leaves out.
+        stretch: the part of it that |E xi| has.
+        per_blur: blurs by F.
+        curvature: e as the level set through the pixel has it.
+    """
+    more = off * bow
+    more = MAX_BOW if more > MAX_BOW else -MAX_BOW if more < -MAX_BOW else more
+    x = off * per_blur * (1.0 + more)
+    # The curvature goes with 1 / |grad F|^3, and that is another one at the edge.
+    e = curvature * (1.0 + 6.0 * off * stretch)
+    e = 0.0 if e < 0.0 else MAX_CURVATURE if e > MAX_CURVATURE else e
+    z = e * x
+    z = LEAST_ROOM if z < LEAST_ROOM else z
+    return x, 0.5 * e * (6.0 + z) / (6.0 + 4.0 * z)
+
+
+@jit_inside
 def pixel_equation(value: float, du: float, dv: float, p: Numbers, distance: Distance) -> Equation:
     """Derivatives of the model at one pixel by the parameters, and its residual.
 
@@ -102,18 +131,14 @@ def pixel_equation(value: float, du: float, dv: float, p: Numbers, distance: Dis
         p: parameters (`ring_model`).
         distance: what `plane_distance` said.
     """
-    f, g, fv0, fv1, f_e00, f_e10, f_e11, f_m0, f_m1, bend = distance
+    f, g, fv0, fv1, f_e00, f_e10, f_e11, f_m0, f_m1, curvature, bow, stretch = distance
     is_ring = p[RATIO] > 0.0
     ratio = p[RATIO] if is_ring else 1.0
     inv_s = 1.0 / p[BLUR]
     per_blur = inv_s / g
-    # Blur moves a curved edge towards its centre of curvature by s^2 / 2 times the curvature.
-    shift = 0.5 * bend * p[BLUR]
-    bent_outer = MAX_CURVATURE_SHIFT if shift > MAX_CURVATURE_SHIFT else shift
-    shift = shift * (1.0 / ratio)
-    bent_inner = MAX_CURVATURE_SHIFT if shift > MAX_CURVATURE_SHIFT else shift
-    t_outer = (f - 1.0) * per_blur + bent_outer
-    t_inner = (f - ratio) * per_blur + bent_inner
+    outer, bent_outer = blurs_from_edge(f - 1.0, bow, stretch, per_blur, curvature * p[BLUR])
+    inner, bent_inner = blurs_from_edge(f - ratio, bow, stretch, per_blur, curvature * p[BLUR] * (1.0 / ratio))
+    t_outer, t_inner = outer + bent_outer, inner + bent_inner
     inside, phi_outer, hole, phi_inner = edges(t_outer, t_inner)
     hole = hole if is_ring else 0.0
     phi_inner = phi_inner if is_ring else 0.0

@@ -7,15 +7,17 @@ outer radius is
 
 `E` lower triangular with a positive diagonal, `m` the vanishing line (`m . xi = 1` holds on it) and `q` a known
 quadratic form that straightens the lens locally (zero without a lens). The ring's edges are `F = 1` and `F = k`; the
-signed distance of a pixel from an edge is `(F - rho) / |grad F|` to first order (Sampson). For a pinhole this is the
-planar homology between the two conics, eight parameters: c, E, m and k.
+signed distance of a pixel from an edge is `(F - rho) / |grad F|` to first order (Sampson), and the equations of the fit
+take the second order along the gradient. For a pinhole this is the planar homology between the two conics, eight
+parameters: c, E, m and k.
 
 Brightness: white and ink each vary linearly over the ring,
 
     I(u) = L (1 - a T) + T h . (u - u0),    L = w + g . (u - u0),    T = Phi(d_inner / s) - Phi(d_outer / s),
 
 with `s` the edge's blur in pixels (lens and pixel together) and Phi the normal distribution; h is zero where light only
-multiplies, and takes up veiling light or a black level. A dot has no inner edge: T = 1 - Phi(d_outer / s).
+multiplies, and takes up veiling light or a black level. A dot has no inner edge: T = 1 - Phi(d_outer / s). Edges are
+curved: what is written as Phi(d / s) is the blurred disc with the edge's own radius of curvature.
 
 The fits take the derivatives of the distances at the edges, where the brightness changes: dd = dF / |grad F|.
 """
