@@ -1,5 +1,6 @@
 """The templates that travel with the program: targets, printers, cameras and error models as data."""
 
+import os
 from pathlib import Path
 from typing import Literal
 
@@ -32,7 +33,7 @@ def preset_or_file(kind: PresetKind, name: str) -> Path:
     if name in preset_names(kind):
         return preset_folder() / kind / f"{name}.toml"
     own = Path(name)
-    if own.is_symlink() and not own.exists():
+    if os.path.islink(own) and not own.exists():
         raise InputError(f"{shown(name)}: a link that leads nowhere; check it, or use one of the templates")
     if kind == "targets" and own.suffix.lower() == ".json":
         raise InputError(f"{name}: a target file holds no spec to make; name the .toml beside it")

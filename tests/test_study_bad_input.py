@@ -62,7 +62,7 @@ BAD = {
     "no truth": (("--truth", "nowhere.json"), "nowhere.json"),
     "no such truth": (("--truth", "board.target.json"), "ringsolid.truth"),
     "a file": (("-o", "truth.json"), "truth.json"),
-    "no folder": (("-o", "truth.json/x"), "truth.json/x"),
+    "no folder": (("-o", "truth.json/x"), "truth.json: is a file"),
 }  # fmt: skip
 
 
