@@ -284,7 +284,7 @@ def turned_back(center_px: Array, size: tuple[int, int]) -> Array:
 
 @pytest.mark.parametrize("target", [board(), ico()], ids=["board", "ico"])
 def test_turning_the_image_by_right_angles_turns_the_centres(target: TargetGeometry) -> None:
-    """The same rings are found, well within a thousandth of a pixel and a thirtieth of their standard deviation."""
+    """The same rings are found, well within a thousandth of a pixel and a twentieth of their standard deviation."""
     image = np.asarray(view_of(target, 3, options=LOSSLESS, distance_mm=350).image)
     plain = detect(image, target, name="x")
     assert len(plain.ring) > 90
@@ -299,7 +299,7 @@ def test_turning_the_image_by_right_angles_turns_the_centres(target: TargetGeome
         sizes.append(turned.shape[::-1])
         assert np.array_equal(found.ring, plain.ring)
         apart = np.linalg.norm(center - plain.center_px, axis=1)
-        assert (apart < 1e-6 + 0.03 * sigma).all()
+        assert (apart < 1e-6 + 0.05 * sigma).all()
         assert np.median(apart) < 1e-6
         assert (apart[sigma < 0.03] < 1e-3).all()
 
