@@ -143,14 +143,14 @@ def tolerance_report() -> Report:
     setting = ico_setting()
     errors = error_model("fdm-dual").only("face_tilt", "ring_jitter", "scale", "ink_bleed")
     draws = {factor: run_draws(setting, errors.scaled(factor), 1, range(12)) for factor in FACTORS}
-    linear, table = linear_table(setting, errors, 1), table_of_draws(errors, draws[1.0])
+    linear, table = linear_table(setting, errors), table_of_draws(errors, draws[1.0])
     lines = ("ico: 20 faces, 300 rings; 24 views", "errors fdm-dual: two filaments", "warning: it is near")
     found = Report("ico", lines, 20, table, linear, "intersection", sweeps_from(table, linear, draws))
     held = reaches(setting, errors, found.ranking, linear.baseline.value, 1, lambda done: None)
     found = replace(found, reaches=held)
     limits = (Requirement("intersection", 0.01), Requirement("reprojection", 50.0))
     found = replace(found, budgets=budgets_of(found, limits))
-    other = linear_table(board_setting(), error_model("fdm-board"), 1)
+    other = linear_table(board_setting(), error_model("fdm-board"))
     against = Against("board", other, ("board: 1 face",), "face_tilt", all_crossovers(table, other))
     return replace(found, against=against)
 

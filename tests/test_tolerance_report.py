@@ -73,14 +73,14 @@ def draws() -> Mapping[float, Array]:
 def report() -> Report:
     """An icosahedron, by draws, with two limits and against a board."""
     setting = ico_setting()
-    linear, table = linear_table(setting, model(), 1), table_of_draws(model(), draws()[1.0])
+    linear, table = linear_table(setting, model()), table_of_draws(model(), draws()[1.0])
     found = Report("ico", ("an icosahedron",), 20, table, linear, "intersection", sweeps_from(table, linear, draws()))
     found = replace(
         found, reaches=reaches(setting, model(), found.ranking, linear.baseline.value, 1, lambda done: None)
     )
     limits = (Requirement("intersection", 0.01), Requirement("reprojection", 1e-4))
     found = replace(found, budgets=budgets_of(found, limits))
-    other = linear_table(board_setting(), error_model("fdm-board"), 1)
+    other = linear_table(board_setting(), error_model("fdm-board"))
     return replace(found, against=Against("board", other, ("a board",), "face_tilt", all_crossovers(table, other)))
 
 
@@ -141,7 +141,7 @@ def test_budget_table_keeps_the_limit() -> None:
     rows = {row[0]: row for row in budget_table(report(), checked).body}
     text = rows["tilt of faces (face_tilt)"][2]
     errors = model().only("face_tilt").with_amount("face_tilt", parse_amount(text, SOURCES["face_tilt"]))
-    predicted = linear_table(ico_setting(), errors, 1)
+    predicted = linear_table(ico_setting(), errors)
     assert predicted.total[quantity_row("intersection")] == pytest.approx(0.01, rel=0.15)
     assert rows["scale of the print (scale)"][2] == "does not matter"
     assert "not met" in budget_notes(report(), checked)[0]

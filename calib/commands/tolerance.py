@@ -283,7 +283,7 @@ def _explored(scene: _Scene, asked: _Asked, keeping: "Keeping") -> "Report":
 
     setting, errors = scene.setting, scene.errors
     with waiting("predicting"):
-        linear = linear_table(setting, errors, asked.seed)
+        linear = linear_table(setting, errors)
     report = Report(scene.name, scene.lines, setting.target.face_count, linear, linear, asked.by)
     if not asked.predicts:
         with stopped_in_a_line(), progress_bar("drawing", asked.draws, rate=True) as tell:
@@ -331,7 +331,7 @@ def _compared(
 
     if asked.predicts:
         with waiting("predicting the other"):
-            table = linear_table(other.setting, other.errors, asked.seed)
+            table = linear_table(other.setting, other.errors)
     else:
         with stopped_in_a_line(), progress_bar("drawing the other", asked.draws, rate=True) as tell:
             found = keeping.draws(other.setting, other.errors, AGAINST_FILE, asked.draws, tell)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calib.studies.progress import Tell, after
 from calib.studies.tolerance.budget import Allowed, allowed_by_draws, largest_allowed
 from calib.studies.tolerance.draw import TOGETHER
+from calib.studies.tolerance.first_order import first_order
 from calib.studies.tolerance.reach import Reach, reach_of
 from calib.studies.tolerance.report import CheckedBudget, Report, Requirement, checked_budget
 from calib.studies.tolerance.setting import Setting
@@ -68,9 +69,9 @@ def reaches(
     setting: Setting, errors: ErrorModel, sources: Sequence[str], baseline: Array, seed: int, tell: Tell
 ) -> tuple[Reach, ...]:
     """How far the prediction of each source holds."""
-    found = []
+    first, found = first_order(setting), []
     for place, name in enumerate(sources):
-        found.append(reach_of(setting, errors, name, baseline, seed=seed))
+        found.append(reach_of(first, errors, name, baseline, seed=seed))
         tell(place + 1)
     return tuple(found)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from calib.one_thread import one_thread
 from calib.studies.tolerance.draw import drawn_values, run_cases
+from calib.studies.tolerance.first_order import FirstOrder
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.response import responses
 from calib.studies.tolerance.setting import Setting
@@ -36,23 +37,23 @@ class Reach:
 
 @one_thread
 def reach_of(
-    setting: Setting, errors: ErrorModel, source: str, baseline: Array, *, seed: int = 0, draws: int = DRAWS
+    first: FirstOrder, errors: ErrorModel, source: str, baseline: Array, *, seed: int = 0, draws: int = DRAWS
 ) -> Reach:
     """How far the prediction of one source holds.
 
     Args:
-        setting: what is photographed.
+        first: the derivatives of what is photographed.
         errors: of the target.
         source: the source's name.
         baseline: of the quantities (Q,): errors far below the noise are no errors.
         seed: of the study.
         draws: how many to compare.
     """
-    only = errors.only(source)
+    setting, only = first.setting, errors.only(source)
     numbers = [drawn_values(setting, only, seed, number)[source] for number in range(draws)]
     columns = directions(setting.target, only, source, setting.bed_from_target)
     moves = np.stack([columns @ one.reshape(-1) for one in numbers], axis=2)
-    linear = np.sqrt(responses(setting, moves).square.mean(axis=1)) if moves.any() else np.zeros(len(QUANTITIES))
+    linear: Array = np.sqrt(responses(first, moves).square.mean(axis=1))
     tried: dict[float, Array] = {}
 
     def off(factor: float) -> NDArray[np.bool_]:

@@ -2,18 +2,21 @@
 
 At the minimum without errors, with J the derivatives of the whitened residuals, a change du of the pixels moves the
 unknowns by `dx = (J' J)^-1 J' W du`, poses eliminated view by view as in `calib.solver.schur`. A ring displaced by dX
-is seen `B R dX` elsewhere, with B the derivatives of the projection. All quantities then are lengths of vectors that
-are linear in dx and du:
+is seen `B dX` elsewhere, with B the derivatives of the projection. All quantities then are lengths of vectors that
+are linear in dX and du:
 
-- reprojection: `J dx - du`;
-- intersection against the drawing: the way in the face, F t, that B R takes to the residual, `B R F t = du - J dx`;
-  against the true shape, which moves along: `B R F t = -J dx`;
-- reconstruction: the same on the plane N across the ray, put together for all rays of a ring,
-  `X = (sum I - d d')^-1 sum N t`;
+- reprojection: `du - J dx`;
+- intersection against the drawing: the way in the face that B takes to the residual `du - J dx`; against the true
+  shape, which moves along: to what of it is not dX's, `du - B dX - J dx`;
+- reconstruction: the same across the rays, put together for all rays of a ring (`calib.studies.tolerance.first_order`);
 - pose, rotation, camera: parts of dx.
 
-Displacements are first freed of the rigid motion that `calib.studies.tolerance.true_shape` takes out, so that the true
-poses stay where they are.
+The square of a residual over a view is `du' M du - 2 (J' M du)' dx + dx' (J' M J) dx`: with the last matrix known,
+only the sightings of rings that move are looked at, and a source of single rings costs no more than one of the whole
+print. What such sums lose in rounding is a share of 1e-15 of the squared displacement of the pixels.
+
+Displacements count without the rigid motion that `calib.studies.tolerance.true_shape` takes out, so that the true
+poses stay where they are; to the solver that motion is one of the poses, so these alone are freed of it.
 """
 
 from dataclasses import dataclass
@@ -21,18 +24,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import linearise
-from calib.linear_algebra import least_squares
-from calib.metrics.reconstruction import LEAST_SPREAD_RAD
-from calib.se3 import transform
-from calib.studies.tolerance.map_error import turn_jacobian
-from calib.studies.tolerance.setting import Setting
+from calib.jit import jit_inside, jit_sums
+from calib.studies.tolerance.first_order import FirstOrder, Sightings, Sums
 
 Array = NDArray[np.float64]
 
-
-NUMBERS_AT_ONCE = 4_000_000
-"""Sightings times columns; bounds the memory."""
+TILE = 16
+"""Columns at a time: what belongs to one sighting stays in the processor's registers and nearest memory."""
+U, V, WEIGHTED_U, WEIGHTED_V, METRIC_U, METRIC_V, OWN_U, OWN_V = (TILE * row for row in range(8))
+PIXEL, ON_FACE, TRUE_ON_FACE, REBUILT, TRUE_REBUILT = (TILE * row for row in range(8, 13))
+ROOM = 13 * TILE
+"""Rows of one array, which the compiler can tell do not overlap."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,207 +46,243 @@ class Responses:
     square: Array  # (Q, N) of each quantity
 
 
-@dataclass(frozen=True, eq=False)
-class _View:
-    """The derivatives of one view's n sightings."""
-
-    rows: slice  # of the observations
-    ring: NDArray[np.int64]  # (n,)
-    by_ring: Array  # (n, 2, 3) pixels by the ring's position in the target's frame
-    jacobian: Array  # (n, 2, Q + 6) pixels by free parameters and pose
-    weighted: Array  # (n, 2, Q + 6) times W' W
-    on_face: Array  # (n, 2, 2) mm on the face by px
-    across: Array  # (n, 3, 2) mm across the ray by px, in the target's frame
-
-
-def responses(setting: Setting, displacement_mm: Array, pixel: Array | None = None) -> Responses:
+def responses(first: FirstOrder, displacement_mm: Array, pixel: Array | None = None) -> Responses:
     """The responses to displacements of rings, or of pixels.
 
     Args:
-        setting: what is photographed.
+        first: the derivatives.
         displacement_mm: of the rings (R, 3, N).
         pixel: errors of all sightings besides, (M, 2, N).
     """
-    still = without_rigid_motion(setting.target.center_mm, setting.seen, displacement_mm)
-    views = [_view(setting, number) for number in range(setting.view_count)]
-    columns = still.shape[2]
-    width = max(1, NUMBERS_AT_ONCE // len(setting.observations.view))
-    parts = []
-    for first in range(0, columns, width):
-        some = slice(first, first + width)
-        parts.append(_part(setting, views, still[:, :, some], None if pixel is None else pixel[:, :, some]))
-    return Responses(
-        np.concatenate([part.params for part in parts], axis=-1),
-        np.concatenate([part.pose for part in parts], axis=-1),
-        np.concatenate([part.square for part in parts], axis=-1),
-    )
-
-
-def _part(setting: Setting, views: list[_View], still: Array, pixel: Array | None) -> Responses:
-    pixels = [_pixels(view, still, pixel) for view in views]
-    free, pose = _unknowns(setting, views, pixels)
-    square = _squares(setting, views, pixels, still, free, pose)
-    return Responses(setting.anchor.spread @ free, pose, square)
-
-
-def without_rigid_motion(center_mm: Array, weight: Array, displacement_mm: Array) -> Array:
-    """Displacements (R, 3, N) less the rigid motion that fits them best with weights (R,)."""
-    share = weight / weight.sum()
-    arm = center_mm - share @ center_mm
-    zero = np.zeros(len(arm))
-    x, y, z = arm.T
-    # A turn by w moves a ring by w x arm.
-    turn = np.stack([np.stack([zero, z, -y], 1), np.stack([-z, zero, x], 1), np.stack([y, -x, zero], 1)], axis=1)
-    basis = np.concatenate([turn, np.tile(np.eye(3), (len(arm), 1, 1))], axis=2).reshape(-1, 6)
-    flat = displacement_mm.reshape(len(basis), -1)
-    weights = np.repeat(share, 3)[:, None]
-    motion = least_squares(np.sqrt(weights) * basis, np.sqrt(weights) * flat)
-    still: Array = (flat - basis @ motion).reshape(displacement_mm.shape)
-    return still
-
-
-def _view(setting: Setting, number: int) -> _View:
-    anchor, seen = setting.anchor, setting.observations
-    rows = slice(int(anchor.problem.view_start[number]), int(anchor.problem.view_start[number + 1]))
-    ring = seen.point[rows]
-    pose = anchor.cam_from_target[number]
-    position = setting.target.center_mm[ring] - anchor.problem.origin_mm
-    turned = position @ pose[:3, :3].T
-    point = turned + pose[:3, 3]
-    linear = linearise(anchor.camera, np.ascontiguousarray(point.T))
-    by_point = linear.by_point.transpose(2, 0, 1)  # (n, 2, 3)
-    by_params = linear.by_params.transpose(2, 0, 1) @ anchor.spread
-    by_turn = np.cross(turned[:, None, :], by_point)  # a turn w moves R p by w x R p
-    jacobian = np.concatenate([by_params, by_turn, by_point], axis=2)
-    a, b, c = anchor.problem.whitener[:, rows]
-    whitener = np.zeros((len(ring), 2, 2))
-    whitener[:, 0, 0], whitener[:, 1, 0], whitener[:, 1, 1] = a, b, c
-    by_ring = by_point @ pose[:3, :3]
-    face = setting.target.target_from_face[setting.target.ring_face[ring], :3, :2]
-    across = _across(point @ pose[:3, :3])
-    return _View(
-        rows, ring, by_ring, jacobian, whitener.transpose(0, 2, 1) @ whitener @ jacobian,
-        np.linalg.inv(by_ring @ face), across @ np.linalg.inv(by_ring @ across),
-    )  # fmt: skip
-
-
-def _across(direction: Array) -> Array:
-    """Two unit vectors across each direction (n, 3), and across each other.  # (n, 3, 2)"""
-    unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    least = np.eye(3)[np.abs(unit).argmin(axis=1)]
-    first = np.cross(unit, least)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(unit, first)], axis=2)
-
-
-def _pixels(view: _View, still: Array, pixel: Array | None) -> Array:
-    """How the pixels of a view move.  # (n, 2, N)"""
-    moved: Array = view.by_ring @ still[view.ring]
-    return moved if pixel is None else moved + pixel[view.rows]
-
-
-def _unknowns(setting: Setting, views: list[_View], pixels: list[Array]) -> tuple[Array, Array]:
-    """Steps of the free parameters (Q, N) and of the poses (V, 6, N)."""
-    anchor = setting.anchor
-    free = anchor.spread.shape[1]
-    columns = pixels[0].shape[2]
-    reduced, rest = np.zeros((free, columns)), np.empty((len(views), 6, columns))
-    for number, (view, moved) in enumerate(zip(views, pixels, strict=True)):
-        gradient = -view.weighted.reshape(-1, free + 6).T @ moved.reshape(-1, columns)
-        rest[number] = -anchor.pose_inverse[number] @ gradient[free:]
-        reduced += gradient[:free] + anchor.follow[number].T @ gradient[free:]
-    step = -anchor.free_inverse @ reduced
-    return step, rest + anchor.follow @ step
-
-
-@dataclass(frozen=True, eq=False)
-class _Sums:
-    """What is summed over the views, by column: against the drawing, and against the true shape."""
-
-    pixel: Array  # (N,) squared residuals
-    on_face: Array  # (2, N) squared distances on the faces
-    across: Array  # (2, R, 3, N) ways across the rays, summed for each ring
-    matrix: Array  # (R, 3, 3) of the rays
-    count: Array  # (R,) of the rays
-
-
-def _squares(
-    setting: Setting, views: list[_View], pixels: list[Array], still: Array, free: Array, pose: Array
-) -> Array:
-    """The squares of all quantities (Q, N), in the order of `QUANTITIES`."""
-    rings, columns = setting.target.ring_count, free.shape[1]
-    sums = _Sums(
-        np.zeros(columns), np.zeros((2, columns)), np.zeros((2, rings, 3, columns)), np.zeros((rings, 3, 3)),
-        np.zeros(rings),
-    )  # fmt: skip
-    for number, (view, moved) in enumerate(zip(views, pixels, strict=True)):
-        _add_view(sums, view, moved, still, np.concatenate([free, pose[number]]))
-        sums.matrix[view.ring] += _projector(setting, number, view.ring)
-        sums.count[view.ring] += 1
-    sightings = len(setting.observations.view)
-    rebuilt = [_rebuilt(sums.matrix, sums.count, across) for across in sums.across]
-    on_face = sums.on_face / sightings
-    return np.stack([
-        sums.pixel / sightings, on_face[0], rebuilt[0], on_face[1], rebuilt[1], *_pose_squares(setting, pose),
-        *_camera_squares(setting, setting.anchor.spread @ free),
+    setting, columns = first.setting, displacement_mm.shape[2]
+    noise = np.zeros((0, 2, columns)) if pixel is None else pixel
+    free, pose = np.empty((first.free_count, columns)), np.empty((setting.view_count, 6, columns))
+    total = np.empty((5, columns))
+    moved, noise = np.ascontiguousarray(displacement_mm), np.ascontiguousarray(noise)
+    _respond(first.sightings, first.sums, moved, noise, free, pose, total)
+    total = np.maximum(total, 0.0)  # where nothing is left, rounding may be below it
+    sightings, rings = len(first.sightings.view_number), int(first.sums.is_rebuilt.sum())
+    rebuilt = total[3:] / rings if rings else np.full((2, columns), np.nan)
+    params = setting.anchor.spread @ free
+    image = (free * (first.image @ free)).sum(axis=0)
+    square = np.stack([
+        total[0] / sightings, total[1] / sightings, rebuilt[0], total[2] / sightings, rebuilt[1],
+        *_pose_squares(setting.anchor.cam_from_target, pose),
+        (params[:2] ** 2).mean(axis=0), (params[2:4] ** 2).sum(axis=0), image,
     ])  # fmt: skip
+    return Responses(params, pose, square)
 
 
-def _add_view(sums: _Sums, view: _View, moved: Array, still: Array, unknowns: Array) -> None:
-    """Add a view's sightings, whose pixels moved by (n, 2, N)."""
-    predicted = (view.jacobian.reshape(-1, len(unknowns)) @ unknowns).reshape(moved.shape)
-    off = moved - predicted
-    # Against the true shape, what the rings' own displacement moved is no error; what noise moved is.
-    true = off - view.by_ring @ still[view.ring]
-    sums.pixel[:] += np.einsum("nkc,nkc->c", off, off)
-    metric = view.on_face.transpose(0, 2, 1) @ view.on_face
-    for place, residual in enumerate((off, true)):
-        u, v = residual[:, 0], residual[:, 1]
-        sums.on_face[place] += metric[:, 0, 0] @ u**2 + 2 * (metric[:, 0, 1] @ (u * v)) + metric[:, 1, 1] @ v**2
-        for axis in range(3):
-            sums.across[place, view.ring, axis] += view.across[:, axis, :1] * u + view.across[:, axis, 1:] * v
-
-
-def _projector(setting: Setting, number: int, ring: NDArray[np.int64]) -> Array:
-    """`I - d d'` of a view's rays (n, 3, 3), in the target's frame."""
-    pose = setting.anchor.cam_from_target[number]
-    point = transform(pose, setting.target.center_mm[ring] - setting.anchor.problem.origin_mm)
-    unit: Array = point / np.linalg.norm(point, axis=1, keepdims=True) @ pose[:3, :3]
-    projector: Array = np.eye(3) - unit[:, :, None] * unit[:, None, :]
-    return projector
-
-
-def _rebuilt(matrix: Array, count: Array, right: Array) -> Array:
-    """Mean square displacement of the rings that have rays from different sides.  # (N,)"""
-    least = np.linalg.eigvalsh(matrix)[:, 0]
-    good = (count >= 2) & (least > LEAST_SPREAD_RAD**2 * count)
-    if not good.any():
-        return np.full(right.shape[2], np.nan)
-    position = np.linalg.solve(matrix[good], right[good])
-    mean: Array = (position**2).sum(axis=(0, 1)) / good.sum()
-    return mean
-
-
-def _pose_squares(setting: Setting, pose: Array) -> tuple[Array, Array]:
+def _pose_squares(cam_from_target: Array, pose: Array) -> tuple[Array, Array]:
     """Of the camera's centre, in mm, and of its axes after the turn that all share, in degrees.  # (N,) each
 
     The centre `C = -R' t` moves by `-R' (s + t x w)`.
     """
-    shift = pose[:, 3:] + np.cross(setting.anchor.cam_from_target[:, :3, 3, None], pose[:, :3], axis=1)
-    turn = np.degrees(pose[:, :3])
-    own = turn - turn.mean(axis=0)
-    alone = len(pose) < 2
-    rotation = np.full(pose.shape[2], np.nan) if alone else (own**2).sum(axis=1).mean(axis=0)
-    return (shift**2).sum(axis=1).mean(axis=0), rotation
+    x, y, z = cam_from_target[:, :3, 3].T[:, :, None]
+    a, b, c = pose[:, :3].transpose(1, 0, 2)
+    square = (pose[:, 3] + y * c - z * b) ** 2
+    square += (pose[:, 4] + z * a - x * c) ** 2
+    square += (pose[:, 5] + x * b - y * a) ** 2
+    own = pose[:, :3] - pose[:, :3].mean(axis=0)
+    turn = np.full(pose.shape[2], np.nan) if len(pose) < 2 else np.einsum("vkn,vkn->n", own, own) / len(pose)
+    return square.mean(axis=0), np.degrees(np.degrees(turn))
 
 
-def _camera_squares(setting: Setting, params: Array) -> tuple[Array, Array, Array]:
-    """Of the focal lengths, of the principal point, and of the camera over the image.  # (N,) each"""
-    grid = setting.grid
-    linear = linearise(setting.anchor.camera, grid.ray)
-    turn = turn_jacobian(grid.ray, linear.by_point)
-    moved = linear.by_params.transpose(0, 2, 1).reshape(len(turn), -1) @ params
-    basis, _ = np.linalg.qr(turn)
-    left = moved - basis @ (basis.T @ moved)
-    image = (left**2).sum(axis=0) / grid.pixel.shape[1]
-    return (params[:2] ** 2).mean(axis=0), (params[2:4] ** 2).sum(axis=0), image
+@jit_sums
+def _respond(
+    sightings: Sightings, sums: Sums, moved: Array, pixel: Array, free: Array, pose: Array, total: Array
+) -> None:
+    """The unknowns and the sums of squares of all columns, `TILE` of them at a time."""
+    rings, columns = moved.shape[0], moved.shape[2]
+    views, unknowns = len(sums.pixel), sightings.jacobian.shape[2]
+    still, rebuilt = np.empty((rings, 3, TILE)), np.empty((rings, 3, TILE))
+    is_moved = np.empty(rings, dtype=np.bool_)
+    moments, row = np.empty((views, 4, unknowns, TILE)), np.empty(ROOM)
+    step, place, motion = np.empty((unknowns - 6, TILE)), np.empty((views, 6, TILE)), np.empty((6, TILE))
+    for begin in range(0, columns, TILE):
+        width = min(TILE, columns - begin)
+        for r in range(rings):
+            is_moved[r] = False
+            for axis in range(3):
+                for t in range(TILE):
+                    still[r, axis, t] = moved[r, axis, begin + t] if t < width else 0.0
+                    is_moved[r] |= still[r, axis, t] != 0.0
+        row[:] = 0.0
+        moments[:] = 0.0
+        _add_moments(sightings, still, is_moved, pixel, begin, width, row, moments)
+        _solve(sums, moments, step, place)
+        _free_of_motion(sums, still, is_moved, motion)
+        _add_squares(sums, moments, step, place, motion, row)
+        _rebuild(sightings, sums, still, pixel, begin, width, step, place, rebuilt, row)
+        for t in range(width):
+            free[:, begin + t] = step[:, t]
+            pose[:, :, begin + t] = place[:, :, t]
+            for k in range(5):
+                total[k, begin + t] = row[PIXEL + k * TILE + t]
+
+
+@jit_sums
+def _add_moments(
+    sightings: Sightings,
+    moved: Array,
+    is_moved: NDArray[np.bool_],
+    pixel: Array,
+    begin: int,
+    width: int,
+    row: Array,
+    moments: Array,
+) -> None:
+    """Of the pixels' changes u = B dX + du: `J' W' W u`, `J' u`, `J' metric u` and `J' metric du` of each view."""
+    view, ring, jacobian, by_ring, weight, metric, _, _ = sightings
+    unknowns = jacobian.shape[2]
+    for m in range(len(view)):
+        v, r = view[m], ring[m]
+        if not (is_moved[r] or len(pixel)):
+            continue
+        ax, ay, az, bx, by, bz = (
+            by_ring[m, 0, 0], by_ring[m, 0, 1], by_ring[m, 0, 2], by_ring[m, 1, 0], by_ring[m, 1, 1], by_ring[m, 1, 2],
+        )  # fmt: skip
+        wa, wb, wc = weight[m, 0], weight[m, 1], weight[m, 2]
+        ma, mb, mc = metric[m, 0], metric[m, 1], metric[m, 2]
+        for t in range(TILE):
+            x, y, z = moved[r, 0, t], moved[r, 1, t], moved[r, 2, t]
+            row[U + t], row[V + t] = ax * x + ay * y + az * z, bx * x + by * y + bz * z
+        if len(pixel):
+            for t in range(width):
+                u, v_px = pixel[m, 0, begin + t], pixel[m, 1, begin + t]
+                row[OWN_U + t], row[OWN_V + t] = ma * u + mb * v_px, mb * u + mc * v_px
+                row[TRUE_ON_FACE + t] += u * row[OWN_U + t] + v_px * row[OWN_V + t]
+                row[U + t], row[V + t] = row[U + t] + u, row[V + t] + v_px
+        for t in range(TILE):
+            u, v_px = row[U + t], row[V + t]
+            row[WEIGHTED_U + t], row[WEIGHTED_V + t] = wa * u + wb * v_px, wb * u + wc * v_px
+            row[METRIC_U + t], row[METRIC_V + t] = ma * u + mb * v_px, mb * u + mc * v_px
+            row[PIXEL + t] += u * u + v_px * v_px
+            row[ON_FACE + t] += u * row[METRIC_U + t] + v_px * row[METRIC_V + t]
+        for k in range(unknowns):
+            j_u, j_v = jacobian[m, 0, k], jacobian[m, 1, k]
+            for t in range(TILE):
+                moments[v, 0, k, t] += j_u * row[WEIGHTED_U + t] + j_v * row[WEIGHTED_V + t]
+            for t in range(TILE):
+                moments[v, 1, k, t] += j_u * row[U + t] + j_v * row[V + t]
+            for t in range(TILE):
+                moments[v, 2, k, t] += j_u * row[METRIC_U + t] + j_v * row[METRIC_V + t]
+            if len(pixel):
+                for t in range(TILE):
+                    moments[v, 3, k, t] += j_u * row[OWN_U + t] + j_v * row[OWN_V + t]
+
+
+@jit_inside
+def _add(share: float, what: Array, to: Array) -> None:
+    """Add a share of one row of columns to another."""
+    for t in range(TILE):
+        to[t] += share * what[t]
+
+
+@jit_inside
+def _take_six(share: Array, what: Array, to: Array) -> None:
+    """Take shares of six rows from another, which is read and written once."""
+    a, b, c, d, e, f = share[0], share[1], share[2], share[3], share[4], share[5]
+    for t in range(TILE):
+        to[t] -= a * what[0, t] + b * what[1, t] + c * what[2, t] + d * what[3, t] + e * what[4, t] + f * what[5, t]
+
+
+@jit_sums
+def _solve(sums: Sums, moments: Array, step: Array, place: Array) -> None:
+    """Steps of the free parameters (F, TILE) and of the poses (V, 6, TILE)."""
+    views, free = len(place), len(step)
+    reduced = np.zeros((free, TILE))
+    for v in range(views):
+        for q in range(free):
+            _add(1.0, moments[v, 0, q], reduced[q])
+            for i in range(6):
+                _add(sums.follow[v, i, q], moments[v, 0, free + i], reduced[q])
+    step[:] = 0.0
+    for q in range(free):
+        for p in range(free):
+            _add(sums.free_inverse[q, p], reduced[p], step[q])
+    place[:] = 0.0
+    for v in range(views):
+        for i in range(6):
+            for j in range(6):
+                _add(sums.pose_inverse[v, i, j], moments[v, 0, free + j], place[v, i])
+            for q in range(free):
+                _add(sums.follow[v, i, q], step[q], place[v, i])
+
+
+@jit_sums
+def _free_of_motion(sums: Sums, moved: Array, is_moved: NDArray[np.bool_], motion: Array) -> None:
+    """Take the rigid motion (6, TILE) that fits displacements best out of them."""
+    motion[:] = 0.0
+    for r in range(len(moved)):
+        for axis in range(3 if is_moved[r] else 0):
+            for j in range(6):
+                _add(sums.motion[j, r, axis], moved[r, axis], motion[j])
+    for r in range(len(moved)):
+        for axis in range(3):
+            _take_six(sums.by_motion[r, axis], motion, moved[r, axis])
+
+
+@jit_sums
+def _add_squares(sums: Sums, moments: Array, step: Array, place: Array, motion: Array, row: Array) -> None:
+    """Complete the squares of the residuals, and take the rigid motion out of the poses."""
+    free = len(step)
+    x, product = np.empty((free + 6, TILE)), np.empty(TILE)
+    pixel, on_face, true = row[PIXEL : PIXEL + TILE], row[ON_FACE : ON_FACE + TILE], row[TRUE_ON_FACE:REBUILT]
+    x[:free] = step
+    for v in range(len(place)):
+        x[free:] = place[v]
+        _add_square(sums.pixel[v], x, moments[v, 1], product, pixel)
+        _add_square(sums.on_face[v], x, moments[v, 2], product, on_face)
+        for i in range(6):
+            _take_six(sums.pose_by_motion[v, i], motion, place[v, i])
+        x[free:] = place[v]
+        _add_square(sums.on_face[v], x, moments[v, 3], product, true)
+
+
+@jit_sums
+def _add_square(matrix: Array, x: Array, moment: Array, product: Array, to: Array) -> None:
+    """Add `x' M x - 2 m' x`, one column each."""
+    for k in range(len(x)):
+        for t in range(TILE):
+            product[t] = -2.0 * moment[k, t]
+        for j in range(len(x)):
+            _add(matrix[k, j], x[j], product)
+        for t in range(TILE):
+            to[t] += x[k, t] * product[t]
+
+
+@jit_sums
+def _rebuild(
+    sightings: Sightings,
+    sums: Sums,
+    still: Array,
+    pixel: Array,
+    begin: int,
+    width: int,
+    step: Array,
+    place: Array,
+    rebuilt: Array,
+    row: Array,
+) -> None:
+    """Squared errors of the reconstructed rings, against the drawing and against the true shape."""
+    view, ring = sightings.view_number, sightings.ring_number
+    rebuilt[:] = still
+    for r in range(len(still)):
+        for axis in range(3):
+            for q in range(len(step)):
+                _add(-sums.rebuilt_by_free[r, axis, q], step[q], rebuilt[r, axis])
+    for m in range(len(view)):
+        v, r = view[m], ring[m]
+        for axis in range(3):
+            _take_six(sightings.rebuilt_by_pose[m, axis], place[v], rebuilt[r, axis])
+            if len(pixel):
+                by_u, by_v = sightings.rebuilt_by_pixel[m, axis, 0], sightings.rebuilt_by_pixel[m, axis, 1]
+                for t in range(width):
+                    rebuilt[r, axis, t] += by_u * pixel[m, 0, begin + t] + by_v * pixel[m, 1, begin + t]
+    for r in range(len(still)):
+        for axis in range(3 if sums.is_rebuilt[r] else 0):
+            for t in range(TILE):
+                off, own = rebuilt[r, axis, t], rebuilt[r, axis, t] - still[r, axis, t]
+                row[REBUILT + t] += off * off
+                row[TRUE_REBUILT + t] += own * own
