@@ -49,7 +49,7 @@ FOUND = {one.image: one for one in detections_of(SEEN, BOARD)}
 
 
 def detect(
-    pixels: NDArray[np.generic], target: TargetGeometry, *, name: str, camera: Camera | None = None
+    pixels: NDArray[np.generic], target: TargetGeometry, *, name: str, camera: Camera | None = None, **_: object
 ) -> Detections:
     """What the photo of this name shows; nothing if it is none of them."""
     if Path(name).name in FOUND:
@@ -63,8 +63,9 @@ def detect(
 
 def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """The detector above, and pictures that are not drawn: both take longer than all else."""
+    monkeypatch.setattr("calib.detect.pipeline.find", lambda *_: None)
     monkeypatch.setattr("calib.detect.pipeline.detect", detect)
-    monkeypatch.setattr("calib.figures.picture", lambda *_: b"ringsolid")
+    monkeypatch.setattr("calib.figures.picture", lambda *_, **__: b"ringsolid")
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     monkeypatch.setattr("calib.studies.figures.files_of", named)
     monkeypatch.setattr("calib.studies.tolerance.files.picture", lambda *_: b"ringsolid")

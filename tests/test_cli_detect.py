@@ -17,7 +17,7 @@ from sightings import pinhole, sighting, view_from
 
 from calib.camera_file import camera_to_json
 from calib.commands.detect import run_detect
-from calib.detect.batch import Detect, PhotoFile, detect_photos, find_photos, named_photos
+from calib.detect.batch import Detect, PhotoFile, detect_photos, find_photos, named_photos, reading_once
 from calib.detect.overlay import draw_overlay
 from calib.inputs.dataset import read_detections
 from calib.inputs.records import read_records
@@ -210,6 +210,19 @@ def test_arguments_stand_for_files_folders_and_patterns(folder: Path) -> None:
     assert find_photos(["a\0b.png"]).paths == (Path("a\0b.png"),)
     with pytest.raises(InputError, match="'' is no photo"):
         find_photos(["photos", ""])
+
+
+def test_two_searches_read_a_photo_once_and_keep_no_more_than_they_may(folder: Path) -> None:
+    """Of three photos two fit: gone from the disk, these two are read again, and after that nothing is kept."""
+    paths = [Path("photos") / name for name in ("img2.png", "img10.png", "img11.png")]
+    read = reading_once(most_bytes=2 * 160 * 120)
+    first = [read(path).pixels for path in paths]
+    for path in paths:
+        path.unlink()
+    assert all(read(path).pixels is pixels for path, pixels in zip(paths[:2], first, strict=False))
+    for path in paths:
+        with pytest.raises(InputError, match=path.name):
+            read(path)
 
 
 def test_results_keep_the_order_and_memory_the_limit(folder: Path) -> None:

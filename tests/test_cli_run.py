@@ -76,7 +76,13 @@ class Detector:
         self.asked: list[tuple[str, bool]] = []
 
     def __call__(
-        self, pixels: NDArray[np.generic], target: TargetGeometry, *, name: str, camera: Camera | None = None
+        self,
+        pixels: NDArray[np.generic],
+        target: TargetGeometry,
+        *,
+        name: str,
+        camera: Camera | None = None,
+        **_: object,
     ) -> Detections:
         """What the photo of this name shows; nothing if it is none of them."""
         self.asked.append((name, camera is not None))
@@ -93,7 +99,7 @@ class Detector:
 
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """None is drawn any more."""
-    monkeypatch.setattr("calib.figures.picture", lambda *_: b"ringsolid")
+    monkeypatch.setattr("calib.figures.picture", lambda *_, **__: b"ringsolid")
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
 
 
@@ -101,6 +107,7 @@ def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 def detector(monkeypatch: pytest.MonkeyPatch) -> Detector:
     """In place of the real one, which takes longer; pictures are not drawn."""
     fake = Detector()
+    monkeypatch.setattr("calib.detect.pipeline.find", lambda *_: None)
     monkeypatch.setattr("calib.detect.pipeline.detect", fake)
     no_pictures(monkeypatch)
     return fake

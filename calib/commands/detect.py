@@ -25,7 +25,7 @@ from designer.own_files import require_ours
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from calib.detect.batch import Detect, Found, PhotoResult, Pixels
+    from calib.detect.batch import Detect, Found, PhotoResult, Pixels, Read
     from calib.types import Camera, Detections
     from designer.target import TargetGeometry
 
@@ -189,15 +189,23 @@ def search_photos(
     camera: "Camera | None",
     staging: Path | None,
     jobs: int,
+    read: "Read | None" = None,
 ) -> "list[PhotoResult]":
     """Search all photos, with a progress bar on standard error while there is a screen."""
     from calib.detect.batch import detect_photos, named_photos
+    from calib.inputs.images import read_image
 
     photos = named_photos(found.paths)
     results: list[PhotoResult] = []
     with progress_bar("searching", len(photos)) as tell:
         for result in detect_photos(
-            photos, geometry, detect=detect_one, camera=camera, overlay_folder=staging, jobs=jobs
+            photos,
+            geometry,
+            detect=detect_one,
+            camera=camera,
+            overlay_folder=staging,
+            jobs=jobs,
+            read=read or read_image,
         ):
             results.append(result)
             tell(len(results))

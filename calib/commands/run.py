@@ -66,6 +66,7 @@ from designer.errors import InputError
 if TYPE_CHECKING:
     from calib.commands.judged_page import JudgedPage
     from calib.detect.batch import Detect, Found, PhotoResult, Pixels
+    from calib.detect.pipeline import Found as Named
     from calib.pipeline.settings import SolvePlan
     from calib.pipeline.solutions import Solution
     from calib.results.truth import Truth
@@ -258,20 +259,29 @@ class _Detected:
     remarks: tuple[str, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class _First:
+    """What the first search found in a photo."""
+
+    named: "Named | None"  # which no lens has a part in
+    seen: "Detections"
+
+
 def _detect_twice(
     geometry: "TargetGeometry", found: "Found", plan: "SolvePlan", folder: Path, jobs: int, rendered_id: str
 ) -> _Detected:
     """Search the photos, solve a first camera, and search again with its lens; write the detections and overlays."""
+    from calib.detect.batch import reading_once
     from calib.inputs.records import records_path
 
     start = time.perf_counter()
-    first, remember = _remembering()
-    results = search_photos(remember, found, geometry, None, None, jobs)
+    read, (first, remember) = reading_once(), _remembering()
+    results = search_photos(remember, found, geometry, None, None, jobs, read)
     plan, guess = _with_stated_focal(plan, results)
     camera, why = _first_camera(results, geometry, plan)
     overlays, table = folder / "overlays", folder / "detections.csv"
     with no_empty_folders(overlays), staging_folder(overlays) as staging:
-        results = search_photos(_again(camera, first), found, geometry, None, staging, jobs)
+        results = search_photos(_again(camera, first), found, geometry, None, staging, jobs, read)
         seen = [result.seen for result in results if result.seen is not None]
         if not seen:
             refuse_nothing([*found.failures, *(result.failure for result in results)], NOTHING_LEFT)
@@ -295,33 +305,38 @@ def _with_target(results: "Sequence[PhotoResult]") -> "list[Detections]":
     return [result.seen for result in results if result.seen is not None and len(result.seen.ring)]
 
 
-def _remembering() -> "tuple[dict[str, Detections], Detect]":
+def _remembering() -> "tuple[dict[str, _First], Detect]":
     """The detector, and what it found in each photo."""
-    from calib.detect.pipeline import detect
+    from calib.detect.pipeline import detect, find
     from calib.report.why_nothing import explained
 
-    found: dict[str, Detections] = {}
+    first: dict[str, _First] = {}
 
     def search(
         pixels: "Pixels", target: "TargetGeometry", *, name: str, camera: "Camera | None" = None
     ) -> "Detections":
-        found[name] = explained(detect(pixels, target, name=name, camera=camera), pixels, target)
-        return found[name]
+        named = find(pixels, target)
+        seen = explained(detect(pixels, target, name=name, camera=camera, found=named), pixels, target)
+        first[name] = _First(named, seen)
+        return seen
 
-    return found, search
+    return first, search
 
 
-def _again(camera: "Camera | None", first: "dict[str, Detections]") -> "Detect":
+def _again(camera: "Camera | None", first: "dict[str, _First]") -> "Detect":
     """The detector with the lens known; photos of another size, or all without a camera, are as they were."""
     from calib.detect.pipeline import detect
     from calib.report.why_nothing import explained
 
     def search(pixels: "Pixels", target: "TargetGeometry", *, name: str, **_: object) -> "Detections":
-        height, width = pixels.shape
+        before, (height, width) = first.get(name), pixels.shape
         fits = camera is not None and camera.image_size == (width, height)
-        if name in first and not fits:
-            return first[name]
-        return explained(detect(pixels, target, name=name, camera=camera if fits else None), pixels, target)
+        if before is not None and not fits:
+            return before.seen
+        named = None if before is None else before.named
+        return explained(
+            detect(pixels, target, name=name, camera=camera if fits else None, found=named), pixels, target
+        )
 
     return search
 

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.inputs.images import SUFFIXES_OF, read_image
+from calib.inputs.images import SUFFIXES_OF, Photo, read_image
 from calib.types import Camera, Detections
 from designer.errors import InputError
 from designer.target import TargetGeometry
@@ -24,7 +24,11 @@ OVERLAY_MARK = ".overlay"
 MAX_NAME_BYTES = 200
 """Of a photo whose overlay is named after it; file systems take 255 with what is added. Else they are numbered."""
 
+MOST_KEPT_BYTES = 2**29
+"""Of photos that are kept in memory between two searches; the others are read again."""
+
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+Read = Callable[[Path], Photo]
 
 
 class Detect(Protocol):
@@ -133,6 +137,25 @@ def named_photos(paths: Sequence[Path]) -> tuple[PhotoFile, ...]:
             depth[path] += 1
 
 
+def reading_once(most_bytes: int = MOST_KEPT_BYTES) -> Read:
+    """A reader for two searches: what it has read it keeps for the second time, as much as may be in memory.
+
+    A photo is read by one thread at a time.
+    """
+    kept: dict[Path, Photo] = {}
+
+    def read(path: Path) -> Photo:
+        photo = kept.pop(path, None)
+        if photo is not None:
+            return photo
+        photo = read_image(path)
+        if sum(one.pixels.nbytes for one in list(kept.values())) + photo.pixels.nbytes <= most_bytes:
+            kept[path] = photo
+        return photo
+
+    return read
+
+
 def detect_photos(
     photos: Sequence[PhotoFile],
     target: TargetGeometry,
@@ -141,6 +164,7 @@ def detect_photos(
     camera: Camera | None,
     overlay_folder: Path | None,
     jobs: int,
+    read: Read = read_image,
 ) -> Iterator[PhotoResult]:
     """Search photos, `jobs` at a time, so that no more are in memory; results come in the order of the photos.
 
@@ -149,7 +173,7 @@ def detect_photos(
     stems = _overlay_stems(photos, overlay_folder)
 
     def work(photo: PhotoFile) -> PhotoResult:
-        return _one_photo(photo, target, detect, camera, stems.get(photo))
+        return _one_photo(photo, target, detect, camera, stems.get(photo), read)
 
     if min(jobs, len(photos)) == 1:
         yield from map(work, photos)
@@ -162,11 +186,11 @@ def detect_photos(
 
 
 def _one_photo(
-    photo: PhotoFile, target: TargetGeometry, detect: Detect, camera: Camera | None, overlay: Path | None
+    photo: PhotoFile, target: TargetGeometry, detect: Detect, camera: Camera | None, overlay: Path | None, read: Read
 ) -> PhotoResult:
     """One photo from file to result. No fault of a photo, not even of the detector on it, ends the run."""
     try:
-        image = read_image(photo.path)
+        image = read(photo.path)
         height, width = image.pixels.shape
         if camera is not None and camera.image_size != (width, height):
             raise InputError(

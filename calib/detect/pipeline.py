@@ -26,13 +26,14 @@ Integers: TypeAlias = NDArray[np.int64]
 REGIONS_APART = 1 << 40
 EASY_RADIUS_PX = 4.0
 """Features with a smaller semi-axis below this may stay unseen without another threshold being tried."""
+LEAST_SIDE_PX = 16
 BYTES_IN_WORDS = (257, 256)
 MIRRORED = "mirrored: the image shows the target in a mirror, or was flipped; flip it back and detect again"
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
-    """What naming made of an image."""
+class Found:
+    """What naming made of an image, which no lens has a part in."""
 
     candidates: Candidates
     grids: tuple[Grid, ...]  # all, with and without names
@@ -46,8 +47,28 @@ class _Found:
         return sum(len(item.grid.row) for item in self.named)
 
 
+def find(pixels: NDArray[np.generic], target: TargetGeometry) -> Found | None:
+    """The half of the search that is the same for any lens, for a photo that is searched more than once.
+
+    Args:
+        pixels: as `detect` has them.
+        target: what was printed.
+
+    Returns:
+        What `detect` may be given; None if the image is too small to hold anything.
+    """
+    if min(pixels.shape) < LEAST_SIDE_PX:
+        return None
+    return _search(_as_kernels_want(pixels), plan_for(target))
+
+
 def detect(
-    pixels: NDArray[np.generic], target: TargetGeometry, *, name: str, camera: Camera | None = None
+    pixels: NDArray[np.generic],
+    target: TargetGeometry,
+    *,
+    name: str,
+    camera: Camera | None = None,
+    found: Found | None = None,
 ) -> Detections:
     """Find and name the target's features in one photo.
 
@@ -56,6 +77,7 @@ def detect(
         target: what was printed.
         name: what the image is called in the result.
         camera: if it is known, its lens straightens the image; else a radial lens is estimated from the grids.
+        found: what `find` has found in these pixels; None: it is looked for.
 
     Returns:
         The features with centres and covariances, and a record of what was read; without features if none could
@@ -76,9 +98,9 @@ def detect(
         )
     plan = plan_for(target)
     camera_lens = CameraLens(camera) if camera is not None else None
-    if min(pixels.shape) < 16:
+    if min(pixels.shape) < LEAST_SIDE_PX:
         return _nothing(plan, name, image_size, None, ("the image is too small to hold a ring",))
-    found = _search(pixels, plan)
+    found = _search(pixels, plan) if found is None else found
     if not found.named:
         return _nothing(plan, name, image_size, found.candidates, found.remarks)
     first = _naming(plan, found.named)
@@ -135,7 +157,7 @@ def _as_kernels_want(pixels: NDArray[np.generic]) -> NDArray[np.generic]:
     return np.require(pixels, dtype=kind, requirements=["C", "W"])
 
 
-def _search(pixels: NDArray[np.generic], plan: TargetPlan) -> _Found:
+def _search(pixels: NDArray[np.generic], plan: TargetPlan) -> Found:
     """Coarse to fine: name grids in a reduced image; only if none is to be had there, in a finer one."""
     factor = reduction((pixels.shape[0], pixels.shape[1]))
     found = _search_at(pixels, plan, factor)
@@ -145,11 +167,11 @@ def _search(pixels: NDArray[np.generic], plan: TargetPlan) -> _Found:
     return found
 
 
-def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> _Found:
+def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> Found:
     """Candidates by one threshold after the other, until the whole target is found or all are used."""
     grey = reduced(pixels, factor)
     candidates: Candidates | None = None
-    found: _Found | None = None
+    found: Found | None = None
     for number, threshold in enumerate(thresholds(grey)):
         more = find_candidates(grey, threshold, factor, number * REGIONS_APART, plan.ratio)
         before = candidates.count if candidates is not None else -1
@@ -165,7 +187,7 @@ def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> _F
     return found
 
 
-def _is_whole(pixels: NDArray[np.generic], plan: TargetPlan, found: _Found) -> bool:
+def _is_whole(pixels: NDArray[np.generic], plan: TargetPlan, found: Found) -> bool:
     """Whether all that must be in the image was found, so that other thresholds have nothing to add.
 
     What must be there is known from a board's one face, or from three faces of a solid: fewer leave its pose open.
@@ -182,20 +204,20 @@ def _is_whole(pixels: NDArray[np.generic], plan: TargetPlan, found: _Found) -> b
     return bool(np.isin(places.ring[small > EASY_RADIUS_PX], naming.ring).all())
 
 
-def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates) -> _Found:
+def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates) -> Found:
     """Grow grids and name them."""
     grids = grow_grids(candidates, plan.lattice, across_gaps=not plan.is_coded)
     contrast = _contrast(pixels, candidates)
     if not grids:
-        return _Found(candidates, (), (), ("no grid of rings was found",))
+        return Found(candidates, (), (), ("no grid of rings was found",))
     if plan.is_coded:
         named, mirrored = name_faces(plan, candidates, grids, pixels, contrast)
         if mirrored:
-            return _Found(candidates, grids, (), (MIRRORED,), is_mirrored=True)
-        return _Found(candidates, grids, named, () if named else ("no face code could be read beyond doubt",))
+            return Found(candidates, grids, (), (MIRRORED,), is_mirrored=True)
+        return Found(candidates, grids, named, () if named else ("no face code could be read beyond doubt",))
     board: BoardName = name_board(plan, candidates, grids, pixels, contrast)
     remarks = (MIRRORED,) if board.is_mirrored else (board.remark,) if board.remark else ()
-    return _Found(candidates, grids, (board.named,) if board.named else (), remarks, board.is_mirrored)
+    return Found(candidates, grids, (board.named,) if board.named else (), remarks, board.is_mirrored)
 
 
 def _contrast(pixels: NDArray[np.generic], candidates: Candidates) -> float:
@@ -233,7 +255,7 @@ def _result(
     plan: TargetPlan,
     name: str,
     image_size: tuple[int, int],
-    found: _Found,
+    found: Found,
     naming: Naming,
     placement: Placement,
     measured: Measured,

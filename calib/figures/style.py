@@ -79,7 +79,7 @@ def picture(height_px: int, draw: "Callable[[Figure], None]", *, is_placed: bool
         canvas = FigureCanvasAgg(figure)
         draw(figure)
         stream = io.BytesIO()
-        how = {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 2}}  # in a third of the time, 5 % larger
+        how = {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 2}}  # a third of the time, 5 % larger
         # `savefig` would search for the layout and draw twice; matplotlib gives this method no types.
         canvas.print_png(stream, **how)  # type: ignore[no-untyped-call]
     return stream.getvalue()
