@@ -187,7 +187,7 @@ def _check_rules(target: TargetGeometry) -> None:
     if np.abs(target.ring_index).max() > MAX_INDEX:
         raise ValueError(f"ring_index must lie in -{MAX_INDEX}..{MAX_INDEX}")
     keys = np.column_stack([target.ring_face, target.ring_index])
-    if len(np.unique(keys, axis=0)) != len(keys):
+    if len(set(map(tuple, keys.tolist()))) != len(keys):
         raise ValueError("two features of one face have the same ring_index")
     inner, outer = target.radius_inner_mm, target.radius_outer_mm
     if outer.any() and not ((inner >= 0) & (inner < outer)).all():

@@ -12,6 +12,7 @@ import pytest
 
 from designer.bed import bed_from_target
 from designer.errors import InputError
+from designer.export.number_text import decimals, text_lines, whole_numbers
 from designer.export.threemf import ThreeMfFiles, threemf_files
 from designer.mesh import Mesh, Part
 from designer.produce import Design
@@ -171,6 +172,16 @@ def test_colours_have_a_group_each(design: Design, slicer: str) -> None:
         [(0xFE, 0xDC, 0xBA, 0xFF)],
         [(0x10, 0x20, 0x30, 0xFF)],
     ]
+
+
+def test_numbers_are_written_as_python_formats_them() -> None:
+    """Lines of characters are those of a format call for each: signs, zeros, and as many digits as each has."""
+    rng = np.random.default_rng(0)
+    value = np.concatenate([rng.normal(size=200) * 10.0 ** rng.integers(-7, 6, 200), [0.0, -0.0, -1e-9, 0.5, 9.999999]])
+    number = rng.integers(0, 10 ** rng.integers(1, 9, len(value)))
+    lines = text_lines(b'x="', decimals(value, 5), b'" n="', whole_numbers(number), b'"\n')
+    assert lines == "".join(f'x="{x:.5f}" n="{n}"\n' for x, n in zip(value, number, strict=True)).encode()
+    assert text_lines(b"<", whole_numbers(np.array([0])), b">") == b"<0>"
 
 
 def test_same_part_gives_the_same_bytes(design: Design, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from xml.sax.saxutils import escape
+from html import escape
 
 from designer.drawing import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Circle, Page, Point, Polygon, Text
 
@@ -21,7 +21,7 @@ def svg_bytes(pages: tuple[Page, ...]) -> bytes:
         '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"',
         '     xmlns:sodipodi="http://sodipodi.sourceforge.net/DTD/sodipodi-0.dtd" version="1.1"',
         f'     width="{width_mm}mm" height="{height_mm}mm" viewBox="0 0 {width_mm} {height_mm}">',
-        f"<title>{escape(pages[0].title)}</title>",
+        f"<title>{escape(pages[0].title, quote=False)}</title>",
         '<sodipodi:namedview inkscape:document-units="mm">',
         *(
             f'<inkscape:page x="0" y="{_number(top)}" width="{_number(page.width_mm)}" '
@@ -85,7 +85,8 @@ def _text_element(text: Text, height: float) -> str:
     anchor = ' text-anchor="middle"' if text.centred else ""
     place = f"translate({_point(text.position_mm, height)})"
     turn = f" rotate({_number(-math.degrees(text.angle_rad))})" if text.angle_rad else ""
-    return f'<text transform="{place}{turn}" font-size="{_number(text.size_mm)}"{anchor}>{escape(text.text)}</text>'
+    words = escape(text.text, quote=False)
+    return f'<text transform="{place}{turn}" font-size="{_number(text.size_mm)}"{anchor}>{words}</text>'
 
 
 def _point(point: Point, height: float) -> str:

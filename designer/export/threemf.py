@@ -11,12 +11,13 @@ import zipfile
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from xml.sax.saxutils import quoteattr
+from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
 
 from designer.errors import InputError
+from designer.export.number_text import decimals, text_lines, whole_numbers
 from designer.mesh import Mesh, Part
 from designer.spec import PrintSpec
 
@@ -73,7 +74,7 @@ def threemf_files(part: Part, printing: PrintSpec, name: str, bed_from_target: N
     if not name.isprintable():
         raise InputError(f"name {name!r} holds a control character; use printable letters")
     text = _PartText(
-        name=quoteattr(name),
+        name=_quoted(name),
         colours=_colour_group(_BODY_COLOUR, printing.body_colour) + _colour_group(_INK_COLOUR, printing.ink_colour),
         build=_build(bed_from_target),
         body_vertices=_vertices(part.body),
@@ -94,21 +95,27 @@ class _PartText:
     name: str  # escaped, in its quotes
     colours: str
     build: str
-    body_vertices: str
-    ink_vertices: str
-    body_triangles: str
+    body_vertices: bytes
+    ink_vertices: bytes
+    body_triangles: bytes
 
 
 def _prusa_package(text: _PartText, body: Mesh, ink: Mesh) -> bytes:
     """One mesh of both shells; PrusaSlicer cuts it at the triangle ranges of its own file."""
-    ink_triangles = _triangles(ink.triangles + len(body.vertices_mm), f' pid="{_INK_COLOUR}" p1="0"')
+    ink_triangles = _triangles(ink.triangles, len(body.vertices_mm), f' pid="{_INK_COLOUR}" p1="0"'.encode())
     model = (
         _MODEL_START,
         ' <metadata name="slic3rpe:Version3mf">1</metadata>\n',
         f" <resources>\n{text.colours}",
         f'  <object id="{_TARGET}" type="model" name={text.name} pid="{_BODY_COLOUR}" pindex="0">\n   <mesh>\n',
-        f"    <vertices>\n{text.body_vertices}{text.ink_vertices}    </vertices>\n",
-        f"    <triangles>\n{text.body_triangles}{ink_triangles}    </triangles>\n",
+        "    <vertices>\n",
+        text.body_vertices,
+        text.ink_vertices,
+        "    </vertices>\n",
+        "    <triangles>\n",
+        text.body_triangles,
+        ink_triangles,
+        "    </triangles>\n",
         "   </mesh>\n  </object>\n </resources>\n",
         text.build,
     )
@@ -156,14 +163,16 @@ def _bambu_package(text: _PartText, ink: Mesh) -> bytes:
     return _package(model, "Metadata/model_settings.config", config)
 
 
-def _leaf(name: str, number: int, colour: int, cura_extruder: int, vertices: str, triangles: str) -> tuple[str, ...]:
+def _leaf(
+    name: str, number: int, colour: int, cura_extruder: int, vertices: bytes, triangles: bytes
+) -> tuple[str | bytes, ...]:
     """A part's mesh object."""
     return (
         f'  <object id="{number}" type="model" name="{name}" pid="{colour}" pindex="0">\n   <metadatagroup>\n',
         f'    <metadata name="cura:extruder_nr" type="xs:string" preserve="true">{cura_extruder}</metadata>\n',
-        f"   </metadatagroup>\n   <mesh>\n    <vertices>\n{vertices}    </vertices>\n",
-        f"    <triangles>\n{triangles}    </triangles>\n   </mesh>\n  </object>\n",
-    )
+        "   </metadatagroup>\n   <mesh>\n    <vertices>\n", vertices, "    </vertices>\n",
+        "    <triangles>\n", triangles, "    </triangles>\n   </mesh>\n  </object>\n",
+    )  # fmt: skip
 
 
 def _bambu_part(name: str, number: int, filament: int) -> str:
@@ -176,7 +185,13 @@ def _bambu_part(name: str, number: int, filament: int) -> str:
 
 
 def _colour_group(number: int, colour: str) -> str:
-    return f'  <m:colorgroup id="{number}">\n   <m:color color={quoteattr(colour.upper())}/>\n  </m:colorgroup>\n'
+    return f'  <m:colorgroup id="{number}">\n   <m:color color={_quoted(colour.upper())}/>\n  </m:colorgroup>\n'
+
+
+def _quoted(text: str) -> str:
+    """As the value of an attribute in XML."""
+    escaped = escape(text, quote=False).replace('"', "&quot;")  # lib3mf knows no &#x27;
+    return f'"{escaped}"'
 
 
 def _build(bed_from_target: NDArray[np.float64]) -> str:
@@ -185,29 +200,31 @@ def _build(bed_from_target: NDArray[np.float64]) -> str:
     return f' <build>\n  <item objectid="{_TARGET}" transform="{transform}"/>\n </build>\n</model>\n'
 
 
-def _vertices(mesh: Mesh) -> str:
+def _vertices(mesh: Mesh) -> bytes:
     """To 10 nm: finer than single precision holds at a bed's size."""
-    line = '<vertex x="%.5f" y="%.5f" z="%.5f"/>\n'
-    return line * len(mesh.vertices_mm) % tuple(mesh.vertices_mm.ravel().tolist())
+    x, y, z = (decimals(column, 5) for column in mesh.vertices_mm.T)
+    return text_lines(b'<vertex x="', x, b'" y="', y, b'" z="', z, b'"/>\n')
 
 
-def _triangles(triangles: NDArray[np.int32], properties: str = "") -> str:
-    line = f'<triangle v1="%d" v2="%d" v3="%d"{properties}/>\n'
-    return line * len(triangles) % tuple(triangles.ravel().tolist())
+def _triangles(triangles: NDArray[np.int32], first: int = 0, properties: bytes = b"") -> bytes:
+    """Triangles of vertices that begin at number `first` in the file."""
+    number = whole_numbers(np.arange(first, first + 1 + triangles.max()))  # each is written in several triangles
+    one, two, three = (number[corner] for corner in triangles.T)
+    return text_lines(b'<triangle v1="', one, b'" v2="', two, b'" v3="', three, b'"', properties, b"/>\n")
 
 
-def _package(model: Iterable[str], config_path: str, config: str) -> bytes:
+def _package(model: Iterable[str | bytes], config_path: str, config: str) -> bytes:
     """Zip a model and a slicer's settings."""
     members = {
-        "[Content_Types].xml": _CONTENT_TYPES,
-        "_rels/.rels": _RELATIONSHIPS,
-        "3D/3dmodel.model": "".join(model),
-        config_path: config,
+        "[Content_Types].xml": _CONTENT_TYPES.encode(),
+        "_rels/.rels": _RELATIONSHIPS.encode(),
+        "3D/3dmodel.model": b"".join(part.encode() if isinstance(part, str) else part for part in model),
+        config_path: config.encode(),
     }
     package = io.BytesIO()
     with zipfile.ZipFile(package, "w") as archive:
-        for path, text in members.items():
+        for path, content in members.items():
             entry = zipfile.ZipInfo(path, _FIRST_DATE)
             entry.create_system = 3  # Unix; else the byte depends on the system that writes
-            archive.writestr(entry, text.encode(), zipfile.ZIP_DEFLATED, _ZIP_LEVEL)
+            archive.writestr(entry, content, zipfile.ZIP_DEFLATED, _ZIP_LEVEL)
     return package.getvalue()

@@ -3,6 +3,7 @@
 import io
 from dataclasses import dataclass
 
+import numpy as np
 from PIL import Image
 
 from designer.export.png import CAPTION_PX, HEIGHT_PX
@@ -23,14 +24,6 @@ class Panels:
 
 def preview_panels(png: bytes) -> Panels:
     """Cut the preview that `designer.export.png` made, without its caption."""
-    image = Image.open(io.BytesIO(png)).convert("RGB")
-    height = image.height - CAPTION_PX
-    target = image.crop((0, 0, HEIGHT_PX, height))
-    net = image.crop((HEIGHT_PX, 0, image.width, height)) if image.width > HEIGHT_PX else None
-    return Panels(_small(target, POSTER_PX), None if net is None else _small(net, NET_PX))
-
-
-def _small(image: Image.Image, width_px: int) -> Raster:
-    stream = io.BytesIO()
-    image.save(stream, "PNG", compress_level=1)
-    return thumbnail(stream.getvalue(), width_px)
+    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))[:-CAPTION_PX]  # (H, W, 3)
+    target, net = pixels[:, :HEIGHT_PX], pixels[:, HEIGHT_PX:]
+    return Panels(thumbnail(target, POSTER_PX), thumbnail(net, NET_PX) if net.size else None)
