@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from calib.cameras import project
-from calib.detect.canvas import Canvas, Colour
-from calib.detect.overlay import pale_canvas
+from calib.detect.canvas import Canvas, Colour, canvas_between
+from calib.detect.overlay import pale
 from calib.pose import TargetPose
 from calib.se3 import transform
 from calib.types import Camera, Detections
@@ -36,14 +36,16 @@ def draw_pose(
 ) -> NDArray[np.uint8]:
     """The overlay of one photo.  # (H, W) -> (H', W', 3) red, green, blue"""
     radius = max(1.0, float(np.median(seen.ellipse_px[:, 2])))
-    canvas = pale_canvas(pixels, radius)
-    width = float(np.clip(radius * canvas.scale / 10, 1.5, 12))
-    predicted = project(camera, transform(pose.cam_from_target, target.center_mm[seen.ring]))
+    grey, scale = pale(pixels, radius)
+    width = float(np.clip(radius * scale / 10, 1.5, 12))
     enlargement = _enlargement(pose.rms_px, radius)
+    above = _header(pose, enlargement, grey.shape[1])
+    sheet, canvas = canvas_between(above, grey, above[:0], scale)
+    predicted = project(camera, transform(pose.cam_from_target, target.center_mm[seen.ring]))
     for measured, off in zip(seen.center_px, predicted - seen.center_px, strict=True):
         _draw_residual(canvas, measured, measured + enlargement * off, width, 0.3 * radius)
     _draw_axes(canvas, target, camera, pose, width)
-    return np.concatenate([_header(pose, enlargement, canvas.pixels.shape[1]), canvas.pixels])
+    return sheet
 
 
 def _enlargement(rms_px: float, radius_px: float) -> int:

@@ -14,6 +14,9 @@ Box = tuple[int, int, int, int]  # left, top, right, bottom in cells of the map 
 
 _SHIFT = 4
 """OpenCV takes places in 1/16 px."""
+PAPER_LEVEL = 250
+"""Grey beside a photo that is narrower than its strips."""
+_FARTHEST = 2**26
 _TAKEN_PX = 3
 """Side of a cell of the map of what is taken."""
 
@@ -31,34 +34,31 @@ class Canvas:
         return (point[0] + 0.5) * self.scale - 0.5, (point[1] + 0.5) * self.scale - 0.5
 
     def ellipse(self, ellipse: NDArray[np.float64], colour: Colour, width: float, dashes: int = 0) -> None:
-        """The outline of an ellipse (centre u v, semi-axes, angle in rad), or as many dashes of it."""
-        points = ellipse_points(ellipse, max(48, 8 * dashes))
+        """The outlines of ellipses (centre u v, semi-axes, angle in rad), or as many dashes.  # (5,) or (N, 5)"""
+        points = ellipse_points(np.atleast_2d(ellipse), max(48, 8 * dashes))
         if not dashes:
             self.line(points, colour, width, closed=True)
             return
-        for dash in np.array_split(points, 2 * dashes)[::2]:
+        for dash in np.array_split(points, 2 * dashes, axis=1)[::2]:
             self.line(dash, colour, width)
 
     def line(self, points: NDArray[np.float64], colour: Colour, width: float, *, closed: bool = False) -> None:
-        """A line through points.  # (N, 2)"""
-        on_canvas = (points + 0.5) * self.scale - 0.5
-        if not np.isfinite(on_canvas).all() or np.abs(on_canvas).max() > 2**26:
-            return  # beyond what OpenCV's whole numbers hold, so not in the picture
-        fixed = np.rint(on_canvas * 2**_SHIFT).astype(np.int32)
-        cv2.polylines(self.pixels, [fixed], closed, colour, max(1, round(width)), cv2.LINE_AA, _SHIFT)
+        """A line through points, or several in one colour.  # (K, 2) or (N, K, 2)"""
+        on_canvas = (points.reshape(-1, *points.shape[-2:]) + 0.5) * self.scale - 0.5
+        fixed = np.rint(_drawable(on_canvas) * 2**_SHIFT).astype(np.int32)
+        cv2.polylines(self.pixels, list(fixed), closed, colour, max(1, round(width)), cv2.LINE_AA, _SHIFT)
 
     def take(self, ellipse: NDArray[np.float64]) -> None:
-        """Keep text away from an ellipse."""
+        """Keep text away from ellipses.  # (N, 5)"""
         points = ((ellipse_points(ellipse, 24) + 0.5) * self.scale - 0.5) / _TAKEN_PX
-        if np.isfinite(points).all() and np.abs(points).max() < 2**26:
-            cv2.fillConvexPoly(self.taken, np.rint(points).astype(np.int32), 1)
+        for outline in np.rint(_drawable(points)).astype(np.int32):
+            cv2.fillConvexPoly(self.taken, outline, 1)
 
     def take_line(self, points: NDArray[np.float64], width: float) -> None:
         """Keep text away from a line.  # (N, 2)"""
-        places = ((points + 0.5) * self.scale - 0.5) / _TAKEN_PX
-        if np.isfinite(places).all() and np.abs(places).max() < 2**26:
-            thickness = max(1, round(width / _TAKEN_PX))
-            cv2.polylines(self.taken, [np.rint(places).astype(np.int32)], isClosed=False, color=1, thickness=thickness)
+        places = ((points[None] + 0.5) * self.scale - 0.5) / _TAKEN_PX
+        outlines, thickness = list(np.rint(_drawable(places)).astype(np.int32)), max(1, round(width / _TAKEN_PX))
+        cv2.polylines(self.taken, outlines, isClosed=False, color=1, thickness=thickness)
 
     def size(self, text: str, height: float) -> Point:
         """Width and height of a text, in px of the photo."""
@@ -96,12 +96,44 @@ class Canvas:
         blend(self.pixels, mask, (left, top), colour, opacity)
 
 
+def canvas_between(
+    above: NDArray[np.uint8], grey: NDArray[np.uint8], below: NDArray[np.uint8], scale: float
+) -> tuple[NDArray[np.uint8], Canvas]:
+    """A sheet with a photo between two strips of one width, and the part of it that is the photo, to draw on.
+
+    They are one array from the start: moving a finished picture takes as long as drawing it.
+
+    Args:
+        above: (A, W, 3) red, green, blue.
+        grey: (H, at most W).
+        below: (B, W, 3)
+        scale: canvas px over photo px.
+    """
+    (rows, columns), top, width = grey.shape, len(above), above.shape[1]
+    sheet = np.empty((top + rows + len(below), width, 3), np.uint8)
+    sheet[:top], sheet[top + rows :] = above, below
+    if columns < width:
+        sheet[top : top + rows] = PAPER_LEVEL
+    left = (width - columns) // 2
+    pixels = sheet[top : top + rows, left : left + columns]
+    cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB, dst=pixels)
+    return sheet, Canvas(pixels, np.zeros((rows // _TAKEN_PX + 1, columns // _TAKEN_PX + 1), np.uint8), scale)
+
+
+def _drawable(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lines that OpenCV's whole numbers hold; what is beyond them is not in the picture.  # (N, K, 2)"""
+    with np.errstate(invalid="ignore"):
+        inside: NDArray[np.float64] = points[(np.abs(points) <= _FARTHEST).all(axis=(1, 2))]  # false if not finite
+    return inside
+
+
 def ellipse_points(ellipse: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Points of an ellipse's outline.  # (5,) -> (count, 2)"""
+    """Points of the outlines of ellipses.  # (..., 5) -> (..., count, 2)"""
     turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
-    along, across = ellipse[2] * np.cos(turn), ellipse[3] * np.sin(turn)
-    cosine, sine = np.cos(ellipse[4]), np.sin(ellipse[4])
-    return np.stack([ellipse[0] + cosine * along - sine * across, ellipse[1] + sine * along + cosine * across], axis=1)
+    u, v, large, small, angle = np.moveaxis(ellipse[..., None], -2, 0)
+    along, across = large * np.cos(turn), small * np.sin(turn)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack([u + cosine * along - sine * across, v + sine * along + cosine * across], axis=-1)
 
 
 def blend(

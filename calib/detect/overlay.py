@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.canvas import Box, Canvas, Colour, Point
-from calib.detect.overlay_frame import MISSING, REJECTED, face_colours, framed, sigma_colour
+from calib.detect.canvas import Box, Canvas, Colour, Point, canvas_between
+from calib.detect.overlay_frame import MISSING, REJECTED, face_colours, frame, sigma_colour
 from calib.detect.where_expected import ImagedFace, imaged_face
 from calib.files import write_files
 from calib.types import Detections
@@ -38,6 +38,7 @@ _AXES_START = (-0.5, -0.5)
 _AXES_LENGTH = 2.0
 _AXES: Colour = (20, 20, 20)
 _WHITE: Colour = (255, 255, 255)
+_NEARLY_ALL = 0.9
 _LABELLED_SHARE = 0.6
 """If fewer features of a face have room for their indices, only its corners get them."""
 
@@ -66,7 +67,9 @@ def draw_overlay(
     """The overlay of one photo.  # (H, W) -> (H', W', 3) red, green, blue"""
     radii = seen.ellipse_px[:, 2][np.isfinite(seen.ellipse_px[:, 2])]
     radius = max(1.0, float(np.median(radii)) if len(radii) else min(pixels.shape) / 40)
-    canvas = pale_canvas(pixels, radius)
+    grey, scale = pale(pixels, radius)
+    above, below = frame(seen, target, grey.shape[1])
+    sheet, canvas = canvas_between(above, grey, below, scale)
     minor = seen.ellipse_px[:, 3][np.isfinite(seen.ellipse_px[:, 3])]
     pen = _Pen(
         width=float(np.clip(radius * canvas.scale / 11, 1.4, 12)),
@@ -88,7 +91,7 @@ def draw_overlay(
         _draw_axes(canvas, face, target, pen)
     for face in faces:
         _draw_labels(canvas, face, target, colours[face.face], pen)
-    return framed(canvas.pixels, seen, target)
+    return sheet
 
 
 def write_overlay(stem: Path, overlay: NDArray[np.uint8]) -> Path:
@@ -109,36 +112,33 @@ def write_overlay(stem: Path, overlay: NDArray[np.uint8]) -> Path:
     return path
 
 
-def pale_canvas(pixels: NDArray[np.uint8] | NDArray[np.uint16], radius: float) -> Canvas:
-    """The photo in pale grey, enlarged by a whole number if its rings are small."""
+def pale(pixels: NDArray[np.uint8] | NDArray[np.uint16], radius: float) -> tuple[NDArray[np.uint8], float]:
+    """The photo in pale grey, enlarged by a whole number if its rings are small, and that number."""
     sample = pixels[:: max(1, pixels.shape[0] // 500), :: max(1, pixels.shape[1] // 500)]
     low, high = np.percentile(sample, [0.5, 99.5])
     gain = (_PALE[1] - _PALE[0]) / max(float(high - low), 1.0)
     levels = np.arange(np.iinfo(pixels.dtype).max + 1, dtype=np.float64)
     shade = np.clip(_PALE[0] + gain * (levels - float(low)), _PALE[0] - 30, _PALE[1]).astype(np.uint8)
-    grey: NDArray[np.uint8] = shade[pixels]
+    grey = np.asarray(cv2.LUT(pixels, shade) if pixels.dtype == np.uint8 else shade[pixels], np.uint8)
     largest = max(1.0, min(np.sqrt(_MAX_ENLARGED_PIXELS / pixels.size), _MAX_SIDE_PX / max(pixels.shape)))
     wanted = max(_READABLE_RADIUS_PX / radius, _READABLE_SIDE_PX / max(pixels.shape))
     scale = int(np.clip(np.ceil(wanted), 1, min(4, largest)))
     if scale > 1:
         enlarged = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
         grey = np.minimum(enlarged, _PALE[1]).astype(np.uint8)
-    shown = cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB)
-    taken = np.zeros((shown.shape[0] // 3 + 1, shown.shape[1] // 3 + 1), np.uint8)
-    return Canvas(np.ascontiguousarray(shown, dtype=np.uint8), taken, float(scale))
+    return grey, float(scale)
 
 
 def _keep_clear(canvas: Canvas, seen: Detections, faces: list[ImagedFace]) -> None:
     """Text must not cover a ring."""
-    for ellipse in seen.ellipse_px:
-        canvas.take(_grown(ellipse, 1.12))
+    canvas.take(_grown(seen.ellipse_px, 1.12))
     for face in faces:
-        for ellipse in face.missing_ellipse_px:
-            canvas.take(_grown(ellipse, 1.12))
+        canvas.take(_grown(face.missing_ellipse_px, 1.12))
 
 
 def _grown(ellipse: Array, factor: float) -> Array:
-    return np.array([ellipse[0], ellipse[1], factor * ellipse[2], factor * ellipse[3], ellipse[4]])
+    grown: Array = ellipse * np.array([1.0, 1.0, factor, factor, 1.0])
+    return grown
 
 
 def _draw_face_number(canvas: Canvas, face: ImagedFace, colour: Colour) -> None:
@@ -151,23 +151,19 @@ def _draw_features(
     canvas: Canvas, face: ImagedFace, seen: Detections, target: TargetGeometry, colour: Colour, pen: _Pen
 ) -> None:
     """Contours and centres of what was found, dashes for what was expected."""
-    for row in face.rows:
-        ellipse, is_dot = seen.ellipse_px[row], bool(target.is_dot[seen.ring[row]])
-        canvas.ellipse(ellipse, colour, pen.width)
-        sigma = float(np.sqrt(np.linalg.eigvalsh(seen.cov_px2[row])[1]))
-        center = seen.center_px[row]
-        if is_dot:
-            canvas.ellipse(_grown(ellipse, 0.68), _WHITE, 0.8 * pen.width)
-        arm = 0.3 * float(ellipse[3])
-        _draw_cross(canvas, center, arm, sigma_colour(sigma), pen.width, halo=is_dot)
-    for ellipse in face.missing_ellipse_px:
-        canvas.ellipse(ellipse, MISSING, pen.width, dashes=9)
-
-
-def _draw_cross(canvas: Canvas, center: Array, arm: float, colour: Colour, width: float, *, halo: bool) -> None:
-    for wide, shade in (((width + 2, _WHITE),) if halo else ()) + ((width, colour),):
-        for step in (np.array([arm, 0.0]), np.array([0.0, arm])):
-            canvas.line(np.stack([center - step, center + step]), shade, wide)
+    ellipse, is_dot = seen.ellipse_px[face.rows], target.is_dot[seen.ring[face.rows]]
+    canvas.ellipse(ellipse, colour, pen.width)
+    canvas.ellipse(_grown(ellipse[is_dot], 0.68), _WHITE, 0.8 * pen.width)
+    arm = 0.3 * ellipse[:, 3, None, None] * np.eye(2)  # (N, 2, 2) along u, and along v
+    center = seen.center_px[face.rows, None]
+    crosses = np.stack([center - arm, center + arm], axis=2)  # (N, 2 lines, 2 ends, 2)
+    canvas.line(crosses[is_dot].reshape(-1, 2, 2), _WHITE, pen.width + 2)
+    sigma = np.sqrt(np.linalg.eigvalsh(seen.cov_px2[face.rows])[:, 1])
+    colours = [sigma_colour(one) for one in sigma.tolist()]
+    for shade in dict.fromkeys(colours):
+        mine = crosses[[one == shade for one in colours]]
+        canvas.line(mine.reshape(-1, 2, 2), shade, pen.width)
+    canvas.ellipse(face.missing_ellipse_px, MISSING, pen.width, dashes=9)
 
 
 def _nearest_px(points: Array) -> Array:
@@ -228,9 +224,13 @@ def _labels_in_gaps(canvas: Canvas, face: ImagedFace, target: TargetGeometry, he
     texts = [_index_text(target, ring) for ring in face.ring.tolist()]
     gaps = face.gaps_px(target)
     order = np.argsort(-(gaps - face.center_px).mean(axis=1) @ np.array([0.35, 1.0]), kind="stable")
-    trials = [_free_labels(canvas, gaps[k], texts, height) for k in order]
+    trials: list[list[_Label]] = []
+    for k in order:
+        trials.append(_free_labels(canvas, gaps[k], texts, height))
+        if len(trials[-1]) >= _NEARLY_ALL * len(texts):
+            return trials[-1]
     most = max(map(len, trials))
-    return next(labels for labels in trials if len(labels) >= 0.9 * most)
+    return next(labels for labels in trials if len(labels) >= _NEARLY_ALL * most)
 
 
 def _free_labels(canvas: Canvas, spots: Array, texts: list[str], height: float) -> list[_Label]:

@@ -20,6 +20,7 @@ SIGMA_RANGE_PX = (0.001, 0.3)
 FACE_COLOURS: tuple[Colour, ...] = ((0, 114, 178), (230, 159, 0), (0, 158, 115), (86, 180, 233), (204, 121, 167))
 MISSING: Colour = (213, 94, 0)
 REJECTED: Colour = (213, 0, 60)
+LEAST_WIDTH_PX = 720
 _INK: Colour = (30, 33, 38)
 _SOFT: Colour = (105, 112, 122)
 _PAPER: Colour = (250, 250, 248)
@@ -46,13 +47,11 @@ def sigma_colour(sigma_px: float) -> Colour:
     return red, green, blue
 
 
-def framed(picture: NDArray[np.uint8], seen: Detections, target: TargetGeometry) -> NDArray[np.uint8]:
-    """The picture with a header and a legend.  # (H, W, 3) -> (H', W', 3)"""
-    width = max(picture.shape[1], 720)
+def frame(seen: Detections, target: TargetGeometry, columns: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """What stands above and below a picture so wide: a header and a legend.  # (A, W, 3), (B, W, 3)"""
+    width = max(columns, LEAST_WIDTH_PX)
     height = int(np.clip(width / 85, 14, 130))
-    room = width - picture.shape[1]
-    middle = np.pad(picture, ((0, 0), (room // 2, room - room // 2), (0, 0)), constant_values=_PAPER[0])
-    return np.concatenate([_header(seen, target, width, height), middle, _legend(width, height)])
+    return _header(seen, target, width, height), _legend(width, height)
 
 
 _Text = tuple[str, Colour]

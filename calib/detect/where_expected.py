@@ -19,6 +19,28 @@ _AT_ONCE = 256
 
 
 @dataclass(frozen=True, eq=False)
+class _FaceMap:
+    """From a face's plane to the picture: its homography, moved as the nearest found features are off it.
+
+    The second part follows lens distortion. With few features the map is affine; with fewer there is none.
+    """
+
+    from_mm: Array  # (N, 2) found features
+    off_px: Array  # (N, 2) their places in the picture less those of the homography
+    plane: Array | None  # (3, 3)
+
+    def at(self, at_mm: Array) -> tuple[Array, Array]:
+        """Places, and px over mm there; nan where they are not known.  # (K, 2) -> (K, 2), (K, 2, 2)"""
+        if self.plane is None:
+            return np.full((len(at_mm), 2), np.nan), np.full((len(at_mm), 2, 2), np.nan)
+        mapped, slope = _mapped(self.plane, at_mm)
+        for first in range(0, len(at_mm), _AT_ONCE):
+            some = slice(first, first + _AT_ONCE)
+            mapped[some] += _nearby(self.from_mm, self.off_px, at_mm[some])
+        return mapped, slope
+
+
+@dataclass(frozen=True, eq=False)
 class ImagedFace:
     """A face with N found features."""
 
@@ -26,6 +48,7 @@ class ImagedFace:
     rows: NDArray[np.int64]  # (N,) of the detections
     ring: NDArray[np.int64]  # (N,) of the target
     in_face_mm: Array  # (N, 2)
+    map: _FaceMap
     center_px: Array  # (N, 2)
     ellipse_px: Array  # (N, 5)
     missing_ellipse_px: Array  # (K, 5) expected inside the picture, but not found
@@ -35,13 +58,14 @@ class ImagedFace:
     def at_index(self, target: TargetGeometry, i: float, j: float) -> Array | None:
         """Where lattice index (i, j) lies; None if the found features do not tell.  # (2,)"""
         at = _origin_mm(target, self.face) + np.array([i, j]) @ target.lattice_mm[self.face]
-        place, _ = _predict(self.in_face_mm, self.center_px, at[None])
+        place, _ = self.map.at(at[None])
         return place[0] if np.isfinite(place).all() else None
 
     def gaps_px(self, target: TargetGeometry) -> Array:
         """Middles of the gaps around each found feature, side by side.  # (K, N, 2)"""
         steps = _gap_steps(target.lattice_mm[self.face])
-        return np.stack([_predict(self.in_face_mm, self.center_px, self.in_face_mm + step)[0] for step in steps])
+        place, _ = self.map.at((self.in_face_mm + steps[:, None]).reshape(-1, 2))
+        return place.reshape(len(steps), -1, 2)
 
     def corner_rows(self, target: TargetGeometry) -> list[int]:
         """The found features at the extremes of the lattice, as rows of `ring`."""
@@ -56,7 +80,8 @@ def imaged_face(seen: Detections, target: TargetGeometry, face: int) -> ImagedFa
     flat = target.center_in_face_mm[:, :2]
     missing = np.setdiff1d(np.flatnonzero(target.ring_face == face), ring)
     found_mm, found_px = flat[ring], seen.center_px[rows]
-    place, affine = _predict(found_mm, found_px, flat[missing])
+    face_map = _face_map(found_mm, found_px)
+    place, affine = face_map.at(flat[missing])
     ellipse = _imaged_circles(place, affine, target.radius_outer_mm[missing])
     width, height = seen.image_size
     inside = (
@@ -67,7 +92,7 @@ def imaged_face(seen: Detections, target: TargetGeometry, face: int) -> ImagedFa
         & (ellipse[:, 3] > 0.15 * ellipse[:, 2])
     )
     outline = target.outline_mm[face]
-    middle, at_middle = _predict(found_mm, found_px, outline.mean(axis=0)[None])
+    middle, at_middle = face_map.at(outline.mean(axis=0)[None])
     area_mm2 = 0.5 * abs(
         float(np.sum(outline[:, 0] * np.roll(outline[:, 1], -1) - outline[:, 1] * np.roll(outline[:, 0], -1)))
     )
@@ -77,6 +102,7 @@ def imaged_face(seen: Detections, target: TargetGeometry, face: int) -> ImagedFa
         rows=rows,
         ring=ring,
         in_face_mm=found_mm,
+        map=face_map,
         center_px=found_px,
         ellipse_px=seen.ellipse_px[rows],
         missing_ellipse_px=ellipse[inside],
@@ -90,25 +116,12 @@ def _determinant(slope: Array) -> float:
     return float(slope[0, 0] * slope[1, 1] - slope[0, 1] * slope[1, 0])
 
 
-def _predict(from_mm: Array, to_px: Array, at_mm: Array) -> tuple[Array, Array]:
-    """Places, and px over mm there: by the face's homography, moved as the nearest found features are off it.
-
-    The second part follows lens distortion. With few features the map is affine; nan if they lie in a line.
-    (N, 2), (N, 2), (K, 2) -> (K, 2), (K, 2, 2)
-    """
-    nothing = np.full((len(at_mm), 2), np.nan), np.full((len(at_mm), 2, 2), np.nan)
+def _face_map(from_mm: Array, to_px: Array) -> _FaceMap:
+    """The map that found features tell.  # (N, 2), (N, 2)"""
     spread = np.linalg.svd(from_mm - from_mm.mean(axis=0), compute_uv=False) if len(from_mm) > 2 else np.zeros(2)
-    if spread[1] <= 0.05 * spread[0]:
-        return nothing
-    plane = _plane_map(from_mm, to_px)
-    if plane is None:
-        return nothing
-    mapped, slope = _mapped(plane, at_mm)
-    off = to_px - _mapped(plane, from_mm)[0]
-    for first in range(0, len(at_mm), _AT_ONCE):
-        some = slice(first, first + _AT_ONCE)
-        mapped[some] += _nearby(from_mm, off, at_mm[some])
-    return mapped, slope
+    plane = None if spread[1] <= 0.05 * spread[0] else _plane_map(from_mm, to_px)
+    off_px = to_px - _mapped(plane, from_mm)[0] if plane is not None else np.zeros_like(to_px)
+    return _FaceMap(from_mm, off_px, plane)
 
 
 def _nearby(from_mm: Array, off: Array, at_mm: Array) -> Array:
