@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.brown import BLOCK, distort, fold_radius, undistort_block
-from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter
-from calib.jit import jit
+from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows, room_for
+from calib.jit import jit, jit_sums
 from calib.types import Camera
 
 Array = NDArray[np.float64]
@@ -49,49 +49,61 @@ def _project(params: Array, coefficients: Array, fold: float, point: Array, pixe
 
 
 @jit
-def _linearise(
-    params: Array, coefficients: Array, fold: float, point: Array, pixel: Array, by_point: Array, by_params: Array
+def _linearise(params: Array, coefficients: Array, fold: float, point: Array, kept: Array) -> None:
+    rows, place = np.zeros(len(kept) * AT_ONCE), np.empty((2, AT_ONCE))
+    rows[10 * AT_ONCE : 11 * AT_ONCE] = 1.0  # u by cx
+    rows[20 * AT_ONCE : 21 * AT_ONCE] = 1.0  # v by cy
+    p = params[0], params[1], params[2], params[3]
+    c = coefficients[0], coefficients[1], coefficients[2], coefficients[3], coefficients[4]
+    for begin in range(0, point.shape[1], AT_ONCE):
+        count = min(AT_ONCE, point.shape[1] - begin)
+        for n in range(count):
+            inverse_depth = 1.0 / point[2, begin + n] if point[2, begin + n] > 0 else np.nan
+            x, y = point[0, begin + n] * inverse_depth, point[1, begin + n] * inverse_depth
+            place[0, n], place[1, n] = x, y
+            rows[2 * AT_ONCE + n], rows[3 * AT_ONCE + n], rows[4 * AT_ONCE + n] = x, y, inverse_depth
+        undistort_block(coefficients, fold, place[0, :count], place[1, :count])
+        rows[:count], rows[AT_ONCE : AT_ONCE + count] = place[0, :count], place[1, :count]
+        _fill(p, c, count, rows)
+        keep_rows(rows, begin, count, kept)
+
+
+@jit_sums
+def _fill(
+    p: tuple[float, float, float, float], c: tuple[float, float, float, float, float], count: int, rows: Array
 ) -> None:
-    """With (a, b) = D^-1(x, y), the derivative by (x, y) is D'^-1, and that by a coefficient c is -D'^-1 dD/dc."""
-    fx, fy, cx, cy = params[0], params[1], params[2], params[3]
-    k1, k2, p1, p2, k3 = coefficients
-    undistorted_x, undistorted_y = np.empty(BLOCK), np.empty(BLOCK)
-    for begin in range(0, point.shape[1], BLOCK):
-        end = min(begin + BLOCK, point.shape[1])
-        for n in range(begin, end):
-            inverse_depth = 1.0 / point[2, n] if point[2, n] > 0 else np.nan
-            undistorted_x[n - begin], undistorted_y[n - begin] = (
-                point[0, n] * inverse_depth,
-                point[1, n] * inverse_depth,
-            )
-        undistort_block(coefficients, fold, undistorted_x[: end - begin], undistorted_y[: end - begin])
-        for n in range(begin, end):
-            a, b = undistorted_x[n - begin], undistorted_y[n - begin]
-            inverse_depth = 1.0 / point[2, n]
-            x, y = point[0, n] * inverse_depth, point[1, n] * inverse_depth
-            pixel[0, n], pixel[1, n] = fx * a + cx, fy * b + cy
-            s = a * a + b * b
-            radial = 1 + s * (k1 + s * (k2 + s * k3))
-            slope = 2 * (k1 + s * (2 * k2 + s * 3 * k3))
-            dxx = radial + slope * a * a + 2 * p1 * b + 6 * p2 * a
-            dyy = radial + slope * b * b + 6 * p1 * b + 2 * p2 * a
-            dxy = slope * a * b + 2 * p1 * a + 2 * p2 * b
-            inverse = 1.0 / (dxx * dyy - dxy * dxy)
-            uu, uv, vu, vv = fx * inverse * dyy, -fx * inverse * dxy, -fy * inverse * dxy, fy * inverse * dxx
-            ud, vd = uu * inverse_depth, vv * inverse_depth
-            by_point[0, 0, n], by_point[0, 1, n] = ud, uv * inverse_depth
-            by_point[1, 0, n], by_point[1, 1, n] = vu * inverse_depth, vd
-            by_point[0, 2, n] = -(uu * x + uv * y) * inverse_depth
-            by_point[1, 2, n] = -(vu * x + vv * y) * inverse_depth
-            by_params[0, 0, n], by_params[0, 1, n], by_params[0, 2, n], by_params[0, 3, n] = a, 0.0, 1.0, 0.0
-            by_params[1, 0, n], by_params[1, 1, n], by_params[1, 2, n], by_params[1, 3, n] = 0.0, b, 0.0, 1.0
-            # k1, k2, k3, p1, p2 are -k1, -k2, -k3, -p2 and p1 of the coefficients.
-            u, v = (uu * a + uv * b) * s, (vu * a + vv * b) * s
-            by_params[0, 4, n], by_params[0, 5, n], by_params[0, 6, n] = u, u * s, u * s * s
-            by_params[1, 4, n], by_params[1, 5, n], by_params[1, 6, n] = v, v * s, v * s * s
-            ab2, sa, sb = 2 * a * b, s + 2 * a * a, s + 2 * b * b
-            by_params[0, 7, n], by_params[0, 8, n] = uu * sa + uv * ab2, -(uu * ab2 + uv * sb)
-            by_params[1, 7, n], by_params[1, 8, n] = vu * sa + vv * ab2, -(vu * ab2 + vv * sb)
+    """Replace what is in the first five rows by pixels and derivatives, row by row as in `Linearised`.
+
+    There are (a, b) = D^-1(x, y), x, y and the inverse depth. The derivative by (x, y) is D'^-1, and that by a
+    coefficient c is -D'^-1 dD/dc.
+    """
+    fx, fy, cx, cy = p
+    k1, k2, p1, p2, k3 = c
+    for n in range(count):
+        a, b = rows[n], rows[AT_ONCE + n]
+        x, y, inverse_depth = rows[2 * AT_ONCE + n], rows[3 * AT_ONCE + n], rows[4 * AT_ONCE + n]
+        rows[n], rows[AT_ONCE + n] = fx * a + cx, fy * b + cy
+        s = a * a + b * b
+        radial = 1 + s * (k1 + s * (k2 + s * k3))
+        slope = 2 * (k1 + s * (2 * k2 + s * 3 * k3))
+        dxx = radial + slope * a * a + 2 * p1 * b + 6 * p2 * a
+        dyy = radial + slope * b * b + 6 * p1 * b + 2 * p2 * a
+        dxy = slope * a * b + 2 * p1 * a + 2 * p2 * b
+        inverse = 1.0 / (dxx * dyy - dxy * dxy)
+        uu, uv, vu, vv = fx * inverse * dyy, -fx * inverse * dxy, -fy * inverse * dxy, fy * inverse * dxx
+        rows[2 * AT_ONCE + n], rows[3 * AT_ONCE + n] = uu * inverse_depth, uv * inverse_depth
+        rows[4 * AT_ONCE + n] = -(uu * x + uv * y) * inverse_depth
+        rows[5 * AT_ONCE + n], rows[6 * AT_ONCE + n] = vu * inverse_depth, vv * inverse_depth
+        rows[7 * AT_ONCE + n] = -(vu * x + vv * y) * inverse_depth
+        # k1, k2, k3, p1, p2 are -k1, -k2, -k3, -p2 and p1 of the coefficients.
+        u, v = (uu * a + uv * b) * s, (vu * a + vv * b) * s
+        ab2, sa, sb = 2 * a * b, s + 2 * a * a, s + 2 * b * b
+        rows[8 * AT_ONCE + n] = a
+        rows[12 * AT_ONCE + n], rows[13 * AT_ONCE + n], rows[14 * AT_ONCE + n] = u, u * s, u * s * s
+        rows[15 * AT_ONCE + n], rows[16 * AT_ONCE + n] = uu * sa + uv * ab2, -(uu * ab2 + uv * sb)
+        rows[18 * AT_ONCE + n] = b
+        rows[21 * AT_ONCE + n], rows[22 * AT_ONCE + n], rows[23 * AT_ONCE + n] = v, v * s, v * s * s
+        rows[24 * AT_ONCE + n], rows[25 * AT_ONCE + n] = vu * sa + vv * ab2, -(vu * ab2 + vv * sb)
 
 
 @dataclass(frozen=True)
@@ -124,8 +136,6 @@ class Luhmann:
     def linearise(self, camera: Camera, point: Array) -> Linearised:
         """Pixels of points (3, N) with their derivatives."""
         coefficients = _coefficients(camera.params)
-        count = point.shape[1]
-        result = Linearised(np.empty((2, count)), np.empty((2, 3, count)), np.empty((2, 9, count)))
-        fold = fold_radius(coefficients)
-        _linearise(camera.params, coefficients, fold, point, result.pixel, result.by_point, result.by_params)
+        result = room_for(len(self.parameters), point.shape[1])
+        _linearise(camera.params, coefficients, fold_radius(coefficients), point, result.rows)
         return result

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.brown import BLOCK, distort, fold_radius, undistort_block
-from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter
-from calib.jit import jit
+from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows, room_for
+from calib.jit import jit, jit_sums
 from calib.types import Camera
 
 Array = NDArray[np.float64]
@@ -40,32 +40,51 @@ def _project(params: Array, fold: float, point: Array, pixel: Array) -> None:
 
 
 @jit
-def _linearise(params: Array, fold: float, point: Array, pixel: Array, by_point: Array, by_params: Array) -> None:
-    fx, fy, cx, cy, k1, k2, p1, p2, k3 = params
-    for n in range(point.shape[1]):
-        inverse_depth = 1.0 / point[2, n]
-        x, y = point[0, n] * inverse_depth, point[1, n] * inverse_depth
+def _linearise(params: Array, fold: float, point: Array, kept: Array) -> None:
+    rows = np.zeros(len(kept) * AT_ONCE)
+    rows[10 * AT_ONCE : 11 * AT_ONCE] = 1.0  # u by cx
+    rows[20 * AT_ONCE : 21 * AT_ONCE] = 1.0  # v by cy
+    p = params[0], params[1], params[2], params[3], params[4], params[5], params[6], params[7], params[8]
+    for begin in range(0, point.shape[1], AT_ONCE):
+        count = min(AT_ONCE, point.shape[1] - begin)
+        for axis in range(3):
+            rows[axis * AT_ONCE : axis * AT_ONCE + count] = point[axis, begin : begin + count]
+        _fill(p, fold * fold, count, rows)
+        keep_rows(rows, begin, count, kept)
+
+
+@jit_sums
+def _fill(
+    p: tuple[float, float, float, float, float, float, float, float, float], limit: float, count: int, rows: Array
+) -> None:
+    """Replace points, the first three rows, by pixels and derivatives, row by row as in `Linearised`."""
+    fx, fy, cx, cy, k1, k2, p1, p2, k3 = p
+    for n in range(count):
+        depth = rows[2 * AT_ONCE + n]
+        inverse_depth = 1.0 / depth
+        x, y = rows[n] * inverse_depth, rows[AT_ONCE + n] * inverse_depth
         s = x * x + y * y
-        sees = point[2, n] > 0 and s < fold * fold
-        one = 1.0 if sees else np.nan
+        one = 1.0 if (depth > 0) & (s < limit) else np.nan
         radial = 1 + s * (k1 + s * (k2 + s * k3))
         slope = 2 * (k1 + s * (2 * k2 + s * 3 * k3))  # of the radial factor, over the radius
         xy2, sx, sy = 2 * x * y, s + 2 * x * x, s + 2 * y * y
         a, b = x * radial + p1 * xy2 + p2 * sx, y * radial + p1 * sy + p2 * xy2
-        pixel[0, n], pixel[1, n] = one * (fx * a + cx), one * (fy * b + cy)
+        rows[n], rows[AT_ONCE + n] = one * (fx * a + cx), one * (fy * b + cy)
         dxx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
         dyy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
         dxy = slope * x * y + 2 * p1 * x + 2 * p2 * y
         fu, fv = one * fx * inverse_depth, one * fy * inverse_depth
-        by_point[0, 0, n], by_point[0, 1, n], by_point[0, 2, n] = fu * dxx, fu * dxy, -fu * (dxx * x + dxy * y)
-        by_point[1, 0, n], by_point[1, 1, n], by_point[1, 2, n] = fv * dxy, fv * dyy, -fv * (dxy * x + dyy * y)
-        by_params[0, 0, n], by_params[0, 1, n], by_params[0, 2, n], by_params[0, 3, n] = a, 0.0, 1.0, 0.0
-        by_params[1, 0, n], by_params[1, 1, n], by_params[1, 2, n], by_params[1, 3, n] = 0.0, b, 0.0, 1.0
+        rows[2 * AT_ONCE + n], rows[3 * AT_ONCE + n] = fu * dxx, fu * dxy
+        rows[4 * AT_ONCE + n] = -fu * (dxx * x + dxy * y)
+        rows[5 * AT_ONCE + n], rows[6 * AT_ONCE + n] = fv * dxy, fv * dyy
+        rows[7 * AT_ONCE + n] = -fv * (dxy * x + dyy * y)
         gx, gy = fx * x * s, fy * y * s
-        by_params[0, 4, n], by_params[0, 5, n], by_params[0, 8, n] = gx, gx * s, gx * s * s
-        by_params[1, 4, n], by_params[1, 5, n], by_params[1, 8, n] = gy, gy * s, gy * s * s
-        by_params[0, 6, n], by_params[0, 7, n] = fx * xy2, fx * sx
-        by_params[1, 6, n], by_params[1, 7, n] = fy * sy, fy * xy2
+        rows[8 * AT_ONCE + n] = a
+        rows[12 * AT_ONCE + n], rows[13 * AT_ONCE + n], rows[16 * AT_ONCE + n] = gx, gx * s, gx * s * s
+        rows[14 * AT_ONCE + n], rows[15 * AT_ONCE + n] = fx * xy2, fx * sx
+        rows[18 * AT_ONCE + n] = b
+        rows[21 * AT_ONCE + n], rows[22 * AT_ONCE + n], rows[25 * AT_ONCE + n] = gy, gy * s, gy * s * s
+        rows[23 * AT_ONCE + n], rows[24 * AT_ONCE + n] = fy * sy, fy * xy2
 
 
 @dataclass(frozen=True)
@@ -95,8 +114,6 @@ class OpenCv:
 
     def linearise(self, camera: Camera, point: Array) -> Linearised:
         """Pixels of points (3, N) with their derivatives."""
-        count = point.shape[1]
-        result = Linearised(np.empty((2, count)), np.empty((2, 3, count)), np.empty((2, 9, count)))
-        fold = fold_radius(camera.params[4:])
-        _linearise(camera.params, fold, point, result.pixel, result.by_point, result.by_params)
+        result = room_for(len(self.parameters), point.shape[1])
+        _linearise(camera.params, fold_radius(camera.params[4:]), point, result.rows)
         return result

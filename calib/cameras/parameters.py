@@ -6,6 +6,12 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.jit import jit_sums
+
+AT_ONCE = 128
+"""Points whose pixels and derivatives are worked out together, in one flat array of rows of this length: the compiler
+can tell that its rows do not overlap, and then takes several points at once."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -30,6 +36,33 @@ FOCAL_AND_CENTRE = (
 class Linearised:
     """Pixels and their derivatives, stored coordinate by coordinate so that a processor takes many points at once."""
 
-    pixel: NDArray[np.float64]  # (2, N)
-    by_point: NDArray[np.float64]  # (2, 3, N) derivative by the point in the camera frame
-    by_params: NDArray[np.float64]  # (2, P, N)
+    rows: NDArray[np.float64]  # (2 + 6 + 2 P, N) the three below, one after the other
+
+    @property
+    def pixel(self) -> NDArray[np.float64]:
+        """The pixels.  # (2, N)"""
+        return self.rows[:2]
+
+    @property
+    def by_point(self) -> NDArray[np.float64]:
+        """Derivative by the point in the camera frame.  # (2, 3, N)"""
+        return self.rows[2:8].reshape(2, 3, -1)
+
+    @property
+    def by_params(self) -> NDArray[np.float64]:
+        """Derivative by the parameters.  # (2, P, N)"""
+        return self.rows[8:].reshape(2, len(self.rows) // 2 - 4, -1)
+
+
+def room_for(parameters: int, count: int) -> Linearised:
+    """Room for the pixels of so many points and their derivatives."""
+    return Linearised(np.empty((8 + 2 * parameters, count)))
+
+
+@jit_sums
+def keep_rows(rows: NDArray[np.float64], begin: int, count: int, kept: NDArray[np.float64]) -> None:
+    """Put the first numbers of each row of `AT_ONCE` where they belong.  # (R AT_ONCE,) into (R, N)"""
+    for row in range(len(kept)):
+        source, target = rows[row * AT_ONCE : row * AT_ONCE + count], kept[row, begin : begin + count]
+        for k in range(count):
+            target[k] = source[k]

@@ -5,10 +5,39 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter
+from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows, room_for
+from calib.jit import jit, jit_sums
 from calib.types import Camera
 
 Array = NDArray[np.float64]
+
+
+@jit
+def _linearise(params: Array, point: Array, kept: Array) -> None:
+    rows = np.zeros(len(kept) * AT_ONCE)
+    rows[10 * AT_ONCE : 11 * AT_ONCE] = 1.0  # u by cx
+    rows[15 * AT_ONCE : 16 * AT_ONCE] = 1.0  # v by cy
+    p = params[0], params[1], params[2], params[3]
+    for begin in range(0, point.shape[1], AT_ONCE):
+        count = min(AT_ONCE, point.shape[1] - begin)
+        for axis in range(3):
+            rows[axis * AT_ONCE : axis * AT_ONCE + count] = point[axis, begin : begin + count]
+        _fill(p, count, rows)
+        keep_rows(rows, begin, count, kept)
+
+
+@jit_sums
+def _fill(p: tuple[float, float, float, float], count: int, rows: Array) -> None:
+    """Replace points, the first three rows, by pixels and derivatives, row by row as in `Linearised`."""
+    fx, fy, cx, cy = p
+    for n in range(count):
+        depth = rows[2 * AT_ONCE + n]
+        inverse_depth = 1.0 / depth if depth > 0 else np.nan
+        x, y = rows[n] * inverse_depth, rows[AT_ONCE + n] * inverse_depth
+        rows[n], rows[AT_ONCE + n] = fx * x + cx, fy * y + cy
+        rows[2 * AT_ONCE + n], rows[4 * AT_ONCE + n] = fx * inverse_depth, -fx * x * inverse_depth
+        rows[6 * AT_ONCE + n], rows[7 * AT_ONCE + n] = fy * inverse_depth, -fy * y * inverse_depth
+        rows[8 * AT_ONCE + n], rows[13 * AT_ONCE + n] = x, y
 
 
 @dataclass(frozen=True)
@@ -34,10 +63,6 @@ class Pinhole:
 
     def linearise(self, camera: Camera, point: Array) -> Linearised:
         """Pixels of points (3, N) with their derivatives."""
-        inverse_depth = 1 / np.where(point[2] > 0, point[2], np.nan)
-        x, y = point[:2] * inverse_depth
-        fx, fy, cx, cy = camera.params
-        zero, one = np.zeros_like(x), np.ones_like(x)
-        by_point = np.stack([[fx * one, zero, -fx * x], [zero, fy * one, -fy * y]]) * inverse_depth
-        by_params = np.stack([[x, zero, one, zero], [zero, y, zero, one]])
-        return Linearised(np.stack([fx * x + cx, fy * y + cy]), by_point, by_params)
+        result = room_for(len(self.parameters), point.shape[1])
+        _linearise(camera.params, point, result.rows)
+        return result

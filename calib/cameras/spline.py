@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter
+from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter, room_for
 from calib.jit import jit
 from calib.types import Camera
 
@@ -168,7 +168,7 @@ class Spline:
     def linearise(self, camera: Camera, point: Array) -> Linearised:
         """Pixels of points (3, N) with their derivatives."""
         count = point.shape[1]
-        result = Linearised(np.empty((2, count)), np.empty((2, 3, count)), np.empty((2, len(self.parameters), count)))
+        result = room_for(len(self.parameters), count)
         point = np.ascontiguousarray(point, dtype=np.float64)
         _linearise(camera.params, _scale(camera.image_size), point, result.pixel, result.by_point, result.by_params)
         return result

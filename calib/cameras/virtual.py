@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.learned import Table, is_known, read, search, table_of
-from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter
+from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter, room_for
 from calib.jit import jit
 from calib.types import Camera
 
@@ -98,7 +98,7 @@ class Virtual:
     def linearise(self, camera: Camera, point: Array) -> Linearised:
         """Pixels of points (3, N) with their derivatives, by the implicit function theorem."""
         count = point.shape[1]
-        result = Linearised(np.empty((2, count)), np.empty((2, 3, count)), np.empty((2, 4, count)))
+        result = room_for(len(self.parameters), count)
         point = np.ascontiguousarray(point, dtype=np.float64)
         _linearise(camera.params, table_of_camera(camera), point, result.pixel, result.by_point, result.by_params)
         return result

@@ -7,6 +7,7 @@ from calib.cameras import parameter_names
 from calib.solver.covariance import Accuracy
 from calib.solver.levenberg import Minimum
 from calib.solver.linear_pose import FLAT
+from calib.solver.outliers import MEDIAN_LENGTH, robust_sigma
 from calib.solver.tie import Tie
 from calib.types import Observations
 from designer.errors import InputError
@@ -27,11 +28,12 @@ class UndeterminedError(InputError):
 
 def why_degenerate(observations: Observations, found: Minimum, accuracy: Accuracy, tie: Tie) -> str:
     """One line with the reason and the remedy; empty if the camera is determined."""
-    if not np.isfinite(accuracy.scale):
-        return "as many unknowns as equations: no accuracy can be stated; take more photos"
-    typical = float(np.sqrt(np.nanmedian((found.blocks.residual_px**2).sum(axis=0))))
+    # First, because nonsense may also leave next to nothing that counts.
+    typical = MEDIAN_LENGTH * robust_sigma(found.blocks.residual_px)
     if not typical < NO_FIT * max(observations.image_size):
         return f"residuals of {typical:.3g} px: the points and the pixels do not belong together; check their names"
+    if not np.isfinite(accuracy.scale):
+        return "as many unknowns as equations: no accuracy can be stated; take more photos"
     sigma = np.sqrt(np.diagonal(accuracy.param_covariance)[:2])
     focal = found.camera.params[:2]
     sure = np.isfinite(sigma).all() and (sigma < UNSURE_FOCAL * focal).all()

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.linear_algebra import symmetric_inverse
+from calib.solver.schur import reduced_blocks
 from calib.solver.tie import Tie
 
 Array = NDArray[np.float64]
@@ -42,10 +43,8 @@ def shifted_photo(products: Array, tie: Tie, names: Sequence[str]) -> list[str]:
     """
     if len(products) < LEAST_VIEWS or (tie.row[PRINCIPAL_POINT] < 0).any():
         return []
-    camera, pose, last = slice(0, len(tie.row)), slice(len(tie.row), -1), -1
-    by_pose = products[:, camera, pose] @ symmetric_inverse(products[:, pose, pose]).inverse
-    block = products[:, camera, camera] - by_pose @ products[:, pose, camera]  # (V, P, P)
-    gradient = products[:, camera, last] - np.einsum("vij,vj->vi", by_pose, products[:, pose, last])
+    reduced = reduced_blocks(products)
+    block, gradient = reduced[:, :-1, :-1], reduced[:, :-1, -1]  # (V, P, P), (V, P)
     free = np.zeros((len(tie.row), int(tie.row.max()) + 1))
     free[tie.row >= 0, tie.row[tie.row >= 0]] = 1
     inverse = free @ symmetric_inverse(free.T @ block.sum(axis=0) @ free).inverse @ free.T

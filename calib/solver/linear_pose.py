@@ -61,18 +61,29 @@ def linear_views(
 
 def principal_frames(view_start: NDArray[np.int64], position_mm: Array) -> tuple[Array, Array]:
     """The frame of each view's points, z along their least extent, and their extents in ascending order."""
-    count = np.diff(view_start)
-    first = view_start[:-1]
-    middle = np.add.reduceat(position_mm, first, axis=1) / count
-    offset = position_mm - np.repeat(middle, count, axis=1)
-    products = offset[:, None] * offset[None]
-    scatter = np.add.reduceat(products, first, axis=2).transpose(2, 0, 1) / count[:, None, None]
+    middle, scatter = np.empty((len(view_start) - 1, 3)), np.empty((len(view_start) - 1, 3, 3))
+    _moments(view_start, np.ascontiguousarray(position_mm), middle, scatter)
     values, vectors = np.linalg.eigh(scatter)
-    frame = np.tile(np.eye(4), (len(count), 1, 1))
+    frame = np.zeros((len(middle), 4, 4))
     frame[:, :3, 0], frame[:, :3, 1] = vectors[:, :, 2], vectors[:, :, 1]
-    frame[:, :3, 2] = np.cross(vectors[:, :, 2], vectors[:, :, 1])
-    frame[:, :3, 3] = middle.T
+    frame[:, :3, 2] = vectors[:, :, 0] * np.linalg.det(vectors[:, :, ::-1])[:, None]  # so that it is a rotation
+    frame[:, :3, 3], frame[:, 3, 3] = middle, 1.0
     return frame, np.sqrt(np.maximum(values, 0))
+
+
+@jit
+def _moments(view_start: NDArray[np.int64], position: Array, middle: Array, scatter: Array) -> None:
+    """The mean of each view's points and their mean products about it."""
+    for view in range(len(middle)):
+        begin, end = view_start[view], view_start[view + 1]
+        for axis in range(3):
+            middle[view, axis] = position[axis, begin:end].mean()
+        for i in range(3):
+            for j in range(i + 1):
+                total = 0.0
+                for n in range(begin, end):
+                    total += (position[i, n] - middle[view, i]) * (position[j, n] - middle[view, j])
+                scatter[view, i, j] = scatter[view, j, i] = total / (end - begin)
 
 
 @jit

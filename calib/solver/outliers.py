@@ -24,9 +24,20 @@ def whitened(whitener: Array, residual_px: Array) -> Array:
 
 def robust_sigma(residual: Array) -> float:
     """Standard deviation of a coordinate of residuals (2, M), from their median length."""
-    square = (residual**2).sum(axis=0)
-    square = square[np.isfinite(square)]
-    return max(math.sqrt(np.median(square)) / MEDIAN_LENGTH, LEAST_SIGMA) if len(square) else math.inf
+    return _sigma_of(_squares(residual))
+
+
+def _squares(residual: Array) -> Array:
+    """Squared lengths of residuals (2, M)."""
+    square: Array = residual[0] * residual[0] + residual[1] * residual[1]
+    return square
+
+
+def _sigma_of(square: Array) -> float:
+    """Standard deviation of a coordinate, from the median of squared lengths."""
+    known = np.isfinite(square)
+    finite = square if known.all() else square[known]
+    return max(math.sqrt(np.median(finite)) / MEDIAN_LENGTH, LEAST_SIGMA) if len(finite) else math.inf
 
 
 def forgetful(residual: Array) -> RobustLoss:
@@ -61,9 +72,15 @@ def deviations(residual_px: Array, cov_px2: Array | None) -> Array:
     but edge-on may be off by more pixels than others, and where the model's errors outgrow the noise, one that is
     seen well may be off by many of its small standard deviations. Neither is an outlier.
     """
-    length: Array = np.hypot(*residual_px) / robust_sigma(residual_px)
+    length = _in_sigmas(residual_px)
     if cov_px2 is None:
         return length
-    standard = whitened(whiteners(cov_px2), residual_px)
-    shorter: Array = np.minimum(length, np.hypot(*standard) / robust_sigma(standard))
+    shorter: Array = np.minimum(length, _in_sigmas(whitened(whiteners(cov_px2), residual_px)))
     return shorter
+
+
+def _in_sigmas(residual: Array) -> Array:
+    """Lengths (M,) of residuals (2, M) in robust standard deviations of theirs."""
+    square = _squares(residual)
+    length: Array = np.sqrt(square) / _sigma_of(square)
+    return length

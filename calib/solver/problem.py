@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.jit import jit
 from calib.se3 import skew
 from calib.types import Observations
 
@@ -54,17 +55,18 @@ def pack(observations: Observations, *, weighted: bool) -> Problem:
     start = np.searchsorted(observations.view, np.arange(observations.view_count + 1))
     if (np.diff(start) == 0).any():
         raise ValueError("a view without observations; leave it out")
-    whitener = np.stack([np.ones(count), np.zeros(count), np.ones(count)])
+    whitener = np.repeat(np.array([[1.0], [0.0], [1.0]]), count, axis=1)
     if weighted and observations.cov_px2 is not None:
         whitener = whiteners(observations.cov_px2)
         if not np.isfinite(whitener).all():
             raise ValueError("a covariance that is not positive definite")
     position = observations.points.position_mm
     origin = 0.5 * (position.min(axis=0) + position.max(axis=0))
+    moved = np.ascontiguousarray((position - origin).T)
     return Problem(
         observations.image_size,
         start,
-        np.ascontiguousarray((position - origin)[observations.point].T),
+        moved.take(observations.point, axis=1),
         np.ascontiguousarray(observations.center_px.T),
         whitener,
         np.ones(count, dtype=bool),
@@ -109,20 +111,43 @@ def few_per_view(view_count: int) -> int:
 
 def select(problem: Problem, views: NDArray[np.int64], per_view: int) -> Problem:
     """Some views, with at most so many used observations of each, evenly spread over their order."""
-    # Where each view's used observations stand among all used ones.
-    used = np.flatnonzero(problem.is_used)
-    begin = np.searchsorted(used, problem.view_start[views])
-    count = np.searchsorted(used, problem.view_start[views + 1]) - begin
-    taken = np.minimum(count, per_view)
-    start = np.concatenate([[0], np.cumsum(taken)])
-    place = np.arange(start[-1]) - np.repeat(start[:-1], taken)
-    step = np.repeat(count / np.maximum(taken, 1), taken)
-    # Not in even steps: those would follow a column of a grid whose rows are as long.
-    cell = (place * step).astype(np.int64)
-    width = ((place + 1) * step).astype(np.int64) - cell
-    rows = used[np.repeat(begin, taken) + cell + ((GOLDEN * place) % 1.0 * width).astype(np.int64)]
+    if len(views) == problem.view_count and per_view >= len(problem.is_used) and problem.is_used.all():
+        return problem
+    start = np.zeros(len(views) + 1, dtype=np.int64)
+    rows = np.empty(min(len(problem.is_used), per_view * len(views)), dtype=np.int64)
+    _spread_rows(problem.view_start, problem.is_used, views, per_view, start, rows)
+    rows = rows[: start[-1]]
     return Problem(
-        problem.image_size, start, np.ascontiguousarray(problem.position_mm[:, rows]),
-        np.ascontiguousarray(problem.measured_px[:, rows]), np.ascontiguousarray(problem.whitener[:, rows]),
-        np.ones(len(rows), dtype=bool), problem.origin_mm,
+        problem.image_size, start, problem.position_mm.take(rows, axis=1), problem.measured_px.take(rows, axis=1),
+        problem.whitener.take(rows, axis=1), np.ones(len(rows), dtype=bool), problem.origin_mm,
     )  # fmt: skip
+
+
+@jit
+def _spread_rows(
+    view_start: NDArray[np.int64],
+    is_used: NDArray[np.bool_],
+    views: NDArray[np.int64],
+    per_view: int,
+    start: NDArray[np.int64],
+    rows: NDArray[np.int64],
+) -> None:
+    """Of each view's used observations at most so many: where each view's begin among the rows, and the rows."""
+    longest = 0
+    for view in views:
+        longest = max(longest, view_start[view + 1] - view_start[view])
+    used = np.empty(longest, dtype=np.int64)
+    for slot, view in enumerate(views):
+        count = 0
+        for m in range(view_start[view], view_start[view + 1]):
+            if is_used[m]:
+                used[count] = m
+                count += 1
+        taken = min(count, per_view)
+        step = count / max(taken, 1)
+        for place in range(taken):
+            # Not in even steps: those would follow a column of a grid whose rows are as long.
+            cell = np.int64(place * step)
+            width = np.int64((place + 1) * step) - cell
+            rows[start[slot] + place] = used[cell + np.int64((GOLDEN * place) % 1.0 * width)]
+        start[slot + 1] = start[slot] + taken

@@ -158,3 +158,42 @@ def reduced_normal(products: Array, tie: NDArray[np.int64]) -> tuple[Array, Arra
     if not _eliminate(products, tie, 0.0, normal, gradient, inverse_times):
         raise np.linalg.LinAlgError("a view's pose is not determined")
     return normal, inverse_times[:, :, :free]
+
+
+def reduced_blocks(products: Array) -> Array:
+    """Each view's block over parameters and residual, its pose eliminated (V, P + 1, P + 1).
+
+    Raises:
+        np.linalg.LinAlgError: a view's pose is not determined.
+    """
+    size = products.shape[1] - 6
+    reduced = np.empty((len(products), size, size))
+    if not _reduce(products, reduced):
+        raise np.linalg.LinAlgError("a view's pose is not determined")
+    return reduced
+
+
+@jit
+def _reduce(products: Array, reduced: Array) -> bool:
+    """With C = L L' of the pose's block and W = L^-1 [B' g], what is left is [A a; a' s] - W' W."""
+    parameters = products.shape[1] - 7
+    lower, part = np.empty((6, 6)), np.empty((6, parameters + 1))
+    for view in range(len(products)):
+        h = products[view]
+        lower[:] = h[parameters : parameters + 6, parameters : parameters + 6]
+        if not cholesky_factor(lower):
+            return False
+        for p in range(parameters + 1):
+            column = p if p < parameters else p + 6
+            for i in range(6):
+                value = h[parameters + i, column]
+                for k in range(i):
+                    value -= lower[i, k] * part[k, p]
+                part[i, p] = value / lower[i, i]
+        for p in range(parameters + 1):
+            for q in range(parameters + 1):
+                value = h[p if p < parameters else p + 6, q if q < parameters else q + 6]
+                for i in range(6):
+                    value -= part[i, p] * part[i, q]
+                reduced[view, p, q] = value
+    return True
