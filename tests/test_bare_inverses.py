@@ -21,7 +21,6 @@ ALLOWED = {
     "calib/cameras/learned.py exact_variance": "a Gram matrix with the knots' noise on its diagonal",
     "calib/detect/alignment.py Alignment.on_grid": "turns of a lattice, and its basis by steps that span it",
     "calib/detect/alignment.py GridReader._ellipse_at": "a shortest solution, which any number of steps has",
-    "calib/detect/lens.py local_form": "Jacobians of homographies where they show rings",
     "calib/detect/lines.py fit_lines": "a covariance plus a floor",
     "calib/detect/name_board.py _uprightness": "a shortest solution, which two columns always have",
     "calib/detect/place.py Placement.on_face": "a homography that was found determined",

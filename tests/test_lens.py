@@ -88,6 +88,18 @@ def test_no_lens_is_no_lens() -> None:
     assert not bend.any()
 
 
+@pytest.mark.filterwarnings("error")
+def test_where_a_lens_runs_away_there_is_no_local_form() -> None:
+    """Far outside the image, where the map overflows or is flat, nothing is raised, and other places keep theirs."""
+    one = lens(-0.2, 0.05)
+    place = np.array([[300.0, 200.0], [1e180, 3.0], [np.nan, 1.0], [np.inf, 2.0]])
+    jacobian, bend = local_form(one, place)
+    alone = local_form(one, place[:1])
+    assert np.array_equal(jacobian[0], alone[0][0])
+    assert np.array_equal(bend[0], alone[1][0])
+    assert not np.isfinite(jacobian[1:]).all(axis=(1, 2)).any()
+
+
 def grids(one: Lens, noise_px: float, rng: np.random.Generator, planes: int = 1) -> list[tuple[Array, Array]]:
     """Grids of 11 x 9 points on tilted planes that fill the image, seen through a lens."""
     out = []

@@ -48,12 +48,11 @@ def fit_known(
     line: Array | None = None,
     bend: Array | None = None,
     limit: float = LIMIT,
-    **options: bool,
 ) -> RingFits:
     """Fit with the vanishing line as good as known: the true one, if no other is given."""
     line = m.params[:, M0 : M0 + 2].copy() if line is None else line
     information = np.tile(SURE * np.eye(2), (len(start), 1, 1))
-    return fit_rings(m.image, start, limit=limit, line=line, line_information=information, bend=bend, **options)
+    return fit_rings(m.image, start, limit=limit, line=line, line_information=information, bend=bend)
 
 
 def errors(fits: RingFits, m: Mosaic) -> Array:
@@ -348,14 +347,10 @@ def test_centres_reach_the_bound(noisy: Mosaic) -> None:
 
 
 @pytest.mark.parametrize("is_known", [False, True])
-@pytest.mark.parametrize("is_final", [False, True])
-def test_covariance_is_the_scatter(noisy: Mosaic, is_known: bool, is_final: bool) -> None:
+def test_covariance_is_the_scatter(noisy: Mosaic, is_known: bool) -> None:
     """Reported covariances are those of the errors: over all rings, and along each ring's own axes."""
     start = disturbed(noisy.params, np.random.default_rng(8))
-    if is_known:
-        fits = fit_known(noisy, start, is_final=is_final)
-    else:
-        fits = fit_rings(noisy.image, start, limit=LIMIT, is_final=is_final)
+    fits = fit_known(noisy, start) if is_known else fit_rings(noisy.image, start, limit=LIMIT)
     error = errors(fits, noisy)
     sigma = np.sqrt(np.trace(fits.cov_px2, axis1=1, axis2=2).mean() / 2)
     assert 0.87 < sigma / np.sqrt((error**2).mean()) < 1.15

@@ -109,11 +109,17 @@ def local_form(lens: Lens, pixel: Floats, step_px: float = 2.0) -> tuple[Floats,
     if isinstance(lens, NoLens):
         return np.tile(np.eye(2), (len(pixel), 1, 1)), np.zeros((len(pixel), 6))
     ways = step_px * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, -1], [1, -1], [-1, 1]])
-    middle, east, west, south, north, *corner = lens.straighten(pixel + ways[:, None])
-    corners = corner[0] + corner[1] - corner[2] - corner[3]
-    jacobian = np.stack([east - west, south - north], axis=-1) / (2 * step_px)
-    second = np.stack([0.5 * (east - 2 * middle + west), 0.25 * corners, 0.5 * (south - 2 * middle + north)], axis=-1)
-    bend = np.linalg.solve(jacobian, second / step_px**2)
+    # Far outside the image a lens may run away, and what it says there is no number.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        middle, east, west, south, north, *corner = lens.straighten(pixel + ways[:, None])
+        corners = corner[0] + corner[1] - corner[2] - corner[3]
+        jacobian = np.stack([east - west, south - north], axis=-1) / (2 * step_px)
+        second = np.stack(
+            [0.5 * (east - 2 * middle + west), 0.25 * corners, 0.5 * (south - 2 * middle + north)], axis=-1
+        )
+        (a, b), (c, d) = np.moveaxis(jacobian, 0, -1)
+        adjugate = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
+        bend = adjugate @ second / ((a * d - b * c)[:, None, None] * step_px**2)
     return jacobian, np.asarray(bend.reshape(-1, 6), dtype=np.float64)
 
 

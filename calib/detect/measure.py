@@ -23,7 +23,6 @@ from calib.types import CUT_OFF, OUTSIDE, TOO_FLAT
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
 
-MANY_RINGS = 300
 UNDERSAMPLED_BLUR_PX = 0.65
 """Edges this sharp (as pairs of ellipses see them; pixels alone make .5) hang on where a pixel falls."""
 SOFTENING_PX = 0.5
@@ -158,7 +157,7 @@ def _fit_with_lines(
     placement: Placement,
     camera_lens: Lens | None,
 ) -> tuple[RingFits, Floats, tuple[str, ...]]:
-    """Direct fits with the faces' vanishing lines, twice: the second time with lines from the first one's centres.
+    """Direct fits with the faces' vanishing lines, which the pairs of ellipses give well enough.
 
     Returns:
         The fits; their distances from where the grid puts them in px (N, 2); what the edges tell of the photo.
@@ -170,45 +169,32 @@ def _fit_with_lines(
         lens = camera_lens if camera_lens is not None else fit_lens(plan, places.ring, seen, image_size)
         return lens, fit_lines(plan, places.ring, seen, lens, placement)
 
-    def fit(start: Floats, seen: Seen, *, is_final: bool, near: RingFits | None = None) -> RingFits:
-        lens, known = lines(seen)
-        _, bend = local_form(lens, seen.center_px)
-        fits = fit_rings(
-            image,
-            start,
-            limit=plan.limit,
-            line=known.line,
-            line_information=known.information,
-            bend=bend,
-            is_final=is_final,
-            near=near,
-        )
-        # One circle alone does not tell where its centre is projected to.
-        return replace(fits, ok=fits.ok & (known.known | ~is_dot))
-
-    def after(fits: RingFits, start: Floats) -> Seen:
-        sigma_px = np.sqrt(np.abs(np.trace(fits.cov_px2, axis1=1, axis2=2)) / 2)
-        sound = judge(fits, None, is_dot, places.shape, plan) == ""
-        return Seen(np.where(fits.ok[:, None], fits.center_px, start[:, :2]), sigma_px, sound)
-
     softened = len(start) > 0 and float(np.median(start[:, BLUR])) < UNDERSAMPLED_BLUR_PX
     if softened:
         image, start = _softened(image, start)
     # Dots have not been measured yet: their predicted centres would only repeat the grid.
     seen = Seen(start[:, :2], np.full(len(start), 0.1), ~is_dot)
-    # Very many rings give the line from their ellipses alone; a second pass would only repeat the first.
-    is_enough = len(start) > MANY_RINGS
-    fits = fit(start, seen, is_final=is_enough)
-    if not is_enough:
-        seen = after(fits, start)
-        start = np.where(fits.ok[:, None], fits.params, start)
-        fits = fit(start, seen, is_final=True, near=fits)
-    sound = np.where(judge(fits, None, is_dot, places.shape, plan) == "", plan.target.ring_face[places.ring], -1)
+    lens, known = lines(seen)
+    fits = fit_rings(
+        image,
+        start,
+        limit=plan.limit,
+        line=known.line,
+        line_information=known.information,
+        bend=local_form(lens, seen.center_px)[1],
+    )
+    # One circle alone does not tell where its centre is projected to.
+    fits = replace(fits, ok=fits.ok & (known.known | ~is_dot))
+    sound = judge(fits, None, is_dot, places.shape, plan) == ""
+    face = np.where(sound, plan.target.ring_face[places.ring], -1)
     roughness = fits.noise / np.maximum(fits.contrast, 1e-9)
-    ratios = variance_ratios(fits.scores, fits.params, roughness, sound, SOFTENED_RATIO if softened else 1.0)
+    ratios = variance_ratios(fits.scores, fits.params, roughness, face, SOFTENED_RATIO if softened else 1.0)
     fits = replace(fits, cov_px2=ratios.ring[:, None, None] * fits.cov_px2)
     remarks = () if ratios.photo < WORTH_A_WORD else (NO_GREY_EDGES if softened else ODD_EDGES,)
-    return fits, lines(after(fits, start))[1].residual_px, remarks
+    sigma_px = np.sqrt(np.abs(np.trace(fits.cov_px2, axis1=1, axis2=2)) / 2)
+    sound = judge(fits, None, is_dot, places.shape, plan) == ""
+    seen = Seen(np.where(fits.ok[:, None], fits.center_px, start[:, :2]), sigma_px, sound)
+    return fits, lines(seen)[1].residual_px, remarks
 
 
 def _softened(image: NDArray[np.generic], start: Floats) -> tuple[NDArray[np.generic], Floats]:

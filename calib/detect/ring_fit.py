@@ -22,29 +22,16 @@ from calib.threads import in_chunks
 Floats: TypeAlias = NDArray[np.float64]
 
 MAX_ITERATIONS = 25
-NEAR_PX = 5e-3
-"""A step of the centre this small is the last, of a fit that another one starts from."""
 CONVERGED_PX = 1e-3
-"""A step this small is the last of a final fit: the next would be some hundred times smaller."""
+"""A step of the centre this small is the last: the next would be some hundred times smaller."""
+NEAR_PX = 0.05
+"""After a step this small the equations are likely to be the last ones."""
+MOVED_PX = 0.25
 NO_MOVE_PX = 1e-7
 NO_GAIN = 1e-6
 """Grey levels squared a pixel: less than rounding."""
 NO_STEP = 1e8
 """With more damping than this there is nowhere to go."""
-
-
-@dataclass(frozen=True, eq=False)
-class Equations:
-    """Of N rings, one small step before their fits, without priors."""
-
-    normal: Floats  # (N, 15, 15) lower triangles of J'J
-    gradient: Floats  # (N, 15) J'r
-    cost: Floats  # (N,) r'r; -1: there are none
-
-    @staticmethod
-    def empty(count: int) -> "Equations":
-        """To be filled."""
-        return Equations(np.zeros((count, PARAMETERS, PARAMETERS)), np.zeros((count, PARAMETERS)), np.full(count, -1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +42,9 @@ class RingFits:
     cov_px2: Floats  # (N, 2, 2) of the centre
     cov_line: Floats  # (N, 2, 2) of m
     noise: Floats  # (N,) residual standard deviation in grey levels
-    scores: Scores  # of final fits only
+    scores: Scores
     pixels: NDArray[np.int64]  # (N,) how many pixels were used
     ok: NDArray[np.bool_]  # (N,)
-    equations: Equations  # of fits that are not final
 
     @property
     def center_px(self) -> Floats:
@@ -92,6 +78,15 @@ def _is_sane(p: Floats, start: Floats) -> bool:
 
 
 @jit
+def _is_elsewhere(p: Floats, start: Floats) -> bool:
+    """Whether a fit ended so far from its start that pixels chosen there are not the right ones."""
+    du, dv = p[CENTER_U] - start[CENTER_U], p[CENTER_V] - start[CENTER_V]
+    growth = p[E00] * p[E11] / (start[E00] * start[E11])
+    is_off: bool = du * du + dv * dv > MOVED_PX * MOVED_PX or not 0.95 < growth < 1.05
+    return is_off or abs(p[BLUR] - start[BLUR]) > MOVED_PX
+
+
+@jit
 def _descend(
     pixels: Floats,
     count: int,
@@ -99,24 +94,20 @@ def _descend(
     q: Floats,
     line: Floats,
     information: Floats,
-    is_final: bool,
-    cost: float,
     params: Floats,
     work: Floats,
     rows: Floats,
 ) -> float:
-    """Levenberg-Marquardt from `params` on; returns the sum of squares, or -1 if there is no way down.
+    """Levenberg-Marquardt from `start`; returns the sum of squares, or -1 if there is no way down.
 
     Args:
         pixels: u, v and grey level.  # (3, >= count)
         count: how many.
-        start: parameters that chose the pixels; the fit stays near them.
+        start: where to start; the fit stays near it.
         q: the lens's bend.
         line: mean of the prior on m.
         information: its inverse covariance.
-        is_final: whether the sandwich's middle is wanted.
-        cost: at `params`, where `work` holds the equations; negative: they are to be had yet.
-        params: where to start, and the result.
+        params: the result.
         work: room; afterwards normal equations, gradient and sandwich, one small step before the result.
         rows: room.
     """
@@ -124,11 +115,9 @@ def _descend(
     gradient, total, step, trial, trial_gradient = work[4, 0], work[4, 1], work[4, 2], work[4, 3], work[4, 4]
     origin = start[:2]
     is_ring = start[RATIO] > 0.0
-    enough_px = CONVERGED_PX if is_final else NEAR_PX
-    # Equations of another fit serve for the first step; what they promise is another lens's and has no sandwich.
-    is_borrowed = cost >= 0.0
-    if not is_borrowed:
-        cost = accumulate(pixels, count, params, q, origin, is_final, normal, gradient, sandwich, rows)
+    has_sandwich = False
+    params[:] = start
+    cost = accumulate(pixels, count, params, q, origin, False, normal, gradient, sandwich, rows)
     damping = 1e-4
     for _ in range(MAX_ITERATIONS):
         if damping > NO_STEP:
@@ -151,38 +140,30 @@ def _descend(
         promised = 0.0
         for k in range(PARAMETERS):
             promised += total[k] * step[k]
-        if moved < enough_px and promised < 1e-3 * cost + NO_GAIN * count and not is_borrowed:
+        if moved < CONVERGED_PX and promised < 1e-3 * cost + NO_GAIN * count:
             # Neither the centre nor anything else has far to go: taken without looking again.
+            if not has_sandwich:
+                cost = accumulate(pixels, count, params, q, origin, True, normal, gradient, sandwich, rows)
             params[:] = trial
-            break
+            return cost
+        is_near = moved < NEAR_PX
         trial_cost = accumulate(
-            pixels, count, trial, q, origin, is_final, trial_normal, trial_gradient, trial_sandwich, rows
+            pixels, count, trial, q, origin, is_near, trial_normal, trial_gradient, trial_sandwich, rows
         )
         trial_prior = add_prior(trial, line, information, noise2, is_ring, damped, total)
-        if trial_cost + trial_prior > cost + prior and not is_borrowed:
+        if trial_cost + trial_prior > cost + prior:
             if moved < NO_MOVE_PX:
                 break
             damping = max(damping * 10.0, 1e-6)
             continue
-        is_borrowed = False
+        has_sandwich = is_near
         params[:] = trial
         normal[:] = trial_normal
         gradient[:] = trial_gradient
         sandwich[:] = trial_sandwich
         cost = trial_cost
         damping = max(damping * 0.1, 1e-9)
-    return cost
-
-
-@jit
-def _even_covariances(noise2: float, center: Floats, line: Floats, work: Floats) -> bool:
-    """Covariances of the centre and of m if the noise is even; false if the normal equations are singular."""
-    normal, damped, inverse = work[0], work[1], work[3]
-    if not cholesky_invert(normal, damped, inverse):
-        return False
-    center[:] = noise2 * inverse[:2, :2]
-    line[:] = noise2 * inverse[5:7, 5:7]
-    return True
+    return accumulate(pixels, count, params, q, origin, True, normal, gradient, sandwich, rows)
 
 
 @jit
@@ -234,13 +215,9 @@ def _fit_range(
     line: Floats,
     information: Floats,
     limit: float,
-    is_final: bool,
     first: int,
     last: int,
     params: Floats,
-    normal: Floats,
-    gradient: Floats,
-    cost: Floats,
     center_cov: Floats,
     line_cov: Floats,
     noise: Floats,
@@ -252,27 +229,29 @@ def _fit_range(
     work = np.empty((7, PARAMETERS, PARAMETERS))
     rows = np.empty(SCORES_ROOM)
     pixels = np.empty((3, MAX_PIXELS))
+    origin = np.empty(PARAMETERS)
     for n in range(first, last):
         is_ring = start[n, RATIO] > 0.0
-        count = choose_pixels(image, start[n], q[n], 3.0 * start[n, BLUR] + 1.0, limit, pixels)
+        origin[:] = start[n]
+        count = choose_pixels(image, origin, q[n], 3.0 * origin[BLUR] + 1.0, limit, pixels)
         if count < 2 * PARAMETERS:
             continue
-        work[0], work[4, 0] = normal[n], gradient[n]
-        cost[n] = _descend(
-            pixels, count, start[n], q[n], line[n], information[n], is_final, cost[n], params[n], work, rows
-        )
-        if cost[n] < 0.0:
+        cost = _descend(pixels, count, start[n], q[n], line[n], information[n], params[n], work, rows)
+        if cost >= 0.0 and _is_elsewhere(params[n], start[n]):
+            # Other pixels are near its edges than those that were taken.
+            origin[:] = params[n]
+            count = choose_pixels(image, origin, q[n], 3.0 * origin[BLUR] + 1.0, limit, pixels)
+            if count < 2 * PARAMETERS:
+                continue
+            cost = _descend(pixels, count, origin, q[n], line[n], information[n], params[n], work, rows)
+        if cost < 0.0:
             continue
-        normal[n], gradient[n] = work[0], work[4, 0]
-        noise2 = max(cost[n] / (count - PARAMETERS), 1e-6)
+        noise2 = max(cost / (count - PARAMETERS), 1e-6)
         add_prior(params[n], line[n], information[n], noise2, is_ring, work[0], work[4, 0])
-        if is_final:
-            done = _sandwich_covariances(count, noise2, information[n], is_ring, center_cov[n], line_cov[n], work)
-            if done and is_ring:
-                spread = cost[n] / (count - PARAMETERS)
-                alone[n] = score_ring(pixels, count, params[n], q[n], start[n, :2], spread, work[3], score[n], rows)
-        else:
-            done = _even_covariances(noise2, center_cov[n], line_cov[n], work)
+        done = _sandwich_covariances(count, noise2, information[n], is_ring, center_cov[n], line_cov[n], work)
+        if done and is_ring:
+            spread = cost / (count - PARAMETERS)
+            alone[n] = score_ring(pixels, count, params[n], q[n], origin[:2], spread, work[3], score[n], rows)
         if done:
             noise[n] = math.sqrt(noise2)
             used[n] = count
@@ -286,8 +265,6 @@ def fit_rings(
     line: Floats | None = None,
     line_information: Floats | None = None,
     bend: Floats | None = None,
-    is_final: bool = True,
-    near: RingFits | None = None,
 ) -> RingFits:
     """Fit the ring model to the pixels of an image.
 
@@ -298,8 +275,6 @@ def fit_rings(
         line: mean of the prior on m.  # (N, 2), default 0
         line_information: inverse covariance of that prior; zero leaves m free.  # (N, 2, 2), default zero
         bend: the lens's local quadratic form: xi_u in v_u^2, v_u v_v, v_v^2, then xi_v.  # (N, 6), default zero
-        is_final: false for a start of something better: covariances then trust the noise to be even, in less time.
-        near: such fits, which these ones start from, with other priors: their equations serve for the first step.
 
     Returns:
         The fits, in the order of `start`. Dots need a prior: m is not to be had from one ellipse.
@@ -309,21 +284,17 @@ def fit_rings(
     information = np.zeros((count, 2, 2)) if line_information is None else np.ascontiguousarray(line_information)
     bend = np.zeros((count, 6)) if bend is None else np.ascontiguousarray(bend)
     start = np.ascontiguousarray(start, dtype=np.float64)
-    params, noise, equations = np.array(start), np.zeros(count), Equations.empty(count)
-    if near is not None:
-        cost = np.where(near.ok, near.equations.cost, -1.0)
-        equations = Equations(near.equations.normal.copy(), near.equations.gradient.copy(), cost)
+    params, noise = np.array(start), np.zeros(count)
     center_cov, line_cov = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
     used, scores = np.zeros(count, dtype=np.int64), Scores.empty(count)
 
     def run(first: int, last: int) -> None:
         _fit_range(
-            image, start, bend, line, information, limit, is_final, first, last,
-            params, equations.normal, equations.gradient, equations.cost,
-            center_cov, line_cov, noise, scores.score, scores.alone, used,
+            image, start, bend, line, information, limit, first, last,
+            params, center_cov, line_cov, noise, scores.score, scores.alone, used,
         )  # fmt: skip
 
     in_chunks(run, count)
     ok = (used > 0) & np.isfinite(params).all(axis=1) & np.isfinite(center_cov).all(axis=(1, 2))
     ok &= (center_cov[:, 0, 0] > 0) & (center_cov[:, 1, 1] > 0)
-    return RingFits(params, center_cov, line_cov, noise, scores, used, ok, equations)
+    return RingFits(params, center_cov, line_cov, noise, scores, used, ok)
