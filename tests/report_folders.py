@@ -30,6 +30,7 @@ from calib.studies.table_files import table_files
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.explore import budgets_of, reaches
 from calib.studies.tolerance.files import to_json
+from calib.studies.tolerance.first_order import first_order
 from calib.studies.tolerance.linear import linear_table
 from calib.studies.tolerance.report import Against, Report, Requirement, all_crossovers, sweeps_from
 from calib.studies.tolerance.result import table_of_draws
@@ -146,7 +147,7 @@ def tolerance_report() -> Report:
     linear, table = linear_table(setting, errors), table_of_draws(errors, draws[1.0])
     lines = ("ico: 20 faces, 300 rings; 24 views", "errors fdm-dual: two filaments", "warning: it is near")
     found = Report("ico", lines, 20, table, linear, "intersection", sweeps_from(table, linear, draws))
-    held = reaches(setting, errors, found.ranking, linear.baseline.value, 1, lambda done: None)
+    held = reaches(first_order(setting), errors, found.ranking, linear.baseline.value, 1, lambda done: None)
     found = replace(found, reaches=held)
     limits = (Requirement("intersection", 0.01), Requirement("reprojection", 50.0))
     found = replace(found, budgets=budgets_of(found, limits))

@@ -5,8 +5,11 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.studies.tolerance.budget import allowed_by_draws, largest_allowed
+from calib.studies.tolerance.control import control_of
 from calib.studies.tolerance.crossover import crossovers
 from calib.studies.tolerance.draw import run_draws
+from calib.studies.tolerance.first_order import first_order
+from calib.studies.tolerance.linear import linear_table
 from calib.studies.tolerance.quantities import QUANTITIES, quantity_row
 from calib.studies.tolerance.result import Cost, ToleranceTable, table_of_draws
 from calib.studies.tolerance.sweep import sweep
@@ -75,16 +78,19 @@ def test_budget_by_draws() -> None:
     """By draws, the limit is met at the allowed amount, near the table's where errors are small."""
     setting, model = ico_setting(), errors().only("face_tilt", "ring_jitter")
     numbers = range(10)
-    table = table_of_draws(model, run_draws(setting, model, 0, numbers))
+    first, linear = first_order(setting), linear_table(setting, model)
+    control = control_of(first, linear, 0, numbers)
+    table = table_of_draws(model, run_draws(setting, model, 0, numbers), control)
     limit = float(1.5 * table.total[quantity_row("intersection")])
     budget = largest_allowed(table, "intersection", limit)
-    found = allowed_by_draws(setting, model, "intersection", limit, seed=0, numbers=numbers)
+    found = allowed_by_draws(first, model, "intersection", limit, seed=0, numbers=numbers)
     assert found.factor == pytest.approx(budget.together.factor, rel=0.02)
-    again = table_of_draws(model, run_draws(setting, model.scaled(found.factor), 0, numbers))
+    drawn = run_draws(setting, model.scaled(found.factor), 0, numbers)
+    again = table_of_draws(model, drawn, control_of(first, linear, 0, numbers, factor=found.factor))
     assert of(again.total, "intersection") == pytest.approx(limit, rel=2e-3)
     assert found.low < found.factor < found.high
     below = 0.5 * float(table.baseline.value[quantity_row("intersection")])
-    assert allowed_by_draws(setting, model, "intersection", below, seed=0, numbers=range(3)).factor == 0
+    assert allowed_by_draws(first, model, "intersection", below, seed=0, numbers=range(3)).factor == 0
 
 
 @pytest.mark.parametrize(

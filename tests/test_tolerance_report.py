@@ -18,9 +18,11 @@ from PIL import Image
 from calib.render.poses import PoseGrid, grid_poses
 from calib.render.rings import target_fits
 from calib.studies.tolerance.budget import Allowed
+from calib.studies.tolerance.control import control_of
 from calib.studies.tolerance.draw import TOGETHER, run_draws
 from calib.studies.tolerance.explore import budgets_of, reaches, searched
 from calib.studies.tolerance.files import number, report_files, to_csv, to_json
+from calib.studies.tolerance.first_order import first_order
 from calib.studies.tolerance.linear import linear_table
 from calib.studies.tolerance.notes import budget_notes, crossover_notes, notes
 from calib.studies.tolerance.quantities import NAMES, quantity_row
@@ -76,7 +78,8 @@ def report() -> Report:
     linear, table = linear_table(setting, model()), table_of_draws(model(), draws()[1.0])
     found = Report("ico", ("an icosahedron",), 20, table, linear, "intersection", sweeps_from(table, linear, draws()))
     found = replace(
-        found, reaches=reaches(setting, model(), found.ranking, linear.baseline.value, 1, lambda done: None)
+        found,
+        reaches=reaches(first_order(setting), model(), found.ranking, linear.baseline.value, 1, lambda done: None),
     )
     limits = (Requirement("intersection", 0.01), Requirement("reprojection", 1e-4))
     found = replace(found, budgets=budgets_of(found, limits))
@@ -160,13 +163,16 @@ def test_budgets_beyond_the_prediction_are_searched_with_draws() -> None:
     shy = replace(report(), reaches=held)
     (checked,) = budgets_of(shy, (Requirement("intersection", 0.05),))
     assert {"face_tilt", "ring_jitter", TOGETHER} == set(checked.beyond)
-    found = dict(searched(ico_setting(), checked, model(), 1, DRAWS))
+    found = dict(searched(first_order(ico_setting()), checked, model(), 1, DRAWS, lambda done: None))
     again = with_drawn(checked, tuple(found.items()))
     assert set(again.by_draws) == set(checked.beyond)
     assert again.beyond == ()
     factor = found["face_tilt"].factor
-    drawn = run_draws(ico_setting(), model().only("face_tilt").scaled(factor), 1, range(DRAWS))
-    total = np.sqrt((drawn[:, 1, quantity_row("intersection")] ** 2).mean())
+    tilt = model().only("face_tilt")
+    drawn = run_draws(ico_setting(), tilt.scaled(factor), 1, range(DRAWS))
+    linear = linear_table(ico_setting(), tilt)
+    control = control_of(first_order(ico_setting()), linear, 1, range(DRAWS), factor=factor)
+    total = table_of_draws(tilt.scaled(factor), drawn, control).total[quantity_row("intersection")]
     assert total == pytest.approx(0.05, rel=5e-3)
     assert with_drawn(checked, [(TOGETHER, Allowed(2.0, 1.0, 3.0))]).budget.together.factor == 2.0
 

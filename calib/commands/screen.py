@@ -1,7 +1,9 @@
 """What commands show: tables on standard output, progress on standard error while there is a screen."""
 
+import math
 import shlex
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -13,6 +15,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 WIDE = 240
+SAID_EVERY_S = 4.0
+"""Between lines of progress where there is no terminal."""
 
 
 def shown(path: Path) -> str:
@@ -34,7 +38,7 @@ def table_console() -> "Console":
 
 @contextmanager
 def progress_bar(label: str, total: int, *, rate: bool = False) -> Iterator[Callable[[float], None]]:
-    """A bar that is told how many of the total are done, parts of one included.
+    """A bar that is told how many of the total are done, parts of one included; off a terminal, a line now and then.
 
     Args:
         label: what is being done, as in "searching".
@@ -53,9 +57,27 @@ def progress_bar(label: str, total: int, *, rate: bool = False) -> Iterator[Call
         TextColumn(label), BarColumn(), TextColumn("{task.fields[whole]}/{task.total}"), Rate(), TimeRemainingColumn()
     )  # fmt: skip
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    if not console.is_terminal:
+        yield _lines(label, total)
+        return
+    with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(label, total=total, whole=0)
         yield lambda done: bar.update(task, completed=done, whole=int(done + 1e-9))
+
+
+def _lines(label: str, total: int) -> Callable[[float], None]:
+    """Tells how many are done and about how long the rest takes, in a line every few seconds."""
+    start = said = time.monotonic()
+
+    def tell(done: float) -> None:
+        nonlocal said
+        now = time.monotonic()
+        if now - said >= SAID_EVERY_S and 0 < done < total:
+            said = now
+            left_s = math.ceil((now - start) * (total - done) / done)
+            print(f"{label}: {int(done + 1e-9)}/{total}, about {left_s} s left", file=sys.stderr, flush=True)
+
+    return tell
 
 
 @contextmanager

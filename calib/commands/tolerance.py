@@ -23,6 +23,7 @@ from designer.errors import InputError
 
 if TYPE_CHECKING:
     from calib.studies.tolerance.explore import Keeping
+    from calib.studies.tolerance.first_order import FirstOrder
     from calib.studies.tolerance.report import Against, Report, Requirement
     from calib.studies.tolerance.setting import Setting
     from calib.types import Camera
@@ -62,7 +63,7 @@ def tolerance(
     weighted: Annotated[
         bool, typer.Option("--weighted/--unweighted", help="weigh observations by their covariances, or all alike")
     ] = False,
-    draws: Annotated[int, typer.Option(help="how many made targets to draw")] = 1000,
+    draws: Annotated[int, typer.Option(help="how many made targets to draw")] = 200,
     full: Annotated[
         bool, typer.Option("--full", help="render and detect real images in each draw: minutes a draw")
     ] = False,
@@ -269,14 +270,17 @@ def _remarks(target: "TargetGeometry", setting: "Setting", fit: str) -> Iterator
 
 def _explored(scene: _Scene, asked: _Asked, keeping: "Keeping") -> "Report":
     """Costs, sweeps, how far the prediction holds, and budgets."""
+    from calib.studies.tolerance.control import control_of
     from calib.studies.tolerance.explore import (
         OTHER_FACTORS,
         STUDY_FILE,
         SWEEP_DRAWS,
         budgets_of,
         reaches,
+        sweep_controls,
         sweep_draws,
     )
+    from calib.studies.tolerance.first_order import first_order
     from calib.studies.tolerance.linear import linear_table
     from calib.studies.tolerance.report import Report, sweeps_from
     from calib.studies.tolerance.result import table_of_draws
@@ -285,24 +289,32 @@ def _explored(scene: _Scene, asked: _Asked, keeping: "Keeping") -> "Report":
     with waiting("predicting"):
         linear = linear_table(setting, errors)
     report = Report(scene.name, scene.lines, setting.target.face_count, linear, linear, asked.by)
-    if not asked.predicts:
-        with stopped_in_a_line(), progress_bar("drawing", asked.draws, rate=True) as tell:
-            found = keeping.draws(setting, errors, STUDY_FILE, asked.draws, _timed(tell, asked))
-        report = replace(report, table=table_of_draws(errors, found))
-    if not asked.predicts and not asked.full:
-        count = len(OTHER_FACTORS) * min(SWEEP_DRAWS, asked.draws)
-        with stopped_in_a_line(), progress_bar("sweeping", count, rate=True) as tell:
-            swept = sweep_draws(keeping, setting, errors, found, tell)
-        report = replace(report, sweeps=sweeps_from(report.table, linear, swept))
-        with progress_bar("checking the prediction", len(report.ranking)) as tell:
-            held = reaches(setting, errors, report.ranking, linear.baseline.value, asked.seed, tell)
-        report = replace(report, reaches=held)
+    if asked.predicts:
+        return replace(report, budgets=budgets_of(report, asked.requirements))
+    first = first_order(setting)
+    with stopped_in_a_line(), progress_bar("drawing", asked.draws, rate=True) as tell:
+        found = keeping.draws(setting, errors, STUDY_FILE, asked.draws, _timed(tell, asked))
+    with waiting("comparing with the prediction"):
+        control = control_of(first, linear, asked.seed, range(asked.draws), has_noise=not asked.full)
+    report = replace(report, table=table_of_draws(errors, found, control))
+    if asked.full:
+        return replace(report, budgets=budgets_of(report, asked.requirements))
+    count = len(OTHER_FACTORS) * min(SWEEP_DRAWS, asked.draws)
+    with stopped_in_a_line(), progress_bar("sweeping", count, rate=True) as tell:
+        swept = sweep_draws(keeping, setting, errors, found, tell)
+    with waiting("comparing with the prediction"):
+        controls = sweep_controls(first, linear, swept, asked.seed)
+    report = replace(report, sweeps=sweeps_from(report.table, linear, swept, controls))
+    with progress_bar("checking the prediction", len(report.ranking)) as tell:
+        held = reaches(first, errors, report.ranking, linear.baseline.value, asked.seed, tell)
+    report = replace(report, reaches=held)
     report = replace(report, budgets=budgets_of(report, asked.requirements))
-    return report if asked.predicts or asked.full else _searched(report, scene, asked)
+    return _searched(report, first, errors, asked)
 
 
-def _searched(report: "Report", scene: _Scene, asked: _Asked) -> "Report":
+def _searched(report: "Report", first: "FirstOrder", errors: "ErrorModel", asked: _Asked) -> "Report":
     """The budgets, searched with draws where errors are no longer small."""
+    from calib.studies.progress import after
     from calib.studies.tolerance.explore import searched
     from calib.studies.tolerance.report import with_drawn
 
@@ -311,12 +323,9 @@ def _searched(report: "Report", scene: _Scene, asked: _Asked) -> "Report":
         return report
     with progress_bar("searching limits", total) as tell:
         for checked in report.budgets:
-            found = []
-            for one in searched(scene.setting, checked, scene.errors, asked.seed, asked.draws):
-                found.append(one)
-                done += 1
-                tell(done)
+            found = searched(first, checked, errors, asked.seed, asked.draws, after(done, tell))
             budgets.append(with_drawn(checked, found))
+            done += len(checked.beyond)
     return replace(report, budgets=tuple(budgets))
 
 
@@ -324,18 +333,21 @@ def _compared(
     report: "Report", scene: _Scene, other: _Scene, asked: _Asked, keeping: "Keeping", vary: str | None
 ) -> "Against":
     """The other target's costs, and where the first loses to it."""
+    from calib.studies.tolerance.control import control_of
     from calib.studies.tolerance.explore import AGAINST_FILE
+    from calib.studies.tolerance.first_order import first_order
     from calib.studies.tolerance.linear import linear_table
     from calib.studies.tolerance.report import Against, all_crossovers, default_vary
     from calib.studies.tolerance.result import table_of_draws
 
-    if asked.predicts:
-        with waiting("predicting the other"):
-            table = linear_table(other.setting, other.errors)
-    else:
+    with waiting("predicting the other"):
+        table = linear_table(other.setting, other.errors)
+    if not asked.predicts:
         with stopped_in_a_line(), progress_bar("drawing the other", asked.draws, rate=True) as tell:
             found = keeping.draws(other.setting, other.errors, AGAINST_FILE, asked.draws, tell)
-        table = table_of_draws(other.errors, found)
+        first, numbers = first_order(other.setting), range(asked.draws)
+        control = control_of(first, table, asked.seed, numbers, has_noise=not asked.full)
+        table = table_of_draws(other.errors, found, control)
     chosen = vary or default_vary(report.table, asked.by)
     return Against(other.name, table, other.lines, chosen, all_crossovers(report.table, table))
 

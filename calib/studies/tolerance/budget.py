@@ -1,14 +1,17 @@
 """The largest errors that keep a quantity below a limit."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.studies.progress import Tell
 from calib.studies.statistics import HALF_WIDTH
-from calib.studies.tolerance.draw import run_draws
+from calib.studies.tolerance.control import control_of
+from calib.studies.tolerance.draw import BareDraw, bare_draw, drawn_values, with_errors
+from calib.studies.tolerance.first_order import FirstOrder
+from calib.studies.tolerance.linear import linear_table
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES, quantity_row
 from calib.studies.tolerance.result import ToleranceTable
 from calib.studies.tolerance.setting import Setting
@@ -91,53 +94,51 @@ def largest_allowed(table: ToleranceTable, quantity: str, limit: float) -> Budge
 
 
 def allowed_by_draws(
-    setting: Setting,
+    first: FirstOrder,
     errors: ErrorModel,
     quantity: str,
     limit: float,
     *,
     seed: int,
     numbers: range,
-    first: float = 1.0,
-    run: Callable[[ErrorModel], Array] | None = None,
+    guess: float = 1.0,
+    tell: Tell = lambda done: None,
 ) -> Allowed:
     """The largest multiple of all amounts of a model by draws, which holds where the table's square law does not.
 
-    The same draws are taken at each multiple, and the multiple is bracketed, so a larger limit allows no less.
+    The same draws are taken at each multiple, each against its prediction (`calib.studies.tolerance.control`), and the
+    multiple is bracketed, so a larger limit allows no less.
 
     Args:
-        setting: what is photographed.
+        first: the derivatives of what is photographed.
         errors: all are scaled alike; for one source, `errors.only(name)`.
         quantity: that is limited.
         limit: in its unit.
         seed: of the study.
         numbers: of the draws.
-        first: a guess, such as that of a table.
-        run: the draws of a model (D, C, Q), if not those of `run_draws` in this process.
+        guess: such as that of a table.
+        tell: told the share of the rounds that is done.
 
     Raises:
         InputError: an unknown quantity, a limit that is not above 0, or no solutions.
     """
-    row = quantity_row(checked_quantity(quantity))
     _check(limit, quantity)
-    draws_of = run or (lambda model: run_draws(setting, model, seed, numbers))
-    if not math.isfinite(first):
+    if not math.isfinite(guess):
         return Allowed(math.inf, math.inf, math.inf)
-    factor, bracket = (first if first > 0 else 1.0), (0.0, math.inf)
-    noise, cost, spread = math.nan, math.nan, math.nan
-    for _ in range(ROUNDS):
-        square = draws_of(errors.scaled(factor))[:, [0, -1], row] ** 2
-        square = square[np.isfinite(square).all(axis=1)]
-        if len(square) < 2:
+    draws = _Draws.of(first, errors, quantity_row(checked_quantity(quantity)), seed, numbers)
+    room = limit**2 - draws.noise
+    if room <= 0:
+        return Allowed(0.0, 0.0, 0.0)
+    factor, bracket = (guess if guess > 0 else 1.0), (0.0, math.inf)
+    cost, spread = math.nan, math.nan
+    for done in range(ROUNDS):
+        found = draws.cost(factor)
+        tell((done + 1) / ROUNDS)
+        if found is None:
             bracket = (bracket[0], factor)
             factor = 0.5 * (bracket[0] + factor)
             continue
-        noise = float(square[:, 0].mean())
-        extra = square[:, 1] - square[:, 0]
-        cost, spread = float(extra.mean()), float(extra.std(ddof=1)) / math.sqrt(len(extra))
-        room = limit**2 - noise
-        if room <= 0:
-            return Allowed(0.0, 0.0, 0.0)
+        cost, spread = found
         if cost <= 0:
             return Allowed(math.inf, 0.0, math.inf)
         bracket = (factor, bracket[1]) if cost <= room else (bracket[0], factor)
@@ -145,10 +146,54 @@ def allowed_by_draws(
         if abs(step - 1) < CLOSE:
             break
         factor = _within(factor * step, bracket)
+    tell(1.0)
     if not math.isfinite(cost):
         raise InputError("no draw has a camera; use smaller errors, or more views")
     half = 0.5 * HALF_WIDTH * spread / cost
     return Allowed(factor, factor * max(1 - half, 0.0), factor * (1 + half))
+
+
+@dataclass(frozen=True, eq=False)
+class _Draws:
+    """D draws of one quantity, at any multiple of their errors."""
+
+    setting: Setting
+    errors: ErrorModel
+    row: int  # of the quantity
+    values: list[dict[str, Array]]
+    bare: list[BareDraw]
+    noise: float  # mean square without errors
+    square: Array  # (D,) predicted of the errors alone, at their amounts
+    cross: Array  # (D,) predicted of errors and noise together beyond the squares of each
+    mean: float  # of `square`, over all draws there could be
+
+    @classmethod
+    def of(cls, first: FirstOrder, errors: ErrorModel, row: int, seed: int, numbers: range) -> "_Draws":
+        """The draws, and what is predicted of them."""
+        linear = linear_table(first.setting, errors)
+        alone = control_of(first, linear, seed, numbers, has_noise=False).square[:, -1, row]
+        with_noise = control_of(first, linear, seed, numbers)
+        bare = [bare_draw(first.setting, seed, number) for number in numbers]
+        squares = np.array([one.quantities[row] ** 2 for one in bare])
+        noise = with_noise.mean[0, row] + float(np.nanmean(squares - with_noise.square[:, 0, row]))
+        values = [drawn_values(first.setting, errors, seed, number) for number in numbers]
+        return cls(
+            first.setting, errors, row, values, bare, noise, alone, with_noise.square[:, -1, row] - alone,
+            float(linear.together.value[row]) ** 2,
+        )  # fmt: skip
+
+    def cost(self, factor: float) -> tuple[float, float] | None:
+        """The squared cost at a multiple, and its standard error; None if fewer than two draws have a camera."""
+        off = np.empty(len(self.bare))
+        for place, (bare, values) in enumerate(zip(self.bare, self.values, strict=True)):
+            scaled = {name: factor * value for name, value in values.items()}
+            drawn = with_errors(self.setting, self.errors, scaled, bare)[self.row]
+            off[place] = drawn**2 - bare.quantities[self.row] ** 2
+        off -= factor**2 * self.square + factor * self.cross
+        off = off[np.isfinite(off)]
+        if len(off) < 2:
+            return None
+        return factor**2 * self.mean + float(off.mean()), float(off.std(ddof=1)) / math.sqrt(len(off))
 
 
 def _within(factor: float, bracket: tuple[float, float]) -> float:

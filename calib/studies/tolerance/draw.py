@@ -1,6 +1,7 @@
 """One draw: noise and errors, and what a calibration with the drawing makes of them, with each source and without."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from designer.tolerance.shape import centers_mm
 Array = NDArray[np.float64]
 
 BARE, TOGETHER = "none", "all"
+NO_ERRORS = ErrorModel("none", "", ())
 
 
 def case_names(errors: ErrorModel) -> tuple[str, ...]:
@@ -53,6 +55,34 @@ def run_draw(setting: Setting, errors: ErrorModel, seed: int, number: int) -> Ar
     return run_cases(setting, errors, values, drawn_noise(setting, seed, number))
 
 
+@dataclass(frozen=True, eq=False)
+class BareDraw:
+    """A draw without errors, from which those with errors go on."""
+
+    noise_px: Array  # (M, 2)
+    quantities: Array  # (Q,)
+    found: Found | None
+
+
+def bare_draw(setting: Setting, seed: int, number: int) -> BareDraw:
+    """The noise of a draw, and what it alone makes of the camera."""
+    return _bare(setting, drawn_noise(setting, seed, number))
+
+
+def noiseless(setting: Setting) -> BareDraw:
+    """A draw without noise and errors: the minimum is the setting's own."""
+    return _bare(setting, np.zeros_like(setting.observations.center_px))
+
+
+def _bare(setting: Setting, noise_px: Array) -> BareDraw:
+    return BareDraw(noise_px, *_case(setting, NO_ERRORS, {}, noise_px, None))
+
+
+def with_errors(setting: Setting, errors: ErrorModel, values: Mapping[str, Array], bare: BareDraw) -> Array:
+    """The quantities of a draw with given numbers of the sources; where no ring moves, its own, bit for bit.  # (Q,)"""
+    return _case(setting, errors, values, bare.noise_px, bare.found, bare.quantities)[0]
+
+
 def drawn_values(setting: Setting, errors: ErrorModel, seed: int, number: int) -> dict[str, Array]:
     """The numbers of all sources in a draw; each has its own stream, and they are in proportion to its size."""
     return draw_values(setting.target, errors, stream(seed, number, "errors"))
@@ -60,11 +90,11 @@ def drawn_values(setting: Setting, errors: ErrorModel, seed: int, number: int) -
 
 def run_cases(setting: Setting, errors: ErrorModel, values: Mapping[str, Array], noise_px: Array) -> Array:
     """All cases of given numbers of the sources and given noise (M, 2).  # (C, Q)"""
-    bare, start = _case(setting, errors, {}, noise_px, None)
-    rows = [bare]
+    bare = _bare(setting, noise_px)
+    rows = [bare.quantities]
     for name in errors.sources:
-        rows.append(_changed(setting, errors, {name: values[name]}, noise_px, start, bare))
-    together = rows[1] if len(values) == 1 else _changed(setting, errors, values, noise_px, start, bare)
+        rows.append(with_errors(setting, errors, {name: values[name]}, bare))
+    together = rows[1] if len(values) == 1 else with_errors(setting, errors, values, bare)
     return np.stack([*rows, together])
 
 
@@ -78,13 +108,6 @@ def drawn_noise(setting: Setting, seed: int, number: int) -> Array:
 def stream(seed: int, number: int, purpose: str) -> np.random.Generator:
     """Random numbers of a draw for one purpose."""
     return keyed_generator(f"{seed}\n{number}\ntolerance {purpose}")
-
-
-def _changed(
-    setting: Setting, errors: ErrorModel, values: Mapping[str, Array], noise_px: Array, start: Found | None, bare: Array
-) -> Array:
-    """A case with errors; where no ring moves, that without, bit for bit."""
-    return _case(setting, errors, values, noise_px, start, bare)[0]
 
 
 def _case(

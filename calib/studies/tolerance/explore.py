@@ -1,6 +1,7 @@
 """Everything a tolerance study computes, step by step, with its draws kept in a folder."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,10 +10,12 @@ from numpy.typing import NDArray
 
 from calib.studies.progress import Tell, after
 from calib.studies.tolerance.budget import Allowed, allowed_by_draws, largest_allowed
+from calib.studies.tolerance.control import control_of
 from calib.studies.tolerance.draw import TOGETHER
-from calib.studies.tolerance.first_order import first_order
+from calib.studies.tolerance.first_order import FirstOrder
 from calib.studies.tolerance.reach import Reach, reach_of
 from calib.studies.tolerance.report import CheckedBudget, Report, Requirement, checked_budget
+from calib.studies.tolerance.result import Control, ToleranceTable
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.stored import tolerance_draws
 from calib.studies.tolerance.sweep import FACTORS
@@ -22,7 +25,7 @@ from designer.tolerance.model import ErrorModel
 Array = NDArray[np.float64]
 
 STUDY_FILE, AGAINST_FILE, SWEEPS_FOLDER = "study.sqlite", "against.sqlite", "sweeps"
-SWEEP_DRAWS = 24
+SWEEP_DRAWS, SEARCH_DRAWS = 12, 24
 OTHER_FACTORS = tuple(factor for factor in FACTORS if factor != 1.0)
 
 
@@ -65,11 +68,18 @@ def sweep_draws(keeping: Keeping, setting: Setting, errors: ErrorModel, main: Ar
     return found
 
 
+def sweep_controls(
+    first: FirstOrder, linear: ToleranceTable, draws: Mapping[float, Array], seed: int
+) -> dict[float, Control]:
+    """What is predicted of the draws of each multiple."""
+    return {factor: control_of(first, linear, seed, range(len(one)), factor=factor) for factor, one in draws.items()}
+
+
 def reaches(
-    setting: Setting, errors: ErrorModel, sources: Sequence[str], baseline: Array, seed: int, tell: Tell
+    first: FirstOrder, errors: ErrorModel, sources: Sequence[str], baseline: Array, seed: int, tell: Tell
 ) -> tuple[Reach, ...]:
     """How far the prediction of each source holds."""
-    first, found = first_order(setting), []
+    found = []
     for place, name in enumerate(sources):
         found.append(reach_of(first, errors, name, baseline, seed=seed))
         tell(place + 1)
@@ -82,19 +92,20 @@ def budgets_of(report: Report, requirements: Sequence[Requirement]) -> tuple[Che
 
 
 def searched(
-    setting: Setting, checked: CheckedBudget, errors: ErrorModel, seed: int, count: int
-) -> Iterator[tuple[str, Allowed]]:
+    first: FirstOrder, checked: CheckedBudget, errors: ErrorModel, seed: int, count: int, tell: Tell
+) -> tuple[tuple[str, Allowed], ...]:
     """The budget of what lies beyond the square law, searched with draws one by one; left out where none is found."""
-    first = dict(checked.budget.alone) | {TOGETHER: checked.budget.together}
-    for name in checked.beyond:
+    guess = dict(checked.budget.alone) | {TOGETHER: checked.budget.together}
+    found = []
+    for place, name in enumerate(checked.beyond):
         model = errors if name == TOGETHER else errors.only(name)
-        try:
-            yield name, allowed_by_draws(
-                setting, model, checked.budget.quantity, checked.budget.limit, seed=seed,
-                numbers=range(min(SWEEP_DRAWS, count)), first=first[name].factor,
+        with suppress(InputError):
+            allowed = allowed_by_draws(
+                first, model, checked.budget.quantity, checked.budget.limit, seed=seed,
+                numbers=range(min(SEARCH_DRAWS, count)), guess=guess[name].factor, tell=after(place, tell),
             )  # fmt: skip
-        except InputError:
-            continue
+            found.append((name, allowed))
+    return tuple(found)
 
 
 def check_unused(folder: Path, *, resume: bool, predicts: bool) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.one_thread import one_thread
-from calib.studies.tolerance.draw import drawn_values, run_cases
+from calib.studies.tolerance.draw import BareDraw, drawn_values, noiseless, with_errors
 from calib.studies.tolerance.first_order import FirstOrder
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.response import responses
@@ -54,11 +54,12 @@ def reach_of(
     columns = directions(setting.target, only, source, setting.bed_from_target)
     moves = np.stack([columns @ one.reshape(-1) for one in numbers], axis=2)
     linear: Array = np.sqrt(responses(first, moves).square.mean(axis=1))
+    without = noiseless(setting)
     tried: dict[float, Array] = {}
 
     def off(factor: float) -> NDArray[np.bool_]:
         """Which quantities are off at a multiple; all, where there is no solution."""
-        exact = _exact(setting, only, source, numbers, factor)
+        exact = _exact(setting, only, source, numbers, factor, without)
         tried[factor] = exact / np.where(linear > 0, factor * linear, np.nan)
         allowed = OFF * np.maximum(factor * linear, baseline)
         return ~(np.abs(exact - factor * linear) <= allowed)
@@ -92,9 +93,10 @@ def _between(low: float, tried: dict[float, Array]) -> Array:
     return between
 
 
-def _exact(setting: Setting, only: ErrorModel, source: str, numbers: list[Array], factor: float) -> Array:
+def _exact(
+    setting: Setting, only: ErrorModel, source: str, numbers: list[Array], factor: float, without: BareDraw
+) -> Array:
     """Root mean square over the draws.  # (Q,)"""
-    still = np.zeros_like(setting.observations.center_px)
-    rows = [run_cases(setting, only, {source: factor * one}, still)[1] for one in numbers]
+    rows = [with_errors(setting, only, {source: factor * one}, without) for one in numbers]
     exact: Array = np.sqrt((np.array(rows) ** 2).mean(axis=0))
     return exact

@@ -12,7 +12,7 @@ from calib.studies.tolerance.crossover import Crossover, crossovers
 from calib.studies.tolerance.draw import TOGETHER
 from calib.studies.tolerance.quantities import QUANTITIES, Quantity, quantity_row
 from calib.studies.tolerance.reach import LARGEST, Reach
-from calib.studies.tolerance.result import Cost, ToleranceTable
+from calib.studies.tolerance.result import Control, Cost, ToleranceTable
 from calib.studies.tolerance.sweep import FACTORS, Sweep, sweep_of_draws
 from designer.tolerance.registry import SOURCES
 
@@ -161,17 +161,24 @@ def deviations(report: Report) -> tuple[Deviation, ...]:
     return tuple(found)
 
 
-def sweeps_from(table: ToleranceTable, linear: ToleranceTable, draws: Mapping[float, Array]) -> tuple[Sweep, ...]:
+def sweeps_from(
+    table: ToleranceTable,
+    linear: ToleranceTable,
+    draws: Mapping[float, Array],
+    controls: Mapping[float, Control] | None = None,
+) -> tuple[Sweep, ...]:
     """The sweep of each source that has an effect, from the draws (D, C, Q) of all errors at each multiple.
 
     A source's draws are the same alone and among others, so one run of all sources serves the sweeps of each.
     """
-    errors = table.errors
-    return tuple(
-        sweep_of_draws(errors, name, FACTORS, [draws[one][:, [0, place + 1, place + 1]] for one in FACTORS], linear)
-        for place, name in enumerate(errors.sources)
-        if (linear.cost.value[place] > 0).any()
-    )
+    errors, found = table.errors, []
+    for place, name in enumerate(errors.sources):
+        if (linear.cost.value[place] > 0).any():
+            cases = [0, place + 1, place + 1]
+            of_source = [draws[factor][:, cases] for factor in FACTORS]
+            predicted = None if controls is None else [controls[factor].of_cases(cases) for factor in FACTORS]
+            found.append(sweep_of_draws(errors, name, FACTORS, of_source, linear, predicted))
+    return tuple(found)
 
 
 def default_vary(table: ToleranceTable, by: str) -> str:

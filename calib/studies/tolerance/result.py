@@ -1,6 +1,7 @@
 """The table of a tolerance study: what each error source costs each quantity."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -39,6 +40,22 @@ class Cost:
         """Standard errors, from the width of the interval."""
         error: Array = (self.high - self.low) / (2 * HALF_WIDTH)
         return error
+
+
+@dataclass(frozen=True, eq=False)
+class Control:
+    """What is predicted of D draws, and of all there could be: squares of case 0, excess over these of the others."""
+
+    square: Array  # (D, C, Q)
+    mean: Array  # (C, Q)
+
+    def of_cases(self, cases: Sequence[int]) -> "Control":
+        """Of some cases, in this order."""
+        return Control(self.square[:, cases], self.mean[cases])
+
+    def of_first(self, count: int) -> "Control":
+        """Of the first draws."""
+        return Control(self.square[:count], self.mean)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +121,13 @@ class ToleranceTable:
         return tuple(self.sources[row] for row in np.argsort(-cost, kind="stable"))
 
 
-def table_of_draws(errors: ErrorModel, draws: Array) -> ToleranceTable:
+def table_of_draws(errors: ErrorModel, draws: Array, control: Control | None = None) -> ToleranceTable:
     """The table of draws (D, C, Q), as `run_draws` gives them.
+
+    Args:
+        errors: of the draws.
+        draws: the quantities.
+        control: what is predicted of them, which their means and intervals are then taken against.
 
     Raises:
         InputError: no draws, or of other errors, or none has a solution without errors.
@@ -118,25 +140,30 @@ def table_of_draws(errors: ErrorModel, draws: Array) -> ToleranceTable:
     if not solved[:, 0].any():
         raise InputError("no draw has a camera even without errors; use more views, or other ones")
     square = draws**2
-    baseline = _root_of_mean(square[:, 0])
-    costs = [_root_of_mean(square[:, case] - square[:, 0]) for case in range(1, draws.shape[1])]
-    alone = costs[:-1]
+    square[:, 1:] -= square[:, :1]
+    expected = np.zeros(square.shape[1:])
+    if control is not None:
+        square, expected = square - control.square, control.mean
+    costs = [_root_of_mean(square[:, case], expected[case]) for case in range(draws.shape[1])]
+    alone = costs[1:-1]
     empty = np.zeros((0, draws.shape[2]))
     cost = Cost(
         *(np.array([getattr(one, name) for one in alone]) if alone else empty for name in ("value", "low", "high"))
     )
-    return ToleranceTable("draws", errors, baseline, cost, costs[-1], len(draws), tuple((~solved).sum(axis=0).tolist()))
+    failed = tuple((~solved).sum(axis=0).tolist())
+    return ToleranceTable("draws", errors, costs[0], cost, costs[-1], len(draws), failed)
 
 
-def _root_of_mean(square: Array) -> Cost:
-    """The root of the mean of squares (D, Q), or of their differences, which may be below zero by chance."""
+def _root_of_mean(square: Array, expected: Array) -> Cost:
+    """The root of what is expected (Q,) and the mean of what squares (D, Q) are beyond, which may be below zero."""
     known = np.isfinite(square)
     count = known.sum(axis=0)
     kept = np.where(known, square, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = kept.sum(axis=0) / count
-        variance = (np.where(known, square - mean, 0.0) ** 2).sum(axis=0) / np.maximum(count - 1, 0)
+        beyond = kept.sum(axis=0) / count
+        variance = (np.where(known, square - beyond, 0.0) ** 2).sum(axis=0) / np.maximum(count - 1, 0)
         half = HALF_WIDTH * np.sqrt(variance / count)
+    mean = expected + beyond
     half = np.where((mean == 0) & ~(half > 0), 0.0, half)
     return Cost(*(np.sqrt(np.maximum(bound, 0.0)) for bound in (mean, mean - half, mean + half)))
 

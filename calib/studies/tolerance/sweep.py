@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.studies.tolerance.draw import run_draws
-from calib.studies.tolerance.result import Cost, ToleranceTable, table_of_draws
+from calib.studies.tolerance.result import Control, Cost, ToleranceTable, table_of_draws
 from calib.studies.tolerance.setting import Setting
 from designer.tolerance.model import ErrorModel
 
@@ -59,10 +59,27 @@ def sweep(
 
 
 def sweep_of_draws(
-    errors: ErrorModel, source: str, factors: Sequence[float], draws: Sequence[Array], table: ToleranceTable
+    errors: ErrorModel,
+    source: str,
+    factors: Sequence[float],
+    draws: Sequence[Array],
+    table: ToleranceTable,
+    controls: Sequence[Control | None] | None = None,
 ) -> Sweep:
-    """The sweep of draws (D, 3, Q) that were run elsewhere, one array a factor, of the errors of `swept`."""
-    tables = [table_of_draws(swept(errors, source, factor), one) for factor, one in zip(factors, draws, strict=True)]
+    """The sweep of draws (D, 3, Q) that were run elsewhere, one array a factor, of the errors of `swept`.
+
+    Args:
+        errors: of all sources.
+        source: the one that was swept.
+        factors: multiples of its amount.
+        draws: of each factor.
+        table: a linear one, for the line.
+        controls: what is predicted of the draws of each factor.
+    """
+    tables = [
+        table_of_draws(swept(errors, source, factor), one, control)
+        for factor, one, control in zip(factors, draws, controls or [None] * len(factors), strict=True)
+    ]
     factor = np.array(factors, dtype=np.float64)
     linear = table.cost.value[table.sources.index(source)]
     return Sweep(
