@@ -21,6 +21,8 @@ FOCALS = (0.5, 0.8, 1.3, 2.2, 4.0, 8.0)
 GOOD_FIT = 5e-4
 """Root mean square residual, as a part of the image's longer side, of a start that needs no other tried."""
 COARSE_STEPS = 25
+LEAST_POINTS = 4
+"""Of a view, for a pose."""
 
 
 def first_camera(model: str, image_size: tuple[int, int], focal_px: float) -> Camera:
@@ -67,7 +69,7 @@ def coarse_camera(
 def _spread_views(problem: Problem) -> NDArray[np.int64]:
     """Views that are evenly spread over their order."""
     used = np.add.reduceat(problem.is_used.astype(np.int64), problem.view_start[:-1])
-    views = np.flatnonzero(used >= 4)
+    views = np.flatnonzero(used >= LEAST_POINTS)
     if len(views) <= FEW_VIEWS:
         return views
     return views[((np.arange(FEW_VIEWS) + 0.5) * len(views) / FEW_VIEWS).astype(np.int64)]
@@ -122,10 +124,10 @@ def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes
     used = problem.is_used & np.isfinite(ray).all(axis=1)
     counts = np.add.reduceat(used.astype(np.int64), problem.view_start[:-1])
     poses = np.full((problem.view_count, 4, 4), np.nan)
-    views = np.flatnonzero(counts >= 4)
+    views = np.flatnonzero(counts >= LEAST_POINTS)
     if not len(views):
         return poses
-    inside = used & np.isin(problem.view, views)
+    inside = used & (counts >= LEAST_POINTS)[problem.view]
     start = np.concatenate([[0], np.cumsum(counts[views])])
     position, image = problem.position_mm[:, inside], ray[inside, :2].T
     fitted = linear_views(start, position, image, as_planes=as_planes, is_robust=is_robust)
