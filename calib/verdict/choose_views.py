@@ -4,6 +4,7 @@ Candidates are compared by what they tell with some of the target's points, or b
 points in; the best few are then looked at with all points.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from calib.linear_algebra import covariance_with_prior
 from calib.types import Calibration, Camera
-from calib.verdict.candidate_views import Candidates, candidates_of, shown_in
+from calib.verdict.candidate_views import Candidates, Shown, candidates_of, shown_in
 from calib.verdict.coverage import coverage, coverage_of
 from calib.verdict.information import Knowledge, image_change, knowledge_of, sigma_px, view_information
 from calib.verdict.next_view_target import Habits, TargetShape, habits_of, shape_of
@@ -120,12 +121,12 @@ def with_photo(so_far: SoFar, photo: Photo) -> SoFar:
     return SoFar(so_far.told + photo.information, so_far.is_covered | photo.area, (*so_far.chosen, photo.row))
 
 
-def new_area(so_far: SoFar, photo: Photo) -> float:
-    """Of the image, what a photo adds to what is covered."""
-    return float((photo.area & ~so_far.is_covered).mean())
+def new_area(so_far: SoFar, area: NDArray[np.bool_]) -> float:
+    """Of the image, what a photo's area adds to what is covered."""
+    return float((area & ~so_far.is_covered).mean())
 
 
-def for_accuracy(scene: Scene, so_far: SoFar) -> tuple[Photo, ...]:
+def for_accuracy(scene: Scene, so_far: SoFar) -> Iterator[Photo]:
     """Photos that make the camera best known by the noise, the best first."""
     change = image_change(scene.known, *COARSE_MAP)
     flat = change.reshape(-1, change.shape[2])
@@ -138,27 +139,36 @@ def for_accuracy(scene: Scene, so_far: SoFar) -> tuple[Photo, ...]:
     best = np.argsort(square * effort**2, kind="stable")[:COMPARED_IN_FULL]
     share = np.percentile(sigma_px(change, after[best]), SHARE_PERCENT, axis=1)
     order = best[np.argsort(share * effort[best], kind="stable")]
-    return tuple(in_full(scene, row) for row in order[:TRIED].tolist())
+    return (in_full(scene, row) for row in order[:TRIED].tolist())
 
 
-def for_coverage(scene: Scene, so_far: SoFar) -> tuple[Photo, ...]:
-    """Photos that surround most of what no photo has shown yet, the best first."""
+def for_coverage(scene: Scene, so_far: SoFar) -> Photo:
+    """The photo that surrounds most of what no photo has shown yet."""
     effort = _effort(scene, so_far)
-    order = np.argsort(-_new_cells(scene, so_far) / effort, kind="stable")[:TRIED]
-    photos = [in_full(scene, row) for row in order.tolist()]
-    return tuple(sorted(photos, key=lambda photo: -new_area(so_far, photo) / float(effort[photo.row])))
+    order = np.argsort(-_new_cells(scene, so_far) / effort, kind="stable")[:TRIED].tolist()
+    return in_full(scene, max(order, key=lambda row: new_area(so_far, _area(scene, _shown(scene, row))) / effort[row]))
 
 
 def in_full(scene: Scene, row: int) -> Photo:
     """What a candidate would add with all its points."""
-    shape, pose, camera = scene.shape, scene.candidates.cam_from_target[row : row + 1], scene.known.camera
-    shown = shown_in(camera, shape, scene.habits, pose, np.arange(len(shape.face)))
-    read = shown.is_read[0]
+    shown, pose = _shown(scene, row), scene.candidates.cam_from_target[row : row + 1]
     weight = shown.is_read.astype(np.float64)
-    added: Array = view_information(scene.known, pose, shape.position_mm, weight, scene.modes_mm)[0]
+    added: Array = view_information(scene.known, pose, scene.shape.position_mm, weight, scene.modes_mm)[0]
+    return Photo(row, added, _area(scene, shown))
+
+
+def _shown(scene: Scene, row: int) -> Shown:
+    """All points in a candidate."""
+    pose, points = scene.candidates.cam_from_target[row : row + 1], np.arange(len(scene.shape.face))
+    return shown_in(scene.known.camera, scene.shape, scene.habits, pose, points)
+
+
+def _area(scene: Scene, shown: Shown) -> NDArray[np.bool_]:
+    """Cells of a coverage that one photo surrounds.  # (R, C)"""
+    read = shown.is_read[0]
     one_view = np.zeros(int(read.sum()), dtype=np.int64)
-    area = coverage(camera.image_size, shown.pixel[0, read], one_view, shape.face[read])
-    return Photo(row, added, area.is_covered)
+    area = coverage(scene.known.camera.image_size, shown.pixel[0, read], one_view, scene.shape.face[read])
+    return area.is_covered
 
 
 def _read(

@@ -5,10 +5,12 @@ those whose middles lie in a hull are counted, so the share is right to about th
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.jit import jit
 from calib.types import Calibration, frozen_array
 
 Array = NDArray[np.float64]
@@ -93,37 +95,45 @@ def coverage(
     views = np.zeros(shape, dtype=np.int64)
     # In cells, the middle of the first cell at 0.
     place = (center_px + 0.5) * [shape[1] / width, shape[0] / height] - 0.5
-    for one in np.unique(view):
-        covered = np.zeros(shape, dtype=bool)
-        of_view = view == one
-        for plane in np.unique(face[of_view]):
-            points = place[of_view & (face == plane)]
-            if len(points) >= LEAST_OF_HULL:
-                covered |= _in_hull(points, shape)
-        views += covered
+    order = np.lexsort((face, view))
+    place, view, face = place[order], view[order], face[order]
+    begin = np.flatnonzero(np.diff(view, prepend=-1) | np.diff(face, prepend=-1))
+    covered = np.zeros(shape, dtype=np.bool_)
+    for first, last in pairwise([*begin.tolist(), len(view)]):
+        if last - first >= LEAST_OF_HULL:
+            _add_hull(_hull_of(place[first:last]), covered)
+        if last == len(view) or view[last] != view[first]:
+            views += covered
+            covered[:] = False
     return Coverage(image_size, views, _regions(views > 0))
 
 
-def _in_hull(points: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Which integer places (row, column) lie in the convex hull of points (N, 2) of column and row.
-
-    A row of the grid cuts the outline of the hull in two points; what lies between them is inside.
-    """
+def _hull_of(points: Array) -> Array:
+    """The outline of the convex hull of points (N, 2).  # (K, 2)"""
     import cv2
 
-    start = cv2.convexHull(points.astype(np.float32))[:, 0].astype(np.float64)
-    end = np.roll(start, -1, axis=0)
-    row = np.arange(shape[0], dtype=np.float64)[:, None]
-    rise = end[:, 1] - start[:, 1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along = (row - start[:, 1]) / rise
-        cut = start[:, 0] + along * (end[:, 0] - start[:, 0])
-    is_cut = (rise != 0) & (along >= 0) & (along <= 1)
-    left = np.where(is_cut, cut, np.inf).min(axis=1, keepdims=True)
-    right = np.where(is_cut, cut, -np.inf).max(axis=1, keepdims=True)
-    column = np.arange(shape[1])
-    inside: NDArray[np.bool_] = (column >= left) & (column <= right)
-    return inside
+    outline: Array = cv2.convexHull(points.astype(np.float32))[:, 0].astype(np.float64)
+    return outline
+
+
+@jit
+def _add_hull(outline: Array, covered: NDArray[np.bool_]) -> None:
+    """Mark the integer places (row, column) within a convex outline (K, 2) of column and row.
+
+    A row of the grid cuts the outline in two points; what lies between them is inside.
+    """
+    for row in range(covered.shape[0]):
+        left, right = np.inf, -np.inf
+        for k in range(len(outline)):
+            x, y = outline[k - 1, 0], outline[k - 1, 1]
+            rise = outline[k, 1] - y
+            along = (row - y) / rise
+            if rise != 0 and 0 <= along <= 1:
+                cut = x + along * (outline[k, 0] - x)
+                left, right = min(left, cut), max(right, cut)
+        for column in range(covered.shape[1]):
+            if left <= column <= right:
+                covered[row, column] = True
 
 
 def _regions(is_covered: NDArray[np.bool_]) -> tuple[Region, ...]:

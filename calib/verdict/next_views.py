@@ -137,7 +137,7 @@ def next_views(
         gain = Gain(
             shown, after, so_far.covered, then.covered, is_rough=is_rough,
             tells_sigma=wants_accuracy and after <= LITTLE_GAIN * shown,
-            tells_area=wants_area and new_area(so_far, photo) > LITTLE_AREA,
+            tells_area=wants_area and new_area(so_far, photo.area) > LITTLE_AREA,
         )  # fmt: skip
         chosen.append(_view(scene, calibration, photo, gain))
         so_far, before, is_known = then, after, True
@@ -156,8 +156,8 @@ def _choice(
             if share_px(sigma_px(change, after), pixels) <= LITTLE_GAIN * before:
                 return photo
     if so_far.covered < goals.covered:
-        photo = for_coverage(scene, so_far)[0]
-        return photo if new_area(so_far, photo) > LITTLE_AREA else None
+        photo = for_coverage(scene, so_far)
+        return photo if new_area(so_far, photo.area) > LITTLE_AREA else None
     return None
 
 
