@@ -228,7 +228,7 @@ def _labels_in_gaps(canvas: Canvas, face: ImagedFace, target: TargetGeometry, he
     for k in order:
         trials.append(_free_labels(canvas, gaps[k], texts, height))
         if len(trials[-1]) >= _NEARLY_ALL * len(texts):
-            return trials[-1]
+            break
     most = max(map(len, trials))
     return next(labels for labels in trials if len(labels) >= _NEARLY_ALL * most)
 

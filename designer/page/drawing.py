@@ -147,7 +147,8 @@ def _markup(element: Element, around: _Place, kept: _Kept) -> str:
         is_defining=around.is_defining or element.name in _DEFINING,
         has_fill=around.has_fill or "fill" in looks,
     )
-    own = {name: value for name in sorted(_GEOMETRY) if (value := _safe(element.attributes.get(name, ""), _PLACES))}
+    given = sorted(_GEOMETRY & element.attributes.keys())
+    own = {name: value for name in given if (value := _safe(element.attributes[name], _PLACES))}
     if (name := kept.names.get(element.attributes.get("id", ""))) and place.is_defining:
         own["id"] = name
     if element.name in {"use", "image"}:
