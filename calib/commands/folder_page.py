@@ -3,15 +3,20 @@
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from calib.commands.screen import shown, waiting
 from designer.answer import Summary
 from designer.command import command_line, printable
 from designer.errors import InputError, NotWrittenError
 
+if TYPE_CHECKING:
+    from calib.report.origin import Origin
+    from designer.page.blocks import Page
+
 
 def folder_page(
-    folder: Path, kind: str, keep: Callable[[], tuple[Path, ...]]
+    folder: Path, kind: str, keep: Callable[[], tuple[Path, ...]], build: "Callable[[Origin], Page] | None" = None
 ) -> tuple[tuple[Path, ...], tuple[str, ...]]:
     """Write what a folder's page is built from, and the page; the files, or a remark that says why there is none.
 
@@ -21,6 +26,7 @@ def folder_page(
         folder: of the pictures.
         kind: a key of `calib.report.registry.KINDS`.
         keep: writes what the page is built from, and returns it.
+        build: makes the page of a folder that is read already.
     """
     from calib.report.claim import why_no_page
     from calib.report.origin import ORIGIN_FILE
@@ -30,7 +36,7 @@ def folder_page(
         remark = why_no_page(folder, kind)
         if not remark:
             kept = keep()
-            page = write_report(folder, kind, command_line())
+            page = write_report(folder, kind, command_line(), build)
             print(f"wrote {shown(page)}: all of it on one page; open it in a browser")
             return (*kept, folder / ORIGIN_FILE, page), ()
     except NotWrittenError:

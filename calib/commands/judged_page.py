@@ -16,9 +16,12 @@ if TYPE_CHECKING:
 
     from calib.commands.solutions import Work
     from calib.pipeline.solutions import Solution
+    from calib.report.origin import Origin
+    from calib.report.run_folder import RunFolder
     from calib.verdict.criteria import Criteria
     from calib.verdict.verdict import Check, Verdict
     from designer.answer import Value
+    from designer.page.blocks import Page
     from designer.target import TargetGeometry
 
 BAD = 1
@@ -121,28 +124,35 @@ def judge_and_report(
 
 
 def _judge_and_report(folder: Path, criteria: "Criteria", target: "TargetGeometry | None", *, page: bool) -> JudgedPage:
-    from calib.report.judging import judge_folder
+    from calib.report.judging import judge_what_is_read
     from calib.report.kept_target import keep_target
+    from calib.report.run_folder import read_run
     from calib.report.write import PAGE_FILE
-    from calib.verdict.next_views_file import NEXT_VIEWS_FILE, read_next_views
+    from calib.verdict.next_views_file import NEXT_VIEWS_FILE
     from calib.verdict.verdict_file import VERDICT_FILE
 
     files = [folder / VERDICT_FILE, folder / NEXT_VIEWS_FILE]
     with waiting("judging"):
         if target is not None:
             files += keep_target(folder, target, is_again=(folder / VERDICT_FILE).exists())
-        judged = judge_folder(folder, criteria)
-        proposed = len(read_next_views(folder))
+        run = read_run(folder)
+        judged, views = judge_what_is_read(run, criteria)
     _say(judged.verdict, criteria)
     if not page:
         step = f"calib report {quoted(folder)}   # draws its page"
         earlier = folder / PAGE_FILE
         old = (f"{shown(earlier)}: is of an earlier run; {step}",) if earlier.exists() else ()
-        return JudgedPage(judged.verdict, tuple(files), old, old or (step,), proposed)
+        return JudgedPage(judged.verdict, tuple(files), old, old or (step,), len(views))
     with waiting("drawing the page"):
-        pages, remarks = folder_page(folder, "calibration", tuple)
+        pages, remarks = folder_page(folder, "calibration", tuple, lambda origin: _page_of(run, origin))
     look = tuple(f"open {shown(path)} in a browser" for path in pages if path.suffix == ".html")
-    return JudgedPage(judged.verdict, (*files, *pages), remarks, look, proposed)
+    return JudgedPage(judged.verdict, (*files, *pages), remarks, look, len(views))
+
+
+def _page_of(run: "RunFolder", origin: "Origin") -> "Page":
+    from calib.report.calibration_page import page_of
+
+    return page_of(run, origin)
 
 
 def _say(verdict: "Verdict", criteria: "Criteria") -> None:

@@ -13,7 +13,7 @@ from calib.report.origin import Origin
 from calib.report.photo_rows import common_remarks, photo_rows
 from calib.report.photos import photos_section
 from calib.report.run_files import files_section
-from calib.report.run_folder import Solved, read_run
+from calib.report.run_folder import RunFolder, Solved, read_run
 from calib.report.run_tables import faces_table, faces_words
 from calib.report.verdict_section import headline_of, next_section, verdict_section
 from calib.verdict.next_views import NextView, next_views
@@ -34,8 +34,12 @@ def calibration_page(folder: Path, origin: Origin) -> Page:
     Raises:
         InputError: no camera in it can be read; the message names the file.
     """
-    run = read_run(folder)
-    faults = list(run.faults)
+    return page_of(read_run(folder), origin)
+
+
+def page_of(run: RunFolder, origin: Origin) -> Page:
+    """The page of a folder that is read already, with the verdict that lies in it."""
+    folder, faults = run.folder, list(run.faults)
     judged = _judged(folder, faults)
     best = run.best("" if judged is None else judged.verdict.model)
     if judged is not None and not is_verdict_on(judged, best):

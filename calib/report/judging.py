@@ -5,12 +5,12 @@ from pathlib import Path
 
 from calib.files import write_files
 from calib.pipeline.made import prior_of
-from calib.report.run_folder import Solved, read_run
+from calib.report.run_folder import RunFolder, Solved, read_run
 from calib.verdict.advice import DETECTED, Inputs
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import noise_factor
 from calib.verdict.halves import HalfSplit, Halves, half_split
-from calib.verdict.next_views import next_views
+from calib.verdict.next_views import NextView, next_views
 from calib.verdict.next_views_file import NEXT_VIEWS_FILE, next_views_file
 from calib.verdict.of_run import Judged, judge_run
 from calib.verdict.verdict_file import VERDICT_FILE, read_verdict, verdict_to_json
@@ -28,8 +28,13 @@ def judge_folder(folder: Path, criteria: Criteria) -> Judged:
     Raises:
         InputError: the folder holds no camera that can be read, or takes no files; the message names it.
     """
-    run = read_run(folder)
-    best = run.best()
+    judged, _ = judge_what_is_read(read_run(folder), criteria)
+    return judged
+
+
+def judge_what_is_read(run: RunFolder, criteria: Criteria) -> tuple[Judged, tuple[NextView, ...]]:
+    """The same for a folder that is read already; what `judge_folder` returns, and the photos to take next."""
+    folder, best = run.folder, run.best()
     halves = _stored_halves(folder, best) or half_split(best.calibration, best.provenance.options)
     proposed = next_views(
         best.calibration, goal_px=criteria.uncertainty_px.good, goal_covered=criteria.coverage_percent.good / 100,
@@ -40,7 +45,7 @@ def judge_folder(folder: Path, criteria: Criteria) -> Judged:
     write_files({
         folder / VERDICT_FILE: verdict_to_json(judged), folder / NEXT_VIEWS_FILE: next_views_file(proposed)
     })  # fmt: skip
-    return judged
+    return judged, proposed
 
 
 def _inputs(best: Solved) -> Inputs:

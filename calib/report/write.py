@@ -1,5 +1,6 @@
 """Writing a folder's page: `index.html`, and `report.json` to build it again from."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from calib.files import write_files
@@ -12,19 +13,20 @@ from designer.page.blocks import Page
 PAGE_FILE = "index.html"
 
 
-def write_report(folder: Path, kind: str, command: str) -> Path:
+def write_report(folder: Path, kind: str, command: str, build: Callable[[Origin], Page] | None = None) -> Path:
     """Write `report.json` and `index.html`, both or none; return the page's place.
 
     Args:
         folder: with the results, all written; the page is built from them alone.
         kind: a key of `calib.report.registry.KINDS`.
         command: the command line that made the results; "" if it is not known.
+        build: makes the page of a folder that is read already, the same as if it were read again.
 
     Raises:
         InputError: the folder lacks what its page is built from, or takes no files; the message names it.
     """
     origin = origin_of(kind, command, program())
-    return write_page(folder, origin, build_page(folder, origin))
+    return write_page(folder, origin, build_page(folder, origin) if build is None else build(origin))
 
 
 def build_page(folder: Path, origin: Origin) -> Page:
