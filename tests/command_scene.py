@@ -68,7 +68,6 @@ def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calib.figures.picture", lambda *_, **__: b"ringsolid")
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     monkeypatch.setattr("calib.studies.figures.files_of", named)
-    monkeypatch.setattr("calib.studies.tolerance.files.picture", lambda *_: b"ringsolid")
     monkeypatch.setattr("calib.as_built_report.picture.picture", lambda *_: b"ringsolid")
 
 

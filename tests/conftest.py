@@ -1,5 +1,6 @@
 """Fixtures of more than one module."""
 
+import math
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +10,12 @@ import pytest
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
+
+
+@pytest.fixture(autouse=True)
+def _quiet_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No lines of progress, however slow the machine: tests hold what a command says against what it should."""
+    monkeypatch.setattr("calib.commands.screen.SAID_EVERY_S", math.inf)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -46,9 +46,9 @@ def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calib.studies.figures.files_of", named)
 
 
-def named(place: Path, height_px: int, draw: object) -> dict[Path, bytes]:
+def named(place: Path, height_px: int, draw: object, suffixes: Collection[str] = SUFFIXES) -> dict[Path, bytes]:
     """The files of a picture without the picture."""
-    return {place.with_name(f"{place.name}.{suffix}"): b"ringsolid" for suffix in SUFFIXES}
+    return {place.with_name(f"{place.name}.{suffix}"): b"ringsolid" for suffix in {"png", *suffixes}}
 
 
 def bootstrap(*options: object, out: str = "out", sizes: str = "6", samples: int = 8) -> Answer:

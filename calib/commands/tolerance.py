@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.commands.figure_formats import FiguresOption, figure_formats
 from calib.commands.folder_page import say_next, with_page
 from calib.commands.screen import progress_bar, quoted, waiting
 from calib.commands.study import kept_when_stopped, stopped_in_a_line, table_answer
@@ -85,6 +86,7 @@ def tolerance(
         str | None, typer.Option(help="have the draws computed by the Dask cluster of this scheduler: tcp://host:8786")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="go on with the study in the folder")] = False,
+    figures: FiguresOption = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="folder for tables, figures and draws")],
 ) -> Summary:
     """What if a print is off by this much? What manufacturing errors cost a calibration, and how large they may be.
@@ -95,6 +97,7 @@ def tolerance(
         raise InputError("--full does not fit --linear, which draws nothing; leave one of them out")
     asked = _asked(draws=draws, seed=seed, jobs=jobs, require=require, by=by, predicts=linear, full=full)
     _check_together(asked, against, against_errors, against_distance, vary, dask, resume=resume)
+    formats = figure_formats(figures)
     view = _View(views, camera, model, weighted)
     check_folder(out)
     with waiting("setting up"):
@@ -117,7 +120,7 @@ def tolerance(
         if other is not None and against is not None:
             keeping = replace(keeping, inputs={"target": against})
             report = replace(report, against=_compared(report, scene, other, asked, keeping, vary))
-        return say_next(with_page(_write(report, out, target), out, "tolerance"), out)
+        return say_next(with_page(_write(report, out, target, formats), out, "tolerance"), out)
 
 
 @dataclass(frozen=True)
@@ -367,7 +370,7 @@ def _timed(tell: Callable[[float], None], asked: _Asked) -> Callable[[float], No
     return told
 
 
-def _write(report: "Report", folder: Path, target: Path) -> Summary:
+def _write(report: "Report", folder: Path, target: Path, formats: tuple[str, ...]) -> Summary:
     """Print the tables and what they say, write the files, and say what to look at."""
     from calib.files import write_files
     from calib.studies.table_files import JSON_FILE
@@ -376,7 +379,7 @@ def _write(report: "Report", folder: Path, target: Path) -> Summary:
 
     say_report(report)
     with waiting("drawing figures"):
-        files = report_files(report, folder)
+        files = report_files(report, folder, formats)
         write_files(files)
     step = f"calib measure {quoted(target)} DETECTIONS -o measured/{quoted(Path(target.name))}"
     step += "   # takes the errors of your own print back, from photos of it"

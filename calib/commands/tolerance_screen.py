@@ -51,7 +51,8 @@ def say_files(report: "Report", folder: Path, files: Sequence[Path]) -> None:
     pictures = [path for path in files if path.suffix == ".png"]
     print(f"\nwrote {shown(folder / MARKDOWN_FILE)}, {CSV_FILE}, {JSON_FILE}: the tables")
     if pictures:
-        also = ", as PDF and SVG too" if report.table.draws else ""
+        others = sorted({path.suffix[1:].upper() for path in files if path.suffix in (".pdf", ".svg")})
+        also = f", as {' and '.join(others)} too" if others else ""
         print(f"      {shown(folder / FIGURES_FOLDER)}: {', '.join(path.name for path in pictures)}{also}")
     if report.table.draws:
         print(f"      {shown(folder / STUDY_FILE)}: every draw")

@@ -4,14 +4,13 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.figures.style import picture
 from calib.inputs.csv_table import ANY_NAME
 from calib.studies import figures
 from calib.studies.markdown import markdown_table, plain
@@ -47,29 +46,28 @@ FORMAT, VERSION = "ringsolid.tolerance_table", 1
 Value = str | int | float | None
 
 
-def report_files(report: Report, folder: Path) -> dict[Path, bytes]:
+def report_files(report: Report, folder: Path, formats: Collection[str] = ()) -> dict[Path, bytes]:
     """All files and their contents.
 
     Args:
         report: what was found.
         folder: where they are to lie.
+        formats: of the figures besides PNG: "pdf", "svg".
     """
     return {
         folder / MARKDOWN_FILE: markdown(report).encode("utf-8", ANY_NAME),
         folder / CSV_FILE: to_csv(report),
         folder / JSON_FILE: to_json(report),
-        **figure_files(report, folder / FIGURES_FOLDER),
+        **figure_files(report, folder / FIGURES_FOLDER, formats),
     }
 
 
-def figure_files(report: Report, folder: Path) -> dict[Path, bytes]:
-    """The figures: PNG, PDF and SVG of draws; of a prediction, which is to take no time, PNG, and no straight lines."""
+def figure_files(report: Report, folder: Path, formats: Collection[str]) -> dict[Path, bytes]:
+    """The figures as PNG, as what is asked for, and as what an earlier study left there: a page would show its old."""
     files: dict[Path, bytes] = {}
     for name, height, draw in _pages(report):
-        if report.table.kind == "linear":
-            files[folder / f"{name}.png"] = picture(height, draw)
-        else:
-            files |= figures.files_of(folder / name, height, draw)
+        left = {suffix for suffix in figures.METADATA if (folder / f"{name}.{suffix}").exists()}
+        files |= figures.files_of(folder / name, height, draw, left | set(formats))
     return files
 
 
