@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
@@ -116,12 +117,12 @@ def test_a_study_is_kept_and_gone_on_with(folder: Path) -> None:
     assert predicted.code == 2
     assert "the folder holds a study with draws" in predicted.err
     assert Path("out/table.csv").read_bytes() == first
-    Path("out/figures/ranking.svg").write_text("old, of ringsolid")
+    os.utime("out/figures/ranking.svg", (0, 0))
     said = done("ico.target.json", *DRAWN, *few, "--resume", "--require", "reprojection=0.1px", "-o", "out", code=1)
     assert "draws in" not in said
     assert Path("out/table.csv").read_bytes() == first
     assert "sweep_reprojection" in said
-    assert Path("out/figures/ranking.svg").read_text() == "ringsolid"
+    assert Path("out/figures/ranking.svg").stat().st_mtime > 0
 
 
 def test_a_target_that_does_not_fit_is_told(folder: Path) -> None:
