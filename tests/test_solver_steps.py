@@ -13,7 +13,7 @@ from calib.solver.covariance import accuracy_of
 from calib.solver.levenberg import move_poses
 from calib.solver.options import Loss, SolveOptions
 from calib.solver.problem import few_per_view, pack, select
-from calib.solver.schur import damped_step
+from calib.solver.schur import damped_step, reduced_blocks
 from calib.solver.start import coarse_camera
 from calib.solver.tie import tie_parameters
 from calib.types import Camera, KnownPoints, Observations
@@ -172,6 +172,19 @@ def test_covariances_are_the_inverse_of_the_dense_equations(case: str) -> None:
         expected = expected_scale**2 * inverse[rows, rows]
         size = np.sqrt(np.diag(expected))
         assert (np.abs(accuracy.pose_covariance[view] - expected) < 1e-6 * size[:, None] * size).all()
+
+
+def test_reduced_blocks_are_schur_complements() -> None:
+    """A view's block without its pose is `[A a; a' s] - [B g]' C^-1 [B g]`."""
+    seen, poses = scene("opencv")
+    products = view_blocks(pack(seen, weighted=True), CAMERAS["opencv"], poses, RobustLoss()).products
+    pose = np.arange(products.shape[1])[-7:-1]
+    rest = np.setdiff1d(np.arange(products.shape[1]), pose)
+    for block, reduced in zip(products, reduced_blocks(products), strict=True):
+        mixed = block[np.ix_(pose, rest)]
+        dense = block[np.ix_(rest, rest)] - mixed.T @ np.linalg.solve(block[np.ix_(pose, pose)], mixed)
+        size = np.sqrt(np.diagonal(block)[rest])
+        assert np.abs((reduced - dense) / size / size[:, None]).max() < 1e-10
 
 
 def test_blocks_do_not_depend_on_how_views_are_grouped() -> None:

@@ -27,35 +27,57 @@ class Step:
 
 @jit
 def _eliminate(
-    products: Array, tie: NDArray[np.int64], damping: float, normal: Array, gradient: Array, inverse_times: Array
+    products: Array, tie: NDArray[np.int64], damping: float, normal: Array, gradient: Array, lower: Array, part: Array
 ) -> bool:
-    """Add each view's reduced block to `normal` and `gradient`; keep `C^-1 [B' g]` (V, 6, Q + 1)."""
+    """Add each view's reduced block to `normal` and `gradient`.
+
+    With C = L L' and W = L^-1 [B' g], what a view takes from them is W' W: no more than half a solution. Keeps L
+    (V, 6, 6) and W (V, 6, Q + 1).
+    """
     parameters, free = products.shape[1] - 7, normal.shape[0]
-    c = np.empty((6, 6))
     for view in range(len(products)):
-        h = products[view]
+        h, c, w = products[view], lower[view], part[view]
         _add_camera(h, tie, damping, normal, gradient)
-        solved = inverse_times[view]
-        solved[:] = 0.0
+        w[:] = 0.0
         for i in range(6):
             for j in range(6):
                 c[i, j] = h[parameters + i, parameters + j]
             c[i, i] *= 1 + damping
             for p in range(parameters):
                 if tie[p] >= 0:
-                    solved[i, tie[p]] += h[parameters + i, p]
-            solved[i, free] = h[parameters + i, parameters + 6]
+                    w[i, tie[p]] += h[parameters + i, p]
+            w[i, free] = h[parameters + i, parameters + 6]
         if not cholesky_factor(c):
             return False
-        before = solved.copy()
-        for column in range(free + 1):
-            substitute(c, solved[:, column])
+        _substitute_forward(c, w)
         for i in range(6):
             for p in range(free):
-                gradient[p] -= before[i, p] * solved[i, free]
+                gradient[p] -= w[i, p] * w[i, free]
                 for q in range(free):
-                    normal[p, q] -= before[i, p] * solved[i, q]
+                    normal[p, q] -= w[i, p] * w[i, q]
     return True
+
+
+@jit
+def _substitute_forward(lower: Array, x: Array) -> None:
+    """Solve L y = x of columns (6, K) in place."""
+    for i in range(6):
+        for k in range(i):
+            for p in range(x.shape[1]):
+                x[i, p] -= lower[i, k] * x[k, p]
+        for p in range(x.shape[1]):
+            x[i, p] /= lower[i, i]
+
+
+@jit
+def _substitute_back(lower: Array, x: Array) -> None:
+    """Solve L' y = x of columns (6, K) in place."""
+    for i in range(5, -1, -1):
+        for k in range(i + 1, 6):
+            for p in range(x.shape[1]):
+                x[i, p] -= lower[k, i] * x[k, p]
+        for p in range(x.shape[1]):
+            x[i, p] /= lower[i, i]
 
 
 @jit
@@ -119,16 +141,19 @@ def _damped_step(
 ) -> tuple[bool, float]:
     free = len(step)
     normal, gradient = np.zeros((free, free)), np.zeros(free)
-    inverse_times = np.empty((len(products), 6, free + 1))
-    if not _eliminate(products, tie, damping, normal, gradient, inverse_times):
+    lower, part = np.empty((len(products), 6, 6)), np.empty((len(products), 6, free + 1))
+    if not _eliminate(products, tie, damping, normal, gradient, lower, part):
         return False, 0.0
     if not _solve_scaled(normal, gradient, step):
         return False, 0.0
+    x = np.empty((6, 1))
     for view in range(len(products)):
         for k in range(6):
-            pose[view, k] = -inverse_times[view, k, free]
+            x[k, 0] = -part[view, k, free]
             for q in range(free):
-                pose[view, k] -= inverse_times[view, k, q] * step[q]
+                x[k, 0] -= part[view, k, q] * step[q]
+        _substitute_back(lower[view], x)
+        pose[view] = x[:, 0]
     return True, _predicted(products, tie, step, pose)
 
 
@@ -153,11 +178,20 @@ def reduced_normal(products: Array, tie: NDArray[np.int64]) -> tuple[Array, Arra
         np.linalg.LinAlgError: a view's pose is not determined.
     """
     free = int(tie.max(initial=-1)) + 1
-    normal, gradient = np.zeros((free, free)), np.zeros(free)
-    inverse_times = np.empty((len(products), 6, free + 1))
-    if not _eliminate(products, tie, 0.0, normal, gradient, inverse_times):
+    normal, inverse_times = np.zeros((free, free)), np.empty((len(products), 6, free + 1))
+    if not _reduced_normal(products, tie, normal, inverse_times):
         raise np.linalg.LinAlgError("a view's pose is not determined")
     return normal, inverse_times[:, :, :free]
+
+
+@jit
+def _reduced_normal(products: Array, tie: NDArray[np.int64], normal: Array, inverse_times: Array) -> bool:
+    lower = np.empty((len(products), 6, 6))
+    if not _eliminate(products, tie, 0.0, normal, np.zeros(len(normal)), lower, inverse_times):
+        return False
+    for view in range(len(products)):
+        _substitute_back(lower[view], inverse_times[view])
+    return True
 
 
 def reduced_blocks(products: Array) -> Array:
@@ -168,32 +202,24 @@ def reduced_blocks(products: Array) -> Array:
     """
     size = products.shape[1] - 6
     reduced = np.empty((len(products), size, size))
-    if not _reduce(products, reduced):
+    if not _reduce(products, np.arange(size - 1), reduced):
         raise np.linalg.LinAlgError("a view's pose is not determined")
     return reduced
 
 
 @jit
-def _reduce(products: Array, reduced: Array) -> bool:
-    """With C = L L' of the pose's block and W = L^-1 [B' g], what is left is [A a; a' s] - W' W."""
-    parameters = products.shape[1] - 7
-    lower, part = np.empty((6, 6)), np.empty((6, parameters + 1))
+def _reduce(products: Array, every: NDArray[np.int64], reduced: Array) -> bool:
+    """[A a; a' s] - W' W of each view, see `_eliminate`."""
+    count = len(every)
+    lower, part = np.empty((len(products), 6, 6)), np.empty((len(products), 6, count + 1))
+    if not _eliminate(products, every, 0.0, np.zeros((count, count)), np.zeros(count), lower, part):
+        return False
     for view in range(len(products)):
-        h = products[view]
-        lower[:] = h[parameters : parameters + 6, parameters : parameters + 6]
-        if not cholesky_factor(lower):
-            return False
-        for p in range(parameters + 1):
-            column = p if p < parameters else p + 6
-            for i in range(6):
-                value = h[parameters + i, column]
-                for k in range(i):
-                    value -= lower[i, k] * part[k, p]
-                part[i, p] = value / lower[i, i]
-        for p in range(parameters + 1):
-            for q in range(parameters + 1):
-                value = h[p if p < parameters else p + 6, q if q < parameters else q + 6]
+        h, w = products[view], part[view]
+        for p in range(count + 1):
+            for q in range(count + 1):
+                value = h[p if p < count else count + 6, q if q < count else count + 6]
                 for i in range(6):
-                    value -= part[i, p] * part[i, q]
+                    value -= w[i, p] * w[i, q]
                 reduced[view, p, q] = value
     return True

@@ -41,7 +41,8 @@ CAMERA = Camera("opencv", np.array([2500.0, 2510, 1230, 1010, -0.12, 0.05, 4e-4,
 SIDE, PITCH_MM, NOISE_PX = 21, 10.0, 0.05
 TILT_DEG, DISTANCE_MM = 50.0, 380.0
 VIEWS = (20, 50, 120, 200)
-GOAL = 8.0
+GOALS = {20: 10.0, 50: 10.0, 120: 15.0, 200: 15.0}
+"""Times as fast as OpenCV."""
 MEMORY_VIEWS, MEMORY_RINGS, MEMORY_GOAL_MB = 200, (50, 30), 200.0
 MRCAL_SCRIPT = Path(__file__).with_name("mrcal_solve.py")
 
@@ -166,7 +167,7 @@ def times(views: int, rounds: int, python: str) -> None:
             focal = np.abs(one.params[:4] / first.params[:4] - 1).max()
             off = np.abs((one.params - first.params) / sigma).max()
             text = f"x {ratio:.1f}; {text}, params {focal:.1e} (focal, centre), {off:.1e} sigma (all)"
-        goal = f">= x {GOAL:g}" if name == "cv2.calibrateCamera" else ""
+        goal = f">= x {GOALS[views]:g}" if name == "cv2.calibrateCamera" else ""
         row(name, goal, f"{1e3 * one.seconds:.1f} ms", text)
 
 
