@@ -5,7 +5,7 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, get_args, get_type_hints
+from typing import Annotated, get_args
 
 import typer
 
@@ -53,7 +53,7 @@ def _flag(name: str) -> str:
 def _option(name: str, model: type[PrintingFile]) -> inspect.Parameter:
     """The command-line option of a spec's field."""
     help_text = model.model_fields[name].description
-    is_switch = get_args(get_type_hints(model)[name])[:1] == (bool,)
+    is_switch = get_args(model.model_fields[name].annotation)[:1] == (bool,)
     flags = [f"{_flag(name)}/--no-{name.replace('_', '-')}"] if is_switch else [_flag(name)]
     if "colour" in name:
         flags.append(_flag(name.replace("colour", "color")))

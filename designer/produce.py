@@ -1,6 +1,7 @@
 """From a job to its files, in memory: one exporter per format."""
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -81,6 +82,9 @@ class Design:
         return lay_out_sheets(self.target, self.artwork, self.job.printing, self.job.page, self.job.name)
 
 
+THREADS = 2
+"""Formats that are made at a time."""
+
 Exporter = Callable[[Design], Iterator[OutputFile]]
 
 
@@ -101,13 +105,21 @@ def make_files(design: Design, on_stage: Callable[[str], None]) -> tuple[OutputF
             f"{name}.toml", spec_to_toml(design.job).encode(), "the full spec; `design make` repeats this run from it"
         ),
     ]
-    for kind in design.job.formats:
-        on_stage(kind)
-        files += EXPORTERS[kind](design)
+    # Compressing and drawing let other threads run.
+    with ThreadPoolExecutor(THREADS) as pool:
+        made = {kind: pool.submit(_made, kind, design) for kind in design.job.formats}
+        for kind, of_kind in made.items():
+            on_stage(kind)
+            files += of_kind.result()
     if design.job.printing.stand:
         on_stage("stand")
         files += _stand(design)
     return tuple(files)
+
+
+def _made(kind: Format, design: Design) -> tuple[OutputFile, ...]:
+    """The files of a format."""
+    return tuple(EXPORTERS[kind](design))
 
 
 # Exporters import what they need when they run: build123d takes 4 s to load.
