@@ -303,13 +303,23 @@ def test_the_command_line_is_quick_to_help_and_strict_with_options(tmp_path: Pat
 
 
 def test_a_photo_is_searched_without_what_other_commands_use() -> None:
-    """The modules that find and measure rings load no statistics, drawings or studies, which take longer."""
+    """The modules that find and measure rings, and their page, load no statistics, drawings or studies, which take longer."""
     script = (
         "import sys, calib.cli, calib.detect.batch, calib.detect.pipeline, calib.report.why_nothing\n"
+        "import calib.report.detected_page\n"
         "print(*sys.modules)"
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=REPOSITORY)
-    heavy = {"scipy.signal", "scipy.stats", "PIL", "matplotlib", "sklearn", "joblib", "calib.studies", "calib.solver"}
+    heavy = {
+        "scipy.signal",
+        "scipy.stats",
+        "PIL",
+        "matplotlib",
+        "sklearn",
+        "joblib",
+        "calib.studies",
+        "calib.solver.solve",
+    }
     assert not heavy & set(run.stdout.split())
 
 

@@ -15,6 +15,7 @@ from calib.report.photos import photos_section
 from calib.report.run_files import files_section
 from calib.report.run_folder import RunFolder, Solved, read_run
 from calib.report.run_tables import faces_table, faces_words
+from calib.report.titles import title_of
 from calib.report.verdict_section import headline_of, next_section, verdict_section
 from calib.verdict.next_views import NextView, next_views
 from calib.verdict.next_views_file import NEXT_VIEWS_FILE, read_next_views
@@ -23,9 +24,6 @@ from calib.verdict.verdict_file import VERDICT_FILE, read_verdict
 from designer.command import printable
 from designer.errors import InputError
 from designer.page.blocks import Page, Section
-
-DEFAULT_NAME = "calibration"
-"""How `calib run` calls its folder: it says nothing, so the folder around it is named too."""
 
 
 def calibration_page(folder: Path, origin: Origin) -> Page:
@@ -72,13 +70,6 @@ def page_of(run: RunFolder, origin: Origin) -> Page:
         title=title_of(folder), kind="Calibration", headline=headline_of(verdict, best), sections=tuple(sections),
         lead=lead, made_by=origin.command, program=origin.program,
     )  # fmt: skip
-
-
-def title_of(folder: Path) -> str:
-    """The folder's name."""
-    place = folder.resolve()
-    name = f"{place.parent.name}/{place.name}" if place.name == DEFAULT_NAME else place.name
-    return printable(name) or DEFAULT_NAME
 
 
 def _judged(folder: Path, faults: list[str]) -> Judged | None:

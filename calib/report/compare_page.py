@@ -13,17 +13,9 @@ from calib.report.compare_words import (
     split_sentences,
 )
 from calib.report.comparison_file import ComparisonFile, read_comparison
+from calib.report.folder_blocks import files_section, notes, question_section, warnings
 from calib.report.origin import Origin
-from calib.report.study_folder import (
-    NO_TABLE,
-    FigureText,
-    figures,
-    files_section,
-    notes,
-    question_section,
-    read_identity,
-    warnings,
-)
+from calib.report.study_folder import NO_TABLE, FigureText, figures, read_identity
 from calib.studies.compare.outputs import FIGURES
 from calib.studies.outputs import STUDY_FILE
 from designer.page.blocks import Block, Command, Finding, Findings, Page, Section, Steps

@@ -17,11 +17,11 @@ from calib.report.detected_words import (
     next_section,
     readable,
 )
+from calib.report.folder_blocks import files_section, warnings
 from calib.report.gallery import Shot, gallery, is_there, title_of_pictures
 from calib.report.origin import Origin
 from calib.report.photo_rows import common_remarks
 from calib.report.photos import shortened
-from calib.report.study_folder import files_section, warnings
 from calib.results.evaluation_table import figure as digits
 from calib.types import NOT_MEASURABLE, UNMEASURABLE_WORDS
 from designer.command import printable

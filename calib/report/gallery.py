@@ -5,9 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from calib.report.calibration_page import title_of
+from calib.report.folder_blocks import size_bytes
 from calib.report.photos import BUDGET_BYTES, LEAST_BYTES, MOST_BYTES, OVERLAYS, THREADS, small_picture
-from calib.report.study_folder import size_bytes
+from calib.report.titles import title_of
 from designer.command import printable
 from designer.page.blocks import Finding, Findings, Gallery, Leaf, Level, Picture, Raster
 from designer.page.links import is_linkable

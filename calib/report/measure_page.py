@@ -6,6 +6,7 @@ from pathlib import Path
 from calib.as_built_report.files import TARGET_SUFFIX
 from calib.as_built_report.words import is_plastic
 from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord, read_as_built, settings_of
+from calib.report.folder_blocks import notes, question_section, read_small_bytes, size_bytes, warnings
 from calib.report.measure_scene import measure_view
 from calib.report.measure_tables import cameras_table, faces_table, lengths_table, rings_table, whole_table
 from calib.report.measure_words import (
@@ -18,7 +19,6 @@ from calib.report.measure_words import (
     next_print,
 )
 from calib.report.origin import Origin
-from calib.report.study_folder import notes, question_section, read_small_bytes, size_bytes, warnings
 from designer.command import printable
 from designer.errors import InputError
 from designer.page.blocks import (

@@ -3,15 +3,18 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.inputs.records import ImageRecord, Records, measurable
 from calib.metrics.evaluation import by_view
-from calib.report.run_folder import RunFolder, Solved
 from calib.verdict.view_facts import view_facts
 from designer.page.blocks import Level
+
+if TYPE_CHECKING:
+    from calib.report.run_folder import RunFolder, Solved
 
 Array = NDArray[np.float64]
 
@@ -39,7 +42,7 @@ class PhotoRow:
     level: Level | None  # None: like the others
 
 
-def photo_rows(run: RunFolder, one: Solved) -> tuple[PhotoRow, ...]:
+def photo_rows(run: "RunFolder", one: "Solved") -> tuple[PhotoRow, ...]:
     """A row for each photo that was used or searched: those that were used first, in their order.
 
     What is remarked of all photos is left away; see `common_remarks`.
@@ -63,7 +66,7 @@ def common_remarks(records: Records | None) -> tuple[str, ...]:
     return tuple(remark for remark in dict.fromkeys(searched[0].remarks) if all(remark in r.remarks for r in searched))
 
 
-def _used_rows(one: Solved, records: Mapping[str, ImageRecord]) -> list[PhotoRow]:
+def _used_rows(one: "Solved", records: Mapping[str, ImageRecord]) -> list[PhotoRow]:
     calibration = one.calibration
     seen = calibration.observations
     reprojection = one.evaluation.of("reprojection")

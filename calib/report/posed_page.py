@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.report.cells import number, whole
+from calib.report.folder_blocks import files_section, warnings
 from calib.report.gallery import Shot, gallery, is_there, title_of_pictures
 from calib.report.kept_target import TARGET_FILE, kept_target, target_words
 from calib.report.origin import Origin
@@ -13,7 +14,6 @@ from calib.report.photo_rows import STANDS_OUT
 from calib.report.photos import shortened
 from calib.report.place_scene import distance_words, place_view, place_words
 from calib.report.posed_file import POSED_FILE, PosedFile, PosedPhoto, read_posed
-from calib.report.study_folder import files_section, warnings
 from calib.results.evaluation_table import figure as digits
 from calib.results.evaluation_table import with_digits
 from calib.types import Camera

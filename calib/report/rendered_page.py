@@ -9,15 +9,15 @@ import numpy as np
 from calib.detect.candidates import MIN_RADIUS_PX
 from calib.render.rings import ring_truth
 from calib.render.scene import Scene, scene_from_target
-from calib.report.calibration_page import title_of
 from calib.report.camera_section import field_of_view_words
 from calib.report.cells import number, whole
+from calib.report.folder_blocks import files_section, warnings
 from calib.report.gallery import Shot, gallery, spread
 from calib.report.kept_target import TARGET_FILE, kept_target, target_words
 from calib.report.origin import Origin
 from calib.report.place_scene import distance_words, place_view, place_words, tilts_deg
 from calib.report.rendered_file import RenderedSet, effects, missing_finding, option_words, read_rendered
-from calib.report.study_folder import files_section, warnings
+from calib.report.titles import title_of
 from calib.results.evaluation_table import figure as digits
 from calib.types import LEAST_RADIUS_PX
 from designer.command import printable

@@ -1,29 +1,23 @@
-"""What the pages of study folders have in common: figures, files, and what the study file says of itself."""
+"""What the pages of study folders have in common: figures, and what the study file says of itself."""
 
-import stat
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from calib.report.folder_blocks import read_small_bytes, size_bytes
 from calib.studies.identity import StudyIdentity
 from calib.studies.outputs import FIGURES_FOLDER, STUDY_FILE
 from designer.command import printable
 from designer.errors import InputError
 from designer.page.blocks import (
     Block,
-    Command,
     Drawing,
-    Facts,
     Figure,
-    FileList,
-    FileRow,
     Finding,
     Findings,
     Link,
     Raster,
-    Section,
 )
-from designer.words import capital
 
 MAX_DRAWING_BYTES = 500_000
 """Of a drawing within a page: a larger one is shown as pixels."""
@@ -32,7 +26,6 @@ MOST_FIGURES = 12
 """Of a kind: more are links only, to keep the page small."""
 SUFFIXES = ("png", "pdf", "svg")
 LONGEST_SETTING = 200
-LONGEST_SUBJECT = 60
 NO_TABLE = "table.json is missing: run the study again with --resume, and its tables stand here."
 
 
@@ -44,28 +37,6 @@ class FigureText:
     title: str
     alt: str  # the finding
     caption: str = ""
-
-
-def read_small_bytes(path: Path, most: int) -> bytes | None:
-    """The content of a regular file of at most so many bytes; None if it is none."""
-    try:
-        # Asked before it is opened: a pipe would wait, a device would never end.
-        if not stat.S_ISREG(path.stat().st_mode):
-            return None
-        with path.open("rb") as stream:
-            content = stream.read(most + 1)
-    except (OSError, ValueError):
-        return None
-    return content if len(content) <= most else None
-
-
-def size_bytes(path: Path) -> int | None:
-    """Of a regular file; None if it is none."""
-    try:
-        found = path.stat()
-    except (OSError, ValueError):
-        return None
-    return found.st_size if stat.S_ISREG(found.st_mode) else None
 
 
 def figure(folder: Path, text: FigureText) -> Figure | None:
@@ -141,43 +112,3 @@ def identity_facts(identity: StudyIdentity | None, names: Mapping[str, str]) -> 
         if value := printable(settings.get(name, "")):
             yield title, value if len(value) <= LONGEST_SETTING else f"{value[: LONGEST_SETTING - 3]}..."
     yield "seed", str(identity.seed)
-
-
-def question_section(question: str, setting: Sequence[tuple[str, str]], *more: Block) -> Section:
-    """What a study asks, and of what."""
-    facts: tuple[Block, ...] = (Facts(tuple(setting)),) if setting else ()
-    return Section("Question", (*facts, *more), lead=question)
-
-
-def warnings(title: str, lines: Sequence[str]) -> tuple[Block, ...]:
-    """Lines that call for care, each under the same title; nothing if there are none."""
-    return (Findings(tuple(Finding("usable", title, line) for line in lines)),) if lines else ()
-
-
-def notes(lines: Sequence[str]) -> tuple[Block, ...]:
-    """Lines that a study says of itself: `subject: what`, those of one subject together; nothing if there are none."""
-    by_subject: dict[str, list[str]] = {}
-    for line in lines:
-        subject, colon, text = line.partition(": ")
-        has_subject = bool(colon) and len(subject) <= LONGEST_SUBJECT
-        by_subject.setdefault(subject if has_subject else "", []).append(_sentence(text if has_subject else line))
-    rows = [
-        Finding("note", subject if "_" in subject else capital(subject), " ".join(texts))
-        for subject, texts in by_subject.items()
-        if subject
-    ]
-    rows += [Finding("note", "", text) for text in by_subject.get("", [])]
-    return (Findings(tuple(rows)),) if rows else ()
-
-
-def _sentence(text: str) -> str:
-    start = text if text.startswith("sqrt(") else capital(text)
-    return start + ("" if text.endswith(".") else ".")
-
-
-def files_section(folder: Path, purposes: Sequence[tuple[str, str]], again: Command) -> Section:
-    """The files of the folder that are there, and the command that makes tables or figures again."""
-    known = [(name, why, size_bytes(folder / name)) for name, why in purposes]
-    rows = tuple(FileRow(name, why, size) for name, why, size in known if size is not None)
-    blocks: tuple[Block, ...] = (FileList(rows),) if rows else ()
-    return Section("Files", (*blocks, again))

@@ -3,19 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from calib.report.folder_blocks import files_section, notes, question_section, warnings
 from calib.report.origin import Origin
 from calib.report.parameter_spread import Spread, spreads
-from calib.report.study_folder import (
-    NO_TABLE,
-    FigureText,
-    figures,
-    files_section,
-    identity_facts,
-    notes,
-    question_section,
-    read_identity,
-    warnings,
-)
+from calib.report.study_folder import NO_TABLE, FigureText, figures, identity_facts, read_identity
 from calib.report.study_table_file import StudyFinding, StudyTable, read_study_table
 from calib.report.study_tables import (
     LEVEL_OF_VERDICT,

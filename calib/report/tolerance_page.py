@@ -3,18 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from calib.report.folder_blocks import files_section, notes, question_section, warnings
 from calib.report.origin import Origin
-from calib.report.study_folder import (
-    NO_TABLE,
-    FigureText,
-    figures,
-    files_section,
-    identity_facts,
-    notes,
-    question_section,
-    read_identity,
-    warnings,
-)
+from calib.report.study_folder import NO_TABLE, FigureText, figures, identity_facts, read_identity
 from calib.report.tolerance_table_file import BudgetRow, Crossovers, ToleranceFile, read_tolerance_table
 from calib.report.tolerance_tables import (
     amounts_table,

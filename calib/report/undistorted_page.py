@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from calib.camera_file import load_camera
 from calib.cameras import project, rays
 from calib.report.accuracy_figures import image_panel
-from calib.report.calibration_page import title_of
 from calib.report.camera_section import field_of_view_words
+from calib.report.folder_blocks import files_section, warnings
 from calib.report.gallery import Shot, gallery, is_there, spread
 from calib.report.origin import Origin
-from calib.report.study_folder import files_section, warnings
+from calib.report.titles import title_of
 from calib.report.undistorted_file import UNDISTORTED_FILE, UndistortedFile, read_undistorted
 from calib.results.evaluation_table import figure as digits
 from calib.types import Camera
