@@ -303,7 +303,7 @@ def test_the_command_line_is_quick_to_help_and_strict_with_options(tmp_path: Pat
 
 
 def test_a_photo_is_searched_without_what_other_commands_use() -> None:
-    """The modules that find and measure rings, and their page, load no statistics, drawings or studies, which take longer."""
+    """Search and page load neither statistics nor drawings, studies nor the solver, which take longer."""
     script = (
         "import sys, calib.cli, calib.detect.batch, calib.detect.pipeline, calib.report.why_nothing\n"
         "import calib.report.detected_page\n"
