@@ -10,9 +10,22 @@ from numpy.typing import NDArray
 
 from calib.detect.measure import ODD_EDGES
 from calib.detect.pipeline import detect
+from calib.detect.plane_distance import parameters_of
+from calib.detect.ring_equations import FACTOR
 from calib.detect.ring_fit import RingFits, fit_rings
-from calib.detect.ring_model import M0, PARAMETERS
-from calib.detect.ring_scores import LEAST_OF_A_FACE, REACH_PX, STRETCHES, Ratios, Scores, together, variance_ratios
+from calib.detect.ring_model import M0, PARAMETERS, RATIO
+from calib.detect.ring_scores import (
+    LEAST_OF_A_FACE,
+    PLACE,
+    REACH_PX,
+    SCORES_ROOM,
+    STRETCHES,
+    Ratios,
+    Scores,
+    prepare,
+    together,
+    variance_ratios,
+)
 from calib.render import View
 from tests.ring_images import INK_LEVEL, LIMIT, WHITE_LEVEL, Mosaic, disturbed, mosaic, random_rings
 from tests.ring_views import board, misplaced, view_of
@@ -130,6 +143,21 @@ def test_too_few_rings_are_taken_for_usual(rings: Mosaic) -> None:
     assert (usual.ring == 1.25).all()
     nothing = np.zeros(0)
     assert variance_ratios(Scores.empty(0), np.zeros((0, PARAMETERS)), nothing, nothing.astype(int)).photo == 1.0
+
+
+@pytest.mark.parametrize("slant", [-8e-17, -1e-17, 0.0, 1e-17, 8e-17])
+def test_every_pixel_has_a_stretch(slant: float) -> None:
+    """Also those in the very direction where a turn ends: their numbers are whole and within both edges' stretches."""
+    p = np.zeros(PARAMETERS)
+    p[:2], p[2:5], p[RATIO] = 30.0, (0.1, slant, 0.1), 0.45
+    pixels = np.array([[34.5, 40.0, 25.5, 30.0], [30.0, 30.0, 30.0, 34.5], [0.0] * 4])
+    rows = np.zeros(SCORES_ROOM)
+    rows[FACTOR : FACTOR + 4] = (0.45, 1.0, 0.45, 0.45)
+    prepare(parameters_of(p), np.eye(PARAMETERS), pixels, 0, 4, rows)
+    place = rows[PLACE : PLACE + 4]
+    assert np.array_equal(place, np.floor(place))
+    assert np.array_equal(place < STRETCHES, [False, True, False, False])
+    assert ((place >= 0) & (place < 2 * STRETCHES)).all()
 
 
 def test_scores_go_together_within_reach_only() -> None:

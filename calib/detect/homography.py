@@ -251,8 +251,10 @@ def _fit_near(
         new = size <= FAR * np.median(size[keep]) + slack
         if new.sum() < least or (new == keep).all() or not determines(plane[new]):
             break
-        keep = new
-        matrix, covariance, _ = _fit(plane[keep], image[keep], weight[keep], 4)
+        better, its_covariance, _ = _fit(plane[new], image[new], weight[new], 4)
+        if not np.isfinite(better).all():
+            break
+        keep, matrix, covariance = new, better, its_covariance
         for n in range(len(plane)):
             inverse = 1.0 / (matrix[2, 0] * plane[n, 0] + matrix[2, 1] * plane[n, 1] + matrix[2, 2])
             for c in range(2):

@@ -146,7 +146,8 @@ def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, in
     r2 = np.linspace(0, 1, 21)
     folds = (1 + 3 * k1 * r2 + 5 * k2 * r2**2).min() <= 0.1
     explained = (straight_cost - cost) / 2 / max(cost / freedom, 1e-12 / half_diagonal**2)
-    return NoLens() if folds or explained < SIGNIFICANCE else RadialLens(k1, k2, middle, half_diagonal)
+    is_sure = np.isfinite(k1 + k2) and not folds and explained >= SIGNIFICANCE
+    return RadialLens(k1, k2, middle, half_diagonal) if is_sure else NoLens()
 
 
 def misfit_px(lens: Lens, groups: list[tuple[Floats, Floats]]) -> float:

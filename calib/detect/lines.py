@@ -63,12 +63,12 @@ def fit_lines(plan: TargetPlan, ring: Integers, seen: Seen, lens: Lens, placemen
     for f in np.unique(face):
         mine = np.flatnonzero(face == f)
         rows = mine[seen.use[mine] & np.isfinite(straight[mine]).all(axis=1)]
+        matrix, covariance, base = placement.by_solid[f], np.zeros((8, 8)), plane[mine]
         if len(rows) >= MIN_FOR_LINE and _spans_plane(plan.target.ring_index[ring[rows]], plan):
-            matrix, covariance, kept = _weighted_homography(plane[rows], straight[rows], seen.sigma_px[rows])
-            base = plane[rows][kept]
-        elif np.isfinite(placement.by_solid[f, 0, 0]):
-            matrix, covariance, base = placement.by_solid[f], np.zeros((8, 8)), plane[mine]
-        else:
+            own, spread, kept = _weighted_homography(plane[rows], straight[rows], seen.sigma_px[rows])
+            if np.isfinite(own).all():
+                matrix, covariance, base = own, spread, plane[rows][kept]
+        if not np.isfinite(matrix).all():
             continue
         m = homography.vanishing_terms(matrix, straight[mine])
         spread = homography.vanishing_covariance(matrix, base, covariance, straight[mine])

@@ -99,7 +99,8 @@ def place_faces(
         mine = face == f
         is_enough = mine.sum() >= OWN_HOMOGRAPHY or len(faces) == 1
         if is_enough and homography.is_determined(plane[mine]):
-            mapped[f] = _robust_homography(plane[mine], straight[mine])
+            own = _robust_homography(plane[mine], straight[mine])
+            mapped[f] = own if np.isfinite(own).all() else mapped[f]
     return Placement(lens, mapped, by_solid, mirrored)
 
 

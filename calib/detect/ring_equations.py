@@ -80,7 +80,7 @@ def edges(t: float, other: float) -> tuple[float, float, float, float]:
     """1 - Phi(t) and the normal density, of two numbers, to 1e-9 and 1e-8, without a branch or a call."""
     a = -t if t < 0.0 else t
     b = -other if other < 0.0 else other
-    # Far out exactly nothing: near a ring's centre distances in blurs have no limit.
+    # Far out exactly no slope: near a ring's centre distances in blurs have no limit.
     a_far, b_far = a > FAR, b > FAR
     a, b = FAR if a_far else a, FAR if b_far else b
     density_a, density_b = _density(a), _density(b)

@@ -85,16 +85,17 @@ def _turn(x: float, y: float) -> float:
 
 
 @jit_sums
-def _prepare(p: Numbers, inverse: Floats, pixels: Floats, first: int, filled: int, rows: Floats) -> float:
-    """Influences h and the place in `leverage` of a chunk's pixels, into `rows`; returns the sum of h'h."""
+def prepare(p: Numbers, inverse: Floats, pixels: Floats, first: int, filled: int, rows: Floats) -> float:
+    """Influences h and numbers of the stretches of a chunk's pixels, into `rows`; returns the sum of h'h."""
     for k in range(filled):
         rows[PLACE + k] = pixels[0, first + k]
         rows[INFLUENCE + k] = pixels[1, first + k]
     middle = 0.5 * (1.0 + p[RATIO])
     for k in range(filled):
         du, dv = rows[PLACE + k] - p[CENTER_U], rows[INFLUENCE + k] - p[CENTER_V]
-        place = _turn(p[E00] * du, p[E10] * du + p[E11] * dv) * STRETCHES
-        place = 0.0 if place >= STRETCHES else place
+        place = float(np.floor(_turn(p[E00] * du, p[E10] * du + p[E11] * dv) * STRETCHES))
+        # Rounding can make a whole turn.
+        place = STRETCHES - 1.0 if place >= STRETCHES else place
         rows[PLACE + k] = place if rows[FACTOR + k] > middle else place + STRETCHES
     for c in range(2):
         here = INFLUENCE + c * CHUNK
@@ -156,7 +157,7 @@ def score_ring(
     for first in range(0, count, CHUNK):
         filled = min(CHUNK, count - first)
         fill_rows(pixels, first, filled, parameters, bend, origin, rows)
-        even += _prepare(parameters, inverse, pixels, first, filled, rows)
+        even += prepare(parameters, inverse, pixels, first, filled, rows)
         _add_scores(filled, rows, by_place, leverage)
     score /= math.sqrt(even * max(noise2, 1e-12))
     radius_px = 1.0 / math.sqrt(p[E00] * p[E11])
