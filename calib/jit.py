@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator
-from types import CodeType, FunctionType
+from types import CodeType, FunctionType, ModuleType
 from typing import TypeVar, cast
 
 import numba
@@ -35,27 +35,45 @@ def jit_inside(function: Kernel) -> Kernel:
 def _kept_while_valid(kernel: object, function: Kernel) -> Kernel:
     """The kernel, its machine code thrown away once anything changes that went into it.
 
-    Numba looks at the kernel's own file only, while the code of kernels it calls and the values of constants that other
-    files define go into it, too. So the stamp that numba keeps with the code, and compares, is made to tell of these.
+    Numba looks at the kernel's own file only, while the code of kernels it calls, the values of constants that other
+    files define and the options that this file gives go into it, too. So the stamp that numba keeps with the code, and
+    compares, is made to tell of these.
     """
     file = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
     if file is not None:
-        file._source_stamp = (file._source_stamp, *sorted(_parts(cast("FunctionType", function), set())))
+        parts = {_state(__name__, __file__), *_parts(cast("FunctionType", function), set())}
+        file._source_stamp = (file._source_stamp, *sorted(parts))
     return cast("Kernel", kernel)
+
+
+def _state(module: str, file: str) -> str:
+    found = os.stat(file)
+    return f"{module} {found.st_mtime_ns} {found.st_size}"
 
 
 def _parts(function: FunctionType, known: set[str]) -> Iterator[str]:
     """The file of a function and what it takes from elsewhere, with the state they are in."""
-    found = os.stat(function.__code__.co_filename)
-    yield f"{function.__module__} {found.st_mtime_ns} {found.st_size}"
-    for name in _names(function.__code__):
-        value = function.__globals__.get(name)
+    yield _state(function.__module__, function.__code__.co_filename)
+    for name, value in _taken(function):
         called = getattr(value, "py_func", None)
         if isinstance(value, int | float | str | tuple | np.ndarray):
             yield f"{name} {value.tobytes().hex() if isinstance(value, np.ndarray) else repr(value)}"
         elif called is not None and (label := f"{called.__module__}.{called.__qualname__}") not in known:
             known.add(label)
             yield from _parts(called, known)
+
+
+def _taken(function: FunctionType) -> Iterator[tuple[str, object]]:
+    """What the names of a function may stand for: globals, and what modules among these have by such a name."""
+    names = set(_names(function.__code__))
+    spaces = [function.__globals__]
+    for space in spaces:  # which grows by the modules that are found
+        for name in names & space.keys():
+            value = space[name]
+            if not isinstance(value, ModuleType):
+                yield f"{space['__name__']}.{name}", value
+            elif not any(vars(value) is one for one in spaces):
+                spaces.append(vars(value))
 
 
 def _names(code: CodeType) -> Iterator[str]:

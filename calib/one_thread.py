@@ -23,6 +23,19 @@ def one_thread(function: Callable[Given, Result]) -> Callable[Given, Result]:
     return limited
 
 
+def one_thread_with_scipy(function: Callable[Given, Result]) -> Callable[Given, Result]:
+    """As `one_thread`, for what imports SciPy's linear algebra: its library can be limited only once it is there."""
+    limited = one_thread(function)
+
+    @wraps(function)
+    def after_scipy(*args: Given.args, **kwargs: Given.kwargs) -> Result:
+        import scipy.linalg  # noqa: F401  # loads the library
+
+        return limited(*args, **kwargs)
+
+    return after_scipy
+
+
 @lru_cache(maxsize=2)
 def _libraries(_has_scipy: bool) -> "ThreadpoolController":
     """The libraries of linear algebra; with SciPy comes another. Finding them takes as long as a small solution."""

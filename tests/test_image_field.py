@@ -12,7 +12,7 @@ from calib.solver.image_field import with_image_field
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.solver.uncertainty import projected_change
-from calib.types import Calibration, Camera, Observations
+from calib.types import Calibration, Camera, ImageField, Observations
 
 Array = NDArray[np.float64]
 
@@ -75,6 +75,17 @@ def test_noise_alone_is_no_field(weighted: bool) -> None:
         told = with_image_field(one)
         assert told.image_field is None
         assert (told.stated_covariance == one.param_covariance).all()
+
+
+def test_a_field_that_was_there_goes_where_nothing_tells_one() -> None:
+    """What is stated is of this calibration alone, also where parameters or residuals cannot tell of a field."""
+    one = solve(_seen(3), "opencv")
+    there = replace(one, image_field=ImageField(1.0, np.eye(len(one.camera.params))))
+    for told in (
+        replace(there, param_covariance=np.zeros_like(one.param_covariance)),
+        replace(there, residual_px=np.zeros_like(one.residual_px)),
+    ):
+        assert with_image_field(told).image_field is None
 
 
 def test_sightings_that_do_not_count_tell_no_field() -> None:

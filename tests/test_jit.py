@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+import calib.jit
+
 CALLEE = "from calib.jit import jit\nLIMIT = {limit}\n\n\n@jit\ndef inner(x):\n    return x + {added}\n"
 KERNEL = (
     "from calib.jit import jit\nfrom kernels_inner import LIMIT, inner\n\n\n@jit\ndef outer(x):\n"
@@ -36,3 +38,31 @@ def test_code_is_kept_until_anything_in_it_changes(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(Path, "write_text", lambda *_: 0)  # nothing changes
     assert outer_of(tmp_path, 30, 400) == (431, 1)
     assert (tmp_path / "kernels_inner.py").stat().st_mtime_ns == state.st_mtime_ns
+
+
+def test_options_and_what_modules_hold_are_part_of_the_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Code is made anew if the way of compiling changes, or a constant or a kernel that is reached through a module."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    way = Path(calib.jit.__file__).read_text()
+    callee = CALLEE.replace("calib.jit", "kernels_way")
+    kernel = "import kernels_callee\nfrom kernels_way import jit\n\n\n@jit\ndef through(x):\n"
+    kernel += "    return kernels_callee.inner(x) + kernels_callee.LIMIT\n"
+
+    def through(added: int, limit: int, note: str) -> tuple[int, int]:
+        callee_now = callee.format(added=added, limit=limit)
+        files = {"kernels_way": way + note, "kernels_callee": callee_now, "kernels_through": kernel}
+        for name, text in files.items():
+            path = tmp_path / f"{name}.py"
+            if not path.exists() or path.read_text() != text:
+                path.write_text(text)
+            sys.modules.pop(name, None)
+        importlib.invalidate_caches()
+        compiled = importlib.import_module("kernels_through").through
+        return compiled(1), sum(compiled.stats.cache_hits.values())
+
+    assert through(10, 200, "") == (211, 0)
+    assert through(30, 200, "") == (231, 0)
+    assert through(30, 400, "") == (431, 0)
+    assert through(30, 400, "") == (431, 1)
+    assert through(30, 400, "# other options\n") == (431, 0)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.jit import jit
-from calib.one_thread import one_thread
+from calib.one_thread import one_thread, one_thread_with_scipy
 from calib.types import LearnedMap
 
 Array = NDArray[np.float64]
@@ -142,7 +142,7 @@ def jacobian_with(learned: LearnedMap, pixel: Array, values: Array) -> Array:
     return np.asarray(jacobian)
 
 
-@one_thread
+@one_thread_with_scipy
 def exact_variance(learned: LearnedMap, pixel: Array) -> Array:
     """What is not known of the map at pixels (N, 2), in units of the kernel's variance.  # (N,)"""
     from scipy.linalg import solve_triangular

@@ -45,15 +45,16 @@ def with_image_field(calibration: Calibration) -> Calibration:
 
     Without one where the residuals do not show it beyond chance.
     """
+    without = replace(calibration, image_field=None)
     basis = free_directions(calibration.param_covariance)
     if not basis.size or calibration.camera.learned is not None:
-        return calibration
+        return without
     equations = _equations(calibration, basis)
     if not (equations.freedom > 0 and equations.square > 0):
-        return calibration
+        return without
     covariance = _likeliest(equations)
     if not covariance.any():
-        return replace(calibration, image_field=None)
+        return without
     taken = basis @ equations.taken
     left_px = float(np.sqrt((equations.normal * covariance).sum() / equations.weights))
     return replace(calibration, image_field=ImageField(left_px, taken @ covariance @ taken.T))

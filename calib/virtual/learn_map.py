@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.learned import MAX_LENGTHS, correlation, jacobian_with, square_distances, to_sensor, trend_at
 from calib.detect.homography import fit
-from calib.one_thread import one_thread
+from calib.one_thread import one_thread_with_scipy
 from calib.types import LearnedMap
 from calib.virtual.image_cells import MAX_CELLS, cells_of
 from calib.virtual.likelihood import likeliest, weights_of
@@ -121,7 +121,7 @@ def learn_map(
     return _learned(task, process, improve=improve)
 
 
-@one_thread
+@one_thread_with_scipy
 def _learned(task: _Task, process: Process | None, *, improve: bool) -> Learned:
     nothing = np.zeros_like(task.rest)
     stretch = _stretch(task, LearnedMap(task.samples.pixel, nothing, nothing[:, 0], task.trend, 1.0, 1.0))

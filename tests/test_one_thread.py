@@ -1,0 +1,27 @@
+"""Linear algebra on one thread, that of SciPy, too."""
+
+import os
+import subprocess
+import sys
+
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
+FIRST_CALL = """
+import sys
+from threadpoolctl import threadpool_info
+from calib.one_thread import one_thread, one_thread_with_scipy
+
+counted = lambda: {one["filepath"]: one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+@one_thread
+def before():
+    return one_thread_with_scipy(counted)()
+
+assert "scipy.linalg" not in sys.modules
+threads = before()
+assert len(threads) == len(counted()) and set(threads.values()) == {1}, threads
+"""
+
+
+def test_scipys_library_is_limited_from_the_first_call_on() -> None:
+    """Whatever was limited before SciPy was there: in what uses it each library of linear algebra has one thread."""
+    subprocess.run([sys.executable, "-c", FIRST_CALL], check=True, env={**os.environ, **dict.fromkeys(THREADS, "2")})
