@@ -38,6 +38,12 @@ class Linearised:
 
     rows: NDArray[np.float64]  # (2 + 6 + 2 P, N) the three below, one after the other
 
+    @staticmethod
+    def of(pixel: NDArray[np.float64], by_point: NDArray[np.float64], by_params: NDArray[np.float64]) -> "Linearised":
+        """From the three.  # (2, N), (2, 3, N), (2, P, N)"""
+        count = pixel.shape[-1]
+        return Linearised(np.concatenate([part.reshape(-1, count) for part in (pixel, by_point, by_params)]))
+
     @property
     def pixel(self) -> NDArray[np.float64]:
         """The pixels.  # (2, N)"""
