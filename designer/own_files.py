@@ -16,12 +16,27 @@ from designer.names import FORMER, NAME
 
 _HEAD, _TAIL = 2**16, 2**12
 _FIRST_COLUMNS = 2
-_MARK = re.compile(
-    rb'(?:\A(?:\xef\xbb\xbf)?\s*\{\s*"format"\s*:\s*"|\A(?:\xef\xbb\xbf)?\# |\A|"generator": ?"'
-    rb'|<meta name="generator" content="|(?:Software|Title)\0|/Creator \(|\xff\xd8\xff\xfe\0.|PK\x05\x06.{18}'
-    rb"|\n(?:\# |% |<!-- |/\* ))(?:" + f"{NAME}|{FORMER}".encode() + rb")(?:[ .]([a-zA-Z][a-zA-Z_-]*))?",
-    re.DOTALL,
+_OURS = f"(?:{NAME}|{FORMER})"
+_BARE = ""
+"""The kind of what says only whose it is: pictures and packages, and texts of earlier versions."""
+_MARKS: tuple[tuple[re.Pattern[bytes], str | None], ...] = tuple(
+    (re.compile(mark.replace("OURS", _OURS).encode(), re.DOTALL), kind)
+    for mark, kind in (
+        (r'\A(?:\xef\xbb\xbf)?\s*\{\s*"format"\s*:\s*"OURS\.([a-z_-]+)"', None),
+        (r"\A(?:\xef\xbb\xbf)?# OURS ([a-z-]+)(?: [a-z]+)?, version \d", None),
+        (r"\AOURS binary (STL)\b", None),
+        (r'\AglTF.{16}[^\0]*?"generator": ?"OURS"', "model"),
+        (r'\A\s*<!doctype html>.*?<meta name="generator" content="OURS[ ,"]', "page"),
+        (r"\A%PDF-.*?/Creator \(OURS\)", "sheet"),
+        (r"\A\x89PNG.*?tEXtTitle\0OURS camera difference", "difference"),
+        (r"\A\x89PNG.*?tEXtSoftware\0OURS(?![A-Za-z0-9])", _BARE),
+        (r"\A\xff\xd8\xff\xfe\0\x0bOURS", _BARE),
+        (r"PK\x05\x06.{18}OURS\Z", _BARE),
+        (r"\n(?:# |% |<!-- |/\* )OURS\.([a-z]+-[a-z]+)(?: -->| \*/)?\s*\Z", None),
+        (r"\n(?:# |% |<!-- |/\* )OURS(?: -->| \*/)?\s*\Z", _BARE),
+    )
 )
+"""Where files of ours say so, and what they are then; None: what stands there."""
 _NOTES = {
     ".md": "<!-- {} -->", ".svg": "<!-- {} -->", ".xml": "<!-- {} -->", ".pdf": "% {}", ".step": "/* {} */",
     ".toml": "# {}", ".yaml": "# {}", ".yml": "# {}", ".txt": "# {}", ".cameramodel": "# {}",
@@ -31,13 +46,20 @@ _PNG, _JPEG, _TIFF, _ZIP_END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", (b"II*\0", b"M
 _IHDR_END, _ZIP_END_BYTES = 33, 22
 
 
-def signed(name: str, content: bytes) -> bytes:
-    """A file's content with a note that this program made it; as it is where it says so, or has no place for it."""
+def signed(name: str, content: bytes, sort: str = "result") -> bytes:
+    """A file's content with a note that this program made it; as it is where it says so, or has no place for it.
+
+    Args:
+        name: of the file; its suffix tells how a note is written, and is part of the kind.
+        content: of the file.
+        sort: of thing that a text holds, in small letters: a camera is never written over a design.
+    """
     if not content or _is_of_program(kind_of(content)):
         return content
-    mine, note = NAME.encode(), _NOTES.get(Path(name).suffix.lower())
+    suffix = Path(name).suffix.lower()
+    mine, note = NAME.encode(), _NOTES.get(suffix)
     if note is not None:
-        return content.rstrip(b"\n") + b"\n" + note.format(NAME).encode() + b"\n"
+        return content.rstrip(b"\n") + b"\n" + note.format(f"{NAME}.{sort}-{suffix[1:]}").encode() + b"\n"
     if content.startswith(_PNG):
         text = b"tEXtSoftware\0" + mine
         chunk = struct.pack(">I", len(text) - 4) + text + struct.pack(">I", zlib.crc32(text))
@@ -53,9 +75,10 @@ def signed(name: str, content: bytes) -> bytes:
 
 def kind_of(content: bytes) -> bytes:
     """What a file of this program says that it is, as in "NAME.camera"; a table's first columns; "" of any other."""
-    found = _MARK.search(content[:_HEAD]) or _MARK.search(content[-_TAIL:])
-    if found is not None:
-        return f"{NAME}.".encode() + (found[1] or b"")
+    for mark, kind in _MARKS:
+        found = mark.search(content[-_TAIL:]) if mark.pattern.endswith(rb"\Z") else mark.match(content[:_HEAD])
+        if found is not None:
+            return f"{NAME}.".encode() + (found[1] if kind is None else kind.encode())
     first = content[:_HEAD].split(b"\n", 1)[0]
     columns = first.split(b",")
     is_table = len(columns) > _FIRST_COLUMNS and not first.startswith((b"{", b"["))
@@ -110,5 +133,7 @@ def require_ours(path: Path, new: bytes | None = None, *, kind: str = "") -> Non
     is_of_program = _is_of_program(found)
     if is_of_program if new is None and not kind else found and found == wanted:
         return
+    if found == f"{NAME}.".encode() and wanted.endswith(f"-{path.suffix.lower()[1:]}".encode()):
+        return  # a text of an earlier version, which told no more, under the name of such a file
     what = f"a file of {NAME}'s of another kind" if is_of_program else f"not of {NAME}'s making"
     raise InputError(f"{path}: is there already, and {what}; move it, or choose another place with -o")

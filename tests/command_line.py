@@ -22,6 +22,8 @@ SIGMA_PX = 0.02
 LENIENT = ("--criteria", str(Path(__file__).with_name("lenient.toml")), "--no-page")
 """For `calib run` and `solve` where the verdict is not the subject: any camera that is determined ends with 0, and no
 page is drawn, which takes seconds."""
+PICTURE = b"\x89PNG\r\n\x1a\n".ljust(33)
+"""Stands for one that is not drawn: what signs and reads no more than its beginning takes it for a picture."""
 PAGE = {"index.html", "report.json"}
 JUDGED = {"verdict.json", "next_views.json"}
 """What the verdict leaves in a folder; `target.json` comes with a target file."""

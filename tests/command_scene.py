@@ -20,7 +20,7 @@ from calib.solver.solve import solve
 from calib.types import Camera, Detections, Observations
 from designer.target import TargetGeometry, target_to_json
 from tests.calibrations import board, camera, poses_around, seen_by
-from tests.command_line import detections_of
+from tests.command_line import PICTURE, detections_of
 from tests.run_folders import BLANK, PANEL
 from tests.study_commands import named
 
@@ -65,10 +65,10 @@ def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """The detector above, and pictures that are not drawn: both take longer than all else."""
     monkeypatch.setattr("calib.detect.pipeline.find", lambda *_: None)
     monkeypatch.setattr("calib.detect.pipeline.detect", detect)
-    monkeypatch.setattr("calib.figures.picture", lambda *_, **__: b"ringsolid")
+    monkeypatch.setattr("calib.figures.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     monkeypatch.setattr("calib.studies.figures.files_of", named)
-    monkeypatch.setattr("calib.as_built_report.picture.picture", lambda *_: b"ringsolid")
+    monkeypatch.setattr("calib.as_built_report.picture.picture", lambda *_: PICTURE)
 
 
 def make_scene(folder: Path) -> None:

@@ -20,7 +20,7 @@ from calib.render.job import RenderJob, truth_text
 from calib.render.options import RenderOptions
 from calib.studies.figures import SUFFIXES
 from tests.calibrations import board, example
-from tests.command_line import Answer, calib, files_in, write_inputs
+from tests.command_line import PICTURE, Answer, calib, files_in, write_inputs
 
 ROOT = Path(__file__).parent.parent
 BOARD = board()
@@ -48,7 +48,7 @@ def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def named(place: Path, height_px: int, draw: object, suffixes: Collection[str] = SUFFIXES) -> dict[Path, bytes]:
     """The files of a picture without the picture."""
-    return {place.with_name(f"{place.name}.{suffix}"): b"ringsolid" for suffix in {"png", *suffixes}}
+    return {place.with_name(f"{place.name}.{suffix}"): PICTURE for suffix in {"png", *suffixes}}
 
 
 def bootstrap(*options: object, out: str = "out", sizes: str = "6", samples: int = 8) -> Answer:

@@ -26,7 +26,7 @@ from calib.results.calibration_file import read_calibration
 from calib.types import Calibration, Camera, Detections, Observations
 from designer.target import TargetGeometry, target_to_json
 from tests.calibrations import board, camera, poses_around
-from tests.command_line import JUDGED, LENIENT, PAGE, calib, files_in, refused
+from tests.command_line import JUDGED, LENIENT, PAGE, PICTURE, calib, files_in, refused
 from tests.run_folders import BLANK, PANEL
 from tests.sightings import sighting
 
@@ -99,7 +99,7 @@ class Detector:
 
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """None is drawn any more."""
-    monkeypatch.setattr("calib.figures.picture", lambda *_, **__: b"ringsolid")
+    monkeypatch.setattr("calib.figures.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
 
 

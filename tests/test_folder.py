@@ -11,8 +11,8 @@ from designer.errors import InputError
 from designer.export.folder import OutputFile, write_folder
 
 FILES = (
-    OutputFile("a.stl", b"ringsolid file: new a", "a"),
-    OutputFile("b.3mf", b"ringsolid file: new b" * 100_000, "b"),
+    OutputFile("a.stl", b"ringsolid binary STL: new a", "a"),
+    OutputFile("b.3mf", b"ringsolid binary STL: new b" * 100_000, "b"),
     OutputFile("c.png", b"", "nothing"),
 )
 
@@ -28,7 +28,7 @@ def folder(tmp_path: Path) -> Path:
     folder = tmp_path / "out"
     folder.mkdir()
     for name in ("a.stl", "b.3mf", "notes.txt"):
-        (folder / name).write_bytes(f"ringsolid file: old {name}".encode())
+        (folder / name).write_bytes(f"ringsolid binary STL: old {name}".encode())
     return folder
 
 
@@ -37,7 +37,7 @@ def test_files_are_written_and_others_left(folder: Path) -> None:
     write_folder(folder, FILES)
     assert contents(folder) == {
         **{file.name: file.content for file in FILES},
-        "notes.txt": b"ringsolid file: old notes.txt",
+        "notes.txt": b"ringsolid binary STL: old notes.txt",
     }
 
 

@@ -118,3 +118,50 @@ def test_what_names_this_program_is_not_yet_its_own(name: str, tmp_path: Path) -
         with pytest.raises(InputError, match="not of ringsolid's making"):
             require_ours(path, new)
     require_ours(path, foreign(path))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"# ringsolid: my own notes, do not lose\nsize = 3\n",
+        b"# ringsolid notes of mine, version 1\n",
+        b"# ringsolidify\n",
+        b"ringsolid is what I use\n",
+        b"ringsolid binary STLs\n",
+        b"size = 3\n# ringsolid is what I use\nsize = 4\n",
+        b"size = 3\n# ringsolid\nsize = 4\n",
+        b"size = 3\n# ringsolid.design-toml\nsize = 4\n",
+        b"size = 3\n# ringsolidify\n",
+        b'<p>a page shows <meta name="generator" content="ringsolid 1"></p>\n',
+        b'{"asset": {"generator": "ringsolid"}}\n',
+        b"my notes of /Creator (ringsolid)\n",
+    ],
+)
+def test_a_mark_counts_only_where_files_of_ours_have_it(text: bytes, tmp_path: Path) -> None:
+    """A text that tells of this program, in whatever words and wherever, is its writer's."""
+    (tmp_path / "mine.toml").write_bytes(text)
+    for kind in ("", "ringsolid.notes", "ringsolid.design-toml"):
+        with pytest.raises(InputError, match="not of ringsolid's making"):
+            require_ours(tmp_path / "mine.toml", kind=kind)
+
+
+@pytest.mark.parametrize("suffix", [".toml", ".yaml", ".xml", ".txt", ".cameramodel", ".pdf", ".svg", ".md"])
+def test_a_note_says_what_the_file_is(suffix: str, tmp_path: Path) -> None:
+    """One sort of thing is never written over another; notes of earlier versions told only whose the file is.
+
+    These count for what their suffix stands for.
+    """
+    path = tmp_path / f"ico{suffix}"
+    design, camera = (signed(path.name, b"content", sort) for sort in ("design", "kalibr"))
+    elsewhere = signed("camera.ini.yml", b"content", "kalibr")
+    path.write_bytes(design)
+    require_ours(path, signed(path.name, b"other content", "design"))
+    assert signed(path.name, design) == design
+    for new in (camera, elsewhere):
+        with pytest.raises(InputError, match="of another kind"):
+            require_ours(path, new)
+    for name in (b"ringsolid", b"ringforge"):
+        path.write_bytes(design.replace(b"ringsolid.design-" + suffix[1:].encode(), name))
+        require_ours(path, design)
+        with pytest.raises(InputError, match="of another kind"):
+            require_ours(path, elsewhere)

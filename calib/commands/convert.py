@@ -79,7 +79,7 @@ def convert(
     except InputError as error:
         raise InputError(f"{camera}: {error}") from None
     # Signed as a file of the kind is, whatever its name.
-    write_files({out: signed(target.file_name, target.write(written).encode())})
+    write_files({out: signed(target.file_name, target.write(written).encode(), target.name)})
     print(f"read   {printable(camera)}: {opened.format.title}, {_described(opened.read.camera)}")
     for remark in opened.read.remarks:
         print(f"       {remark}")

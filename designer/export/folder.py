@@ -67,7 +67,7 @@ def write_folder(folder: Path, files: Iterable[OutputFile]) -> None:
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, not a folder; choose another with -o")
-    ours = [replace(file, content=signed(file.name, file.content)) for file in files]
+    ours = [replace(file, content=signed(file.name, file.content, "design")) for file in files]
     for file in ours:
         require_ours(folder / file.name, file.content)
     staging: Path | None = None
