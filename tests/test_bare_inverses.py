@@ -23,7 +23,6 @@ ALLOWED = {
     "calib/detect/alignment.py GridReader._ellipse_at": "a shortest solution, which any number of steps has",
     "calib/detect/lines.py fit_lines": "a covariance plus a floor",
     "calib/detect/name_board.py _uprightness": "a shortest solution, which two columns always have",
-    "calib/detect/place.py Placement.on_face": "a homography that was found determined",
     "calib/detect/where_expected.py _plane_map": "shortest solutions, whose points were found to span a plane",
     "calib/metrics/reconstruction.py reconstruction": "of the rings whose rays were found to meet in a point",
     "calib/refit.py _adjust": "damped: a diagonal of ones with more on it",

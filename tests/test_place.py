@@ -7,9 +7,11 @@ from numpy.typing import NDArray
 from calib.camera_file import camera_or_preset
 from calib.cameras import project
 from calib.detect.candidates import Candidates
+from calib.detect.face_spacing import lattice_over_spacing
 from calib.detect.lens import CameraLens, NoLens
 from calib.detect.place import (
     Naming,
+    Placement,
     Places,
     assign,
     complete,
@@ -184,3 +186,28 @@ def test_mirrored_names_are_known_as_such() -> None:
     ellipse[:, 0] = SIZE[0] - 1 - ellipse[:, 0]
     flipped = Candidates(ellipse, scene.candidates.ratio, scene.candidates.region, scene.candidates.misfit_px)
     assert place_faces(plan_for(ico()), flipped, true_naming(scene), SIZE, NoLens()).is_mirrored
+
+
+@pytest.mark.parametrize("beside", [1, 2, 3])
+def test_a_few_points_beside_a_face_tell_no_projection(beside: int) -> None:
+    """One face and up to three rings of the next say nothing of the solid: not its spacing, nor where its faces are."""
+    scene = scene_of(ico(), 1, noise_px=0.2)
+    face = ico().ring_face[scene.row]
+    faces, count = np.unique(face, return_counts=True)
+    first, second = faces[np.argsort(-count)[:2]]
+    rows = np.concatenate([np.flatnonzero(face == first), np.flatnonzero(face == second)[:beside]])
+    ring = scene.row[rows]
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        center = scene.truth.center_px[ring] + rng.normal(0, 0.2, (len(ring), 2))
+        assert lattice_over_spacing(plan_for(ico()), NoLens(), ring, center) == 0
+    placement = place_faces(plan_for(ico()), scene.candidates, Naming(rows, ring), SIZE, NoLens())
+    assert placement.seen().tolist() == [first]
+
+
+def test_a_face_seen_from_its_edge_has_no_places() -> None:
+    """A map that leaves all of a face on a line has no way back: nan, as for a face that does not show."""
+    edge_on = np.array([[[1.0, 1, 0], [2, 2, 0], [0, 0, 1]], np.full((3, 3), np.nan)])
+    placement = Placement(NoLens(), edge_on, edge_on)
+    for face in range(2):
+        assert np.isnan(placement.on_face(face, np.ones((4, 2)))).all()

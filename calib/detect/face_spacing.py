@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect.lens import Lens
-from calib.detect.place import MIN_FOR_PROJECTION, direct_projection
+from calib.detect.place import direct_projection, fixes_projection
 from calib.detect.plan import TargetPlan
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -23,12 +23,14 @@ Integers: TypeAlias = NDArray[np.int64]
 
 AGREES = 0.02
 """Centres within this share of the pitch of one projection, in the median, need no other spacing."""
+BETTER = 0.5
+"""Another spacing brings the misfit below this share of that without; noise, which no spacing mends, does not."""
 TRIED = tuple(np.linspace(math.log(0.7), math.log(1.4), 15).tolist())
 """Logarithms of k from which the best is found by a parabola."""
 
 
 def lattice_over_spacing(plan: TargetPlan, lens: Lens, ring: Integers, center_px: Floats) -> float:
-    """The logarithm of k; 0 where k = 1 fits, or where less than two faces with enough rings are seen.
+    """The logarithm of k; 0 where k = 1 fits, where no other does much better, or the projection is open.
 
     Args:
         plan: the target's.
@@ -40,19 +42,22 @@ def lattice_over_spacing(plan: TargetPlan, lens: Lens, ring: Integers, center_px
     has_ray = np.isfinite(straight).all(axis=1)
     ring, straight = ring[has_ray], straight[has_ray]
     face = plan.target.ring_face[ring]
-    if len(ring) < MIN_FOR_PROJECTION or len(np.unique(face)) < 2:
-        return 0.0
     middle_mm = plan.target.target_from_face[face, :3, 3]
     offset_mm = plan.target.center_mm[ring] - middle_mm
     on_face = plan.target.center_in_face_mm[ring, :2]
+    if not fixes_projection(on_face, face):
+        return 0.0
     pitch_px = _pitch_px(plan, face, on_face, straight)
 
     def misfit(log_scale: float) -> float:
         return _misfit(middle_mm + math.exp(log_scale) * offset_mm, straight) / pitch_px
 
-    if misfit(0.0) < AGREES:
+    as_it_is = misfit(0.0)
+    if as_it_is < AGREES:
         return 0.0
     cost = np.array([misfit(value) ** 2 for value in TRIED])
+    if cost.min() > (BETTER * as_it_is) ** 2:
+        return 0.0
     best = int(np.clip(np.argmin(cost), 1, len(TRIED) - 2))
     before, at, after = cost[best - 1 : best + 2]
     curvature = before - 2 * at + after

@@ -1,9 +1,9 @@
 """Whether the pattern ends where the target's does: rows along the sides that the target has and the photo has not.
 
 A row may be missing because something hides it, or because what is seen is another, smaller target: only its end
-tells it from one with a row more. Two things speak for an end. Covers start anywhere, so that a whole row hidden
-beside rings that are there is a chance that shrinks with each of them; and where a ring should be, a cover does not
-look like the bare white of the margin.
+tells it from one with a row more. Two things speak for an end. Covers start anywhere, so that the edge of one follows
+a whole row, beside rings that are there, by a chance that shrinks with each of them; and where a ring should be, a
+cover does not look like the bare white of the margin.
 """
 
 import math
@@ -26,10 +26,19 @@ SMALLEST_SHARE = 0.05
 FARTHER = 0.85
 """Places this times as large as all but that share of the rings found are large enough to be seen: a row or two farther
 away."""
+COVERED = 0.3
+"""Chance that a cover which hides a place hides the next of its row as well and stops before the row further in: covers
+hide several together, so that the share of places hidden elsewhere says too little."""
+LEAST_SPAN = 0.5
+"""A row of which less is in view, over the row beside, is what the image's edge left of it: one cover hides that."""
 BARE_BAND = 0.2
-"""Bare white is as bright as the white around the nearest rings, within this share of their contrast."""
+"""Bare white is as bright as the white around the nearest rings, within this share of their contrast ..."""
+GLARE_BAND = 0.1
+"""... and brighter than the brightest of them by no more than this, which noise makes: more is washed out."""
 NEAREST = 4
 """So many rings tell how bright white is beside them."""
+CHUNK = 256
+"""Places whose distances from all rings are held at a time."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +46,8 @@ class FaceEnd:
     """What the sides of one face say."""
 
     odds: float  # logarithm of the odds against rows missing by chance, where rings beside them are there
-    bare: int  # places in such rows that are bare white
+    empty: int  # places in such rows that would be plain to see
+    bare: int  # of these, those that are bare white
     is_bounded: bool  # rings were found along every side
 
 
@@ -55,20 +65,26 @@ def face_end(image: NDArray[np.generic], plan: TargetPlan, places: Places, face:
     mine = target.ring_face[places.ring] == face
     mine_found = found[mine]
     if not mine_found.any():
-        return FaceEnd(0.0, 0, False)
+        return FaceEnd(0.0, 0, 0, False)
     mine_places = places.take(mine)
-    missing, is_bounded = _missing_rows(plan, mine_places.ring, face, mine_found)
+    rows_in, reach = _rows_in(plan, mine_places.ring, face, mine_found)
+    is_bounded = bool((reach < 0.4).all())
+    missing_along = rows_in < reach[:, None] - 0.1  # (K, N)
+    missing = missing_along.any(axis=0)
     if not missing.any():
-        return FaceEnd(0.0, 0, is_bounded)
+        return FaceEnd(0.0, 0, 0, is_bounded)
     small = semi_axes_px(mine_places.shape)[1]
     height, width = image.shape
     least_px = FARTHER * np.quantile(small[mine_found], SMALLEST_SHARE)
     plain = (small >= least_px) & mine_places.are_whole((width, height))
     beside = plain & _beside_found(plan, mine_places.ring, face, mine_found)
-    hidden = beside & ~missing
-    odds = -int((beside & missing).sum()) * math.log(_share(~mine_found[hidden]))
-    bare = _are_bare(image, plan, mine_places.take(plain & missing), mine_places.take(mine_found))
-    return FaceEnd(odds, int(bare.sum()), is_bounded)
+    last_row = plain & (np.abs(rows_in - reach[:, None]) < 0.1)
+    is_wide = (missing_along & beside).sum(axis=1) >= LEAST_SPAN * last_row.sum(axis=1)
+    by_chance = max(COVERED, _share(~mine_found[beside & ~missing]))
+    odds = int((missing_along[is_wide].any(axis=0) & beside).sum()) * math.log(1 / by_chance)
+    empty = mine_places.take(plain & missing)
+    bare = _are_bare(image, plan, empty, mine_places.take(mine_found))
+    return FaceEnd(odds, len(empty.ring), int(bare.sum()), is_bounded)
 
 
 def depth(outline_mm: Floats, point: Floats) -> Floats:
@@ -78,15 +94,14 @@ def depth(outline_mm: Floats, point: Floats) -> Floats:
     return np.asarray(np.einsum("kc,knc->kn", inward, point[None] - outline_mm[:, None]))
 
 
-def _missing_rows(plan: TargetPlan, ring: Integers, face: int, found: Flags) -> tuple[Flags, bool]:
-    """Places between a side and the found ring nearest to it, and whether rings reach all sides.  # (N,)"""
+def _rows_in(plan: TargetPlan, ring: Integers, face: int, found: Flags) -> tuple[Floats, Floats]:
+    """How many pitches places lie inward of each side's first row, and the least of a found one.  # (K, N), (K,)"""
     target = plan.target
     outline = target.outline_mm[face]
     outermost = depth(outline, target.center_in_face_mm[target.ring_face == face, :2]).min(axis=1)
     pitch_mm = float(np.linalg.norm(target.lattice_mm[face], axis=1).min())
     rows_in = (depth(outline, target.center_in_face_mm[ring, :2]) - outermost[:, None]) / pitch_mm
-    reach = rows_in[:, found].min(axis=1)
-    return np.asarray((rows_in < reach[:, None] - 0.1).any(axis=0)), bool((reach < 0.4).all())
+    return rows_in, np.asarray(rows_in[:, found].min(axis=1))
 
 
 def _beside_found(plan: TargetPlan, ring: Integers, face: int, found: Flags) -> Flags:
@@ -99,16 +114,35 @@ def _beside_found(plan: TargetPlan, ring: Integers, face: int, found: Flags) -> 
 
 def _are_bare(image: NDArray[np.generic], plan: TargetPlan, empty: Places, rings: Places) -> Flags:
     """Whether places are as white as the board beside the nearest rings, and not washed out.  # (N,)"""
-    if not len(empty.ring):
-        return np.zeros(0, dtype=np.bool_)
-    distance = np.linalg.norm(empty.center_px[:, None] - rings.center_px[None], axis=2)
-    near = np.argsort(distance, axis=1, kind="stable")[:, :NEAREST]
-    used, at = np.unique(near, return_inverse=True)
-    _, ink, white = np.nanmedian(_levels(image, plan, rings.take(used))[at.reshape(near.shape)], axis=1).T
-    centre, ring, around = _levels(image, plan, empty).T
-    level = np.stack([centre, ring, around])
-    off = np.abs(level - white) / np.maximum(white - ink, 1e-9)
-    return np.asarray((off < BARE_BAND).all(axis=0) & (level.max(axis=0) < float(image.max())))
+    known = _levels(image, plan, rings)
+    is_known = np.isfinite(known).all(axis=1)
+    if not is_known.any() or not len(empty.ring):
+        return np.zeros(len(empty.ring), dtype=np.bool_)
+    near = known[is_known][_nearest(empty.center_px, rings.center_px[is_known])]  # (N, NEAREST, 3)
+    _, ink, white = np.median(near, axis=1).T
+    contrast = np.maximum(white - ink, 1e-9)
+    level = _levels(image, plan, empty).T
+    is_white = (np.abs(level - white) < BARE_BAND * contrast).all(axis=0)
+    brightest = level.max(axis=0)
+    is_washed_out = brightest > near[:, :, 2].max(axis=1) + GLARE_BAND * contrast
+    return np.asarray(is_white & ~is_washed_out & (brightest < _full_scale(image)))
+
+
+def _nearest(point: Floats, other: Floats) -> Integers:
+    """Rows of the other points nearest to each.  # (N, 2), (M, 2) -> (N, at most NEAREST)"""
+    count = min(NEAREST, len(other))
+    near = [
+        np.argpartition(np.hypot(*(part[:, None] - other[None]).transpose(2, 0, 1)), count - 1, axis=1)[:, :count]
+        for part in (point[start : start + CHUNK] for start in range(0, len(point), CHUNK))
+    ]
+    return np.concatenate(near)
+
+
+def _full_scale(image: NDArray[np.generic]) -> float:
+    """The level at which pixels are full: all bits set, of eight or as many as are used."""
+    if not np.issubdtype(image.dtype, np.integer):
+        return math.inf
+    return float(2 ** max(8, int(image.max()).bit_length()) - 1)
 
 
 def _levels(image: NDArray[np.generic], plan: TargetPlan, places: Places) -> Floats:

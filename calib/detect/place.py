@@ -10,6 +10,7 @@ from calib.detect import homography
 from calib.detect.candidates import Candidates, nearest_candidates
 from calib.detect.lens import Lens, estimate_lens, local_form
 from calib.detect.plan import TargetPlan
+from calib.linear_algebra import solve_square
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -48,8 +49,9 @@ class Placement:
         return np.flatnonzero(np.isfinite(self.homography[:, 0, 0]))
 
     def on_face(self, face: int, pixel: Floats) -> Floats:
-        """Where pixels lie in the plane of a face that shows, in mm.  # (N, 2)"""
-        return homography.apply(np.linalg.inv(self.homography[face]), self.lens.straighten(pixel))
+        """Where pixels lie in the plane of a face, in mm; nan: it does not show, or from its edge.  # (N, 2)"""
+        plane_from_straight = solve_square(self.homography[face], np.eye(3))
+        return homography.apply(plane_from_straight, self.lens.straighten(pixel))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +90,7 @@ def place_faces(
     mapped = np.full((target.face_count, 3, 3), np.nan)
     by_solid = np.full((target.face_count, 3, 3), np.nan)
     mirrored = False
-    if len(faces) > 1 and len(ring) >= MIN_FOR_PROJECTION:
+    if fixes_projection(plane, face):
         projection = direct_projection(target.center_mm[ring], straight)
         mirrored = bool(np.linalg.det(projection[:, :3]) < 0)
         every = projection @ target.target_from_face[:, :, [0, 1, 3]]
@@ -111,6 +113,15 @@ def _lens(
     if camera_lens is not None:
         return camera_lens
     return estimate_lens(plan.by_face(naming.ring, candidates.ellipse[naming.candidate, :2]), image_size)
+
+
+def fixes_projection(plane: Floats, face: Integers) -> bool:
+    """Whether points fix a projection: those of two faces fix a homography each.  # (N, 2), (N,)
+
+    One point beside a face leaves a family of projections open, of which noise chooses.
+    """
+    fixing = sum(homography.is_determined(plane[face == f]) for f in np.unique(face))
+    return len(face) >= MIN_FOR_PROJECTION and fixing > 1
 
 
 def direct_projection(point: Floats, image: Floats) -> Floats:
@@ -276,7 +287,7 @@ def _worst_misfit(plan: TargetPlan, candidates: Candidates, naming: Naming, lens
     ring, straight = naming.ring[has_ray], straight[has_ray]
     face = plan.target.ring_face[ring]
     faces = np.unique(face)
-    if len(faces) < 2 or len(face) < MIN_FOR_PROJECTION:
+    if not fixes_projection(plan.target.center_in_face_mm[ring, :2], face):
         return 0.0
     projection = direct_projection(plan.target.center_mm[ring], straight)
     if np.linalg.det(projection[:, :3]) < 0:

@@ -36,9 +36,10 @@ STRANGE_WEIGHT = 2.0
 MIN_GRID = 6
 """Smaller grids of rings are clutter."""
 END_ODDS = 20.0
-"""Odds as if features were hidden one by one; covers hide several together, so half of it is true."""
+"""Odds as if all covers that hide rings one after the other were independent, so half of it is true."""
 LEAST_BEYOND, BEYOND_SHARE = 3, 0.1
-"""So many rings, and so large a share of the places one step outside the target, are no chance."""
+"""So many rings, and so large a share of the places one step outside the target, are no chance; nor is so much margin
+in rows that should have rings."""
 MAX_SKEW = 0.25
 """How much more, as a logarithm, circles may be stretched one way than the other: more is another lattice."""
 MAX_PROPORTION = 0.07
@@ -60,7 +61,8 @@ class Evidence:
     beyond: int  # rings one step outside the target, on its lattice
     beyond_in_view: int  # such places
     end_odds: float  # logarithm of the odds against whole rows missing along sides by chance, rings beside being there
-    bare: int  # places in such rows that are as white as the margin
+    empty: int  # places in such rows that would be plain to see
+    bare: int  # of these, those that are as white as the margin
     ended_faces: int  # on which there are such rows
     cut_off: int  # features outside the image, of a target without marks
     is_lone: bool  # one face of a solid, so that no other face tells how large it is
@@ -86,7 +88,8 @@ class Evidence:
 
         Whole rows along the sides are missing and little else, or margin shows in their place.
         """
-        return 2 * self.ended_faces >= self.faces and (self.end_odds > END_ODDS or self.bare > 0)
+        is_margin = self.bare >= max(LEAST_BEYOND, BEYOND_SHARE * self.empty)
+        return 2 * self.ended_faces >= self.faces and (self.end_odds > END_ODDS or is_margin)
 
 
 def refusal(evidence: Evidence) -> str:
@@ -169,6 +172,7 @@ def gather(
         beyond=sum(int((_read(image, plan, part, contrast) == RING).sum()) for part in around),
         beyond_in_view=sum(len(part.ring) for part in around),
         end_odds=sum(end.odds for end in ends),
+        empty=sum(end.empty for end in ends),
         bare=sum(end.bare for end in ends),
         ended_faces=sum(end.odds > 0 or end.bare > 0 for end in ends),
         cut_off=0 if plan.target.is_dot.any() else plan.target.ring_count - len(places.ring),
