@@ -44,7 +44,7 @@ MAX_SKEW = 0.25
 """How much more, as a logarithm, circles may be stretched one way than the other: more is another lattice."""
 MAX_PROPORTION = 0.07
 """How far, as a logarithm, ring size over pitch may be from the target's: less is print, blur and exposure."""
-OTHER_PROPORTION = 0.1
+OTHER_PROPORTION = 0.08
 """No print, blur or exposure makes so much: it is another target."""
 OTHER_SPACING = 0.03
 """Nor does a print move the faces of a solid by so much, as a logarithm of lattice over distance (2 mm of 80)."""
@@ -159,7 +159,11 @@ def gather(
     seen = candidates.take(np.flatnonzero(candidates.ratio > 0))
     left = seen.take(_unexplained(plan, seen, places))
     faces = np.unique(plan.target.ring_face[measured.ring])
-    around = [_one_step_outside(plan, placement, int(face), least_px, image_size) for face in faces]
+    around = [_one_step_outside(plan, placement, int(face), image_size) for face in faces]
+    readable = [_plain(part, _least_found_px(places.shape[found]), image_size) for part in around]
+    rings_beyond = [
+        (_read(image, plan, part, contrast) == RING) & may for part, may in zip(around, readable, strict=True)
+    ]
     ends = [face_end(image, plan, places, int(face), found) for face in faces]
     skew, proportion = _ratios(plan, measured, places)
     return Evidence(
@@ -169,8 +173,8 @@ def gather(
         strange=dropped
         + sum(int(_inside(plan, placement, int(face), left).sum()) for face in faces)
         + sum(_too_many(plan, candidates, grid, naming) for grid in grids),
-        beyond=sum(int((_read(image, plan, part, contrast) == RING).sum()) for part in around),
-        beyond_in_view=sum(len(part.ring) for part in around),
+        beyond=sum(int(beyond.sum()) for beyond in rings_beyond),
+        beyond_in_view=sum(int(may.sum()) for may in readable),
         end_odds=sum(end.odds for end in ends),
         empty=sum(end.empty for end in ends),
         bare=sum(end.bare for end in ends),
@@ -187,6 +191,13 @@ def gather(
 def _plain_radius_px(found: Floats) -> float:
     """From which semi-minor axis on features are plain to see; of small ones, half of those found.  # (N, 3)"""
     return min(PLAIN_RADIUS_PX, float(np.median(semi_axes_px(found)[1]))) if len(found) else PLAIN_RADIUS_PX
+
+
+def _least_found_px(found: Floats) -> float:
+    """From which semi-minor axis on a feature can be read: hardly less than most of those found have.  # (N, 3)"""
+    return (
+        min(PLAIN_RADIUS_PX, 0.9 * float(np.quantile(semi_axes_px(found)[1], 0.1))) if len(found) else PLAIN_RADIUS_PX
+    )
 
 
 def _plain(places: Places, least_px: float, image_size: tuple[int, int]) -> Flags:
@@ -221,16 +232,13 @@ def _inside(plan: TargetPlan, placement: Placement, face: int, rings: Candidates
     return np.asarray((depth(outline, on_face) > 0).all(axis=0) & np.isfinite(on_face).all(axis=1))
 
 
-def _one_step_outside(
-    plan: TargetPlan, placement: Placement, face: int, least_px: float, image_size: tuple[int, int]
-) -> Places:
-    """Places of the lattice that the target does not have, next to those that it has, plain to see."""
+def _one_step_outside(plan: TargetPlan, placement: Placement, face: int, image_size: tuple[int, int]) -> Places:
+    """Places of the lattice that the target does not have, next to those that it has."""
     own = plan.target.ring_index[plan.target.ring_face == face]
     near = np.unique((own[:, None] + plan.lattice.move[None]).reshape(-1, 2), axis=0)
     near = near[plan.rows_at(face, near) < 0]
     name, radius = np.full(len(near), -1), np.full(len(near), plan.radius_mm)
-    places = imaged(plan, placement, np.full(len(near), face), name, plan.lattice_mm(face, near), radius, image_size)
-    return places.take(_plain(places, least_px, image_size))
+    return imaged(plan, placement, np.full(len(near), face), name, plan.lattice_mm(face, near), radius, image_size)
 
 
 def _too_many(plan: TargetPlan, candidates: Candidates, grid: Grid, naming: Naming) -> int:
