@@ -229,7 +229,7 @@ def test_a_plot_draws_the_studys_page_again_and_no_other() -> None:
     taken = ("--target", "board.target.json", "--detections", "detections.csv", "--sizes", "6", "--samples", "4")
     assert calib("study", "bootstrap", *taken, "--jobs", "1", "-o", "study").code == 0
     first = page_text("study")
-    Path("study/index.html").write_text('<meta name="generator" content="ringsolid 0">an older page')
+    Path("study/index.html").write_text('<!doctype html><meta name="generator" content="ringsolid 0">an older page')
     assert "study/index.html" in summary_of(calib("study", "plot", "study", "--json"))["wrote"]
     assert page_text("study") == first
     calib(*SOLVE, *LENIENT[:2])
