@@ -277,7 +277,7 @@ def prediction(setting: Setting) -> None:
     out = setting.folder / "predicted"
     arguments = ("tolerance", target, "--errors", "fdm-dual", "--linear", "-o", out)
     times = in_turns(
-        {"whole": lambda: command("design", *arguments), "alone": lambda: linear_table(scene, errors, 1)}, setting.runs
+        {"whole": lambda: command("design", *arguments), "alone": lambda: linear_table(scene, errors)}, setting.runs
     )
     tell("design tolerance --linear", "<= 3 s", times["whole"])
     tell("  the prediction itself", "<= 0.3 s", times["alone"])
