@@ -286,7 +286,7 @@ def prediction(setting: Setting) -> None:
 def requirement(setting: Setting) -> None:
     """How good a print must be, by draws."""
     target, out = target_file(setting), setting.folder / "required"
-    arguments = ("tolerance", target, "--errors", "fdm-dual", "--require", "intersection=0.05mm", "-o", out)
+    arguments = ("tolerance", target, "--errors", "fdm-dual", "--require", "intersection=0.1mm", "-o", out)
     times = in_turns({"whole": lambda: command("design", *arguments, code=1)}, setting.runs)
     tell("design tolerance --require", "<= 60 s", times["whole"])
 
