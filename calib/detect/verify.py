@@ -35,7 +35,7 @@ STRANGE_WEIGHT = 2.0
 """... and nothing makes rings, so that one that the target has not weighs more."""
 MIN_GRID = 6
 """Smaller grids of rings are clutter."""
-END_ODDS = 20.0
+END_ODDS = 12.0
 """Odds as if all covers that hide rings one after the other were independent, so half of it is true."""
 LEAST_BEYOND, BEYOND_SHARE = 3, 0.1
 """So many rings, and so large a share of the places one step outside the target, are no chance; nor is so much margin
