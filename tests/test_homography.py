@@ -128,10 +128,10 @@ def test_covariance_of_the_vanishing_term_is_its_scatter() -> None:
         assert (off.T @ off / len(off))[0, 1] == pytest.approx(reported[n][0, 1], abs=0.2 * np.trace(reported[n]))
 
 
-def test_scaled_maps_the_same_with_a_positive_denominator() -> None:
-    """A homography times -3 is the same map; its denominator is 1 at the points' mean."""
-    matrix, plane, image = view(7)
-    found = homography.scaled(-3 * matrix, plane)
+def test_direct_has_a_positive_denominator() -> None:
+    """It is 1 at the points' mean, where they are seen from the front."""
+    _, plane, image = view(7)
+    found = homography.direct(plane, image)
     assert homography.apply(found, plane) == pytest.approx(image)
     assert found[2] @ [*plane.mean(axis=0), 1] == pytest.approx(1)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calib.detect.measure import ODD_EDGES
 from calib.detect.pipeline import detect
 from calib.detect.plane_distance import parameters_of
-from calib.detect.ring_equations import FACTOR
+from calib.detect.ring_equations import DISTANCE
 from calib.detect.ring_fit import RingFits, fit_rings
 from calib.detect.ring_model import M0, PARAMETERS, RATIO
 from calib.detect.ring_scores import (
@@ -152,7 +152,7 @@ def test_every_pixel_has_a_stretch(slant: float) -> None:
     p[:2], p[2:5], p[RATIO] = 30.0, (0.1, slant, 0.1), 0.45
     pixels = np.array([[34.5, 40.0, 25.5, 30.0], [30.0, 30.0, 30.0, 34.5], [0.0] * 4])
     rows = np.zeros(SCORES_ROOM)
-    rows[FACTOR : FACTOR + 4] = (0.45, 1.0, 0.45, 0.45)
+    rows[DISTANCE : DISTANCE + 4] = (0.45, 1.0, 0.45, 0.45)
     prepare(parameters_of(p), np.eye(PARAMETERS), pixels, 0, 4, rows)
     place = rows[PLACE : PLACE + 4]
     assert np.array_equal(place, np.floor(place))

@@ -198,12 +198,6 @@ def direct(plane: Floats, image: Floats) -> Floats:
     return np.asarray(_direct(_as_kernels_want(plane), _as_kernels_want(image)))
 
 
-def scaled(homography: Floats, plane: Floats) -> Floats:
-    """The same map, its denominator 1 at the points' mean, where they are seen from the front."""
-    middle = plane.mean(axis=0)
-    return np.asarray(homography / (homography[2, :2] @ middle + homography[2, 2]))
-
-
 @jit
 def _fit(plane: Floats, image: Floats, weight: Floats, rounds: int) -> tuple[Floats, Floats, Floats]:
     count = len(plane)
@@ -255,11 +249,7 @@ def _fit_near(
         if not np.isfinite(better).all():
             break
         keep, matrix, covariance = new, better, its_covariance
-        for n in range(len(plane)):
-            inverse = 1.0 / (matrix[2, 0] * plane[n, 0] + matrix[2, 1] * plane[n, 1] + matrix[2, 2])
-            for c in range(2):
-                u = (matrix[c, 0] * plane[n, 0] + matrix[c, 1] * plane[n, 1] + matrix[c, 2]) * inverse
-                residual[n, c] = image[n, c] - u
+        residuals_of(plane, image, matrix.reshape(9), residual)
     return matrix, covariance, residual, keep
 
 

@@ -31,9 +31,9 @@ Equation: TypeAlias = tuple[
 CHUNK = 128
 """Pixels that are worked out at once: their rows stay in the processor's nearest memory."""
 RESIDUAL = PARAMETERS * CHUNK
-FACTOR = RESIDUAL + CHUNK
+DISTANCE = RESIDUAL + CHUNK
 """Where the residuals of a chunk stand, and what comes after them: the plane distances."""
-ROOM = FACTOR + CHUNK
+ROOM = DISTANCE + CHUNK
 """Rows of a chunk: PARAMETERS of derivatives, residuals, distances. One array: the compiler can tell that its rows do
 not overlap, and then works several pixels out at once."""
 MAX_CURVATURE = 0.6
@@ -199,7 +199,7 @@ def fill_rows(pixels: Floats, first: int, filled: int, p: Numbers, q: Numbers, o
         rows[13 * CHUNK + k] = one[13]
         rows[14 * CHUNK + k] = one[14]
         rows[RESIDUAL + k] = one[15]
-        rows[FACTOR + k] = distance[0]
+        rows[DISTANCE + k] = distance[0]
 
 
 @jit_sums

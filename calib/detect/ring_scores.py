@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect.plane_distance import Numbers, bend_of, parameters_of
-from calib.detect.ring_equations import CHUNK, FACTOR, RESIDUAL, ROOM, fill_rows
+from calib.detect.ring_equations import CHUNK, DISTANCE, RESIDUAL, ROOM, fill_rows
 from calib.detect.ring_model import CENTER_U, CENTER_V, E00, E10, E11, PARAMETERS, RATIO
 from calib.jit import jit, jit_inside, jit_sums
 
@@ -96,7 +96,7 @@ def prepare(p: Numbers, inverse: Floats, pixels: Floats, first: int, filled: int
         place = float(np.floor(_turn(p[E00] * du, p[E10] * du + p[E11] * dv) * STRETCHES))
         # Rounding can make a whole turn.
         place = STRETCHES - 1.0 if place >= STRETCHES else place
-        rows[PLACE + k] = place if rows[FACTOR + k] > middle else place + STRETCHES
+        rows[PLACE + k] = place if rows[DISTANCE + k] > middle else place + STRETCHES
     for c in range(2):
         here = INFLUENCE + c * CHUNK
         for k in range(filled):

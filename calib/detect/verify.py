@@ -154,13 +154,14 @@ def gather(
     image_size = (image.shape[1], image.shape[0])
     places = predict(plan, placement, image_size)
     found = np.isin(places.ring, measured.ring)
-    least_px = _plain_radius_px(places.shape[found])
+    least_px = _radius_px(places.shape[found], 0.5)
     plain = _plain(places, least_px, image_size)
     seen = candidates.take(np.flatnonzero(candidates.ratio > 0))
     left = seen.take(_unexplained(plan, seen, places))
     faces = np.unique(plan.target.ring_face[measured.ring])
     around = [_one_step_outside(plan, placement, int(face), image_size) for face in faces]
-    readable = [_plain(part, _least_found_px(places.shape[found]), image_size) for part in around]
+    # Features hardly smaller than most of those found can be read, too.
+    readable = [_plain(part, 0.9 * _radius_px(places.shape[found], 0.1), image_size) for part in around]
     rings_beyond = [
         (_read(image, plan, part, contrast) == RING) & may for part, may in zip(around, readable, strict=True)
     ]
@@ -188,16 +189,14 @@ def gather(
     )
 
 
-def _plain_radius_px(found: Floats) -> float:
-    """From which semi-minor axis on features are plain to see; of small ones, half of those found.  # (N, 3)"""
-    return min(PLAIN_RADIUS_PX, float(np.median(semi_axes_px(found)[1]))) if len(found) else PLAIN_RADIUS_PX
+def _radius_px(found: Floats, share: float) -> float:
+    """PLAIN_RADIUS_PX; of smaller features, the semi-minor axis that so large a share of those found has not.
 
-
-def _least_found_px(found: Floats) -> float:
-    """From which semi-minor axis on a feature can be read: hardly less than most of those found have.  # (N, 3)"""
-    return (
-        min(PLAIN_RADIUS_PX, 0.9 * float(np.quantile(semi_axes_px(found)[1], 0.1))) if len(found) else PLAIN_RADIUS_PX
-    )
+    Args:
+        found: E of those found.  # (N, 3)
+        share: 0 to 1.
+    """
+    return min(PLAIN_RADIUS_PX, float(np.quantile(semi_axes_px(found)[1], share))) if len(found) else PLAIN_RADIUS_PX
 
 
 def _plain(places: Places, least_px: float, image_size: tuple[int, int]) -> Flags:
