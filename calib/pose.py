@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.inputs.dataset import Dataset
 from calib.inputs.observations import observations_for_poses
 from calib.se3 import log_rotation, skew
 from calib.solver.pose import solve_poses
-from calib.types import Camera
+from calib.types import Camera, Detections
 from designer.errors import InputError
 from designer.own_files import require_ours
 from designer.target import TargetGeometry
@@ -66,25 +65,25 @@ def check_output(path: Path) -> None:
 
 @dataclass(frozen=True, eq=False)
 class FoundPoses:
-    """What came of the photos of a dataset."""
+    """What came of several photos."""
 
     poses: tuple[TargetPose, ...]  # in the order of the photos
     too_few: tuple[str, ...]  # photos with too few rings for a pose, or all on a line
     not_solved: tuple[str, ...]  # photos whose rings no pose fits
 
 
-def target_poses(dataset: Dataset, target: TargetGeometry, camera: Camera, *, weighted: bool) -> FoundPoses:
+def target_poses(photos: Sequence[Detections], target: TargetGeometry, camera: Camera, *, weighted: bool) -> FoundPoses:
     """The poses in the photos that show enough of the target.
 
     Args:
-        dataset: what was seen in photos of the camera.
+        photos: what was seen in photos of the camera.
         target: of the same layout.
         camera: is taken as it is.
         weighted: by the covariances of the centres.
     """
-    seen = observations_for_poses(dataset, target)
+    seen = observations_for_poses(photos, target)
     if seen is None:
-        return FoundPoses((), dataset.view_names, ())
+        return FoundPoses((), tuple(one.image for one in photos), ())
     solved = solve_poses(camera, seen, weighted=weighted)
     is_solved = [
         bool(np.isfinite(pose).all() and np.isfinite(covariance).all())
@@ -98,7 +97,7 @@ def target_poses(dataset: Dataset, target: TargetGeometry, camera: Camera, *, we
     )
     return FoundPoses(
         poses=tuple(poses),
-        too_few=tuple(name for name in dataset.view_names if name not in usable),
+        too_few=tuple(one.image for one in photos if one.image not in usable),
         not_solved=tuple(name for name, ok in zip(seen.view_names, is_solved, strict=True) if not ok),
     )
 

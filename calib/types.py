@@ -126,6 +126,7 @@ class Observations:
     center_px: NDArray[np.float64]  # (M, 2)
     cov_px2: NDArray[np.float64] | None  # (M, 2, 2); None: not known, all alike
     points: KnownPoints
+    remarks: tuple[str, ...] = ()  # what was left out of them, or should be known, one line each
 
     def __post_init__(self) -> None:
         for name in ("view", "point"):

@@ -82,8 +82,8 @@ def test_a_folder_becomes_a_table(folder: Path, capsys: pytest.CaptureFixture[st
     assert run("photos") == 0
     table = Path("exports/board/detections.csv")
     data = read_detections(table, BOARD, target_path=Path("board.target.json"))
-    assert data.view_names == ("img2.png", "img10.png", "img11.png")
-    assert np.bincount(data.view, minlength=3).tolist() == [len(SEEN.ring), len(SEEN.ring), 0]
+    assert [one.image for one in data] == ["img2.png", "img10.png", "img11.png"]
+    assert [len(one.ring) for one in data] == [len(SEEN.ring), len(SEEN.ring), 0]
     said = capsys.readouterr().out
     count = f"{len(SEEN.ring)}/{BOARD.ring_count}"
     assert re.search(rf"img10\.png +{count} ", said)
@@ -117,7 +117,7 @@ def test_bad_photos_among_good_ones_are_named_and_skipped(folder: Path, capsys: 
 def test_nothing_found_is_exit_code_1_and_bad_input_an_error(folder: Path) -> None:
     """1: photos without the target. An error, and no file: nothing to read, a bad target, output or camera."""
     assert run("photos/img11.png", out="a.csv") == 1
-    assert read_detections(Path("a.csv"), BOARD, target_path=Path("t")).view_names == ("img11.png",)
+    assert read_detections(Path("a.csv"), BOARD, target_path=Path("t"))[0].image == "img11.png"
     Path("notes.csv").write_text("mine")
     Path("camera.json").write_text("{}")
     before = sorted(folder.rglob("*"))
@@ -166,7 +166,7 @@ def test_a_photo_without_overlay_does_not_stop_the_others(
     assert "no overlay for img2.png: ZeroDivisionError: flat" in said
     assert "0 failures" in said
     assert "3 overlays" in said
-    assert len(read_detections(Path("d.csv"), BOARD, target_path=Path("t")).view_names) == 4
+    assert len(read_detections(Path("d.csv"), BOARD, target_path=Path("t"))) == 4
     assert len(list(Path("o").glob("*.overlay.jpg"))) == 3
 
 
@@ -194,8 +194,8 @@ def test_photos_of_one_name_are_told_apart_by_their_folders(folder: Path) -> Non
     paths = [Path(p) for p in ("a/x/1.png", "b/x/1.png", "b/y/1.png", "2.png", "b/../2.png")]
     assert [photo.name for photo in named_photos(paths)] == ["a/x/1.png", "b/x/1.png", "y/1.png", "2.png"]
     assert run("a/x", "b/x", "b/y", "2.png", "2.png", out="d.csv", overlay="o") == 0
-    names = read_detections(Path("d.csv"), BOARD, target_path=Path("t")).view_names
-    assert names == ("a/x/1.png", "b/x/1.png", "y/1.png", "2.png")
+    names = [one.image for one in read_detections(Path("d.csv"), BOARD, target_path=Path("t"))]
+    assert names == ["a/x/1.png", "b/x/1.png", "y/1.png", "2.png"]
     assert len(list(Path("o").glob("*.overlay.jpg"))) == 4
 
 

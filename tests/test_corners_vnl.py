@@ -48,7 +48,7 @@ def test_corners_are_read_as_mrcal_reads_them(tmp_path: Path) -> None:
     names, theirs = json.loads(answer.stdout)
     ours = read_observations(path, image_size=SIZE, grid=GRID)
     assert ours.remarks == ("left out views that show none of the points: lost.png",)
-    one = ours.observations
+    one = ours
     assert one.cov_px2 is not None
     for view, name in enumerate(one.view_names):
         mine = np.full((GRID.count, 3), -1.0)
@@ -65,14 +65,14 @@ def test_weights_of_corners(tmp_path: Path) -> None:
     """A level halves the weight, a weight is taken as it is, and equal weights are no weights."""
     path = tmp_path / "corners.vnl"
     path.write_text(corners_text(lambda k: "1" if k % 2 else "0"))
-    levels = read_observations(path, image_size=SIZE, grid=GRID).observations
+    levels = read_observations(path, image_size=SIZE, grid=GRID)
     assert levels.cov_px2 is not None
     assert levels.cov_px2[:, 0, 0] == pytest.approx(np.where(levels.point % 2, 4.0, 1.0))
     weights = corners_text(lambda k: "0.5" if k % 2 else "1").replace("level", "weight")
     path.write_text(weights)
-    assert np.array_equal(read_observations(path, image_size=SIZE, grid=GRID).observations.cov_px2, levels.cov_px2)
+    assert np.array_equal(read_observations(path, image_size=SIZE, grid=GRID).cov_px2, levels.cov_px2)
     path.write_text(corners_text(lambda _: "0"))
-    assert read_observations(path, image_size=SIZE, grid=GRID).observations.cov_px2 is None
+    assert read_observations(path, image_size=SIZE, grid=GRID).cov_px2 is None
 
 
 def at_line(number: int, text: str) -> Callable[[list[str]], list[str]]:
@@ -116,7 +116,7 @@ def test_damaged_files_end_in_observations_or_one_line(data: st.DataObject, tmp_
         content[at] = value
     path.write_bytes(content[: data.draw(st.integers(0, len(content)))] if data.draw(st.booleans()) else content)
     try:
-        seen = read_observations(path, image_size=SIZE, grid=GRID).observations
+        seen = read_observations(path, image_size=SIZE, grid=GRID)
     except InputError:
         return
     assert np.isfinite(seen.center_px).all()

@@ -74,7 +74,7 @@ def test_what_is_written_is_read_in_any_order(columns: str, points: KnownPoints,
     seen = sightings(points)
     order = np.random.default_rng(1).permutation(len(seen.view)).tolist()
     path = write_csv(tmp_path / "c.csv", as_rows(seen), columns, order, f"# by hand\n\n{SIZE_LINE}# more\n")
-    read = read_correspondences(path).observations
+    read = read_correspondences(path)
     assert sorted(read.view_names) == sorted(seen.view_names)
     assert (np.diff(read.view) >= 0).all()
 
@@ -115,9 +115,9 @@ def test_three_kinds_of_file_are_told_apart_and_agree(tmp_path: Path) -> None:
         center[seen.point[seen.view == view]] = seen.center_px[seen.view == view]
         lines += [f"{name} {u:.6f} {v:.6f} 0" if np.isfinite(u) else f"{name} - - -" for u, v in center[ring]]
     (tmp_path / "c.vnl").write_text("\n".join(lines) + "\n")
-    ours = read_observations(tmp_path / "d.csv", tmp_path / "t.json").observations
-    table = read_observations(tmp_path / "c.csv", image_size=SIZE).observations
-    corners = read_observations(tmp_path / "c.vnl", image_size=SIZE, grid=GRID).observations
+    ours = read_observations(tmp_path / "d.csv", tmp_path / "t.json")
+    table = read_observations(tmp_path / "c.csv", image_size=SIZE)
+    corners = read_observations(tmp_path / "c.vnl", image_size=SIZE, grid=GRID)
     for other in (table, corners):
         assert other.view_names == ours.view_names
         assert other.image_size == ours.image_size
@@ -188,7 +188,7 @@ def test_mirrored_points_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"s\.csv: the points are mirrored.*right-handed"):
         read_correspondences(write_csv(tmp_path / "s.csv", solid, USUAL, head=SIZE_LINE))
     read = read_correspondences(write_csv(tmp_path / "f.csv", flat, USUAL, head=SIZE_LINE))
-    assert read.observations.view_count == 4
+    assert read.view_count == 4
 
 
 def cell(column: str, value: str, columns: str = USUAL) -> Callable[[list[str]], list[str]]:
@@ -265,7 +265,7 @@ def test_optional_columns_have_rules_too(column: str, value: str, rule: str, tmp
     cells["sigma"] = ["0.1"] * len(cells["u"])
     names = f"{USUAL},{column}" if column != "suv" else f"{USUAL},suu,suv,svv"
     path = write_csv(tmp_path / "c.csv", cells, names, head=SIZE_LINE)
-    assert read_correspondences(path).observations.view_count == 4
+    assert read_correspondences(path).view_count == 4
     lines = cell(column, value, names)(path.read_text().splitlines())
     path.write_text("\n".join(lines) + "\n")
     with pytest.raises(InputError, match=rf"line {len(lines)}: .*{rule}|line {len(lines)}: {rule}"):
@@ -278,20 +278,20 @@ def test_a_sigma_is_a_round_covariance_and_other_columns_are_said(tmp_path: Path
     cells["sigma"] = [str(0.1 + 0.01 * (k % 5)) for k in range(len(cells["u"]))]
     cells["Sigma "] = cells["sigma"]
     done = read_correspondences(write_csv(tmp_path / "c.csv", cells, f"{USUAL},sigma,Sigma ", head=SIZE_LINE))
-    assert done.observations.cov_px2 is not None
+    assert done.cov_px2 is not None
     expected = np.array(cells["sigma"], dtype=float)[:, None, None] ** 2 * np.eye(2)
-    order = np.lexsort((done.observations.center_px[:, 0], done.observations.view))
+    order = np.lexsort((done.center_px[:, 0], done.view))
     given = np.lexsort((np.array(cells["u"], dtype=float), sightings(known_points(BOARD)).view))
-    assert done.observations.cov_px2[order] == pytest.approx(expected[given])
+    assert done.cov_px2[order] == pytest.approx(expected[given])
     assert "columns that are not used: 'Sigma '" in done.remarks
 
 
 def test_spaces_after_commas_do_not_count(tmp_path: Path) -> None:
     """A table as a person types it reads like one without spaces."""
     path = write_csv(tmp_path / "c.csv", as_rows(sightings(known_points(BOARD))), USUAL, head=SIZE_LINE)
-    plain = read_correspondences(path).observations
+    plain = read_correspondences(path)
     path.write_text(path.read_text().replace(",", ", "))
-    assert np.array_equal(read_correspondences(path).observations.center_px, plain.center_px)
+    assert np.array_equal(read_correspondences(path).center_px, plain.center_px)
 
 
 @given(data=st.data())
@@ -306,7 +306,7 @@ def test_damaged_files_end_in_observations_or_one_line(data: st.DataObject, tmp_
         content[at] = value
     path.write_bytes(content[: data.draw(st.integers(0, len(content)))] if data.draw(st.booleans()) else content)
     try:
-        seen = read_observations(path, image_size=SIZE).observations
+        seen = read_observations(path, image_size=SIZE)
     except InputError:
         return
     assert np.isfinite(seen.center_px).all()

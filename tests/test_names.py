@@ -44,7 +44,7 @@ def test_a_folder_of_the_former_name_is_read_and_replaced(scene_copy: Path) -> N
     assert {".json", ".csv", ".html"} <= suffixes
     assert load_target(Path("board.target.json")) == target
     np.testing.assert_array_equal(load_camera(Path("run/camera.json")).params, camera.params)
-    assert len(read_detections(Path("detections.csv"), target, target_path=Path("board.target.json")).view)
+    assert len(read_detections(Path("detections.csv"), target, target_path=Path("board.target.json"))[0].ring)
     assert read_calibration(Path("run/calibration.json"))[0].camera.model == camera.model
     check_output(Path("detections.csv"))
     assert calib("report", "run").code in (0, 1)

@@ -10,16 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.inputs.dataset import Dataset, read_detections, write_detections
+from calib.inputs.dataset import read_detections, write_detections
 from calib.inputs.observations import (
-    Prepared,
-    dataset_of,
     known_points,
     observations_for_poses,
     observations_from_detections,
 )
 from calib.solver.solve import solve
-from calib.types import Detections
+from calib.types import Detections, Observations
 from designer.errors import InputError
 from designer.target import TargetGeometry
 from tests.calibrations import board, camera, icosahedron, poses_around, seen_by
@@ -53,9 +51,9 @@ def only(seen: Detections, rows: Array | slice) -> Detections:
     )  # fmt: skip
 
 
-def prepared(seen: list[Detections], target: TargetGeometry = BOARD) -> Prepared:
+def prepared(seen: list[Detections], target: TargetGeometry = BOARD) -> Observations:
     """The observations in detections."""
-    return observations_from_detections(dataset_of(seen), target, origin="d.csv")
+    return observations_from_detections(seen, target, origin="d.csv")
 
 
 def again(seen: Detections, name: str, sigma_px: float, rng: np.random.Generator) -> Detections:
@@ -79,7 +77,7 @@ def test_good_photos_are_all_kept() -> None:
     seen = photos(8, ICO)
     done = prepared(seen, ICO)
     assert done.remarks == ()
-    one = done.observations
+    one = done
     assert one.view_names == tuple(photo.image for photo in seen)
     assert one.image_size == camera().image_size
     assert np.array_equal(one.point, np.concatenate([photo.ring for photo in seen]))
@@ -91,18 +89,17 @@ def test_good_photos_are_all_kept() -> None:
 
 
 def test_in_memory_and_through_a_file_are_the_same(tmp_path: Path) -> None:
-    """Detections give the same dataset directly and written and read, to the digits of the file."""
+    """Detections are the same directly and written and read, to the digits of the file."""
     seen = photos(4)
     write_detections(tmp_path / "d.csv", seen, BOARD, detector="test")
-    read, direct = read_detections(tmp_path / "d.csv", BOARD, target_path=Path("t")), dataset_of(seen)
-    assert (read.view_names, read.image_sizes, read.geometry_id) == (
-        direct.view_names, direct.image_sizes, direct.geometry_id,
-    )  # fmt: skip
-    assert np.array_equal(read.view, direct.view)
-    assert np.array_equal(read.ring, direct.ring)
-    assert np.abs(read.center_px - direct.center_px).max() < 1e-6
-    with pytest.raises(ValueError, match="one target"):
-        dataset_of([seen[0], replace(seen[1], layout_id="x")])
+    for read, direct in zip(read_detections(tmp_path / "d.csv", BOARD, target_path=Path("t")), seen, strict=True):
+        assert (read.image, read.image_size, read.geometry_id) == (direct.image, direct.image_size, direct.geometry_id)
+        assert np.array_equal(read.ring, direct.ring)
+        assert np.abs(read.center_px - direct.center_px).max() < 1e-6
+    with pytest.raises(ValueError, match="of layout x"):
+        observations_from_detections([seen[0], replace(seen[1], layout_id="x")], BOARD)
+    with pytest.raises(InputError, match="no photo was searched"):
+        observations_from_detections([], BOARD)
 
 
 def on_row(seen: Detections, extra: int) -> Detections:
@@ -134,10 +131,10 @@ def test_a_view_that_cannot_be_used_is_left_out_and_said(name: str) -> None:
     assert len(kept.remarks) == 1
     assert kept.remarks[0].startswith("left out")
     assert reason in kept.remarks[0]
-    assert kept.observations.view_names == ("0.png", "1.png", "3.png", "4.png", "5.png")
-    expected = prepared([one for one in seen if one.image != "2.png"]).observations
+    assert kept.view_names == ("0.png", "1.png", "3.png", "4.png", "5.png")
+    expected = prepared([one for one in seen if one.image != "2.png"])
     for field in ("view", "point", "center_px", "cov_px2"):
-        assert np.array_equal(getattr(kept.observations, field), getattr(expected, field))
+        assert np.array_equal(getattr(kept, field), getattr(expected, field))
 
 
 def test_four_points_in_a_row_of_two_are_enough() -> None:
@@ -150,11 +147,11 @@ def test_the_size_of_most_images_counts() -> None:
     """As many of two sizes is an error that names both; views that are left out anyway have no vote."""
     seen = photos(5)
     small = [replace(one, image=f"small{one.image}", image_size=(640, 480)) for one in photos(4, seed=1)]
-    assert prepared([*small[:2], *seen[:3]]).observations.image_size == (1200, 900)
+    assert prepared([*small[:2], *seen[:3]]).image_size == (1200, 900)
     with pytest.raises(InputError, match=r"^d\.csv: as many images of 640 x 480 px and 1200 x 900 px"):
         prepared([*small[:3], *seen[:3]])
     useless = [only(one, slice(3)) for one in seen[:3]]
-    assert prepared([*small[:1], *useless]).observations.image_size == (640, 480)
+    assert prepared([*small[:1], *useless]).image_size == (640, 480)
 
 
 def test_a_photo_given_twice_counts_once() -> None:
@@ -163,7 +160,7 @@ def test_a_photo_given_twice_counts_once() -> None:
     copy, saved_again = again(seen[1], "copy.png", 0.0, rng), again(seen[3], "saved.jpg", 0.2 * SIGMA_PX, rng)
     partly = only(again(seen[3], "partly.jpg", 0.2 * SIGMA_PX, rng), slice(2, None))
     done = prepared([*seen, copy, saved_again, partly])
-    assert done.observations.view_names == tuple(one.image for one in seen)
+    assert done.view_names == tuple(one.image for one in seen)
     assert done.remarks == (
         "left out views that are another one once more: copy.png (as 1.png), saved.jpg (as 3.png), "
         "partly.jpg (as 3.png)",
@@ -174,9 +171,9 @@ def test_photos_from_a_tripod_are_not_copies() -> None:
     """Photos of a standing target differ by their noise, and all count."""
     seen, rng = photos(2), np.random.default_rng(2)
     still = [again(seen[0], f"still{k}.png", SIGMA_PX, rng) for k in range(12)]
-    assert len(prepared([*seen[1:], *still]).observations.view_names) == 13
+    assert len(prepared([*seen[1:], *still]).view_names) == 13
     blind = [replace(one, cov_px2=9 * one.cov_px2) for one in still]  # a detector that states too much
-    assert len(prepared([*seen[1:], *blind]).observations.view_names) == 13
+    assert len(prepared([*seen[1:], *blind]).view_names) == 13
 
 
 def test_nothing_left_is_an_error_with_the_reason() -> None:
@@ -192,7 +189,7 @@ def test_a_measured_target_takes_the_detections_of_the_nominal_one() -> None:
     """X, Y, Z are those of the target in use, and the remark names both geometries."""
     measured = replace(BOARD, source="measured", center_mm=BOARD.center_mm + 0.01)
     done = prepared(photos(3), measured)
-    assert np.array_equal(done.observations.points.position_mm, measured.center_mm)
+    assert np.array_equal(done.points.position_mm, measured.center_mm)
     (remark,) = done.remarks
     assert BOARD.geometry_id in remark
     assert f"measured geometry {measured.geometry_id}" in remark
@@ -213,7 +210,7 @@ def test_any_mixture_ends_in_whole_observations_or_one_line(data: st.DataObject)
     except InputError:
         return
     by_name = {one.image: one for one in seen}
-    kept = done.observations
+    kept = done
     for view, name in enumerate(kept.view_names):
         rows = kept.view == view
         assert np.array_equal(kept.point[rows], by_name[name].ring)
@@ -225,11 +222,11 @@ def test_any_mixture_ends_in_whole_observations_or_one_line(data: st.DataObject)
 def test_poses_need_no_other_photo() -> None:
     """For poses a photo may come twice or stand alone; only what has too few points is left out."""
     seen = photos(3)
-    data: Dataset = dataset_of([seen[0], replace(seen[0], image="b.png"), only(seen[1], slice(3)), seen[2]])
+    data = [seen[0], replace(seen[0], image="b.png"), only(seen[1], slice(3)), seen[2]]
     kept = observations_for_poses(data, BOARD)
     assert kept is not None
     assert kept.view_names == ("0.png", "b.png", "2.png")
-    assert observations_for_poses(dataset_of([only(seen[1], slice(3))]), BOARD) is None
+    assert observations_for_poses([only(seen[1], slice(3))], BOARD) is None
 
 
 @pytest.mark.parametrize("stated_px", [1e-6, 1e-9])
@@ -241,22 +238,22 @@ def test_no_ring_owns_the_solution_by_what_it_states(stated_px: float) -> None:
     covariance[5] = stated_px**2 * np.eye(2)
     absurd = [*seen[:2], replace(seen[2], center_px=center, cov_px2=covariance), *seen[3:]]
     found = prepared(absurd)
-    total = len(found.observations.view)
+    total = len(found.view)
     line = f"1 of {total} observations state less than 25% of the median standard deviation; they count as if they"
     assert any(remark.startswith(line) for remark in found.remarks)
-    assert found.observations.cov_px2 is not None
-    least = np.sqrt(np.linalg.eigvalsh(found.observations.cov_px2)[:, 0].min())
+    assert found.cov_px2 is not None
+    least = np.sqrt(np.linalg.eigvalsh(found.cov_px2)[:, 0].min())
     assert least == pytest.approx(0.25 * SIGMA_PX)
-    solved = [solve(one.observations, camera().model) for one in (prepared(seen), found)]
+    solved = [solve(one, camera().model) for one in (prepared(seen), found)]
     assert all(one.weighted for one in solved)
-    off = np.linalg.norm(solved[1].residual_px[found.observations.view == 2], axis=1)
+    off = np.linalg.norm(solved[1].residual_px[found.view == 2], axis=1)
     assert off[5] > 0.3  # it is not followed
     assert abs(solved[1].camera.params[0] - solved[0].camera.params[0]) < 2.0
 
 
 def test_stated_covariances_count_and_others_all_alike() -> None:
     """By default a solution is weighted where covariances are stated, and where there are none nothing is said."""
-    found = prepared(photos(5)).observations
+    found = prepared(photos(5))
     assert solve(found, camera().model).weighted
     without = solve(replace(found, cov_px2=None), camera().model)
     assert not without.weighted

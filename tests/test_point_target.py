@@ -131,7 +131,7 @@ def test_a_real_board_is_bent_as_others_found() -> None:
     position = np.unique([[float(cell) for cell in row[3:6]] for row in cells], axis=0)
     target = target_from_points(PointTable(position, ("",) * len(position), np.arange(len(position))))
     Path("board.target.json").write_text(target_to_json(target))
-    seen = read_observations(Path("seen.csv"), Path("board.target.json")).observations
+    seen = read_observations(Path("seen.csv"), Path("board.target.json"))
     found = measure([seen], target, "opencv", AsBuiltOptions(ring_sigma_mm=None, made=how_made(target, "fdm-board")))
     rim_mm = float(np.linalg.norm(target.outline_mm[0], axis=1).max())
     dome, saddle, _ = found.bow_mm[0] * (0.5 * np.ptp(position[:, 0]) / rim_mm) ** 2
@@ -144,13 +144,13 @@ def test_points_are_found_by_ids_or_places() -> None:
     made = target_from_points(PointTable(glued(), cube().plane, cube().ids))
     Path("moved.target.json").write_text(target_to_json(made))
     for target in ("cube.target.json", "moved.target.json"):
-        one, two = (read_observations(Path(name), Path(target)).observations for name in ("ids.csv", "places.csv"))
+        one, two = (read_observations(Path(name), Path(target)) for name in ("ids.csv", "places.csv"))
         assert np.array_equal(one.point, two.point)
         assert np.array_equal(one.center_px, two.center_px)
     Path("ico.target.json").write_text(target_to_json(solid()))
     rows = [f"a.png,{100 + 7 * k},{100 + k * k},{k}" for k in range(12)]
     Path("ico.csv").write_text("\n".join(["# image_size 900 x 800", "image,u,v,id", *rows]) + "\n")
-    assert read_observations(Path("ico.csv"), Path("ico.target.json")).observations.point.tolist() == list(range(12))
+    assert read_observations(Path("ico.csv"), Path("ico.target.json")).point.tolist() == list(range(12))
 
 
 def test_nothing_is_drawn_or_detected_of_points() -> None:

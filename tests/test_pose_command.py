@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from calib.camera_file import camera_to_json
 from calib.commands.pose import _table, run_pose
 from calib.detect.batch import PhotoFile, PhotoResult, find_photos
-from calib.inputs.dataset import Dataset
-from calib.inputs.observations import dataset_of, known_points
+from calib.inputs.observations import known_points
 from calib.pose import CSV_COLUMNS, TargetPose, poses_to_csv, poses_to_json, target_poses
 from calib.render.poses import load_poses
 from calib.se3 import exp_rotation, transform
@@ -59,7 +58,7 @@ def test_without_noise_the_poses_are_the_truth(target: TargetGeometry) -> None:
     """All poses come back, with the camera's place and distance in the target's frame."""
     rng = np.random.default_rng(0)
     truth = poses_around(12, rng, distance_mm=300.0)
-    found = target_poses(dataset_of(photos_from(target, truth, rng, 0.0)), target, CAMERA, weighted=False).poses
+    found = target_poses(photos_from(target, truth, rng, 0.0), target, CAMERA, weighted=False).poses
     assert [one.image for one in found] == [f"{view}.png" for view in range(12)]
     for one, pose in zip(found, truth, strict=True):
         assert one.cam_from_target == pytest.approx(pose, abs=1e-7)
@@ -75,9 +74,7 @@ def test_stated_deviations_are_those_of_many_photos(target: TargetGeometry, weig
     """Place, distance and rotation scatter over repeated photos from one pose as is stated, within a tenth."""
     rng = np.random.default_rng(1)
     pose = poses_around(3, rng, distance_mm=300.0)[2]
-    found = target_poses(
-        dataset_of(photos_from(target, np.tile(pose, (800, 1, 1)), rng)), target, CAMERA, weighted=weighted
-    ).poses
+    found = target_poses(photos_from(target, np.tile(pose, (800, 1, 1)), rng), target, CAMERA, weighted=weighted).poses
     assert len(found) == 800
     place = np.array([one.camera_mm for one in found])
     distance = np.array([one.distance_mm for one in found])
@@ -91,17 +88,21 @@ def test_stated_deviations_are_those_of_many_photos(target: TargetGeometry, weig
     assert np.mean([one.rms_px for one in found]) == pytest.approx(np.sqrt(2) * SIGMA_PX, rel=0.1)
 
 
+def _partly_noisy(photo: Detections, rng: np.random.Generator) -> Detections:
+    """A third of the centres ten times as noisy, and stated so."""
+    bad = rng.random(len(photo.ring)) < 1 / 3
+    return replace(
+        photo,
+        center_px=photo.center_px + bad[:, None] * rng.normal(0, 10 * SIGMA_PX, photo.center_px.shape),
+        cov_px2=photo.cov_px2 * np.where(bad, 101.0, 1.0)[:, None, None],
+    )
+
+
 def test_surer_centres_count_for_more_if_asked() -> None:
     """With a third of the centres ten times as noisy, and stated so, weights bring the pose nearer."""
     rng = np.random.default_rng(2)
     truth = poses_around(60, rng, distance_mm=300.0)
-    data = dataset_of(photos_from(BOARD, truth, rng))
-    bad = rng.random(len(data.view)) < 1 / 3
-    noisy = Dataset(
-        data.layout_id, data.geometry_id, data.view_names, data.image_sizes, data.view, data.ring,
-        data.center_px + bad[:, None] * rng.normal(0, 10 * SIGMA_PX, data.center_px.shape),
-        data.cov_px2 * np.where(bad, 101.0, 1.0)[:, None, None],
-    )  # fmt: skip
+    noisy = [_partly_noisy(photo, rng) for photo in photos_from(BOARD, truth, rng)]
     off = [
         np.mean([np.linalg.norm(one.camera_mm - centre(pose)) for one, pose in zip(found, truth, strict=True)])
         for found in (target_poses(noisy, BOARD, CAMERA, weighted=weighted).poses for weighted in (False, True))
@@ -112,7 +113,7 @@ def test_surer_centres_count_for_more_if_asked() -> None:
 def test_files_hold_the_poses_to_the_last_bit(tmp_path: Path) -> None:
     """JSON and CSV give back matrices and covariances; the renderer takes the JSON's poses."""
     rng = np.random.default_rng(3)
-    poses = target_poses(dataset_of(photos_from(ICO, poses_around(4, rng), rng)), ICO, CAMERA, weighted=False).poses
+    poses = target_poses(photos_from(ICO, poses_around(4, rng), rng), ICO, CAMERA, weighted=False).poses
     path = tmp_path / "poses.json"
     path.write_bytes(poses_to_json(poses, ICO, CAMERA, [("lost.png", "too few rings")]))
     document = json.loads(path.read_bytes())
@@ -144,11 +145,11 @@ def test_photos_without_a_pose_are_sorted_by_the_reason() -> None:
             ellipse_px=one.ellipse_px[rows],
         )  # fmt: skip
     seen[2] = replace(seen[2], center_px=np.tile([600.0, 450.0], (len(seen[2].ring), 1)))
-    found = target_poses(dataset_of(seen), BOARD, CAMERA, weighted=False)
+    found = target_poses(seen, BOARD, CAMERA, weighted=False)
     assert found.too_few == ("0.png", "1.png")
     assert found.not_solved == ("2.png",)
     assert [one.image for one in found.poses] == ["3.png"]
-    none = target_poses(dataset_of(seen[:2]), BOARD, CAMERA, weighted=False)
+    none = target_poses(seen[:2], BOARD, CAMERA, weighted=False)
     assert (none.poses, none.too_few) == ((), ("0.png", "1.png"))
 
 
@@ -298,7 +299,7 @@ def test_what_the_deviations_leave_out_is_told(folder: Path, capsys: pytest.Capt
         capsys.readouterr().out
     )
     seen = SEEN[0]
-    one = target_poses(dataset_of([seen]), BOARD, CAMERA, weighted=False).poses[0]
+    one = target_poses([seen], BOARD, CAMERA, weighted=False).poses[0]
     result = PhotoResult(PhotoFile(Path(seen.image), seen.image), seen)
     for lost, said in ((0, ""), (3, "3 more rings lie where the camera knows no light")):
         table = _table([result], {seen.image: replace(one, rings=one.rings - lost)}, {}, ())

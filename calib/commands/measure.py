@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from calib.as_built_report.files import Places
     from calib.as_built_report.held_out import HeldOut
     from calib.as_built_report.length_words import AskedLength
-    from calib.inputs.observations import Prepared
     from calib.types import Observations
     from designer.skew import Skew
     from designer.target import TargetGeometry
@@ -147,19 +146,19 @@ def measure(
     how = Print(_compensation(shrink_compensation), _skew(skew_compensation), _angle(bed_turn), weighted)
     check_places(places, target)
     shape = None if truth is None else _truth(truth, nominal, target)
-    prepared = _read(detections, nominal, target, image_size, one_camera=one_camera)
+    sets = _read(detections, nominal, target, image_size, one_camera=one_camera)
     remarks = (
-        *(line for one in prepared for line in one.remarks),
+        *(line for one in sets for line in one.remarks),
         *((way.sentence,) if way.because else ()),
         *_doubts(nominal, lengths, way),
         *_other_pages(places),
     )
     for remark in remarks:
         print(printable(remark))
-    options = with_known_weights(options, [one.observations for one in prepared])
+    options = with_known_weights(options, sets)
     how = replace(how, weighted=options.solve.weighted)
-    folds = _folds(held_out, min(one.observations.view_count for one in prepared))
-    found = _measure([one.observations for one in prepared], nominal, model, options, lengths)
+    folds = _folds(held_out, min(one.view_count for one in sets))
+    found = _measure(sets, nominal, model, options, lengths)
     held = _held_out(found, model, options, folds, shape)
     settings = (
         ("target", target.name), ("detections", ", ".join(path.name for path in detections)), ("model", model),
@@ -341,7 +340,7 @@ def _truth(path: Path, nominal: "TargetGeometry", nominal_path: Path) -> "Target
 
 def _read(
     paths: Sequence[Path], target: "TargetGeometry", target_path: Path, image_size: str | None, *, one_camera: bool
-) -> "list[Prepared]":
+) -> "list[Observations]":
     """What each camera saw."""
     from calib.as_built_report.join import joined
     from calib.inputs.dataset import read_detections
@@ -353,19 +352,19 @@ def _read(
             raise InputError(f"{path}: given twice; give each detections file once")
     origins = [str(path) for path in paths]
     if one_camera and len(paths) > 1:
-        sets = [read_detections(path, target, target_path=target_path) for path in paths]
+        files = [read_detections(path, target, target_path=target_path) for path in paths]
         origins = [", ".join(origins)]
-        whole = joined(sets, [path.stem for path in paths])
-        prepared = [observations_from_detections(whole, target, origin=origins[0])]
+        whole = joined(files, [path.stem for path in paths])
+        sets = [observations_from_detections(whole, target, origin=origins[0])]
     else:
-        prepared = [read_input(path, target_path, image_size, None, None) for path in paths]
-    for one, name in zip(prepared, origins, strict=True):
-        if one.observations.view_count < LEAST_VIEWS:
+        sets = [read_input(path, target_path, image_size, None, None) for path in paths]
+    for one, name in zip(sets, origins, strict=True):
+        if one.view_count < LEAST_VIEWS:
             raise InputError(
-                f"{name}: {one.observations.view_count} photos can be used; a camera needs at least {LEAST_VIEWS}, and "
+                f"{name}: {one.view_count} photos can be used; a camera needs at least {LEAST_VIEWS}, and "
                 "20 or more from all sides to measure a target well"
             )
-    return prepared
+    return sets
 
 
 def _measure(

@@ -78,7 +78,6 @@ def run_pose(
 ) -> Summary:
     """The command with a detector of choice."""
     from calib.detect.batch import find_photos
-    from calib.inputs.observations import dataset_of
     from calib.pose import check_output, target_poses
     from calib.report.kept_target import keep_target
     from calib.report.origin import is_of_kind
@@ -98,7 +97,7 @@ def run_pose(
     failures = [*found.failures, *(result.failure for result in results if result.seen is None)]
     if not seen:
         refuse_nothing(failures, NOTHING_LEFT)
-    found_poses = target_poses(dataset_of(seen), geometry, camera, weighted=weighted)
+    found_poses = target_poses(seen, geometry, camera, weighted=weighted)
     poses = {one.image: one for one in found_poses.poses}
     reasons = _reasons(results, found_poses)
     with no_empty_folders(overlay), staging_folder(overlay) as staging:

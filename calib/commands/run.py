@@ -107,7 +107,7 @@ def run(
     The exit code is 1 if nothing was found, or if the verdict is: do not use.
     """
     from calib.detect.batch import find_photos, named_photos
-    from calib.inputs.observations import dataset_of, observations_from_detections
+    from calib.inputs.observations import observations_from_detections
     from calib.verdict.criteria import read_criteria
     from designer.target import load_target
     from designer.tolerance.made import how_made
@@ -129,7 +129,7 @@ def run(
     seen = _with_target(detected.results)
     if not seen:
         return _nothing_found(folder, target, geometry, found, detected, page=page)
-    prepared = observations_from_detections(dataset_of(seen), geometry, origin="the photos")
+    observations = observations_from_detections(seen, geometry, origin="the photos")
     table = folder / "detections.csv"
     settings = (
         ("target", named_in_files(target)), ("detections", named_in_files(table)), ("photos", str(len(found.paths))),
@@ -137,7 +137,7 @@ def run(
         *reference_settings(reference, reference_target),
     )  # fmt: skip
     work = Work(
-        prepared.observations, prepared.remarks, detected.plan, folder, geometry.layout_id, settings, map_of, known,
+        observations, detected.plan, folder, geometry.layout_id, settings, map_of, known,
         way, (table,),
     )  # fmt: skip
     solutions, pictures = _draw(solve_and_say(work), folder, table)
@@ -147,7 +147,7 @@ def run(
         {"detections": detected.answer, **solutions_answer(solutions, best_of(solutions)), **judged.answer},
         (*detected.files, *files_of_solutions(solutions), *pictures, *judged.files),
         steps,
-        (*detected.remarks, *prepared.remarks, *judged.remarks),
+        (*detected.remarks, *observations.remarks, *judged.remarks),
         judged.exit_code,
     )
 
@@ -360,7 +360,7 @@ def _first_camera(
     results: "Sequence[PhotoResult]", geometry: "TargetGeometry", plan: "SolvePlan"
 ) -> "tuple[Camera | None, str]":
     """A camera good enough to see rings through its lens, or why the photos do not determine one."""
-    from calib.inputs.observations import dataset_of, observations_from_detections
+    from calib.inputs.observations import observations_from_detections
     from calib.solver.solve import solve
 
     seen = _with_target(results)
@@ -371,7 +371,7 @@ def _first_camera(
     if "opencv" not in plan.models:  # another model's parameters are other numbers
         options = replace(options, fixed=(), shared=(), focal_px=chosen.focal_px)
     try:
-        observations = observations_from_detections(dataset_of(seen), geometry, origin="the photos").observations
+        observations = observations_from_detections(seen, geometry, origin="the photos")
         calibration = solve(observations, "opencv", options)
     except InputError as error:
         return None, str(error)

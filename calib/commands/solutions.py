@@ -31,7 +31,6 @@ class Work:
     """What is to be solved, and where it comes from."""
 
     observations: "Observations"
-    remarks: tuple[str, ...]  # on what the observations were made of
     plan: "SolvePlan"
     folder: Path
     layout_id: str  # of the target; "" for points from elsewhere
@@ -50,7 +49,7 @@ def solve_and_say(work: Work) -> "list[Solution]":
     """
     from calib.pipeline.solutions import solve_models
 
-    for remark in work.remarks:
+    for remark in work.observations.remarks:
         print(printable(remark))
     if work.made is not None:
         print(printable(work.made.sentence))
@@ -59,7 +58,7 @@ def solve_and_say(work: Work) -> "list[Solution]":
         with waiting("solving"):
             for solution in solve_models(
                 work.observations, work.plan, work.folder, provenance=_provenance_of(work), reference=work.reference,
-                truth=work.truth, remarks=work.remarks, made=work.made,
+                truth=work.truth, remarks=work.observations.remarks, made=work.made,
             ):  # fmt: skip
                 solutions.append(solution)
     except KeyboardInterrupt:
@@ -118,7 +117,7 @@ def _say_solutions(work: Work, solutions: "Sequence[Solution]") -> None:
         print(f"\n{calibration.camera.model}: {_summary(calibration)}")
         console.print(parameters_table(evaluation))
         for remark in (*calibration.remarks, *evaluation.remarks):
-            if remark not in work.remarks:
+            if remark not in work.observations.remarks:
                 print(f"  {printable(remark)}")
     views, sightings = work.observations.view_count, len(work.observations.view)
     print(

@@ -23,8 +23,8 @@ from designer.errors import InputError
 
 if TYPE_CHECKING:
     from calib.inputs.corners_vnl import Grid
-    from calib.inputs.observations import Prepared
     from calib.pipeline.settings import SolvePlan
+    from calib.types import Observations
     from calib.virtual.solve_virtual import Reference
 
 MODELS = ("luhmann", "opencv", "virtual", "pinhole")
@@ -107,7 +107,7 @@ def solve(
     plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
     check_folder(out)
     check_judged_folder(out, plan.models)
-    prepared = read_input(detections, target, image_size, grid, pitch)
+    observations = read_input(detections, target, image_size, grid, pitch)
     geometry = None if target is None else load_target(target)
     way = how_made(geometry, made, rendered_id=_rendered_id(detections))
     settings = (
@@ -117,8 +117,8 @@ def solve(
         *reference_settings(reference, reference_target),
     )
     work = Work(
-        prepared.observations, prepared.remarks, plan, out, "" if geometry is None else geometry.layout_id,
-        settings, reference_of(reference, reference_target, plan, prepared.observations.view_names), made=way,
+        observations, plan, out, "" if geometry is None else geometry.layout_id,
+        settings, reference_of(reference, reference_target, plan, observations.view_names), made=way,
     )  # fmt: skip
     solutions = solve_and_say(work)
     say_files(solutions)
@@ -131,7 +131,7 @@ def solve(
         {**solutions_answer(solutions, best_of(solutions)), **judged.answer},
         (*files_of_solutions(solutions), *judged.files),
         steps,
-        (*prepared.remarks, *judged.remarks),
+        (*observations.remarks, *judged.remarks),
         judged.exit_code,
     )
 
@@ -153,7 +153,7 @@ def _rendered_id(detections: Path) -> str:
 
 def read_input(
     detections: Path, target: Path | None, image_size: str | None, grid: str | None, pitch: str | None
-) -> "Prepared":
+) -> "Observations":
     """What a camera is solved from, of a file of any kind, with the options that some kinds need."""
     from calib.inputs.correspondences import parse_pair, read_observations
     from calib.inputs.dataset import MAX_SIDE_PX
@@ -207,14 +207,14 @@ def reference_of(
         raise InputError(f"--reference-target {target}: name the photo of this board too, with --reference PHOTO")
     from calib.detect.pipeline import detect
     from calib.inputs.images import read_image
-    from calib.inputs.observations import dataset_of, observations_from_detections
+    from calib.inputs.observations import observations_from_detections
     from designer.target import load_target
 
     board = load_target(target, "rings")
     seen = detect(read_image(Path(reference)).pixels, board, name=Path(reference).name)
     if not len(seen.ring):
         raise InputError(f"{reference}: shows no rings of {target}; give a photo of that board")
-    return observations_from_detections(dataset_of([seen]), board, origin=reference).observations
+    return observations_from_detections([seen], board, origin=reference)
 
 
 def _named(reference: str, photos: Sequence[str]) -> str:

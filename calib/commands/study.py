@@ -109,7 +109,7 @@ def bootstrap(
         raise InputError(f"--model {model}: a study is of one model; give luhmann, opencv, pinhole or virtual")
     views = parse_sizes(sizes)
     check_folder(out)
-    prepared = read_input(detections, target, image_size, grid, pitch)
+    observations = read_input(detections, target, image_size, grid, pitch)
     known = None if truth is None else read_truth(truth)
     if known is not None and target is not None and known.layout_id != load_target(target).layout_id:
         raise InputError(f"{truth}: of photos of another target than {target}; give the truth.json beside the photos")
@@ -123,8 +123,8 @@ def bootstrap(
     with kept_when_stopped():
         _check_cluster(dask)
         with waiting("solving all views"):
-            pool = make_pool(prepared.observations, model, plan.options_of(model), known)
-        for remark in (*prepared.remarks, *pool.remarks):
+            pool = make_pool(observations, model, plan.options_of(model), known)
+        for remark in (*observations.remarks, *pool.remarks):
             print(printable(remark))
         for size in views:
             require_enough(pool, size)
@@ -132,7 +132,7 @@ def bootstrap(
         out.mkdir(parents=True, exist_ok=True)
         with open_study(out / STUDY_FILE, identity, resume=resume) as study:
             sample(specs, study, samples=samples, seed=seed, jobs=jobs, dask=dask)
-            summary = show(study, out, (*prepared.remarks, *pool.remarks))
+            summary = show(study, out, (*observations.remarks, *pool.remarks))
         return say_next(with_page(summary, out, "bootstrap"), out)
 
 

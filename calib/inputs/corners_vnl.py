@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.inputs.csv_table import is_real
-from calib.inputs.observations import AllSightings
-from calib.types import KnownPoints
+from calib.types import KnownPoints, Observations
 from designer.errors import InputError
 
 LEAST_COLUMNS = ("filename", "x", "y")
@@ -54,9 +53,9 @@ def is_corners(path: Path, start: str) -> bool:
     return path.suffix.lower() == ".vnl" or _legend(start.splitlines()) is not None
 
 
-def sightings_from_corners(
+def observations_from_corners(
     path: Path, text: str, *, grid: Grid | None, image_size: tuple[int, int] | None
-) -> AllSightings:
+) -> Observations:
     """The sightings of a grid's points in a `corners.vnl`.
 
     Args:
@@ -90,9 +89,9 @@ def sightings_from_corners(
         if corner.place is not None
     ]
     sigma = np.array([one[3] for one in seen])
-    return AllSightings(
+    return Observations(
+        image_size=image_size,
         view_names=tuple(corners),
-        image_sizes=(image_size,) * len(corners),
         view=np.array([one[0] for one in seen], dtype=np.int64),
         point=np.array([one[1] for one in seen], dtype=np.int64),
         center_px=np.array([one[2] for one in seen], dtype=np.float64).reshape(-1, 2),

@@ -8,19 +8,20 @@ that are nearest to X, Y, Z. The image size stands in a comment, `# image_size 2
 import io
 import re
 import stat
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from calib.inputs.corners_vnl import Grid, is_corners, sightings_from_corners
+from calib.inputs.corners_vnl import Grid, is_corners, observations_from_corners
 from calib.inputs.csv_table import Table, read_table, read_text
 from calib.inputs.dataset import FIRST_LINE, MAX_SIDE_PX, is_covariance, read_detections
 from calib.inputs.known_planes import MAX_FACE, points_with_planes
-from calib.inputs.observations import AllSightings, Prepared, known_points, observations_from_detections, prepare
+from calib.inputs.observations import known_points, observations_from_detections, prepare
 from calib.inputs.point_target import ids_of
-from calib.types import KnownPoints
+from calib.types import KnownPoints, Observations
 from designer.errors import InputError
 from designer.names import as_written_today
 from designer.spec_file import shown, suggestion
@@ -52,7 +53,7 @@ _PEEKED = 1 << 16
 
 def read_observations(
     path: Path, target_path: Path | None = None, *, image_size: Size | None = None, grid: Grid | None = None
-) -> Prepared:
+) -> Observations:
     """What a camera is solved from, of a file of any of the three kinds; its first lines tell which.
 
     Args:
@@ -77,11 +78,10 @@ def read_observations(
     if is_corners(path, start):
         if target_path is not None:
             raise InputError(f"{path}: corners lie on their own grid; leave --target out")
-        sightings = sightings_from_corners(
-            path, read_text(path, "a corners.vnl", MAX_FILE_BYTES), grid=grid, image_size=image_size
-        )
-        _require_inside(sightings, path)
-        return prepare(sightings, has_fronts=False, origin=str(path))
+        text = read_text(path, "a corners.vnl", MAX_FILE_BYTES)
+        every = observations_from_corners(path, text, grid=grid, image_size=image_size)
+        _require_inside(every, path)
+        return prepare(every, has_fronts=False, origin=str(path))
     if grid is not None:
         raise InputError(f"{path}: no corners.vnl, so its points have coordinates; leave --grid out")
     target = None if target_path is None else load_target(target_path)
@@ -90,7 +90,7 @@ def read_observations(
 
 def read_correspondences(
     path: Path, *, image_size: Size | None = None, target: TargetGeometry | None = None
-) -> Prepared:
+) -> Observations:
     """Read a CSV with image,u,v,X,Y,Z, or of a target's points image,u,v,id.
 
     Raises:
@@ -115,13 +115,14 @@ def read_correspondences(
             f"{path}: the image size is not known; add a line '# image_size 2448 x 2048' at the top, or give "
             "--image-size 2448x2048"
         )
-    sightings, remarks = _sightings(table, size, target)
-    _require_inside(sightings, path)
+    every = _all_rows(table, size, target)
+    _require_inside(every, path)
     used = (*REQUIRED, *OPTIONAL, *([ID] if of_target else []))
     unused = [name for name in table.cells if name not in used]
     if unused:
-        remarks = (*remarks, f"columns that are not used: {', '.join(map(shown, unused[:10]))}")
-    return prepare(sightings, has_fronts=False, origin=str(path), remarks=remarks)
+        more = f"columns that are not used: {', '.join(map(shown, unused[:10]))}"
+        every = replace(every, remarks=(*every.remarks, more))
+    return prepare(every, has_fronts=False, origin=str(path))
 
 
 def parse_pair(option: str, text: str, most: int) -> tuple[int, int]:
@@ -188,8 +189,8 @@ def _column_fault(columns: tuple[str, ...], *, of_target: bool) -> str:
     return ""
 
 
-def _sightings(table: Table, size: Size, target: TargetGeometry | None) -> tuple[AllSightings, tuple[str, ...]]:
-    """The table's rows in order, and remarks on its points."""
+def _all_rows(table: Table, size: Size, target: TargetGeometry | None) -> Observations:
+    """The table's rows in order, with remarks on its points."""
     u, v = table.reals("u"), table.reals("v")
     table.require(np.maximum(np.abs(u), np.abs(v)) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
     covariance = _covariance(table)
@@ -204,11 +205,10 @@ def _sightings(table: Table, size: Size, target: TargetGeometry | None) -> tuple
     again = np.zeros(len(order), dtype=bool)
     again[order[1:]] = (np.diff(view[order]) == 0) & (np.diff(point[order]) == 0)
     table.require(~again, "the same point of the same image a second time; keep one")
-    sightings = AllSightings(
-        tuple(names), (size,) * len(names), view[order], point[order], np.stack([u, v], axis=1)[order],
-        None if covariance is None else covariance[order], points,
+    return Observations(
+        size, tuple(names), view[order], point[order], np.stack([u, v], axis=1)[order],
+        None if covariance is None else covariance[order], points, remarks,
     )  # fmt: skip
-    return sightings, remarks
 
 
 def _positions(table: Table) -> Array:
@@ -267,16 +267,16 @@ def _covariance(table: Table) -> Array | None:
     return covariance
 
 
-def _require_inside(sightings: AllSightings, path: Path) -> None:
+def _require_inside(every: Observations, path: Path) -> None:
     """Refuse points far outside the image: its size is then another one."""
-    if not len(sightings.view):
+    if not len(every.view):
         return
-    size = np.array(sightings.image_sizes[0])
-    outside = np.maximum(-0.5 - sightings.center_px, sightings.center_px - size + 0.5) > OUTSIDE * size
+    size = np.array(every.image_size)
+    outside = np.maximum(-0.5 - every.center_px, every.center_px - size + 0.5) > OUTSIDE * size
     if outside.any():
         row = int(np.argmax(outside.any(axis=1)))
-        u, v = sightings.center_px[row]
+        u, v = every.center_px[row]
         raise InputError(
-            f"{path}: {sightings.view_names[sightings.view[row]]}: a point at u {u:g}, v {v:g} is far outside an image "
+            f"{path}: {every.view_names[every.view[row]]}: a point at u {u:g}, v {v:g} is far outside an image "
             f"of {size[0]} x {size[1]} px; check the image size"
         )

@@ -10,6 +10,7 @@ import re
 import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from calib.files import write_files
 from calib.inputs.csv_table import ANY_NAME, Table, read_table, read_text
 from calib.inputs.records import FORMAT as RECORDS
 from calib.inputs.records import ImageRecord, Records, image_record, records_path, records_to_json
-from calib.types import Detections, frozen_array
+from calib.types import Detections
 from designer.errors import InputError
 from designer.own_files import require_ours
 from designer.target import TargetGeometry
@@ -35,26 +36,6 @@ _COVARIANCE_FORMAT = ".5e"
 _REALS = ("u", "v", "suu", "suv", "svv", "X", "Y", "Z")
 _IMAGE_LINE = re.compile(r'# image (\d{1,7}) x (\d{1,7}) px (".*")')
 _ID_LINE = re.compile(r"# (layout_id|geometry_id|detector) (\S.*)")
-
-
-@dataclass(frozen=True, eq=False)
-class Dataset:
-    """M observations of a target's features in V views."""
-
-    layout_id: str  # of the target they were named with
-    geometry_id: str  # of that target; the target in use may have another
-    view_names: tuple[str, ...]  # (V,)
-    image_sizes: tuple[tuple[int, int], ...]  # (V,) width, height in px
-    view: NDArray[np.int64]  # (M,) ascending
-    ring: NDArray[np.int64]  # (M,) rows of the target's arrays
-    center_px: NDArray[np.float64]  # (M, 2)
-    cov_px2: NDArray[np.float64]  # (M, 2, 2)
-
-    def __post_init__(self) -> None:
-        for name in ("view", "ring"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64))
-        for name in ("center_px", "cov_px2"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
 
 
 @dataclass(frozen=True)
@@ -163,8 +144,10 @@ def is_covariance(cov: NDArray[np.float64]) -> NDArray[np.bool_]:
     return ok
 
 
-def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) -> Dataset:
-    """Read `detections.csv` for a target with the same layout. X, Y, Z come from the target, not from this file.
+def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) -> tuple[Detections, ...]:
+    """Read `detections.csv` for a target with the same layout: each photo's, without contours and records.
+
+    X, Y, Z come from the target, not from this file.
 
     Raises:
         InputError: not a detections file, of another version or layout, or a line that breaks a rule; it names the
@@ -191,9 +174,13 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
     again = np.zeros(len(ring), dtype=bool)
     again[order[1:]] = (np.diff(view[order]) == 0) & (np.diff(ring[order]) == 0)
     table.require(~again, "the same ring of the same image a second time; keep one")
-    return Dataset(
-        header.layout_id, header.geometry_id, tuple(header.sizes), tuple(header.sizes.values()),
-        view[order], ring[order], center[order], cov[order],
+    start = np.searchsorted(view[order], np.arange(len(header.sizes) + 1))
+    return tuple(
+        Detections(
+            name, size, header.layout_id, header.geometry_id, ring[rows], center[rows], cov[rows],
+            np.full((len(rows), 5), np.nan), (),
+        )
+        for (name, size), rows in zip(header.sizes.items(), (order[a:b] for a, b in pairwise(start)), strict=True)
     )  # fmt: skip
 
 

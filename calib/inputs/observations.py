@@ -1,17 +1,16 @@
 """What a camera is solved from: the sightings that can be used, and one line on each kind that was left out."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.inputs.dataset import Dataset
 from calib.inputs.mirrored import mirrored_views
 from calib.linear_algebra import solve_square
 from calib.sightings import SUREST, keep_views, with_sound_covariances
-from calib.types import Detections, KnownPoints, Observations, frozen_array
+from calib.types import Detections, KnownPoints, Observations
 from designer.errors import InputError
 from designer.target import TargetGeometry
 
@@ -33,32 +32,6 @@ _NAMED = 4
 """Views that a remark names; the others are counted."""
 
 
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """Observations to solve a camera from."""
-
-    observations: Observations
-    remarks: tuple[str, ...]  # what was left out or should be known, one line each
-
-
-@dataclass(frozen=True, eq=False)
-class AllSightings:
-    """All that a source holds: M sightings in V views, whose images may differ in size."""
-
-    view_names: tuple[str, ...]  # (V,)
-    image_sizes: tuple[tuple[int, int], ...]  # (V,) width, height in px
-    view: NDArray[np.int64]  # (M,) ascending
-    point: NDArray[np.int64]  # (M,) rows of `points`
-    center_px: NDArray[np.float64]  # (M, 2)
-    cov_px2: NDArray[np.float64] | None  # (M, 2, 2)
-    points: KnownPoints
-
-    def __post_init__(self) -> None:
-        for name in ("view", "point"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64))
-        object.__setattr__(self, "center_px", frozen_array(self.center_px))
-
-
 def known_points(target: TargetGeometry) -> KnownPoints:
     """A target's features and the planes of its faces, normals outwards."""
     normal, origin = target.target_from_face[:, :3, 2], target.target_from_face[:, :3, 3]
@@ -66,29 +39,13 @@ def known_points(target: TargetGeometry) -> KnownPoints:
     return KnownPoints(target.center_mm, target.ring_face, plane, target.geometry_id)
 
 
-def dataset_of(seen: Sequence[Detections]) -> Dataset:
-    """The detections of several photos of one target as one dataset, as if written and read.
-
-    Raises:
-        ValueError: no photos, or of targets with different layouts.
-    """
-    if len({one.layout_id for one in seen}) != 1:
-        raise ValueError("photos of one target are needed, and at least one")
-    return Dataset(
-        seen[0].layout_id, seen[0].geometry_id, tuple(one.image for one in seen),
-        tuple(one.image_size for one in seen),
-        np.repeat(np.arange(len(seen)), [len(one.ring) for one in seen]),
-        np.concatenate([one.ring for one in seen]),
-        np.concatenate([one.center_px for one in seen]),
-        np.concatenate([one.cov_px2 for one in seen]),
-    )  # fmt: skip
-
-
-def observations_from_detections(dataset: Dataset, target: TargetGeometry, *, origin: str = "detections") -> Prepared:
+def observations_from_detections(
+    seen: Sequence[Detections], target: TargetGeometry, *, origin: str = "detections"
+) -> Observations:
     """The sightings of a target's rings that can be used. X, Y, Z are those of the target in use.
 
     Args:
-        dataset: what was seen.
+        seen: in photos of one target.
         target: of the same layout, nominal or measured.
         origin: what messages name: the file.
 
@@ -96,63 +53,75 @@ def observations_from_detections(dataset: Dataset, target: TargetGeometry, *, or
         InputError: no view can be used, or it is not clear which; the message says why.
         ValueError: the target has another layout.
     """
-    if dataset.layout_id != target.layout_id:
-        raise ValueError(f"detections of layout {dataset.layout_id}, but the target has {target.layout_id}")
+    if not seen:
+        raise InputError(f"{origin}: no photo was searched; give photos that show the target")
+    every = _all_of(seen, target)
     remarks: tuple[str, ...] = ()
-    if dataset.geometry_id != target.geometry_id:
+    if seen[0].geometry_id != target.geometry_id:
         remarks = (
-            f"detected with geometry {dataset.geometry_id}, solved with the {target.source} geometry "
+            f"detected with geometry {seen[0].geometry_id}, solved with the {target.source} geometry "
             f"{target.geometry_id} of the target file",
         )
-    sightings = _sightings_of(dataset, target)
-    return prepare(sightings, has_fronts=True, origin=origin, remarks=remarks)
+    sizes = [one.image_size for one in seen]
+    return prepare(replace(every, remarks=remarks), has_fronts=True, origin=origin, image_sizes=sizes)
 
 
-def observations_for_poses(dataset: Dataset, target: TargetGeometry) -> Observations | None:
+def observations_for_poses(seen: Sequence[Detections], target: TargetGeometry) -> Observations | None:
     """The sightings in views with points enough for a pose, all of one size; None if there are none.
 
     A photo may come twice, and needs no other to be judged by.
     """
-    sightings = _sightings_of(dataset, target)
-    kept = ~_on_a_line(sightings)
+    every = _all_of(seen, target)
+    kept = ~_on_a_line(every)
     if not kept.any():
         return None
-    return with_sound_covariances(_select(sightings, dataset.image_sizes[int(np.argmax(kept))], kept))[0]
+    size = seen[int(np.argmax(kept))].image_size
+    return with_sound_covariances(keep_views(replace(every, image_size=size), kept))[0]
 
 
-def _sightings_of(dataset: Dataset, target: TargetGeometry) -> AllSightings:
-    return AllSightings(
-        dataset.view_names, dataset.image_sizes, dataset.view, dataset.ring, dataset.center_px, dataset.cov_px2,
+def _all_of(seen: Sequence[Detections], target: TargetGeometry) -> Observations:
+    """All that was seen in several photos, whatever their sizes: the image size is the first one's."""
+    if odd := {one.layout_id for one in seen} - {target.layout_id}:
+        raise ValueError(f"detections of layout {min(odd)}, but the target has {target.layout_id}")
+    return Observations(
+        seen[0].image_size,
+        tuple(one.image for one in seen),
+        np.repeat(np.arange(len(seen)), [len(one.ring) for one in seen]),
+        np.concatenate([one.ring for one in seen]),
+        np.concatenate([one.center_px for one in seen]),
+        np.concatenate([one.cov_px2 for one in seen]),
         known_points(target),
-    )  # fmt: skip
+    )
 
 
-def prepare(sightings: AllSightings, *, has_fronts: bool, origin: str, remarks: tuple[str, ...] = ()) -> Prepared:
-    """Leave out what cannot be used, and say so.
+def prepare(
+    every: Observations, *, has_fronts: bool, origin: str, image_sizes: Sequence[tuple[int, int]] | None = None
+) -> Observations:
+    """Leave out what cannot be used, and say so in the remarks.
 
     Args:
-        sightings: all there is.
+        every: all there is, with remarks on what is known already.
         has_fronts: the planes' normals point to the side that is seen.
         origin: what messages name: the file.
-        remarks: what is known already.
+        image_sizes: (V,) width, height in px of each view; None: all are of the observations' own.
 
     Raises:
         InputError: no view is left, the image sizes are tied, or all is mirrored; the message says why.
     """
-    said = list(remarks)
-    names = sightings.view_names
-    count = np.bincount(sightings.view, minlength=len(names))
+    said, names = list(every.remarks), every.view_names
+    sizes = [every.image_size] * len(names) if image_sizes is None else image_sizes
+    count = np.bincount(every.view, minlength=len(names))
     kept = count >= LEAST_POINTS
     _say(said, names, count == 0, "that show none of the points")
     _say(said, names, ~kept & (count > 0), f"that show fewer than {LEAST_POINTS} points")
-    lined = kept & _on_a_line(sightings)
+    lined = kept & _on_a_line(every)
     _say(said, names, lined, "whose points lie on a line, all or all but one")
     kept &= ~lined
-    size = _common_size(sightings, kept, origin, said)
-    other = np.array([one != size for one in sightings.image_sizes], dtype=bool) & kept
+    size = _common_size(sizes, kept, origin, said)
+    other = np.array([one != size for one in sizes], dtype=bool) & kept
     _say(said, names, other, f"that are not of {size[0]} x {size[1]} px as the others")
     kept &= ~other
-    seen, too_sure = with_sound_covariances(_select(sightings, size, kept))
+    seen, too_sure = with_sound_covariances(keep_views(replace(every, image_size=size), kept))
     if too_sure:
         said.append(
             f"{too_sure} of {len(seen.view)} observations state less than {SUREST:.0%} of the median standard "
@@ -163,7 +132,7 @@ def prepare(sightings: AllSightings, *, has_fronts: bool, origin: str, remarks: 
     seen = keep_views(seen, copies < 0)
     mirrored = mirrored_views(seen, has_fronts=has_fronts, origin=origin)
     _say(said, seen.view_names, mirrored, "that show the points mirrored")
-    return Prepared(keep_views(seen, ~mirrored), tuple(said))
+    return replace(keep_views(seen, ~mirrored), remarks=tuple(said))
 
 
 def _say(
@@ -178,13 +147,13 @@ def _say(
     said.append(f"left out views {reason}: {', '.join(shown)}{more}")
 
 
-def _common_size(sightings: AllSightings, kept: Flags, origin: str, said: Sequence[str]) -> tuple[int, int]:
+def _common_size(every: Sequence[tuple[int, int]], kept: Flags, origin: str, said: Sequence[str]) -> tuple[int, int]:
     """The image size of most views.
 
     Raises:
         InputError: there are no views, or two sizes have the most.
     """
-    sizes = [size for size, ok in zip(sightings.image_sizes, kept, strict=True) if ok]
+    sizes = [size for size, ok in zip(every, kept, strict=True) if ok]
     if not sizes:
         why = f" ({said[-1]})" if said else ""
         raise InputError(
@@ -200,11 +169,11 @@ def _common_size(sightings: AllSightings, kept: Flags, origin: str, said: Sequen
     return most[0]
 
 
-def _on_a_line(sightings: AllSightings) -> Flags:
+def _on_a_line(every: Observations) -> Flags:
     """Views whose points lie on a line, all or all but one: they have no unique homography.  # (V,)"""
-    start = np.searchsorted(sightings.view, np.arange(len(sightings.view_names) + 1))
-    rows = (sightings.point[first:last] for first, last in pairwise(start))
-    return np.array([_is_lined(sightings.points.position_mm[row]) for row in rows], dtype=bool)
+    start = np.searchsorted(every.view, np.arange(every.view_count + 1))
+    rows = (every.point[first:last] for first, last in pairwise(start))
+    return np.array([_is_lined(every.points.position_mm[row]) for row in rows], dtype=bool)
 
 
 def _is_lined(position: Array) -> bool:
@@ -222,15 +191,6 @@ def _is_lined(position: Array) -> bool:
     trace = np.trace(each, axis1=1, axis2=2)
     minors = 0.5 * (trace**2 - (each**2).sum(axis=(1, 2)))
     return not bool((minors > ON_A_LINE**2 * trace**2).all())
-
-
-def _select(sightings: AllSightings, size: tuple[int, int], kept: Flags) -> Observations:
-    """The observations of some views."""
-    everything = Observations(
-        size, sightings.view_names, sightings.view, sightings.point, sightings.center_px, sightings.cov_px2,
-        sightings.points,
-    )  # fmt: skip
-    return keep_views(everything, kept)
 
 
 def _copies(seen: Observations) -> NDArray[np.int64]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calib.camera_file import camera_or_preset
 from calib.detect.batch import PhotoFile, detect_photos, named_photos
 from calib.detect.pipeline import detect
-from calib.inputs.observations import dataset_of, observations_from_detections
+from calib.inputs.observations import observations_from_detections
 from calib.render.job import RenderJob, run_job
 from calib.render.options import RenderOptions
 from calib.render.poses import PoseGrid, grid_poses
@@ -140,7 +140,7 @@ def sightings(seen: Sequence[Detections], target: TargetGeometry, folder: Path) 
     """
     if not seen:
         raise InputError(f"{folder}: no photo shows the target; render them again in another folder")
-    return observations_from_detections(dataset_of(seen), target, origin=str(folder)).observations
+    return observations_from_detections(seen, target, origin=str(folder))
 
 
 def incidence_deg(seen: Observations, truth: Truth) -> NDArray[np.float64]:

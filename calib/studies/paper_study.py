@@ -150,8 +150,8 @@ def cases_of(study: PaperStudy) -> Iterator[CaseSpec]:
     for photos in study.sets:
         path = study.target_path(photos.target)
         target = load_target(path)
-        dataset = read_detections(study.detections_path(photos), target, target_path=path)
-        seen = observations_from_detections(dataset, target, origin=str(study.detections_path(photos))).observations
+        found = read_detections(study.detections_path(photos), target, target_path=path)
+        seen = observations_from_detections(found, target, origin=str(study.detections_path(photos)))
         truth = read_truth(study.photo_folder(photos) / TRUTH_FILE)
         angle_deg = incidence_deg(seen, truth)
         for sightings, limit_deg in LIMITS_DEG.items():

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detect.pipeline import detect
-from calib.inputs.observations import dataset_of, observations_from_detections
+from calib.inputs.observations import observations_from_detections
 from calib.pipeline.calibrate import calibrate
 from calib.refit import image_grid
 from calib.render import RenderOptions, render_view
@@ -290,8 +290,8 @@ def outcome(take: Take, seed: int) -> Outcome:
         inside = (photo.center_px > MARGIN_PX) & (photo.center_px < np.array(SIZE) - MARGIN_PX)
         expected += int(inside.all(axis=1).sum())
         said += list(found.remarks)
-    prepared = observations_from_detections(dataset_of(seen), target)
-    solved = calibrate(prepared.observations, "opencv", SolveOptions(weighted=True))
+    observations = observations_from_detections(seen, target)
+    solved = calibrate(observations, "opencv", SolveOptions(weighted=True))
     chi2, image, focal = camera_errors(solved, camera)
     return Outcome(np.concatenate(error), np.concatenate(cov), expected, chi2, image, focal, tuple(said))
 

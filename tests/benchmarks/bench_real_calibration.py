@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from calib.cameras import parameter_names
 from calib.detect.batch import detect_photos, named_photos
 from calib.detect.pipeline import detect
-from calib.inputs.observations import dataset_of, observations_from_detections
+from calib.inputs.observations import observations_from_detections
 from calib.metrics.evaluation import evaluate
 from calib.sightings import keep_views
 from calib.solver.solve import solve
@@ -34,7 +34,7 @@ def observe(camera: Camera | None) -> Observations:
     target = plain_grid(10, 7)
     photos = named_photos(sorted(FOLDER.glob("*.png")))
     results = detect_photos(photos, target, detect=detect, camera=camera, overlay_folder=None, jobs=2)
-    return observations_from_detections(dataset_of([one.seen for one in results if one.seen]), target).observations
+    return observations_from_detections([one.seen for one in results if one.seen], target)
 
 
 def rms_px(residual_px: NDArray[np.float64]) -> float:
