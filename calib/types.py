@@ -1,10 +1,13 @@
 """What the parts of the calibration hand to each other. No logic, but for what keeps arrays whole."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from designer.tolerance.model import ErrorModel
 
 
 def frozen_array(values: object, dtype: type[np.generic] = np.float64) -> NDArray[np.generic]:
@@ -152,6 +155,7 @@ class TargetError:
     made: str  # the way of making: an error template's name, a file's, "measured" or "exact"
     because: str  # why this one, as in "its file says the build 'solid'"; "" if it was asked for
     param_covariance: NDArray[np.float64]  # (P, P) to be added to that of the noise
+    errors: "ErrorModel | None" = None  # of that way of making, as they were then; None: they are not told by one
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "param_covariance", frozen_array(self.param_covariance))

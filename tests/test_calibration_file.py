@@ -22,6 +22,8 @@ from calib.results.observation_table import COLUMNS, FIRST_LINE, read_sightings
 from calib.solver.options import SolveOptions
 from calib.types import Calibration, Camera, ImageField, KnownPoints, LearnedMap, TargetError
 from designer.errors import InputError
+from designer.tolerance.model import ErrorModel
+from designer.tolerance.source import Amount
 from tests.calibrations import board, example
 
 BOARD = board(5, 4)
@@ -97,8 +99,11 @@ def test_views_may_have_any_file_names(names: list[str], tmp_path: Path) -> None
 
 
 def test_what_the_target_may_be_off_is_kept(tmp_path: Path) -> None:
-    """The way of making, why it was assumed, and its covariance come back; files without them know nothing of it."""
-    one = replace(calibration(), target_error=TargetError("fdm-board", "its file says so", 0.1 * np.eye(9)))
+    """The way of making with its errors and covariance comes back; files without them know nothing of it."""
+    errors = ErrorModel(
+        "mine", "", (("warp", Amount("uniform", 0.1 / 3)), ("thermal", Amount("fixed", -5.0))), 7e-5, 0.2
+    )
+    one = replace(calibration(), target_error=TargetError("mine", "its file says so", 0.1 * np.eye(9), errors))
     one = replace(one, image_field=ImageField(0.02, 0.3 * np.eye(9)))
     path = written(tmp_path, one)
     assert same(read_calibration(path)[0], one)

@@ -1,6 +1,7 @@
 """What errors of the target do to a camera: stated against true, where photos tell the target's shape or do not."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from calib.as_built.solve import measure
 from calib.camera_difference import camera_difference
 from calib.inputs.observations import known_points
 from calib.pipeline.made import prior_of, with_made
+from calib.results.calibration_file import Provenance, read_calibration, write_calibration
 from calib.se3 import exp_rotation
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
 from calib.solver.options import SolveOptions
@@ -169,6 +171,24 @@ def test_next_photos_promise_what_the_verdict_then_states(share: float) -> None:
             assert now_px > 0.9 * view.sigma_px_after
     unknown = next_views(one, most=3)  # nothing is promised of the target's part where it is not known what it is
     assert all(view.sigma_px_after > stated / 2 for view in unknown)
+
+
+def test_a_file_of_errors_counts_as_it_was(tmp_path: Path) -> None:
+    """Who changes it, or takes it away, after the camera was solved changes nothing of what that camera is told by."""
+    path = tmp_path / "mine.toml"
+    text = Path("templates/errors/fdm-board.toml").read_text()
+    path.write_text(text)
+    one = with_made(_solved(BOARD, _poses(3, rolls=True, axes=2)[:6]), how_made(BOARD, str(path)))
+    then = shape_prior(BOARD, error_model(str(path)))
+    provenance = Provenance("a test")
+    write_calibration(tmp_path, one, provenance)
+    path.write_text(text.replace("normal 0.3mm", "normal 9mm"))
+    for change in (lambda: None, path.unlink):
+        change()
+        prior = prior_of(read_calibration(tmp_path / "calibration.json")[0], BOARD)
+        assert prior is not None
+        assert np.array_equal(prior.modes_mm, then.modes_mm)
+        assert np.array_equal(prior.ring_modes_mm, then.ring_modes_mm)
 
 
 def test_the_size_of_the_target_does_not_matter() -> None:

@@ -26,6 +26,9 @@ from calib.types import Calibration, Camera, ImageField, KnownPoints, Observatio
 from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
 from designer.spec_file import shown
+from designer.tolerance.model import ErrorModel
+from designer.tolerance.registry import SOURCES
+from designer.tolerance.source import Amount, Kind
 
 Array = NDArray[np.float64]
 
@@ -35,10 +38,13 @@ MAX_FILE_BYTES = 512 * 2**20
 LARGEST_SCALE = 1e9
 LARGEST_COVARIANCE = 1e100
 """Squares of what is larger overflow further on."""
+LARGEST_AMOUNT = 1e6
+"""Of an error, in mm, rad, kelvins or shares."""
 CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE = "calibration.json", "observations.csv", "camera.json"
 KIND = "a calibration.json"
 
 _Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+_Amount = Annotated[float, Field(strict=True, ge=-LARGEST_AMOUNT, le=LARGEST_AMOUNT)]
 _Rows: TypeAlias = list[list[_Number]]
 _RowsWithGaps: TypeAlias = list[list[_Number | None]]
 _Count = Annotated[int, Field(strict=True, ge=0)]
@@ -64,12 +70,23 @@ class _View(BaseModel):
     covariance: _RowsWithGaps
 
 
+class _Errors(BaseModel):
+    """What moves rings, in the sources' units: a template or a file of errors may be another one later."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    amounts: Annotated[list[tuple[str, Kind, _Amount]], Field(max_length=len(SOURCES))]
+    expansion_per_kelvin: Annotated[_Amount, Field(ge=0)]
+    layer_height_mm: Annotated[_Amount, Field(ge=0)]
+
+
 class _TargetError(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     made: Annotated[str, Field(max_length=1000)]
     because: Annotated[str, Field(max_length=1000)]
     param_covariance: _Rows
+    errors: _Errors | None = None
 
 
 class _ImageField(BaseModel):
@@ -182,7 +199,22 @@ def _calibration_to_json(calibration: Calibration, provenance: Provenance, diges
 def _target_error(error: TargetError | None) -> dict[str, object] | None:
     if error is None:
         return None
-    return {"made": error.made, "because": error.because, "param_covariance": error.param_covariance.tolist()}
+    return {
+        "made": error.made,
+        "because": error.because,
+        "param_covariance": error.param_covariance.tolist(),
+        "errors": _errors(error.errors),
+    }
+
+
+def _errors(errors: ErrorModel | None) -> dict[str, object] | None:
+    if errors is None:
+        return None
+    return {
+        "amounts": [(name, amount.kind, amount.size) for name, amount in errors.amounts],
+        "expansion_per_kelvin": errors.expansion_per_kelvin,
+        "layer_height_mm": errors.layer_height_mm,
+    }
 
 
 def _image_field(field: ImageField | None) -> dict[str, object] | None:
@@ -261,7 +293,18 @@ def _read_target_error(file: _TargetError | None, parameters: int) -> TargetErro
     if file is None:
         return None
     covariance = _matrix(file.param_covariance, (parameters,) * 2, "target_error.param_covariance")
-    return TargetError(file.made, file.because, _covariance(covariance))
+    return TargetError(file.made, file.because, _covariance(covariance), _read_errors(file.made, file.errors))
+
+
+def _read_errors(name: str, file: _Errors | None) -> ErrorModel | None:
+    """The errors of a way of making."""
+    if file is None:
+        return None
+    amounts = tuple((source, Amount(kind, size)) for source, kind, size in file.amounts)
+    try:
+        return ErrorModel(name, "", amounts, file.expansion_per_kelvin, file.layer_height_mm)
+    except InputError as error:
+        raise ValueError(f"target_error.errors: {error}") from None
 
 
 def _read_image_field(file: _ImageField | None, parameters: int) -> ImageField | None:

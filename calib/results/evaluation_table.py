@@ -152,7 +152,8 @@ def with_digits(value: float, sigma: float) -> str:
     """A value to the second digit of its standard deviation."""
     if not sigma > 0 or not math.isfinite(sigma):
         return figure(value, 7)
-    return f"{value:.{min(max(0, 1 - math.floor(math.log10(sigma))), 15)}f}"
+    # The z: what is rounded to zero has no sign.
+    return f"{value:z.{min(max(0, 1 - math.floor(math.log10(sigma))), 15)}f}"
 
 
 def _table(*columns: str, left: Sequence[str]) -> Table:

@@ -26,6 +26,7 @@ from calib.linear_algebra import symmetric_inverse
 from calib.one_thread import one_thread
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
 from calib.types import Calibration, TargetError
+from designer.tolerance.model import ErrorModel
 from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
@@ -38,7 +39,12 @@ ROUNDS, SETTLED = 20, 1e-3
 
 @one_thread
 def with_target_error(
-    calibration: Calibration, prior: ShapePrior | None, *, made: str, because: str = ""
+    calibration: Calibration,
+    prior: ShapePrior | None,
+    *,
+    made: str,
+    because: str = "",
+    errors: ErrorModel | None = None,
 ) -> Calibration:
     """The calibration with what its target's errors may have done to it; the solution stays as it is.
 
@@ -47,6 +53,7 @@ def with_target_error(
         prior: where they may be; None: they are there.
         made: the way of making that the prior is of.
         because: why this one; "" if it was asked for.
+        errors: that the prior is of, if it is of any.
     """
     size = len(calibration.camera.params)
     covariance = np.zeros((size, size))
@@ -54,7 +61,7 @@ def with_target_error(
     if found is not None:
         equations, _ = found
         covariance = equations.basis @ _added_covariance(equations) @ equations.basis.T
-    return replace(calibration, target_error=TargetError(made, because, covariance))
+    return replace(calibration, target_error=TargetError(made, because, covariance, errors))
 
 
 @dataclass(frozen=True, eq=False)
