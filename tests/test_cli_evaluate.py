@@ -265,6 +265,7 @@ def test_numbers_have_the_digits_that_mean_something() -> None:
     assert figure(1.23456e-9) == "1.235e-09"
     assert [with_digits(1400.31109, sigma) for sigma in (0.25, 0.031, 12.0)] == ["1400.31", "1400.311", "1400"]
     assert with_digits(1400.31109, 0.0) == "1400.311"
+    assert with_digits(-1e-6, 0.001) == "0.0000"
 
 
 def test_a_board_has_no_worst_face(tmp_path: Path) -> None:
