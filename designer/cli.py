@@ -136,8 +136,8 @@ def make(
 
 def _design(values: dict[str, RawValue], origin: str, out: Path | None, must_fit: bool) -> Summary:
     """Size, check, make and write a target, and say what was done."""
-    from designer.export.folder import Written, files_left, replaced_target, write_folder
-    from designer.printability import check_printability
+    from designer.formats.folder import Written, files_left, replaced_target, write_folder
+    from designer.make.printability import check_printability
     from designer.produce import Design, make_files
     from designer.report.design_page import design_report
     from designer.sizing import size_job
@@ -192,10 +192,10 @@ def check(
 
     The exit code is 1 if a rule is violated.
     """
-    from designer.clearance import border_width_mm
     from designer.layout import lay_out
+    from designer.make.clearance import border_width_mm
+    from designer.make.printability import check_printability
     from designer.presets import preset_or_file
-    from designer.printability import check_printability
     from designer.sizing import size_job, size_printing
     from designer.summary import check_summary, print_check
     from designer.target import load_target

@@ -7,14 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
-from designer.bed import against_skew, bed_from_target, mapped
-from designer.drawing import Page
-from designer.export.folder import OutputFile
+from designer.formats.folder import OutputFile
 from designer.layout import lay_out
-from designer.mesh import Mesh, Part, board_hull, icosahedron_hull, inlaid, plain_board, plain_icosahedron
-from designer.pattern import Pattern, make_pattern
+from designer.make.bed import against_skew, bed_from_target, mapped
+from designer.make.drawing import Page
+from designer.make.mesh import Mesh, Part, board_hull, icosahedron_hull, inlaid, plain_board, plain_icosahedron
+from designer.make.pattern import Pattern, make_pattern
+from designer.make.sheets import lay_out_sheets
 from designer.polyhedron import INRADIUS
-from designer.sheets import lay_out_sheets
 from designer.skew import NO_SKEW
 from designer.spec import Format, IcoSpec, Job
 from designer.spec_file import spec_to_toml
@@ -126,7 +126,7 @@ def _made(kind: Format, design: Design) -> tuple[OutputFile, ...]:
 
 
 def _3mf(design: Design) -> Iterator[OutputFile]:
-    from designer.export.threemf import threemf_files
+    from designer.formats.threemf import threemf_files
 
     job = design.job
     files = threemf_files(design.part, job.printing, job.name, bed_from_target(design.target, job.printing))
@@ -135,7 +135,7 @@ def _3mf(design: Design) -> Iterator[OutputFile]:
 
 
 def _stl(design: Design) -> Iterator[OutputFile]:
-    from designer.export.stl import stl_bytes
+    from designer.formats.stl import stl_bytes
 
     name, part = design.job.name, _as_it_lies(design)
     yield OutputFile(f"{name}.body.stl", stl_bytes(part.body), "the body")
@@ -158,7 +158,7 @@ def _as_it_lies(design: Design) -> Part:
 
 
 def _png(design: Design) -> Iterator[OutputFile]:
-    from designer.export.png import preview_png
+    from designer.formats.png import preview_png
 
     job, target = design.job, design.target
     png = preview_png(
@@ -172,13 +172,13 @@ def _png(design: Design) -> Iterator[OutputFile]:
 
 
 def _pdf(design: Design) -> Iterator[OutputFile]:
-    from designer.export.pdf import pdf_bytes
+    from designer.formats.pdf import pdf_bytes
 
     yield OutputFile(f"{design.job.name}.pdf", pdf_bytes(design.pages), f"{_sheets(design)}; print at 100 %")
 
 
 def _svg(design: Design) -> Iterator[OutputFile]:
-    from designer.export.svg import svg_bytes
+    from designer.formats.svg import svg_bytes
 
     yield OutputFile(
         f"{design.job.name}.svg", svg_bytes(design.pages), f"{_sheets(design)}, for cutters and print shops"
@@ -192,7 +192,7 @@ def _sheets(design: Design) -> str:
 
 
 def _step(design: Design) -> Iterator[OutputFile]:
-    from designer.cad import step_bytes
+    from designer.make.cad import step_bytes
 
     job = design.job
     step = step_bytes(job.target, design.printed_pattern, job.printing, name=job.name, scale=design.scale)
@@ -200,7 +200,7 @@ def _step(design: Design) -> Iterator[OutputFile]:
 
 
 def _glb(design: Design) -> Iterator[OutputFile]:
-    from designer.export.glb import glb_bytes
+    from designer.formats.glb import glb_bytes
 
     yield OutputFile(
         f"{design.job.name}.glb", glb_bytes(design.part, design.job.printing), "a coloured 3D model for viewers"
@@ -208,8 +208,8 @@ def _glb(design: Design) -> Iterator[OutputFile]:
 
 
 def _stand(design: Design) -> Iterator[OutputFile]:
-    from designer.export.stl import stl_bytes
-    from designer.stand import make_stand
+    from designer.formats.stl import stl_bytes
+    from designer.make.stand import make_stand
 
     stand = make_stand(design.target, design.job.printing)
     yield OutputFile(f"{design.job.name}.stand.stl", stl_bytes(stand), "a stand that touches no ring")

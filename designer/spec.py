@@ -142,7 +142,7 @@ class PrintSpec:
     stand: bool
     chord_error_mm: float  # farthest a polygon may stray from its circle
     skew_compensation_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """xy, xz, yz of the bed: the files are sheared against this skew of the printer, see `designer.bed`."""
+    """xy, xz, yz of the bed: the files are sheared against this skew of the printer, see `designer.make.bed`."""
 
     @property
     def is_two_filament(self) -> bool:

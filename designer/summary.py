@@ -10,9 +10,9 @@ from rich.console import Console
 from rich.table import Table
 
 from designer.answer import Summary, Value
-from designer.bed import printed_size_mm
-from designer.export.folder import Written
-from designer.printability import Check
+from designer.formats.folder import Written
+from designer.make.bed import printed_size_mm
+from designer.make.printability import Check
 from designer.produce import Design
 from designer.skew import NO_SKEW, format_skew
 from designer.spec import IcoSpec, Job, PrinterProfile, PrintSpec

@@ -2,9 +2,9 @@
 
 from functools import cache
 
-from designer.bed import bed_from_target
-from designer.export.threemf import ThreeMfFiles, threemf_files
-from designer.mesh import Mesh
+from designer.formats.threemf import ThreeMfFiles, threemf_files
+from designer.make.bed import bed_from_target
+from designer.make.mesh import Mesh
 from designer.produce import Design
 from designer.sizing import size_job
 from designer.spec_file import BoardFile, IcoFile

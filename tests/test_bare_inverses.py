@@ -42,7 +42,7 @@ ALLOWED = {
     "calib/studies/tolerance/map_error.py map_error_px": "three turns, seen over a whole image",
     "calib/studies/tolerance/setting.py _setting": "Cholesky of the detector's covariances, as its noise is drawn",
     "calib/virtual/learn_views.py _combined": "shortest steps with a cut-off that is meant to forget",
-    "designer/bed.py against_skew": "a skew of a printer's axes, which is small",
+    "designer/make/bed.py against_skew": "a skew of a printer's axes, which is small",
     "designer/tolerance/shape.py target_of": "a stretch within bounds that are checked before",
 }
 """Functions that hold one, and why no data can make it singular, or who looks before."""

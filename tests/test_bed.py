@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from designer.bed import bed_from_target, printed_size_mm
-from designer.mesh import plain_icosahedron
+from designer.make.bed import bed_from_target, printed_size_mm
+from designer.make.mesh import plain_icosahedron
 from designer.produce import Design
 from tests.designs import ink_of, small_board, small_ico
 

@@ -10,10 +10,10 @@ import build123d
 import numpy as np
 import pytest
 
-from designer import cad
 from designer.layout import lay_out
-from designer.mesh import Part, board_hull, icosahedron_hull, inlaid
-from designer.pattern import Pattern, make_pattern
+from designer.make import cad
+from designer.make.mesh import Part, board_hull, icosahedron_hull, inlaid
+from designer.make.pattern import Pattern, make_pattern
 from designer.polyhedron import INRADIUS
 from designer.spec import BoardSpec, IcoSpec, PrinterProfile, PrintSpec, TargetSpec
 from designer.target import TargetGeometry
@@ -174,9 +174,9 @@ def test_where_the_pattern_is_paper_the_body_is_plain(build: str, tmp_path: Path
 
 _PRINT_DIGEST = """
 import hashlib
-from designer import cad
+from designer.make import cad
 from designer.layout import lay_out
-from designer.pattern import make_pattern
+from designer.make.pattern import make_pattern
 from tests.test_cad import CASES
 
 spec, printing = CASES["board, light letters"]

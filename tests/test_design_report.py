@@ -25,16 +25,16 @@ from calib.commands.render import render
 from calib.render.poses import PoseGrid, grid_poses
 from calib.render.rings import ring_truth
 from calib.render.scene import scene_from_target
-from designer.bed import bed_from_target
 from designer.code import CODE_POSITIONS, CODES
 from designer.errors import InputError
-from designer.export.folder import OutputFile, write_folder
+from designer.formats.folder import OutputFile, write_folder
 from designer.layout import lay_out
+from designer.make.bed import bed_from_target
+from designer.make.printability import Check, check_printability
+from designer.make.printability import Finding as RuleFinding
 from designer.page.blocks import Block, Command, FileList, Fold, Leaf, Page, Steps, Table, View3d
 from designer.page.scene import Rings, Surface
 from designer.polyhedron import INRADIUS
-from designer.printability import Check, check_printability
-from designer.printability import Finding as RuleFinding
 from designer.produce import Design, make_files
 from designer.report.caliper import (
     caliper_lengths,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from designer.errors import InputError
-from designer.export.folder import OutputFile, write_folder
+from designer.formats.folder import OutputFile, write_folder
 
 FILES = (
     OutputFile("a.stl", b"ringsolid binary STL: new a", "a"),

@@ -7,10 +7,10 @@ import pygltflib
 import pytest
 import trimesh
 
-from designer.export.glb import glb_bytes
+from designer.formats.glb import glb_bytes
 from designer.layout import lay_out
-from designer.mesh import Part, icosahedron_hull, inlaid, plain_icosahedron
-from designer.pattern import make_pattern
+from designer.make.mesh import Part, icosahedron_hull, inlaid, plain_icosahedron
+from designer.make.pattern import make_pattern
 from designer.spec import IcoSpec, PrinterProfile, PrintSpec
 
 SPEC = IcoSpec(30.0, 5, 3.0, 0.45, 4.0, 1.0, 0.5)

@@ -16,8 +16,8 @@ from shapely.ops import unary_union
 
 from designer.errors import InputError
 from designer.layout import lay_out
-from designer.lettering import GAP, HEIGHT, WIDTH, glyph_outlines, letter_faces, text_contours, text_width
-from designer.pattern import FacePattern, Pattern, make_pattern
+from designer.make.lettering import GAP, HEIGHT, WIDTH, glyph_outlines, letter_faces, text_contours, text_width
+from designer.make.pattern import FacePattern, Pattern, make_pattern
 from designer.polyhedron import INRADIUS
 from designer.sizing import size_job
 from designer.spec import IcoSpec, Job

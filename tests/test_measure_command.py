@@ -34,9 +34,9 @@ from calib.inputs.observations import known_points
 from calib.se3 import exp_rotation
 from calib.sightings import keep_sightings
 from calib.types import Observations
-from designer.bed import bed_from_target, printed_corners_mm
 from designer.command import run
 from designer.errors import InputError
+from designer.make.bed import bed_from_target, printed_corners_mm
 from designer.sizing import size_printing
 from designer.spec_file import PrintingFile
 from designer.target import TargetGeometry, load_target, target_to_json

@@ -12,10 +12,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 
-from designer.bed import against_skew
 from designer.errors import InputError
-from designer.mesh import Mesh, board_hull, icosahedron_hull, inlaid, plain_board, plain_icosahedron
-from designer.pattern import make_pattern
+from designer.make.bed import against_skew
+from designer.make.mesh import Mesh, board_hull, icosahedron_hull, inlaid, plain_board, plain_icosahedron
+from designer.make.pattern import make_pattern
 from designer.polyhedron import DIHEDRAL_RAD, INRADIUS
 from designer.produce import Design
 from designer.sizing import size_job

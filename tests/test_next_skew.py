@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calib.as_built_report.deviations import Estimate, WholePrint, next_skew_rad
 from calib.as_built_report.words import next_print_lines
-from designer.bed import bed_from_target, printed_corners_mm
+from designer.make.bed import bed_from_target, printed_corners_mm
 from designer.sizing import size_printing
 from designer.skew import NO_SKEW, Skew, parse_skew_rad
 from designer.spec_file import PrintingFile

@@ -12,7 +12,7 @@ from scipy import ndimage
 from shapely import Polygon
 
 from designer.errors import InputError
-from designer.pattern import FacePattern, Pattern, circle_polygon, make_pattern
+from designer.make.pattern import FacePattern, Pattern, circle_polygon, make_pattern
 from designer.produce import Design
 from designer.sizing import size_job
 from designer.spec import PrintSpec

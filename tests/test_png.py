@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from designer.export.png import CAPTION_PX, HEIGHT_PX, NET_WIDTH_PX, preview_png
+from designer.formats.png import CAPTION_PX, HEIGHT_PX, NET_WIDTH_PX, preview_png
 from designer.layout import triangle_corners
 from designer.net import NET_SIZE, icosahedron_net
 from designer.produce import Design

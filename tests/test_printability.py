@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from designer.clearance import border_width_mm, narrowest_widths
 from designer.layout import lay_out
-from designer.printability import RULES, Check, Finding, check_printability
+from designer.make.clearance import border_width_mm, narrowest_widths
+from designer.make.printability import RULES, Check, Finding, check_printability
 from designer.sizing import size_job
 from designer.spec import BoardSpec, IcoSpec, PrinterProfile, PrintSpec
 from designer.spec_file import RawValue, parse_spec

@@ -21,15 +21,15 @@ from shapely import STRtree, affinity, box
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
-from designer.drawing import Page, Text
 from designer.errors import InputError
-from designer.export.pdf import pdf_bytes
-from designer.export.svg import svg_bytes
+from designer.formats.pdf import pdf_bytes
+from designer.formats.svg import svg_bytes
 from designer.layout import lay_out
+from designer.make.drawing import Page, Text
+from designer.make.pattern import make_pattern
+from designer.make.sheets import BLEED_MM, lay_out_sheets
 from designer.page_size import MARGIN_MM, SCALE_BAR_MM, page_size_mm
-from designer.pattern import make_pattern
 from designer.polyhedron import INRADIUS, icosahedron_vertices
-from designer.sheets import BLEED_MM, lay_out_sheets
 from designer.spec import BoardSpec, IcoSpec, PrinterProfile, PrintSpec, TargetSpec
 from designer.target import TargetGeometry
 

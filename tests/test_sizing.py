@@ -8,9 +8,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from designer.clearance import border_width_mm, narrowest_widths
 from designer.errors import InputError
 from designer.layout import lay_out
+from designer.make.clearance import border_width_mm, narrowest_widths
 from designer.size_rules import widths_mm
 from designer.sizing import Sized, size_job
 from designer.spec import BoardSpec, IcoSpec, TargetSpec

@@ -13,11 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from designer.bed import bed_from_target, printed_corners_mm, printed_size_mm
 from designer.errors import InputError
-from designer.export.stl import stl_bytes
-from designer.mesh import Mesh
-from designer.printability import check_printability
+from designer.formats.stl import stl_bytes
+from designer.make.bed import bed_from_target, printed_corners_mm, printed_size_mm
+from designer.make.mesh import Mesh
+from designer.make.printability import check_printability
 from designer.produce import Design, make_files
 from designer.sizing import size_job
 from designer.skew import MOST_SKEW_DEG, NO_SKEW, Skew, format_skew, parse_skew_rad

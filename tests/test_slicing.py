@@ -11,10 +11,10 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from designer.bed import bed_from_target
-from designer.export.threemf import threemf_files
-from designer.mesh import Mesh, Part
-from designer.pattern import FacePattern, Pattern
+from designer.formats.threemf import threemf_files
+from designer.make.bed import bed_from_target
+from designer.make.mesh import Mesh, Part
+from designer.make.pattern import FacePattern, Pattern
 from designer.produce import Design
 from tests.designs import ink_of, packages_of, small_board, small_ico
 from tests.gcode import Toolpaths, read_gcode, require_slicer, run_slicer, slice_3mf, slicer_settings

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from designer.errors import InputError
 from designer.layout import lay_out
-from designer.mesh import Mesh, plain_board, plain_icosahedron
+from designer.make.mesh import Mesh, plain_board, plain_icosahedron
+from designer.make.stand import CLEARANCE_MM, make_stand, stand_from_target
 from designer.spec import BoardSpec, IcoSpec, PrinterProfile, PrintSpec, TargetSpec
-from designer.stand import CLEARANCE_MM, make_stand, stand_from_target
 from designer.target import TargetGeometry
 
 PRINTING = PrintSpec(

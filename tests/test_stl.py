@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from designer.export.stl import stl_bytes
-from designer.mesh import Mesh
+from designer.formats.stl import stl_bytes
+from designer.make.mesh import Mesh
 from tests.designs import ink_of, small_board, small_ico
 
 MESHES = {

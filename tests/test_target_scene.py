@@ -242,5 +242,5 @@ def test_imports_are_light() -> None:
     """Reports of calibrations draw targets: neither meshes nor CAD may come along."""
     code = "import sys, designer.target_scene, designer.page.scene_json; print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    heavy = {"manifold3d", "build123d", "scipy", "cv2", "numba", "matplotlib", "pydantic", "designer.mesh"}
+    heavy = {"manifold3d", "build123d", "scipy", "cv2", "numba", "matplotlib", "pydantic", "designer.make.mesh"}
     assert heavy.isdisjoint(run.stdout.split())

@@ -10,11 +10,11 @@ import lib3mf
 import numpy as np
 import pytest
 
-from designer.bed import bed_from_target
 from designer.errors import InputError
-from designer.export.number_text import decimals, text_lines, whole_numbers
-from designer.export.threemf import ThreeMfFiles, threemf_files
-from designer.mesh import Mesh, Part
+from designer.formats.number_text import decimals, text_lines, whole_numbers
+from designer.formats.threemf import ThreeMfFiles, threemf_files
+from designer.make.bed import bed_from_target
+from designer.make.mesh import Mesh, Part
 from designer.produce import Design
 from tests.designs import ink_of, packages_of, small_board, small_ico
 

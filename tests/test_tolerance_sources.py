@@ -12,7 +12,7 @@ from scipy.linalg import polar
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
-from designer.bed import bed_from_target
+from designer.make.bed import bed_from_target
 from designer.sizing import size_printing
 from designer.spec_file import PrintingFile
 from designer.target import TargetGeometry, target_from_json, target_to_json
@@ -132,7 +132,7 @@ def test_axes_are_those_of_the_bed(name: str, number: float) -> None:
 
 
 def test_the_default_bed_is_the_designers() -> None:
-    """Without a bed the target lies as `designer.bed` lays it, but for turns by 90 degrees around the vertical."""
+    """Without a bed the target lies as `designer.make.bed` lays it, but for turns by 90 degrees around the vertical."""
     for target, kind in ((ico(), "ico"), (board(), "board")):
         printing = size_printing(PrintingFile(), kind=kind, border_mm=1.0, thickness_mm=5.0)
         turn = bed_from_target(target, printing)[:3, :3] @ face_down(target).T

@@ -69,7 +69,7 @@ class WholePrint:
 def bed_axes(target: TargetGeometry, turn_rad: float = 0.0) -> Array:
     """The axes that a print's stretch is told in: those of the bed, as `design` lays the target on it.  # (3, 3)
 
-    On its last face, the longer of its two horizontal extents along x (see `designer.bed`; of a bed that is deeper
+    On its last face, the longer of its two horizontal extents along x (see `designer.make.bed`; of a bed that is deeper
     than wide it is y).
 
     Args:
@@ -129,7 +129,7 @@ def compensation_percent(size: float, made_with_percent: float = 0.0) -> float:
 def next_skew_rad(whole: WholePrint, made_with_rad: Skew = NO_SKEW) -> Skew:
     """What to dial into `design --skew-compensation`, so that the next print comes out as designed.
 
-    The printer M made of a file sheared by K(c)^-1 (see `designer.bed`) what is, a rotation aside, the stretch S that
+    The printer M made of a file sheared by K(c)^-1 (`designer.make.bed`) what is, a rotation aside, the stretch S that
     was measured. So M = Q S K(c) with a rotation Q, and of its triangular factor U (M = Q' U) the columns, each over
     its diagonal, are those of the next K; the diagonal is size and scale of axes. An angle that is no more than noise
     stays as it was. The axes are those of the bed as the print lay, with and without compensation.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.bed import bed_from_target
+from designer.make.bed import bed_from_target
 from designer.produce import Design
 from designer.spec import BoardSpec
 from designer.target import TargetGeometry

@@ -6,7 +6,8 @@ It follows from the spec and the files alone, so `design make` on the folder's T
 from collections.abc import Sequence
 
 from designer.answer import program
-from designer.export.folder import OutputFile
+from designer.formats.folder import OutputFile
+from designer.make.printability import Check
 from designer.page.blocks import (
     Block,
     Cell,
@@ -26,7 +27,6 @@ from designer.page.blocks import (
     View3d,
 )
 from designer.page.shell import page_html
-from designer.printability import Check
 from designer.produce import Design
 from designer.report.filament import PURGE_G_PER_CHANGE, SPREAD, Amount, Filament, Shells, expected_filament, two_digits
 from designer.report.measure_steps import measure_blocks, photo_blocks

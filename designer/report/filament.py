@@ -14,7 +14,7 @@ import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from designer.bed import bed_from_target, printed_corners_mm
+from designer.make.bed import bed_from_target, printed_corners_mm
 from designer.produce import Design
 from designer.spec import BoardSpec, PrinterProfile
 

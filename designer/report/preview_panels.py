@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image
 
-from designer.export.png import CAPTION_PX, HEIGHT_PX
+from designer.formats.png import CAPTION_PX, HEIGHT_PX
 from designer.page.blocks import Raster
 from designer.page.raster import thumbnail
 
@@ -23,7 +23,7 @@ class Panels:
 
 
 def preview_panels(png: bytes) -> Panels:
-    """Cut the preview that `designer.export.png` made, without its caption."""
+    """Cut the preview that `designer.formats.png` made, without its caption."""
     pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))[:-CAPTION_PX]  # (H, W, 3)
     target, net = pixels[:, :HEIGHT_PX], pixels[:, HEIGHT_PX:]
     return Panels(thumbnail(target, POSTER_PX), thumbnail(net, NET_PX) if net.size else None)

@@ -4,8 +4,8 @@ import numpy as np
 from manifold3d import triangulate
 from numpy.typing import NDArray
 
+from designer.make.pattern import Contour, Pattern
 from designer.page.scene import Layer, Scene, Surface
-from designer.pattern import Contour, Pattern
 from designer.produce import Design
 from designer.report.slicer_steps import colour_words
 from designer.target import bounding_radius_mm

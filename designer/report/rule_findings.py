@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from designer.bed import printed_size_mm
-from designer.clearance import narrowest_widths
+from designer.make.bed import printed_size_mm
+from designer.make.clearance import narrowest_widths
+from designer.make.printability import Check
+from designer.make.printability import Level as RuleLevel
 from designer.page.blocks import Finding, Findings, Level
-from designer.printability import Check
-from designer.printability import Level as RuleLevel
 from designer.produce import Design
 from designer.words import capital
 

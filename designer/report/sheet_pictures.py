@@ -5,7 +5,7 @@ import math
 
 from PIL import Image, ImageDraw
 
-from designer.drawing import CUT_COLOUR, MARK_COLOUR, Area, Page, Point, Text
+from designer.make.drawing import CUT_COLOUR, MARK_COLOUR, Area, Page, Point, Text
 from designer.page.blocks import Raster
 
 WIDTH_PX = 800

@@ -1,8 +1,8 @@
 """Dimensions and codes of a target, as names and values for its page."""
 
-from designer.bed import printed_size_mm
-from designer.clearance import narrowest_widths
 from designer.code import CODE_POSITIONS, CODES
+from designer.make.bed import printed_size_mm
+from designer.make.clearance import narrowest_widths
 from designer.page.blocks import Cell, Column, Facts, Leaf, Paragraph, Table
 from designer.polyhedron import INRADIUS, adjacent_faces
 from designer.produce import Design

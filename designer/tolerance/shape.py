@@ -91,8 +91,8 @@ def shape_of(
 
     Args:
         target: the nominal geometry.
-        bed_from_target: how it lay on the bed, see `designer.bed` (only its rotation counts); without it the target
-            lay on its last face.  # (4, 4)
+        bed_from_target: how it lay on the bed (`designer.make.bed`; only its rotation counts); without it the target lay
+            on its last face.  # (4, 4)
         expansion_per_kelvin: of the material, for `thermal`.
         layer_height_mm: of the print, for `stair_steps`.
     """

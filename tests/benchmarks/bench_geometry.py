@@ -16,8 +16,8 @@ import numpy as np
 from manifold3d import CrossSection, Manifold, OpType
 
 from designer.layout import lay_out
-from designer.mesh import Part, icosahedron_hull, inlaid
-from designer.pattern import Pattern, make_pattern
+from designer.make.mesh import Part, icosahedron_hull, inlaid
+from designer.make.pattern import Pattern, make_pattern
 from designer.polyhedron import INRADIUS, icosahedron_vertices
 from designer.spec import IcoSpec, PrinterProfile, PrintSpec
 
@@ -49,7 +49,7 @@ def mesh_route() -> Part:
 
 def cad_route() -> float:
     """True circles and one boolean cut in build123d, from the spec on. Returns the ink's volume."""
-    from designer.cad import inlaid_solids
+    from designer.make.cad import inlaid_solids
 
     return sum(solid.volume for solid in inlaid_solids(SPEC, pattern(), INLAY_MM).ink)
 
@@ -97,7 +97,7 @@ def import_seconds(*arguments: str) -> float:
 
 
 def compare_routes() -> None:
-    import designer.cad  # noqa: F401  # its import is not what is compared
+    import designer.make.cad  # noqa: F401  # its import is not what is compared
 
     part = mesh_route()
     assert part.ink is not None

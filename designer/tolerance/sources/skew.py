@@ -8,7 +8,7 @@ from designer.tolerance.source import Array, ErrorSource
 
 
 def _apply(shape: Shape, values: Array) -> Shape:
-    """The y axis leans to x by the angle xy, the z axis to x by xz and to y by yz, see `designer.bed`.
+    """The y axis leans to x by the angle xy, the z axis to x by xz and to y by yz, see `designer.make.bed`.
 
     Half of it is a rotation, which moves no ring against another.
     """

@@ -12,7 +12,7 @@ from manifold3d import CrossSection, Manifold, OpType
 from numpy.typing import NDArray
 
 from designer.errors import InputError
-from designer.mesh import Mesh
+from designer.make.mesh import Mesh
 from designer.polyhedron import INRADIUS, icosahedron_vertices
 from designer.spec import BoardSpec, IcoSpec, PrintSpec
 from designer.target import TargetGeometry

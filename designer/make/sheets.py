@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.code import FACE_CORNER
-from designer.drawing import MARK_COLOUR, Area, Circle, Drawing, Page, Point, Text, polygon
 from designer.errors import InputError
-from designer.pages import DESCENT, Grid, lay_out_pages
-from designer.pattern import Contour, FacePattern, Pattern, Stamp, moved_in
+from designer.make.drawing import MARK_COLOUR, Area, Circle, Drawing, Page, Point, Text, polygon
+from designer.make.pages import DESCENT, Grid, lay_out_pages
+from designer.make.pattern import Contour, FacePattern, Pattern, Stamp, moved_in
 from designer.polyhedron import FACE_COUNT, INSET_PER_DEPTH, adjacent_faces
 from designer.spec import PrintSpec
 from designer.target import TargetGeometry

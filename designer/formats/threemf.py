@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.errors import InputError
-from designer.export.number_text import decimals, text_lines, whole_numbers
-from designer.mesh import Mesh, Part
+from designer.formats.number_text import decimals, text_lines, whole_numbers
+from designer.make.mesh import Mesh, Part
 from designer.spec import PrintSpec
 
 _FIRST_DATE = (1980, 1, 1, 0, 0, 0)

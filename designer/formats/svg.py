@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from html import escape
 
-from designer.drawing import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Circle, Page, Point, Polygon, Text
+from designer.make.drawing import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Circle, Page, Point, Polygon, Text
 
 PAGE_GAP_MM = 10.0
 

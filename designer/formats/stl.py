@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 
-from designer.mesh import Mesh
+from designer.make.mesh import Mesh
 from designer.names import NAME
 
 _HEADER = f"{NAME} binary STL, millimetres".encode().ljust(80)

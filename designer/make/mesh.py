@@ -12,7 +12,7 @@ from manifold3d import triangulate
 from numpy.typing import NDArray
 
 from designer.errors import InputError
-from designer.pattern import Contour, FacePattern, Pattern, Stamp
+from designer.make.pattern import Contour, FacePattern, Pattern, Stamp
 from designer.polyhedron import (
     INRADIUS,
     INSET_PER_DEPTH,

@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from designer.drawing import Drawing, Page, Point, Text, moved, together, width_em
 from designer.errors import InputError
+from designer.make.drawing import Drawing, Page, Point, Text, moved, together, width_em
 from designer.page_size import MARGIN_MM, MAX_PAGE_MM, MIN_PAGE_MM, SCALE_BAR_MM, page_size_mm
 
 DESCENT = 0.22

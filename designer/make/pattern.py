@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.clearance import narrowest_widths
 from designer.errors import InputError
-from designer.lettering import Lettering, letter_faces
+from designer.make.clearance import narrowest_widths
+from designer.make.lettering import Lettering, letter_faces
 from designer.spec import PrintSpec
 from designer.target import TargetGeometry
 

@@ -13,7 +13,7 @@ import numpy as np
 from build123d import Compound, Face, Location, Plane, Shell, Solid, Vector, Wire, export_step
 from numpy.typing import NDArray
 
-from designer.pattern import Contour, Pattern, Stamp
+from designer.make.pattern import Contour, Pattern, Stamp
 from designer.polyhedron import INRADIUS, icosahedron_faces, icosahedron_vertices
 from designer.spec import IcoSpec, PrintSpec, TargetSpec
 

@@ -5,7 +5,7 @@ import struct
 
 import numpy as np
 
-from designer.mesh import Mesh, Part
+from designer.make.mesh import Mesh, Part
 from designer.spec import PrintSpec
 
 _METRES_PER_MM = 0.001

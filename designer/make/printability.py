@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from designer.bed import printed_size_mm
-from designer.clearance import border_width_mm, narrowest_widths
+from designer.make.bed import printed_size_mm
+from designer.make.clearance import border_width_mm, narrowest_widths
 from designer.polyhedron import DIHEDRAL_RAD, INSET_PER_DEPTH, deepest_inlay
 from designer.spec import BoardSpec, PrintSpec
 from designer.target import TargetGeometry

@@ -1,0 +1,1 @@
+"""The files of a design: a file here for each format."""
