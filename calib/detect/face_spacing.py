@@ -27,6 +27,8 @@ BETTER = 0.5
 """Another spacing brings the misfit below this share of that without; noise, which no spacing mends, does not."""
 TRIED = tuple(np.linspace(math.log(0.7), math.log(1.4), 15).tolist())
 """Logarithms of k from which the best is found by a parabola."""
+FAR, ROUNDS = 2.0, 3
+"""Points so many times as far off as usual are left out, again and again: the wrong target names a whole face wrong."""
 
 
 def lattice_over_spacing(plan: TargetPlan, lens: Lens, ring: Integers, center_px: Floats) -> float:
@@ -56,13 +58,12 @@ def lattice_over_spacing(plan: TargetPlan, lens: Lens, ring: Integers, center_px
     if as_it_is < AGREES:
         return 0.0
     cost = np.array([misfit(value) ** 2 for value in TRIED])
-    if cost.min() > (BETTER * as_it_is) ** 2:
-        return 0.0
     best = int(np.clip(np.argmin(cost), 1, len(TRIED) - 2))
     before, at, after = cost[best - 1 : best + 2]
     curvature = before - 2 * at + after
     shift = 0.5 * (before - after) / curvature if curvature > 0 else 0.0
-    return float(TRIED[best] + np.clip(shift, -1, 1) * (TRIED[1] - TRIED[0]))
+    spacing = float(TRIED[best] + np.clip(shift, -1, 1) * (TRIED[1] - TRIED[0]))
+    return spacing if misfit(spacing) < BETTER * as_it_is else 0.0
 
 
 def _pitch_px(plan: TargetPlan, face: Integers, on_face: Floats, straight: Floats) -> float:
@@ -77,7 +78,11 @@ def _pitch_px(plan: TargetPlan, face: Integers, on_face: Floats, straight: Float
 
 
 def _misfit(point_mm: Floats, straight: Floats) -> float:
-    """Median distance in px of pixels from the one projection that fits points best."""
-    projection = direct_projection(point_mm, straight)
-    mapped = point_mm @ projection[:, :3].T + projection[:, 3]
-    return float(np.median(np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - straight, axis=1)))
+    """Median distance in px of pixels from the one projection that fits most points best."""
+    near = np.ones(len(point_mm), dtype=np.bool_)
+    for _ in range(ROUNDS):
+        projection = direct_projection(point_mm[near], straight[near])
+        mapped = point_mm @ projection[:, :3].T + projection[:, 3]
+        off = np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - straight, axis=1)
+        near = off <= FAR * np.median(off)
+    return float(np.median(off))

@@ -38,8 +38,7 @@ MIN_GRID = 6
 END_ODDS = 12.0
 """Odds as if all covers that hide rings one after the other were independent, so half of it is true."""
 LEAST_BEYOND, BEYOND_SHARE = 3, 0.1
-"""So many rings, and so large a share of the places one step outside the target, are no chance; nor is so much margin
-in rows that should have rings."""
+"""So many rings, and so large a share of the places one step outside the target, are no chance."""
 MAX_SKEW = 0.25
 """How much more, as a logarithm, circles may be stretched one way than the other: more is another lattice."""
 MAX_PROPORTION = 0.07
@@ -60,10 +59,8 @@ class Evidence:
     strange: int  # rings where the target has none: within its faces, or in grids that no face can hold
     beyond: int  # rings one step outside the target, on its lattice
     beyond_in_view: int  # such places
-    end_odds: float  # logarithm of the odds against whole rows missing along sides by chance, rings beside being there
-    empty: int  # places in such rows that would be plain to see
-    bare: int  # of these, those that are as white as the margin
-    ended_faces: int  # on which there are such rows
+    end_odds: float  # logarithm of the odds that the pattern ends, and is not hidden, before the target does
+    ended_faces: int  # on which it does so
     cut_off: int  # features outside the image, of a target without marks
     is_lone: bool  # one face of a solid, so that no other face tells how large it is
     is_bounded: bool  # of a face, rings were found along every side
@@ -88,8 +85,7 @@ class Evidence:
 
         Whole rows along the sides are missing and little else, or margin shows in their place.
         """
-        is_margin = self.bare >= max(LEAST_BEYOND, BEYOND_SHARE * self.empty)
-        return 2 * self.ended_faces >= self.faces and (self.end_odds > END_ODDS or is_margin)
+        return 2 * self.ended_faces >= self.faces and self.end_odds >= END_ODDS
 
 
 def refusal(evidence: Evidence) -> str:
@@ -177,9 +173,7 @@ def gather(
         beyond=sum(int(beyond.sum()) for beyond in rings_beyond),
         beyond_in_view=sum(int(may.sum()) for may in readable),
         end_odds=sum(end.odds for end in ends),
-        empty=sum(end.empty for end in ends),
-        bare=sum(end.bare for end in ends),
-        ended_faces=sum(end.odds > 0 or end.bare > 0 for end in ends),
+        ended_faces=sum(end.odds > 0 for end in ends),
         cut_off=0 if plan.target.is_dot.any() else plan.target.ring_count - len(places.ring),
         is_lone=len(faces) == 1 < plan.target.face_count,
         is_bounded=any(end.is_bounded for end in ends),
