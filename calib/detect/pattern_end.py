@@ -59,7 +59,7 @@ CHUNK = 256
 class FaceEnd:
     """What the sides of one face say."""
 
-    odds: float  # logarithm of the odds that the pattern ends, and is not hidden, before the target does; 0: it does not
+    odds: float  # logarithm of the odds that the pattern ends before the target does, and is not hidden
     is_bounded: bool  # rings were found along every side
 
 
@@ -89,17 +89,16 @@ def face_end(image: NDArray[np.generic], plan: TargetPlan, places: Places, face:
     height, width = image.shape
     least_px = FARTHER * np.quantile(small[mine_found], SMALLEST_SHARE)
     plain = (small >= least_px) & mine_places.are_whole((width, height))
+    at_end = np.abs(rows_in - reach[:, None]) < 0.1  # (K, N)
     first = plain & (missing_along & (rows_in > reach[:, None] - 1.1)).any(axis=0)
-    last = (np.abs(rows_in - reach[:, None]) < 0.1).any(axis=0) & ~missing
-    is_bare, is_part = np.zeros((2, len(mine_found)), dtype=np.bool_)
-    is_bare[first], is_part[first] = _sight(
-        image, plan, mine_places.take(first), mine_places.take(last).center_px, mine_places.take(mine_found)
-    )
+    further_in_px = mine_places.center_px[at_end.any(axis=0) & ~missing]
+    empty, rings = (mine_places.take(np.flatnonzero(rows)) for rows in (first, mine_found))
+    is_bare, is_part = _sight(image, plan, empty, further_in_px, rings)
+    is_without = ~np.isin(mine_places.ring, empty.ring[is_part])
     beside = plain & _beside_found(plan, mine_places.ring, face, mine_found)
-    last_row = plain & (np.abs(rows_in - reach[:, None]) < 0.1)
-    is_wide = (missing_along & beside).sum(axis=1) >= LEAST_SPAN * last_row.sum(axis=1)
+    is_wide = (missing_along & beside).sum(axis=1) >= LEAST_SPAN * (plain & at_end).sum(axis=1)
     by_chance = max(COVERED, _share(~mine_found[beside & ~missing]))
-    along = missing_along[is_wide].any(axis=0) & beside & ~is_part
+    along = missing_along[is_wide].any(axis=0) & beside & is_without
     odds = int(along.sum()) * math.log(1 / by_chance) + BARE_ODDS * int(is_bare.sum()) - PART_ODDS * int(is_part.sum())
     return FaceEnd(odds, is_bounded)
 
