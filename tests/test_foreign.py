@@ -116,3 +116,10 @@ def test_a_face_that_the_wrong_file_names_wrong_does_not_hide_that_faces_stand_a
     """A file of larger spacing brings one of seven faces under wrong names: the other six still tell."""
     _, taken, files = drawn(8079)
     assert "distance of its faces" in detect(taken.view.image, files["shiny-ico"], name="photo").remarks[-1]
+
+
+def test_rings_beside_a_lone_face_count_though_they_look_like_dots() -> None:
+    """A grid of eight rows beside the one face that has names is no face of seven, however small its rings are."""
+    _, taken, files = drawn(40337)
+    assert len(detect(taken.view.image, files["own"], name="photo").ring) > 0
+    assert len(detect(taken.view.image, files["sibling"], name="photo").ring) == 0

@@ -235,12 +235,12 @@ def _one_step_outside(plan: TargetPlan, placement: Placement, face: int, image_s
 
 
 def _too_many(plan: TargetPlan, candidates: Candidates, grid: Grid, naming: Naming) -> int:
-    """How many rings of a grid without names no face can hold."""
+    """How many marks of a grid without names no face can hold; small rings look like dots, so that few may be sure."""
     sure = candidates.ratio[grid.row] > 0
     if sure.sum() < MIN_GRID or np.isin(grid.row, naming.candidate).any():
         return 0
     turns = np.concatenate([plan.lattice.turns, plan.lattice.mirrors])
-    return int(sure.sum()) - largest_overlap(plan, grid.index[sure], turns)
+    return len(grid.row) - largest_overlap(plan, grid.index, turns)
 
 
 def _ratios(plan: TargetPlan, measured: Measured, places: Places) -> tuple[float, float]:
