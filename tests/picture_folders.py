@@ -10,15 +10,15 @@ from calib.detect.batch import PhotoFile, PhotoResult
 from calib.pose import TargetPose
 from calib.render.job import RenderJob, truth_text
 from calib.render.options import RenderOptions
-from calib.report.detected_file import write_detected
-from calib.report.detected_page import detected_page
-from calib.report.kept_target import keep_target
+from calib.report.detected_photos import detected as detected_in
+from calib.report.detected_photos import told_detected
+from calib.report.kept_target import TARGET_FILE, keep_target
 from calib.report.origin import Origin
-from calib.report.posed_file import PosedBy, write_posed
-from calib.report.posed_page import posed_page
-from calib.report.rendered_page import rendered_page
-from calib.report.undistorted_file import UndistortedPhoto, write_undistorted
-from calib.report.undistorted_page import undistorted_page
+from calib.report.photos_file import write_photos
+from calib.report.photos_page import photos_page
+from calib.report.posed_photos import Posed, told_posed
+from calib.report.rendered_photos import told_rendered
+from calib.report.undistorted_photos import Undistorted, UndistortedPhoto, told_undistorted
 from calib.types import TOO_FLAT, Camera, Detections, FaceRecord
 from designer.page.blocks import Page
 from designer.target import TargetGeometry
@@ -50,16 +50,20 @@ def rendered(
     job = RenderJob(target, CAMERA, poses(views), options, seed=5)
     pictures(folder, job.file_names, content)
     (folder / "truth.json").write_text(truth_text(job))
+    write_photos(folder, told_rendered(job, TARGET_FILE))
     keep_target(folder, target, is_again=True)
     return job
 
 
-def undistorted(folder: Path, names: Sequence[str] = ("a", "b"), failures: Sequence[str] = ()) -> None:
+def undistorted(
+    folder: Path, names: Sequence[str] = ("a", "b"), failures: Sequence[str] = (), earlier: int = 0
+) -> None:
     """What `calib undistort` leaves."""
     pictures(folder, [f"{name}.undistorted.png" for name in names])
     (folder / "camera.json").write_text(camera_to_json(PINHOLE))
-    photos = [UndistortedPhoto(f"{name}.png", f"{name}.undistorted.png") for name in names]
-    write_undistorted(folder, "camera.json", CAMERA, photos, failures, 0.875)
+    photos = tuple(UndistortedPhoto(f"{name}.png", f"{name}.undistorted.png") for name in names)
+    made = Undistorted("camera.json", CAMERA, PINHOLE, photos, tuple(failures), 0.875, earlier)
+    write_photos(folder, told_undistorted(made))
 
 
 def face(found: int, expected: int, number: int = 0, flat: int = 0) -> FaceRecord:
@@ -81,13 +85,18 @@ def result(name: str, faces: Sequence[FaceRecord] = (), overlay: str = "", failu
 
 
 def detected(
-    folder: Path, results: Sequence[PhotoResult], target: TargetGeometry = BOARD, failures: Sequence[str] = ()
+    folder: Path,
+    results: Sequence[PhotoResult],
+    target: TargetGeometry = BOARD,
+    failures: Sequence[str] = (),
+    table: Path | None = None,
 ) -> None:
     """What `calib detect --overlay` leaves."""
     folder.mkdir(parents=True, exist_ok=True)
     sigmas_px = [0.02 if one.seen is not None and len(one.seen.ring) else float("nan") for one in results]
-    table = folder.parent / "detections.csv"
-    write_detected(folder, Path("my.target.json"), target, table, results, sigmas_px, failures)
+    table = table or folder.parent / "detections.csv"
+    made = detected_in(folder, Path("my.target.json"), target, table, results, sigmas_px, failures)
+    write_photos(folder, told_detected(made))
 
 
 def overlaid(folder: Path) -> None:
@@ -106,22 +115,17 @@ def posed(folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: S
         name: TargetPose(name, 30, pose, np.eye(6), rms, np.arange(3.0), np.full(3, 0.01), 500.0, 0.02, 1e-4)
         for name, rms, pose in zip(names, rms_px, poses(max(len(rms_px), 1)), strict=False)
     }
-    made = PosedBy(Path("my.target.json"), ICO, "camera.json", CAMERA, Path("poses.json"))
-    write_posed(folder, made, names, found, dict(zip(names[len(rms_px) :], reasons, strict=True)), overlays, ())
+    why = dict(zip(names[len(rms_px) :], reasons, strict=True))
+    target, out = Path("my.target.json"), Path("poses.json")
+    write_photos(folder, told_posed(Posed(target, ICO, "camera.json", CAMERA, out, names, found, why, overlays, ())))
     keep_target(folder, ICO, is_again=True)
 
 
 def page_of(kind: str, folder: Path) -> Page:
     """The page of a folder."""
-    return PAGES[kind](folder, Origin(kind, f"calib {kind} -o somewhere", "ringsolid 1.2.3"))
+    return photos_page(folder, Origin(kind, f"calib {kind} -o somewhere", "ringsolid 1.2.3"))
 
 
-PAGES: dict[str, Callable[[Path, Origin], Page]] = {
-    "photos": rendered_page, "undistorted": undistorted_page, "detections": detected_page, "poses": posed_page
-}  # fmt: skip
 MAKERS: dict[str, Callable[[Path], object]] = {
     "photos": rendered, "undistorted": undistorted, "detections": overlaid, "poses": posed
-}  # fmt: skip
-STORED = {
-    "photos": "truth.json", "undistorted": "undistorted.json", "detections": "detected.json", "poses": "posed.json"
 }  # fmt: skip

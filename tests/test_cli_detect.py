@@ -306,7 +306,7 @@ def test_a_photo_is_searched_without_what_other_commands_use() -> None:
     """Search and page load neither statistics nor drawings, studies nor the solver, which take longer."""
     script = (
         "import sys, calib.cli, calib.detect.batch, calib.detect.pipeline, calib.report.why_nothing\n"
-        "import calib.report.detected_page\n"
+        "import calib.report.detected_photos, calib.report.photos_page\n"
         "print(*sys.modules)"
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=REPOSITORY)

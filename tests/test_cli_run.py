@@ -188,7 +188,7 @@ def test_nothing_found_is_exit_code_1(detector: Detector) -> None:
     answer = calib(*(word for word in quick("photos/black.png") if word != "--no-page"))
     assert answer.code == 1
     assert "next  open out/index.html in a browser" in answer.out
-    found = {"detections.csv", "detections.records.json", "detected.json", "overlays/black.overlay.jpg"}
+    found = {"detections.csv", "detections.records.json", "photos.json", "overlays/black.overlay.jpg"}
     assert files_in(Path("out")) == found | PAGE
     assert len(detector.asked) == 1
 

@@ -21,7 +21,7 @@ from tests.command_line import PAGE
 
 CAMERA = Camera("opencv", np.array([95.0, 95.0, 79.5, 59.5, -0.3, 0.1, 0.001, 0.0, 0.0]), (160, 120))
 REPOSITORY = Path(__file__).parent.parent
-BESIDE = {"camera.json", "undistorted.json", *PAGE}
+BESIDE = {"camera.json", "photos.json", *PAGE}
 """What lies with the photos."""
 KINDS: tuple[type[np.generic], ...] = (np.uint8, np.uint16)
 

@@ -266,7 +266,7 @@ def test_overlays_show_the_axes_where_they_are(folder: Path) -> None:
     for _ in range(2):
         assert run("photos", overlay="photos") == 0
     names = {path.name for path in Path("photos").iterdir()}
-    beside = {"posed.json", "target.json", *PAGE}
+    beside = {"photos.json", "target.json", *PAGE}
     assert names - beside == {"a.png", "a.pose.overlay.jpg", "b.png", "b.pose.overlay.jpg", "c.png"}
     assert beside < names
     assert find_photos(["photos"]).overlays == 2

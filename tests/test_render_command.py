@@ -149,6 +149,7 @@ def test_the_command_renders_and_says_what_comes_next(target_file: Path, tmp_pat
     done = calib(*arguments, "--distance", "12cm", "--blur", "0.7px", "--jobs", "2", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert {path.name for path in (tmp_path / "set").iterdir()} == PAGE | {
+        "photos.json",
         "truth.json", "target.json", "view_0000.png", "view_0001.png", "view_0002.png",
     }  # fmt: skip
     assert "3 images of 160 x 120 px" in done.stdout

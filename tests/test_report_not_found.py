@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from calib.commands.judged_page import JudgedPage, criteria_templates
 from calib.inputs.records import Records, image_record, measurable
 from calib.report.claim import why_no_page
-from calib.report.detected_file import read_detected, write_detected
+from calib.report.detected_photos import detected, told_detected
 from calib.report.guess import origin_in
 from calib.report.origin import Origin, origin_of, origin_to_json
 from calib.report.photo_rows import photo_rows
+from calib.report.photos_file import read_photos, write_photos
 from calib.report.run_folder import read_run
 from calib.report.study_words import fall_in_words
 from calib.report.why_nothing import explained, why_nothing
@@ -74,9 +75,10 @@ def test_a_page_without_any_target_gives_the_reason(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     pictures(folder / "overlays", ["a.overlay.png"])
     one = replace(result("a.png", overlay="a.overlay.png"), seen=seen)
-    write_detected(
+    made = detected(
         folder, Path("t.json"), BOARD, folder / "d.csv", [one], [float("nan")], (), overlays=folder / "overlays"
     )
+    write_photos(folder, told_detected(made))
     page = page_of("detections", folder)
     assert page.headline is not None
     assert (page.headline.level, page.headline.sentence) == (
@@ -86,7 +88,7 @@ def test_a_page_without_any_target_gives_the_reason(tmp_path: Path) -> None:
     text = repr(page)
     assert "No ring of a face that shows is missing" not in text
     assert "0 of 0" not in text
-    assert read_detected(folder).photos[0].overlay == "overlays/a.overlay.png"
+    assert read_photos(folder).photos[0].picture == "overlays/a.overlay.png"
 
 
 def test_a_camera_takes_the_place_of_nothing_found(tmp_path: Path) -> None:

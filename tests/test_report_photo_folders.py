@@ -22,9 +22,10 @@ from calib.report.claim import why_no_page
 from calib.report.gallery import MOST_PICTURES, Shot, spread
 from calib.report.kept_target import keep_target, kept_target
 from calib.report.origin import Origin, origin_to_json
+from calib.report.photos_file import PHOTOS_FILE
 from calib.report.place_scene import MOST_VIEWS, place_view
-from calib.report.rendered_file import option_words
-from calib.report.undistorted_page import change_of
+from calib.report.rendered_photos import option_words
+from calib.report.undistortion import change_of
 from calib.types import Camera
 from designer.errors import InputError
 from designer.page.blocks import Block, Fold, Gallery, Page, Table, View3d
@@ -39,7 +40,6 @@ from tests.picture_folders import (
     ICO,
     MAKERS,
     PINHOLE,
-    STORED,
     detected,
     face,
     overlaid,
@@ -160,13 +160,12 @@ def test_every_option_of_a_rendered_set_is_said() -> None:
         assert option_words(replace(plain, **{name: value})) != option_words(plain), name  # type: ignore[arg-type]
 
 
-def test_a_stopped_set_is_marked(tmp_path: Path) -> None:
-    """Photos that truth.json names and that are not there are counted, and not linked."""
+def test_photos_that_are_gone_are_said(tmp_path: Path) -> None:
+    """Photos that are told of and are not there any more are named, and not linked."""
     rendered(tmp_path)
     (tmp_path / "view_0002.png").unlink()
     page = page_of("photos", tmp_path)
-    assert headline(page)[:2] == ("usable", "unfinished")
-    assert "3 of 4 photos" in headline(page)[2]
+    assert "view_0002.png: is not there" in page_html(page).decode()
     assert [row[0].path for row in the_table(page).rows].count("") == 1
     assert len(the_gallery(page).pictures) == 3
 
@@ -219,8 +218,7 @@ def test_what_undistortion_cuts_off(zoom: float, kept: float, shift_px: float) -
 
 def test_undistorted_photos_say_what_is_black_and_what_is_missing(tmp_path: Path) -> None:
     """Black pixels in percent, photos that failed with the reason, and photos of an earlier run."""
-    undistorted(tmp_path, failures=("c.png: is empty (0 bytes); copy it again",))
-    pictures(tmp_path, ["old.undistorted.png"])
+    undistorted(tmp_path, failures=("c.png: is empty (0 bytes); copy it again",), earlier=1)
     page = page_of("undistorted", tmp_path)
     level, _, sentence = headline(page)
     assert level == "usable"
@@ -228,20 +226,6 @@ def test_undistorted_photos_say_what_is_black_and_what_is_missing(tmp_path: Path
     html = page_html(page).decode()
     assert "c.png: is empty" in html
     assert "1 more undistorted photos" in html
-
-
-def test_another_camera_is_not_taken_for_the_pinhole(tmp_path: Path) -> None:
-    """A camera.json that came later is refused, as is none."""
-    undistorted(tmp_path)
-    shutil.copy(tmp_path / "camera.json", tmp_path / "kept")
-    document = json.loads((tmp_path / "camera.json").read_text())
-    document["parameters"] |= dict.fromkeys(("k1", "k2", "p1", "p2", "k3"), 0.0)
-    (tmp_path / "camera.json").write_text(json.dumps({**document, "model": "opencv"}))
-    with pytest.raises(InputError, match=r"camera\.json: not the pinhole"):
-        page_of("undistorted", tmp_path)
-    (tmp_path / "camera.json").unlink()
-    with pytest.raises(InputError, match=r"camera\.json"):
-        page_of("undistorted", tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -293,8 +277,7 @@ def test_detections_outside_are_told_and_inside_are_linked(tmp_path: Path) -> No
     html = page_html(page_of("detections", tmp_path / "o")).decode()
     assert "from this folder: ../detections.csv" in html
     assert 'href="../' not in html
-    stored = json.loads((tmp_path / "o" / "detected.json").read_text())
-    (tmp_path / "o" / "detected.json").write_text(json.dumps({**stored, "table_from_here": "d.csv"}))
+    detected(tmp_path / "o", [result("a.png", [face(9, 9)])], table=tmp_path / "o" / "d.csv")
     (tmp_path / "o" / "d.csv").write_text("x")
     assert 'href="d.csv"' in page_html(page_of("detections", tmp_path / "o")).decode()
 
@@ -325,7 +308,7 @@ def test_the_worst_pose_comes_first(tmp_path: Path) -> None:
 def test_damaged_files_are_refused_in_one_line(kind: str, tmp_path: Path) -> None:
     """Cut off, another format, numbers that no camera has, keys that are missing: the file is named, nothing breaks."""
     MAKERS[kind](tmp_path)
-    path = tmp_path / STORED[kind]
+    path = tmp_path / PHOTOS_FILE
     good = path.read_text()
     document = json.loads(good)
     own = ("format", "version")
@@ -335,7 +318,7 @@ def test_damaged_files_are_refused_in_one_line(kind: str, tmp_path: Path) -> Non
     for text in bad:
         path.write_text(text)
         said = refusal(kind, tmp_path)
-        assert STORED[kind] in said, text[:200]
+        assert PHOTOS_FILE in said, text[:200]
         assert "\n" not in said
 
 
@@ -344,7 +327,7 @@ def test_damaged_files_are_refused_in_one_line(kind: str, tmp_path: Path) -> Non
 def test_no_number_in_a_file_breaks_a_page(kind: str, number: str, tmp_path: Path) -> None:
     """Whatever number stands wherever a number may: a page, or a line that names the file."""
     MAKERS[kind](tmp_path)
-    path = tmp_path / STORED[kind]
+    path = tmp_path / PHOTOS_FILE
     good = path.read_text()
     places = [match.span() for match in re.finditer(r"(?<=[ \[])-?\d+(\.\d+)?(e-?\d+)?(?=[,\]}])", good)]
     assert len(places) > 10
@@ -354,7 +337,7 @@ def test_no_number_in_a_file_breaks_a_page(kind: str, number: str, tmp_path: Pat
     for start, end in [*places[:25], *places[-12:]]:
         path.write_text(good[:start] + number + good[end:])
         said = refusal(kind, tmp_path)
-        assert not said or STORED[kind] in said or "camera.json" in said
+        assert not said or PHOTOS_FILE in said
 
 
 def test_hostile_names_stay_text_and_reach_nothing(tmp_path: Path) -> None:
@@ -363,13 +346,14 @@ def test_hostile_names_stay_text_and_reach_nothing(tmp_path: Path) -> None:
     pictures(tmp_path, ["secret.png"], png(10, 10, 255))
     names = (*HOSTILE, "../secret.png", str(tmp_path / "secret.png"), "a\\..\\secret.png", "\ud800")
     detected(place, [result(f"{row}.png", [face(3, 4)], f"{row}.png") for row in range(len(names))])
-    stored = json.loads((place / "detected.json").read_text())
+    stored = json.loads((place / PHOTOS_FILE).read_text())
     for row, name in enumerate(names):
-        stored["photos"][row]["overlay"] = name
-        stored["photos"][row]["record"]["image"] = name
-        stored["photos"][row]["record"]["remarks"] = [name]
-    stored |= {"target": names[0], "table": names[1], "table_from_here": "../secret.png", "detector": names[2]}
-    (place / "detected.json").write_text(json.dumps(stored))
+        stored["photos"][row]["picture"] = name
+        stored["photos"][row]["name"] = stored["photos"][row]["caption"] = name
+        stored["photos"][row]["cells"][-1]["text"] = name
+    stored["facts"] = [[names[0], names[1]], [names[2], names[2]]]
+    stored["files"] = [["../secret.png", names[0]]]
+    (place / PHOTOS_FILE).write_text(json.dumps(stored))
     page = page_of("detections", place)
     html = page_html(page).decode()
     assert not any(isinstance(block, Gallery) for block in blocks(page))

@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from calib.report.calibration_page import calibration_page
+from calib.report.gallery import MOST_PICTURES
 from calib.report.origin import Origin
 from calib.report.photo_rows import photo_rows
-from calib.report.photos import BUDGET_BYTES, LEAST_BYTES, photos_section
+from calib.report.photos import photos_section
 from calib.report.run_folder import read_run
 from calib.report.write import write_report
 from designer.page.blocks import Findings, Gallery, Page, Table
@@ -102,7 +103,7 @@ def test_broken_overlays_are_skipped_and_named(run: Path) -> None:
     gallery = next(block for block in photos.blocks if isinstance(block, Gallery))
     assert len(gallery.pictures) == 4
     broken = next(block.rows[0] for block in photos.blocks if isinstance(block, Findings))
-    assert broken.title == "3 overlays cannot be shown"
+    assert broken.title == "3 pictures cannot be shown"
     for place in (places[0], places[1], places[3]):
         assert place.name in broken.text
     assert str(run) not in broken.text
@@ -122,13 +123,12 @@ def test_of_very_many_photos_the_worst_are_shown(tmp_path: Path, kept: Path) -> 
     """As many as fit, and the page says how many are not."""
     run = read_run(kept)
     row = photo_rows(run, run.best())[0]
-    most = BUDGET_BYTES // LEAST_BYTES
-    rows = [replace(row, name=f"{number:04d}.png", rmse_px=float(number)) for number in range(most + 50)]
+    rows = [replace(row, name=f"{number:04d}.png", rmse_px=float(number)) for number in range(MOST_PICTURES + 50)]
     write_overlays(tmp_path, [one.name for one in rows], (16, 12))
     shown = next(b for b in photos_section(tmp_path, rows, (), is_flat=True).blocks if isinstance(b, Gallery))
-    assert len(shown.pictures) == most
-    assert shown.pictures[0].name == f"{most + 49:04d}.png"
-    assert f"{most} of {most + 50} are shown" in shown.note
+    assert len(shown.pictures) == MOST_PICTURES
+    assert shown.pictures[0].name == f"{MOST_PICTURES + 49:04d}.png"
+    assert f"{MOST_PICTURES} of {MOST_PICTURES + 50} are shown" in shown.note
 
 
 def test_photos_without_the_target_are_listed(run: Path) -> None:

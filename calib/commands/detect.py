@@ -145,12 +145,13 @@ def overlays_page(
         failures: arguments that stood for no photo.
         overlays: the pictures' folder (default: the page's).
     """
-    from calib.report.detected_file import write_detected
+    from calib.report.detected_photos import detected, told_detected
+    from calib.report.photos_file import write_photos
 
     def keep() -> tuple[Path, ...]:
         sigmas_px = [math.nan if result.seen is None else median_sigma_px(result.seen) for result in results]
-        place = folder if overlays is None else overlays
-        return (write_detected(folder, target, geometry, table, results, sigmas_px, failures, overlays=place),)
+        made = detected(folder, target, geometry, table, results, sigmas_px, failures, overlays=overlays)
+        return (write_photos(folder, told_detected(made)),)
 
     return folder_page(folder, DETECTIONS, keep)
 
@@ -296,10 +297,12 @@ def write_results(
 
 def summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[PhotoResult]", seconds: float) -> None:
     """A table of the images, what failed, and the sums."""
+    from calib.inputs.records import common_remarks
+
     console = table_console()
     seen = [result.seen for result in results if result.seen is not None]
     shown = seen if len(seen) <= MAX_ROWS else [one for one in seen if one.remarks or not len(one.ring)][:MAX_ROWS]
-    common = _common_remarks(seen)
+    common = [printable(remark) for remark in common_remarks([one.remarks for one in seen])]
     if shown:
         console.print(_images_table(shown, geometry, common))
     for remark in common:
@@ -323,13 +326,6 @@ def summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[Pho
         f"{len(found.failures) + len(results) - len(seen)} {'failures' if with_target else 'could not be read'}; "
         f"{seconds:.1f} s"
     )
-
-
-def _common_remarks(seen: "Sequence[Detections]") -> list[str]:
-    """What holds for every one of several images, to be said once."""
-    if len(seen) < 2:
-        return []
-    return [printable(remark) for remark in seen[0].remarks if all(remark in one.remarks for one in seen)]
 
 
 def _images_table(seen: "Sequence[Detections]", geometry: "TargetGeometry", said: Sequence[str]) -> "Table":

@@ -81,7 +81,8 @@ def run_pose(
     from calib.pose import check_output, target_poses
     from calib.report.kept_target import keep_target
     from calib.report.origin import is_of_kind
-    from calib.report.posed_file import PosedBy, write_posed
+    from calib.report.photos_file import write_photos
+    from calib.report.posed_photos import Posed, told_posed
     from designer.target import load_target
 
     geometry = load_target(target, "rings")
@@ -112,10 +113,10 @@ def run_pose(
     if overlay is not None and pictures:
         place = overlay
         names = [result.photo.name for result in results]
-        made = PosedBy(target, geometry, camera_name, camera, out)
+        made = Posed(target, geometry, camera_name, camera, out, names, poses, reasons, drawn, found.failures)
         pages, more = folder_page(
             place, POSES, lambda: (
-                write_posed(place, made, names, poses, reasons, drawn, found.failures),
+                write_photos(place, told_posed(made)),
                 *keep_target(place, geometry, is_again=is_of_kind(place, POSES)),
             )
         )  # fmt: skip
@@ -193,9 +194,11 @@ def _summarise(
     failures: Sequence[str],
 ) -> None:
     """A table of the poses, what failed, and the sums."""
+    from calib.inputs.records import common_remarks
+
     console = table_console()
     searched = [result for result in results if result.seen is not None]
-    common = _common_remarks(searched)
+    common = common_remarks([result.seen.remarks for result in searched if result.seen is not None])
     if searched:
         console.print(_table(searched, poses, reasons, common))
     for remark in common:
@@ -205,12 +208,6 @@ def _summarise(
     print(f"\n{len(searched)} images searched, {len(poses)} with a pose; {len(failures)} failures")
     print("camera: its centre in the target's frame")
     print("sigma: standard deviation, if the camera file is exact and errors of the rings are independent")
-
-
-def _common_remarks(searched: "Sequence[PhotoResult]") -> list[str]:
-    """What holds for every one of several images, to be said once."""
-    each = [result.seen.remarks for result in searched if result.seen is not None]
-    return [remark for remark in each[0] if all(remark in one for one in each)] if len(each) > 1 else []
 
 
 def _table(

@@ -229,6 +229,8 @@ def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: b
     from calib.render.job import run_job
     from calib.report.kept_target import keep_target
     from calib.report.origin import is_of_kind
+    from calib.report.photos_file import write_photos
+    from calib.report.rendered_photos import told_rendered
 
     try:
         with progress_bar("rendering", len(job.file_names)) as tell:
@@ -246,7 +248,12 @@ def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: b
         steps = ()  # dots alone are not detected here
     _summarise(job, rendered, out)
     again = is_of_kind(out, PHOTOS)
-    pages, remarks = folder_page(out, PHOTOS, lambda: keep_target(out, job.target, is_again=again))
+
+    def keep() -> tuple[Path, ...]:
+        kept = keep_target(out, job.target, is_again=again)
+        return (*kept, write_photos(out, told_rendered(job, kept[0].name if kept else "NAME.target.json")))
+
+    pages, remarks = folder_page(out, PHOTOS, keep)
     for step in steps:
         print(f"next  {step}")
     return Summary(

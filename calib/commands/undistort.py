@@ -83,20 +83,27 @@ def undistort(
         print(f"left out: {len(named) - len(files)} undistorted photos of an earlier run")
     step = f"calib convert {quoted(place)} --to colmap -o cameras.txt"
     _summarise(done, failures, taken, pinhole, place)
-    pages, remarks = folder_page(out, UNDISTORTED, lambda: (_keep(out, camera, taken, done, failures),))
+    pages, remarks = folder_page(out, UNDISTORTED, lambda: (_keep(out, camera, taken, pinhole, done, failures),))
     print(f"next  {step}  writes it for COLMAP")
     summary = _summary(done, failures, place, pinhole)
     remarks = (*named_camera.remarks, *remarks)
     return replace(summary, wrote=(*summary.wrote, *pages), next_steps=(step,), remarks=remarks)
 
 
-def _keep(out: Path, camera_name: str, taken: "Camera", done: "Sequence[_Done]", failures: Sequence[str]) -> Path:
+def _keep(
+    out: Path, camera_name: str, taken: "Camera", pinhole: "Camera", done: "Sequence[_Done]", failures: Sequence[str]
+) -> Path:
     """Write what the folder's page is built from."""
-    from calib.report.undistorted_file import UndistortedPhoto, write_undistorted
+    from calib.report.photos_file import write_photos
+    from calib.report.undistorted_photos import Undistorted, UndistortedPhoto, told_undistorted
 
     good = [(one, one.place) for one in done if one.place is not None]
-    photos = [UndistortedPhoto(one.photo.name, place.name, one.remarks) for one, place in good]
-    return write_undistorted(out, camera_name, taken, photos, failures, min(one.share_filled for one, _ in good))
+    photos = tuple(UndistortedPhoto(one.photo.name, place.name, one.remarks) for one, place in good)
+    names = {photo.path for photo in photos}
+    earlier = sum(place.name not in names for place in out.glob(f"*{MARK}.png"))
+    filled = min(one.share_filled for one, _ in good)
+    made = Undistorted(camera_name, taken, pinhole, photos, tuple(failures), filled, earlier)
+    return write_photos(out, told_undistorted(made))
 
 
 def _summary(done: Sequence[_Done], failures: Sequence[str], place: Path, pinhole: "Camera") -> Summary:

@@ -72,18 +72,23 @@ def read_colour(path: Path) -> Photo:
     return Photo(decoded.pixels, tuple(_remarks(path, decoded, drops_alpha=False)))
 
 
-def read_preview(path: Path, columns: int) -> Photo:
+def read_preview(path: Path, columns: int, most_pixels: int) -> Photo:
     """Read the same files as `read_colour` for a small picture.
 
     A JPEG is decoded to no more pixels than the columns asked for need, and without a search for damage, which nobody
     measures on a preview.
+
+    Args:
+        path: of the file.
+        columns: that are enough.
+        most_pixels: of a file with more there is no preview.
 
     Raises:
         InputError: as `read_image` does.
     """
     data = _read_file(path)
     try:
-        header = _header_within_limits(data)
+        header = _header_within_limits(data, most_pixels)
         shrink = max(by for by in _SHRINKS if by == 1 or header.width >= by * columns)
         pixels = _decode(data, header, in_colour=True, shrink=shrink if header.format == "JPEG" else 1)
     except DamagedError as error:
@@ -113,12 +118,12 @@ def _read(path: Path, *, in_colour: bool) -> _Decoded:
     return _Decoded(pixels, header, brightness_step(_grey(pixels), unit_rows) if unit_rows else "")
 
 
-def _header_within_limits(data: bytes) -> Header:
+def _header_within_limits(data: bytes, most_pixels: int = MAX_PIXELS) -> Header:
     """The header of a file that is not too large to decode."""
     header = read_header(data)
-    if header.width * header.height > MAX_PIXELS:
+    if header.width * header.height > most_pixels:
         size = f"{header.width} x {header.height} px"
-        raise DamagedError(f"has {size}; at most {MAX_PIXELS // 1_000_000} million are read: scale it down")
+        raise DamagedError(f"has {size}; at most {most_pixels // 1_000_000} million are read: scale it down")
     if header.width * header.height * header.pixel_bytes > MAX_DECODED_BYTES:
         size = f"{header.width} x {header.height} px of {header.pixel_bytes} bytes"
         raise DamagedError(f"has {size}; at most {MAX_DECODED_BYTES // 10**9} GB are read: convert it to grey")

@@ -1,6 +1,7 @@
 """The records of a detection run: what happened to each photo, and why rings are missing."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
@@ -48,6 +49,13 @@ def image_record(seen: Detections) -> ImageRecord:
 def measurable(record: FaceRecord) -> int:
     """How many features of a face could have been measured: all but those too flat, cut off or outside the image."""
     return record.rings_expected - sum(count for why, count in record.missing if why in NOT_MEASURABLE)
+
+
+def common_remarks(remarks: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """What is remarked of each of several photos, to be said once."""
+    if len(remarks) < 2:
+        return ()
+    return tuple(remark for remark in dict.fromkeys(remarks[0]) if all(remark in each for each in remarks))
 
 
 def records_path(detections: Path) -> Path:

@@ -10,7 +10,7 @@ from calib.report.camera_section import camera_section, page_lead
 from calib.report.judging import is_verdict_on
 from calib.report.models_section import models_section
 from calib.report.origin import Origin
-from calib.report.photo_rows import common_remarks, photo_rows
+from calib.report.photo_rows import photo_rows, remarks_of_all
 from calib.report.photos import photos_section
 from calib.report.run_files import files_section
 from calib.report.run_folder import RunFolder, Solved, read_run
@@ -46,7 +46,7 @@ def page_of(run: RunFolder, origin: Origin) -> Page:
     verdict = None if judged is None else judged.verdict
     is_flat = len(best.calibration.observations.points.plane) == 1
     with ThreadPoolExecutor(1) as beside:  # pictures are decoded while figures are drawn
-        rows, common = photo_rows(run, best), common_remarks(run.records)
+        rows, common = photo_rows(run, best), remarks_of_all(run.records)
         photos = beside.submit(photos_section, folder, rows, common, is_flat=is_flat)
         proposed = _proposed(folder, best, faults)
         found = sigma_map(best.calibration)

@@ -5,9 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from designer.page.blocks import Block, Command, Facts, FileList, FileRow, Finding, Findings, Section
+from designer.page.links import is_linkable
 from designer.words import capital
 
 LONGEST_SUBJECT = 60
+MOST_LINES = 20
+"""Of one kind, on a page."""
 
 
 def read_small_bytes(path: Path, most: int) -> bytes | None:
@@ -43,6 +46,12 @@ def warnings(title: str, lines: Sequence[str]) -> tuple[Block, ...]:
     return (Findings(tuple(Finding("usable", title, line) for line in lines)),) if lines else ()
 
 
+def some_of(lines: Sequence[str]) -> list[str]:
+    """The first of very many lines, and how many more there are."""
+    more = [f"{len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else []
+    return [*lines[:MOST_LINES], *more]
+
+
 def notes(lines: Sequence[str]) -> tuple[Block, ...]:
     """Lines that a study says of itself: `subject: what`, those of one subject together; nothing if there are none."""
     by_subject: dict[str, list[str]] = {}
@@ -66,7 +75,7 @@ def _sentence(text: str) -> str:
 
 def files_section(folder: Path, purposes: Sequence[tuple[str, str]], again: Command) -> Section:
     """The files of the folder that are there, and the command that makes tables or figures again."""
-    known = [(name, why, size_bytes(folder / name)) for name, why in purposes]
+    known = [(name, why, size_bytes(folder / name)) for name, why in purposes if is_linkable(name)]
     rows = tuple(FileRow(name, why, size) for name, why, size in known if size is not None)
     blocks: tuple[Block, ...] = (FileList(rows),) if rows else ()
     return Section("Files", (*blocks, again))

@@ -6,12 +6,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.report.folder_blocks import size_bytes
-from calib.report.photos import BUDGET_BYTES, LEAST_BYTES, MOST_BYTES, OVERLAYS, THREADS, small_picture
+from calib.report.small_picture import small_picture
 from calib.report.titles import title_of
 from designer.command import printable
 from designer.page.blocks import Finding, Findings, Gallery, Leaf, Level, Picture, Raster
 from designer.page.links import is_linkable
 
+OVERLAYS = "overlays"
+"""The folder in which `calib run` puts pictures of what it found."""
+BUDGET_BYTES = 4_500_000
+"""Of all small pictures together; in a page they take a third more."""
+LEAST_BYTES, MOST_BYTES = 30_000, 150_000
+"""Of one: with less nothing is seen, with more nothing new."""
+THREADS = 2
+"""Pictures that are in memory at a time."""
+LONGEST_REMARK = 160
+"""Characters of what is said of a photo under it."""
 MOST_PICTURES = BUDGET_BYTES // LEAST_BYTES
 MOST_NAMED = 5
 """Pictures that cannot be shown whose names are said."""
@@ -78,6 +88,12 @@ def spread(shots: Sequence[Shot]) -> Sequence[Shot]:
     some = [row * (len(shots) - 1) // (MOST_PICTURES - 1) for row in range(MOST_PICTURES)]
     chosen = set(some)
     return [*(shots[row] for row in some), *(shot for row, shot in enumerate(shots) if row not in chosen)]
+
+
+def shortened(remark: str) -> str:
+    """A remark as one line that fits under a photo."""
+    text = printable(remark)
+    return text if len(text) <= LONGEST_REMARK else f"{text[: LONGEST_REMARK - 3]}..."
 
 
 def title_of_pictures(folder: Path) -> str:

@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from calib.report.gallery import OVERLAYS
 from calib.report.origin import ORIGIN_FILE, Origin, origin_of, read_origin
+from calib.report.photos_file import PHOTOS_FILE, read_photos
 from calib.report.run_folder import is_run_folder
 from designer.answer import program
 from designer.errors import InputError
@@ -17,12 +19,12 @@ BY_FORMAT: Mapping[str, str] = {
 """Formats of table.json and what the folder then is."""
 OF_PAPER = "targets"
 """A study of the paper has a folder with the targets it made up."""
-BY_NAME: Mapping[str, str] = {
-    "undistorted.json": "undistorted", "detected.json": "detections", "posed.json": "poses", "truth.json": "photos",
+OLDER: Mapping[str, str] = {
+    "undistorted.json": "calib undistort", "detected.json": "calib detect", "posed.json": "calib pose",
+    "truth.json": "calib render",
 }  # fmt: skip
-"""Files that commands leave in folders of pictures, and what the folder then is."""
+"""Files in folders of pictures that have no photos.json: of a run that was stopped, or of an earlier version."""
 MEASURED = "*.as_built.json"
-OVERLAYS, DETECTED_FILE = "overlays", "detected.json"
 DESIGN = "*.target.json"
 
 
@@ -44,7 +46,10 @@ def origin_in(folder: Path) -> Origin:
     if any(folder.glob(DESIGN)):
         name = next((path.name for path in sorted(folder.glob("*.toml"))), "NAME.toml")
         raise InputError(f"{folder}: is a design's folder: design make {name} -o {folder} writes its page")
-    if (folder / OVERLAYS / DETECTED_FILE).is_file():
+    for name, command in OLDER.items():
+        if (folder / name).is_file():
+            raise InputError(f"{folder}: has a {name} and no {PHOTOS_FILE}: the same {command} again writes its page")
+    if (folder / OVERLAYS / PHOTOS_FILE).is_file():
         raise InputError(
             f"{folder}: holds no camera, only what was found in photos: calib report {folder / OVERLAYS} writes "
             "its page"
@@ -66,4 +71,4 @@ def _kind(folder: Path) -> str:
         return "paper" if kind == "bootstrap" and (folder / OF_PAPER).is_dir() else kind
     if any(folder.glob(MEASURED)):
         return "measure"
-    return next((kind for name, kind in BY_NAME.items() if (folder / name).is_file()), "")
+    return read_photos(folder).kind if (folder / PHOTOS_FILE).is_file() else ""

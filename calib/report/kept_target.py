@@ -44,10 +44,8 @@ def kept_target(folder: Path, geometry_id: str) -> tuple[TargetGeometry | None, 
     return target, ""
 
 
-def target_words(target: TargetGeometry | None, geometry_id: str) -> str:
+def target_words(target: TargetGeometry) -> str:
     """What a target is, in a few words."""
-    if target is None:
-        return f"a target (id {printable(geometry_id)[:40]})"
     if target.spec is None:
         faces = "1 face" if target.face_count == 1 else f"{target.face_count} faces"
         return f"a target of {faces} and {target.ring_count} rings"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.inputs.records import ImageRecord, Records, measurable
+from calib.inputs.records import ImageRecord, Records, common_remarks, measurable
 from calib.metrics.evaluation import by_view
 from calib.verdict.view_facts import view_facts
 from designer.page.blocks import Level
@@ -45,11 +45,11 @@ class PhotoRow:
 def photo_rows(run: "RunFolder", one: "Solved") -> tuple[PhotoRow, ...]:
     """A row for each photo that was used or searched: those that were used first, in their order.
 
-    What is remarked of all photos is left away; see `common_remarks`.
+    What is remarked of all photos is left away; see `remarks_of_all`.
     """
     names = one.calibration.observations.view_names
     images = () if run.records is None else run.records.images
-    common = set(common_remarks(run.records))
+    common = set(remarks_of_all(run.records))
     records = {
         record.image: replace(record, remarks=tuple(remark for remark in record.remarks if remark not in common))
         for record in images
@@ -58,12 +58,9 @@ def photo_rows(run: "RunFolder", one: "Solved") -> tuple[PhotoRow, ...]:
     return (*_used_rows(one, records), *(_unused_row(one) for one in records.values() if one.image not in used))
 
 
-def common_remarks(records: Records | None) -> tuple[str, ...]:
+def remarks_of_all(records: Records | None) -> tuple[str, ...]:
     """What is remarked of each of several photos that could be searched."""
-    searched = [] if records is None else [record for record in records.images if not record.failure]
-    if len(searched) < 2:
-        return ()
-    return tuple(remark for remark in dict.fromkeys(searched[0].remarks) if all(remark in r.remarks for r in searched))
+    return () if records is None else common_remarks([one.remarks for one in records.images if not one.failure])
 
 
 def _used_rows(one: "Solved", records: Mapping[str, ImageRecord]) -> list[PhotoRow]:

@@ -47,27 +47,9 @@ def _measure(folder: Path, origin: Origin) -> Page:
 
 
 def _photos(folder: Path, origin: Origin) -> Page:
-    from calib.report.rendered_page import rendered_page
+    from calib.report.photos_page import photos_page
 
-    return rendered_page(folder, origin)
-
-
-def _undistorted(folder: Path, origin: Origin) -> Page:
-    from calib.report.undistorted_page import undistorted_page
-
-    return undistorted_page(folder, origin)
-
-
-def _detections(folder: Path, origin: Origin) -> Page:
-    from calib.report.detected_page import detected_page
-
-    return detected_page(folder, origin)
-
-
-def _poses(folder: Path, origin: Origin) -> Page:
-    from calib.report.posed_page import posed_page
-
-    return posed_page(folder, origin)
+    return photos_page(folder, origin)
 
 
 KINDS: Mapping[str, Builder] = {
@@ -78,7 +60,7 @@ KINDS: Mapping[str, Builder] = {
     "compare": _compare,
     "measure": _measure,
     "photos": _photos,
-    "undistorted": _undistorted,
-    "detections": _detections,
-    "poses": _poses,
+    "undistorted": _photos,
+    "detections": _photos,
+    "poses": _photos,
 }

@@ -1,7 +1,7 @@
 """The files of a calibration's folder on its page."""
 
 from calib.report.file_list import file_list
-from calib.report.photos import OVERLAYS
+from calib.report.gallery import OVERLAYS
 from calib.report.run_folder import RunFolder, Solved
 from designer.page.blocks import Fold, Section
 
