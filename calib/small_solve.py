@@ -70,7 +70,17 @@ def cholesky_invert(a: NDArray[np.float64], work: NDArray[np.float64], inverse: 
 
 @jit
 def eigenvalues(a: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of a symmetric matrix, which is destroyed, the smallest first: Jacobi's method, sweep by sweep.  # (N,)"""
+    """Of a symmetric matrix, which is destroyed, the smallest first.  # (N,)"""
+    diagonalise(a, np.empty((0, a.shape[0])))
+    return np.sort(np.diag(a))
+
+
+@jit
+def diagonalise(a: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
+    """Turn a symmetric matrix until it is diagonal, and rows (K, N) with it: Jacobi's method, sweep by sweep.
+
+    Rows of the unit matrix become those of the matrix whose columns are the eigenvectors.
+    """
     n = a.shape[0]
     for _ in range(30):
         beside, along = 0.0, 0.0
@@ -95,4 +105,6 @@ def eigenvalues(a: NDArray[np.float64]) -> NDArray[np.float64]:
                 for k in range(n):
                     x, y = a[p, k], a[q, k]
                     a[p, k], a[q, k] = c * x - s * y, s * x + c * y
-    return np.sort(np.diag(a))
+                for k in range(rows.shape[0]):
+                    x, y = rows[k, p], rows[k, q]
+                    rows[k, p], rows[k, q] = c * x - s * y, s * x + c * y

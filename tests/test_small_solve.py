@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.small_solve import cholesky_factor, cholesky_invert, cholesky_solve
+from calib.small_solve import cholesky_factor, cholesky_invert, cholesky_solve, diagonalise
 
 
 def spd(
@@ -57,3 +57,14 @@ def test_matrix_that_is_not_positive_definite_is_refused(
     assert not cholesky_factor(matrix.copy())
     assert not cholesky_solve(matrix.copy(), np.ones(size), np.empty(size))
     assert not cholesky_invert(matrix, np.empty_like(matrix), np.empty_like(matrix))
+
+
+@pytest.mark.parametrize("size", [1, 3, 9])
+def test_a_matrix_is_turned_until_it_is_diagonal(size: int) -> None:
+    """Its eigenvalues are then NumPy's, and the turned rows of a unit matrix hold the eigenvectors, unit and square."""
+    _, matrix = spd(size, 1e6, seed=size)
+    turned, vectors = matrix.copy(), np.eye(size)
+    diagonalise(turned, vectors)
+    np.testing.assert_allclose(np.sort(np.diag(turned)), np.linalg.eigvalsh(matrix), atol=1e-12)
+    np.testing.assert_allclose(vectors @ vectors.T, np.eye(size), atol=1e-12)
+    np.testing.assert_allclose(vectors @ np.diag(np.diag(turned)) @ vectors.T, matrix, atol=1e-12)

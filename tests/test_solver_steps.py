@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from calib.cameras import parameter_names, project
 from calib.se3 import exp_rotation, make_pose, transform
-from calib.solver.blocks import KNEE, RobustLoss, view_blocks
+from calib.solver.blocks import KNEE, RobustLoss, view_blocks, view_misfit
 from calib.solver.covariance import accuracy_of
 from calib.solver.levenberg import move_poses
+from calib.solver.linear_pose import LinearViews, poses_of
 from calib.solver.options import Loss, SolveOptions
 from calib.solver.problem import few_per_view, pack, select
 from calib.solver.schur import damped_step, reduced_blocks
@@ -103,6 +104,30 @@ def test_blocks_are_the_products_of_jacobians(model: str, kind: Loss) -> None:
         assert blocks.cost[view] == pytest.approx(cost[rows].sum(), rel=1e-9)
     pixel = project(camera, transform(poses[seen.view], seen.points.position_mm[seen.point]))
     assert np.abs(blocks.residual_px.T - (pixel - seen.center_px)).max() < 1e-9
+
+
+@pytest.mark.parametrize("kind", KNEE)
+@pytest.mark.parametrize("model", CAMERAS)
+def test_parts_of_the_blocks_are_those_of_the_whole(model: str, kind: Loss) -> None:
+    """Residuals, poses or gradients alone are the same as in whole blocks, also of points without an image."""
+    seen, poses = scene(model)
+    hidden = np.array(poses)
+    hidden[0, 2, 3] = -hidden[0, 2, 3]  # behind the camera
+    problem = replace(pack(seen, weighted=True), is_used=(seen.view != 0) | (kind != "squares"))
+    camera, loss = CAMERAS[model], RobustLoss(kind, 4.0)
+    whole = view_blocks(problem, camera, hidden, loss)
+    misfit = view_misfit(problem, camera, hidden, loss)
+    assert np.isnan(misfit.residual_px[:, seen.view == 0]).all()
+    np.testing.assert_allclose(misfit.residual_px, whole.residual_px, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(misfit.cost, whole.cost, rtol=1e-9)
+    of_poses = view_blocks(problem, camera, hidden, loss, of_poses=True)
+    np.testing.assert_allclose(of_poses.products, whole.products[:, -7:, -7:], rtol=1e-12)
+    elsewhere = view_blocks(problem, camera, poses, loss).products
+    renewed = view_blocks(problem, camera, hidden, loss, near=elsewhere).products
+    np.testing.assert_array_equal(renewed[:, :-1, :-1], elsewhere[:, :-1, :-1])
+    size = np.sqrt(np.einsum("vii->vi", whole.products) * whole.products[:, -1:, -1]) + 1e-300
+    for gradient in (renewed[:, -1], renewed[:, :, -1]):
+        assert (np.abs(gradient - whole.products[:, -1]) <= 1e-12 * size).all()
 
 
 def dense(products: Array, free: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -261,3 +286,21 @@ def test_the_start_does_not_depend_on_the_scale_of_covariances() -> None:
         problem = pack(replace(seen, cov_px2=scale * seen.cov_px2), weighted=True)
         cameras.append(coarse_camera(problem, "opencv", tie.row, tie.value, 30.0, is_robust=False))
     assert cameras[1].params == pytest.approx(cameras[0].params, rel=1e-6)
+
+
+def test_linear_poses_are_turned_to_the_nearest_rotation() -> None:
+    """Of a transform whose axes are not square, or left-handed, the pose has the rotation nearest to them (by SVD)."""
+    rng = np.random.default_rng(4)
+    motion = exp_rotation(rng.standard_normal((6, 3)))
+    axes = motion + 0.2 * rng.standard_normal((6, 3, 3))
+    axes[3:] *= -1
+    origin = rng.standard_normal((6, 3, 1))
+    views = LinearViews(np.concatenate([axes, origin], axis=2), np.tile(np.eye(4), (6, 1, 1)), np.zeros(6, dtype=bool))
+    pose = poses_of(views)
+    u, _, vt = np.linalg.svd(axes)
+    nearest = u @ vt
+    np.testing.assert_allclose(pose[:, :3, :3], nearest * np.linalg.det(nearest)[:, None, None], atol=1e-12)
+    length = np.linalg.norm(axes, axis=1).mean(axis=1)
+    np.testing.assert_allclose(pose[:, :3, 3], origin[:, :, 0] / length[:, None], atol=1e-12)
+    views.projection[0] = np.nan
+    assert np.isnan(poses_of(views)[0]).all()

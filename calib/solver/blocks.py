@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import linearise
+from calib.cameras import linearise, project
 from calib.jit import jit, jit_sums
 from calib.solver.options import Loss
 from calib.solver.problem import Problem
@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 
 RUN = 2000
 """Observations at a time; their derivatives stay in the processor's cache."""
-CHUNK = 128
-"""Of them at a time; their equations stay in the nearest cache."""
+CHUNK = 112
+"""Of them at a time, at most; their derivatives and equations stay in the nearest cache."""
 
 NO_IMAGE = 1e8
 """Squared length, in knees, that robust losses give to points that the camera does not show."""
@@ -32,12 +32,18 @@ KNEE: dict[Loss, float] = {"squares": np.inf, "huber": 1.345, "cauchy": 2.385}
 
 
 @dataclass(frozen=True, eq=False)
-class Blocks:
-    """The normal equations of V views, and the residuals they were made of."""
+class Misfit:
+    """How far off V views are."""
 
-    products: Array  # (V, P + 7, P + 7) symmetric
     cost: Array  # (V,) sum of the losses of the whitened residuals; nan if an observation that counts has no image
     residual_px: Array  # (2, M) predicted - measured
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks(Misfit):
+    """The normal equations of V views, too."""
+
+    products: Array  # (V, P + 7, P + 7) symmetric; of the poses alone (V, 7, 7)
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,11 @@ class RobustLoss:
 
     kind: Loss = "squares"
     sigma: float = 1.0  # standard deviation of a whitened residual, which the knee is a multiple of
+
+    @property
+    def knee(self) -> float:
+        """The length of a whitened residual where it bends."""
+        return KNEE[self.kind] * self.sigma
 
 
 @jit_sums
@@ -81,20 +92,56 @@ def _loss(kind: int, knee: float, square: float) -> tuple[float, float]:
 
 
 @jit
+def _counted(kind: int, knee: float, square: float, is_used: bool) -> tuple[float, float]:
+    """Loss and weight of an observation; with a weight of zero its derivatives are not to be looked at."""
+    if not is_used:
+        return 0.0, 0.0
+    if kind != 0 and not square < NO_IMAGE * knee * knee:
+        # The point has no image, or one that is lost: an outlier without a pull.
+        return _loss(kind, knee, NO_IMAGE * knee * knee)[0], 0.0
+    return _loss(kind, knee, square)
+
+
+@jit_sums
+def _whiten(
+    begin: int, end: int, base: int, seen: Array, measured: Array, whitener: Array, residual: Array, factor: Array
+) -> None:
+    """The whiteners of some observations, their residuals whitened by them, and the squared lengths of these.
+
+    Args:
+        begin: of the observations.
+        end: likewise.
+        base: the observation that `seen` begins with.
+        seen: pixels and derivatives.  # (8 + 2 P, N)
+        measured: pixels.  # (2, M)
+        whitener: see `Problem`.  # (3, M)
+        residual: predicted - measured, a result.  # (2, M)
+        factor: the other results.  # (6, CHUNK)
+    """
+    count = end - begin
+    for k in range(2):
+        predicted, known, off = seen[k, begin - base : end - base], measured[k, begin:end], residual[k, begin:end]
+        for n in range(count):
+            off[n] = predicted[n] - known[n]
+    for k in range(3):
+        given, kept = whitener[k, begin:end], factor[k]
+        for n in range(count):
+            kept[n] = given[n]
+    a, b, c, du, dv = factor[0], factor[1], factor[2], residual[0, begin:end], residual[1, begin:end]
+    white_u, white_v, square = factor[3], factor[4], factor[5]
+    for n in range(count):
+        white_u[n] = a[n] * du[n]
+    for n in range(count):
+        white_v[n] = b[n] * du[n] + c[n] * dv[n]
+    for n in range(count):
+        square[n] = white_u[n] * white_u[n] + white_v[n] * white_v[n]
+
+
+@jit
 def _weigh(
-    begin: int,
-    end: int,
-    base: int,
-    seen: Array,
-    measured: Array,
-    whitener: Array,
-    is_used: NDArray[np.bool_],
-    kind: int,
-    knee: float,
-    residual: Array,
-    factor: Array,
+    begin: int, end: int, base: int, is_used: NDArray[np.bool_], kind: int, knee: float, seen: Array, factor: Array
 ) -> float:
-    """Residuals of some observations, in pixels and weighted, and the weighted whiteners. Returns the loss.
+    """Weigh whiteners and residuals by the loss, which is returned.
 
     What does not count, or has no image, is given zeros in place of its derivatives.
 
@@ -102,41 +149,21 @@ def _weigh(
         begin: of the observations.
         end: likewise.
         base: the observation that `seen` begins with.
-        seen: pixels and derivatives, of which those that do not count are overwritten.  # (2 + 6 + 2 P, N)
-        measured: pixels.  # (2, M)
-        whitener: see `Problem`.  # (3, M)
         is_used: see `Problem`.  # (M,)
         kind: of the loss.
         knee: likewise.
-        residual: in pixels.  # (2, M)
-        factor: a, b, c of the weighted whiteners, then the weighted residuals.  # (5, CHUNK)
+        seen: pixels and derivatives, of which those that do not count are overwritten.  # (8 + 2 P, N)
+        factor: see `_whiten`.  # (6, CHUNK)
     """
     total = 0.0
-    for m in range(begin, end):
-        n, k = m - begin, m - base
-        du, dv = seen[0, k] - measured[0, m], seen[1, k] - measured[1, m]
-        residual[0, m], residual[1, m] = du, dv
-        a, b, c = whitener[0, m], whitener[1, m], whitener[2, m]
-        ru, rv = a * du, b * du + c * dv
-        square = ru * ru + rv * rv
-        counts = is_used[m]
-        if counts and kind != 0 and not square < NO_IMAGE * knee * knee:
-            # The point has no image, or one that is lost: an outlier without a pull.
-            total += _loss(kind, knee, NO_IMAGE * knee * knee)[0]
-            counts = False
-        if not counts:
-            factor[:, n] = 0.0
-            seen[:, k] = 0.0
-            continue
-        root = 1.0
-        if kind == 0:
-            total += square
-        else:
-            loss, weight = _loss(kind, knee, square)
-            total += loss
-            root = np.sqrt(weight)
-        factor[0, n], factor[1, n], factor[2, n] = root * a, root * b, root * c
-        factor[3, n], factor[4, n] = root * ru, root * rv
+    for n in range(end - begin):
+        loss, weight = _counted(kind, knee, factor[5, n], is_used[begin + n])
+        total += loss
+        if weight == 0:
+            factor[:5, n] = 0.0
+            seen[:, begin - base + n] = 0.0
+        elif weight != 1:
+            factor[:5, n] *= np.sqrt(weight)
     return total
 
 
@@ -150,17 +177,16 @@ def _fill(begin: int, count: int, turned: Array, seen: Array, factor: Array, row
         begin: of the observations among those of `seen`.
         count: of them, at most `CHUNK`.
         turned: R p.  # (3, N)
-        seen: pixels and derivatives.  # (2 + 6 + 2 P, N)
-        factor: see `_weigh`.  # (5, CHUNK)
-        rows: the result.  # (P + 7, 2 CHUNK)
+        seen: pixels and derivatives.  # (8 + 2 P, N)
+        factor: see `_weigh`.  # (6, CHUNK)
+        rows: the result; the first P are left out if there is no room.  # (P + 7, 2 CHUNK) or (7, 2 CHUNK)
     """
-    end, parameters = begin + count, (seen.shape[0] - 8) // 2
+    end, every, parameters = begin + count, (seen.shape[0] - 8) // 2, rows.shape[0] - 7
     a, b, c = factor[0], factor[1], factor[2]
-    x, y, z = turned[0, begin:end], turned[1, begin:end], turned[2, begin:end]
     for unknown in range(parameters + 3):
         is_shift = unknown >= parameters
         # Pixels, then by the three coordinates of the point, u and v; then by the parameters, u and v.
-        at, after = (unknown - parameters + 2, 3) if is_shift else (8 + unknown, parameters)
+        at, after = (unknown - parameters + 2, 3) if is_shift else (8 + unknown, every)
         by_u, by_v = seen[at, begin:end], seen[at + after, begin:end]
         row = rows[unknown + 3 if is_shift else unknown]
         u, v = row[:count], row[count:]
@@ -170,43 +196,84 @@ def _fill(begin: int, count: int, turned: Array, seen: Array, factor: Array, row
             v[n] = b[n] * by_u[n] + c[n] * by_v[n]
     for half in range(2):
         first, last = half * count, (half + 1) * count
-        shift = rows[parameters + 3 :, first:last]
         for axis in range(3):
-            turn, residual = rows[parameters + axis, first:last], rows[parameters + 6, first:last]
-            after, before = shift[(axis + 1) % 3], shift[(axis + 2) % 3]
-            p, q = (y, z) if axis == 0 else (z, x) if axis == 1 else (x, y)
+            after, before = (axis + 1) % 3, (axis + 2) % 3
+            turn, p, q = rows[parameters + axis, first:last], turned[after, begin:end], turned[before, begin:end]
+            by_q, by_p = rows[parameters + 3 + after, first:last], rows[parameters + 3 + before, first:last]
             for n in range(count):
-                turn[n] = p[n] * before[n] - q[n] * after[n]
-        weighted = factor[3 + half]
+                turn[n] = p[n] * by_p[n] - q[n] * by_q[n]
+        residual, weighted = rows[parameters + 6, first:last], factor[3 + half]
         for n in range(count):
             residual[n] = weighted[n]
 
 
 @jit_sums
 def _add_products(rows: Array, count: int, product: Array) -> None:
-    """Add `rows @ rows.T`, four by two sums at a time so that each number loaded is used often; the lower triangle."""
-    size = rows.shape[0]
-    for i in range(0, size, 2):
-        second = min(i + 1, size - 1)
-        a, b = rows[i], rows[second]
-        for j in range(0, i + 2, 4):
-            c, d = rows[min(j, size - 1)], rows[min(j + 1, size - 1)]
-            e, f = rows[min(j + 2, size - 1)], rows[min(j + 3, size - 1)]
-            ac, ad, ae, af, bc, bd, be, bf = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    """Add `rows @ rows.T`, four by four sums at a time so that each number loaded is used often; the lower triangle."""
+    last = rows.shape[0] - 1
+    for i in range(0, last + 1, 4):
+        a, b, c, d = rows[i], rows[min(i + 1, last)], rows[min(i + 2, last)], rows[min(i + 3, last)]
+        for j in range(0, i + 1, 4):
+            p, q, r, s = rows[j], rows[min(j + 1, last)], rows[min(j + 2, last)], rows[min(j + 3, last)]
+            ap, aq, ar, az, bp, bq, br, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            cp, cq, cr, cz, dp, dq, dr, dz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for n in range(count):
-                ac += a[n] * c[n]
-                ad += a[n] * d[n]
-                ae += a[n] * e[n]
-                af += a[n] * f[n]
-                bc += b[n] * c[n]
-                bd += b[n] * d[n]
-                be += b[n] * e[n]
-                bf += b[n] * f[n]
-            sums = (ac, ad, ae, af), (bc, bd, be, bf)
-            for k in range(2):
+                ap += a[n] * p[n]
+                aq += a[n] * q[n]
+                ar += a[n] * r[n]
+                az += a[n] * s[n]
+                bp += b[n] * p[n]
+                bq += b[n] * q[n]
+                br += b[n] * r[n]
+                bz += b[n] * s[n]
+                cp += c[n] * p[n]
+                cq += c[n] * q[n]
+                cr += c[n] * r[n]
+                cz += c[n] * s[n]
+                dp += d[n] * p[n]
+                dq += d[n] * q[n]
+                dr += d[n] * r[n]
+                dz += d[n] * s[n]
+            sums = (ap, aq, ar, az), (bp, bq, br, bz), (cp, cq, cr, cz), (dp, dq, dr, dz)
+            for k in range(4):
                 for m in range(4):
-                    if i + k < size and j + m <= i + k:
+                    if i + k <= last and j + m <= i + k:
                         product[i + k, j + m] += sums[k][m]
+
+
+@jit_sums
+def _add_gradient(begin: int, count: int, turned: Array, seen: Array, factor: Array, gradient: Array) -> None:
+    """Add the last row of the products, `[J r]' r`, without the others; arguments as those of `_fill`.
+
+    The factors are overwritten: by the pulls on the two coordinates, and on the three of the point.
+    """
+    end, parameters = begin + count, len(gradient) - 7
+    a, b, c, u, v, square = factor[0], factor[1], factor[2], factor[3], factor[4], 0.0
+    for n in range(count):
+        square += u[n] * u[n] + v[n] * v[n]
+    for n in range(count):
+        u[n] = a[n] * u[n] + b[n] * v[n]
+    for n in range(count):
+        v[n] = c[n] * v[n]
+    for unknown in range(parameters):
+        by_u, by_v = seen[8 + unknown, begin:end], seen[8 + parameters + unknown, begin:end]
+        total = 0.0
+        for n in range(count):
+            total += u[n] * by_u[n] + v[n] * by_v[n]
+        gradient[unknown] += total
+    for axis in range(3):
+        by_u, by_v, pull = seen[2 + axis, begin:end], seen[5 + axis, begin:end], factor[axis]
+        for n in range(count):
+            pull[n] = u[n] * by_u[n] + v[n] * by_v[n]
+        gradient[parameters + 3 + axis] += pull[:count].sum()
+    for axis in range(3):
+        after, before = (axis + 1) % 3, (axis + 2) % 3
+        p, q, by_p, by_q = turned[after, begin:end], turned[before, begin:end], factor[before], factor[after]
+        total = 0.0
+        for n in range(count):
+            total += p[n] * by_p[n] - q[n] * by_q[n]
+        gradient[parameters + axis] += total
+    gradient[parameters + 6] += square
 
 
 @jit
@@ -224,29 +291,79 @@ def _view_products(
     residual: Array,
     products: Array,
     cost: Array,
+    is_renewed: bool,
 ) -> None:
-    """Blocks and costs of some views, `CHUNK` observations at a time."""
+    """Blocks and costs of some views, at most `CHUNK` observations at a time; or of the blocks the gradients only."""
     base, size = view_start[first], products.shape[1]
-    rows, factor = np.empty((size, 2 * CHUNK)), np.empty((5, CHUNK))
+    rows, factor = np.empty((size, 2 * CHUNK)), np.empty((6, CHUNK))
     for view in range(first, last):
         cost[view] = 0.0
-        products[view] = 0.0
-        for begin in range(view_start[view], view_start[view + 1], CHUNK):
-            end = min(begin + CHUNK, view_start[view + 1])
-            cost[view] += _weigh(begin, end, base, seen, measured, whitener, is_used, kind, knee, residual, factor)
-            _fill(begin - base, end - begin, turned, seen, factor, rows)
-            _add_products(rows, 2 * (end - begin), products[view])
+        products[view, 0 if is_renewed else size - 1 :] = 0.0
+        begin = view_start[view]
+        for left in range((view_start[view + 1] - begin + CHUNK - 1) // CHUNK, 0, -1):
+            end = begin + (view_start[view + 1] - begin) // left
+            _whiten(begin, end, base, seen, measured, whitener, residual, factor)
+            cost[view] += _weigh(begin, end, base, is_used, kind, knee, seen, factor)
+            if is_renewed:
+                _fill(begin - base, end - begin, turned, seen, factor, rows)
+                _add_products(rows, 2 * (end - begin), products[view])
+            else:
+                _add_gradient(begin - base, end - begin, turned, seen, factor, products[view, size - 1])
+            begin = end
         for i in range(size):
             for j in range(i):
                 products[view, j, i] = products[view, i, j]
 
 
-def view_blocks(problem: Problem, camera: Camera, cam_from_target: Array, loss: RobustLoss) -> Blocks:
-    """The normal equations of all views at a camera and poses (V, 4, 4)."""
+@jit
+def _view_costs(
+    view_start: NDArray[np.int64],
+    first: int,
+    last: int,
+    pixel: Array,
+    measured: Array,
+    whitener: Array,
+    is_used: NDArray[np.bool_],
+    kind: int,
+    knee: float,
+    residual: Array,
+    cost: Array,
+) -> None:
+    """Residuals and costs of some views, by their predicted pixels (N, 2)."""
+    base = view_start[first]
+    for view in range(first, last):
+        total = 0.0
+        for m in range(view_start[view], view_start[view + 1]):
+            du, dv = pixel[m - base, 0] - measured[0, m], pixel[m - base, 1] - measured[1, m]
+            residual[0, m], residual[1, m] = du, dv
+            white_u, white_v = whitener[0, m] * du, whitener[1, m] * du + whitener[2, m] * dv
+            total += _counted(kind, knee, white_u * white_u + white_v * white_v, is_used[m])[0]
+        cost[view] = total
+
+
+def view_blocks(
+    problem: Problem,
+    camera: Camera,
+    cam_from_target: Array,
+    loss: RobustLoss,
+    *,
+    of_poses: bool = False,
+    near: Array | None = None,
+) -> Blocks:
+    """The normal equations of all views.
+
+    Args:
+        problem: what was seen.
+        camera: where.
+        cam_from_target: where (V, 4, 4).
+        loss: of the whitened residuals.
+        of_poses: those of the poses alone.
+        near: products (V, P + 7, P + 7) so near that only the gradients differ; takes half the time.
+    """
     views, count = problem.view_count, problem.measured_px.shape[1]
-    size = len(camera.params) + 7
-    blocks = Blocks(np.empty((views, size, size)), np.empty(views), np.empty((2, count)))
-    knee = KNEE[loss.kind] * loss.sigma
+    size = (0 if of_poses else len(camera.params)) + 7
+    products = np.empty((views, size, size)) if near is None else near.copy()
+    blocks = Blocks(np.empty(views), np.empty((2, count)), products)
     pose = np.ascontiguousarray(cam_from_target)
     for first, last in _runs(problem.view_start):
         width = int(problem.view_start[last] - problem.view_start[first])
@@ -255,9 +372,25 @@ def view_blocks(problem: Problem, camera: Camera, cam_from_target: Array, loss: 
         seen = linearise(camera, point)
         _view_products(
             problem.view_start, first, last, turned, seen.rows, problem.measured_px, problem.whitener,
-            problem.is_used, LOSSES[loss.kind], knee, blocks.residual_px, blocks.products, blocks.cost,
+            problem.is_used, LOSSES[loss.kind], loss.knee, blocks.residual_px, products, blocks.cost,
+            near is None,
         )  # fmt: skip
     return blocks
+
+
+def view_misfit(problem: Problem, camera: Camera, cam_from_target: Array, loss: RobustLoss) -> Misfit:
+    """What `view_blocks` says of the residuals, without derivatives."""
+    misfit = Misfit(np.empty(problem.view_count), np.empty((2, problem.measured_px.shape[1])))
+    pose = np.ascontiguousarray(cam_from_target)
+    for first, last in _runs(problem.view_start):
+        width = int(problem.view_start[last] - problem.view_start[first])
+        turned, point = np.empty((3, width)), np.empty((3, width))
+        _to_camera(problem.view_start, first, last, pose, problem.position_mm, turned, point)
+        _view_costs(
+            problem.view_start, first, last, project(camera, point.T), problem.measured_px, problem.whitener,
+            problem.is_used, LOSSES[loss.kind], loss.knee, misfit.residual_px, misfit.cost,
+        )  # fmt: skip
+    return misfit
 
 
 def _runs(view_start: NDArray[np.int64]) -> list[tuple[int, int]]:

@@ -7,7 +7,7 @@ from calib.cameras import parameter_names
 from calib.solver.covariance import Accuracy
 from calib.solver.levenberg import Minimum
 from calib.solver.linear_pose import FLAT
-from calib.solver.outliers import MEDIAN_LENGTH, robust_sigma
+from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.tie import Tie
 from calib.types import Observations
 from designer.errors import InputError
@@ -26,10 +26,18 @@ class UndeterminedError(InputError):
     """Too few observations for any camera."""
 
 
-def why_degenerate(observations: Observations, found: Minimum, accuracy: Accuracy, tie: Tie) -> str:
-    """One line with the reason and the remedy; empty if the camera is determined."""
+def why_degenerate(observations: Observations, found: Minimum, sigma_px: float, accuracy: Accuracy, tie: Tie) -> str:
+    """One line with the reason and the remedy; empty if the camera is determined.
+
+    Args:
+        observations: that were solved.
+        found: the minimum.
+        sigma_px: robust standard deviation of its residuals' coordinates.
+        accuracy: what is known of the unknowns.
+        tie: which parameters are free.
+    """
     # First, because nonsense may also leave next to nothing that counts.
-    typical = MEDIAN_LENGTH * robust_sigma(found.blocks.residual_px)
+    typical = MEDIAN_LENGTH * sigma_px
     if not typical < NO_FIT * max(observations.image_size):
         return f"residuals of {typical:.3g} px: the points and the pixels do not belong together; check their names"
     if not np.isfinite(accuracy.scale):

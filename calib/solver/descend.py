@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.solver.beyond import Shown, lost_views, minimise_shown
-from calib.solver.blocks import RobustLoss, view_blocks
+from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.levenberg import Minimum, minimise
 from calib.solver.options import Loss, SolveOptions
 from calib.solver.outliers import deviations, forgetful, robust_covariance_factor, robust_sigma, whitened
@@ -30,6 +30,7 @@ class Descended:
     minimum: Minimum
     is_used: NDArray[np.bool_]  # (M,)
     is_beyond: NDArray[np.bool_]  # (M,) not used, because the model does not show them
+    sigma_px: float  # robust standard deviation of a coordinate
     deviation: Array  # (M,) in robust standard deviations
     robust: tuple[float, float] | None  # if weights were lowered: sigma of a whitened coordinate, factor of covariances
     is_lost: NDArray[np.bool_]  # (V,) views with too few observations left for a pose; the minimum is then none
@@ -68,9 +69,11 @@ def descend(
         standard = whitened(problem.whitener, residual)
         sigma, length = robust_sigma(standard), np.hypot(*standard)[is_used]
         robust = sigma, robust_covariance_factor(length[np.isfinite(length)], RobustLoss(options.loss, sigma))
+    sigma_px = robust_sigma(residual)
     return Descended(
-        found, is_used, shown.is_beyond, deviations(residual, cov_px2), robust, lost_views(problem, is_used)
-    )
+        found, is_used, shown.is_beyond, sigma_px, deviations(residual, cov_px2, sigma_px), robust,
+        lost_views(problem, is_used),
+    )  # fmt: skip
 
 
 def _best_of(problem: Problem, starts: Sequence[tuple[Camera, Array]], tie: Tie, options: SolveOptions) -> Shown:
@@ -100,7 +103,7 @@ def _first_loss(problem: Problem, camera: Camera, poses: Array, options: SolveOp
     """Squares, or a loss that does not follow outliers."""
     if not is_robust(options):
         return RobustLoss()
-    residual = view_blocks(problem, camera, poses, RobustLoss()).residual_px
+    residual = view_misfit(problem, camera, poses, RobustLoss()).residual_px
     return forgetful(whitened(problem.whitener, residual))
 
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.jit import jit
-from calib.se3 import compose, invert
-from calib.small_solve import cholesky_solve
+from calib.small_solve import cholesky_solve, diagonalise
 
 Array = NDArray[np.float64]
 
@@ -23,6 +22,7 @@ SOLID = 1e-3
 TRIALS = 100
 """Draws for a consensus; with seven of a fifth outliers each, a good one is missed once in ten billion views."""
 NEAR_MEDIANS = 5.0
+POLAR_STEPS, POLAR_ROUNDING = 30, 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,29 +61,37 @@ def linear_views(
 
 def principal_frames(view_start: NDArray[np.int64], position_mm: Array) -> tuple[Array, Array]:
     """The frame of each view's points, z along their least extent, and their extents in ascending order."""
-    middle, scatter = np.empty((len(view_start) - 1, 3)), np.empty((len(view_start) - 1, 3, 3))
-    _moments(view_start, np.ascontiguousarray(position_mm), middle, scatter)
-    values, vectors = np.linalg.eigh(scatter)
-    frame = np.zeros((len(middle), 4, 4))
-    frame[:, :3, 0], frame[:, :3, 1] = vectors[:, :, 2], vectors[:, :, 1]
-    frame[:, :3, 2] = vectors[:, :, 0] * np.linalg.det(vectors[:, :, ::-1])[:, None]  # so that it is a rotation
-    frame[:, :3, 3], frame[:, 3, 3] = middle, 1.0
-    return frame, np.sqrt(np.maximum(values, 0))
+    frame, extent = np.zeros((len(view_start) - 1, 4, 4)), np.empty((len(view_start) - 1, 3))
+    _principal_frames(view_start, np.ascontiguousarray(position_mm), frame, extent)
+    return frame, extent
 
 
 @jit
-def _moments(view_start: NDArray[np.int64], position: Array, middle: Array, scatter: Array) -> None:
-    """The mean of each view's points and their mean products about it."""
-    for view in range(len(middle)):
+def _principal_frames(view_start: NDArray[np.int64], position: Array, frame: Array, extent: Array) -> None:
+    """The mean of each view's points, and the eigenvectors of their mean products about it."""
+    scatter, vectors = np.empty((3, 3)), np.empty((3, 3))
+    for view in range(len(frame)):
         begin, end = view_start[view], view_start[view + 1]
+        axes, middle = frame[view, :3, :3], frame[view, :3, 3]
+        frame[view, 3, 3] = 1.0
         for axis in range(3):
-            middle[view, axis] = position[axis, begin:end].mean()
+            middle[axis] = position[axis, begin:end].mean()
         for i in range(3):
             for j in range(i + 1):
                 total = 0.0
                 for n in range(begin, end):
-                    total += (position[i, n] - middle[view, i]) * (position[j, n] - middle[view, j])
-                scatter[view, i, j] = scatter[view, j, i] = total / (end - begin)
+                    total += (position[i, n] - middle[i]) * (position[j, n] - middle[j])
+                scatter[i, j] = scatter[j, i] = total / (end - begin)
+                vectors[i, j] = vectors[j, i] = 1.0 if i == j else 0.0
+        diagonalise(scatter, vectors)
+        square = np.diag(scatter)
+        order = np.argsort(square)
+        for k in range(3):
+            extent[view, k] = np.sqrt(max(square[order[k]], 0.0))
+            axes[k, 0], axes[k, 1] = vectors[k, order[2]], vectors[k, order[1]]
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            axes[k, 2] = axes[i, 0] * axes[j, 1] - axes[j, 0] * axes[i, 1]
 
 
 @jit
@@ -218,19 +226,59 @@ def poses_of(views: LinearViews) -> Array:
     The columns of a homography are two axes and the origin of the plane (Zhang 2000, section 3.1); those of a
     transform are all three axes. Both are turned to the nearest rotation.
     """
-    axes = np.array(views.projection[:, :, :3])
-    origin = views.projection[:, :, 3]
-    lengths = np.linalg.norm(axes, axis=1)
-    scale = np.where(views.is_planar, lengths[:, :2].mean(axis=1), lengths.mean(axis=1))[:, None]
-    axes, origin = axes / scale[:, :, None], origin / scale
-    axes[views.is_planar, :, 2] = np.cross(axes[views.is_planar, :, 0], axes[views.is_planar, :, 1])
-    known = np.isfinite(axes).all(axis=(1, 2)) & np.isfinite(origin).all(axis=1)
-    u, _, vt = np.linalg.svd(np.where(known[:, None, None], axes, np.eye(3)))
-    rotation = u @ vt
-    rotation = rotation * np.linalg.det(rotation)[:, None, None]
-    poses = np.tile(np.eye(4), (len(axes), 1, 1))
-    poses[:, :3, :3], poses[:, :3, 3] = rotation, origin
-    return np.where(known[:, None, None], compose(poses, invert(views.target_from_plane)), np.nan)
+    poses = np.empty((len(views.projection), 4, 4))
+    _poses_of(views.projection, views.target_from_plane, views.is_planar, poses)
+    return poses
+
+
+@jit
+def _poses_of(projection: Array, target_from_plane: Array, is_planar: NDArray[np.bool_], pose: Array) -> None:
+    for view in range(len(pose)):
+        frame, axes, origin = target_from_plane[view], projection[view, :, :3].copy(), projection[view, :, 3]
+        known = 2 if is_planar[view] else 3
+        scale = np.sqrt((axes[:, :known] ** 2).sum(axis=0)).mean()
+        axes /= scale
+        if is_planar[view]:
+            for k in range(3):
+                i, j = (k + 1) % 3, (k + 2) % 3
+                axes[k, 2] = axes[i, 0] * axes[j, 1] - axes[j, 0] * axes[i, 1]
+        _to_rotation(axes)
+        pose[view] = 0.0
+        for i in range(3):
+            pose[view, i, 3] = origin[i] / scale
+            for j in range(3):
+                for k in range(3):
+                    pose[view, i, j] += axes[i, k] * frame[j, k]
+                pose[view, i, 3] -= pose[view, i, j] * frame[j, 3]
+        pose[view, 3, 3] = 1.0
+        if not np.isfinite(pose[view]).all():
+            pose[view] = np.nan
+
+
+@jit
+def _to_rotation(a: Array) -> None:
+    """The rotation nearest to a matrix (3, 3), or to its negative; not finite where there is none.
+
+    Newton's iteration to the orthogonal factor of the polar decomposition (Higham 1986).
+    """
+    cofactor = np.empty((3, 3))
+    for _ in range(POLAR_STEPS):
+        for i in range(3):
+            for j in range(3):
+                k, m, p, q = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+                cofactor[i, j] = a[k, p] * a[m, q] - a[k, q] * a[m, p]
+        determinant = a[0, 0] * cofactor[0, 0] + a[0, 1] * cofactor[0, 1] + a[0, 2] * cofactor[0, 2]
+        if determinant < 0:
+            a[:], determinant = -a, -determinant  # whose cofactors are the same
+        stretch = determinant ** (-1 / 3)
+        change = 0.0
+        for i in range(3):
+            for j in range(3):
+                x = 0.5 * (stretch * a[i, j] + cofactor[i, j] / (stretch * determinant))
+                change = max(change, abs(x - a[i, j]))
+                a[i, j] = x
+        if not change > POLAR_ROUNDING:
+            return
 
 
 def weak_perspective_poses(view_start: NDArray[np.int64], position_mm: Array, ray: Array) -> Array:

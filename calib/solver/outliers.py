@@ -65,22 +65,21 @@ def robust_covariance_factor(length: Array, loss: RobustLoss) -> float:
     return float(weight.mean() * 0.5 * (weight**2 * length**2).mean() / slope.mean() ** 2)
 
 
-def deviations(residual_px: Array, cov_px2: Array | None) -> Array:
+def deviations(residual_px: Array, cov_px2: Array | None, sigma_px: float | None = None) -> Array:
     """Lengths (M,) of residuals (2, M) in robust standard deviations.
 
     With covariances, the shorter of the lengths in pixels and in stated standard deviations: a ring that is seen all
     but edge-on may be off by more pixels than others, and where the model's errors outgrow the noise, one that is
     seen well may be off by many of its small standard deviations. Neither is an outlier.
+
+    Args:
+        residual_px: the residuals.
+        cov_px2: of the observations (M, 2, 2), if known.
+        sigma_px: their `robust_sigma`, where it is known already.
     """
-    length = _in_sigmas(residual_px)
+    length: Array = np.sqrt(_squares(residual_px)) / (robust_sigma(residual_px) if sigma_px is None else sigma_px)
     if cov_px2 is None:
         return length
-    shorter: Array = np.minimum(length, _in_sigmas(whitened(whiteners(cov_px2), residual_px)))
+    standard = whitened(whiteners(cov_px2), residual_px)
+    shorter: Array = np.minimum(length, deviations(standard, None))
     return shorter
-
-
-def _in_sigmas(residual: Array) -> Array:
-    """Lengths (M,) of residuals (2, M) in robust standard deviations of theirs."""
-    square = _squares(residual)
-    length: Array = np.sqrt(square) / _sigma_of(square)
-    return length

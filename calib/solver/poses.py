@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.se3 import compose, invert
-from calib.solver.blocks import RobustLoss, view_blocks
+from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.levenberg import minimise_poses
 from calib.solver.linear_pose import principal_frames
 from calib.solver.outliers import forgetful
@@ -48,7 +48,7 @@ def first_poses(problem: Problem, camera: Camera, *, is_robust: bool) -> FirstPo
     loss = RobustLoss()
     if is_robust:
         ok: NDArray[np.bool_] = np.asarray(np.isfinite(start).all(axis=(1, 2)))
-        loss = forgetful(view_blocks(few, camera, np.where(ok[:, None, None], start, np.eye(4)), loss).residual_px)
+        loss = forgetful(view_misfit(few, camera, np.where(ok[:, None, None], start, np.eye(4)), loss).residual_px)
     views = few.view_count
     best = _Best(np.tile(np.eye(4), (views, 1, 1)), np.full(views, np.inf))
     best = _improved(few, camera, best, start, np.arange(views), loss)
@@ -93,7 +93,7 @@ def _turned_over(few: Problem, camera: Camera, best: _Best, loss: RobustLoss) ->
         return best
     part = select(few, known, MANY)
     other = _flipped(part, best.poses[known])
-    start = view_blocks(part, camera, other, loss).cost
+    start = view_misfit(part, camera, other, loss).cost
     # Near a plane the other pose shows something else altogether; it need not be tried.
     tried = ~(start > HOPELESS * best.cost[known])
     return _improved(few, camera, best, other[tried], known[tried], loss)

@@ -101,7 +101,7 @@ def _calibration(
 ) -> Calibration:
     found, is_used = descended.minimum, descended.is_used
     accuracy = accuracy_of(found.blocks.products, tie.row, int(is_used.sum()), descended.robust)
-    reason = why_degenerate(observations, found, accuracy, tie)
+    reason = why_degenerate(observations, found, descended.sigma_px, accuracy, tie)
     status: Status = "degenerate" if reason else "converged" if found.converged else "stopped"
     if reason:
         remarks = [reason, *remarks]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import MODELS, rays
-from calib.solver.blocks import RobustLoss, view_blocks
+from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.levenberg import Minimum, minimise, minimise_poses
 from calib.solver.linear_pose import focal_of, linear_views, poses_of, weak_perspective_poses
 from calib.solver.outliers import forgetful
@@ -102,7 +102,7 @@ def _solve_few(few: Problem, camera: Camera, tie: NDArray[np.int64], *, is_robus
     few = select(few, np.flatnonzero(ok), MANY)
     loss = RobustLoss()
     if is_robust:
-        loss = forgetful(view_blocks(few, camera, poses[ok], loss).residual_px)
+        loss = forgetful(view_misfit(few, camera, poses[ok], loss).residual_px)
     found = minimise_poses(few, camera, poses[ok], loss, max_iterations=3, small_decrease=1e-2)
     seen = np.isfinite(found.blocks.cost)
     if not seen.any():
@@ -149,7 +149,7 @@ def _median_squares(problem: Problem, camera: Camera, poses: Array) -> Array:
     """Median squared distance in each view (V,); infinite without a pose."""
     known: NDArray[np.bool_] = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     shown = np.where(known[:, None, None], poses, np.eye(4))
-    square = (view_blocks(problem, camera, shown, RobustLoss()).residual_px ** 2).sum(axis=0)
+    square = (view_misfit(problem, camera, shown, RobustLoss()).residual_px ** 2).sum(axis=0)
     square = np.where(np.isfinite(square), square, np.inf)
     order = np.lexsort((square, problem.view))
     middle = (problem.view_start[:-1] + problem.view_start[1:]) // 2
