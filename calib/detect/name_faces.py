@@ -14,6 +14,7 @@ from calib.detect import homography
 from calib.detect.alignment import DISAGREEMENT, Alignment, GridReader, agreement, alignments
 from calib.detect.candidates import Candidates
 from calib.detect.grid import Grid
+from calib.detect.neighbours import UNNAMED, follow
 from calib.detect.plan import TargetPlan
 from calib.detect.planar_parts import planar_parts
 
@@ -57,14 +58,6 @@ class _Placed:
     corners: tuple[tuple[int, ...], ...] = ()  # an option's corners as numbers among the image's corners
 
 
-@dataclass(frozen=True, eq=False)
-class _Pose:
-    """One pose of the solid for a group: what it makes of each grid."""
-
-    score: int
-    named: tuple[tuple[int, int, int], ...]  # grid, face, option
-
-
 def name_faces(
     plan: TargetPlan, candidates: Candidates, grids: tuple[Grid, ...], image: NDArray[np.generic], contrast: float
 ) -> tuple[tuple[NamedGrid, ...], bool]:
@@ -101,19 +94,18 @@ def _name(
     named: list[NamedGrid] = []
     total = 0
     for group in _groups(placed):
-        poses = _poses(plan, [placed[k] for k in group])
-        if not poses:
+        scores, names = _poses(plan, [placed[k] for k in group])
+        best = int(np.argmax(scores))
+        score = int(scores[best])
+        rivals = scores[(names != names[best]).any(axis=(1, 2))]
+        margin = score - int(rivals.max(initial=-99))
+        if score < MIN_MARGIN or margin < MIN_MARGIN:
             continue
-        best = max(poses, key=lambda pose: pose.score)
-        rivals = [pose.score for pose in poses if pose is not best and pose.named != best.named]
-        margin = best.score - max(rivals, default=-99)
-        if best.score < MIN_MARGIN or margin < MIN_MARGIN:
-            continue
-        total += best.score
-        for k, face, number in best.named:
+        total += score
+        for k, (face, number) in enumerate(names[best].tolist()):
             option = placed[group[k]].options[number]
             # A grid that its neighbours named against its own code is a doubt, not a feature.
-            if option.score[face] >= 0:
+            if face != UNNAMED and option.score[face] >= 0:
                 marks = tuple(int(mark) for mark in option.marks)
                 named.append(NamedGrid(placed[group[k]].grid, face, option.alignment, marks, margin))
     faces = [item.face for item in named]
@@ -218,56 +210,16 @@ def _groups(placed: list[_Placed]) -> list[list[int]]:
     return groups
 
 
-def _poses(plan: TargetPlan, group: list[_Placed]) -> list[_Pose]:
-    """Every pose of the solid that the first grid of a group allows, followed through its neighbours."""
+def _poses(plan: TargetPlan, group: list[_Placed]) -> tuple[Integers, Integers]:
+    """Every pose of the solid that the largest grid of a group allows: scores (Q,), faces and options (Q, G, 2)."""
+    options = np.array([len(item.options) for item in group])
+    corner = np.zeros((len(group), options.max(), plan.corner_vertex.shape[1]), dtype=np.int64)
+    score = np.zeros((len(group), options.max(), plan.target.face_count), dtype=np.int64)
+    for k, item in enumerate(group):
+        corner[k, : options[k]] = item.corners
+        score[k, : options[k]] = [option.score for option in item.options]
+    touch = np.array([[_touch(a, b) for b in group] for a in group])
     anchor = max(range(len(group)), key=lambda k: len(group[k].grid.row))
-    return [
-        _follow(plan, group, anchor, face, option)
-        for face in range(plan.target.face_count)
-        for option in range(len(group[anchor].options))
-    ]
-
-
-def _follow(plan: TargetPlan, group: list[_Placed], anchor: int, face: int, option: int) -> _Pose:
-    """Name the neighbours of a guess through the corners they share."""
-    vertex: dict[int, int] = {}
-    named: list[tuple[int, int, int]] = []
-    score = 0
-    queue = [(anchor, face, option)]
-    reached = {anchor}
-    while queue:
-        at, its_face, its_option = queue.pop(0)
-        named.append((at, its_face, its_option))
-        score += int(group[at].options[its_option].score[its_face])
-        vertex.update(zip(group[at].corners[its_option], plan.corner_vertex[its_face].tolist(), strict=True))
-        for other in range(len(group)):
-            if other in reached or not _touch(group[at], group[other]):
-                continue
-            reached.add(other)
-            fitting = _fitting_name(plan, group[other], vertex, {f for _, f, _ in named})
-            if fitting is None:
-                # It lies where this pose has no such face: as bad as a code that is wrong throughout.
-                score -= plan.mark_index.shape[0]
-            else:
-                queue.append((other, *fitting))
-    return _Pose(score, tuple(sorted(named)))
-
-
-def _fitting_name(plan: TargetPlan, item: _Placed, vertex: dict[int, int], taken: set[int]) -> tuple[int, int] | None:
-    """The face and option whose corners fit the corners known so far; the best of them by its code."""
-    best: tuple[int, int] | None = None
-    best_score = -(10**6)
-    for option, numbers in enumerate(item.corners):
-        known = [place for place, number in enumerate(numbers) if number in vertex]
-        if len(known) < 2:
-            continue
-        a, b = known[0], known[1]
-        face = plan.face_by_corners.get((a, vertex[numbers[a]], b, vertex[numbers[b]]))
-        if face is None or face in taken:
-            continue
-        wanted = plan.corner_vertex[face]
-        fits = all(vertex[numbers[place]] == wanted[place] for place in known)
-        score = int(item.options[option].score[face])
-        if fits and score > best_score:
-            best, best_score = (face, option), score
-    return best
+    # A grid that lies where a pose has no such face is as bad as a code that is wrong throughout.
+    missing = plan.mark_index.shape[0]
+    return follow(corner, score, options, touch, plan.corner_vertex, int(corner.max()) + 1, anchor, missing)

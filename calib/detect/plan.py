@@ -1,6 +1,5 @@
 """What the detector needs of a target, worked out once."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
@@ -28,9 +27,8 @@ class TargetPlan:
     radius_mm: float  # outer, the usual one
     limit: float  # how far out pixels may be used, in outer radii: half the white gap
     corner_vertex: Integers  # (F, K) which corners of the faces' outlines are one point of the solid
-    face_by_corners: Mapping[
-        tuple[int, int, int, int], int
-    ]  # corner place, its number, another: the face that has both
+    beyond_face: Integers  # (B,) of the places one step outside the target, on its lattice
+    beyond_mm: Floats  # (B, 2) these places in the face's plane
     mark_index: Integers  # (P, 2) candidate positions of marks on a face
     mark_is_dot: NDArray[np.bool_]  # (F, P) which of them carry a dot
 
@@ -52,22 +50,23 @@ class TargetPlan:
 
     def rows_on_all(self, index: Integers) -> Integers:
         """Rows of the target at indices, for each face; -1 where it has nothing.  # (N, 2) -> (F, N)"""
-        at = index - self.low
-        size = np.array(self.row_table.shape[1:])
-        inside = ((at >= 0) & (at < size)).all(axis=1)
-        at = np.clip(at, 0, size - 1)
-        return np.asarray(np.where(inside, self.row_table[:, at[:, 0], at[:, 1]], -1))
+        return _looked_up(self.row_table, index - self.low)
 
     def lattice_mm(self, face: int, index: Integers) -> Floats:
         """Where indices lie on a face, whether the target has a feature there or not.  # (N, 2) -> (N, 2)"""
-        target = self.target
-        first = int(np.flatnonzero(target.ring_face == face)[0])
-        steps = target.lattice_mm[face]
-        return np.asarray(target.center_in_face_mm[first, :2] + (index - target.ring_index[first]) @ steps)
+        return _lattice_mm(self.target, face, index)
 
     def rows_at(self, face: int, index: Integers) -> Integers:
         """Rows of the target at indices of one face, -1 where it has nothing.  # (N, 2) -> (N,)"""
-        return np.asarray(self.rows_on_all(index)[face])
+        return _looked_up(self.row_table[face : face + 1], index - self.low)[0]
+
+
+def _looked_up(table: Integers, at: Integers) -> Integers:
+    """What tables have at an index; -1 outside.  # (F, I, J), (N, 2) -> (F, N)"""
+    size = table.shape[1:]
+    i, j = at[:, 0], at[:, 1]
+    inside = (i >= 0) & (i < size[0]) & (j >= 0) & (j < size[1])
+    return np.asarray(np.where(inside, table[:, np.where(inside, i, 0), np.where(inside, j, 0)], -1))
 
 
 @lru_cache(maxsize=8)
@@ -88,19 +87,43 @@ def plan_for(target: TargetGeometry) -> TargetPlan:
     radius = float(np.median(target.radius_outer_mm))
     mark_index, mark_is_dot = _marks(target)
     corner = _shared_corners(target)
+    lattice = lattice_of(target)
+    beyond_face, beyond_mm = _one_step_outside(target, lattice, table, low)
     return TargetPlan(
         target=target,
-        lattice=lattice_of(target),
+        lattice=lattice,
         row_table=table,
         low=low,
         ratio=float(np.median(target.radius_inner_mm[rings] / target.radius_outer_mm[rings])),
         radius_mm=radius,
         limit=1 + 0.5 * _white_gap_mm(target) / radius,
         corner_vertex=corner,
-        face_by_corners=_by_corners(corner),
+        beyond_face=beyond_face,
+        beyond_mm=beyond_mm,
         mark_index=mark_index,
         mark_is_dot=mark_is_dot,
     )
+
+
+def _lattice_mm(target: TargetGeometry, face: int, index: Integers) -> Floats:
+    """Where indices lie on a face.  # (N, 2) -> (N, 2)"""
+    first = int(np.flatnonzero(target.ring_face == face)[0])
+    steps = target.lattice_mm[face]
+    return np.asarray(target.center_in_face_mm[first, :2] + (index - target.ring_index[first]) @ steps)
+
+
+def _one_step_outside(
+    target: TargetGeometry, lattice: Lattice, table: Integers, low: Integers
+) -> tuple[Integers, Floats]:
+    """Places of the lattice that the target does not have, next to those that it has: faces (B,), places (B, 2)."""
+    faces, places = [], []
+    for face in range(target.face_count):
+        own = target.ring_index[target.ring_face == face]
+        near = np.unique((own[:, None] + lattice.move[None]).reshape(-1, 2), axis=0)
+        near = near[_looked_up(table[face : face + 1], near - low)[0] < 0]
+        faces.append(np.full(len(near), face))
+        places.append(_lattice_mm(target, face, near))
+    return np.concatenate(faces), np.concatenate(places)
 
 
 def _white_gap_mm(target: TargetGeometry) -> float:
@@ -134,18 +157,6 @@ def _shared_corners(target: TargetGeometry) -> Integers:
     tolerance = 0.1 * float(np.linalg.norm(corner[:, 0] - corner[:, 1], axis=1).min())
     distance = np.linalg.norm(flat[:, None] - flat[None], axis=2)
     return np.asarray(np.argmax(distance < tolerance, axis=1).reshape(corner.shape[:2]))
-
-
-def _by_corners(corner: Integers) -> dict[tuple[int, int, int, int], int]:
-    """Which face has two numbered corners at two places of its outline."""
-    places = range(corner.shape[1])
-    return {
-        (a, int(row[a]), b, int(row[b])): face
-        for face, row in enumerate(corner)
-        for a in places
-        for b in places
-        if a != b
-    }
 
 
 def _marks(target: TargetGeometry) -> tuple[Integers, NDArray[np.bool_]]:

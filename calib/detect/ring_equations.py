@@ -228,13 +228,11 @@ def accumulate(
     p: Floats,
     q: Floats,
     origin: Floats,
-    want_sandwich: bool,
     normal: Floats,
     gradient: Floats,
-    sandwich: Floats,
     rows: Floats,
 ) -> float:
-    """Sum of squared residuals; fills J'J, J'r and, on request, the sum of r^2 J J' (lower triangles).
+    """Sum of squared residuals; fills J'J (its lower triangle) and J'r.
 
     Args:
         pixels: u, v and grey level.  # (3, >= count)
@@ -242,26 +240,18 @@ def accumulate(
         p: parameters (`ring_model`).
         q: the lens's bend.
         origin: of the light's gradients.
-        want_sandwich: whether to sum r^2 J J' up.
         normal: J'J.  # (PARAMETERS, PARAMETERS)
         gradient: J'r.  # (PARAMETERS,)
-        sandwich: r^2 J J'.  # (PARAMETERS, PARAMETERS)
         rows: room.  # (ROOM,)
     """
-    total, squares = np.zeros((PARAMETERS + 1, PARAMETERS + 1)), np.zeros((PARAMETERS + 1, PARAMETERS + 1))
+    total = np.zeros((PARAMETERS + 1, PARAMETERS + 1))
     parameters, bend = parameters_of(p), bend_of(q)
     for first in range(0, count, CHUNK):
         filled = min(CHUNK, count - first)
         fill_rows(pixels, first, filled, parameters, bend, origin, rows)
         _add_products(rows, filled, total)
-        if want_sandwich:
-            for a in range(PARAMETERS):
-                for k in range(filled):
-                    rows[a * CHUNK + k] *= rows[RESIDUAL + k]
-            _add_products(rows, filled, squares)
     normal[:] = total[:PARAMETERS, :PARAMETERS]
     gradient[:] = total[PARAMETERS, :PARAMETERS]
-    sandwich[:] = squares[:PARAMETERS, :PARAMETERS]
     cost: float = total[PARAMETERS, PARAMETERS]
     return cost
 

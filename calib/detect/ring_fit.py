@@ -24,12 +24,12 @@ Floats: TypeAlias = NDArray[np.float64]
 MAX_ITERATIONS = 25
 CONVERGED_PX = 1e-3
 """A step of the centre this small is the last: the next would be some hundred times smaller."""
-NEAR_PX = 0.05
-"""After a step this small the equations are likely to be the last ones."""
 MOVED_PX = 0.25
 NO_MOVE_PX = 1e-7
 NO_GAIN = 1e-6
 """Grey levels squared a pixel: less than rounding."""
+ASTRAY = 1e-2
+"""The damping after a step that did not lead down: with less, the next would be the same step."""
 NO_STEP = 1e8
 """With more damping than this there is nowhere to go."""
 
@@ -40,7 +40,6 @@ class RingFits:
 
     params: Floats  # (N, 15) see calib.detect.ring_model
     cov_px2: Floats  # (N, 2, 2) of the centre
-    cov_line: Floats  # (N, 2, 2) of m
     noise: Floats  # (N,) residual standard deviation in grey levels
     scores: Scores
     pixels: NDArray[np.int64]  # (N,) how many pixels were used
@@ -108,16 +107,15 @@ def _descend(
         line: mean of the prior on m.
         information: its inverse covariance.
         params: the result.
-        work: room; afterwards normal equations, gradient and sandwich, one small step before the result.
+        work: room; afterwards normal equations and gradient, one small step before the result.
         rows: room.
     """
-    normal, damped, trial_normal, sandwich, trial_sandwich = work[0], work[1], work[2], work[5], work[6]
+    normal, damped, trial_normal = work[0], work[1], work[2]
     gradient, total, step, trial, trial_gradient = work[4, 0], work[4, 1], work[4, 2], work[4, 3], work[4, 4]
     origin = start[:2]
     is_ring = start[RATIO] > 0.0
-    has_sandwich = False
     params[:] = start
-    cost = accumulate(pixels, count, params, q, origin, False, normal, gradient, sandwich, rows)
+    cost = accumulate(pixels, count, params, q, origin, normal, gradient, rows)
     damping = 1e-4
     for _ in range(MAX_ITERATIONS):
         if damping > NO_STEP:
@@ -142,69 +140,21 @@ def _descend(
             promised += total[k] * step[k]
         if moved < CONVERGED_PX and promised < 1e-3 * cost + NO_GAIN * count:
             # Neither the centre nor anything else has far to go: taken without looking again.
-            if not has_sandwich:
-                cost = accumulate(pixels, count, params, q, origin, True, normal, gradient, sandwich, rows)
             params[:] = trial
             return cost
-        is_near = moved < NEAR_PX
-        trial_cost = accumulate(
-            pixels, count, trial, q, origin, is_near, trial_normal, trial_gradient, trial_sandwich, rows
-        )
+        trial_cost = accumulate(pixels, count, trial, q, origin, trial_normal, trial_gradient, rows)
         trial_prior = add_prior(trial, line, information, noise2, is_ring, damped, total)
         if trial_cost + trial_prior > cost + prior:
             if moved < NO_MOVE_PX:
                 break
-            damping = max(damping * 10.0, 1e-6)
+            damping = max(damping * 10.0, ASTRAY)
             continue
-        has_sandwich = is_near
         params[:] = trial
         normal[:] = trial_normal
         gradient[:] = trial_gradient
-        sandwich[:] = trial_sandwich
         cost = trial_cost
         damping = max(damping * 0.1, 1e-9)
-    return accumulate(pixels, count, params, q, origin, True, normal, gradient, sandwich, rows)
-
-
-@jit
-def _sandwich_covariances(
-    count: int,
-    noise2: float,
-    information: Floats,
-    is_ring: bool,
-    center: Floats,
-    line: Floats,
-    work: Floats,
-) -> bool:
-    """Covariances of the centre and of m from normal equations and residuals; false if they are singular.
-
-    The sandwich inv(A) B inv(A) is right also where noise grows with brightness; the prior on m scatters with its own
-    covariance.
-    """
-    normal, damped, inverse, sandwich = work[0], work[1], work[3], work[5]
-    if not cholesky_invert(normal, damped, inverse):
-        return False
-    scale = count / (count - PARAMETERS)
-    for a in range(PARAMETERS):
-        for b in range(a + 1):
-            sandwich[a, b] *= scale
-    sandwich[5, 5] += information[0, 0] * noise2 * noise2
-    sandwich[6, 5] += information[0, 1] * noise2 * noise2
-    sandwich[6, 6] += information[1, 1] * noise2 * noise2
-    for a in range(PARAMETERS):
-        for b in range(a):
-            sandwich[b, a] = sandwich[a, b]
-    if not is_ring:
-        sandwich[7, :] = 0.0
-        sandwich[:, 7] = 0.0
-    for a in range(2):
-        for b in range(2):
-            center[a, b] = line[a, b] = 0.0
-            for i in range(PARAMETERS):
-                for j in range(PARAMETERS):
-                    center[a, b] += inverse[a, i] * sandwich[i, j] * inverse[j, b]
-                    line[a, b] += inverse[5 + a, i] * sandwich[i, j] * inverse[j, 5 + b]
-    return True
+    return cost
 
 
 @jit
@@ -219,14 +169,13 @@ def _fit_range(
     last: int,
     params: Floats,
     center_cov: Floats,
-    line_cov: Floats,
     noise: Floats,
     score: Floats,
     alone: Floats,
     used: NDArray[np.int64],
 ) -> None:
     """Fit rings first..last-1; `used` stays 0 where a fit failed."""
-    work = np.empty((7, PARAMETERS, PARAMETERS))
+    work = np.empty((5, PARAMETERS, PARAMETERS))
     rows = np.empty(SCORES_ROOM)
     pixels = np.empty((3, MAX_PIXELS))
     origin = np.empty(PARAMETERS)
@@ -248,13 +197,13 @@ def _fit_range(
             continue
         noise2 = max(cost / (count - PARAMETERS), 1e-6)
         add_prior(params[n], line[n], information[n], noise2, is_ring, work[0], work[4, 0])
-        done = _sandwich_covariances(count, noise2, information[n], is_ring, center_cov[n], line_cov[n], work)
-        if done and is_ring:
-            spread = cost / (count - PARAMETERS)
-            alone[n] = score_ring(pixels, count, params[n], q[n], origin[:2], spread, work[3], score[n], rows)
-        if done:
-            noise[n] = math.sqrt(noise2)
-            used[n] = count
+        if not cholesky_invert(work[0], work[1], work[3]):
+            continue
+        alone[n] = score_ring(
+            pixels, count, params[n], q[n], origin[:2], noise2, information[n], work[3], center_cov[n], score[n], rows
+        )
+        noise[n] = math.sqrt(noise2)
+        used[n] = count
 
 
 def fit_rings(
@@ -285,16 +234,16 @@ def fit_rings(
     bend = np.zeros((count, 6)) if bend is None else np.ascontiguousarray(bend)
     start = np.ascontiguousarray(start, dtype=np.float64)
     params, noise = np.array(start), np.zeros(count)
-    center_cov, line_cov = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
+    center_cov = np.zeros((count, 2, 2))
     used, scores = np.zeros(count, dtype=np.int64), Scores.empty(count)
 
     def run(first: int, last: int) -> None:
         _fit_range(
             image, start, bend, line, information, limit, first, last,
-            params, center_cov, line_cov, noise, scores.score, scores.alone, used,
+            params, center_cov, noise, scores.score, scores.alone, used,
         )  # fmt: skip
 
     in_chunks(run, count)
     ok = (used > 0) & np.isfinite(params).all(axis=1) & np.isfinite(center_cov).all(axis=(1, 2))
     ok &= (center_cov[:, 0, 0] > 0) & (center_cov[:, 1, 1] > 0)
-    return RingFits(params, center_cov, line_cov, noise, scores, used, ok)
+    return RingFits(params, center_cov, noise, scores, used, ok)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from calib.detect.plane_distance import Numbers, bend_of, parameters_of
 from calib.detect.ring_equations import CHUNK, DISTANCE, RESIDUAL, ROOM, fill_rows
-from calib.detect.ring_model import CENTER_U, CENTER_V, E00, E10, E11, PARAMETERS, RATIO
+from calib.detect.ring_model import CENTER_U, CENTER_V, E00, E10, E11, M0, PARAMETERS, RATIO
 from calib.jit import jit, jit_inside, jit_sums
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -85,8 +85,14 @@ def _turn(x: float, y: float) -> float:
 
 
 @jit_sums
-def prepare(p: Numbers, inverse: Floats, pixels: Floats, first: int, filled: int, rows: Floats) -> float:
-    """Influences h and numbers of the stretches of a chunk's pixels, into `rows`; returns the sum of h'h."""
+def prepare(
+    p: Numbers, inverse: Floats, pixels: Floats, first: int, filled: int, rows: Floats
+) -> tuple[float, float, float, float]:
+    """Influences h and numbers of the stretches of a chunk's pixels, into `rows`.
+
+    Returns:
+        The sum of h'h, and those of h h' r^2: uu, uv, vv.
+    """
     for k in range(filled):
         rows[PLACE + k] = pixels[0, first + k]
         rows[INFLUENCE + k] = pixels[1, first + k]
@@ -105,10 +111,14 @@ def prepare(p: Numbers, inverse: Floats, pixels: Floats, first: int, filled: int
             weight = inverse[c, i]
             for k in range(filled):
                 rows[here + k] += weight * rows[i * CHUNK + k]
-    even = 0.0
+    even = uu = uv = vv = 0.0
     for k in range(filled):
-        even += rows[INFLUENCE + k] ** 2 + rows[INFLUENCE + CHUNK + k] ** 2
-    return even
+        h0, h1, residual = rows[INFLUENCE + k], rows[INFLUENCE + CHUNK + k], rows[RESIDUAL + k]
+        even += h0 * h0 + h1 * h1
+        uu += h0 * h0 * residual * residual
+        uv += h0 * h1 * residual * residual
+        vv += h1 * h1 * residual * residual
+    return even, uu, uv, vv
 
 
 @jit
@@ -125,6 +135,44 @@ def _add_scores(filled: int, rows: Floats, score: Floats, leverage: Floats) -> N
 
 
 @jit_sums
+def _taken_up(leverage: Floats, inverse: Floats, p: Floats) -> float:
+    """What the fit takes up of the scores of even noise: the sum over |a - b| <= reach of l_a' inv(J'J) l_b.
+
+    Args:
+        leverage: l, sums of `h_i J_i'` by stretch.  # (2 STRETCHES, 2, PARAMETERS)
+        inverse: of the normal equations.  # (PARAMETERS, PARAMETERS)
+        p: the ring's parameters.
+    """
+    radius_px = 1.0 / math.sqrt(p[E00] * p[E11])
+    # By parameter, so that all stretches are worked out at once.
+    own, near = np.empty((PARAMETERS, 4 * STRETCHES)), np.empty((PARAMETERS, 4 * STRETCHES))
+    window = np.empty(PARAMETERS)
+    for edge in range(2):
+        reach = _reach(radius_px if edge == 0 else radius_px * p[RATIO])
+        for c in range(2):
+            of_edge = leverage[edge * STRETCHES : (edge + 1) * STRETCHES, c]
+            window[:] = 0.0
+            for b in range(-reach - 1, reach):
+                window += of_edge[b % STRETCHES]
+            for a in range(STRETCHES):
+                # The window's sum follows from its neighbour's.
+                comes, goes = (a + reach) % STRETCHES, (a - reach - 1) % STRETCHES
+                column = (2 * edge + c) * STRETCHES + a
+                for i in range(PARAMETERS):
+                    window[i] += of_edge[comes, i] - of_edge[goes, i]
+                    own[i, column] = of_edge[a, i]
+                    near[i, column] = window[i]
+    total = 0.0
+    for i in range(PARAMETERS):
+        for j in range(PARAMETERS):
+            product = 0.0
+            for a in range(4 * STRETCHES):
+                product += own[i, a] * near[j, a]
+            total += inverse[i, j] * product
+    return total
+
+
+@jit
 def score_ring(
     pixels: Floats,
     count: int,
@@ -132,11 +180,16 @@ def score_ring(
     q: Floats,
     origin: Floats,
     noise2: float,
+    information: Floats,
     inverse: Floats,
+    center: Floats,
     score: Floats,
     rows: Floats,
 ) -> float:
-    """Fill the scores of one ring; returns S0.
+    """Fill the covariance of one centre and the scores of its ring; returns S0, and 0 of a dot, which has no scores.
+
+    The covariance is right also where noise grows with brightness: each pixel errs by its own residual, and the prior
+    on m scatters with its own covariance.
 
     Args:
         pixels: those of the fit: u, v and grey level.  # (3, >= count)
@@ -145,42 +198,38 @@ def score_ring(
         q: the lens's bend.
         origin: of the light's gradients.
         noise2: the residuals' variance.
+        information: of the prior on m.  # (2, 2)
         inverse: of the normal equations, prior included.  # (PARAMETERS, PARAMETERS)
-        score: the result.  # (2, STRETCHES, 2)
+        center: the covariance.  # (2, 2)
+        score: the scores.  # (2, STRETCHES, 2)
         rows: room.  # (SCORES_ROOM,)
     """
     leverage = np.zeros((2 * STRETCHES, 2, PARAMETERS))
     score[:] = 0.0
     by_place = score.reshape((2 * STRETCHES, 2))
     parameters, bend = parameters_of(p), bend_of(q)
-    even = 0.0
+    is_ring = p[RATIO] > 0.0
+    even = uu = uv = vv = 0.0
     for first in range(0, count, CHUNK):
         filled = min(CHUNK, count - first)
         fill_rows(pixels, first, filled, parameters, bend, origin, rows)
-        even += prepare(parameters, inverse, pixels, first, filled, rows)
-        _add_scores(filled, rows, by_place, leverage)
-    score /= math.sqrt(even * max(noise2, 1e-12))
-    radius_px = 1.0 / math.sqrt(p[E00] * p[E11])
-    near, through = np.empty(PARAMETERS), np.empty(PARAMETERS)
-    taken_up = 0.0
-    for edge in range(2):
-        reach = _reach(radius_px if edge == 0 else radius_px * p[RATIO])
-        for k in range(2):
-            of_edge = leverage[edge * STRETCHES : (edge + 1) * STRETCHES, k]
-            near[:] = 0.0
-            for b in range(-reach - 1, reach):
-                near += of_edge[b % STRETCHES]
-            for a in range(STRETCHES):
-                # The window's sum follows from its neighbour's.
-                near += of_edge[(a + reach) % STRETCHES] - of_edge[(a - reach - 1) % STRETCHES]
-                through[:] = 0.0
-                for j in range(PARAMETERS):
-                    # Of a symmetric matrix: its rows, which lie together, for its columns.
-                    for i in range(PARAMETERS):
-                        through[i] += near[j] * inverse[j, i]
-                for i in range(PARAMETERS):
-                    taken_up += of_edge[a, i] * through[i]
-    return 1.0 - taken_up / even
+        sums = prepare(parameters, inverse, pixels, first, filled, rows)
+        even, uu, uv, vv = even + sums[0], uu + sums[1], uv + sums[2], vv + sums[3]
+        if is_ring:
+            _add_scores(filled, rows, by_place, leverage)
+    scale = count / (count - PARAMETERS)
+    center[0, 0], center[0, 1], center[1, 1] = scale * uu, scale * uv, scale * vv
+    for a in range(2):
+        for b in range(a, 2):
+            for i in range(2):
+                for j in range(2):
+                    prior = noise2 * noise2 * information[i, j]
+                    center[a, b] += inverse[a, M0 + i] * prior * inverse[b, M0 + j]
+    center[1, 0] = center[0, 1]
+    if not is_ring:
+        return 0.0
+    score /= math.sqrt(even * noise2)
+    return 1.0 - _taken_up(leverage, inverse, p) / even
 
 
 def together(score: Floats, radius_px: Floats) -> Floats:

@@ -155,12 +155,10 @@ def gather(
     seen = candidates.take(np.flatnonzero(candidates.ratio > 0))
     left = seen.take(_unexplained(plan, seen, places))
     faces = np.unique(plan.target.ring_face[measured.ring])
-    around = [_one_step_outside(plan, placement, int(face), image_size) for face in faces]
+    around = _one_step_outside(plan, placement, faces, image_size)
     # Features hardly smaller than most of those found can be read, too.
-    readable = [_plain(part, 0.9 * _radius_px(places.shape[found], 0.1), image_size) for part in around]
-    rings_beyond = [
-        (_read(image, plan, part, contrast) == RING) & may for part, may in zip(around, readable, strict=True)
-    ]
+    readable = around.take(_plain(around, 0.9 * _radius_px(places.shape[found], 0.1), image_size))
+    rings_beyond = _read(image, plan, readable, contrast) == RING
     ends = [face_end(image, plan, places, int(face), found) for face in faces]
     skew, proportion = _ratios(plan, measured, places)
     return Evidence(
@@ -168,10 +166,10 @@ def gather(
         found=int((plain & found).sum()),
         expected=int(plain.sum()),
         strange=dropped
-        + sum(int(_inside(plan, placement, int(face), left).sum()) for face in faces)
+        + sum(int(_inside(plan, placement, int(face), left).sum()) for face in faces if left.count)
         + sum(_too_many(plan, candidates, grid, naming) for grid in grids),
-        beyond=sum(int(beyond.sum()) for beyond in rings_beyond),
-        beyond_in_view=sum(int(may.sum()) for may in readable),
+        beyond=int(rings_beyond.sum()),
+        beyond_in_view=len(readable.ring),
         end_odds=sum(end.odds for end in ends),
         ended_faces=sum(end.odds > 0 for end in ends),
         cut_off=0 if plan.target.is_dot.any() else plan.target.ring_count - len(places.ring),
@@ -225,13 +223,11 @@ def _inside(plan: TargetPlan, placement: Placement, face: int, rings: Candidates
     return np.asarray((depth(outline, on_face) > 0).all(axis=0) & np.isfinite(on_face).all(axis=1))
 
 
-def _one_step_outside(plan: TargetPlan, placement: Placement, face: int, image_size: tuple[int, int]) -> Places:
-    """Places of the lattice that the target does not have, next to those that it has."""
-    own = plan.target.ring_index[plan.target.ring_face == face]
-    near = np.unique((own[:, None] + plan.lattice.move[None]).reshape(-1, 2), axis=0)
-    near = near[plan.rows_at(face, near) < 0]
-    name, radius = np.full(len(near), -1), np.full(len(near), plan.radius_mm)
-    return imaged(plan, placement, np.full(len(near), face), name, plan.lattice_mm(face, near), radius, image_size)
+def _one_step_outside(plan: TargetPlan, placement: Placement, faces: Integers, image_size: tuple[int, int]) -> Places:
+    """Places of the lattice next to those that the target has, on some of the faces that show."""
+    mine = np.flatnonzero(np.isin(plan.beyond_face, faces))
+    face, radius = plan.beyond_face[mine], np.full(len(mine), plan.radius_mm)
+    return imaged(plan, placement, face, np.full(len(mine), -1), plan.beyond_mm[mine], radius, image_size)
 
 
 def _too_many(plan: TargetPlan, candidates: Candidates, grid: Grid, naming: Naming) -> int:
