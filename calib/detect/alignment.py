@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -34,7 +35,9 @@ class Alignment:
 
     def on_grid(self, index: Integers) -> Integers:
         """Indices in the grid of indices on the face.  # (N, 2)"""
-        inverse = np.rint(np.linalg.inv(self.turn)).astype(np.int64)
+        (a, b), (c, d) = self.turn.tolist()
+        # Of a turn or a mirror the determinant is 1 or -1, its own inverse.
+        inverse = (a * d - b * c) * np.array([[d, -b], [-c, a]])
         return np.asarray((index - self.shift) @ inverse.T)
 
 
@@ -48,10 +51,12 @@ class GridReader:
         self._contrast = contrast
         self._row = {(int(i), int(j)): k for k, (i, j) in enumerate(grid.index)}
         self._mark: dict[tuple[int, int], int] = {}
+        steps = plan.lattice
+        self._basis = np.linalg.lstsq(steps.move.astype(np.float64), steps.move_in_radii, rcond=None)[0]
 
     def marks(self, index: Integers) -> Integers:
         """RING, DOT or UNREADABLE at grid indices.  # (N, 2) -> (N,)"""
-        keys = [(int(i), int(j)) for i, j in index]
+        keys: list[tuple[int, int]] = list(map(tuple, index.tolist()))
         new = sorted({key for key in keys if key not in self._mark})
         if new:
             read = read_marks(
@@ -64,6 +69,7 @@ class GridReader:
             self._mark.update({key: self._judge(key, int(mark)) for key, mark in zip(new, read, strict=True)})
         return np.array([self._mark[key] for key in keys])
 
+    @cached_property
     def discs(self) -> Integers:
         """Grid indices of members without a white centre that read as dots.  # (D, 2)"""
         index = self._grid.index[self._candidates.ratio[self._grid.row] == 0]
@@ -83,11 +89,9 @@ class GridReader:
             return np.asarray(ellipse[grid.row[self._row[key]]])
         offset = np.array(key) - grid.index
         near = np.argsort((offset**2).sum(axis=1), kind="stable")[:4]
-        steps = self._plan.lattice
-        basis = np.linalg.lstsq(steps.move.astype(np.float64), steps.move_in_radii, rcond=None)[0]
         places = []
         for k in near:
-            x, y = offset[k] @ basis
+            x, y = offset[k] @ self._basis
             cos, sin = math.cos(grid.turn_rad[k]), math.sin(grid.turn_rad[k])
             y0, y1 = cos * x - sin * y, sin * x + cos * y
             e = ellipse[grid.row[k]]
@@ -118,9 +122,10 @@ def alignments(plan: TargetPlan, face: int, grid: Grid, sure: NDArray[np.bool_],
         if (room <= 0).any():
             continue
         footprint = turned - low
-        # All shifts at once: windows of the table, each as large as what the shifts leave of it.
-        windows = np.lib.stride_tricks.sliding_window_view(table, tuple(room))
-        fits = windows[footprint[:, 0], footprint[:, 1]].all(axis=0)
+        # All shifts at once.  # (N, I, 1), (N, 1, J)
+        i = footprint[:, 0, None, None] + np.arange(room[0])[:, None]
+        j = footprint[:, 1, None, None] + np.arange(room[1])
+        fits = table[i, j].all(axis=0)
         found += [Alignment(turn, shift + plan.low - low) for shift in np.argwhere(fits)]
         if len(found) > MAX_ALIGNMENTS:
             return found[: MAX_ALIGNMENTS + 1]

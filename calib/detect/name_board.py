@@ -59,7 +59,7 @@ def name_board(
 
 def _by_dots(plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: GridReader) -> BoardName:
     """Every turn and shift that puts a seen dot on a dot of the target; the best one, if by a margin."""
-    dots = reader.discs()
+    dots = reader.discs
     if not len(dots):
         return BoardName(None, "the origin dots were not seen")
     proper = _best(plan, grid, sure, reader, dots, plan.lattice.turns)

@@ -119,11 +119,11 @@ def _place(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridRea
     sure = candidates.ratio[grid.row] > 0
     if sure.sum() < MIN_GRID - 2 or not homography.is_determined(grid.index[sure].astype(np.float64)):
         return None
-    options = [
-        _option(plan, candidates, grid, reader, alignment) for alignment in alignments(plan, 0, grid, sure, turns)
-    ]
-    if not options:
+    ways = alignments(plan, 0, grid, sure, turns)
+    if not ways:
         return None
+    reader.marks(np.concatenate([way.on_grid(plan.mark_index) for way in ways]))  # all at once
+    options = [_option(plan, candidates, grid, reader, way) for way in ways]
     per_turn = len(options) / len({option.alignment.turn.tobytes() for option in options})
     if per_turn > 1:
         scores = np.array([option.score for option in options])
@@ -141,7 +141,7 @@ def _option(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridRe
     known = row >= 0
     plane = plan.target.center_in_face_mm[row[known], :2]
     mapped = homography.direct(plane, candidates.ellipse[grid.row[known], :2])
-    strange = _dots_on_rings(plan, alignment.on_face(reader.discs()))
+    strange = _dots_on_rings(plan, alignment.on_face(reader.discs))
     return _Option(
         alignment=alignment,
         marks=marks,
@@ -157,6 +157,8 @@ def _dots_on_rings(plan: TargetPlan, index: Integers) -> Integers:
         plan: the target's.
         index: of the dots on the face.  # (D, 2)
     """
+    if not len(index):
+        return np.zeros(plan.target.face_count, dtype=np.int64)
     at_mark = (index[:, None] == plan.mark_index[None]).all(axis=2).any(axis=1)
     row = plan.rows_on_all(index[~at_mark])
     return np.asarray(((row >= 0) & ~plan.target.is_dot[row]).sum(axis=1))

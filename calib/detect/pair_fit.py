@@ -10,7 +10,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.plane_distance import offset_on_circle, plane_distance
+from calib.detect.plane_distance import Numbers, bend_of, offset_on_circle, parameters_of, plane_distance
+from calib.detect.ring_equations import CHUNK, add_products
 from calib.detect.ring_model import (
     BLUR,
     CENTER_U,
@@ -23,7 +24,7 @@ from calib.detect.ring_model import (
     RATIO,
     WHITE,
 )
-from calib.jit import jit
+from calib.jit import jit, jit_sums
 from calib.small_solve import cholesky_solve
 from calib.threads import in_chunks
 
@@ -34,6 +35,9 @@ MAX_STEPS = 33
 ITERATIONS = 40
 ENOUGH = 1e-4
 """A share of the cost: what is found here is a start."""
+RESIDUAL = GEOMETRY_PARAMETERS * CHUNK
+ROOM = RESIDUAL + 4 * CHUNK
+"""As in `ring_equations`: rows of derivatives, then residuals, in whole fours; a ring's points are one chunk."""
 ROBUST_PX = 0.4
 """Edge points farther off than this count less (Huber)."""
 
@@ -50,19 +54,19 @@ def _bilinear(image: NDArray[np.generic], u: float, v: float) -> float:
 
 
 @jit
-def _edge_points(
-    image: NDArray[np.generic], p: Floats, q: Floats, edge_uv: Floats, edge_rho: Floats, levels: Floats
-) -> int:
-    """Sub-pixel edge points of a ring; `levels` gets each point's dark side, bright side and steepest step."""
+def _edge_points(image: NDArray[np.generic], p: Floats, q: Floats, edge: Floats, levels: Floats) -> int:
+    """Sub-pixel edge points of a ring: u, v and 1 on the outer edge, 0 on the inner one.
+
+    `levels` gets each point's dark side, bright side and steepest step.
+    """
     height, width = image.shape
     profile = np.empty(MAX_STEPS)
     count = 0
-    edges = 2 if p[RATIO] > 0.0 else 1
-    for edge in range(edges):
-        rho = 1.0 if edge == 0 else p[RATIO]
-        sign = 1.0 if edge == 0 else -1.0
+    for inner in range(2 if p[RATIO] > 0.0 else 1):
+        rho = 1.0 if inner == 0 else p[RATIO]
+        sign = 1.0 if inner == 0 else -1.0
         for ray in range(RAYS):
-            angle = 2.0 * math.pi * (ray + 0.5 * edge) / RAYS
+            angle = 2.0 * math.pi * (ray + 0.5 * inner) / RAYS
             x0, x1 = offset_on_circle(p, rho, angle)
             out = plane_distance(p, q, x0, x1)
             # As far as the middle of the ink, or of the white centre: the least room there is.
@@ -91,16 +95,16 @@ def _edge_points(
                         best, place = abs(t), t
             if best == np.inf:
                 continue
-            edge_uv[count, 0] = mid_u + place * nu
-            edge_uv[count, 1] = mid_v + place * nv
-            edge_rho[count] = rho if edge == 0 else -1.0
+            edge[0, count] = mid_u + place * nu
+            edge[1, count] = mid_v + place * nv
+            edge[2, count] = 1.0 - inner
             levels[count, 0], levels[count, 1], levels[count, 2] = dark, bright, 2.0 * steepest
             count += 1
     return count
 
 
 @jit
-def _keep_strong(count: int, edge_uv: Floats, edge_rho: Floats, levels: Floats) -> int:
+def _keep_strong(count: int, edge: Floats, levels: Floats) -> int:
     """Drop points whose contrast is below half of the median: glare, neighbours, shadows."""
     if count < 2 * GEOMETRY_PARAMETERS:
         return 0
@@ -108,59 +112,67 @@ def _keep_strong(count: int, edge_uv: Floats, edge_rho: Floats, levels: Floats) 
     kept = 0
     for n in range(count):
         if levels[n, 1] - levels[n, 0] > 0.5 * typical:
-            edge_uv[kept] = edge_uv[n]
-            edge_rho[kept] = edge_rho[n]
+            edge[:, kept] = edge[:, n]
             levels[kept] = levels[n]
             kept += 1
     return kept
 
 
-@jit
-def _pair_cost(
-    p: Floats, q: Floats, count: int, edge_uv: Floats, edge_rho: Floats, normal: Floats, gradient: Floats
-) -> float:
-    """Huber cost of the signed distances; fills the weighted normal equations."""
-    normal[:] = 0.0
-    gradient[:] = 0.0
-    row = np.empty(GEOMETRY_PARAMETERS)
+@jit_sums
+def _fill_rows(edge: Floats, count: int, p: Numbers, q: Numbers, rows: Floats) -> float:
+    """Huber cost of the signed distances; derivatives and residuals, weighted, into `rows`.  # (ROOM,)"""
+    for k in range(count):
+        rows[k] = edge[0, k]
+        rows[CHUNK + k] = edge[1, k]
+        rows[RESIDUAL + k] = edge[2, k]
     cost = 0.0
-    for n in range(count):
-        out = plane_distance(p, q, edge_uv[n, 0] - p[CENTER_U], edge_uv[n, 1] - p[CENTER_V])
-        is_outer = edge_rho[n] > 0.0
-        inv_g = 1.0 / out[1]
-        d = (out[0] - (1.0 if is_outer else p[RATIO])) * inv_g
-        weight = 1.0 if abs(d) <= ROBUST_PX else ROBUST_PX / abs(d)
-        cost += d * d if weight == 1.0 else ROBUST_PX * (2.0 * abs(d) - ROBUST_PX)
-        row[0] = -out[2] * inv_g
-        row[1] = -out[3] * inv_g
-        row[2] = out[4] * inv_g
-        row[3] = out[5] * inv_g
-        row[4] = out[6] * inv_g
-        row[5] = out[7] * inv_g
-        row[6] = out[8] * inv_g
-        row[7] = 0.0 if is_outer else -inv_g
-        for a in range(GEOMETRY_PARAMETERS):
-            gradient[a] -= weight * row[a] * d
-            for b in range(a + 1):
-                normal[a, b] += weight * row[a] * row[b]
+    for k in range(count):
+        distance = plane_distance(p, q, rows[k] - p[CENTER_U], rows[CHUNK + k] - p[CENTER_V])
+        is_outer = rows[RESIDUAL + k] > 0.5
+        inv_g = 1.0 / distance[1]
+        d = (distance[0] - (1.0 if is_outer else p[RATIO])) * inv_g
+        size = abs(d)
+        is_near = size <= ROBUST_PX
+        cost += d * d if is_near else ROBUST_PX * (2.0 * size - ROBUST_PX)
+        root = 1.0 if is_near else math.sqrt(ROBUST_PX / size)
+        by = root * inv_g
+        rows[k] = -by * distance[2]
+        rows[CHUNK + k] = -by * distance[3]
+        rows[2 * CHUNK + k] = by * distance[4]
+        rows[3 * CHUNK + k] = by * distance[5]
+        rows[4 * CHUNK + k] = by * distance[6]
+        rows[5 * CHUNK + k] = by * distance[7]
+        rows[6 * CHUNK + k] = by * distance[8]
+        rows[7 * CHUNK + k] = 0.0 if is_outer else -by
+        rows[RESIDUAL + k] = -root * d
+    return cost
+
+
+@jit
+def _pair_cost(edge: Floats, count: int, p: Floats, q: Floats, normal: Floats, gradient: Floats, rows: Floats) -> float:
+    """Huber cost of the signed distances; fills the weighted normal equations."""
+    cost = _fill_rows(edge, count, parameters_of(p), bend_of(q), rows)
+    total = np.zeros((GEOMETRY_PARAMETERS + 1, GEOMETRY_PARAMETERS + 4))
+    add_products(rows, GEOMETRY_PARAMETERS, count, total)
+    normal[:] = total[:GEOMETRY_PARAMETERS, :GEOMETRY_PARAMETERS]
+    gradient[:] = total[GEOMETRY_PARAMETERS, :GEOMETRY_PARAMETERS]
     return cost
 
 
 @jit
 def _fit_pair(image: NDArray[np.generic], p: Floats, q: Floats) -> float:
     """Improve p in place; returns the root-mean-square distance of the edge points in px, or -1."""
-    edge_uv, edge_rho = np.empty((2 * RAYS, 2)), np.empty(2 * RAYS)
-    levels = np.empty((2 * RAYS, 3))
+    edge, levels, rows = np.empty((3, 2 * RAYS)), np.empty((2 * RAYS, 3)), np.empty(ROOM)
     normal, trial_normal = np.empty((8, 8)), np.empty((8, 8))
     gradient, step, trial_gradient = np.empty(8), np.empty(8), np.empty(8)
     trial = p.copy()
     rms = -1.0
     for _round in range(2):
-        count = _edge_points(image, p, q, edge_uv, edge_rho, levels)
-        count = _keep_strong(count, edge_uv, edge_rho, levels)
+        count = _edge_points(image, p, q, edge, levels)
+        count = _keep_strong(count, edge, levels)
         if count < 2 * GEOMETRY_PARAMETERS:
             return -1.0
-        cost = _pair_cost(p, q, count, edge_uv, edge_rho, normal, gradient)
+        cost = _pair_cost(edge, count, p, q, normal, gradient, rows)
         damping = 1e-3
         for _ in range(ITERATIONS):
             trial_normal[:] = normal
@@ -172,7 +184,7 @@ def _fit_pair(image: NDArray[np.generic], p: Floats, q: Floats) -> float:
             if not (trial[E00] > 0.0 and trial[E11] > 0.0 and 0.05 < trial[RATIO] < 0.95):
                 damping *= 10.0
                 continue
-            trial_cost = _pair_cost(trial, q, count, edge_uv, edge_rho, trial_normal, trial_gradient)
+            trial_cost = _pair_cost(edge, count, trial, q, trial_normal, trial_gradient, rows)
             if trial_cost < cost:
                 done = cost - trial_cost < ENOUGH * cost
                 p[:8] = trial[:8]

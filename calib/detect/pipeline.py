@@ -1,6 +1,6 @@
 """From a photo's pixels to named centres: the steps of the detector in order."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -40,6 +40,7 @@ class Found:
     named: tuple[NamedGrid, ...]
     remarks: tuple[str, ...]
     is_mirrored: bool = False
+    placed: tuple[Naming, Placement] | None = None  # completed by a lens guessed from the grids; None: not asked for
 
     @property
     def size(self) -> int:
@@ -112,7 +113,8 @@ def detect(
         remarks.append(f"{len(strangers)} faces contradicted the others and were left out")
     if len(naming.ring) < 4:
         return _nothing(plan, name, image_size, found.candidates, (*remarks, "too few rings could be named"))
-    naming, placement = complete(plan, found.candidates, naming, image_size, camera_lens)
+    placed = found.placed if camera_lens is None and not strangers else None
+    naming, placement = placed or complete(plan, found.candidates, naming, image_size, camera_lens)
     if placement.is_mirrored:
         return _nothing(plan, name, image_size, found.candidates, (*remarks, MIRRORED))
     contrast = _contrast(pixels, found.candidates)
@@ -181,27 +183,32 @@ def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> Fo
         new = _name(pixels, plan, candidates)
         # More candidates can also confuse a grid: what named more stays.
         found = new if found is None or new.is_mirrored or new.size >= found.size else found
-        if found.is_mirrored or _is_whole(pixels, plan, found):
+        if found.is_mirrored:
+            break
+        found, is_whole = _completed(pixels, plan, found)
+        if is_whole:
             break
     assert found is not None  # noqa: S101 - there is at least one threshold
     return found
 
 
-def _is_whole(pixels: NDArray[np.generic], plan: TargetPlan, found: Found) -> bool:
-    """Whether all that must be in the image was found, so that other thresholds have nothing to add.
+def _completed(pixels: NDArray[np.generic], plan: TargetPlan, found: Found) -> tuple[Found, bool]:
+    """What was found, placed if need be, and whether that is all, so that other thresholds have nothing to add.
 
-    What must be there is known from a board's one face, or from three faces of a solid: fewer leave its pose open.
+    What must be in the image is known from a board's one face, or from three faces of a solid: fewer leave its pose
+    open.
     """
     if len(found.named) < min(3, plan.target.face_count):
-        return False
+        return found, False
     naming = _naming(plan, found.named)
     if np.isin(np.flatnonzero(~plan.target.is_dot), naming.ring).all():
-        return True
+        return found, True
     image_size = (pixels.shape[1], pixels.shape[0])
     naming, placement = complete(plan, found.candidates, naming, image_size, None)
     places = predict(plan, placement, image_size)
     _, small = semi_axes_px(places.shape)
-    return bool(np.isin(places.ring[small > EASY_RADIUS_PX], naming.ring).all())
+    is_whole = bool(np.isin(places.ring[small > EASY_RADIUS_PX], naming.ring).all())
+    return replace(found, placed=(naming, placement)), is_whole
 
 
 def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates) -> Found:

@@ -58,7 +58,7 @@ class TargetPlan:
 
     def rows_at(self, face: int, index: Integers) -> Integers:
         """Rows of the target at indices of one face, -1 where it has nothing.  # (N, 2) -> (N,)"""
-        return _looked_up(self.row_table[face : face + 1], index - self.low)[0]
+        return np.asarray(_looked_up(self.row_table[face : face + 1], index - self.low)[0])
 
 
 def _looked_up(table: Integers, at: Integers) -> Integers:

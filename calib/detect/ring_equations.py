@@ -203,9 +203,16 @@ def fill_rows(pixels: Floats, first: int, filled: int, p: Numbers, q: Numbers, o
 
 
 @jit_sums
-def _add_products(rows: Floats, filled: int, total: Floats) -> None:
-    """Add products of all rows of derivatives and residuals to the lower triangle: J'J, J'r and r'r.  # (16, 16)"""
-    for a in range(PARAMETERS + 1):
+def add_products(rows: Floats, parameters: int, filled: int, total: Floats) -> None:
+    """Add products of all rows of derivatives and residuals to the lower triangle: J'J, J'r and r'r.
+
+    Args:
+        rows: those of derivatives, then that of the residuals; each takes CHUNK numbers.
+        parameters: how many rows of derivatives.
+        filled: how many numbers each row has.
+        total: the result, its rows full to whole fours.  # (parameters + 1, 4 K)
+    """
+    for a in range(parameters + 1):
         for b in range(0, a + 1, 4):
             # Four at once: a number that is fetched serves four times.
             s0 = s1 = s2 = s3 = 0.0
@@ -249,7 +256,7 @@ def accumulate(
     for first in range(0, count, CHUNK):
         filled = min(CHUNK, count - first)
         fill_rows(pixels, first, filled, parameters, bend, origin, rows)
-        _add_products(rows, filled, total)
+        add_products(rows, PARAMETERS, filled, total)
     normal[:] = total[:PARAMETERS, :PARAMETERS]
     gradient[:] = total[PARAMETERS, :PARAMETERS]
     cost: float = total[PARAMETERS, PARAMETERS]
