@@ -38,6 +38,7 @@ from designer.page.shell import page_html
 
 PLOT = b"""<svg xmlns="http://www.w3.org/2000/svg" width="288pt" height="144pt" viewBox="0 0 288 144">
 <path d="M 0 144 L 288 144 L 288 0 L 0 0 z" style="fill: #ffffff"/>
+<rect x="200" y="90" width="60" height="40" fill="#e4e4e4"/>
 <text style="font-size: 10px; fill: #1a1a1a" transform="translate(20 20)">sigma in px</text>
 <path d="M 20 120 L 268 40" style="fill: none; stroke: #0072b2; stroke-width: 2"/></svg>"""
 

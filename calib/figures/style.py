@@ -54,7 +54,7 @@ def _on_a_page() -> AbstractContextManager[None]:
     import matplotlib as mpl
 
     return mpl.rc_context({
-        "svg.fonttype": "none",  # text stays text: it can be searched, read aloud, and follows the page's colours
+        "svg.fonttype": "none",  # text stays text, which is a third of the size of outlines
         "svg.hashsalt": "ringsolid",  # ids are the same each time
         "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none", "legend.frameon": False,
     })  # fmt: skip

@@ -18,6 +18,7 @@ from designer.page.blocks import (
     Link,
     Raster,
 )
+from designer.page.drawing import drawing_of_svg
 
 MAX_DRAWING_BYTES = 500_000
 """Of a drawing within a page: a larger one is shown as pixels."""
@@ -54,8 +55,6 @@ def figure(folder: Path, text: FigureText) -> Figure | None:
 
 
 def _drawing(path: Path) -> Drawing | None:
-    from designer.page.drawing import drawing_of_svg
-
     content = read_small_bytes(path, MAX_DRAWING_BYTES)
     try:
         return None if content is None else drawing_of_svg(content)

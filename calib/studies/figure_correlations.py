@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.figures.style import BLUE, EMPTY, INK, VERMILION, WIDTH_PX, bar_beside, note
+from calib.figures.style import BLUE, DEEP, EMPTY, PALE, VERMILION, WIDTH_PX, bar_beside, note
 from calib.studies.statistics import Array, Case, Correlations
 from calib.studies.table import case_in_words
 
@@ -64,7 +64,7 @@ def _draw_matrix(axes: "Axes", pair: Pair) -> "ScalarMappable":
         for column in range(count):
             value = matrix[row, column]
             if np.isfinite(value):
-                colour = "white" if abs(value) > DARK else INK
+                colour = PALE if abs(value) > DARK else DEEP
                 axes.text(
                     column, row, f"{round(value, 2) + 0.0:.2f}", ha="center", va="center", color=colour, fontsize=11
                 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.figures.style import BLUE, GREEN, ORANGE, VERMILION, image_axes, note
+from calib.figures.style import BLUE, GREEN, ORANGE, PALE, VERMILION, image_axes, note
 from calib.verdict.next_views import NextView
 
 if TYPE_CHECKING:
@@ -58,6 +58,6 @@ def _draw_one(axes: "Axes", number: int, view: NextView, labels: list[NDArray[np
         middle = middle + np.array([0.0, apart_px])
     labels.append(middle)
     axes.annotate(
-        str(number), middle, ha="center", va="center", fontsize=14, fontweight="bold", color="white", zorder=4,
-        bbox={"boxstyle": "circle,pad=0.3", "facecolor": colour, "edgecolor": "white", "linewidth": 1.5},
+        str(number), middle, ha="center", va="center", fontsize=14, fontweight="bold", color=PALE, zorder=4,
+        bbox={"boxstyle": "circle,pad=0.3", "facecolor": colour, "edgecolor": PALE, "linewidth": 1.5},
     )  # fmt: skip

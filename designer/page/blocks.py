@@ -23,9 +23,9 @@ class Raster:
 
 @dataclass(frozen=True)
 class Drawing:
-    """An SVG element that is safe inside a page and follows its colours; made by `designer.page.drawing` only."""
+    """An SVG file that follows the page's scheme, see `designer.page.drawing`."""
 
-    svg: str
+    content: bytes
     width_px: float
     height_px: float
 
