@@ -10,7 +10,7 @@ import numpy as np
 from designer.formats.folder import OutputFile
 from designer.layout import lay_out
 from designer.make.bed import against_skew, bed_from_target, mapped
-from designer.make.drawing import Page
+from designer.make.drawing import SheetPage
 from designer.make.mesh import Mesh, Part, board_hull, icosahedron_hull, inlaid, plain_board, plain_icosahedron
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.sheets import lay_out_sheets
@@ -77,7 +77,7 @@ class Design:
         return plain_board(self.target.outline_mm[0], spec.thickness_mm)
 
     @cached_property
-    def pages(self) -> tuple[Page, ...]:
+    def pages(self) -> tuple[SheetPage, ...]:
         """Sticker sheets or board artwork."""
         return lay_out_sheets(self.target, self.artwork, self.job.printing, self.job.page, self.job.name)
 

@@ -137,11 +137,11 @@ Ratio = Annotated[float, BeforeValidator(_ratio)]
 Formats = Annotated[list[Format], BeforeValidator(_format_list)]
 
 
-class _File(BaseModel):
+class _SpecFile(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class PrintingFile(_File):
+class PrintingFile(_SpecFile):
     """How a target is to be made. A field that is None is chosen by `sizing`."""
 
     printer: Annotated[str, AfterValidator(_unicode)] | None = Field(
@@ -205,7 +205,7 @@ SpecFile = IcoFile | BoardFile
 FILE_OF_KIND: Mapping[str, type[IcoFile] | type[BoardFile]] = {"ico": IcoFile, "board": BoardFile}
 
 
-class NozzleFile(_File):
+class NozzleFile(_SpecFile):
     """The line a nozzle lays down."""
 
     diameter: PositiveLength = Field(description="nozzle diameter, such as 0.4mm")
@@ -213,7 +213,7 @@ class NozzleFile(_File):
     layer_height: PositiveLength = Field(description="layer height, such as 0.2mm")
 
 
-class PrinterFile(_File):
+class PrinterFile(_SpecFile):
     """A printer: its bed, the nozzle it comes with, and its nozzles."""
 
     title: str = Field(description="printer's name")
@@ -222,7 +222,7 @@ class PrinterFile(_File):
     nozzles: Annotated[list[NozzleFile], Field(min_length=1, description="list of nozzles")]
 
 
-_Model = TypeVar("_Model", bound=_File)
+_Model = TypeVar("_Model", bound=_SpecFile)
 
 
 def parse_spec(values: Mapping[str, RawValue], origin: str) -> SpecFile:
@@ -305,7 +305,7 @@ def _validate(model: type[_Model], values: Mapping[str, RawValue], origin: str) 
         raise InputError(" ".join(f"{_prefix(origin)}{what}{more}".split())) from None
 
 
-def _explain(model: type[_File], location: tuple[int | str, ...], kind: str, message: str, value: object) -> str:
+def _explain(model: type[_SpecFile], location: tuple[int | str, ...], kind: str, message: str, value: object) -> str:
     """One line on one wrong value."""
     key = ".".join(str(part) for part in location)
     if kind == "extra_forbidden":

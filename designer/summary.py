@@ -12,7 +12,7 @@ from rich.table import Table
 from designer.answer import Summary, Value
 from designer.formats.folder import Written
 from designer.make.bed import printed_size_mm
-from designer.make.printability import Check
+from designer.make.printability import PrintCheck
 from designer.produce import Design
 from designer.skew import NO_SKEW, format_skew
 from designer.spec import IcoSpec, Job, PrinterProfile, PrintSpec
@@ -36,7 +36,7 @@ def progress() -> Iterator[Callable[[str], None]]:
         yield lambda stage: status.update(f"making {stage}")
 
 
-def print_design(design: Design, remarks: Sequence[str], check: Check, written: Written) -> None:
+def print_design(design: Design, remarks: Sequence[str], check: PrintCheck, written: Written) -> None:
     """Sizes, files, findings and the next command after a target was made."""
     job, target, console = design.job, design.target, _console()
     console.print(f"[bold]{job.name}[/]  target id {target.geometry_id}")
@@ -59,7 +59,7 @@ def print_design(design: Design, remarks: Sequence[str], check: Check, written: 
     console.print(f"\n[bold]next[/]  {_next_step(job, written.folder)}")
 
 
-def design_summary(design: Design, remarks: Sequence[str], check: Check, written: Written) -> Summary:
+def design_summary(design: Design, remarks: Sequence[str], check: PrintCheck, written: Written) -> Summary:
     """The same for a program."""
     job, target = design.job, design.target
     pattern = design.printed_pattern if job.printing.is_two_filament else design.artwork
@@ -88,7 +88,7 @@ def _target_numbers(target: TargetGeometry) -> dict[str, Value]:
     }  # fmt: skip
 
 
-def _findings(check: Check) -> dict[str, Value]:
+def _findings(check: PrintCheck) -> dict[str, Value]:
     return {
         "is_violated": bool(check.violations),
         "findings": [asdict(finding) for finding in check.findings],
@@ -96,13 +96,13 @@ def _findings(check: Check) -> dict[str, Value]:
     }
 
 
-def check_summary(target: TargetGeometry, printing: PrintSpec, check: Check) -> Summary:
+def check_summary(target: TargetGeometry, printing: PrintSpec, check: PrintCheck) -> Summary:
     """The findings of `design check` for a program."""
     answer = {**_target_numbers(target), "printing": asdict(printing), **_findings(check)}
     return Summary(answer, exit_code=VIOLATED if check.violations else 0)
 
 
-def print_check(name: str, target: TargetGeometry, printing: PrintSpec, check: Check) -> None:
+def print_check(name: str, target: TargetGeometry, printing: PrintSpec, check: PrintCheck) -> None:
     """The findings of `design check`."""
     console, printer = _console(), printing.printer
     console.print(
@@ -203,7 +203,7 @@ def _size(job: Job) -> str:
     )
 
 
-def _print_rules(console: Console, check: Check) -> None:
+def _print_rules(console: Console, check: PrintCheck) -> None:
     rows = [(_MARK[finding.level], f"{finding.rule}: {_escaped(finding.text)}") for finding in check.findings]
     if check.holding:
         rows.insert(0, ("[green]hold[/]", ", ".join(check.holding)))

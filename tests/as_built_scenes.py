@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.datum import Seen, laid_over, what_is_seen
+from calib.as_built.datum import SeenParts, laid_over, what_is_seen
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.problem import State
 from calib.as_built.result import AsBuilt, target_of
-from calib.as_built.unknowns import Shape, nominal_shape, place_rings, unknowns_of
+from calib.as_built.unknowns import TargetUnknowns, nominal_shape, place_rings, unknowns_of
 from calib.inputs.observations import known_points
 from calib.se3 import invert, log_rotation
 from calib.types import Camera, Observations
@@ -45,7 +45,7 @@ def random_shape(
     shift_mm: float = 0.15,
     ring_mm: tuple[float, float] = (0.0, 0.0),
     bow_mm: float = 0.0,
-) -> Shape:
+) -> TargetUnknowns:
     """Deviations drawn from normal distributions; of a board no motion of its face."""
     faces, normal = target.face_count, rng.standard_normal
     motion = np.concatenate([turn_rad * normal((faces, 3)), shift_mm * normal((faces, 3))], axis=1)
@@ -54,10 +54,10 @@ def random_shape(
     strains = strain * normal(6)
     if faces == 1:
         strains[2:5], motion = 0.0, np.zeros((1, 6))  # they would only tilt it
-    return Shape(strains, motion, bow, ring)
+    return TargetUnknowns(strains, motion, bow, ring)
 
 
-def printed(target: TargetGeometry, shape: Shape) -> TargetGeometry:
+def printed(target: TargetGeometry, shape: TargetUnknowns) -> TargetGeometry:
     """The print: its rings are where the deviations put them."""
     unknowns = unknowns_of(target, AsBuiltOptions())
     return replace(target, center_mm=place_rings(unknowns, shape).position_mm, source="perturbed")
@@ -82,11 +82,11 @@ def photos(
 class Truth:
     """A print in the datum of a measurement of it."""
 
-    shape: Shape
+    shape: TargetUnknowns
     target: TargetGeometry
 
 
-def truth_of(measured: AsBuilt, shape: Shape, options: AsBuiltOptions) -> Truth:
+def truth_of(measured: AsBuilt, shape: TargetUnknowns, options: AsBuiltOptions) -> Truth:
     """The deviations of a print, laid over its design by the rings that were measured."""
     unknowns = unknowns_of(measured.nominal, options)
     pairs = zip(measured.observations, measured.is_outlier, strict=True)
@@ -95,7 +95,7 @@ def truth_of(measured: AsBuilt, shape: Shape, options: AsBuiltOptions) -> Truth:
     return Truth(state.shape, target_of(unknowns, seen, state.shape, np.zeros((measured.nominal.face_count, 6, 6))))
 
 
-def seen_of(measured: AsBuilt) -> Seen:
+def seen_of(measured: AsBuilt) -> SeenParts:
     """What the measurement's photos show."""
     pairs = zip(measured.observations, measured.is_outlier, strict=True)
     return what_is_seen(unknowns_of(measured.nominal, RIGID), [(one, ~out) for one, out in pairs])
@@ -119,6 +119,6 @@ def blocks_of(covariance: Array) -> Array:
     return covariance.reshape(count, 6, count, 6)[np.arange(count), :, np.arange(count)]
 
 
-def no_deviation(target: TargetGeometry) -> Shape:
+def no_deviation(target: TargetGeometry) -> TargetUnknowns:
     """As designed."""
     return nominal_shape(target)

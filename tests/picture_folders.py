@@ -18,7 +18,7 @@ from calib.report.photos_file import write_photos
 from calib.report.photos_page import photos_page
 from calib.report.posed_photos import Posed, told_posed
 from calib.report.rendered_photos import told_rendered
-from calib.report.undistorted_photos import Undistorted, UndistortedPhoto, told_undistorted
+from calib.report.undistorted_photos import UndistortedPhoto, UndistortedSet, told_undistorted
 from calib.types import TOO_FLAT, Camera, Detections, FaceRecord
 from designer.page.blocks import Page
 from designer.target import TargetGeometry
@@ -62,7 +62,7 @@ def undistorted(
     pictures(folder, [f"{name}.undistorted.png" for name in names])
     (folder / "camera.json").write_text(camera_to_json(PINHOLE))
     photos = tuple(UndistortedPhoto(f"{name}.png", f"{name}.undistorted.png") for name in names)
-    made = Undistorted("camera.json", CAMERA, PINHOLE, photos, tuple(failures), 0.875, earlier)
+    made = UndistortedSet("camera.json", CAMERA, PINHOLE, photos, tuple(failures), 0.875, earlier)
     write_photos(folder, told_undistorted(made))
 
 

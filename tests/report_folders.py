@@ -32,7 +32,7 @@ from calib.studies.tolerance.explore import budgets_of, reaches
 from calib.studies.tolerance.files import to_json
 from calib.studies.tolerance.first_order import first_order
 from calib.studies.tolerance.linear import linear_table
-from calib.studies.tolerance.report import Against, Report, Requirement, all_crossovers, sweeps_from
+from calib.studies.tolerance.report import Against, Requirement, ToleranceReport, all_crossovers, sweeps_from
 from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.sweep import FACTORS
 from designer.page.blocks import Block, Figure, Finding, Findings, Fold, Page, Table
@@ -139,14 +139,14 @@ def paper_files() -> Files:
 
 
 @cache
-def tolerance_report() -> Report:
+def tolerance_report() -> ToleranceReport:
     """An icosahedron by a few draws, with a limit that is missed and one that is kept, and against a board."""
     setting = ico_setting()
     errors = error_model("fdm-dual").only("face_tilt", "ring_jitter", "scale", "ink_bleed")
     draws = {factor: run_draws(setting, errors.scaled(factor), 1, range(12)) for factor in FACTORS}
     linear, table = linear_table(setting, errors), table_of_draws(errors, draws[1.0])
     lines = ("ico: 20 faces, 300 rings; 24 views", "errors fdm-dual: two filaments", "warning: it is near")
-    found = Report("ico", lines, 20, table, linear, "intersection", sweeps_from(table, linear, draws))
+    found = ToleranceReport("ico", lines, 20, table, linear, "intersection", sweeps_from(table, linear, draws))
     held = reaches(first_order(setting), errors, found.ranking, linear.baseline.value, 1, lambda done: None)
     found = replace(found, reaches=held)
     limits = (Requirement("intersection", 0.01), Requirement("reprojection", 50.0))

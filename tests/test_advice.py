@@ -15,7 +15,7 @@ from calib.verdict.advice import advice_of
 from calib.verdict.candidate_views import tilt_rotation
 from calib.verdict.checks import px
 from calib.verdict.criteria import Criteria, read_criteria
-from calib.verdict.evidence import Evidence, HalvesFound, evidence_of
+from calib.verdict.evidence import CameraEvidence, HalvesFound, evidence_of
 from calib.verdict.halves import half_split
 from calib.verdict.judge import judge
 from calib.verdict.next_views import NextView, next_views
@@ -64,7 +64,7 @@ def criteria() -> Criteria:
     return read_criteria()
 
 
-def evidence(calibration: Calibration) -> Evidence:
+def evidence(calibration: Calibration) -> CameraEvidence:
     """What is measured of a calibration."""
     return evidence_of([calibration], 0, half_split(calibration, SolveOptions()))
 

@@ -10,7 +10,7 @@ from calib.as_built.lengths import Length, length_in
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.result import AsBuilt
 from calib.as_built.solve import measure
-from calib.as_built.unknowns import Shape
+from calib.as_built.unknowns import TargetUnknowns
 from calib.inputs.observations import known_points
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
@@ -138,7 +138,7 @@ def test_rings_that_may_not_move_are_rigid_faces() -> None:
 def test_size_is_not_seen_without_a_length_and_comes_with_one() -> None:
     """A print that is only larger looks as designed, which is said; one length tells its size, with its sigma."""
     rng = np.random.default_rng(5)
-    large = Shape(np.array([0.01, 0.01, 0.01, 0, 0, 0]), *(np.zeros_like(part) for part in _rest(solid())))
+    large = TargetUnknowns(np.array([0.01, 0.01, 0.01, 0, 0, 0]), *(np.zeros_like(part) for part in _rest(solid())))
     print_ = printed(solid(), large)
     seen = photos(print_, rng)
     found = measure([seen], solid(), "opencv", RIGID)

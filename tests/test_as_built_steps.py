@@ -15,7 +15,7 @@ from calib.as_built.eliminate import covariance_factor, damped_step
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.problem import Joint, State, joint_problem
 from calib.as_built.solve import measure
-from calib.as_built.unknowns import Shape, in_face_mm, moved_shape, place_rings, unknowns_of
+from calib.as_built.unknowns import TargetUnknowns, in_face_mm, moved_shape, place_rings, unknowns_of
 from calib.solver.levenberg import move_poses
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
@@ -196,7 +196,7 @@ def plain_residuals(x: Array, seen: Observations, target: TargetGeometry, start:
     camera, views = x[:9], seen.view_count
     poses, rest = x[9 : 9 + 6 * views].reshape(-1, 6), x[9 + 6 * views :]
     strain, bow, offset = rest[:3], rest[3:6], rest[6:].reshape(-1, 3)
-    shape = Shape(np.array([strain[0], strain[1], 0, 0, 0, strain[2]]), np.zeros((1, 6)), bow[None], offset)
+    shape = TargetUnknowns(np.array([strain[0], strain[1], 0, 0, 0, strain[2]]), np.zeros((1, 6)), bow[None], offset)
     unknowns = unknowns_of(target, AsBuiltOptions(bow=True))
     affine = np.eye(3)
     affine[0, 0] += strain[0]

@@ -11,13 +11,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.inputs.corners_vnl import Grid
+from calib.inputs.corners_vnl import PointGrid
 from calib.inputs.correspondences import read_observations
 from designer.errors import InputError
 from tests.test_correspondences import sightings
 
 SIZE = (1200, 900)
-GRID = Grid(9, 7, 12.0)
+GRID = PointGrid(9, 7, 12.0)
 MRCAL_PYTHON = "/usr/bin/python3"
 
 

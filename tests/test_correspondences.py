@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.inputs.corners_vnl import Grid
+from calib.inputs.corners_vnl import PointGrid
 from calib.inputs.correspondences import parse_pair, read_correspondences, read_observations
 from calib.inputs.dataset import write_detections
 from calib.inputs.known_planes import points_with_planes
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 BOARD, ICO = board(), icosahedron()
 SIZE = (1200, 900)
-GRID = Grid(9, 7, 12.0)
+GRID = PointGrid(9, 7, 12.0)
 
 
 def sightings(points: KnownPoints, count: int = 4, seed: int = 0) -> Observations:

@@ -30,8 +30,8 @@ from designer.errors import InputError
 from designer.formats.folder import OutputFile, write_folder
 from designer.layout import lay_out
 from designer.make.bed import bed_from_target
-from designer.make.printability import Check, check_printability
-from designer.make.printability import Finding as RuleFinding
+from designer.make.printability import PrintCheck, check_printability
+from designer.make.printability import PrintFinding as RuleFinding
 from designer.page.blocks import Block, Command, FileList, Fold, Leaf, Page, Steps, Table, View3d
 from designer.page.scene import Rings, Surface
 from designer.polyhedron import INRADIUS
@@ -77,7 +77,7 @@ BUILDS = tuple(SPECS)
 
 
 @cache
-def made(build: str) -> tuple[Design, Check, tuple[OutputFile, ...]]:
+def made(build: str) -> tuple[Design, PrintCheck, tuple[OutputFile, ...]]:
     """A design, its check and its files, as the command makes them."""
     design = Design(size_job(SPECS[build]).job)
     check = check_printability(design.target, design.job.printing, bed_is_rule=False)

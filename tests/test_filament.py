@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from designer.produce import Design
-from designer.report.filament import DENSITY_G_PER_CM3, SPREAD, Amount, Shells, expected_filament, inked_layers
+from designer.report.filament import DENSITY_G_PER_CM3, SPREAD, FilamentAmount, Shells, expected_filament, inked_layers
 from designer.sizing import size_job
 from designer.spec_file import BoardFile, IcoFile
 from tests.designs import ink_of, packages_of
@@ -65,7 +65,7 @@ def test_stickers_and_printed_letters_need_no_ink() -> None:
 )
 def test_ranges_are_rounded_outwards(mass_g: float, text: str) -> None:
     """The range holds the estimate and its spread, with two digits or three."""
-    assert Amount(mass_g / DENSITY_G_PER_CM3 * 1000).mass_text == text
+    assert FilamentAmount(mass_g / DENSITY_G_PER_CM3 * 1000).mass_text == text
 
 
 @pytest.mark.slicer

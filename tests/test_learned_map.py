@@ -29,7 +29,7 @@ from calib.cameras.learned import (
 )
 from calib.types import LearnedMap
 from calib.virtual.image_cells import cells_of
-from calib.virtual.learn_map import Samples, learn_from_many, learn_map
+from calib.virtual.learn_map import MapSamples, learn_from_many, learn_map
 from calib.virtual.likelihood import log_likelihood
 from designer.errors import InputError
 
@@ -188,7 +188,7 @@ def test_noise_is_that_of_the_pixel() -> None:
     rng = np.random.default_rng(2)
     sigma = np.where(rng.random(len(direction)) < 0.5, 0.02, 0.4)
     pixel = bent(sensor_of(direction)) + sigma[:, None] * rng.standard_normal((len(direction), 2))
-    with_variances = Samples(pixel, sensor_of(direction), sigma**2, np.ones(len(pixel), dtype=np.int64))
+    with_variances = MapSamples(pixel, sensor_of(direction), sigma**2, np.ones(len(pixel), dtype=np.int64))
     inside = pixels() * 0.9 + 0.05 * np.array(SIZE)
     off = [
         np.sqrt(((exact_point(learn_map(samples, SIZE).map, inside) - straight(inside)) ** 2).mean())

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from calib.cameras import rays
 from calib.inputs.observations import known_points
 from calib.metrics import METRICS
-from calib.metrics.errors import Errors, Summary, summarise, summarise_groups
+from calib.metrics.errors import Errors, ErrorSummary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation, by_face, by_point, by_view, evaluate
 from calib.metrics.held_out import evaluate_held_out
 from calib.metrics.prediction import centers_mm, predict
@@ -77,7 +77,7 @@ def test_reprojection_is_predicted_minus_detected() -> None:
     calibration = calibration_of(PLAIN, sightings((0, 0, 3.0, 4.0)), above(100.0)[None])
     errors = errors_of(calibration, "reprojection")
     assert np.allclose(errors.vector, [[-3, -4]])
-    assert summarise(errors) == Summary(1, 5.0, 5.0, 5.0, 5.0, 5.0)
+    assert summarise(errors) == ErrorSummary(1, 5.0, 5.0, 5.0, 5.0, 5.0)
 
 
 def test_intersection_is_where_the_ray_meets_the_floor() -> None:

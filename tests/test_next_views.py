@@ -21,7 +21,7 @@ from calib.verdict.candidate_views import TILTS_DEG, candidates_of, faces_seen, 
 from calib.verdict.coverage import coverage, coverage_of
 from calib.verdict.information import eliminated, image_change, knowledge_of, sigma_px, view_information
 from calib.verdict.next_view_target import habits_of, shape_of
-from calib.verdict.next_view_words import Gain, Hold, gain_words, place_of, place_words, sentence_of, tilt_words
+from calib.verdict.next_view_words import Hold, ViewGain, gain_words, place_of, place_words, sentence_of, tilt_words
 from calib.verdict.next_views import NextView, next_views, photos_needed, share_px, why_no_next_views
 from calib.verdict.next_views_file import NEXT_VIEWS_FILE, next_views_file, read_next_views
 from designer.errors import InputError
@@ -264,15 +264,15 @@ def test_words_of_photos() -> None:
     """A sentence says all that a person must do, and what it gives: no deviation where that is not the point."""
     assert tilt_words(0.0, (0.0, 0.0)) == "facing the camera straight on"
     hold = Hold((-1, 1), 412.0, 40.0, (1, 0), "", "", is_flat=True)
-    assert sentence_of(hold, Gain(0.21, 0.13, 0.4, 0.5)) == (
+    assert sentence_of(hold, ViewGain(0.21, 0.13, 0.4, 0.5)) == (
         "hold the board in the bottom left corner of the image, tilted 40 deg with its right side away from the "
         "camera, at about 0.41 m: 95 % sigma 0.21 -> 0.13 px"
     )
-    assert gain_words(Gain(0.21, 0.13, 0.181, 0.312, tells_area=True)).endswith("0.13 px, coverage 18 -> 31 %")
-    assert gain_words(Gain(0.21, 0.21, 0.18, 0.31, tells_sigma=False, tells_area=True)) == "coverage 18 -> 31 %"
+    assert gain_words(ViewGain(0.21, 0.13, 0.181, 0.312, tells_area=True)).endswith("0.13 px, coverage 18 -> 31 %")
+    assert gain_words(ViewGain(0.21, 0.21, 0.18, 0.31, tells_sigma=False, tells_area=True)) == "coverage 18 -> 31 %"
     solid = Hold((0, 0), 90.0, math.nan, (0, 0), "", "a\nb.png", is_flat=False)
-    assert "\n" not in sentence_of(solid, Gain(math.inf, 0.13, 0.1, 0.2))
-    assert "not determined -> 0.13 px" in sentence_of(solid, Gain(math.inf, 0.13, 0.1, 0.2))
+    assert "\n" not in sentence_of(solid, ViewGain(math.inf, 0.13, 0.1, 0.2))
+    assert "not determined -> 0.13 px" in sentence_of(solid, ViewGain(math.inf, 0.13, 0.1, 0.2))
 
 
 def test_a_board_seen_on_the_left_only_is_wanted_on_the_right() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from designer.layout import lay_out
 from designer.make.clearance import border_width_mm, narrowest_widths
-from designer.make.printability import RULES, Check, Finding, check_printability
+from designer.make.printability import RULES, PrintCheck, PrintFinding, check_printability
 from designer.sizing import size_job
 from designer.spec import BoardSpec, IcoSpec, PrinterProfile, PrintSpec
 from designer.spec_file import RawValue, parse_spec
@@ -24,7 +24,7 @@ ICO = lay_out(IcoSpec(100.0, 8, 7.0, 0.45, 10.0, 2.0, 3.0))
 BOARD = lay_out(BoardSpec((90.0, 80.0), 5.0, 8, 7, "square", 7.0, 0.45, 10.0, 1.5, 2.0, dots=True))
 
 
-def found(target: TargetGeometry, printing: PrintSpec, rule: str, *, bed_is_rule: bool = True) -> list[Finding]:
+def found(target: TargetGeometry, printing: PrintSpec, rule: str, *, bed_is_rule: bool = True) -> list[PrintFinding]:
     check = check_printability(target, printing, bed_is_rule=bed_is_rule)
     return [finding for finding in check.findings if finding.rule == rule]
 
@@ -261,7 +261,7 @@ def test_overhang_is_noted_on_solids_only() -> None:
 def test_what_was_sized_here_breaks_no_width_rule(values: dict[str, RawValue]) -> None:
     """Automatic sizes violate no rule of widths and inlay, and every finding is one line that ends in a remedy."""
     job = size_job(parse_spec(values, "")).job
-    check: Check = check_printability(lay_out(job.target), job.printing, bed_is_rule=True)
+    check: PrintCheck = check_printability(lay_out(job.target), job.printing, bed_is_rule=True)
     assert [finding.rule for finding in check.violations if finding.rule != "bed"] == []
     for finding in check.findings:
         assert len(finding.text.splitlines()) == 1

@@ -25,7 +25,7 @@ from designer.errors import InputError
 from designer.formats.pdf import pdf_bytes
 from designer.formats.svg import svg_bytes
 from designer.layout import lay_out
-from designer.make.drawing import Page, Text
+from designer.make.drawing import SheetPage, Text
 from designer.make.pattern import make_pattern
 from designer.make.sheets import BLEED_MM, lay_out_sheets
 from designer.page_size import MARGIN_MM, SCALE_BAR_MM, page_size_mm
@@ -58,7 +58,7 @@ ALU = BoardSpec((400.0, 400.0), 3.0, 39, 39, "square", 8.0, 0.45, 10.0, 0.0, 5.0
 
 def sheets(
     spec: TargetSpec, page: str = "A4", name: str = "target", prints: PrintSpec | None = None
-) -> tuple[TargetGeometry, tuple[Page, ...]]:
+) -> tuple[TargetGeometry, tuple[SheetPage, ...]]:
     prints = prints or printing()
     target = lay_out(spec)
     return target, lay_out_sheets(target, make_pattern(target, prints), prints, page, name)
@@ -72,7 +72,7 @@ def text_box(text: Text) -> ShapelyPolygon:
     return affinity.rotate(flat, text.angle_rad, origin=(x, y), use_radians=True)
 
 
-def everything_drawn(page: Page) -> list[BaseGeometry]:
+def everything_drawn(page: SheetPage) -> list[BaseGeometry]:
     """Each thing on the page that must stay clear of all others: pieces with their ink, marks, texts."""
     drawing = page.drawing
     pieces = [ShapelyPolygon(cut) for cut in drawing.cuts]
@@ -94,7 +94,7 @@ def everything_drawn(page: Page) -> list[BaseGeometry]:
     return pieces + outside
 
 
-def assert_clear_and_printable(page: Page) -> None:
+def assert_clear_and_printable(page: SheetPage) -> None:
     things = everything_drawn(page)
     printable = box(MARGIN_MM, MARGIN_MM, page.width_mm - MARGIN_MM, page.height_mm - MARGIN_MM).buffer(0.051)
     assert all(printable.covers(thing) for thing in things)
@@ -190,7 +190,7 @@ def test_each_sticker_carries_its_faces_code() -> None:
             assert np.abs(sorted_rows(drawn) - sorted_rows(expected)).max() < 1e-6
 
 
-def placements(page: Page) -> list[tuple[tuple[tuple[float, float], ...], np.ndarray, np.ndarray]]:
+def placements(page: SheetPage) -> list[tuple[tuple[tuple[float, float], ...], np.ndarray, np.ndarray]]:
     """Each cut triangle with the motion that takes its face frame to the page: the first corner lies on +y."""
     found = []
     for cut in page.drawing.cuts:
@@ -346,7 +346,7 @@ def radii_of(target: TargetGeometry) -> tuple[list[float], list[float], list[boo
     return target.radius_inner_mm.tolist(), target.radius_outer_mm.tolist(), target.is_dot.tolist()
 
 
-def expected_places(target: TargetGeometry, page: Page) -> np.ndarray:
+def expected_places(target: TargetGeometry, page: SheetPage) -> np.ndarray:
     """Where the target's features belong on a page that begins with face 0, given its cut lines.  # (N, 2)"""
     if target.face_count == 1:
         return target.center_in_face_mm[:, :2] + np.mean(page.drawing.cuts[0], axis=0)

@@ -23,7 +23,7 @@ from calib.studies.compare.objects import OBJECTS, make_target, object_named
 from calib.studies.compare.outputs import comparison_output
 from calib.studies.compare.photographed import SetsOfPhotos, calibrate_with, grouped, made_mm
 from calib.studies.compare.results import CaseResult, Explanation, results_of
-from calib.studies.compare.scene import Scene, fitting_distance_mm, scene_of, stream, take_photos
+from calib.studies.compare.scene import ComparedScene, fitting_distance_mm, scene_of, stream, take_photos
 from calib.studies.runner import run_cases
 from calib.studies.store import open_study
 from calib.studies.tolerance.draw import run_draws
@@ -44,7 +44,7 @@ def board() -> TargetGeometry:
     return make_target("3d-board")
 
 
-def scene(name: str = "3DBoard", template: str = "3d-board", views: int = SMALL) -> Scene:
+def scene(name: str = "3DBoard", template: str = "3d-board", views: int = SMALL) -> ComparedScene:
     """A scene of few views."""
     return scene_of(name, make_target(template), CAMERA, views)
 

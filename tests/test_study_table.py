@@ -13,7 +13,7 @@ from rich.console import Console
 from calib.studies.findings import findings
 from calib.studies.paper_table import BOARD, CORRECTION, ICOSAHEDRON
 from calib.studies.statistics import Case, CaseSummary, summarise
-from calib.studies.table import Cell, findings_table, markdown, notes, rows_of, screen_tables
+from calib.studies.table import CaseMetric, findings_table, markdown, notes, rows_of, screen_tables
 from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE, table_files
 from tests.study_cases import SETTINGS, made, paper_cases, with_failures
 
@@ -46,8 +46,8 @@ def test_rows_are_in_the_papers_order_beside_the_papers_own() -> None:
     ours = ["binary, all", "binary, <= 75 deg", "area, all", "area, <= 75 deg"]
     assert [row.source for row in rows] == 3 * ["paper", *ours]
     assert all(len(row.cells) == 2 and len(row.cells[0]) == 4 for row in rows)
-    assert rows[0].cells[0][1] == Cell("4.27", "0.48", "[3.40, 5.20]c")
-    assert rows[10].cells[1][3] == Cell("0.78", "0.15", "[0.58, 1.09]")
+    assert rows[0].cells[0][1] == CaseMetric("4.27", "0.48", "[3.40, 5.20]c")
+    assert rows[10].cells[1][3] == CaseMetric("0.78", "0.15", "[0.58, 1.09]")
 
 
 def test_numbers_are_in_the_papers_units() -> None:
@@ -89,7 +89,7 @@ def test_a_case_where_everything_failed() -> None:
     samples = with_failures(made(np.ones((30, 4))), np.random.default_rng(1), degenerate=0, failed=30)
     summaries = [summarise(Case(BOARD, 20, 200), samples)]
     row = rows_of(summaries)[1]
-    assert row.cells[0][0] == Cell("-", "-", "-")
+    assert row.cells[0][0] == CaseMetric("-", "-", "-")
     assert row.samples == ("30 (30 failed)",)
     assert "30 failed" in shown(summaries)
     json.loads(table_files(summaries, Path())[Path(JSON_FILE)])

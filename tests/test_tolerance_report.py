@@ -29,8 +29,8 @@ from calib.studies.tolerance.quantities import NAMES, quantity_row
 from calib.studies.tolerance.report import (
     MAIN,
     Against,
-    Report,
     Requirement,
+    ToleranceReport,
     all_crossovers,
     default_vary,
     deviations,
@@ -72,11 +72,13 @@ def draws() -> Mapping[float, Array]:
 
 
 @cache
-def report() -> Report:
+def report() -> ToleranceReport:
     """An icosahedron, by draws, with two limits and against a board."""
     setting = ico_setting()
     linear, table = linear_table(setting, model()), table_of_draws(model(), draws()[1.0])
-    found = Report("ico", ("an icosahedron",), 20, table, linear, "intersection", sweeps_from(table, linear, draws()))
+    found = ToleranceReport(
+        "ico", ("an icosahedron",), 20, table, linear, "intersection", sweeps_from(table, linear, draws())
+    )
     found = replace(
         found,
         reaches=reaches(first_order(setting), model(), found.ranking, linear.baseline.value, 1, lambda done: None),

@@ -22,7 +22,7 @@ from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.options import SolveOptions
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
-from calib.studies.tolerance.anchor import Found, minimum_of
+from calib.studies.tolerance.anchor import AnchoredMinimum, minimum_of
 from calib.studies.tolerance.draw import (
     case_names,
     drawn_noise,
@@ -33,7 +33,7 @@ from calib.studies.tolerance.draw import (
     solved,
 )
 from calib.studies.tolerance.map_error import ImageGrid, map_error_px
-from calib.studies.tolerance.measures import Solution, measures
+from calib.studies.tolerance.measures import MadeSolution, measures
 from calib.studies.tolerance.noise import EDGE_VARIANCE, FLAT_MINOR, centre_covariances
 from calib.studies.tolerance.quantities import NAMES, quantity_row
 from calib.studies.tolerance.result import table_of_draws
@@ -111,7 +111,7 @@ def test_another_frame_changes_no_quantity() -> None:
     pixel = seen_px(setting, centers_mm(shape)) + drawn_noise(setting, 0, 0)
     found = minimum_of(setting.anchor, np.ascontiguousarray(pixel.T))
     assert found is not None
-    solution = Solution(found, np.ascontiguousarray(pixel.T), true)
+    solution = MadeSolution(found, np.ascontiguousarray(pixel.T), true)
     motion = make_pose(exp_rotation(np.array([1.0, 2.0, -0.5])), np.array([100.0, -50.0, 30.0]))
     made = transform(motion @ invert(true.moved_from_made), true.center_mm)
     normal = true.plane[:, :3] @ (motion @ invert(true.moved_from_made))[:3, :3].T
@@ -120,7 +120,7 @@ def test_another_frame_changes_no_quantity() -> None:
     np.testing.assert_allclose(measures(other, again), measures(setting, solution), rtol=1e-9)
 
 
-def oracle(setting: Setting, found: Found, pixel: Array, true: TrueShape) -> list[float]:
+def oracle(setting: Setting, found: AnchoredMinimum, pixel: Array, true: TrueShape) -> list[float]:
     """The quantities that `calib.metrics` has, by it."""
     seen = replace(setting.observations, center_px=pixel)
     poses = np.array(found.cam_from_target)

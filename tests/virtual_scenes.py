@@ -9,7 +9,7 @@ from solver_scenes import SIZE, board
 
 from calib.cameras import rays
 from calib.types import Camera, KnownPoints, LearnedMap, Observations
-from calib.virtual.learn_map import Samples, learn_map
+from calib.virtual.learn_map import MapSamples, learn_map
 
 Array = NDArray[np.float64]
 
@@ -57,9 +57,9 @@ def board_in(pixel_span: tuple[float, float], columns: int = 21, rows: int = 21)
     return np.column_stack([flat, np.ones(len(flat))])
 
 
-def samples_of(pixel: Array, point: Array) -> Samples:
+def samples_of(pixel: Array, point: Array) -> MapSamples:
     """Samples that are all alike."""
-    return Samples(pixel, point, np.ones(len(pixel)), np.ones(len(pixel), dtype=np.int64))
+    return MapSamples(pixel, point, np.ones(len(pixel)), np.ones(len(pixel), dtype=np.int64))
 
 
 def sensor_of(direction: Array) -> Array:

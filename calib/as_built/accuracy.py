@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.blocks import Normal
-from calib.as_built.datum import Seen, by_shared_dense, datum_rings, fit_rings, rigid_design, rigid_fit, scale_fit
+from calib.as_built.datum import SeenParts, by_shared_dense, datum_rings, fit_rings, rigid_design, rigid_fit, scale_fit
 from calib.as_built.eliminate import Factor, covariance_factor
 from calib.as_built.problem import Joint
-from calib.as_built.unknowns import Rings, Shape, Unknowns, place_rings, strain_matrix
+from calib.as_built.unknowns import RingPlaces, TargetUnknowns, Unknowns, place_rings, strain_matrix
 from calib.se3 import skew
 
 Array = NDArray[np.float64]
@@ -18,7 +18,7 @@ ISOTROPIC = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Accuracy:
+class TargetAccuracy:
     """Covariances in the datum; of the scale nothing is in them."""
 
     params: Array  # (P, P) of all cameras' free parameters
@@ -49,7 +49,7 @@ class _Wide:
         return _Wide(self.common - weights @ other.common, self.own - weights @ other.own)
 
 
-def accuracy_of(joint: Joint, shape: Shape, seen: Seen, normal: Normal) -> Accuracy | None:
+def accuracy_of(joint: Joint, shape: TargetUnknowns, seen: SeenParts, normal: Normal) -> TargetAccuracy | None:
     """The covariances at the minimum; None if the photos and the priors do not determine it."""
     factor = covariance_factor(normal)
     if factor is None:
@@ -91,7 +91,9 @@ def accuracy_of(joint: Joint, shape: Shape, seen: Seen, normal: Normal) -> Accur
         bent = shared[second:].reshape(-1, 3, width)
         bow = bent @ bent.transpose(0, 2, 1)
     sigma, effective, share = _rings(joint, factor, design, offset, own)
-    return Accuracy(params @ params.T, strain, motion, face, bow, sigma, joint.param_count + effective, by_scale, share)
+    return TargetAccuracy(
+        params @ params.T, strain, motion, face, bow, sigma, joint.param_count + effective, by_scale, share
+    )
 
 
 def _through(inverse: Array, which: NDArray[np.int64], common: Array, own: Array) -> _Wide:
@@ -102,7 +104,7 @@ def _through(inverse: Array, which: NDArray[np.int64], common: Array, own: Array
     return _Wide(inverse @ common[which].reshape(-1, common.shape[2]), spread.reshape(len(inverse), -1))
 
 
-def _face_designs(unknowns: Unknowns, seen: Seen) -> list[tuple[NDArray[np.int64], Array]]:
+def _face_designs(unknowns: Unknowns, seen: SeenParts) -> list[tuple[NDArray[np.int64], Array]]:
     """Of each face the rings that tell where it is, and what turns their displacements into its motion (6, 3 n)."""
     center = unknowns.target.center_in_face_mm
     found = []
@@ -124,8 +126,8 @@ def _adjoints(unknowns: Unknowns) -> Array:
 
 def _faces(
     unknowns: Unknowns,
-    shape: Shape,
-    rings: Rings,
+    shape: TargetUnknowns,
+    rings: RingPlaces,
     design: list[tuple[NDArray[np.int64], Array]],
     moves: tuple[Array, Array],
     datum: tuple[_Wide, _Wide],

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.problem import Joint, Sightings, State
-from calib.as_built.unknowns import Rings, place_rings, shared_values
+from calib.as_built.problem import CameraSightings, Joint, State
+from calib.as_built.unknowns import RingPlaces, place_rings, shared_values
 from calib.cameras import linearise
 from calib.jit import jit
 
@@ -205,10 +205,10 @@ def normal_equations(joint: Joint, state: State) -> Normal:
 
 
 def _add_set(
-    one: Sightings,
+    one: CameraSightings,
     state: State,
     number: int,
-    rings: Rings,
+    rings: RingPlaces,
     joint: Joint,
     column: NDArray[np.int64],
     into: tuple[Array, Array, Array, Array, Array],

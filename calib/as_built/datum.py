@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from calib.as_built.problem import State
 from calib.as_built.unknowns import (
-    Rings,
-    Shape,
+    RingPlaces,
+    TargetUnknowns,
     Unknowns,
     in_face_mm,
     nominal_shape,
@@ -43,7 +43,7 @@ hold what the photos do not tell, so any value gives the same shape."""
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class SeenParts:
     """Which rings and faces were seen, and which faces the views join."""
 
     ring: Flags  # (R,)
@@ -70,7 +70,7 @@ def few_views(views: NDArray[np.int64]) -> Flags:
     return (views < FEW_VIEWS) & (len(views) > 1)
 
 
-def what_is_seen(unknowns: Unknowns, sets: list[tuple[Observations, Flags]]) -> Seen:
+def what_is_seen(unknowns: Unknowns, sets: list[tuple[Observations, Flags]]) -> SeenParts:
     """Which rings and faces the used observations (M,) of some sets show."""
     target = unknowns.target
     ring, views = np.zeros(target.ring_count, dtype=bool), np.zeros(target.face_count, dtype=np.int64)
@@ -82,7 +82,7 @@ def what_is_seen(unknowns: Unknowns, sets: list[tuple[Observations, Flags]]) -> 
         shown.extend(count >= LEAST_RINGS)
     for one in shown:
         views += one
-    return Seen(ring, views > 0, _groups(np.array(shown)), views)
+    return SeenParts(ring, views > 0, _groups(np.array(shown)), views)
 
 
 def _groups(shown: Flags) -> NDArray[np.int64]:
@@ -101,7 +101,7 @@ def _groups(shown: Flags) -> NDArray[np.int64]:
     return group
 
 
-def datum_rings(unknowns: Unknowns, seen: Seen) -> Flags:
+def datum_rings(unknowns: Unknowns, seen: SeenParts) -> Flags:
     """The rings that lie over the nominal ones: the seen ones of the datum's faces.  # (R,)"""
     return seen.ring & seen.datum[unknowns.target.ring_face]
 
@@ -126,7 +126,7 @@ def scale_fit(position_mm: Array) -> Array:
     return row
 
 
-def gauge_rows(unknowns: Unknowns, seen: Seen, size_mm: float) -> Array:
+def gauge_rows(unknowns: Unknowns, seen: SeenParts, size_mm: float) -> Array:
     """Rows over the shared unknowns (G, count): the motion and scale of the datum's rings, whitened."""
     rings = place_rings(unknowns, nominal_shape(unknowns.target))
     which = datum_rings(unknowns, seen)
@@ -145,7 +145,7 @@ def gauge_rows(unknowns: Unknowns, seen: Seen, size_mm: float) -> Array:
     return np.array(rows).reshape(-1, unknowns.count) / GAUGE_PART
 
 
-def by_shared_dense(unknowns: Unknowns, rings: Rings) -> Array:
+def by_shared_dense(unknowns: Unknowns, rings: RingPlaces) -> Array:
     """The rings' derivatives by all shared unknowns.  # (R, 3, count)"""
     dense = np.zeros((len(rings.position_mm), 3, unknowns.count + 1))
     column = unknowns.column[unknowns.target.ring_face]  # -1: into the spare column
@@ -164,7 +164,7 @@ def best_motion(source: Array, aim: Array, *, with_scale: bool = False) -> tuple
     return scale, rotation, shift
 
 
-def laid_over(unknowns: Unknowns, seen: Seen, state: State) -> State:
+def laid_over(unknowns: Unknowns, seen: SeenParts, state: State) -> State:
     """The same state with the target laid over the nominal one, rings' offsets without a motion of their face."""
     which = datum_rings(unknowns, seen)
     nominal = unknowns.target.center_mm[which]
@@ -193,11 +193,11 @@ def moved_target(unknowns: Unknowns, state: State, scale: float, rotation: Array
     for pose in state.poses:
         turned = pose[:, :3, :3] @ rotation.T
         poses.append(make_pose(turned, scale * pose[:, :3, 3] - turned @ shift_mm))
-    moved = Shape(strain_numbers(affine - np.eye(3)), numbers, shape.bow, shape.offset_mm)
+    moved = TargetUnknowns(strain_numbers(affine - np.eye(3)), numbers, shape.bow, shape.offset_mm)
     return State(state.cameras, tuple(poses), moved)
 
 
-def fit_rings(unknowns: Unknowns, seen: Seen) -> list[NDArray[np.int64]]:
+def fit_rings(unknowns: Unknowns, seen: SeenParts) -> list[NDArray[np.int64]]:
     """Of each face the rings that tell where it is: the seen ones, or all where these are few or on a line."""
     target = unknowns.target
     rows = []
@@ -214,7 +214,7 @@ def _span_a_plane(position_mm: Array) -> bool:
     return bool(length[1] > THIN * length[0])
 
 
-def folded(unknowns: Unknowns, seen: Seen, shape: Shape) -> Shape:
+def folded(unknowns: Unknowns, seen: SeenParts, shape: TargetUnknowns) -> TargetUnknowns:
     """The same rings, what their offsets have of a rigid motion given to the faces."""
     target = unknowns.target
     inside = in_face_mm(unknowns, shape)
@@ -229,4 +229,4 @@ def folded(unknowns: Unknowns, seen: Seen, shape: Shape) -> Shape:
         whole = make_pose(exp_rotation(motion[face, :3]), motion[face, 3:]) @ part
         motion[face] = np.concatenate([log_rotation(whole[:3, :3]), whole[:3, 3]])
         offset[own] = transform(invert(part), inside[own]) - bent[own]
-    return Shape(shape.strain, motion, shape.bow, offset)
+    return TargetUnknowns(shape.strain, motion, shape.bow, offset)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.blocks import Normal, normal_equations
-from calib.as_built.eliminate import Step, damped_step
+from calib.as_built.eliminate import TargetStep, damped_step
 from calib.as_built.problem import Joint, State
 from calib.as_built.unknowns import moved_shape
 from calib.solver.levenberg import (
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Minimum:
+class TargetMinimum:
     """Where the descent ended."""
 
     state: State
@@ -41,7 +41,7 @@ def minimise(
     max_iterations: int,
     damping: float = FIRST_DAMPING,
     small_decrease: float = SMALL_DECREASE,
-) -> Minimum:
+) -> TargetMinimum:
     """Descend to the nearest minimum.
 
     Args:
@@ -58,7 +58,7 @@ def minimise(
         step = damped_step(normal, damping)
         if step is not None:
             if step.predicted <= small_decrease * normal.cost + perfect:
-                return Minimum(state, normal, iteration, converged=True)
+                return TargetMinimum(state, normal, iteration, converged=True)
             trial = moved_state(joint, state, step)
             if all(is_allowed(camera) for camera in trial.cameras):
                 there = normal_equations(joint, trial)
@@ -68,11 +68,11 @@ def minimise(
                     state, normal = trial, there
                     continue
                 if step.predicted <= ROUNDING * normal.cost:
-                    return Minimum(state, normal, iteration, converged=True)
+                    return TargetMinimum(state, normal, iteration, converged=True)
         damping, growth = damping * growth, growth * 2
         if damping > LARGEST_DAMPING:
-            return Minimum(state, normal, iteration, converged=False)
-    return Minimum(state, normal, max_iterations, converged=False)
+            return TargetMinimum(state, normal, iteration, converged=False)
+    return TargetMinimum(state, normal, max_iterations, converged=False)
 
 
 def _shrinkage(gain: float) -> float:
@@ -80,7 +80,7 @@ def _shrinkage(gain: float) -> float:
     return 1e-3 if gain > 0.9 else max(1 / 3, 1 - (2 * gain - 1) ** 3)
 
 
-def moved_state(joint: Joint, state: State, step: Step) -> State:
+def moved_state(joint: Joint, state: State, step: TargetStep) -> State:
     """The state after a step."""
     cameras, poses = [], []
     for one, camera, pose in zip(joint.sets, state.cameras, state.poses, strict=True):

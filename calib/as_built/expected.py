@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.datum import Seen, by_shared_dense, rigid_design
+from calib.as_built.datum import SeenParts, by_shared_dense, rigid_design
 from calib.as_built.options import AsBuiltOptions
-from calib.as_built.unknowns import Shape, Unknowns, nominal_shape, place_rings, shared_values
+from calib.as_built.unknowns import TargetUnknowns, Unknowns, nominal_shape, place_rings, shared_values
 from calib.linear_algebra import pseudo_inverse
 from designer.target import bounding_radius_mm
 from designer.tolerance.made import how_made
@@ -34,7 +34,7 @@ def with_expected_deviations(unknowns: Unknowns, options: AsBuiltOptions) -> Unk
     return replace(unknowns, sigma=np.where(unknowns.is_given, unknowns.sigma, expected))
 
 
-def with_seen_deviations(unknowns: Unknowns, seen: Seen, shape: Shape) -> Unknowns:
+def with_seen_deviations(unknowns: Unknowns, seen: SeenParts, shape: TargetUnknowns) -> Unknowns:
     """The unknowns with larger standard deviations where the deviations are larger than was expected.
 
     Those of one kind, such as the tilts of all faces, share their factor: the root mean square of the values in their

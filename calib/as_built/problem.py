@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.unknowns import Shape, Unknowns
+from calib.as_built.unknowns import TargetUnknowns, Unknowns
 from calib.solver.problem import Problem, pack
 from calib.solver.tie import Tie
 from calib.types import Camera, Observations
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Sightings:
+class CameraSightings:
     """What one camera saw; its poses and free parameters stand in those of all cameras from a place on."""
 
     problem: Problem  # positions are those of the nominal target
@@ -29,7 +29,7 @@ class Sightings:
 class Joint:
     """All sightings, the unknowns of the target they show, and what an observation is worth."""
 
-    sets: tuple[Sightings, ...]
+    sets: tuple[CameraSightings, ...]
     unknowns: Unknowns
     gauge: Array  # (G, Q) rows over the shared unknowns that hold what photos do not tell, whitened for scale 1
     param_count: int  # free parameters of all cameras
@@ -44,7 +44,7 @@ class State:
 
     cameras: tuple[Camera, ...]
     poses: tuple[Array, ...]  # (V, 4, 4) of each camera
-    shape: Shape
+    shape: TargetUnknowns
 
 
 def joint_problem(
@@ -53,7 +53,7 @@ def joint_problem(
     """All sightings, packed; each view has some."""
     packed, view, param = [], 0, 0
     for seen, tie in zip(sets, ties, strict=True):
-        packed.append(Sightings(pack(seen, weighted=weighted), seen.point, tie, view, param))
+        packed.append(CameraSightings(pack(seen, weighted=weighted), seen.point, tie, view, param))
         view += seen.view_count
         param += int(tie.row.max(initial=-1)) + 1
     return Joint(tuple(packed), unknowns, gauge, param, view)

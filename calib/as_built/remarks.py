@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.datum import FEW_VIEWS, Seen, few_views
+from calib.as_built.datum import FEW_VIEWS, SeenParts, few_views
 from calib.solver.outliers import deviations
 from calib.types import Observations
 from designer.target import TargetGeometry
@@ -14,7 +14,7 @@ Flags = NDArray[np.bool_]
 FAR_OFF = 6.0
 
 
-def remarks_of(seen: Seen, is_determined: Flags, target: TargetGeometry, *, scale_known: bool) -> tuple[str, ...]:
+def remarks_of(seen: SeenParts, is_determined: Flags, target: TargetGeometry, *, scale_known: bool) -> tuple[str, ...]:
     """One line on each thing that the photos do not tell."""
     said = []
     unseen = ~seen.face

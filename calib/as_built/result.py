@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.datum import LEAST_RINGS, Seen, best_motion, fit_rings, rigid_design
+from calib.as_built.datum import LEAST_RINGS, SeenParts, best_motion, fit_rings, rigid_design
 from calib.as_built.lengths import Length
-from calib.as_built.unknowns import Shape, Unknowns, place_rings, strain_matrix
+from calib.as_built.unknowns import TargetUnknowns, Unknowns, place_rings, strain_matrix
 from calib.se3 import exp_rotation
 from calib.types import Camera, Observations, Status
 from designer.target import TargetGeometry
@@ -71,7 +71,7 @@ def face_shift_mm(target: TargetGeometry, square: Array) -> Array:
     return shift
 
 
-def left_open_mm(unknowns: Unknowns, shape: Shape, strain: Array, bow: Array) -> Array:
+def left_open_mm(unknowns: Unknowns, shape: TargetUnknowns, strain: Array, bow: Array) -> Array:
     """Displacements of the rings (S, R, 3) by independent standard normal numbers: what is not known of strain and bow.
 
     Where photos do not tell how far a print is stretched, it may be stretched still, measured or not.
@@ -100,7 +100,7 @@ def _root(covariance: Array) -> Array:
 
 
 def target_of(
-    unknowns: Unknowns, seen: Seen, shape: Shape, covariance: Array, open_mm: Array | None = None
+    unknowns: Unknowns, seen: SeenParts, shape: TargetUnknowns, covariance: Array, open_mm: Array | None = None
 ) -> TargetGeometry:
     """The geometry of a shape.
 

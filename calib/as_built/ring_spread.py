@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.blocks import Normal
-from calib.as_built.datum import Seen
-from calib.as_built.unknowns import Shape, Unknowns
+from calib.as_built.datum import SeenParts
+from calib.as_built.unknowns import TargetUnknowns, Unknowns
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ LEAST_PART = 0.1
 """Least spread, in units of how well an offset is seen: less cannot be told from none."""
 
 
-def with_seen_spread(unknowns: Unknowns, seen: Seen, shape: Shape, normal: Normal) -> Unknowns:
+def with_seen_spread(unknowns: Unknowns, seen: SeenParts, shape: TargetUnknowns, normal: Normal) -> Unknowns:
     """The unknowns with the rings' sigmas, in their plane and normal to it, that their offsets have.
 
     With the share k of an offset that the photos tell and the prior's sigma s, offsets have the mean square

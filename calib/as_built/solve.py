@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.accuracy import Accuracy, accuracy_of
+from calib.as_built.accuracy import TargetAccuracy, accuracy_of
 from calib.as_built.datum import (
-    Seen,
+    SeenParts,
     gauge_rows,
     laid_over,
     moved_target,
     what_is_seen,
 )
-from calib.as_built.descend import Minimum, minimise
+from calib.as_built.descend import TargetMinimum, minimise
 from calib.as_built.expected import with_expected_deviations, with_seen_deviations
 from calib.as_built.lengths import Length, Scale, scale_from
 from calib.as_built.options import AsBuiltOptions
@@ -109,8 +109,8 @@ def with_known_weights(options: AsBuiltOptions, sets: Sequence[Observations]) ->
 @dataclass(frozen=True, eq=False)
 class _Descended:
     joint: Joint
-    minimum: Minimum
-    seen: Seen
+    minimum: TargetMinimum
+    seen: SeenParts
     iterations: int
 
 
@@ -148,7 +148,9 @@ def _descend(started: Sequence[Calibration], target: TargetGeometry, model: str,
     return _Descended(joint, found, seen, iterations)
 
 
-def _kept(joint: Joint, found: Minimum, observations: Sequence[Observations], options: AsBuiltOptions) -> list[Flags]:
+def _kept(
+    joint: Joint, found: TargetMinimum, observations: Sequence[Observations], options: AsBuiltOptions
+) -> list[Flags]:
     """The observations that are not too far off, if a limit was asked for."""
     limit = options.solve.reject_sigma
     if limit is None:
@@ -159,7 +161,7 @@ def _kept(joint: Joint, found: Minimum, observations: Sequence[Observations], op
     ]
 
 
-def _posterior_scale(joint: Joint, found: Minimum, seen: Seen, effective: float | None = None) -> float:
+def _posterior_scale(joint: Joint, found: TargetMinimum, seen: SeenParts, effective: float | None = None) -> float:
     """Standard deviation of an observation, the unknowns that the photos determine taken off.
 
     Args:
@@ -185,7 +187,7 @@ def _posterior_scale(joint: Joint, found: Minimum, seen: Seen, effective: float 
     return max(joint.scale * float(np.sqrt(found.normal.squares / redundancy)), PERFECT)
 
 
-def _about_effective(joint: Joint, found: Minimum, seen: Seen) -> float:
+def _about_effective(joint: Joint, found: TargetMinimum, seen: SeenParts) -> float:
     """About how many unknowns beside the poses the photos determine, each taken on its own."""
     unknowns = joint.unknowns
     of_faces = (unknowns.count - unknowns.first_motion) * float(seen.face.mean())
@@ -196,7 +198,9 @@ def _about_effective(joint: Joint, found: Minimum, seen: Seen) -> float:
     return effective
 
 
-def _accurate(joint: Joint, found: Minimum, seen: Seen, options: AsBuiltOptions) -> tuple[Joint, Minimum, Accuracy]:
+def _accurate(
+    joint: Joint, found: TargetMinimum, seen: SeenParts, options: AsBuiltOptions
+) -> tuple[Joint, TargetMinimum, TargetAccuracy]:
     """The minimum with the exact posterior scale, and the accuracies there."""
     accuracy = _require(accuracy_of(joint, found.state.shape, seen, found.normal))
     scale = _posterior_scale(joint, found, seen, accuracy.effective)
@@ -207,7 +211,7 @@ def _accurate(joint: Joint, found: Minimum, seen: Seen, options: AsBuiltOptions)
     return joint, found, _require(accuracy_of(joint, found.state.shape, seen, found.normal))
 
 
-def _require(accuracy: Accuracy | None) -> Accuracy:
+def _require(accuracy: TargetAccuracy | None) -> TargetAccuracy:
     """Refuse what has none.
 
     Raises:
@@ -237,7 +241,7 @@ def _centre_noise_mm(joint: Joint, state: State) -> Array:
     return noise
 
 
-def _determined(accuracy: Accuracy, joint: Joint, seen: Seen, noise_mm: Array) -> Flags:
+def _determined(accuracy: TargetAccuracy, joint: Joint, seen: SeenParts, noise_mm: Array) -> Flags:
     """The faces whose rings the photos, or what is expected of the print, place as well as an image shows.  # (F,)"""
     if not joint.unknowns.has_motion:
         return seen.face
@@ -252,9 +256,9 @@ class _Measured:
     """A minimum in its datum and size."""
 
     joint: Joint
-    minimum: Minimum
-    seen: Seen
-    accuracy: Accuracy
+    minimum: TargetMinimum
+    seen: SeenParts
+    accuracy: TargetAccuracy
     state: State
     centre_noise_mm: Array  # (F,)
     is_determined: Flags

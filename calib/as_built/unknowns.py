@@ -34,7 +34,7 @@ LEAST_RING_SIGMA_MM = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class TargetUnknowns:
     """Values of the unknowns of R rings on F faces; all zero: as designed."""
 
     strain: Array  # (6,) xx, yy, zz, yz, xz, xy in the target's axes
@@ -146,10 +146,10 @@ def bow_basis(target: TargetGeometry) -> Array:
     return basis
 
 
-def nominal_shape(target: TargetGeometry) -> Shape:
+def nominal_shape(target: TargetGeometry) -> TargetUnknowns:
     """No deviation."""
     faces = target.face_count
-    return Shape(np.zeros(6), np.zeros((faces, 6)), np.zeros((faces, 3)), np.zeros((target.ring_count, 3)))
+    return TargetUnknowns(np.zeros(6), np.zeros((faces, 6)), np.zeros((faces, 3)), np.zeros((target.ring_count, 3)))
 
 
 def strain_matrix(strain: Array) -> Array:
@@ -163,17 +163,17 @@ def strain_numbers(matrix: Array) -> Array:
     return np.array([matrix[i, j] for i, j in STRAIN_INDEX])
 
 
-def moved_shape(unknowns: Unknowns, shape: Shape, shared: Array, offset: Array) -> Shape:
+def moved_shape(unknowns: Unknowns, shape: TargetUnknowns, shared: Array, offset: Array) -> TargetUnknowns:
     """The shape after a step of the shared unknowns (count,) and of the rings' offsets (R, 3)."""
     first, second = unknowns.first_motion, unknowns.first_bow
     strain = np.array(shape.strain)
     strain[unknowns.strain] += shared[:first]
     motion = shape.motion + shared[first:second].reshape(-1, 6) if unknowns.has_motion else shape.motion
     bow = shape.bow + shared[second:].reshape(-1, 3) if unknowns.has_bow else shape.bow
-    return Shape(strain, motion, bow, shape.offset_mm + offset)
+    return TargetUnknowns(strain, motion, bow, shape.offset_mm + offset)
 
 
-def shared_values(unknowns: Unknowns, shape: Shape) -> Array:
+def shared_values(unknowns: Unknowns, shape: TargetUnknowns) -> Array:
     """The values of the shared unknowns.  # (count,)"""
     parts = [
         shape.strain[unknowns.strain],
@@ -184,7 +184,7 @@ def shared_values(unknowns: Unknowns, shape: Shape) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Rings:
+class RingPlaces:
     """Where rings are, and how they move with the unknowns."""
 
     position_mm: Array  # (R, 3) in the target's frame
@@ -193,7 +193,7 @@ class Rings:
     by_offset: Array  # (R, 3, 3)
 
 
-def in_face_mm(unknowns: Unknowns, shape: Shape) -> Array:
+def in_face_mm(unknowns: Unknowns, shape: TargetUnknowns) -> Array:
     """The rings in their faces' frames, before the faces move.  # (R, 3)"""
     target = unknowns.target
     inside = target.center_in_face_mm + shape.offset_mm
@@ -201,7 +201,7 @@ def in_face_mm(unknowns: Unknowns, shape: Shape) -> Array:
     return inside
 
 
-def place_rings(unknowns: Unknowns, shape: Shape) -> Rings:
+def place_rings(unknowns: Unknowns, shape: TargetUnknowns) -> RingPlaces:
     """The rings of a shape, with derivatives."""
     target, face = unknowns.target, unknowns.target.ring_face
     affine = np.eye(3) + strain_matrix(shape.strain)
@@ -219,7 +219,7 @@ def place_rings(unknowns: Unknowns, shape: Shape) -> Rings:
     by_shared[:, :, 6:9] = -by_shift[face] @ skew(turned) @ left_jacobian(shape.motion[:, :3])[face]
     by_shared[:, :, 9:12] = by_shift[face]
     by_shared[:, :, 12:] = by_offset[:, :, 2:] * unknowns.basis[:, None, :]
-    return Rings(unstrained @ affine, unstrained, by_shared, by_offset)
+    return RingPlaces(unstrained @ affine, unstrained, by_shared, by_offset)
 
 
 def left_jacobian(vector_rad: Array) -> Array:

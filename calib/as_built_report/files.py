@@ -43,7 +43,7 @@ _TABLE, _KIND_LINE = "ringsolid.as-built", "# ringsolid as-built deviations, ver
 
 
 @dataclass(frozen=True, eq=False)
-class Report:
+class MeasureReport:
     """All there is to say of a measured target."""
 
     found: AsBuilt
@@ -71,17 +71,17 @@ def report_of(
     weighted: bool,
     program: str,
     settings: tuple[tuple[str, str], ...],
-) -> Report:
+) -> MeasureReport:
     """The report on a measured target."""
     whole, faces, rings = whole_print(found, bed_turn_rad), face_deviations(found), ring_deviations(found)
-    return Report(
+    return MeasureReport(
         found, whole, faces, rings, held_out, tuple(lengths),
         made_with_percent, made_with_skew_rad, bed_turn_rad, weighted, program, settings,
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Places:
+class FilePlaces:
     """Where the files lie."""
 
     target: Path
@@ -90,7 +90,7 @@ class Places:
     picture: Path
 
 
-def places_of(target: Path) -> Places:
+def places_of(target: Path) -> FilePlaces:
     """The files beside a measured target.
 
     Raises:
@@ -101,10 +101,10 @@ def places_of(target: Path) -> Places:
         raise InputError(f"-o {target}: target files end in {TARGET_SUFFIX}; call it {name}{TARGET_SUFFIX}")
     stem = target.name.removesuffix(TARGET_SUFFIX)
     report, table, picture = (target.with_name(f"{stem}.as_built{end}") for end in (".json", ".csv", ".png"))
-    return Places(target, report, table, picture)
+    return FilePlaces(target, report, table, picture)
 
 
-def check_places(places: Places, nominal: Path) -> None:
+def check_places(places: FilePlaces, nominal: Path) -> None:
     """Refuse places that hold something else, before any work is done.
 
     Raises:
@@ -121,7 +121,7 @@ def check_places(places: Places, nominal: Path) -> None:
         require_ours(place, kind=kind)
 
 
-def report_files(report: Report, places: Places) -> dict[Path, bytes]:
+def report_files(report: MeasureReport, places: FilePlaces) -> dict[Path, bytes]:
     """The target, the numbers and the table."""
     return {
         places.target: target_to_json(report.found.target).encode(),
@@ -130,7 +130,7 @@ def report_files(report: Report, places: Places) -> dict[Path, bytes]:
     }
 
 
-def table_to_csv(report: Report) -> str:
+def table_to_csv(report: MeasureReport) -> str:
     """A line a number, with its standard deviation and how many of them it is from zero."""
     stream = io.StringIO(newline="")
     stream.write(_KIND_LINE)
@@ -179,14 +179,14 @@ def _ring_rows(found: AsBuilt, rings: RingDeviations) -> Iterator[_Row]:
             yield "ring", ring, int(target.ring_face[ring]), i, j, f"offset {'xyz'[axis]}", *_numbers(one, "mm")
 
 
-def report_to_json(report: Report) -> str:
+def report_to_json(report: MeasureReport) -> str:
     """The text of NAME.as_built.json: a field a line."""
     document = dict(_fields(report))
     lines = (f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in document.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def _fields(report: Report) -> Iterator[tuple[str, JsonValue]]:
+def _fields(report: MeasureReport) -> Iterator[tuple[str, JsonValue]]:
     found, whole = report.found, report.whole
     yield "format", FORMAT
     yield "version", VERSION

@@ -86,7 +86,7 @@ def judged_by(gains: Sequence[Gain]) -> Gain | None:
 
 
 @dataclass(frozen=True)
-class _Sum:
+class _ErrorSum:
     square: float
     count: int
 
@@ -102,8 +102,8 @@ class _Key:
 class _Pair:
     """One photo's errors with either target; of errors that are of no single photo, one part's."""
 
-    nominal: _Sum
-    measured: _Sum
+    nominal: _ErrorSum
+    measured: _ErrorSum
 
 
 def gain_on_held_out(
@@ -183,7 +183,7 @@ def _usable(seen: Observations, is_outlier: Flags) -> Observations:
 
 def _errors(
     camera: Camera, shown: Observations, target: TargetGeometry, truth: TargetGeometry | None, *, weighted: bool
-) -> dict[_Key, dict[str, _Sum]]:
+) -> dict[_Key, dict[str, _ErrorSum]]:
     """The errors of views by their names, against the target that their poses are solved with, and the truth."""
     if not shown.view_count:
         return {}
@@ -201,7 +201,7 @@ def _errors(
     return {_Key(one.metric, one.unit, is_true): _sums(one, shown.view_names) for is_true, one in found}
 
 
-def _sums(errors: Errors, names: Sequence[str]) -> dict[str, _Sum]:
+def _sums(errors: Errors, names: Sequence[str]) -> dict[str, _ErrorSum]:
     """Squares and counts by photo; of errors that are of no single photo all together."""
     if errors.view is None:
         names = ("",)
@@ -209,10 +209,10 @@ def _sums(errors: Errors, names: Sequence[str]) -> dict[str, _Sum]:
     counted = errors.is_counted
     square = np.bincount(group[counted], errors.size[counted] ** 2, len(names)).tolist()
     count = np.bincount(group[counted], minlength=len(names)).tolist()
-    return {name: _Sum(*both) for name, *both in zip(names, square, count, strict=True) if both[1]}
+    return {name: _ErrorSum(*both) for name, *both in zip(names, square, count, strict=True) if both[1]}
 
 
-def _pairs(nominal: dict[str, _Sum], measured: dict[str, _Sum]) -> Iterator[_Pair]:
+def _pairs(nominal: dict[str, _ErrorSum], measured: dict[str, _ErrorSum]) -> Iterator[_Pair]:
     """What was found with both targets, so that both are judged alike."""
     for name, one in nominal.items():
         if name in measured:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built_report.deviations import Verdict
-from calib.as_built_report.files import Report
+from calib.as_built_report.files import MeasureReport
 from calib.as_built_report.held_out import Gain
 from calib.as_built_report.layout import Layout, layout_of
 from calib.as_built_report.words import degrees, percent, spread_mm
@@ -45,7 +45,7 @@ MOST_FACES_PX, LEAST_FACES_PX = 1100.0, 300.0
 LONG_PERCENT = 98
 
 
-def report_picture(report: Report) -> bytes:
+def report_picture(report: MeasureReport) -> bytes:
     """The picture of a measured target, as PNG."""
     layout = layout_of(report.found.nominal)
     panel = _panel_px(layout)
@@ -58,7 +58,7 @@ def _panel_px(layout: Layout) -> float:
     return float(np.clip(0.9 * WIDTH_PX * height / width, LEAST_FACES_PX, MOST_FACES_PX)) + 110
 
 
-def _draw(page: "Figure", report: Report, layout: Layout, panel_px: float) -> None:
+def _draw(page: "Figure", report: MeasureReport, layout: Layout, panel_px: float) -> None:
     panels = [draw for draw, shown in ((_draw_faces, report.faces), (_draw_rings, report.rings)) if shown is not None]
     # Parts of the page that are laid out one by one: their texts never meet.
     parts = page.subfigures(1 + len(panels), 1, squeeze=False, height_ratios=[HEADER_PX, *[panel_px] * len(panels)])
@@ -74,7 +74,7 @@ def _draw(page: "Figure", report: Report, layout: Layout, panel_px: float) -> No
     )  # fmt: skip
 
 
-def _draw_header(part: "SubFigure", report: Report) -> None:
+def _draw_header(part: "SubFigure", report: MeasureReport) -> None:
     """The whole print in words, and what is gained on photos held out."""
     held = report.held_out
     gains = () if held is None else (*held.gains, *held.against_truth)
@@ -91,7 +91,7 @@ def _draw_header(part: "SubFigure", report: Report) -> None:
         axes[1].set_ylabel("RMSE of photos held out")
 
 
-def _write_whole(axes: "Axes", report: Report) -> None:
+def _write_whole(axes: "Axes", report: MeasureReport) -> None:
     """Size, axes and skew."""
     axes.set_axis_off()
     axes.set_title("The whole print, along the bed's axes")
@@ -134,7 +134,7 @@ def _map_axes(axes: "Axes", layout: Layout, title: str) -> None:
     axes.set_ylim(-height - 0.01 * width, layout.key_mm)
 
 
-def _draw_faces(axes: "Axes", report: Report, layout: Layout) -> None:
+def _draw_faces(axes: "Axes", report: MeasureReport, layout: Layout) -> None:
     """How faces lie: colour along the normal, a dashed outline and an arrow in the plane."""
     faces, target = report.faces, report.found.nominal
     _map_axes(axes, layout, "How each face lies, seen from outside")
@@ -169,7 +169,7 @@ def _draw_faces(axes: "Axes", report: Report, layout: Layout) -> None:
         _bar(axes, shown)
 
 
-def _draw_rings(axes: "Axes", report: Report, layout: Layout) -> None:
+def _draw_rings(axes: "Axes", report: MeasureReport, layout: Layout) -> None:
     """How rings lie on their faces: arrows in the plane, colour along the normal."""
     rings, target = report.rings, report.found.nominal
     several = target.face_count > 1

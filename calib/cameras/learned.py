@@ -39,7 +39,7 @@ LAST_STEP_PX = 1e-5
 KERNEL_VALUES_AT_ONCE = 2_000_000
 
 
-class Spline(NamedTuple):
+class SplineNodes(NamedTuple):
     """The homography, and the sum at H x W nodes."""
 
     trend: Array  # (3, 3)
@@ -48,7 +48,7 @@ class Spline(NamedTuple):
     node: Array  # (H, W, 8) of the sum's two coordinates: value, derivatives by u, by v, by both, times the step
 
 
-class Region(NamedTuple):
+class MapRegion(NamedTuple):
     """What is known of the map."""
 
     first_px: Array  # (2,) left and upper edge of the image
@@ -66,11 +66,11 @@ class Starts(NamedTuple):
     step: Array  # (2,) size of a cell
 
 
-class Table(NamedTuple):
+class MapTable(NamedTuple):
     """A learned map over an image, ready to be read."""
 
-    spline: Spline
-    region: Region
+    spline: SplineNodes
+    region: MapRegion
     starts: Starts
 
 
@@ -162,20 +162,22 @@ def exact_variance(learned: LearnedMap, pixel: Array) -> Array:
 
 @lru_cache(maxsize=2)
 @one_thread
-def table_of(learned: LearnedMap, image_size: tuple[int, int]) -> Table:
+def table_of(learned: LearnedMap, image_size: tuple[int, int]) -> MapTable:
     """The map's table over an image; kept for the maps last used."""
     spline = spline_of(learned, image_size)
     first, last = _edges(image_size)
     step = min(learned.length_px / STEPS_PER_LENGTH, float((last - first).max()) / LEAST_CELLS)
     pixel = _grid(first, step, _node_count(first, last, step))
     variance = exact_variance(learned, pixel.reshape(-1, 2)).reshape(pixel.shape[:2])
-    region = Region(first, last, step, np.log(np.maximum(variance, LEAST_VARIANCE)), 2 * float(np.log(learned.limit)))
-    return Table(spline, region, _starts(spline, pixel, region.log_variance <= region.log_limit))
+    region = MapRegion(
+        first, last, step, np.log(np.maximum(variance, LEAST_VARIANCE)), 2 * float(np.log(learned.limit))
+    )
+    return MapTable(spline, region, _starts(spline, pixel, region.log_variance <= region.log_limit))
 
 
 @lru_cache(maxsize=2)
 @one_thread
-def spline_of(learned: LearnedMap, image_size: tuple[int, int]) -> Spline:
+def spline_of(learned: LearnedMap, image_size: tuple[int, int]) -> SplineNodes:
     """The coarsest table of the map alone that is exact enough.
 
     The error of Hermite's interpolation is at most step^4 / 384 of the fourth derivative along each axis; it is
@@ -187,7 +189,7 @@ def spline_of(learned: LearnedMap, image_size: tuple[int, int]) -> Spline:
         count = _node_count(first, last, step)
         node = _nodes(learned, first, step, count)
         if _table_error(learned, node, first, step) <= TABLE_ERROR or 4 * count.prod() > MAX_NODES:
-            return Spline(learned.trend, first, step, node)
+            return SplineNodes(learned.trend, first, step, node)
         step /= 2
 
 
@@ -237,7 +239,7 @@ def _table_error(learned: LearnedMap, node: Array, first: Array, step: float) ->
     return float(np.abs(read - middle).max(initial=0.0))
 
 
-def _starts(spline: Spline, pixel: Array, known: NDArray[np.bool_]) -> Starts:
+def _starts(spline: SplineNodes, pixel: Array, known: NDArray[np.bool_]) -> Starts:
     """Sort known pixels (H, W, 2), and those beside them, into cells of the sensor."""
     rows, columns = known.shape
     point = np.empty((rows * columns, 2))
@@ -275,7 +277,7 @@ def _spread(start: Array) -> None:
 
 
 @jit
-def read(spline: Spline, u: float, v: float) -> tuple[float, float, float, float, float, float]:
+def read(spline: SplineNodes, u: float, v: float) -> tuple[float, float, float, float, float, float]:
     """The map and its derivatives at one pixel: x, y, dx/du, dx/dv, dy/du, dy/dv; known or not."""
     trend, node, step = spline.trend, spline.node, spline.step_px
     rows, columns, _ = node.shape
@@ -311,7 +313,7 @@ def _hermite(end: int, s: float) -> tuple[float, float, float, float]:
 
 
 @jit
-def is_known(region: Region, u: float, v: float) -> bool:
+def is_known(region: MapRegion, u: float, v: float) -> bool:
     """Whether the map is known at a pixel: inside the image, and its variance, read between nodes, within the limit."""
     if not (region.first_px[0] <= u <= region.last_px[0] and region.first_px[1] <= v <= region.last_px[1]):
         return False
@@ -325,7 +327,7 @@ def is_known(region: Region, u: float, v: float) -> bool:
 
 
 @jit
-def search(table: Table, x: float, y: float) -> tuple[float, float]:
+def search(table: MapTable, x: float, y: float) -> tuple[float, float]:
     """The pixel that the map takes to a point of the sensor, by Newton's method; nan where it finds none.
 
     The pixel may lie a little outside what is known.
@@ -356,7 +358,7 @@ def search(table: Table, x: float, y: float) -> tuple[float, float]:
 
 
 @jit
-def _points(spline: Spline, pixel: Array, point: Array, jacobian: Array) -> None:
+def _points(spline: SplineNodes, pixel: Array, point: Array, jacobian: Array) -> None:
     for n in range(len(pixel)):
         x, y, xu, xv, yu, yv = read(spline, pixel[n, 0], pixel[n, 1])
         point[n, 0], point[n, 1] = x, y
@@ -364,13 +366,13 @@ def _points(spline: Spline, pixel: Array, point: Array, jacobian: Array) -> None
 
 
 @jit
-def _known(region: Region, pixel: Array, known: NDArray[np.bool_]) -> None:
+def _known(region: MapRegion, pixel: Array, known: NDArray[np.bool_]) -> None:
     for n in range(len(pixel)):
         known[n] = is_known(region, pixel[n, 0], pixel[n, 1])
 
 
 @jit
-def _pixels(table: Table, point: Array, pixel: Array) -> None:
+def _pixels(table: MapTable, point: Array, pixel: Array) -> None:
     for n in range(len(point)):
         pixel[n, 0], pixel[n, 1] = search(table, point[n, 0], point[n, 1])
 

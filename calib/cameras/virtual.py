@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.learned import Table, is_known, read, search, table_of
+from calib.cameras.learned import MapTable, is_known, read, search, table_of
 from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter, room_for
 from calib.jit import jit
 from calib.types import Camera
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @jit
-def _rays(params: Array, table: Table, pixel: Array, ray: Array) -> None:
+def _rays(params: Array, table: MapTable, pixel: Array, ray: Array) -> None:
     for n in range(len(pixel)):
         u, v = pixel[n, 0], pixel[n, 1]
         if is_known(table.region, u, v):
@@ -29,7 +29,7 @@ def _rays(params: Array, table: Table, pixel: Array, ray: Array) -> None:
 
 
 @jit
-def _project(params: Array, table: Table, point: Array, pixel: Array) -> None:
+def _project(params: Array, table: MapTable, point: Array, pixel: Array) -> None:
     for n in range(len(point)):
         pixel[n, 0], pixel[n, 1] = np.nan, np.nan
         if point[n, 2] > 0:
@@ -40,7 +40,7 @@ def _project(params: Array, table: Table, point: Array, pixel: Array) -> None:
 
 
 @jit
-def _linearise(params: Array, table: Table, point: Array, pixel: Array, by_point: Array, by_params: Array) -> None:
+def _linearise(params: Array, table: MapTable, point: Array, pixel: Array, by_point: Array, by_params: Array) -> None:
     fx, fy, cx, cy = params
     for n in range(point.shape[1]):
         inverse_depth = 1.0 / point[2, n] if point[2, n] > 0 else np.nan
@@ -62,7 +62,7 @@ def _linearise(params: Array, table: Table, point: Array, pixel: Array, by_point
             by_point[k, 0, n], by_point[k, 1, n], by_point[k, 2, n] = gx, gy, -(gx * x + gy * y)
 
 
-def table_of_camera(camera: Camera) -> Table:
+def table_of_camera(camera: Camera) -> MapTable:
     """The table of a virtual camera's map.
 
     Raises:

@@ -25,7 +25,7 @@ from designer.own_files import require_ours
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from calib.detect.batch import Detect, Found, PhotoResult, Pixels, Read
+    from calib.detect.batch import Detect, FoundPhotos, PhotoResult, Pixels, Read
     from calib.types import Camera, Detections
     from designer.target import TargetGeometry
 
@@ -185,7 +185,7 @@ def staging_folder(overlay: Path | None) -> Iterator[Path | None]:
 
 def search_photos(
     detect_one: "Detect",
-    found: "Found",
+    found: "FoundPhotos",
     geometry: "TargetGeometry",
     camera: "Camera | None",
     staging: Path | None,
@@ -295,7 +295,9 @@ def write_results(
     write_detections(table, seen, geometry, detector=program(), failed=failed, rendered_id=rendered_id)
 
 
-def summarise(geometry: "TargetGeometry", found: "Found", results: "Sequence[PhotoResult]", seconds: float) -> None:
+def summarise(
+    geometry: "TargetGeometry", found: "FoundPhotos", results: "Sequence[PhotoResult]", seconds: float
+) -> None:
     """A table of the images, what failed, and the sums."""
     from calib.inputs.records import common_remarks
 

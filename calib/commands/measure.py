@@ -28,7 +28,7 @@ from designer.errors import InputError
 if TYPE_CHECKING:
     from calib.as_built.options import AsBuiltOptions
     from calib.as_built.result import AsBuilt
-    from calib.as_built_report.files import Places
+    from calib.as_built_report.files import FilePlaces
     from calib.as_built_report.held_out import HeldOut
     from calib.as_built_report.length_words import AskedLength
     from calib.types import Observations
@@ -205,7 +205,7 @@ def _doubts(target: "TargetGeometry", lengths: "Sequence[AskedLength]", way: "Ma
     return tuple(filter(None, (doubt_about(one, target, way.errors) for one in lengths)))
 
 
-def _other_pages(places: "Places") -> tuple[str, ...]:
+def _other_pages(places: "FilePlaces") -> tuple[str, ...]:
     """That the folder's page will be of this print, and no longer of another one in it."""
     others = sorted(path for path in places.report.parent.glob("*.as_built.json") if path != places.report)
     if not others:
@@ -412,7 +412,7 @@ def _write_and_say(
     lengths: "Sequence[AskedLength]",
     how: Print,
     settings: tuple[tuple[str, str], ...],
-    places: "Places",
+    places: "FilePlaces",
     detections: Sequence[Path],
     *,
     is_judged: bool,

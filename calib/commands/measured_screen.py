@@ -7,7 +7,7 @@ from designer.command import printable
 
 if TYPE_CHECKING:
     from calib.as_built_report.deviations import Estimate
-    from calib.as_built_report.files import Report
+    from calib.as_built_report.files import MeasureReport
 
 
 def say_next_size(size: "Estimate", made_with_percent: float, *, plastic: bool) -> None:
@@ -27,7 +27,7 @@ def say_next_size(size: "Estimate", made_with_percent: float, *, plastic: bool) 
     print(f"next print: design ... --shrink-compensation {percent:.3f}%   # printed plastic{before}")
 
 
-def say_measured(report: "Report") -> None:
+def say_measured(report: "MeasureReport") -> None:
     """Status, the whole print, faces, rings and what is gained."""
     from calib.as_built_report.words import (
         faces_table,

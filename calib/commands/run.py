@@ -65,7 +65,7 @@ from designer.errors import InputError
 
 if TYPE_CHECKING:
     from calib.commands.judged_page import JudgedPage
-    from calib.detect.batch import Detect, Found, PhotoResult, Pixels
+    from calib.detect.batch import Detect, FoundPhotos, PhotoResult, Pixels
     from calib.detect.pipeline import Found as Named
     from calib.pipeline.settings import SolvePlan
     from calib.pipeline.solutions import Solution
@@ -153,7 +153,7 @@ def run(
 
 
 def _nothing_found(
-    folder: Path, target: Path, geometry: "TargetGeometry", found: "Found", detected: "_Detected", *, page: bool
+    folder: Path, target: Path, geometry: "TargetGeometry", found: "FoundPhotos", detected: "_Detected", *, page: bool
 ) -> Summary:
     """Write the page that shows why, of the run's folder, or of its overlays if an earlier camera has the folder."""
     from calib.report.run_folder import is_run_folder
@@ -226,7 +226,7 @@ def _advise(solutions: "Sequence[Solution]", judged: "JudgedPage", truth: Path |
     return advise(solutions, first=judged.look, again=again, evaluate=evaluate)
 
 
-def _without_pictures(found: "Found", folder: Path) -> "Found":
+def _without_pictures(found: "FoundPhotos", folder: Path) -> "FoundPhotos":
     """The photos without the pictures that an earlier run drew among them."""
     from calib.figures import CALIBRATION_PICTURE, COMPARISON_PICTURE
 
@@ -268,7 +268,7 @@ class _First:
 
 
 def _detect_twice(
-    geometry: "TargetGeometry", found: "Found", plan: "SolvePlan", folder: Path, jobs: int, rendered_id: str
+    geometry: "TargetGeometry", found: "FoundPhotos", plan: "SolvePlan", folder: Path, jobs: int, rendered_id: str
 ) -> _Detected:
     """Search the photos, solve a first camera, and search again with its lens; write the detections and overlays."""
     from calib.detect.batch import reading_once

@@ -22,7 +22,7 @@ from designer.completion import error_templates, one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
-    from calib.inputs.corners_vnl import Grid
+    from calib.inputs.corners_vnl import PointGrid
     from calib.pipeline.settings import SolvePlan
     from calib.types import Observations
     from calib.virtual.solve_virtual import Reference
@@ -237,9 +237,9 @@ def reference_settings(reference: str | None, target: Path | None) -> tuple[tupl
     return named if target is None else (*named, ("reference-target", target.name))
 
 
-def _grid(grid: str | None, pitch: str | None) -> "Grid | None":
+def _grid(grid: str | None, pitch: str | None) -> "PointGrid | None":
     """The corners' grid, if one is given."""
-    from calib.inputs.corners_vnl import Grid
+    from calib.inputs.corners_vnl import PointGrid
     from calib.inputs.correspondences import MAX_GRID, parse_pair
     from designer.units import parse_length_mm
 
@@ -254,4 +254,4 @@ def _grid(grid: str | None, pitch: str | None) -> "Grid | None":
         raise InputError(f"--pitch {pitch!r}: {error}") from None
     if not pitch_mm > 0:
         raise InputError(f"--pitch {pitch!r}: must be more than 0")
-    return Grid(columns, rows, pitch_mm)
+    return PointGrid(columns, rows, pitch_mm)

@@ -33,7 +33,7 @@ from designer.errors import InputError
 
 if TYPE_CHECKING:
     from calib.pipeline.settings import SolvePlan
-    from calib.studies.findings import Finding
+    from calib.studies.findings import HeldClaim
     from calib.studies.paper_study import PaperStudy
     from calib.studies.store import Study
     from calib.studies.workers import CaseSpec
@@ -278,7 +278,7 @@ def show(study: "Study", folder: Path, remarks: Sequence[str] = ()) -> Summary:
     return Summary(answer, (*output.files, study.path), (step,), (*remarks, *mixed))
 
 
-def _say_findings(found: "Sequence[Finding]") -> None:
+def _say_findings(found: "Sequence[HeldClaim]") -> None:
     """What holds of the paper's findings; of a person's own photos only how sigma falls, which is no claim."""
     from calib.report.study_words import fall_in_words
     from calib.studies.table import finding_in_words, findings_table

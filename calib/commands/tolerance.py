@@ -25,7 +25,7 @@ from designer.errors import InputError
 if TYPE_CHECKING:
     from calib.studies.tolerance.explore import Keeping
     from calib.studies.tolerance.first_order import FirstOrder
-    from calib.studies.tolerance.report import Against, Report, Requirement
+    from calib.studies.tolerance.report import Against, Requirement, ToleranceReport
     from calib.studies.tolerance.setting import Setting
     from calib.types import Camera
     from designer.target import TargetGeometry
@@ -98,7 +98,7 @@ def tolerance(
     asked = _asked(draws=draws, seed=seed, jobs=jobs, require=require, by=by, predicts=linear, full=full)
     _check_together(asked, against, against_errors, against_distance, vary, dask, resume=resume)
     formats = figure_formats(figures)
-    view = _View(views, camera, model, weighted)
+    view = _BothTargets(views, camera, model, weighted)
     check_folder(out)
     with waiting("setting up"):
         scene = _scene(target, errors, changes or [], distance, view, asked.seed)
@@ -124,7 +124,7 @@ def tolerance(
 
 
 @dataclass(frozen=True)
-class _View:
+class _BothTargets:
     """What is the same for both targets."""
 
     views: int
@@ -207,7 +207,7 @@ def _check_vary(scene: _Scene, vary: str | None) -> None:
         raise InputError(f"--vary {vary}: has no size in {scene.errors.name}; give it one, such as with --set")
 
 
-def _scene(path: Path, errors: str, changes: list[str], distance: str, view: _View, seed: int) -> _Scene:
+def _scene(path: Path, errors: str, changes: list[str], distance: str, view: _BothTargets, seed: int) -> _Scene:
     """Read a target and its errors, and set up its photos.
 
     Raises:
@@ -246,7 +246,7 @@ def _count(number: int, noun: str) -> str:
 
 
 def _setting(
-    target: "TargetGeometry", camera: "Camera", distance_mm: float, view: _View, seed: int, remark: str
+    target: "TargetGeometry", camera: "Camera", distance_mm: float, view: _BothTargets, seed: int, remark: str
 ) -> "Setting":
     from calib.solver.options import SolveOptions
     from calib.studies.tolerance.setting import make_setting
@@ -271,7 +271,7 @@ def _remarks(target: "TargetGeometry", setting: "Setting", fit: str) -> Iterator
         yield f"warning: {fit}"
 
 
-def _explored(scene: _Scene, asked: _Asked, keeping: "Keeping") -> "Report":
+def _explored(scene: _Scene, asked: _Asked, keeping: "Keeping") -> "ToleranceReport":
     """Costs, sweeps, how far the prediction holds, and budgets."""
     from calib.studies.tolerance.control import control_of
     from calib.studies.tolerance.explore import (
@@ -285,13 +285,13 @@ def _explored(scene: _Scene, asked: _Asked, keeping: "Keeping") -> "Report":
     )
     from calib.studies.tolerance.first_order import first_order
     from calib.studies.tolerance.linear import linear_table
-    from calib.studies.tolerance.report import Report, sweeps_from
+    from calib.studies.tolerance.report import ToleranceReport, sweeps_from
     from calib.studies.tolerance.result import table_of_draws
 
     setting, errors = scene.setting, scene.errors
     with waiting("predicting"):
         linear = linear_table(setting, errors)
-    report = Report(scene.name, scene.lines, setting.target.face_count, linear, linear, asked.by)
+    report = ToleranceReport(scene.name, scene.lines, setting.target.face_count, linear, linear, asked.by)
     if asked.predicts:
         return replace(report, budgets=budgets_of(report, asked.requirements))
     first = first_order(setting)
@@ -315,7 +315,7 @@ def _explored(scene: _Scene, asked: _Asked, keeping: "Keeping") -> "Report":
     return _searched(report, first, errors, asked)
 
 
-def _searched(report: "Report", first: "FirstOrder", errors: "ErrorModel", asked: _Asked) -> "Report":
+def _searched(report: "ToleranceReport", first: "FirstOrder", errors: "ErrorModel", asked: _Asked) -> "ToleranceReport":
     """The budgets, searched with draws where errors are no longer small."""
     from calib.studies.progress import after
     from calib.studies.tolerance.explore import searched
@@ -333,7 +333,7 @@ def _searched(report: "Report", first: "FirstOrder", errors: "ErrorModel", asked
 
 
 def _compared(
-    report: "Report", scene: _Scene, other: _Scene, asked: _Asked, keeping: "Keeping", vary: str | None
+    report: "ToleranceReport", scene: _Scene, other: _Scene, asked: _Asked, keeping: "Keeping", vary: str | None
 ) -> "Against":
     """The other target's costs, and where the first loses to it."""
     from calib.studies.tolerance.control import control_of
@@ -370,7 +370,7 @@ def _timed(tell: Callable[[float], None], asked: _Asked) -> Callable[[float], No
     return told
 
 
-def _write(report: "Report", folder: Path, target: Path, formats: tuple[str, ...]) -> Summary:
+def _write(report: "ToleranceReport", folder: Path, target: Path, formats: tuple[str, ...]) -> Summary:
     """Print the tables and what they say, write the files, and say what to look at."""
     from calib.files import write_files
     from calib.studies.table_files import JSON_FILE

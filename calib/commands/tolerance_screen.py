@@ -8,10 +8,10 @@ from calib.commands.screen import shown, table_console
 from designer.command import printable
 
 if TYPE_CHECKING:
-    from calib.studies.tolerance.report import Report
+    from calib.studies.tolerance.report import ToleranceReport
 
 
-def say_report(report: "Report") -> None:
+def say_report(report: "ToleranceReport") -> None:
     """The tables and what they say, on the screen."""
     from calib.studies.tolerance.notes import budget_notes, crossover_notes, notes
     from calib.studies.tolerance.tables import budget_table, cost_table, crossover_table, screen_table
@@ -42,7 +42,7 @@ def _print_notes(lines: tuple[str, ...]) -> None:
         print(f"- {printable(line)}")
 
 
-def say_files(report: "Report", folder: Path, files: Sequence[Path]) -> None:
+def say_files(report: "ToleranceReport", folder: Path, files: Sequence[Path]) -> None:
     """What was written."""
     from calib.studies.outputs import FIGURES_FOLDER
     from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE

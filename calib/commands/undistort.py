@@ -95,14 +95,14 @@ def _keep(
 ) -> Path:
     """Write what the folder's page is built from."""
     from calib.report.photos_file import write_photos
-    from calib.report.undistorted_photos import Undistorted, UndistortedPhoto, told_undistorted
+    from calib.report.undistorted_photos import UndistortedPhoto, UndistortedSet, told_undistorted
 
     good = [(one, one.place) for one in done if one.place is not None]
     photos = tuple(UndistortedPhoto(one.photo.name, place.name, one.remarks) for one, place in good)
     names = {photo.path for photo in photos}
     earlier = sum(place.name not in names for place in out.glob(f"*{MARK}.png"))
     filled = min(one.share_filled for one, _ in good)
-    made = Undistorted(camera_name, taken, pinhole, photos, tuple(failures), filled, earlier)
+    made = UndistortedSet(camera_name, taken, pinhole, photos, tuple(failures), filled, earlier)
     return write_photos(out, told_undistorted(made))
 
 

@@ -61,7 +61,7 @@ class PhotoResult:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundPhotos:
     """The photos that a person's arguments stand for."""
 
     paths: tuple[Path, ...]
@@ -69,7 +69,7 @@ class Found:
     overlays: int  # earlier overlays among them, which are left out
 
 
-def find_photos(arguments: Sequence[str]) -> Found:
+def find_photos(arguments: Sequence[str]) -> FoundPhotos:
     """Files as they are, all images of folders, and patterns that the shell left alone."""
     paths: list[Path] = []
     failures = []
@@ -90,7 +90,7 @@ def find_photos(arguments: Sequence[str]) -> Found:
         else:
             paths.append(path)
     photos = [path for path in paths if not path.stem.endswith(OVERLAY_MARK)]
-    return Found(tuple(photos), tuple(failures), len(paths) - len(photos))
+    return FoundPhotos(tuple(photos), tuple(failures), len(paths) - len(photos))
 
 
 def _is(path: Path, test: Callable[[Path], bool]) -> bool:

@@ -17,7 +17,7 @@ from calib.figures.style import (
     note,
     round_length,
 )
-from calib.metrics.residual_cells import LEAST_PER_CELL, Cells, Residuals
+from calib.metrics.residual_cells import LEAST_PER_CELL, ResidualCells, Residuals
 from calib.results.evaluation_table import figure as digits
 
 if TYPE_CHECKING:
@@ -72,7 +72,9 @@ def _scale_arrow(axes: "Axes", width: int, enlarged: float) -> None:
     )  # fmt: skip
 
 
-def draw_means(axes: "Axes", cells: Cells, image_size: tuple[int, int], title: str, long_px: float) -> "QuadMesh":
+def draw_means(
+    axes: "Axes", cells: ResidualCells, image_size: tuple[int, int], title: str, long_px: float
+) -> "QuadMesh":
     """The mean residual of each cell; return what a scale of colours belongs to.
 
     Args:

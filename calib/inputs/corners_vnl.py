@@ -20,7 +20,7 @@ MAX_PLACE_PX = 1e6
 
 
 @dataclass(frozen=True)
-class Grid:
+class PointGrid:
     """A planar grid of points."""
 
     columns: int
@@ -54,7 +54,7 @@ def is_corners(path: Path, start: str) -> bool:
 
 
 def observations_from_corners(
-    path: Path, text: str, *, grid: Grid | None, image_size: tuple[int, int] | None
+    path: Path, text: str, *, grid: PointGrid | None, image_size: tuple[int, int] | None
 ) -> Observations:
     """The sightings of a grid's points in a `corners.vnl`.
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from calib.inputs.corners_vnl import Grid, is_corners, observations_from_corners
-from calib.inputs.csv_table import Table, read_table, read_text
+from calib.inputs.corners_vnl import PointGrid, is_corners, observations_from_corners
+from calib.inputs.csv_table import CsvTable, read_table, read_text
 from calib.inputs.dataset import FIRST_LINE, MAX_SIDE_PX, is_covariance, read_detections
 from calib.inputs.known_planes import MAX_FACE, points_with_planes
 from calib.inputs.observations import known_points, observations_from_detections, prepare
@@ -52,7 +52,7 @@ _PEEKED = 1 << 16
 
 
 def read_observations(
-    path: Path, target_path: Path | None = None, *, image_size: Size | None = None, grid: Grid | None = None
+    path: Path, target_path: Path | None = None, *, image_size: Size | None = None, grid: PointGrid | None = None
 ) -> Observations:
     """What a camera is solved from, of a file of any of the three kinds; its first lines tell which.
 
@@ -189,7 +189,7 @@ def _column_fault(columns: tuple[str, ...], *, of_target: bool) -> str:
     return ""
 
 
-def _all_rows(table: Table, size: Size, target: TargetGeometry | None) -> Observations:
+def _all_rows(table: CsvTable, size: Size, target: TargetGeometry | None) -> Observations:
     """The table's rows in order, with remarks on its points."""
     u, v = table.reals("u"), table.reals("v")
     table.require(np.maximum(np.abs(u), np.abs(v)) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
@@ -211,14 +211,14 @@ def _all_rows(table: Table, size: Size, target: TargetGeometry | None) -> Observ
     )  # fmt: skip
 
 
-def _positions(table: Table) -> Array:
+def _positions(table: CsvTable) -> Array:
     """X, Y, Z of the rows.  # (M, 3)"""
     position: Array = np.stack([table.reals(name) for name in "XYZ"], axis=1) + 0.0  # no negative zeros
     table.require(np.abs(position).max(axis=1, initial=0) <= MAX_LENGTH_MM, f"X, Y or Z is beyond {MAX_LENGTH_MM:g} mm")
     return position
 
 
-def _own_points(table: Table) -> tuple[NDArray[np.int64], KnownPoints, tuple[str, ...]]:
+def _own_points(table: CsvTable) -> tuple[NDArray[np.int64], KnownPoints, tuple[str, ...]]:
     """The point of each row (M,), the points of a table that shows no target, and remarks on them."""
     unique, first, point = np.unique(_positions(table), axis=0, return_index=True, return_inverse=True)
     point = point.reshape(-1)
@@ -231,7 +231,7 @@ def _own_points(table: Table) -> tuple[NDArray[np.int64], KnownPoints, tuple[str
     return point, *points_with_planes(unique, face)
 
 
-def _points_of(table: Table, target: TargetGeometry) -> NDArray[np.int64]:
+def _points_of(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]:
     """The row of the target's point that each row shows.  # (M,)"""
     if ID in table.cells:
         ids, known = table.whole_numbers(ID), ids_of(target)
@@ -250,7 +250,7 @@ def _points_of(table: Table, target: TargetGeometry) -> NDArray[np.int64]:
     return np.asarray(nearest, dtype=np.int64)
 
 
-def _covariance(table: Table) -> Array | None:
+def _covariance(table: CsvTable) -> Array | None:
     """The covariances of the rows, if the table has any.  # (M, 2, 2)"""
     if "sigma" in table.cells:
         sigma = table.reals("sigma")

@@ -22,7 +22,7 @@ _REAL = re.compile(r"[-+]?(?:[0-9]{1,20}\.?[0-9]{0,20}|\.[0-9]{1,20})(?:[eE][-+]
 
 
 @dataclass(frozen=True)
-class Table:
+class CsvTable:
     """The cells below the column names, column by column, and the line each row ends in."""
 
     path: Path
@@ -68,7 +68,7 @@ def read_table(
     column_fault: Callable[[tuple[str, ...]], str],
     *,
     skip_spaces: bool = False,
-) -> Table:
+) -> CsvTable:
     """The rows of comma-separated values from the line of column names on.
 
     Args:
@@ -98,4 +98,4 @@ def read_table(
         if len(row) != len(columns):
             raise InputError(f"{path}: line {line}: {len(row)} values; a line has {len(columns)}")
     values = zip(*rows, strict=True) if rows else ((),) * len(columns)
-    return Table(path, lines, dict(zip(columns, values, strict=True)))
+    return CsvTable(path, lines, dict(zip(columns, values, strict=True)))

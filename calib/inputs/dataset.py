@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.files import write_files
-from calib.inputs.csv_table import ANY_NAME, Table, read_table, read_text
+from calib.inputs.csv_table import ANY_NAME, CsvTable, read_table, read_text
 from calib.inputs.records import FORMAT as RECORDS
 from calib.inputs.records import ImageRecord, Records, image_record, records_path, records_to_json
 from calib.types import Detections
@@ -184,7 +184,7 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
     )  # fmt: skip
 
 
-def _checked_rings(table: Table, target: TargetGeometry) -> NDArray[np.int64]:
+def _checked_rings(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]:
     """The rows of the target's arrays, which face, i and j must agree with."""
     ring = table.whole_numbers("ring")
     last = target.ring_count - 1

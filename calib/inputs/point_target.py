@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from calib.inputs.csv_table import Table, read_table, read_text
+from calib.inputs.csv_table import CsvTable, read_table, read_text
 from designer.errors import InputError
 from designer.spec_file import shown, suggestion
 from designer.target import MAX_INDEX, TargetGeometry
@@ -167,7 +167,7 @@ def read_planes(path: Path) -> dict[str, Plane]:
     }
 
 
-def _table(path: Path, columns: Sequence[str], kind: str, most: int) -> Table:
+def _table(path: Path, columns: Sequence[str], kind: str, most: int) -> CsvTable:
     """The rows of a file."""
 
     def fault(names: tuple[str, ...]) -> str:

@@ -69,7 +69,7 @@ def first_reason(count: int, *faults: tuple[str, NDArray[np.bool_]]) -> tuple[ND
 
 
 @dataclass(frozen=True)
-class Summary:
+class ErrorSummary:
     """What is said of `count` errors; nan if there are none."""
 
     count: int
@@ -81,12 +81,12 @@ class Summary:
     largest: float
 
 
-def summarise(errors: Errors) -> Summary:
+def summarise(errors: Errors) -> ErrorSummary:
     """The summary of all errors that count."""
     return summarise_groups(errors, np.zeros(len(errors.reason), dtype=np.int64), 1)[0]
 
 
-def summarise_groups(errors: Errors, group: NDArray[np.int64], group_count: int) -> tuple[Summary, ...]:
+def summarise_groups(errors: Errors, group: NDArray[np.int64], group_count: int) -> tuple[ErrorSummary, ...]:
     """The summary of each group.
 
     Args:
@@ -103,13 +103,13 @@ def summarise_groups(errors: Errors, group: NDArray[np.int64], group_count: int)
     return tuple(map(_summary, ascending, total.tolist(), square.tolist()))
 
 
-def _summary(ascending: NDArray[np.float64], total: float, square: float) -> Summary:
+def _summary(ascending: NDArray[np.float64], total: float, square: float) -> ErrorSummary:
     """The summary of sorted errors with their sum and the sum of their squares."""
     count = len(ascending)
     if not count:
-        return Summary(0, *[math.nan] * 5)
+        return ErrorSummary(0, *[math.nan] * 5)
     median, percentile_95 = _quantile(ascending, 0.5), _quantile(ascending, 0.95)
-    return Summary(count, math.sqrt(square / count), total / count, median, percentile_95, float(ascending[-1]))
+    return ErrorSummary(count, math.sqrt(square / count), total / count, median, percentile_95, float(ascending[-1]))
 
 
 def _quantile(ascending: NDArray[np.float64], share: float) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.metrics import METRICS
-from calib.metrics.errors import Errors, Summary, summarise_groups
+from calib.metrics.errors import Errors, ErrorSummary, summarise_groups
 from calib.metrics.prediction import predict
 from calib.results.truth import Truth, true_poses
 from calib.types import Calibration
@@ -78,21 +78,21 @@ def truth_remarks(calibration: Calibration, truth: Truth) -> tuple[str, ...]:
     return tuple(remarks)
 
 
-def by_view(evaluation: Evaluation, errors: Errors) -> tuple[Summary, ...] | None:
+def by_view(evaluation: Evaluation, errors: Errors) -> tuple[ErrorSummary, ...] | None:
     """A summary of each view; None if an error is of no single view."""
     if errors.view is None:
         return None
     return summarise_groups(errors, errors.view, evaluation.calibration.observations.view_count)
 
 
-def by_point(evaluation: Evaluation, errors: Errors) -> tuple[Summary, ...] | None:
+def by_point(evaluation: Evaluation, errors: Errors) -> tuple[ErrorSummary, ...] | None:
     """A summary of each point of the target; None if an error is of no single point."""
     if errors.point is None:
         return None
     return summarise_groups(errors, errors.point, len(evaluation.calibration.observations.points.face))
 
 
-def by_face(evaluation: Evaluation, errors: Errors) -> tuple[Summary, ...] | None:
+def by_face(evaluation: Evaluation, errors: Errors) -> tuple[ErrorSummary, ...] | None:
     """A summary of each plane of the target; None if an error is of no single point."""
     if errors.point is None:
         return None

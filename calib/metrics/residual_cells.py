@@ -19,7 +19,7 @@ LEAST_PER_CELL = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
+class ResidualCells:
     """Residuals in R x C cells of an image."""
 
     edge_u: Array  # (C + 1,)
@@ -67,7 +67,7 @@ def columns_rows(image_size: tuple[int, int], sightings: int, per_cell: int = WA
     return columns, max(2, round(columns * height / width))
 
 
-def cells_of(image_size: tuple[int, int], pixel: Array, residual_px: Array, shape: tuple[int, int]) -> Cells:
+def cells_of(image_size: tuple[int, int], pixel: Array, residual_px: Array, shape: tuple[int, int]) -> ResidualCells:
     """Sort residuals (N, 2) at pixels (N, 2) into cells; what lies outside the image goes into the nearest.
 
     Args:
@@ -90,7 +90,7 @@ def cells_of(image_size: tuple[int, int], pixel: Array, residual_px: Array, shap
     degrees = len(cell) - int((count > 0).sum())
     scatter = residual_px - (total / np.maximum(count, 1)[:, None])[cell]
     noise = math.sqrt(float((scatter**2).sum()) / (2 * degrees)) if degrees else math.nan
-    return Cells(edge_u, edge_v, count.reshape(rows, columns), mean.reshape(rows, columns, 2), noise)
+    return ResidualCells(edge_u, edge_v, count.reshape(rows, columns), mean.reshape(rows, columns, 2), noise)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ def residuals_of(evaluation: Evaluation) -> Residuals:
     )
 
 
-def cells_of_residuals(residuals: Residuals) -> Cells:
+def cells_of_residuals(residuals: Residuals) -> ResidualCells:
     """Residuals in cells as fine as their number allows."""
     shape = columns_rows(residuals.image_size, len(residuals.pixel))
     return cells_of(residuals.image_size, residuals.pixel, residuals.residual_px, shape)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.render.options import RenderOptions
-from calib.render.scene import Face, Scene
+from calib.render.scene import Face, RenderScene
 from calib.render.trace import FaceArrays
 from calib.se3 import invert, transform
 from calib.types import Camera
@@ -43,14 +43,14 @@ class SeenFace:
     normal: Array  # (3,) towards the camera's side, in the camera frame
 
 
-def seen_faces(scene: Scene, camera: Camera, cam_from_target: Array, options: RenderOptions) -> list[SeenFace]:
+def seen_faces(scene: RenderScene, camera: Camera, cam_from_target: Array, options: RenderOptions) -> list[SeenFace]:
     """The faces in the image, nearest first."""
     seen = [_seen_face(face, scene, camera, cam_from_target, options) for face in scene.faces]
     return sorted((face for face in seen if face is not None), key=lambda face: float(np.linalg.norm(face.middle_mm)))
 
 
 def _seen_face(
-    face: Face, scene: Scene, camera: Camera, cam_from_target: Array, options: RenderOptions
+    face: Face, scene: RenderScene, camera: Camera, cam_from_target: Array, options: RenderOptions
 ) -> SeenFace | None:
     cam_from_face = cam_from_target @ face.target_from_face
     face_from_cam = invert(cam_from_face)

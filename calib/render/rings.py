@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project
-from calib.render.scene import Scene
+from calib.render.scene import RenderScene
 from calib.se3 import transform
 from calib.types import Camera
 from designer.target import TargetGeometry
@@ -30,7 +30,7 @@ class RingTruth:
     whole: Flags  # (R,) visible, with all of its rim 2 px inside the image
 
 
-def ring_truth(scene: Scene, camera: Camera, cam_from_target: Array) -> RingTruth:
+def ring_truth(scene: RenderScene, camera: Camera, cam_from_target: Array) -> RingTruth:
     """Project the rings of a scene."""
     center = transform(cam_from_target, scene.center_mm)
     rotation = cam_from_target[:3, :3]
@@ -60,7 +60,7 @@ def target_fits(target: TargetGeometry, camera: Camera, cam_from_target: Array) 
     return bool(_inside(project(camera, in_camera), camera.image_size, -0.5).all())
 
 
-def _tangents(scene: Scene, rotation: Array) -> tuple[Array, Array]:
+def _tangents(scene: RenderScene, rotation: Array) -> tuple[Array, Array]:
     """Two unit vectors (R, 3) along each ring's face, in the camera frame."""
     frames = np.stack([face.target_from_face for face in scene.faces])[scene.ring_face]
     return frames[:, :3, 0] @ rotation.T, frames[:, :3, 1] @ rotation.T

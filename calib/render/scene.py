@@ -34,7 +34,7 @@ class Face:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class RenderScene:
     """The faces and rings of a target."""
 
     faces: tuple[Face, ...]
@@ -45,7 +45,7 @@ class Scene:
     normal: Array  # (R, 3) outward, in the target frame
 
 
-def scene_from_target(target: TargetGeometry) -> Scene:
+def scene_from_target(target: TargetGeometry) -> RenderScene:
     """Flatten a target for the kernels.
 
     Raises:
@@ -53,7 +53,7 @@ def scene_from_target(target: TargetGeometry) -> Scene:
     """
     ring = np.column_stack([target.center_in_face_mm, target.radius_outer_mm, target.radius_inner_mm])
     faces = tuple(_face(target, number, ring) for number in range(target.face_count))
-    return Scene(
+    return RenderScene(
         faces=faces,
         is_convex=_is_convex(target),
         ring=ring,

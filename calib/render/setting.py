@@ -11,7 +11,7 @@ from calib.render.lens import vignette
 from calib.render.lighting import Gradient, Lamp, glare_at, gradient_at, lambert, make_gradient, place_lamp, to_face
 from calib.render.options import RenderOptions
 from calib.render.rings import RingTruth
-from calib.render.scene import Scene
+from calib.render.scene import RenderScene
 from calib.render.shapes import Grey, Occluders, clutter, occlude
 from calib.se3 import transform
 from calib.types import Camera
@@ -28,7 +28,7 @@ WASHED_OUT = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class Surroundings:
     """One view's surroundings; None where an effect is off."""
 
     lamp: Lamp | None
@@ -38,13 +38,13 @@ class Setting:
 
 
 def make_setting(
-    scene: Scene,
+    scene: RenderScene,
     faces: list[SeenFace],
     camera: Camera,
     cam_from_target: Array,
     options: RenderOptions,
     streams: list[np.random.Generator],
-) -> Setting:
+) -> Surroundings:
     """Draw the surroundings; each effect has a stream of its own, so that it is the same whatever else is on."""
     lamp_rng, gradient_rng, clutter_rng, occluder_rng = streams
     lamp, gradient, background, occluders = None, None, None, None
@@ -59,7 +59,7 @@ def make_setting(
         background = clutter(camera.image_size, options.clutter, options.background, clutter_rng)
     if options.occlusion:
         occluders = occlude(camera.image_size, [face.edge_px for face in faces], options.occlusion, occluder_rng)
-    return Setting(lamp, gradient, background, occluders)
+    return Surroundings(lamp, gradient, background, occluders)
 
 
 def _extent(faces: list[SeenFace], camera: Camera) -> tuple[Array, Array]:
@@ -69,7 +69,7 @@ def _extent(faces: list[SeenFace], camera: Camera) -> tuple[Array, Array]:
     return np.array([box.left, box.top], dtype=float), np.array([box.right, box.bottom], dtype=float)
 
 
-def shaded(faces: list[SeenFace], setting: Setting, options: RenderOptions) -> list[SeenFace]:
+def shaded(faces: list[SeenFace], setting: Surroundings, options: RenderOptions) -> list[SeenFace]:
     """The faces as light as the lamp makes them."""
     if not options.shading or setting.lamp is None:
         return faces
@@ -82,7 +82,12 @@ def shaded(faces: list[SeenFace], setting: Setting, options: RenderOptions) -> l
 
 
 def clean_rings(
-    scene: Scene, faces: list[SeenFace], camera: Camera, truth: RingTruth, setting: Setting, options: RenderOptions
+    scene: RenderScene,
+    faces: list[SeenFace],
+    camera: Camera,
+    truth: RingTruth,
+    setting: Surroundings,
+    options: RenderOptions,
 ) -> Flags:
     """Rings (R,) that are whole in the image, that nothing hides, and that are neither saturated nor washed out."""
     clean = truth.whole.copy()
@@ -98,12 +103,12 @@ def clean_rings(
 
 
 def _unsaturated(
-    scene: Scene,
+    scene: RenderScene,
     face: SeenFace,
     camera: Camera,
     rows: NDArray[np.int64],
     truth: RingTruth,
-    setting: Setting,
+    setting: Surroundings,
     options: RenderOptions,
 ) -> Flags:
     """Whether the white around and in rings (N,) stays below full scale, and glare well below the contrast."""

@@ -11,9 +11,9 @@ from calib.render.lens import blurred, blurred_by, defocus_sigma_px, vignette
 from calib.render.lighting import add_glare, gradient_at, to_face
 from calib.render.options import RenderOptions
 from calib.render.rings import ring_truth
-from calib.render.scene import Scene, scene_from_target
+from calib.render.scene import RenderScene, scene_from_target
 from calib.render.sensor import Levels, add_noise, quantised
-from calib.render.setting import Setting, clean_rings, make_setting, shaded
+from calib.render.setting import Surroundings, clean_rings, make_setting, shaded
 from calib.render.trace import set_depth, trace_face
 from calib.types import Camera
 from designer.target import TargetGeometry
@@ -39,7 +39,7 @@ class View:
 
 
 def render_view(
-    target: TargetGeometry | Scene,
+    target: TargetGeometry | RenderScene,
     camera: Camera,
     cam_from_target: Array,
     options: RenderOptions,
@@ -54,7 +54,7 @@ def render_view(
         options: light, lens and sensor.
         rng: source of all that is random; each effect draws from a stream of its own.
     """
-    scene = target if isinstance(target, Scene) else scene_from_target(target)
+    scene = target if isinstance(target, RenderScene) else scene_from_target(target)
     *scene_streams, noise_stream = rng.spawn(RANDOM_STREAMS)
     truth = ring_truth(scene, camera, cam_from_target)
     faces = seen_faces(scene, camera, cam_from_target, options)
@@ -72,7 +72,7 @@ def render_view(
     )
 
 
-def _light(faces: list[SeenFace], camera: Camera, setting: Setting, options: RenderOptions) -> Image:
+def _light(faces: list[SeenFace], camera: Camera, setting: Surroundings, options: RenderOptions) -> Image:
     """Light on every pixel (H, W), as an ideal lens would bring it there."""
     width, height = camera.image_size
     background = float(options.background >= 0.5) if options.sampling == "binary" else options.background
@@ -103,7 +103,7 @@ def _slices(box: Box) -> tuple[slice, slice]:
 
 
 def _trace(
-    faces: list[SeenFace], camera: Camera, setting: Setting, options: RenderOptions, box: Box, light: Image
+    faces: list[SeenFace], camera: Camera, setting: Surroundings, options: RenderOptions, box: Box, light: Image
 ) -> Image:
     """Put the faces over the background in a box of pixels, and return the glare on them (empty without)."""
     ray = _rays(camera, box)

@@ -13,7 +13,7 @@ from calib.figures.maps import draw_coverage, draw_map
 from calib.figures.page import draw_histogram, draw_uncertainty, standardised
 from calib.figures.sigma_map import SigmaMap, place_on_map
 from calib.figures.style import bar_beside, image_axes, panel_height_in, svg_panel
-from calib.metrics.residual_cells import Cells, Residuals
+from calib.metrics.residual_cells import ResidualCells, Residuals
 from calib.report.run_folder import Solved
 from calib.results.evaluation_table import figure as digits
 from calib.verdict.apart import Known, sigma_over
@@ -166,7 +166,11 @@ def residuals_figure(residuals: Residuals, rmse_px: float) -> Figure:
 
 
 def systematic_figure(
-    cells: Cells, image_size: tuple[int, int], *, title: str = "What is systematic", long_px: float | None = None
+    cells: ResidualCells,
+    image_size: tuple[int, int],
+    *,
+    title: str = "What is systematic",
+    long_px: float | None = None,
 ) -> Figure:
     """The means of what is left over, cell by cell.
 
@@ -185,7 +189,7 @@ def systematic_figure(
     return image_panel(title, image_size, draw, words, f"{words}. Arrows are the mean residual of a cell, enlarged.")
 
 
-def systematic_words(cells: Cells) -> str:
+def systematic_words(cells: ResidualCells) -> str:
     """The finding, as a sentence without its full stop."""
     mean, noise = cells.rms_of_means_px, cells.rms_by_noise_px
     if not math.isfinite(mean):

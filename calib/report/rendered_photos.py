@@ -8,7 +8,7 @@ from calib.detect.candidates import MIN_RADIUS_PX
 from calib.render.job import TRUTH_FILE, RenderJob
 from calib.render.options import RenderOptions
 from calib.render.rings import ring_truth
-from calib.render.scene import Scene, scene_from_target
+from calib.render.scene import RenderScene, scene_from_target
 from calib.report.camera_section import field_of_view_words
 from calib.report.cells import number, whole
 from calib.report.kept_target import TARGET_FILE, target_words
@@ -77,7 +77,9 @@ def _photos(job: RenderJob) -> list[RenderedPhoto]:
     ]
 
 
-def _photo(job: RenderJob, scene: Scene, view: int, name: str, distance_mm: float, tilt_deg: float) -> RenderedPhoto:
+def _photo(
+    job: RenderJob, scene: RenderScene, view: int, name: str, distance_mm: float, tilt_deg: float
+) -> RenderedPhoto:
     """Faces and rings that a photo shows large enough, and how large they are."""
     rings = ring_truth(scene, job.camera, job.cam_from_target[view])
     clear = rings.whole & (rings.minor_radius_px >= MIN_RADIUS_PX)

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.cameras import MODELS
 from calib.inputs.records import Records, measurable
-from calib.metrics.errors import Summary, summarise
+from calib.metrics.errors import ErrorSummary, summarise
 from calib.metrics.evaluation import by_face
 from calib.report.cells import number, whole
 from calib.report.run_folder import Solved
@@ -91,12 +91,12 @@ def held_out_table(stored: StoredMetrics) -> Table:
     return Table(title, METRIC_COLUMNS, tuple(rows))
 
 
-def _summary(stored: StoredMetric) -> Summary:
+def _summary(stored: StoredMetric) -> ErrorSummary:
     numbers = (stored.rmse, stored.mean, stored.median, stored.percentile_95, stored.largest)
-    return Summary(stored.count, *(math.nan if one is None else one for one in numbers))
+    return ErrorSummary(stored.count, *(math.nan if one is None else one for one in numbers))
 
 
-def _metric_row(name: str, unit: str, found: Summary) -> tuple[Cell, ...]:
+def _metric_row(name: str, unit: str, found: ErrorSummary) -> tuple[Cell, ...]:
     values = (found.rmse, found.mean, found.median, found.percentile_95, found.largest)
     return (Cell(name), Cell(unit), whole(found.count), *(number(value, 4) for value in values))
 

@@ -11,12 +11,12 @@ from designer.command import printable
 from designer.errors import InputError
 from designer.page.blocks import (
     Block,
-    Drawing,
     Figure,
     Finding,
     Findings,
     Link,
     Raster,
+    Svg,
 )
 from designer.page.drawing import drawing_of_svg
 
@@ -54,7 +54,7 @@ def figure(folder: Path, text: FigureText) -> Figure | None:
     return Figure(text.title, image, text.alt, text.caption, files, is_wide=True)
 
 
-def _drawing(path: Path) -> Drawing | None:
+def _drawing(path: Path) -> Svg | None:
     content = read_small_bytes(path, MAX_DRAWING_BYTES)
     try:
         return None if content is None else drawing_of_svg(content)

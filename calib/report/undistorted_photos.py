@@ -28,7 +28,7 @@ class UndistortedPhoto:
 
 
 @dataclass(frozen=True, eq=False)
-class Undistorted:
+class UndistortedSet:
     """A set of undistorted photos."""
 
     camera_name: str  # as it was given
@@ -45,7 +45,7 @@ class Undistorted:
         return change_of(self.taken, self.pinhole)
 
 
-def told_undistorted(made: Undistorted) -> ToldPhotos:
+def told_undistorted(made: UndistortedSet) -> ToldPhotos:
     """What the folder's page says."""
     change = made.change
     remarks = tuple("; ".join(photo.remarks) for photo in made.photos)
@@ -66,7 +66,7 @@ def told_undistorted(made: Undistorted) -> ToldPhotos:
     )  # fmt: skip
 
 
-def _not_here(made: Undistorted) -> list[str]:
+def _not_here(made: UndistortedSet) -> list[str]:
     lines = some_of(made.failures)
     if made.earlier:
         lines.append(
@@ -76,7 +76,7 @@ def _not_here(made: Undistorted) -> list[str]:
     return lines
 
 
-def _headline(made: Undistorted, change: Change) -> Headline:
+def _headline(made: UndistortedSet, change: Change) -> Headline:
     count, failed, black = len(made.photos), len(made.failures), 1 - made.share_filled
     kept = f"{_percent(1 - change.share_kept)} of a photo is" if change.share_kept < 1 else "nothing of a photo is"
     filled = f"{_percent(black)} of the pixels are" if black else "no pixel is"
@@ -94,7 +94,7 @@ def _percent(share: float) -> str:
     return "less than 0.1 %" if 0 < share < 0.001 else f"{100 * share:.1f} %"
 
 
-def _facts(made: Undistorted, change: Change) -> tuple[tuple[str, str], ...]:
+def _facts(made: UndistortedSet, change: Change) -> tuple[tuple[str, str], ...]:
     taken, pinhole = made.taken, made.pinhole
     width, height = pinhole.image_size
     return (
@@ -108,7 +108,7 @@ def _facts(made: Undistorted, change: Change) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _pinhole_words(made: Undistorted) -> str:
+def _pinhole_words(made: UndistortedSet) -> str:
     kept = "as the camera's" if made.pinhole.params[0] == made.taken.params[0] else "chosen for these photos"
     return (
         f"A pinhole without distortion, its focal length {kept}. Use it with the undistorted photos only, and the "
@@ -116,7 +116,7 @@ def _pinhole_words(made: Undistorted) -> str:
     )
 
 
-def _parameters(made: Undistorted) -> Table:
+def _parameters(made: UndistortedSet) -> Table:
     columns = (Column("parameter", is_number=False), Column("px"), Column("before px", note="of the photos' camera"))
     rows = tuple(
         (Cell(name), Cell(f"{new:.3f}", float(new)), Cell(f"{old:.3f}", float(old)))
@@ -125,7 +125,7 @@ def _parameters(made: Undistorted) -> Table:
     return Table("Parameters", columns, rows, "Pixel (0, 0) is the centre of the top-left pixel.")
 
 
-def _next(made: Undistorted, change: Change) -> tuple[Command, ...]:
+def _next(made: UndistortedSet, change: Change) -> tuple[Command, ...]:
     again = "calib undistort CAMERA PHOTOS -o DIR --alpha"
     black, cut = made.share_filled < 1, change.share_kept < 1
     return (

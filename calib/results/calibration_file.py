@@ -62,7 +62,7 @@ class Provenance:
     settings: tuple[tuple[str, str], ...] = ()  # of the command: name and value as they were given
 
 
-class _View(BaseModel):
+class _CalibrationView(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     image: str
@@ -119,7 +119,7 @@ class _CalibrationFile(BaseModel):
     observations_sha256: str
     planes: list[tuple[_Number, _Number, _Number, _Number]]
     points: list[tuple[_Number, _Number, _Number, Annotated[int, Field(strict=True, ge=-1)]]]
-    views: list[_View]
+    views: list[_CalibrationView]
 
 
 def write_calibration(folder: Path, calibration: Calibration, provenance: Provenance) -> list[Path]:

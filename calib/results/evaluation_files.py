@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import MODELS
 from calib.inputs.csv_table import ANY_NAME
-from calib.metrics.errors import Errors, Summary, summarise, summarise_groups
+from calib.metrics.errors import Errors, ErrorSummary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation
 from calib.results.observation_table import quoted
 
@@ -115,7 +115,7 @@ def _groups(
     return names, [",".join(cells) for cells in zip(*columns, strict=True)] if columns else [""] * count
 
 
-def _cells(summaries: Sequence[Summary], field: str) -> list[str]:
+def _cells(summaries: Sequence[ErrorSummary], field: str) -> list[str]:
     return [_cell(getattr(summary, field)) for summary in summaries]
 
 

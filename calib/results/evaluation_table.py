@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from calib.cameras import MODELS
-from calib.metrics.errors import Errors, Summary, summarise
+from calib.metrics.errors import Errors, ErrorSummary, summarise
 from calib.metrics.evaluation import Evaluation, by_face, by_point, by_view
 from calib.types import Calibration
 from designer.command import printable
@@ -81,7 +81,7 @@ def faces_table(evaluation: Evaluation) -> Table | None:
     return _worst_table(evaluation, "worst faces", str, by_face)
 
 
-Grouping = Callable[[Evaluation, Errors], tuple[Summary, ...] | None]
+Grouping = Callable[[Evaluation, Errors], tuple[ErrorSummary, ...] | None]
 
 
 def _worst_table(evaluation: Evaluation, title: str, name_of: Callable[[int], str], grouping: Grouping) -> Table:

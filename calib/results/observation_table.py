@@ -35,7 +35,7 @@ _KIND = "# ringsolid observations, version "
 
 
 @dataclass(frozen=True, eq=False)
-class Sightings:
+class TableSightings:
     """What the table holds of M sightings."""
 
     view: NDArray[np.int64]  # (M,) ascending
@@ -85,7 +85,7 @@ def quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if re.search(r'[\s,"#]', name) or not name else name
 
 
-def read_sightings(path: Path, view_names: Sequence[str], points: KnownPoints) -> Sightings:
+def read_sightings(path: Path, view_names: Sequence[str], points: KnownPoints) -> TableSightings:
     """Read `observations.csv`.
 
     Args:
@@ -128,7 +128,7 @@ def read_sightings(path: Path, view_names: Sequence[str], points: KnownPoints) -
         determinant = covariance[:, 0, 0] * covariance[:, 1, 1] - covariance[:, 0, 1] ** 2
         is_definite = (covariance[:, 0, 0] > 0) & (determinant > 0) & np.isfinite(determinant)
         require(is_definite, "suu, suv, svv must be a covariance, which is positive definite")
-    return Sightings(
+    return TableSightings(
         values[:, 0].astype(np.int64), point, values[:, 6:8], values[:, 8:10], values[:, 10] == 1, covariance
     )
 

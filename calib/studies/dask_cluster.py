@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING
 
 from calib.studies.identity import Pairs, program_versions
 from calib.studies.sample import SampleResult
-from calib.studies.workers import Answer, Chunk, Done, Lost, Pool, RunChunk, WorkersGoneError, compute, in_one_line
+from calib.studies.workers import (
+    Answer,
+    Chunk,
+    Done,
+    Lost,
+    RunChunk,
+    SamplePool,
+    WorkersGoneError,
+    compute,
+    in_one_line,
+)
 from designer.errors import InputError
 from designer.spec_file import shown
 
@@ -32,7 +42,7 @@ class DaskWorkers:
     def __init__(self, client: "Client", seed: int, run_chunk: RunChunk) -> None:
         self._client, self._seed, self._run_chunk = client, seed, run_chunk
         self._out: dict[Future, Chunk] = {}
-        self._pool: tuple[Pool, Future] | None = None
+        self._pool: tuple[SamplePool, Future] | None = None
         self._threads, self._looked = 0, float("-inf")
         self._last_seen = time.monotonic()
 
@@ -103,7 +113,7 @@ class DaskWorkers:
             self._looked = time.monotonic()
         return self._threads
 
-    def _future_of(self, pool: Pool) -> "Future":
+    def _future_of(self, pool: SamplePool) -> "Future":
         """A pool on the cluster.
 
         It is part of the work rather than data: so the scheduler has it, and can send it again when all workers that
@@ -203,13 +213,13 @@ def _require_same_programs(client: "Client", address: str) -> None:
                 raise InputError(f"worker {worker} has {name} {theirs}, and here it is {ours}; install the same there")
 
 
-def _same(pool: Pool) -> Pool:
+def _same(pool: SamplePool) -> SamplePool:
     """The pool; computing this is what brings it to a worker."""
     return pool
 
 
 def _compute_on_one_thread(
-    run_chunk: RunChunk, pool: Pool, case: str, size: int, seed: int, numbers: range
+    run_chunk: RunChunk, pool: SamplePool, case: str, size: int, seed: int, numbers: range
 ) -> tuple[list[SampleResult], float]:
     """Results of a chunk, all linear algebra of the worker's process on one thread for good.
 

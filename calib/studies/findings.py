@@ -78,7 +78,7 @@ class Fall:
 
 
 @dataclass(frozen=True)
-class Finding:
+class HeldClaim:
     """A claim held against the cases of one way of sampling and counting."""
 
     claim: str
@@ -104,9 +104,9 @@ class Finding:
         return f"{self.claim}: {self.verdict} ({self.evidence}{converged}{elsewhere})"
 
 
-def findings(summaries: Sequence[CaseSummary]) -> tuple[Finding, ...]:
+def findings(summaries: Sequence[CaseSummary]) -> tuple[HeldClaim, ...]:
     """All claims in all ways of sampling and counting, claim by claim; those of two targets need both."""
-    found: list[Finding] = []
+    found: list[HeldClaim] = []
     targets = tuple(dict.fromkeys(one.case.target for one in summaries))
     for claim in CLAIMS if set(targets) >= set(TARGETS) else ():
         found += [_compare(claim, *setting, _of(summaries, setting)) for setting in settings(summaries)]
@@ -119,7 +119,7 @@ def findings(summaries: Sequence[CaseSummary]) -> tuple[Finding, ...]:
     return tuple(replace(one, elsewhere=_elsewhere(one, found)) for one in found)
 
 
-def _elsewhere(one: Finding, found: Sequence[Finding]) -> str:
+def _elsewhere(one: HeldClaim, found: Sequence[HeldClaim]) -> str:
     """Where a claim holds that does not hold here, only the sampling or only the sightings being others."""
     if one.verdict == "holds":
         return ""
@@ -155,11 +155,11 @@ def relative_error(case: Case, found: Distribution, statistic: Statistic) -> flo
     return math.hypot(found.sigma_error, found.sigma / math.sqrt(2 * max(case.pool - 1, 1))) / value
 
 
-def _compare(claim: Claim, sampling: str, sightings: str, cases: Sequence[CaseSummary]) -> Finding:
+def _compare(claim: Claim, sampling: str, sightings: str, cases: Sequence[CaseSummary]) -> HeldClaim:
     ratios = _ratios(claim, cases, "all")
     verdict, of_converged = _verdict(ratios), _verdict(_ratios(claim, cases, "converged"))
     evidence = _ratios_in_words(claim, ratios) if ratios else "not defined in these cases"
-    return Finding(claim.text, sampling, sightings, verdict, of_converged, evidence, ratios=ratios)
+    return HeldClaim(claim.text, sampling, sightings, verdict, of_converged, evidence, ratios=ratios)
 
 
 def _ratios(claim: Claim, cases: Sequence[CaseSummary], over: Over) -> tuple[Ratio, ...]:
@@ -215,7 +215,7 @@ def _ratios_in_words(claim: Claim, ratios: Sequence[Ratio]) -> str:
 
 def _fall_of_target(
     target: str, sampling: str, sightings: str, cases: Sequence[CaseSummary], *, is_root: bool
-) -> Finding:
+) -> HeldClaim:
     """Whether sigma falls with the number of views, or as the root of it, for all metrics of a target."""
     claim = f"sigma falls {'about as 1/sqrt(N)' if is_root else 'with N'} for the {printable(target)}"
     falls, of_converged = _falls(target, cases, "all"), _falls(target, cases, "converged")
@@ -223,7 +223,7 @@ def _fall_of_target(
     for one in falls:
         paper = "" if math.isnan(one.paper) else f", paper {one.paper:.2f}"
         parts.append(f"{one.metric} N^({one.exponent:.2f} +- {one.error:.2f}{paper})")
-    return Finding(
+    return HeldClaim(
         claim, sampling, sightings, _verdict_of_falls(falls, is_root=is_root),
         _verdict_of_falls(of_converged, is_root=is_root), "; ".join(parts) or "not defined in these cases",
         falls=falls,
@@ -283,7 +283,7 @@ def _verdict_of_root(fall: Fall) -> Verdict:
 
 
 @dataclass(frozen=True)
-class Factor:
+class PaperFactor:
     """A statistic of ours over the paper's."""
 
     case: Case
@@ -294,7 +294,7 @@ class Factor:
     value: float  # ours / paper; nan if ours is not defined
 
 
-def against_paper(summaries: Sequence[CaseSummary]) -> tuple[Factor, ...]:
+def against_paper(summaries: Sequence[CaseSummary]) -> tuple[PaperFactor, ...]:
     """Every mean and standard deviation that the paper has too."""
     factors = []
     for one in summaries:
@@ -309,5 +309,5 @@ def against_paper(summaries: Sequence[CaseSummary]) -> tuple[Factor, ...]:
             )
             for statistic, ours, theirs in pairs:
                 scaled = metric.in_paper_units(ours)
-                factors.append(Factor(one.case, metric.name, statistic, scaled, theirs, scaled / theirs))
+                factors.append(PaperFactor(one.case, metric.name, statistic, scaled, theirs, scaled / theirs))
     return tuple(factors)

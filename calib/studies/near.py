@@ -40,7 +40,7 @@ MARGIN = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class NearMinimum:
     """The minimum of a sample of D distinct views."""
 
     camera: Camera
@@ -50,7 +50,7 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sum:
+class _GradientSum:
     """The gradient of a sample as a polynomial of y, and the steps of its poses."""
 
     value: Array  # (Q,)
@@ -67,7 +67,7 @@ class _Sum:
         return self.slope + self.bend @ y
 
 
-def find_near(pool: Pool, views: Count, weight: Count) -> Found | None:
+def find_near(pool: Pool, views: Count, weight: Count) -> NearMinimum | None:
     """The minimum of a sample; None if the pool does not lead there, or if the sample may be degenerate.
 
     Args:
@@ -87,7 +87,7 @@ def find_near(pool: Pool, views: Count, weight: Count) -> Found | None:
         return None
     poses = move_poses(pool.cam_from_target[views], step, turn_of_centre(start, camera))
     return _led_to_zero(
-        pool, expansion, views, weight, Found(camera, poses, np.nan, 0), total.second(y), follow, bending
+        pool, expansion, views, weight, NearMinimum(camera, poses, np.nan, 0), total.second(y), follow, bending
     )
 
 
@@ -96,11 +96,11 @@ def _led_to_zero(
     expansion: Expansion,
     views: Count,
     weight: Count,
-    near: Found,
+    near: NearMinimum,
     second: Array,
     follow: Array,
     bending: float,
-) -> Found | None:
+) -> NearMinimum | None:
     """The minimum by steps with second derivatives that stay as they are.
 
     Costs are not compared: this near to the minimum their differences are lost in rounding.
@@ -130,15 +130,17 @@ def _led_to_zero(
         # Of a step's length, so much is left: as of the last one, or as the gradient is off a straight line.
         left = max(length / before, bending)
         if look > 1 and left > STEADY:
-            return _descended(pool, views, weight, Found(camera, poses, cost, look), before, bending)
+            return _descended(pool, views, weight, NearMinimum(camera, poses, cost, look), before, bending)
         poses = move_poses(poses, rest + follow @ dy, turn_of_centre(camera, trial))
         camera, before = trial, length
         if SAFETY * left * length <= CLOSE:
-            return Found(camera, poses, cost - promised, look)
+            return NearMinimum(camera, poses, cost - promised, look)
     return None
 
 
-def _descended(pool: Pool, views: Count, weight: Count, near: Found, before: float, bending: float) -> Found | None:
+def _descended(
+    pool: Pool, views: Count, weight: Count, near: NearMinimum, before: float, bending: float
+) -> NearMinimum | None:
     """The minimum by Gauss-Newton steps after a step of so many standard deviations; None if they do not shrink."""
     camera, poses = near.camera, near.cam_from_target
     problem = select(pool.problem, views, MANY)
@@ -157,7 +159,7 @@ def _descended(pool: Pool, views: Count, weight: Count, near: Found, before: flo
         camera = trial
         # Each step shortens the distance by about the same factor; the first comes after a step of another kind.
         if length * max(length / before, bending) <= CLOSE:
-            return Found(camera, poses, float(blocks.cost.sum()) - step.predicted, look)
+            return NearMinimum(camera, poses, float(blocks.cost.sum()) - step.predicted, look)
         before = length
     return None
 
@@ -175,7 +177,7 @@ def _solved(matrix: Array, right: Array) -> Array:
         return np.full(len(right), np.nan)
 
 
-def _zero_of(total: _Sum) -> tuple[Array, float]:
+def _zero_of(total: _GradientSum) -> tuple[Array, float]:
     """Where the polynomial is zero, near y = 0 (nan if it is not found at once), and how much it bends until there."""
     y = first = _solved(total.slope, -total.value)
     before = np.inf
@@ -212,9 +214,9 @@ def _is_determined(pool: Pool, expansion: Expansion, views: Count, weight: Count
     return bool((MARGIN * sigma < UNSURE_FOCAL * camera.params[:2][follows >= 0]).all())
 
 
-def _weighted(expansion: Expansion, views: Count, weight: Count) -> _Sum:
+def _weighted(expansion: Expansion, views: Count, weight: Count) -> _GradientSum:
     free = expansion.direction.shape[1]
-    total = _Sum(np.zeros(free), np.zeros((free, free)), np.zeros((free, free, free)))
+    total = _GradientSum(np.zeros(free), np.zeros((free, free)), np.zeros((free, free, free)))
     _add_gradients(
         expansion.value, expansion.slope, expansion.bend, views, weight, total.value, total.slope, total.bend
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from calib.cameras import MODELS, parameter_names
 from calib.studies.figures import study_figures
-from calib.studies.findings import Finding, findings
+from calib.studies.findings import HeldClaim, findings
 from calib.studies.reasons import reasons
 from calib.studies.statistics import CaseSummary, summarise
 from calib.studies.store import Study
@@ -24,7 +24,7 @@ class StudyOutput:
     """What a study says, and the files that say it."""
 
     summaries: tuple[CaseSummary, ...]
-    findings: tuple[Finding, ...]
+    findings: tuple[HeldClaim, ...]
     reasons: tuple[str, ...]  # why findings do not hold
     files: dict[Path, bytes]
 

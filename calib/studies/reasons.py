@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from calib.results.evaluation_table import figure
-from calib.studies.findings import Finding
+from calib.studies.findings import HeldClaim
 from calib.studies.paper_table import BOARD, ICOSAHEDRON
 from calib.studies.statistics import SMALL_SKEWNESS, Array, CaseSummary
 from calib.studies.table import setting_in_words
@@ -19,7 +19,7 @@ FOCAL = 0
 
 
 def reasons(
-    found: Sequence[Finding], summaries: Sequence[CaseSummary], covariance: Mapping[tuple[str, str, str], Array]
+    found: Sequence[HeldClaim], summaries: Sequence[CaseSummary], covariance: Mapping[tuple[str, str, str], Array]
 ) -> tuple[str, ...]:
     """A line for each kind of reason and way of sampling.
 

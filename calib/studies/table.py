@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from calib.results.evaluation_table import figure
-from calib.studies.findings import Factor, Finding, against_paper, findings, settings
+from calib.studies.findings import HeldClaim, PaperFactor, against_paper, findings, settings
 from calib.studies.markdown import markdown_table, plain
 from calib.studies.paper_table import CORRECTED, CORRECTION, INTERVALS, PaperValue, paper_value
 from calib.studies.statistics import LEAST_P, METRICS, Case, CaseSummary, Distribution, Metric
@@ -22,7 +22,7 @@ LEAST_DIGITS, MOST_DIGITS = 2, 4
 
 
 @dataclass(frozen=True)
-class Cell:
+class CaseMetric:
     """One metric of one case, in the paper's units."""
 
     mu: str
@@ -30,7 +30,7 @@ class Cell:
     interval: str
 
 
-NOTHING = Cell(NO_NUMBER, NO_NUMBER, NO_NUMBER)
+NOTHING = CaseMetric(NO_NUMBER, NO_NUMBER, NO_NUMBER)
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Row:
     size: int
     source: str  # PAPER, or the way of sampling and counting
     samples: tuple[str, ...]  # of each target: how many, and how many did not converge
-    cells: tuple[tuple[Cell, ...], ...]  # of each target: one for each of METRICS
+    cells: tuple[tuple[CaseMetric, ...], ...]  # of each target: one for each of METRICS
 
 
 def targets_of(summaries: Sequence[CaseSummary]) -> tuple[str, ...]:
@@ -79,14 +79,14 @@ def case_in_words(case: Case) -> str:
     return f"{printable(case.target)}, N = {case.size}{setting}"
 
 
-def _cell_of_paper(value: PaperValue | None) -> Cell:
+def _cell_of_paper(value: PaperValue | None) -> CaseMetric:
     if value is None:
         return NOTHING
     mark = CORRECTED if value.mark == CORRECTED else ""
-    return Cell(f"{value.mu:.2f}", f"{value.sigma:.2f}", f"[{value.low:.2f}, {value.high:.2f}]{mark}")
+    return CaseMetric(f"{value.mu:.2f}", f"{value.sigma:.2f}", f"[{value.low:.2f}, {value.high:.2f}]{mark}")
 
 
-def _cells_of_case(one: CaseSummary | None, digits: Sequence[int]) -> tuple[Cell, ...]:
+def _cells_of_case(one: CaseSummary | None, digits: Sequence[int]) -> tuple[CaseMetric, ...]:
     return (NOTHING,) * len(METRICS) if one is None else tuple(map(cell_of, one.all, digits))
 
 
@@ -100,12 +100,12 @@ def _digits(sigmas: Sequence[float]) -> int:
     return min(max(1 - math.floor(math.log10(min(known))), LEAST_DIGITS), MOST_DIGITS) if known else LEAST_DIGITS
 
 
-def cell_of(found: Distribution, digits: int) -> Cell:
+def cell_of(found: Distribution, digits: int) -> CaseMetric:
     """A distribution in the paper's units; the interval is that of the samples."""
     metric = found.metric
     low, high = (_number(metric, value, digits) for value in found.percentiles)
     interval = NO_NUMBER if NO_NUMBER in (low, high) else f"[{low}, {high}]"
-    return Cell(_number(metric, found.mu, digits), _number(metric, found.sigma, digits), interval)
+    return CaseMetric(_number(metric, found.mu, digits), _number(metric, found.sigma, digits), interval)
 
 
 LARGEST = 1e5
@@ -245,7 +245,9 @@ def _cells_of_markdown(summaries: Sequence[CaseSummary]) -> tuple[list[str], lis
     return head, body
 
 
-def _cells_of_factors(factors: Sequence[Factor], order: Sequence[tuple[str, str]]) -> tuple[list[str], list[list[str]]]:
+def _cells_of_factors(
+    factors: Sequence[PaperFactor], order: Sequence[tuple[str, str]]
+) -> tuple[list[str], list[list[str]]]:
     """A line for each number of the paper, a column for each way of sampling."""
     head = ["target", "N", "metric", "", PAPER, *(setting_in_words(*setting) for setting in order)]
     keys = dict.fromkeys((one.case.target, one.case.size, one.metric, one.statistic, one.paper) for one in factors)
@@ -262,7 +264,7 @@ def _cells_of_factors(factors: Sequence[Factor], order: Sequence[tuple[str, str]
     return head, body
 
 
-def _cells_of_findings(found: Sequence[Finding], *, numbers: bool) -> tuple[list[str], list[list[str]]]:
+def _cells_of_findings(found: Sequence[HeldClaim], *, numbers: bool) -> tuple[list[str], list[list[str]]]:
     """A line for each claim, a column for each way of sampling."""
     order = tuple(dict.fromkeys((one.sampling, one.sightings) for one in found))
     cells = {
@@ -274,7 +276,7 @@ def _cells_of_findings(found: Sequence[Finding], *, numbers: bool) -> tuple[list
     return head, [[claim, *(cells.get((claim, setting), NO_NUMBER) for setting in order)] for claim in claims]
 
 
-def findings_table(found: Sequence[Finding]) -> "Table":
+def findings_table(found: Sequence[HeldClaim]) -> "Table":
     """Which findings hold in which way of sampling, for a terminal."""
     from rich.table import Table
     from rich.text import Text
@@ -288,6 +290,6 @@ def findings_table(found: Sequence[Finding]) -> "Table":
     return table
 
 
-def finding_in_words(one: Finding) -> str:
+def finding_in_words(one: HeldClaim) -> str:
     """A finding with its numbers in one line."""
     return f"{setting_in_words(one.sampling, one.sightings)}: {one.sentence}"

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from calib.inputs.csv_table import ANY_NAME
-from calib.studies.findings import Finding, findings
+from calib.studies.findings import HeldClaim, findings
 from calib.studies.paper_table import paper_value
 from calib.studies.statistics import CaseSummary, Distribution, Over
 from calib.studies.table import markdown, notes
@@ -103,7 +103,7 @@ def _or_none(number: float) -> float | None:
     return float(f"{number:.9g}") if math.isfinite(number) else None
 
 
-def _finding(one: Finding) -> dict[str, object]:
+def _finding(one: HeldClaim) -> dict[str, object]:
     return {
         "claim": one.claim, "sampling": one.sampling, "sightings": one.sightings, "verdict": one.verdict,
         "verdict_of_converged": one.of_converged, "elsewhere": one.elsewhere,

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from joblib.externals.loky import ProcessPoolExecutor
 
 
-class Pool(Protocol):
+class SamplePool(Protocol):
     """What samples are drawn from; it is pickled to be sent to workers."""
 
     @property
@@ -47,11 +47,11 @@ class Pool(Protocol):
         """The samples of some numbers, each a function of this, case, size, seed and number alone."""
 
 
-RunChunk = Callable[[Pool, str, int, int, range], list[SampleResult]]
+RunChunk = Callable[[SamplePool, str, int, int, range], list[SampleResult]]
 """Pool, case, size, seed, numbers."""
 
 
-def run_by_pool(pool: Pool, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
+def run_by_pool(pool: SamplePool, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
     """As the pool does it."""
     return pool.run(case, size, seed, numbers)
 
@@ -67,7 +67,7 @@ class CaseSpec:
     """What is sampled, and what of."""
 
     case: Case
-    pool: Pool
+    pool: SamplePool
 
     def __post_init__(self) -> None:
         if self.case.pool != self.pool.view_count:
@@ -135,7 +135,7 @@ class Workers(Protocol):
 
 
 def compute(
-    run_chunk: RunChunk, pool: Pool, case: str, size: int, seed: int, numbers: range
+    run_chunk: RunChunk, pool: SamplePool, case: str, size: int, seed: int, numbers: range
 ) -> tuple[list[SampleResult], float]:
     """Results of a chunk, and the seconds that they took."""
     begin = time.perf_counter()
@@ -153,7 +153,7 @@ class Processes:
     def __init__(self, jobs: int, seed: int, run_chunk: RunChunk, folder: Path) -> None:
         self._jobs, self._seed, self._run_chunk, self._folder = jobs, seed, run_chunk, folder
         self._out: dict[Future[tuple[list[SampleResult], float]], Chunk] = {}
-        self._file: tuple[Pool, Path] | None = None
+        self._file: tuple[SamplePool, Path] | None = None
         self._files = 0
 
     def capacity(self) -> int:
@@ -215,7 +215,7 @@ class Processes:
             return Lost(chunk, f"its process died{f': {codes[1]}' if codes else ''}", is_crash=True)
         return Lost(chunk, in_one_line(error), is_crash=isinstance(error, BrokenProcessPool))
 
-    def _path_of(self, pool: Pool) -> Path:
+    def _path_of(self, pool: SamplePool) -> Path:
         """The file of a pool, written when its first chunk is sent."""
         if self._file is None or self._file[0] is not pool:
             self._files += 1
@@ -244,9 +244,9 @@ def processes(jobs: int, seed: int, run_chunk: RunChunk) -> Iterator[Processes]:
 
 
 @lru_cache(maxsize=1)
-def _read_pool(path: Path) -> Pool:
+def _read_pool(path: Path) -> SamplePool:
     """A pool, kept for the next chunks."""
-    pool: Pool = pickle.loads(path.read_bytes())  # noqa: S301 - our own, in a folder that nobody else may write
+    pool: SamplePool = pickle.loads(path.read_bytes())  # noqa: S301 - our own, in a folder that nobody else may write
     return pool
 
 

@@ -17,7 +17,7 @@ from calib.solver.outliers import deviations
 from calib.types import Calibration
 from calib.verdict.checks import BY_CHANCE, SURE, checks_of
 from calib.verdict.criteria import Criteria
-from calib.verdict.evidence import FAR_OFF, Evidence, HalvesFound
+from calib.verdict.evidence import FAR_OFF, CameraEvidence, HalvesFound
 from calib.verdict.judge import faults_of, missing_of
 from calib.verdict.next_view_words import distance_words, short
 from calib.verdict.next_views import NextView
@@ -89,7 +89,7 @@ class _Step:
 
 def advice_of(
     calibration: Calibration,
-    evidence: Evidence,
+    evidence: CameraEvidence,
     criteria: Criteria,
     views: Sequence[NextView] | None = None,
     inputs: Inputs = DETECTED,
@@ -138,7 +138,7 @@ def _step(sentence: str, *mends: str) -> _Step:
     return _Step((sentence,) if sentence else (), mends)
 
 
-def _wanting(evidence: Evidence, checks: Sequence[Check]) -> list[str]:
+def _wanting(evidence: CameraEvidence, checks: Sequence[Check]) -> list[str]:
     """Names of the checks that keep the verdict from being good, as the verdict names them, the worst first."""
     found = (*faults_of(checks, "bad"), *faults_of(checks, "usable"), *missing_of(evidence, checks))
     return [check.name for check in found]
@@ -151,7 +151,7 @@ def _names(facts: ViewFacts, rows: NDArray[np.int64]) -> str:
     return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
 
 
-def _target(evidence: Evidence, criteria: Criteria, inputs: Inputs) -> _Step:
+def _target(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _Step:
     """A target that is not as its file says: its rings are off in all photos, or another shape explains them better."""
     on_target, shape, halves = evidence.leftover.target_px, evidence.shape, evidence.halves
     measure = f"measure the target, and solve with the measured one: {inputs.measure}"
@@ -180,7 +180,7 @@ def _target(evidence: Evidence, criteria: Criteria, inputs: Inputs) -> _Step:
     return _step("")
 
 
-def _target_share(evidence: Evidence, criteria: Criteria, inputs: Inputs) -> str:
+def _target_share(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> str:
     """A target whose error is within the limit, and yet most of what is left over."""
     found = evidence.leftover
     on_target = found.target_px
@@ -194,7 +194,7 @@ def _target_share(evidence: Evidence, criteria: Criteria, inputs: Inputs) -> str
     )
 
 
-def _lens(evidence: Evidence, criteria: Criteria, model: str, inputs: Inputs) -> str:
+def _lens(evidence: CameraEvidence, criteria: Criteria, model: str, inputs: Inputs) -> str:
     """Mean residuals over the image that the target does not explain."""
     over_image, on_target = evidence.leftover.image_px, evidence.leftover.target_px or 0.0
     if over_image is None or over_image <= max(criteria.systematic_px.good, on_target):
@@ -212,7 +212,7 @@ def _lens(evidence: Evidence, criteria: Criteria, model: str, inputs: Inputs) ->
     )
 
 
-def _undetermined(evidence: Evidence) -> str:
+def _undetermined(evidence: CameraEvidence) -> str:
     """What the solver says of photos that do not determine the camera; for a map that was learned it has no word."""
     if evidence.status_reason and not evidence.uncertainty.is_map_exact:
         return evidence.status_reason
@@ -244,7 +244,9 @@ def _them(rows: NDArray[np.int64]) -> str:
     return "it" if len(rows) == 1 else "them"
 
 
-def _far_off(calibration: Calibration, evidence: Evidence, criteria: Criteria, facts: ViewFacts, inputs: Inputs) -> str:
+def _far_off(
+    calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, facts: ViewFacts, inputs: Inputs
+) -> str:
     """Many sightings that are far off, or were left out."""
     seen, out = calibration.observations, calibration.is_outlier
     far = out | (deviations(calibration.residual_px.T, seen.cov_px2) > FAR_OFF)
@@ -273,7 +275,7 @@ def _few_photos(facts: ViewFacts) -> str:
     )
 
 
-def _tilts(evidence: Evidence, criteria: Criteria, facts: ViewFacts) -> str:
+def _tilts(evidence: CameraEvidence, criteria: Criteria, facts: ViewFacts) -> str:
     """A flat target that was hardly tilted."""
     if not facts.is_flat:
         return ""
@@ -326,7 +328,7 @@ def _one_distance(facts: ViewFacts) -> str:
     )
 
 
-def _map(evidence: Evidence) -> str:
+def _map(evidence: CameraEvidence) -> str:
     found = evidence.uncertainty
     if not found.is_map_exact or not 1 - found.known > MAP_MISSING:
         return ""

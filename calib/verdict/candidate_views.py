@@ -42,7 +42,7 @@ PLACING_STEPS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class CandidateViews:
     """C photos that could be taken."""
 
     cam_from_target: Array  # (C, 4, 4)
@@ -53,8 +53,8 @@ class Candidates:
     is_upright: NDArray[np.bool_]  # (C,) a flat target's long side is vertical
     like_view: NDArray[np.int64]  # (C,) the used view that shows a solid from the same side; -1: a flat target
 
-    def __getitem__(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> "Candidates":
-        return Candidates(
+    def __getitem__(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> "CandidateViews":
+        return CandidateViews(
             self.cam_from_target[rows], self.place[rows], self.distance_mm[rows], self.tilt_deg[rows],
             self.away[rows], self.is_upright[rows], self.like_view[rows],
         )  # fmt: skip
@@ -83,7 +83,7 @@ def tilt_rotation(tilt_rad: float, away: Array) -> Array:
     return exp_rotation(tilt_rad * np.array([away[1], -away[0], 0.0]) / length)
 
 
-def candidates_of(calibration: Calibration, shape: TargetShape, habits: Habits) -> Candidates:
+def candidates_of(calibration: Calibration, shape: TargetShape, habits: Habits) -> CandidateViews:
     """All photos that are tried: each turn at each place and distance, as far as it can be held there."""
     turns = _flat_turns(shape) if shape.is_flat else _turns_of_views(calibration, shape)
     near, far = habits.distance_mm
@@ -91,12 +91,14 @@ def candidates_of(calibration: Calibration, shape: TargetShape, habits: Habits) 
     overshoots = (0.0, OVERSHOOT) if not shape.is_flat else tuple({0.0, round(0.7 * (1 - habits.face_share), 2)})
     places = np.array([(*place, over) for over in overshoots for place in PLACES if not over or 1 in np.abs(place)])
     t, d, p = (x.ravel() for x in np.indices((len(turns.rotation), DISTANCES, len(places))))
-    made = Candidates(
+    made = CandidateViews(
         np.tile(np.eye(4), (len(t), 1, 1)), places[p, :2], distances[d], turns.tilt_deg[t], turns.away[t],
         turns.is_upright[t], turns.like_view[t],
     )  # fmt: skip
     pose, ok = _placed(calibration.camera, shape, turns.rotation[t], turns.sight[t], made, places[p, 2])
-    return Candidates(pose, made.place, made.distance_mm, made.tilt_deg, made.away, made.is_upright, made.like_view)[ok]
+    return CandidateViews(
+        pose, made.place, made.distance_mm, made.tilt_deg, made.away, made.is_upright, made.like_view
+    )[ok]
 
 
 def _flat_turns(shape: TargetShape) -> _Turns:
@@ -135,7 +137,7 @@ def _turns_of_views(calibration: Calibration, shape: TargetShape) -> _Turns:
 
 
 def _placed(
-    camera: Camera, shape: TargetShape, rotation: Array, sight: Array, wanted: Candidates, overshoot: Array
+    camera: Camera, shape: TargetShape, rotation: Array, sight: Array, wanted: CandidateViews, overshoot: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Poses whose box in the image is where it is wanted, and which of them there are.
 
@@ -201,14 +203,14 @@ def _box(camera: Camera, shape: TargetShape, pose: Array) -> tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ShownPoints:
     """What C photos show of N points."""
 
     is_read: NDArray[np.bool_]  # (C, N)
     pixel: Array  # (C, N, 2)
 
 
-def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, rows: NDArray[np.int64]) -> Shown:
+def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, rows: NDArray[np.int64]) -> ShownPoints:
     """Where photos show a target's points, and which would be read.
 
     Those on a face that looks at the camera and is not too fine, inside the image, and of which as much is inside as
@@ -236,4 +238,4 @@ def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, ro
     of_face = (face[:, None] == np.arange(len(shape.normal))).astype(np.float64)
     share = inside @ of_face / np.maximum(of_face.sum(axis=0), 1.0)
     enough = share >= habits.face_share - 1e-9
-    return Shown(inside & enough[:, face], pixel)
+    return ShownPoints(inside & enough[:, face], pixel)

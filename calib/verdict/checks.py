@@ -6,7 +6,7 @@ from calib.results.evaluation_table import figure
 from calib.types import TargetError
 from calib.verdict.coverage import region_words
 from calib.verdict.criteria import Criteria, Limits
-from calib.verdict.evidence import FAR_OFF, Evidence, HalvesFound, ModelApart
+from calib.verdict.evidence import FAR_OFF, CameraEvidence, HalvesFound, ModelApart
 from calib.verdict.halves import NoHalves
 from calib.verdict.target_shape import ShapeEffect
 from calib.verdict.verdict import Check, Grade, measured_text
@@ -41,7 +41,7 @@ LARGE_SHARE = 0.5
 """Of the residuals: a systematic part that is worth a word although it is small."""
 
 
-def checks_of(evidence: Evidence, criteria: Criteria) -> tuple[Check, ...]:
+def checks_of(evidence: CameraEvidence, criteria: Criteria) -> tuple[Check, ...]:
     """All checks in the order of reading; one of the solution itself only if it has a fault."""
     solution = () if evidence.status == "converged" else (_solution(evidence),)
     return (
@@ -75,13 +75,13 @@ def px(value: float) -> str:
     return f"{figure(value, 2)} px"
 
 
-def _solution(evidence: Evidence) -> Check:
+def _solution(evidence: CameraEvidence) -> Check:
     fault = {"degenerate": "the photos do not determine the camera", "stopped": "the solution is not at its end"}
     reason = f": {evidence.status_reason}" if evidence.status_reason else ""
     return _check("solution", "bad", None, "", Limits(0.0, 0.0), f"{fault.get(evidence.status, '')}{reason}")
 
 
-def _uncertainty(evidence: Evidence, criteria: Criteria) -> Check:
+def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Check:
     found, limits = evidence.uncertainty, criteria.uncertainty_px
     if not found.is_estimated:
         return _check("uncertainty", "unknown", None, "px", limits, "no parameter was estimated, so none is uncertain")
@@ -116,7 +116,7 @@ def _uncertainty(evidence: Evidence, criteria: Criteria) -> Check:
     return _check("uncertainty", _at_most(value, limits), value, "px", limits, sentence)
 
 
-def _coverage(evidence: Evidence, limits: Limits) -> Check:
+def _coverage(evidence: CameraEvidence, limits: Limits) -> Check:
     percent = 100 * evidence.coverage.share
     grade: Grade = "good" if percent >= limits.good else "usable" if percent >= limits.usable else "bad"
     names = tuple(region.name for region in evidence.coverage.not_covered)
@@ -127,7 +127,7 @@ def _coverage(evidence: Evidence, limits: Limits) -> Check:
     return _check("coverage", grade, percent, "%", limits, sentence, is_at_least=True)
 
 
-def _halves(evidence: Evidence, criteria: Criteria) -> Check:
+def _halves(evidence: CameraEvidence, criteria: Criteria) -> Check:
     """Within the limit of the ratio it is good; beyond, what matters is how far the halves are apart in pixels.
 
     If that is irrelevant, it is good too: the ratio enlarges the stated standard deviations, and that is all.
@@ -178,7 +178,7 @@ def _halves_sentence(found: HalvesFound, grade: Grade, criteria: Criteria) -> st
     )
 
 
-def _residuals(evidence: Evidence, limits: Limits) -> Check:
+def _residuals(evidence: CameraEvidence, limits: Limits) -> Check:
     found = evidence.leftover
     sentence = f"{px(found.rmse_px)} are left over (RMS of {found.count} sightings)"
     grade = _at_most(found.rmse_px, limits)
@@ -192,7 +192,7 @@ def _residuals(evidence: Evidence, limits: Limits) -> Check:
     return _check("residuals", grade, found.rmse_px, "px", limits, sentence)
 
 
-def _systematic(evidence: Evidence, limits: Limits) -> Check:
+def _systematic(evidence: CameraEvidence, limits: Limits) -> Check:
     found = evidence.leftover
     known = [value for value in (found.image_px, found.target_px) if value is not None]
     if not known:
@@ -216,12 +216,12 @@ def _systematic(evidence: Evidence, limits: Limits) -> Check:
     return _check("systematic", grade, value, "px", limits, sentence)
 
 
-def _is_other_shape(evidence: Evidence) -> bool:
+def _is_other_shape(evidence: CameraEvidence) -> bool:
     """Whether it is sure that the target has another shape; where that cannot be told, its rings' means say it."""
     return evidence.shape is None or evidence.shape.ratio > SURE
 
 
-def _outliers(evidence: Evidence, limits: Limits) -> Check:
+def _outliers(evidence: CameraEvidence, limits: Limits) -> Check:
     """Outliers that were left out do no harm by themselves, but many tell that something is amiss.
 
     So those come on top of the limit within which a solution is usable.
@@ -246,7 +246,7 @@ def _percent(share: float) -> str:
     return f"{figure(100 * share, 2)} %"
 
 
-def _target(evidence: Evidence, limits: Limits) -> Check:
+def _target(evidence: CameraEvidence, limits: Limits) -> Check:
     """Beyond chance, the change of the camera counts, but only what is sure makes a camera unusable.
 
     Below, the photos must be able to tell a change from none.
@@ -274,7 +274,7 @@ def _target(evidence: Evidence, limits: Limits) -> Check:
     return _check("target", grade, found.percentile_95_px, "px", limits, sentence)
 
 
-def _target_by_chance(evidence: Evidence, found: ShapeEffect, limits: Limits) -> Check:
+def _target_by_chance(evidence: CameraEvidence, found: ShapeEffect, limits: Limits) -> Check:
     """Nothing shows that the target is not as its file says: it is not, or the photos could not show it."""
     error, by_target = evidence.uncertainty.target_error, evidence.uncertainty.target_px
     if found.sigma_px <= limits.good:
@@ -310,7 +310,7 @@ def made_as(error: TargetError) -> str:
     return f"{made} ({assumed}{error.because}; --made tells otherwise)" if error.because else made
 
 
-def _models(evidence: Evidence, limits: Limits) -> Check:
+def _models(evidence: CameraEvidence, limits: Limits) -> Check:
     """Models that fit the same photos alike and yet differ show what the photos leave open.
 
     A learned map rests on few photos, so its dissent alone makes no camera unusable.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from calib.linear_algebra import covariance_with_prior
 from calib.types import Calibration, Camera
-from calib.verdict.candidate_views import Candidates, Shown, candidates_of, shown_in
+from calib.verdict.candidate_views import CandidateViews, ShownPoints, candidates_of, shown_in
 from calib.verdict.coverage import coverage, coverage_of
 from calib.verdict.information import Knowledge, image_change, knowledge_of, sigma_px, view_information
 from calib.verdict.next_view_target import Habits, TargetShape, habits_of, shape_of
@@ -43,7 +43,7 @@ CELLS = (16, 12)
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class ViewChoice:
     """What a choice is made from."""
 
     known: Knowledge
@@ -51,7 +51,7 @@ class Scene:
     modes_mm: Array  # (S, N, 3) of the shape's points: what the target's numbers move
     shape: TargetShape
     habits: Habits
-    candidates: Candidates
+    candidates: CandidateViews
     information: Array  # (C, Q, Q) of each, from some of the points
     covers: NDArray[np.bool_]  # (C, K) cells of the image that each shows a point in
 
@@ -71,7 +71,7 @@ class SoFar:
 
 
 @dataclass(frozen=True, eq=False)
-class Photo:
+class CandidatePhoto:
     """A candidate with all its points."""
 
     row: int
@@ -81,7 +81,7 @@ class Photo:
 
 def scene_of(
     calibration: Calibration, face_share: float | None, factor: float = 1.0, prior: ShapePrior | None = None
-) -> Scene | None:
+) -> ViewChoice | None:
     """The photos that could be taken and what they tell; None if no point lies on a known plane.
 
     Args:
@@ -107,16 +107,16 @@ def scene_of(
     stated = stated_error(known, calibration, factor, prior)
     on_face = calibration.observations.points.face >= 0
     modes_mm = np.zeros((0, len(shape.face), 3)) if stated.modes_mm is None else stated.modes_mm[:, on_face]
-    return Scene(known, stated, modes_mm, shape, habits, candidates[ok], information, covers[ok])
+    return ViewChoice(known, stated, modes_mm, shape, habits, candidates[ok], information, covers[ok])
 
 
-def start_of(scene: Scene, calibration: Calibration) -> SoFar:
+def start_of(scene: ViewChoice, calibration: Calibration) -> SoFar:
     """Before the first choice."""
     size = scene.known.basis.shape[1] + len(scene.modes_mm)
     return SoFar(np.zeros((size, size)), coverage_of(calibration).is_covered, ())
 
 
-def with_photo(so_far: SoFar, photo: Photo) -> SoFar:
+def with_photo(so_far: SoFar, photo: CandidatePhoto) -> SoFar:
     """After a choice."""
     return SoFar(so_far.told + photo.information, so_far.is_covered | photo.area, (*so_far.chosen, photo.row))
 
@@ -126,7 +126,7 @@ def new_area(so_far: SoFar, area: NDArray[np.bool_]) -> float:
     return float((area & ~so_far.is_covered).mean())
 
 
-def for_accuracy(scene: Scene, so_far: SoFar) -> Iterator[Photo]:
+def for_accuracy(scene: ViewChoice, so_far: SoFar) -> Iterator[CandidatePhoto]:
     """Photos that make the camera best known by the noise, the best first."""
     change = image_change(scene.known, *COARSE_MAP)
     flat = change.reshape(-1, change.shape[2])
@@ -142,28 +142,28 @@ def for_accuracy(scene: Scene, so_far: SoFar) -> Iterator[Photo]:
     return (in_full(scene, row) for row in order[:TRIED].tolist())
 
 
-def for_coverage(scene: Scene, so_far: SoFar) -> Photo:
+def for_coverage(scene: ViewChoice, so_far: SoFar) -> CandidatePhoto:
     """The photo that surrounds most of what no photo has shown yet."""
     effort = _effort(scene, so_far)
     order = np.argsort(-_new_cells(scene, so_far) / effort, kind="stable")[:TRIED].tolist()
     return in_full(scene, max(order, key=lambda row: new_area(so_far, _area(scene, _shown(scene, row))) / effort[row]))
 
 
-def in_full(scene: Scene, row: int) -> Photo:
+def in_full(scene: ViewChoice, row: int) -> CandidatePhoto:
     """What a candidate would add with all its points."""
     shown, pose = _shown(scene, row), scene.candidates.cam_from_target[row : row + 1]
     weight = shown.is_read.astype(np.float64)
     added: Array = view_information(scene.known, pose, scene.shape.position_mm, weight, scene.modes_mm)[0]
-    return Photo(row, added, _area(scene, shown))
+    return CandidatePhoto(row, added, _area(scene, shown))
 
 
-def _shown(scene: Scene, row: int) -> Shown:
+def _shown(scene: ViewChoice, row: int) -> ShownPoints:
     """All points in a candidate."""
     pose, points = scene.candidates.cam_from_target[row : row + 1], np.arange(len(scene.shape.face))
     return shown_in(scene.known.camera, scene.shape, scene.habits, pose, points)
 
 
-def _area(scene: Scene, shown: Shown) -> NDArray[np.bool_]:
+def _area(scene: ViewChoice, shown: ShownPoints) -> NDArray[np.bool_]:
     """Cells of a coverage that one photo surrounds.  # (R, C)"""
     read = shown.is_read[0]
     one_view = np.zeros(int(read.sum()), dtype=np.int64)
@@ -172,7 +172,7 @@ def _area(scene: Scene, shown: Shown) -> NDArray[np.bool_]:
 
 
 def _read(
-    camera: Camera, shape: TargetShape, habits: Habits, candidates: Candidates
+    camera: Camera, shape: TargetShape, habits: Habits, candidates: CandidateViews
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which of all points (C, N) candidates show, and in which cells of the image (C, K)."""
     count, points = len(candidates.distance_mm), np.arange(len(shape.face))
@@ -197,7 +197,7 @@ def _cells(camera: Camera, pixel: Array, is_read: NDArray[np.bool_]) -> NDArray[
     return covers
 
 
-def _new_cells(scene: Scene, so_far: SoFar) -> Array:
+def _new_cells(scene: ViewChoice, so_far: SoFar) -> Array:
     """What each candidate shows of what is not covered yet (C,), of the one that shows most: 0 to 1."""
     columns, rows = CELLS
     fine = so_far.is_covered
@@ -208,7 +208,7 @@ def _new_cells(scene: Scene, so_far: SoFar) -> Array:
     return share
 
 
-def _effort(scene: Scene, so_far: SoFar) -> Array:
+def _effort(scene: ViewChoice, so_far: SoFar) -> Array:
     """Factors (C,) that make less attractive: distances nobody has used, places proposed already."""
     near, far = scene.habits.distance_mm
     distance, place = scene.candidates.distance_mm, scene.candidates.place

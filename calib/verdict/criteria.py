@@ -62,23 +62,23 @@ Percent = Annotated[float, BeforeValidator(lambda value: _quantity("%", 100.0, v
 Sigmas = Annotated[float, BeforeValidator(lambda value: _quantity("sigma", 1000.0, value))]
 
 
-class _File(BaseModel):
+class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class _PixelLimits(_File):
+class _PixelLimits(_Strict):
     good: Pixels
     usable: Pixels
     source: str = ""
 
 
-class _PercentLimits(_File):
+class _PercentLimits(_Strict):
     good: Percent
     usable: Percent
     source: str = ""
 
 
-class _SigmaLimits(_File):
+class _SigmaLimits(_Strict):
     good: Sigmas
     usable: Sigmas
     source: str = ""
@@ -103,7 +103,7 @@ def _at_least(limits: _AnyLimits) -> _AnyLimits:
     return limits
 
 
-class _CriteriaFile(_File):
+class _CriteriaFile(_Strict):
     """The keys of a criteria file."""
 
     title: Annotated[str, Field(min_length=1, max_length=200)]

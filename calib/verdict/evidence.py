@@ -106,7 +106,7 @@ class ModelApart:
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class CameraEvidence:
     """All that a verdict on one camera rests on."""
 
     model: str
@@ -133,7 +133,7 @@ class Evidence:
         return self.shape.explained < (over_image / self.leftover.rmse_px) ** 2
 
 
-def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSplit) -> Evidence:
+def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSplit) -> CameraEvidence:
     """Measure.
 
     Args:
@@ -146,7 +146,7 @@ def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSpli
     others = [one for row, one in enumerate(calibrations) if row != best]
     reason = judged.remarks[0] if judged.status != "converged" and judged.remarks else ""
     found = _halves(halves, covered)
-    return Evidence(
+    return CameraEvidence(
         judged.camera.model, judged.status, reason, judged.observations.view_count,
         uncertainty_of(judged, covered, _factor(found)), covered, found, _leftover(evaluate(judged)),
         shape_effect(judged, covered),

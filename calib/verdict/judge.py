@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from calib.verdict.checks import OWN_ROTATION, checks_of, px
 from calib.verdict.criteria import Criteria
-from calib.verdict.evidence import Evidence
+from calib.verdict.evidence import CameraEvidence
 from calib.verdict.halves import NoHalves
 from calib.verdict.verdict import Check, Grade, Verdict
 
@@ -20,7 +20,7 @@ FIRST = (
 few more photos mend."""
 
 
-def judge(evidence: Evidence, criteria: Criteria, advice: Sequence[str] = ()) -> Verdict:
+def judge(evidence: CameraEvidence, criteria: Criteria, advice: Sequence[str] = ()) -> Verdict:
     """The verdict on a camera.
 
     The grade is the worst of the checks that are known. If one of those that are needed could not be made, it is
@@ -37,7 +37,7 @@ def judge(evidence: Evidence, criteria: Criteria, advice: Sequence[str] = ()) ->
     return Verdict(grade, evidence.model, _sentence(evidence, checks, missing, grade), checks, tuple(advice))
 
 
-def _sentence(evidence: Evidence, checks: Sequence[Check], missing: Sequence[Check], grade: Grade) -> str:
+def _sentence(evidence: CameraEvidence, checks: Sequence[Check], missing: Sequence[Check], grade: Grade) -> str:
     """The answer and its main reason."""
     if grade == "good":
         return f"{WORDS[grade]}: {_why_good(evidence)}"
@@ -53,7 +53,7 @@ def _sentence(evidence: Evidence, checks: Sequence[Check], missing: Sequence[Che
     return f"{WORDS[grade]}: {faults[0].sentence}" + (f" (also: {also})" if also else "")
 
 
-def missing_of(evidence: Evidence, checks: Sequence[Check]) -> tuple[Check, ...]:
+def missing_of(evidence: CameraEvidence, checks: Sequence[Check]) -> tuple[Check, ...]:
     """The checks without which nothing is called good, and that could not be made.
 
     What the target may be off is in the uncertainty, unless nobody knows how it was made.
@@ -78,7 +78,7 @@ def _times_beyond(check: Check) -> float:
     return worse / better if better > 0 else math.inf
 
 
-def _good_inside(evidence: Evidence, faults: Sequence[Check]) -> str:
+def _good_inside(evidence: CameraEvidence, faults: Sequence[Check]) -> str:
     """Why a camera is not to be used that is good where the target was seen; "" if it is not."""
     inside, outside = evidence.uncertainty.covered_px, evidence.uncertainty.image_px
     limit = next((check.usable for check in faults if check.name == "uncertainty"), math.inf)
@@ -98,7 +98,7 @@ def _bare(check: Check) -> str:
     return check.sentence.removeprefix("not checked: ").removeprefix("cannot tell: ")
 
 
-def _why_good(evidence: Evidence) -> str:
+def _why_good(evidence: CameraEvidence) -> str:
     uncertain, halves = evidence.uncertainty.image_px, evidence.halves
     parts = [f"{100 * evidence.coverage.share:.0f} % of the image is covered"]
     if uncertain is not None:

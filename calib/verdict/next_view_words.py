@@ -42,7 +42,7 @@ class Hold:
 
 
 @dataclass(frozen=True)
-class Gain:
+class ViewGain:
     """What a photo gives."""
 
     before_px: float  # what 95 % of the image stays within; infinite: not determined
@@ -54,7 +54,7 @@ class Gain:
     tells_area: bool = False  # what is covered is
 
 
-def sentence_of(hold: Hold, gain: Gain) -> str:
+def sentence_of(hold: Hold, gain: ViewGain) -> str:
     """What to do and what it gives."""
     thing = "board" if hold.is_flat else "target"
     parts = [f"hold the {thing} {place_words(hold.place)}"]
@@ -69,7 +69,7 @@ def sentence_of(hold: Hold, gain: Gain) -> str:
     return f"{', '.join(parts)}: {gain_words(gain)}"
 
 
-def gain_words(gain: Gain) -> str:
+def gain_words(gain: ViewGain) -> str:
     """What a photo gives: "95 % sigma 0.21 -> 0.13 px, coverage 18 -> 31 %"."""
     words = []
     if gain.tells_sigma:
@@ -80,7 +80,7 @@ def gain_words(gain: Gain) -> str:
     return ", ".join(words)
 
 
-def after_words(gain: Gain) -> str:
+def after_words(gain: ViewGain) -> str:
     """The deviation with the photo; of a lens that is known badly no more than its size."""
     if gain.is_rough:
         return f"about {figure(gain.after_px, 1)} px if the lens is as estimated"

@@ -16,13 +16,13 @@ from calib.linear_algebra import covariance_with_prior
 from calib.se3 import transform
 from calib.solver.degeneracy import NO_FIT
 from calib.types import Calibration, Camera, frozen_array
-from calib.verdict.candidate_views import Candidates, faces_seen
+from calib.verdict.candidate_views import CandidateViews, faces_seen
 from calib.verdict.choose_views import (
     COARSE_MAP,
     SHARE_PERCENT,
-    Photo,
-    Scene,
+    CandidatePhoto,
     SoFar,
+    ViewChoice,
     for_accuracy,
     for_coverage,
     new_area,
@@ -32,7 +32,7 @@ from calib.verdict.choose_views import (
 )
 from calib.verdict.information import grid_count, has_information, image_change, sigma_px
 from calib.verdict.next_view_target import TargetShape, shape_of
-from calib.verdict.next_view_words import Gain, Hold, place_of, sentence_of
+from calib.verdict.next_view_words import Hold, ViewGain, place_of, sentence_of
 from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
@@ -134,7 +134,7 @@ def next_views(
         after = share_px(sigma_px(change, scene.stated.after(then.told)), pixels)
         shown = before if is_known else math.inf
         wants_area = so_far.covered < goal_covered
-        gain = Gain(
+        gain = ViewGain(
             shown, after, so_far.covered, then.covered, is_rough=is_rough,
             tells_sigma=wants_accuracy and after <= LITTLE_GAIN * shown,
             tells_area=wants_area and new_area(so_far, photo.area) > LITTLE_AREA,
@@ -145,8 +145,8 @@ def next_views(
 
 
 def _choice(
-    scene: Scene, so_far: SoFar, change: Array, pixels: int, goals: _Goals, *, wants_accuracy: bool
-) -> Photo | None:
+    scene: ViewChoice, so_far: SoFar, change: Array, pixels: int, goals: _Goals, *, wants_accuracy: bool
+) -> CandidatePhoto | None:
     """The photo to take next; None if both goals are reached, or no photo is worth taking."""
     if wants_accuracy and len(so_far.chosen) < MOST_FOR_ACCURACY:
         stated = scene.stated
@@ -161,7 +161,7 @@ def _choice(
     return None
 
 
-def _view(scene: Scene, calibration: Calibration, photo: Photo, gain: Gain) -> NextView:
+def _view(scene: ViewChoice, calibration: Calibration, photo: CandidatePhoto, gain: ViewGain) -> NextView:
     one = scene.candidates[np.array([photo.row])]
     pose = one.cam_from_target[0]
     outline = outline_px(calibration.camera, scene.shape, pose)
@@ -194,7 +194,7 @@ def photos_needed(photos: int, sigma_px_now: float, limit_px: float) -> int:
     return max(photos, math.ceil(photos * (sigma_px_now / limit_px) ** 2 - 1e-9))
 
 
-def _hold(scene: Scene, one: Candidates, calibration: Calibration, outline: tuple[Array, ...]) -> Hold:
+def _hold(scene: ViewChoice, one: CandidateViews, calibration: Calibration, outline: tuple[Array, ...]) -> Hold:
     """How a candidate is to be held, as plain numbers."""
     like = int(one.like_view[0])
     any_side = like < 0 or _is_same_from_any_side(scene, one)
@@ -215,7 +215,7 @@ def _usual_distance_mm(calibration: Calibration, shape: TargetShape) -> float:
     return float(np.median(np.linalg.norm(transform(calibration.cam_from_target, shape.center_mm), axis=1)))
 
 
-def _is_same_from_any_side(scene: Scene, one: Candidates) -> bool:
+def _is_same_from_any_side(scene: ViewChoice, one: CandidateViews) -> bool:
     """Whether a solid tells about as much at a place, whichever of its sides is shown."""
     all_of = scene.candidates
     alike = (all_of.place == one.place).all(axis=1) & np.isclose(all_of.distance_mm, one.distance_mm[0])

@@ -32,7 +32,7 @@ _Share = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
 _Row = tuple[_Number, _Number, _Number, _Number]
 
 
-class _View(BaseModel):
+class _NextView(BaseModel):
     """The keys of one photo in their order."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -56,7 +56,7 @@ class _Views(BaseModel):
 
     format: Literal["ringsolid.next_views"]
     version: Literal[1]
-    views: Annotated[list[_View], Field(max_length=MAX_VIEWS)]
+    views: Annotated[list[_NextView], Field(max_length=MAX_VIEWS)]
 
 
 def next_views_to_json(views: Sequence[NextView]) -> list[JsonValue]:
@@ -107,7 +107,7 @@ def read_next_views(folder: Path) -> tuple[NextView, ...]:
     return tuple(_view(view) for view in file.views)
 
 
-def _view(view: _View) -> NextView:
+def _view(view: _NextView) -> NextView:
     return NextView(
         np.array(view.cam_from_target, dtype=np.float64),
         printable(view.sentence),

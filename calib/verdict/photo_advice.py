@@ -7,7 +7,7 @@ from calib.types import Calibration
 from calib.verdict.checks import SURE
 from calib.verdict.coverage import region_words
 from calib.verdict.criteria import Criteria
-from calib.verdict.evidence import Evidence
+from calib.verdict.evidence import CameraEvidence
 from calib.verdict.next_views import NextView, photos_needed, why_no_next_views
 
 MANY_TIMES = 5
@@ -19,7 +19,7 @@ LITTLE_PERCENT = 0.5
 
 
 def photo_advice(
-    calibration: Calibration, evidence: Evidence, criteria: Criteria, views: Sequence[NextView] | None
+    calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None
 ) -> tuple[str, ...]:
     """The next photos one after the other, or what else there is to say of photos to take.
 
@@ -37,7 +37,7 @@ def photo_advice(
 
 
 def _photos(
-    calibration: Calibration, evidence: Evidence, criteria: Criteria, views: Sequence[NextView] | None
+    calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None
 ) -> tuple[str, ...]:
     """The next photos one after the other, or why there are none."""
     if views:
@@ -63,7 +63,7 @@ def _photos(
     return tuple(sentences)
 
 
-def _wanted(evidence: Evidence, criteria: Criteria) -> str:
+def _wanted(evidence: CameraEvidence, criteria: Criteria) -> str:
     """What is missing, as it should be."""
     parts = [] if is_sure(evidence, criteria) else [px(criteria.uncertainty_px.good)]
     if 100 * evidence.coverage.share < criteria.coverage_percent.good or not parts:
@@ -71,7 +71,7 @@ def _wanted(evidence: Evidence, criteria: Criteria) -> str:
     return ", ".join(parts)
 
 
-def _after_them(evidence: Evidence, criteria: Criteria, views: Sequence[NextView] | None) -> str:
+def _after_them(evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None) -> str:
     """What more photos like those so far would do; where nobody looked for better ones, that they are wanted."""
     if is_sure(evidence, criteria) or not evidence.uncertainty.is_estimated:
         return ""
@@ -107,7 +107,7 @@ def _round_up(count: int) -> str:
     return f"about {-(-count // step) * step}"
 
 
-def _uncovered(evidence: Evidence, criteria: Criteria, views: Sequence[NextView] | None) -> tuple[str, ...]:
+def _uncovered(evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None) -> tuple[str, ...]:
     """Parts of the image without the target, if the next photos do not show it there."""
     percent, wanted = 100 * evidence.coverage.share, criteria.coverage_percent.good
     names = tuple(region.name for region in evidence.coverage.not_covered)
@@ -140,13 +140,13 @@ def _again(last: NextView, criteria: Criteria) -> tuple[str, ...]:
     )
 
 
-def is_sure(evidence: Evidence, criteria: Criteria) -> bool:
+def is_sure(evidence: CameraEvidence, criteria: Criteria) -> bool:
     """Whether the camera is known as well as it should be."""
     sigma = evidence.uncertainty.image_px
     return evidence.uncertainty.is_map_exact or (sigma is not None and sigma <= criteria.uncertainty_px.good)
 
 
-def _is_sure_as_stated(evidence: Evidence, criteria: Criteria) -> bool:
+def _is_sure_as_stated(evidence: CameraEvidence, criteria: Criteria) -> bool:
     """Whether it is by the standard deviations of the solution."""
     sigma = evidence.uncertainty.noise_px
     return sigma is not None and sigma <= criteria.uncertainty_px.good

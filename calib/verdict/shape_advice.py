@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from calib.types import Calibration
 from calib.verdict.checks import made_words, px
 from calib.verdict.criteria import Criteria
-from calib.verdict.evidence import Evidence
+from calib.verdict.evidence import CameraEvidence
 from calib.verdict.next_view_target import shape_of
 
 Array = NDArray[np.float64]
@@ -17,7 +17,7 @@ NOT_ROLLED = 0.8
 """Length of the mean direction of the target in the image, its angles doubled, above which all photos have one."""
 
 
-def shape_advice(calibration: Calibration, evidence: Evidence, criteria: Criteria, measure: str) -> str:
+def shape_advice(calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, measure: str) -> str:
     """The photos that would tell the target's shape, or that it is to be measured; "" where it is no matter.
 
     Args:

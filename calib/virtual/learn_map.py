@@ -44,7 +44,7 @@ IMPROVED_ROUND = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class MapSamples:
     """N pixels whose points on the sensor are known."""
 
     pixel: Array  # (N, 2)
@@ -52,9 +52,9 @@ class Samples:
     variance: Array  # (N,) of a coordinate of the pixel, up to a common factor
     measurements: NDArray[np.int64]  # (N,) how many each is the mean of
 
-    def part(self, kept: NDArray[np.bool_]) -> "Samples":
+    def part(self, kept: NDArray[np.bool_]) -> "MapSamples":
         """Some of the samples.  # (N,)"""
-        return Samples(self.pixel[kept], self.point[kept], self.variance[kept], self.measurements[kept])
+        return MapSamples(self.pixel[kept], self.point[kept], self.variance[kept], self.measurements[kept])
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Learned:
 class _Task:
     """What the process is to explain."""
 
-    samples: Samples
+    samples: MapSamples
     image_size: tuple[int, int]
     trend: Array  # (3, 3)
     rest: Array  # (N, 2) what the homography leaves of the points
@@ -97,7 +97,7 @@ class _Task:
 
 
 def learn_map(
-    samples: Samples, image_size: tuple[int, int], process: Process | None = None, *, improve: bool = True
+    samples: MapSamples, image_size: tuple[int, int], process: Process | None = None, *, improve: bool = True
 ) -> Learned:
     """Learn the map from samples.
 
@@ -134,7 +134,7 @@ def _learned(task: _Task, process: Process | None, *, improve: bool) -> Learned:
     return Learned(_conditioned(task, stretch, process), process)
 
 
-def learn_from_many(samples: Samples, image_size: tuple[int, int]) -> Learned:
+def learn_from_many(samples: MapSamples, image_size: tuple[int, int]) -> Learned:
     """Learn the map from any number of samples, averaged in cells of the image if they are too many.
 
     What is averaged is how far they lie from the map so far, because that hardly changes in a cell.
@@ -144,12 +144,12 @@ def learn_from_many(samples: Samples, image_size: tuple[int, int]) -> Learned:
     cells = cells_of(samples.pixel, samples.variance)
     trend, _, _ = fit(samples.pixel, samples.point, 1 / samples.variance)
     point = trend_at(trend, cells.pixel) + cells.mean(samples.point - trend_at(trend, samples.pixel))
-    learned = learn_map(Samples(cells.pixel, point, cells.variance, cells.measurements), image_size)
+    learned = learn_map(MapSamples(cells.pixel, point, cells.variance, cells.measurements), image_size)
     for count in range(1, THINNED_ROUNDS):
         at_cells = to_sensor(learned.map, image_size, cells.pixel).point
         at_samples = to_sensor(learned.map, image_size, samples.pixel).point
         point = at_cells + cells.mean(samples.point - at_samples)
-        thinned = Samples(cells.pixel, point, cells.variance, cells.measurements)
+        thinned = MapSamples(cells.pixel, point, cells.variance, cells.measurements)
         learned = learn_map(thinned, image_size, learned.process, improve=count == IMPROVED_ROUND)
     return learned
 

@@ -21,7 +21,7 @@ from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.types import Calibration, Camera, Observations
 from calib.virtual.image_cells import Cells, cells_of
-from calib.virtual.learn_map import Learned, Process, Samples, learn_map
+from calib.virtual.learn_map import Learned, MapSamples, Process, learn_map
 from calib.virtual.solve_on_sensor import move_to_sensor, rows_of_views
 from designer.errors import InputError
 
@@ -76,7 +76,7 @@ def _alternate(seen: Observations, variance: Array, start: Calibration, options:
     steps: list[Array] = []
     process: Process | None = None
     for count in range(1, MAX_ROUNDS + 1):
-        samples = Samples(cells.pixel, point, cells.variance, cells.measurements)
+        samples = MapSamples(cells.pixel, point, cells.variance, cells.measurements)
         learned = learn_map(samples, seen.image_size, process, improve=count in LEARN_IN_ROUNDS)
         process = learned.process
         moved = move_to_sensor(seen, learned.map, weighted=options.weighted)

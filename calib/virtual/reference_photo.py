@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calib.detect.homography import apply, direct
 from calib.types import KnownPoints, Observations
-from calib.virtual.learn_map import MIN_SAMPLES, Samples
+from calib.virtual.learn_map import MIN_SAMPLES, MapSamples
 from designer.errors import InputError
 
 Array = NDArray[np.float64]
@@ -105,7 +105,7 @@ def sensor_points(pixel: Array, plane_mm: Array) -> Array:
     return point
 
 
-def samples_of_plane(pixel: Array, plane_mm: Array, cov_px2: Array | None) -> Samples:
+def samples_of_plane(pixel: Array, plane_mm: Array, cov_px2: Array | None) -> MapSamples:
     """What a map is learned from: points of a plane (N, 2), where they were seen, with covariances if known."""
     variance = np.ones(len(pixel)) if cov_px2 is None else 0.5 * np.trace(cov_px2, axis1=1, axis2=2)
-    return Samples(pixel, sensor_points(pixel, plane_mm), variance, np.ones(len(pixel), dtype=np.int64))
+    return MapSamples(pixel, sensor_points(pixel, plane_mm), variance, np.ones(len(pixel), dtype=np.int64))

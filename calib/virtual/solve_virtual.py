@@ -18,7 +18,7 @@ from calib.solver.options import SolveOptions
 from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.solve import solve
 from calib.types import Calibration, LearnedMap, Observations
-from calib.virtual.learn_map import Samples, learn_from_many
+from calib.virtual.learn_map import MapSamples, learn_from_many
 from calib.virtual.learn_views import SMALL_CHANGE_PX, learn_from_views
 from calib.virtual.reference_photo import choose_view, on_plane_mm, samples_of_plane
 from calib.virtual.solve_on_sensor import solve_on_sensor
@@ -134,7 +134,7 @@ def _learned_from(
     return learned, remarks
 
 
-def _misfit(samples: Samples, learned: LearnedMap) -> Array:
+def _misfit(samples: MapSamples, learned: LearnedMap) -> Array:
     """How far the map takes samples from their points, in units of the sensor.  # (N,)"""
     off = exact_point(learned, samples.pixel) - samples.point
     distance: Array = np.linalg.norm(off, axis=1)

@@ -5,14 +5,14 @@ import math
 
 from reportlab.pdfgen.canvas import Canvas
 
-from designer.make.drawing import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Page, Text
+from designer.make.drawing import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, SheetPage, Text
 
 POINTS_PER_MM = 72 / 25.4
 FONT = "Helvetica"
 EVEN_ODD = 0  # FILL_EVEN_ODD of reportlab.pdfgen.canvas, which its type stubs lack
 
 
-def pdf_bytes(pages: tuple[Page, ...]) -> bytes:
+def pdf_bytes(pages: tuple[SheetPage, ...]) -> bytes:
     """The pages as a PDF file; the same pages give the same bytes.
 
     Circles become four Bezier curves each, which stray from the circle by 0.03 % of the radius; the centre is
@@ -31,7 +31,7 @@ def pdf_bytes(pages: tuple[Page, ...]) -> bytes:
     return buffer.getvalue()
 
 
-def _draw(canvas: Canvas, page: Page) -> None:
+def _draw(canvas: Canvas, page: SheetPage) -> None:
     """Draw a page in millimetres."""
     canvas.scale(POINTS_PER_MM, POINTS_PER_MM)
     for area in page.drawing.areas:

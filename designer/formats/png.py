@@ -29,7 +29,7 @@ _Pixels = list[tuple[float, float]]
 
 
 @dataclass(frozen=True)
-class _View:
+class _SphereCamera:
     """A camera on a sphere around the target's origin."""
 
     camera_from_target: NDArray[np.float64]  # (3, 3) x right, y up, z towards the viewer
@@ -139,7 +139,7 @@ def _paint_face(
         paint(contour, body)
 
 
-def _look_from(pattern: Pattern, direction: NDArray[np.float64], up: NDArray[np.float64]) -> _View:
+def _look_from(pattern: Pattern, direction: NDArray[np.float64], up: NDArray[np.float64]) -> _SphereCamera:
     """A camera in the given direction from the target, whose picture the target fills."""
     z_axis = direction / np.linalg.norm(direction)
     x_axis = np.cross(up, z_axis)
@@ -148,8 +148,10 @@ def _look_from(pattern: Pattern, direction: NDArray[np.float64], up: NDArray[np.
     frames = zip(pattern.target_from_face, pattern.faces, strict=True)
     corners = np.concatenate([_in_target(frame, face.outline) for frame, face in frames])
     distance = 5 * float(np.linalg.norm(corners, axis=1).max())
-    span = np.abs(np.array(_View(rotation, distance, 1.0).to_pixels(corners)) - HEIGHT_PX * _OVERSAMPLING / 2).max()
-    return _View(rotation, distance, 0.46 * HEIGHT_PX * _OVERSAMPLING / float(span))
+    span = np.abs(
+        np.array(_SphereCamera(rotation, distance, 1.0).to_pixels(corners)) - HEIGHT_PX * _OVERSAMPLING / 2
+    ).max()
+    return _SphereCamera(rotation, distance, 0.46 * HEIGHT_PX * _OVERSAMPLING / float(span))
 
 
 def _in_target(frame: NDArray[np.float64], points: Contour) -> NDArray[np.float64]:
@@ -159,7 +161,7 @@ def _in_target(frame: NDArray[np.float64], points: Contour) -> NDArray[np.float6
 
 
 def _paint_sides(
-    draw: ImageDraw.ImageDraw, pattern: Pattern, view: _View, thickness_mm: float, colour: _Colour
+    draw: ImageDraw.ImageDraw, pattern: Pattern, view: _SphereCamera, thickness_mm: float, colour: _Colour
 ) -> None:
     """The sides of a plate that look at the camera."""
     frame, outline = pattern.target_from_face[0], pattern.faces[0].outline

@@ -4,12 +4,12 @@ import math
 from collections.abc import Iterator
 from html import escape
 
-from designer.make.drawing import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Circle, Page, Point, Polygon, Text
+from designer.make.drawing import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Circle, Point, Polygon, SheetPage, Text
 
 PAGE_GAP_MM = 10.0
 
 
-def svg_bytes(pages: tuple[Page, ...]) -> bytes:
+def svg_bytes(pages: tuple[SheetPage, ...]) -> bytes:
     """The pages as an SVG file; the same pages give the same bytes.
 
     Page k is the group `page-k`, with a layer each for ink, cut lines, marks and text, and a page of Inkscape's.
@@ -36,7 +36,7 @@ def svg_bytes(pages: tuple[Page, ...]) -> bytes:
     return "\n".join(lines).encode()
 
 
-def _page_lines(page: Page, number: int, top: float) -> Iterator[str]:
+def _page_lines(page: SheetPage, number: int, top: float) -> Iterator[str]:
     """The group of one page."""
     drawing = page.drawing
     stroke = f'fill="none" stroke-width="{LINE_MM}"'

@@ -60,7 +60,7 @@ class Drawing:
 
 
 @dataclass(frozen=True)
-class Page:
+class SheetPage:
     """A page at its true size; see the module for its coordinates."""
 
     title: str  # of the whole document

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from designer.errors import InputError
-from designer.make.drawing import Drawing, Page, Point, Text, moved, together, width_em
+from designer.make.drawing import Drawing, Point, SheetPage, Text, moved, together, width_em
 from designer.page_size import MARGIN_MM, MAX_PAGE_MM, MIN_PAGE_MM, SCALE_BAR_MM, page_size_mm
 
 DESCENT = 0.22
@@ -23,7 +23,7 @@ class _Slot:
 
 
 @dataclass(frozen=True)
-class Grid:
+class PieceGrid:
     """The room that pieces with their labels take, set in rows; every second triangle of a row is turned."""
 
     first_mm: float  # width of a row of one piece
@@ -53,8 +53,8 @@ class Grid:
 
 
 def lay_out_pages(
-    pieces: tuple[Drawing, ...], grid: Grid, page: str, *, name: str, what: str, about: tuple[str, ...]
-) -> tuple[Page, ...]:
+    pieces: tuple[Drawing, ...], grid: PieceGrid, page: str, *, name: str, what: str, about: tuple[str, ...]
+) -> tuple[SheetPage, ...]:
     """Set pieces on as many pages as they need.
 
     Args:
@@ -78,7 +78,7 @@ def lay_out_pages(
         here = pieces[number * len(slots) : (number + 1) * len(slots)]
         placed = [moved(piece, slot.at_mm, turned=slot.turned) for piece, slot in zip(here, slots, strict=False)]
         foot = _foot(size[0], (*about, f"{title}, page {number + 1} of {count}"))
-        pages.append(Page(title, *size, together([*placed, foot])))
+        pages.append(SheetPage(title, *size, together([*placed, foot])))
     return tuple(pages)
 
 
@@ -87,7 +87,7 @@ def _room_for_pieces(page_mm: tuple[float, float], line_count: int) -> tuple[flo
     return page_mm[0] - 2 * MARGIN_MM, page_mm[1] - 2 * MARGIN_MM - _foot_height(page_mm[0], line_count)
 
 
-def _choose_size(page: str, grid: Grid, count: int, line_count: int, what: str) -> tuple[float, float]:
+def _choose_size(page: str, grid: PieceGrid, count: int, line_count: int, what: str) -> tuple[float, float]:
     """The page's width and height: portrait, unless landscape holds more pieces."""
     given = page_size_mm(page)
     if given is None:
@@ -113,7 +113,7 @@ def _page_around(block_mm: tuple[float, float], line_count: int) -> tuple[float,
     return width, max(block_mm[1] + 2 * MARGIN_MM + _foot_height(width, line_count), MIN_PAGE_MM[1])
 
 
-def _fitting_size(grid: Grid, count: int, line_count: int, what: str) -> tuple[float, float]:
+def _fitting_size(grid: PieceGrid, count: int, line_count: int, what: str) -> tuple[float, float]:
     """The size of one page that holds all pieces, as square as can be."""
     blocks = (grid.block_mm(columns, math.ceil(count / columns)) for columns in range(1, count + 1))
     width, height = min((_page_around(block, line_count) for block in blocks), key=lambda size: (max(size), sum(size)))

@@ -25,7 +25,7 @@ STEEP_FACE_INLAY_MM = 0.9
 
 
 @dataclass(frozen=True)
-class Finding:
+class PrintFinding:
     """What a rule says of a target."""
 
     rule: str
@@ -34,14 +34,14 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Check:
+class PrintCheck:
     """All findings, and the rules that hold; a rule that does not apply is in neither."""
 
-    findings: tuple[Finding, ...]
+    findings: tuple[PrintFinding, ...]
     holding: tuple[str, ...]
 
     @property
-    def violations(self) -> tuple[Finding, ...]:
+    def violations(self) -> tuple[PrintFinding, ...]:
         """The findings that forbid the print."""
         return tuple(f for f in self.findings if f.level == "violation")
 
@@ -57,7 +57,7 @@ class Rule:
     look: Callable[[TargetGeometry, PrintSpec], Remarks]
 
 
-def check_printability(target: TargetGeometry, printing: PrintSpec, *, bed_is_rule: bool) -> Check:
+def check_printability(target: TargetGeometry, printing: PrintSpec, *, bed_is_rule: bool) -> PrintCheck:
     """Hold a target to all design rules that apply to it.
 
     Args:
@@ -65,18 +65,18 @@ def check_printability(target: TargetGeometry, printing: PrintSpec, *, bed_is_ru
         printing: how it is to be made.
         bed_is_rule: whether a part larger than the bed is a violation (else a warning).
     """
-    findings: list[Finding] = []
+    findings: list[PrintFinding] = []
     holding: list[str] = []
     for name, rule in RULES.items():
         if not rule.applies(target, printing):
             continue
-        found = [Finding(name, level, text) for level, text in rule.look(target, printing)]
+        found = [PrintFinding(name, level, text) for level, text in rule.look(target, printing)]
         if name == "bed" and not bed_is_rule:
-            found = [Finding(name, "warning", finding.text) for finding in found]
+            found = [PrintFinding(name, "warning", finding.text) for finding in found]
         findings += found
         if not any(finding.level != "note" for finding in found):
             holding.append(name)
-    return Check(tuple(findings), tuple(holding))
+    return PrintCheck(tuple(findings), tuple(holding))
 
 
 def _width(what: str, width: float, remedy: str, printing: PrintSpec) -> Remarks:

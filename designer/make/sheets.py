@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from designer.code import FACE_CORNER
 from designer.errors import InputError
-from designer.make.drawing import MARK_COLOUR, Area, Circle, Drawing, Page, Point, Text, polygon
-from designer.make.pages import DESCENT, Grid, lay_out_pages
+from designer.make.drawing import MARK_COLOUR, Area, Circle, Drawing, Point, SheetPage, Text, polygon
+from designer.make.pages import DESCENT, PieceGrid, lay_out_pages
 from designer.make.pattern import Contour, FacePattern, Pattern, Stamp, moved_in
 from designer.polyhedron import FACE_COUNT, INSET_PER_DEPTH, adjacent_faces
 from designer.spec import PrintSpec
@@ -35,7 +35,7 @@ _ASCENT = 0.75  # of the text size
 
 def lay_out_sheets(
     target: TargetGeometry, pattern: Pattern, printing: PrintSpec, page: str, name: str
-) -> tuple[Page, ...]:
+) -> tuple[SheetPage, ...]:
     """Pages with the target's stickers, or with the board's artwork.
 
     Args:
@@ -60,7 +60,7 @@ def lay_out_sheets(
     return lay_out_pages(pieces, grid, page, name=name, what=what, about=about)
 
 
-def _stickers(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...], Grid, str]:
+def _stickers(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...], PieceGrid, str]:
     """The 20 stickers, the grid they are set in, and a line about them."""
     # A solid build is not made smaller: its sheets show the nominal faces.
     thickness = printing.sticker_thickness_mm if printing.build == "stickers" else 0.0
@@ -77,7 +77,7 @@ def _stickers(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...
     trim = _trim_marks(cut, reach, band - _CLEAR_MM / 2)
     # The tips of the room at both ends of a row are empty, so they may stand over the printable area.
     used = max(abs(x) for x, _ in (*(point for mark in trim for point in mark), *moved_in(outline, -BLEED_MM)))
-    grid = Grid(min(side, 2 * used), side / 2, 3 * inradius, inradius, turns=True)
+    grid = PieceGrid(min(side, 2 * used), side / 2, 3 * inradius, inradius, turns=True)
     pieces = tuple(
         Drawing(
             areas=(*_ink(face, pattern.stamps, printing.ink_colour), _code_corner_mark(cut, reach, text_mm)),
@@ -141,7 +141,7 @@ def _code_corner_mark(cut: Contour, reach: float, text_mm: float) -> Area:
     return Area(MARK_COLOUR, polygons=(polygon([(x, tip), (x + half, tip + height), (x - half, tip + height)]),))
 
 
-def _board(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...], Grid, str]:
+def _board(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...], PieceGrid, str]:
     """The board's artwork, the room it takes, and a line about it."""
     face = pattern.faces[0]
     band = BLEED_MM + _CLEAR_MM + _TRIM_MARK_MM
@@ -152,7 +152,7 @@ def _board(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...], 
         marks=_trim_marks(face.outline, BLEED_MM, band),
     )
     room = (width + 2 * band, height + 2 * band)
-    return (piece,), Grid(room[0], room[0], room[1], room[1] / 2, turns=False), f"board {width:g} x {height:g} mm"
+    return (piece,), PieceGrid(room[0], room[0], room[1], room[1] / 2, turns=False), f"board {width:g} x {height:g} mm"
 
 
 def _ink(face: FacePattern, stamps: tuple[Stamp, ...], colour: str) -> tuple[Area, ...]:

@@ -22,7 +22,7 @@ class Raster:
 
 
 @dataclass(frozen=True)
-class Drawing:
+class Svg:
     """An SVG file that follows the page's scheme, see `designer.page.drawing`."""
 
     content: bytes
@@ -105,7 +105,7 @@ class Figure:
     """A drawing or picture with its caption."""
 
     title: str
-    image: Drawing | Raster
+    image: Svg | Raster
     alt: str  # what it shows, for those who do not see it: the finding, not "a plot"
     caption: str = ""
     files: tuple[Link, ...] = ()  # the same in files

@@ -7,7 +7,7 @@ is taken from it; colours without meaning become variables, which its own style 
 
 import re
 
-from designer.page.blocks import Drawing
+from designer.page.blocks import Svg
 
 # Colours without meaning, those of `calib.figures.style` and of matplotlib itself: on light, on dark, and what is so.
 _NEUTRAL = {
@@ -28,7 +28,7 @@ _SIZE = re.compile(r'\bviewBox="0 0 ([0-9]+(?:\.[0-9]+)?) ([0-9]+(?:\.[0-9]+)?)"
 _PX_PER_POINT = 96 / 72
 
 
-def drawing_of_svg(svg: bytes) -> Drawing:
+def drawing_of_svg(svg: bytes) -> Svg:
     """A drawing of matplotlib for a page.
 
     Raises:
@@ -42,4 +42,4 @@ def drawing_of_svg(svg: bytes) -> Drawing:
         raise ValueError("drawing: no SVG, or not all of it")
     coloured = _COLOUR.sub(lambda found: f"{found[1]}var(--{_NAME[found[2].lower()]})", text[end + 1 :])
     width_px, height_px = (round(float(side) * _PX_PER_POINT, 2) for side in size.groups())
-    return Drawing(f"{text[start : end + 1]}{_STYLE}{coloured}".encode(), width_px, height_px)
+    return Svg(f"{text[start : end + 1]}{_STYLE}{coloured}".encode(), width_px, height_px)

@@ -13,7 +13,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from designer.page.blocks import Block, Cell, Drawing, Figure, Fold, Page, Raster, Section, Table, View3d
+from designer.page.blocks import Block, Cell, Figure, Fold, Page, Raster, Section, Svg, Table, View3d
 from designer.page.links import href
 from designer.page.raster import media_type
 
@@ -136,9 +136,9 @@ def _is_split(lead: tuple[Block, ...]) -> bool:
     return len(lead) > 1 and is_picture[0] and not any(is_picture[1:])
 
 
-def _data_url(image: Raster | Drawing) -> str:
+def _data_url(image: Raster | Svg) -> str:
     """The picture inside the page."""
-    media = "image/svg+xml" if isinstance(image, Drawing) else media_type(image.content)
+    media = "image/svg+xml" if isinstance(image, Svg) else media_type(image.content)
     return f"data:{media};base64,{base64.b64encode(image.content).decode()}"
 
 

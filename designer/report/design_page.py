@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from designer.answer import program
 from designer.formats.folder import OutputFile
-from designer.make.printability import Check
+from designer.make.printability import PrintCheck
 from designer.page.blocks import (
     Block,
     Cell,
@@ -28,7 +28,15 @@ from designer.page.blocks import (
 )
 from designer.page.shell import page_html
 from designer.produce import Design
-from designer.report.filament import PURGE_G_PER_CHANGE, SPREAD, Amount, Filament, Shells, expected_filament, two_digits
+from designer.report.filament import (
+    PURGE_G_PER_CHANGE,
+    SPREAD,
+    Filament,
+    FilamentAmount,
+    Shells,
+    expected_filament,
+    two_digits,
+)
 from designer.report.measure_steps import measure_blocks, photo_blocks
 from designer.report.preview_panels import Panels, preview_panels
 from designer.report.printed_scene import printed_ink, printed_scene
@@ -43,13 +51,13 @@ MOST_SHEETS = 10
 """Pages of stickers that are shown; the others are in the PDF file."""
 
 
-def design_report(design: Design, check: Check, files: Sequence[OutputFile]) -> OutputFile:
+def design_report(design: Design, check: PrintCheck, files: Sequence[OutputFile]) -> OutputFile:
     """The page as a file of the folder. The same spec gives the same bytes."""
     content = page_html(design_page(design, check, files))
     return OutputFile(PAGE_FILE, content, "this folder at a glance: open it in a browser")
 
 
-def design_page(design: Design, check: Check, files: Sequence[OutputFile]) -> Page:
+def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile]) -> Page:
     """The page of a design.
 
     Args:
@@ -84,7 +92,7 @@ _MEASURE_LEAD = (
 )
 
 
-def headline(design: Design, check: Check) -> Headline:
+def headline(design: Design, check: PrintCheck) -> Headline:
     """Whether it can be made, and why."""
     if check.violations:
         return Headline("bad", "not printable", check.violations[0].text)
@@ -220,7 +228,7 @@ def _stand_words(design: Design) -> str:
     return ", nor is the stand" if design.job.printing.stand else ""
 
 
-def _amount_cells(amount: Amount) -> tuple[Cell, Cell]:
+def _amount_cells(amount: FilamentAmount) -> tuple[Cell, Cell]:
     return Cell(amount.mass_text, amount.mass_g), Cell(amount.length_text, amount.length_m)
 
 

@@ -52,7 +52,7 @@ class Shells:
 
 
 @dataclass(frozen=True)
-class Amount:
+class FilamentAmount:
     """Filament of one slot."""
 
     volume_mm3: float
@@ -99,8 +99,8 @@ class Filament:
     """Expected filament of a print, without what the printer purges, and without the stand."""
 
     shells: Shells
-    body: Amount
-    ink: Amount | None  # None: one filament
+    body: FilamentAmount
+    ink: FilamentAmount | None  # None: one filament
     changes: int  # of the filament
     inked_layers: int
 
@@ -120,13 +120,13 @@ def expected_filament(design: Design, shells: Shells | None = None) -> Filament:
     shells = Shells() if shells is None else shells
     body_mm3, part = design.part.body.volume_mm3, design.part
     core_mm3 = _core_mm3(design, shells)
-    body = Amount(max(body_mm3 - core_mm3, 0.0) + INFILL_FILL * shells.infill * min(core_mm3, body_mm3))
+    body = FilamentAmount(max(body_mm3 - core_mm3, 0.0) + INFILL_FILL * shells.infill * min(core_mm3, body_mm3))
     if part.ink is None:
         return Filament(shells, body, None, 0, 0)
     layers = inked_layers(design)
     # Within a layer the printer begins with the filament that it ended the last one with: one change a layer.
     last = 0 if layers >= _all_layers(design) else 1
-    return Filament(shells, body, Amount(INK_FILL * part.ink.volume_mm3), layers + last, layers)
+    return Filament(shells, body, FilamentAmount(INK_FILL * part.ink.volume_mm3), layers + last, layers)
 
 
 def inked_layers(design: Design) -> int:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from designer.make.bed import printed_size_mm
 from designer.make.clearance import narrowest_widths
-from designer.make.printability import Check
 from designer.make.printability import Level as RuleLevel
+from designer.make.printability import PrintCheck
 from designer.page.blocks import Finding, Findings, Level
 from designer.produce import Design
 from designer.words import capital
@@ -34,7 +34,7 @@ class Limit:
     rule: str
 
 
-def rule_findings(design: Design, check: Check) -> Findings:
+def rule_findings(design: Design, check: PrintCheck) -> Findings:
     """The findings, worst first, then the rules that hold without a word."""
     limits = rule_limits(design)
     nothing = Limit("", "")
@@ -74,7 +74,7 @@ def rule_limits(design: Design) -> dict[str, Limit]:
     return limits
 
 
-def rule_lead(design: Design, check: Check) -> str:
+def rule_lead(design: Design, check: PrintCheck) -> str:
     """What the rules were held to."""
     printing = design.job.printing
     held = f"Held to lines of {printing.pattern_line_mm:g} mm"

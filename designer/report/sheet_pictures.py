@@ -5,7 +5,7 @@ import math
 
 from PIL import Image, ImageDraw
 
-from designer.make.drawing import CUT_COLOUR, MARK_COLOUR, Area, Page, Point, Text
+from designer.make.drawing import CUT_COLOUR, MARK_COLOUR, Area, Point, SheetPage, Text
 from designer.page.blocks import Raster
 
 WIDTH_PX = 800
@@ -14,7 +14,7 @@ _COLOURS = 32
 _PAPER = "#ffffff"
 
 
-def sheet_picture(page: Page) -> Raster:
+def sheet_picture(page: SheetPage) -> Raster:
     """A page on white paper, as a PNG."""
     scale = WIDTH_PX * _OVERSAMPLING / page.width_mm
     canvas = _Canvas(page, scale)
@@ -35,7 +35,7 @@ def sheet_picture(page: Page) -> Raster:
 class _Canvas:
     """Shapes in millimetres, y up, on pixels, y down."""
 
-    def __init__(self, page: Page, scale: float) -> None:
+    def __init__(self, page: SheetPage, scale: float) -> None:
         size = (round(page.width_mm * scale), round(page.height_mm * scale))
         self.image = Image.new("RGB", size, _PAPER)
         self._draw = ImageDraw.Draw(self.image)

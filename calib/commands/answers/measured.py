@@ -9,12 +9,12 @@ from calib.commands.answers.cameras import camera_answer
 if TYPE_CHECKING:
     from calib.as_built.result import AsBuilt
     from calib.as_built_report.deviations import Estimate
-    from calib.as_built_report.files import Report
+    from calib.as_built_report.files import MeasureReport
     from calib.as_built_report.held_out import Gain, HeldOut
     from designer.answer import Value
 
 
-def measured_answer(report: "Report") -> "dict[str, Value]":
+def measured_answer(report: "MeasureReport") -> "dict[str, Value]":
     """Stretch and skew of the whole print, its faces, lengths, cameras and what is gained on photos held out."""
     from calib.as_built_report.deviations import compensation_percent, next_skew_rad
 
@@ -55,7 +55,7 @@ def _estimate(one: "Estimate") -> "dict[str, Value]":
     return {"value": one.value, "sigma": one.sigma}
 
 
-def _faces(report: "Report") -> "Iterator[dict[str, Value]]":
+def _faces(report: "MeasureReport") -> "Iterator[dict[str, Value]]":
     """How each face lies; a single one has no place but its own."""
     from calib.as_built_report.deviations import FREE_PARAMETERS
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calib.detect.batch import Found, PhotoResult
+    from calib.detect.batch import FoundPhotos, PhotoResult
     from calib.pose import TargetPose
     from calib.types import Detections
     from designer.answer import Value
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def detections_answer(
-    geometry: "TargetGeometry", found: "Found", results: "Sequence[PhotoResult]", seconds: float
+    geometry: "TargetGeometry", found: "FoundPhotos", results: "Sequence[PhotoResult]", seconds: float
 ) -> "dict[str, Value]":
     """Sums, and the counts of each photo with the reasons of what is missing."""
     seen = [result.seen for result in results if result.seen is not None]

@@ -9,7 +9,7 @@ from calib.cameras import parameter_names
 from calib.studies.compare.alone import NOISE, TOGETHER, OneSource
 from calib.studies.compare.objects import MODELS, OBJECTS, SETS, PaperObject, make_target, object_named
 from calib.studies.compare.photographed import ALL_PHOTOS, SetsOfPhotos
-from calib.studies.compare.scene import Scene, scene_of
+from calib.studies.compare.scene import ComparedScene, scene_of
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
@@ -63,7 +63,7 @@ class Comparison:
     """All cases of a plan."""
 
     plan: Plan
-    scenes: Mapping[str, Scene]  # of the figure, by object
+    scenes: Mapping[str, ComparedScene]  # of the figure, by object
     errors: Mapping[str, ErrorModel]  # by object
     groups: tuple[Group, ...]
 
@@ -139,7 +139,7 @@ def usable_camera(name: str) -> Camera:
     return camera
 
 
-def _through(scene: Scene, one: PaperObject, camera: Camera) -> Scene:
+def _through(scene: ComparedScene, one: PaperObject, camera: Camera) -> ComparedScene:
     """The same scene with another camera, from as far as fits it."""
     return scene_of(one.name, scene.target, camera, scene.views)
 
@@ -148,7 +148,7 @@ def _spec(one: PaperObject, part: str, pool: SetsOfPhotos) -> CaseSpec:
     return CaseSpec(Case(one.name, pool.view_count, pool.view_count, part, pool.camera_model), pool)
 
 
-def _alone_specs(scenes: Mapping[str, Scene], errors: Mapping[str, ErrorModel]) -> tuple[CaseSpec, ...]:
+def _alone_specs(scenes: Mapping[str, ComparedScene], errors: Mapping[str, ErrorModel]) -> tuple[CaseSpec, ...]:
     """A case for each source that may explain one of the paper's medians."""
     specs = []
     for one in OBJECTS:

@@ -17,7 +17,7 @@ from calib.sightings import keep_sightings, keep_views, without_empty_views
 from calib.solver.options import AS_THE_PAPER
 from calib.solver.pose import solve_poses
 from calib.studies.compare.pool import ScenePool
-from calib.studies.compare.scene import Scene, stream, take_photos
+from calib.studies.compare.scene import ComparedScene, stream, take_photos
 from calib.studies.sample import SampleResult
 from calib.types import Calibration, Observations
 from designer.errors import InputError
@@ -75,7 +75,7 @@ class SetsOfPhotos(ScenePool):
         )  # fmt: skip
 
 
-def made_mm(scene: Scene, model: ErrorModel | None, seed: int, number: int) -> Array:
+def made_mm(scene: ComparedScene, model: ErrorModel | None, seed: int, number: int) -> Array:
     """Where the rings of a print are.  # (R, 3)
 
     Raises:

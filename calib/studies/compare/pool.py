@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.one_thread import one_thread
-from calib.studies.compare.scene import Scene
+from calib.studies.compare.scene import ComparedScene
 from calib.studies.sample import SampleResult
 
 
 @dataclass(frozen=True, eq=False)
 class ScenePool(ABC):
-    """Samples of one scene, as `calib.studies.workers.Pool`."""
+    """Samples of one scene, as `calib.studies.workers.SamplePool`."""
 
     kind: ClassVar[str]  # of the values that a sample has beside the errors
     values: ClassVar[tuple[str, ...]]  # their names
-    scene: Scene
+    scene: ComparedScene
 
     @property
     def view_count(self) -> int:

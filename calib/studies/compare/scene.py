@@ -27,7 +27,7 @@ ROUND_MM = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class ComparedScene:
     """What is photographed, with what, and from how far."""
 
     name: str  # that its random numbers hang on
@@ -53,13 +53,13 @@ def fitting_distance_mm(target: TargetGeometry, camera: Camera) -> float:
     return math.ceil(distance / ROUND_MM) * ROUND_MM
 
 
-def scene_of(name: str, target: TargetGeometry, camera: Camera, views: int) -> Scene:
+def scene_of(name: str, target: TargetGeometry, camera: Camera, views: int) -> ComparedScene:
     """A scene at the distance that fits.
 
     Raises:
         InputError: the camera does not see the target from there.
     """
-    scene = Scene(name, target, camera, fitting_distance_mm(target, camera), views)
+    scene = ComparedScene(name, target, camera, fitting_distance_mm(target, camera), views)
     if not len(take_photos(scene, target.center_mm, np.random.default_rng(0), views).view):
         raise InputError(
             f"{name}: from {scene.distance_mm:g}mm, where it fills the image, no photo shows {LEAST_RINGS} rings of "
@@ -73,7 +73,9 @@ def stream(seed: int, *what: str | int) -> np.random.Generator:
     return keyed_generator("\n".join(map(str, ("compare", seed, *what))))
 
 
-def take_photos(scene: Scene, made_mm: Array, rng: np.random.Generator, views: int, noise: float = 1.0) -> Observations:
+def take_photos(
+    scene: ComparedScene, made_mm: Array, rng: np.random.Generator, views: int, noise: float = 1.0
+) -> Observations:
     """A set of photos: poses and noise of its own, the rings where they were made, their names those of the drawing.
 
     Args:
@@ -110,7 +112,7 @@ def take_photos(scene: Scene, made_mm: Array, rng: np.random.Generator, views: i
     )  # fmt: skip
 
 
-def _poses(scene: Scene, rng: np.random.Generator, views: int) -> Array:
+def _poses(scene: ComparedScene, rng: np.random.Generator, views: int) -> Array:
     """Poses of a set: a Fibonacci grid as `calib render` has it, turned at random as a whole.  # (views, 4, 4)"""
     is_board = scene.target.face_count == 1
     where = CAP_RAD if is_board else math.pi

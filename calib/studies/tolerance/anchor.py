@@ -51,7 +51,7 @@ class Anchor:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class AnchoredMinimum:
     """The minimum of some pixels."""
 
     camera: Camera
@@ -78,7 +78,7 @@ def factorise(problem: Problem, tie: Tie, camera: Camera, cam_from_target: Array
     )  # fmt: skip
 
 
-def minimum_of(anchor: Anchor, measured_px: Array, start: Found | None = None) -> Found | None:
+def minimum_of(anchor: Anchor, measured_px: Array, start: AnchoredMinimum | None = None) -> AnchoredMinimum | None:
     """The camera and poses that fit other pixels of the anchor's sightings best; None if there are none.
 
     Steps with the anchor's normal matrix, whose fixed point is where the true gradient is zero, each corrected by what
@@ -92,7 +92,9 @@ def minimum_of(anchor: Anchor, measured_px: Array, start: Found | None = None) -
         start: a nearer start.
     """
     problem = replace(anchor.problem, measured_px=measured_px)
-    here = Found(anchor.camera, anchor.cam_from_target, np.nan, 0) if start is None else replace(start, looks=0)
+    here = (
+        AnchoredMinimum(anchor.camera, anchor.cam_from_target, np.nan, 0) if start is None else replace(start, looks=0)
+    )
     matrix = anchor
     for _ in range(MOST_RENEWALS + 1):
         here, arrived = _approach(matrix, problem, here)
@@ -105,7 +107,7 @@ def minimum_of(anchor: Anchor, measured_px: Array, start: Found | None = None) -
     return _descended(anchor, problem, here.looks)
 
 
-def _approach(anchor: Anchor, problem: Problem, here: Found) -> tuple[Found, bool]:
+def _approach(anchor: Anchor, problem: Problem, here: AnchoredMinimum) -> tuple[AnchoredMinimum, bool]:
     """Steps with one matrix, to the minimum or until they are slow; a cost of nan where they lead away."""
     views = np.arange(problem.view_count)
     camera, poses = here.camera, here.cam_from_target
@@ -118,11 +120,11 @@ def _approach(anchor: Anchor, problem: Problem, here: Found) -> tuple[Found, boo
         promised -= float(reduced @ step)
         cost = float(there.cost.sum())
         length = float(np.sqrt(promised)) / anchor.deviation if promised >= 0 else np.nan
-        lost = Found(camera, poses, np.nan, look)
+        lost = AnchoredMinimum(camera, poses, np.nan, look)
         if not (np.isfinite(cost) and length <= WORST * min(lengths, default=np.inf)):
             return lost, False
         if len(lengths) >= PATIENCE and _is_far(length, lengths[-2]):
-            return Found(camera, poses, cost, look), False
+            return AnchoredMinimum(camera, poses, cost, look), False
         taken = history.corrected(anchor, np.concatenate([step, rest.reshape(-1)]))
         step, rest = taken[: len(step)], taken[len(step) :].reshape(rest.shape)
         trial = replace(camera, params=camera.params + anchor.spread @ step)
@@ -133,9 +135,9 @@ def _approach(anchor: Anchor, problem: Problem, here: Found) -> tuple[Found, boo
         # Each step is shorter than the last by about the same factor; the first tells none.
         left = length / lengths[-1] if lengths else 1.0
         if length * left <= CLOSE:
-            return Found(camera, poses, max(cost - promised, 0.0), look), True
+            return AnchoredMinimum(camera, poses, max(cost - promised, 0.0), look), True
         lengths.append(length)
-    return Found(camera, poses, cost, look), False
+    return AnchoredMinimum(camera, poses, cost, look), False
 
 
 def _is_far(length: float, last_but_one: float) -> bool:
@@ -144,7 +146,7 @@ def _is_far(length: float, last_but_one: float) -> bool:
     return bool(np.log(CLOSE / length) / np.log(rate) > MANY)
 
 
-def renewed(anchor: Anchor, problem: Problem, here: Found) -> Anchor | None:
+def renewed(anchor: Anchor, problem: Problem, here: AnchoredMinimum) -> Anchor | None:
     """The anchor with true second derivatives near another minimum, by differences; None if they are not positive.
 
     In coordinates in which poses follow the camera as they did, so that what is left of that is small.
@@ -242,7 +244,7 @@ def _in_deviations(anchor: Anchor, steps: Array) -> Array:
     return np.concatenate([anchor.free_root @ steps[:free], (anchor.pose_root @ pose).reshape(-1, steps.shape[1])])
 
 
-def _descended(anchor: Anchor, problem: Problem, looks: int) -> Found | None:
+def _descended(anchor: Anchor, problem: Problem, looks: int) -> AnchoredMinimum | None:
     """The minimum by Levenberg-Marquardt from the anchor; None if it is not found."""
     found = minimise(
         problem, anchor.camera, anchor.cam_from_target, anchor.tie.row, RobustLoss(), max_iterations=MOST_STEPS
@@ -250,7 +252,7 @@ def _descended(anchor: Anchor, problem: Problem, looks: int) -> Found | None:
     cost = float(found.blocks.cost.sum())
     if not (found.converged and np.isfinite(cost)):
         return None
-    return Found(found.camera, found.cam_from_target, cost, looks + 3 * found.iterations)
+    return AnchoredMinimum(found.camera, found.cam_from_target, cost, looks + 3 * found.iterations)
 
 
 @jit

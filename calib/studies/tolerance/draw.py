@@ -10,8 +10,8 @@ from calib.cameras import project
 from calib.jit import jit
 from calib.one_thread import one_thread
 from calib.studies.draw import keyed_generator
-from calib.studies.tolerance.anchor import Found, minimum_of
-from calib.studies.tolerance.measures import NONE, Solution, measures
+from calib.studies.tolerance.anchor import AnchoredMinimum, minimum_of
+from calib.studies.tolerance.measures import NONE, MadeSolution, measures
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.true_shape import TrueShape, true_shape
@@ -61,7 +61,7 @@ class BareDraw:
 
     noise_px: Array  # (M, 2)
     quantities: Array  # (Q,)
-    found: Found | None
+    found: AnchoredMinimum | None
 
 
 def bare_draw(setting: Setting, seed: int, number: int) -> BareDraw:
@@ -115,9 +115,9 @@ def _case(
     errors: ErrorModel,
     values: Mapping[str, Array],
     noise_px: Array,
-    start: Found | None,
+    start: AnchoredMinimum | None,
     bare: Array | None = None,
-) -> tuple[Array, Found | None]:
+) -> tuple[Array, AnchoredMinimum | None]:
     """Quantities (Q,) and the solution they are of."""
     try:
         shape = displaced_shape(setting.target, values, model=errors, bed_from_target=setting.bed_from_target)
@@ -130,7 +130,9 @@ def _case(
     return solved(setting, measured, true_shape(shape, setting.seen), start)
 
 
-def solved(setting: Setting, measured_px: Array, true: TrueShape, start: Found | None) -> tuple[Array, Found | None]:
+def solved(
+    setting: Setting, measured_px: Array, true: TrueShape, start: AnchoredMinimum | None
+) -> tuple[Array, AnchoredMinimum | None]:
     """Quantities (Q,) of the calibration with the drawing from pixels (M, 2), and that calibration."""
     pixel = np.ascontiguousarray(measured_px.T)
     if not np.isfinite(pixel).all():
@@ -138,7 +140,7 @@ def solved(setting: Setting, measured_px: Array, true: TrueShape, start: Found |
     found = minimum_of(setting.anchor, pixel, start)
     if found is None:
         return NONE, None
-    return measures(setting, Solution(found, pixel, true)), found
+    return measures(setting, MadeSolution(found, pixel, true)), found
 
 
 def seen_px(setting: Setting, center_mm: Array) -> Array:

@@ -14,7 +14,7 @@ from calib.studies.tolerance.control import control_of
 from calib.studies.tolerance.draw import TOGETHER
 from calib.studies.tolerance.first_order import FirstOrder
 from calib.studies.tolerance.reach import Reach, reach_of
-from calib.studies.tolerance.report import CheckedBudget, Report, Requirement, checked_budget
+from calib.studies.tolerance.report import CheckedBudget, Requirement, ToleranceReport, checked_budget
 from calib.studies.tolerance.result import Control, ToleranceTable
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.stored import tolerance_draws
@@ -86,7 +86,7 @@ def reaches(
     return tuple(found)
 
 
-def budgets_of(report: Report, requirements: Sequence[Requirement]) -> tuple[CheckedBudget, ...]:
+def budgets_of(report: ToleranceReport, requirements: Sequence[Requirement]) -> tuple[CheckedBudget, ...]:
     """What each limit allows by the square law, and where that is not known to hold."""
     return tuple(checked_budget(report, largest_allowed(report.table, one.quantity, one.limit)) for one in requirements)
 

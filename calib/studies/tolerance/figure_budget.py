@@ -9,7 +9,7 @@ from calib.results.evaluation_table import figure
 from calib.studies.tolerance.budget import Allowed
 from calib.studies.tolerance.figure_parts import heading, open_sides, plain_log_axis
 from calib.studies.tolerance.quantities import quantity_row
-from calib.studies.tolerance.report import NEVER, CheckedBudget, Report, of_name
+from calib.studies.tolerance.report import NEVER, CheckedBudget, ToleranceReport, of_name
 from calib.studies.tolerance.tables import size_in_words
 from designer.words import capital
 
@@ -21,12 +21,12 @@ HEAD_PX, PANEL_PX, ROW_PX = 110, 130, 34
 EDGE, ROOM = 1.5, 0.35
 
 
-def budget_height_px(report: Report) -> int:
+def budget_height_px(report: ToleranceReport) -> int:
     """As high as a row a source of each limit needs."""
     return HEAD_PX + len(report.budgets) * (PANEL_PX + ROW_PX * (len(report.ranking) + 1))
 
 
-def draw_budget(page: "Figure", report: Report) -> None:
+def draw_budget(page: "Figure", report: ToleranceReport) -> None:
     """A panel a limit: bars from the assumed amount to the largest one that is allowed.
 
     Args:
@@ -39,7 +39,7 @@ def draw_budget(page: "Figure", report: Report) -> None:
     heading(page, f"How good must it be? Largest errors of {report.name}, each as if it were the only one")
 
 
-def _draw_panel(axes: "Axes", report: Report, checked: CheckedBudget) -> None:
+def _draw_panel(axes: "Axes", report: ToleranceReport, checked: CheckedBudget) -> None:
     budget, table, errors = checked.budget, report.table, report.table.errors
     one = of_name(budget.quantity)
     noise = float(table.baseline.value[quantity_row(one.name)])

@@ -10,7 +10,7 @@ from calib.studies.tolerance.crossover import Crossover
 from calib.studies.tolerance.figure_parts import amount_label, heading, human_size, open_sides
 from calib.studies.tolerance.figure_ranking import TITLES
 from calib.studies.tolerance.quantities import quantity_row
-from calib.studies.tolerance.report import MAIN, NEVER, Against, Report, of_name
+from calib.studies.tolerance.report import MAIN, NEVER, Against, ToleranceReport, of_name
 from calib.studies.tolerance.tables import size_in_words
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ POINTS = 200
 WIDEST = 20.0
 
 
-def draw_crossover(page: "Figure", report: Report, against: Against) -> None:
+def draw_crossover(page: "Figure", report: ToleranceReport, against: Against) -> None:
     """Both targets over the amount of the varied source; all other errors are as assumed.
 
     Args:
@@ -37,7 +37,7 @@ def draw_crossover(page: "Figure", report: Report, against: Against) -> None:
     page.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
 
 
-def _draw_panel(axes: "Axes", report: Report, against: Against, name: str) -> None:
+def _draw_panel(axes: "Axes", report: ToleranceReport, against: Against, name: str) -> None:
     errors, source, row = report.table.errors, against.vary, quantity_row(name)
     found, unit = against.of(source, name), of_name(name).unit
     sigma = errors.amount(source).sigma
@@ -72,7 +72,7 @@ def _draw_panel(axes: "Axes", report: Report, against: Against, name: str) -> No
     open_sides(axes)
 
 
-def _verdict(report: Report, found: Crossover, source: str) -> str:
+def _verdict(report: ToleranceReport, found: Crossover, source: str) -> str:
     """The panel in a few words."""
     errors = report.table.errors
     if found.verdict == "loses at zero":

@@ -8,7 +8,7 @@ from calib.figures.style import BLUE, INK, VERMILION, note
 from calib.results.evaluation_table import figure
 from calib.studies.tolerance.figure_parts import heading, open_sides, source_title
 from calib.studies.tolerance.quantities import quantity_row
-from calib.studies.tolerance.report import MAIN, Report, of_name
+from calib.studies.tolerance.report import MAIN, ToleranceReport, of_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,12 +29,12 @@ TITLES = {
 }
 
 
-def ranking_height_px(report: Report) -> int:
+def ranking_height_px(report: ToleranceReport) -> int:
     """As high as a row a source needs."""
     return HEAD_PX + 2 * (PANEL_PX + ROW_PX * (len(report.ranking) + 1))
 
 
-def draw_ranking(page: "Figure", report: Report) -> None:
+def draw_ranking(page: "Figure", report: ToleranceReport) -> None:
     """Bars of the costs with 95 % intervals, all together, and what noise alone gives.
 
     Args:
@@ -52,7 +52,7 @@ def draw_ranking(page: "Figure", report: Report) -> None:
     page.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
 
 
-def _draw_panel(axes: "Axes", report: Report, name: str) -> None:
+def _draw_panel(axes: "Axes", report: ToleranceReport, name: str) -> None:
     table, one, row = report.table, of_name(name), quantity_row(name)
     places = [table.sources.index(source) for source in report.ranking]
     ends = [

@@ -9,7 +9,7 @@ from calib.figures.style import BLUE, EMPTY, GREEN, GREY, INK, VERMILION
 from calib.studies.tolerance.budget import Budget
 from calib.studies.tolerance.figure_parts import amount_label, heading, human_size, open_sides, plain_log_axis
 from calib.studies.tolerance.quantities import quantity_row
-from calib.studies.tolerance.report import Report, of_name
+from calib.studies.tolerance.report import ToleranceReport, of_name
 from calib.studies.tolerance.sweep import FACTORS, Sweep
 from designer.tolerance.registry import SOURCES
 from designer.words import capital
@@ -24,7 +24,7 @@ EDGE = 1.4
 BELOW = 0.1
 
 
-def swept_sources(report: Report, quantity: str) -> tuple[str, ...]:
+def swept_sources(report: ToleranceReport, quantity: str) -> tuple[str, ...]:
     """The sources that cost a quantity more than a tenth of the noise at some amount that is shown, largest first."""
     row = quantity_row(quantity)
     least = BELOW * float(report.linear.baseline.value[row]) / FACTORS[-1]
@@ -34,12 +34,12 @@ def swept_sources(report: Report, quantity: str) -> tuple[str, ...]:
     )
 
 
-def sweeps_height_px(report: Report, quantity: str) -> int:
+def sweeps_height_px(report: ToleranceReport, quantity: str) -> int:
     """As high as rows of four panels need."""
     return HEAD_PX + PANEL_PX * max(1, -(-len(swept_sources(report, quantity)) // COLUMNS))
 
 
-def draw_sweeps(page: "Figure", report: Report, quantity: str) -> None:
+def draw_sweeps(page: "Figure", report: ToleranceReport, quantity: str) -> None:
     """The panels of one quantity, all with the same scale of costs.
 
     Args:
@@ -66,7 +66,7 @@ def draw_sweeps(page: "Figure", report: Report, quantity: str) -> None:
     page.legend(known.values(), known.keys(), loc="outside lower center", ncols=7, frameon=False)
 
 
-def _draw_panel(axes: "Axes", report: Report, quantity: str, name: str, budget: Budget | None) -> None:
+def _draw_panel(axes: "Axes", report: ToleranceReport, quantity: str, name: str, budget: Budget | None) -> None:
     errors, row = report.table.errors, quantity_row(quantity)
     size, noise = human_size(errors, name), float(report.table.baseline.value[row])
     line = float(report.linear.cost.value[report.linear.sources.index(name), row])
@@ -111,7 +111,9 @@ def _draw_draws(axes: "Axes", sweep: Sweep, row: int, size: float) -> None:
         )  # fmt: skip
 
 
-def _cost_limits(report: Report, quantity: str, names: tuple[str, ...], budget: Budget | None) -> tuple[float, float]:
+def _cost_limits(
+    report: ToleranceReport, quantity: str, names: tuple[str, ...], budget: Budget | None
+) -> tuple[float, float]:
     """The scale of all panels: from below the noise, or the smallest cost, to the largest."""
     row = quantity_row(quantity)
     noise = float(report.table.baseline.value[row])

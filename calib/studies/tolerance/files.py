@@ -24,10 +24,10 @@ from calib.studies.tolerance.figure_ranking import draw_ranking, ranking_height_
 from calib.studies.tolerance.figure_sweeps import draw_sweeps, sweeps_height_px, swept_sources
 from calib.studies.tolerance.notes import budget_notes, crossover_notes, notes
 from calib.studies.tolerance.quantities import QUANTITIES
-from calib.studies.tolerance.report import CheckedBudget, Report, of_name
+from calib.studies.tolerance.report import CheckedBudget, ToleranceReport, of_name
 from calib.studies.tolerance.result import Cost
 from calib.studies.tolerance.tables import (
-    Cells,
+    TextTable,
     budget_table,
     cost_table,
     crossover_table,
@@ -46,7 +46,7 @@ FORMAT, VERSION = "ringsolid.tolerance_table", 1
 Value = str | int | float | None
 
 
-def report_files(report: Report, folder: Path, formats: Collection[str] = ()) -> dict[Path, bytes]:
+def report_files(report: ToleranceReport, folder: Path, formats: Collection[str] = ()) -> dict[Path, bytes]:
     """All files and their contents.
 
     Args:
@@ -62,7 +62,7 @@ def report_files(report: Report, folder: Path, formats: Collection[str] = ()) ->
     }
 
 
-def figure_files(report: Report, folder: Path, formats: Collection[str]) -> dict[Path, bytes]:
+def figure_files(report: ToleranceReport, folder: Path, formats: Collection[str]) -> dict[Path, bytes]:
     """The figures as PNG, as what is asked for, and as what an earlier study left there: a page would show its old."""
     files: dict[Path, bytes] = {}
     for name, height, draw in _pages(report):
@@ -71,7 +71,7 @@ def figure_files(report: Report, folder: Path, formats: Collection[str]) -> dict
     return files
 
 
-def _pages(report: Report) -> "Iterator[tuple[str, int, Callable[[Figure], None]]]":
+def _pages(report: ToleranceReport) -> "Iterator[tuple[str, int, Callable[[Figure], None]]]":
     """Name, height and content of each figure."""
     if report.ranking:
         yield "ranking", ranking_height_px(report), partial(draw_ranking, report=report)
@@ -85,7 +85,7 @@ def _pages(report: Report) -> "Iterator[tuple[str, int, Callable[[Figure], None]
             yield f"sweep_{name}", sweeps_height_px(report, name), partial(draw_sweeps, report=report, quantity=name)
 
 
-def markdown(report: Report) -> str:
+def markdown(report: ToleranceReport) -> str:
     """All tables with their notes."""
     parts = [f"# {plain(f'What errors of {report.name} cost a calibration')}", "", *_bullets(report.lines), ""]
     parts += [_as_markdown(cost_table(report)), "", *_bullets(notes(report))]
@@ -104,16 +104,16 @@ def markdown(report: Report) -> str:
     return "\n".join([*parts, ""])
 
 
-def _origins(report: Report) -> Cells:
+def _origins(report: ToleranceReport) -> TextTable:
     notes_of = report.table.errors.notes
-    return Cells("", ("number", "from"), tuple((name, where) for name, where in notes_of), left=2)
+    return TextTable("", ("number", "from"), tuple((name, where) for name, where in notes_of), left=2)
 
 
 def _bullets(lines: tuple[str, ...]) -> list[str]:
     return [f"- {plain(line)}" for line in lines]
 
 
-def to_csv(report: Report) -> bytes:
+def to_csv(report: ToleranceReport) -> bytes:
     """A line for each source and quantity, and for no error and all together."""
     lines = list(_lines(report))
     stream = io.StringIO()
@@ -124,7 +124,7 @@ def to_csv(report: Report) -> bytes:
     return stream.getvalue().encode("utf-8", ANY_NAME)
 
 
-def _lines(report: Report) -> Iterator[dict[str, Value]]:
+def _lines(report: ToleranceReport) -> Iterator[dict[str, Value]]:
     table, linear = report.table, report.linear
     for row in range(len(QUANTITIES)):
         yield _line(report, BARE, row, _at(table.baseline, (row,)), float(linear.baseline.value[row]))
@@ -133,7 +133,9 @@ def _lines(report: Report) -> Iterator[dict[str, Value]]:
         yield _line(report, TOGETHER, row, _at(table.together, (row,)), float(linear.together.value[row]))
 
 
-def _line(report: Report, name: str, row: int, cost: tuple[float, float, float], linear: float) -> dict[str, Value]:
+def _line(
+    report: ToleranceReport, name: str, row: int, cost: tuple[float, float, float], linear: float
+) -> dict[str, Value]:
     """One cost, in the quantity's unit, and by the source's unit."""
     table, one = report.table, QUANTITIES[row]
     is_source = name in table.sources
@@ -165,7 +167,7 @@ def number(value: float) -> float | None:
     return float(f"{value:.9g}") if math.isfinite(value) else None
 
 
-def to_json(report: Report) -> bytes:
+def to_json(report: ToleranceReport) -> bytes:
     """Costs, budgets, sweeps, crossovers and notes."""
     document = {
         "format": FORMAT,
@@ -197,7 +199,7 @@ def _rows(cost: Cost, row: int) -> dict[str, list[float | None]]:
     return {name: [number(float(value)) for value in np.asarray(values)[:, row]] for name, values in names.items()}
 
 
-def _budget(report: Report, checked: CheckedBudget) -> dict[str, object]:
+def _budget(report: ToleranceReport, checked: CheckedBudget) -> dict[str, object]:
     budget = checked.budget
     sigma = dict(zip(report.table.sources, report.table.sigma.tolist(), strict=True))
     return {
@@ -219,7 +221,7 @@ def _allowed(name: str, allowed: Allowed, unit: float) -> dict[str, float | None
     return {key: number(unit * value) for key, value in bounds.items()}
 
 
-def _crossovers(report: Report) -> dict[str, object] | None:
+def _crossovers(report: ToleranceReport) -> dict[str, object] | None:
     against = report.against
     if against is None:
         return None
@@ -235,5 +237,5 @@ def _crossovers(report: Report) -> dict[str, object] | None:
     }  # fmt: skip
 
 
-def _as_markdown(cells: Cells) -> str:
+def _as_markdown(cells: TextTable) -> str:
     return markdown_table(cells.head, cells.body)

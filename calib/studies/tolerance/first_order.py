@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Count = NDArray[np.int64]
 
 
-class Sightings(NamedTuple):
+class SightingDerivatives(NamedTuple):
     """The derivatives of M sightings, the views one after the other."""
 
     view_number: Count  # (M,)
@@ -58,7 +58,7 @@ class FirstOrder:
     """All that is linear about a setting."""
 
     setting: Setting
-    sightings: Sightings
+    sightings: SightingDerivatives
     sums: Sums
 
     @property
@@ -106,7 +106,7 @@ def first_order(setting: Setting) -> FirstOrder:
     rebuilt, is_rebuilt = _rebuilt_by_pixel(setting, by_ring, (point[:, None] @ rotation)[:, 0])
     rebuilt_by_unknown = rebuilt @ jacobian
     free = anchor.spread.shape[1]
-    sightings = Sightings(
+    sightings = SightingDerivatives(
         view, ring, jacobian, by_ring, np.stack([a * a + b * b, b * c, c * c], axis=1),
         np.stack([gram[:, 0, 0], gram[:, 0, 1], gram[:, 1, 1]], axis=1), rebuilt,
         np.ascontiguousarray(rebuilt_by_unknown[:, :, free:]),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.metrics.prediction import centers_mm
 from calib.se3 import invert, log_rotation
 from calib.studies.sample_metrics import Sample, sample_errors
-from calib.studies.tolerance.anchor import Found
+from calib.studies.tolerance.anchor import AnchoredMinimum
 from calib.studies.tolerance.map_error import map_error_px
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.setting import Setting
@@ -20,15 +20,15 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class MadeSolution:
     """What was seen of a made target, and the camera and poses that the drawing gave."""
 
-    found: Found
+    found: AnchoredMinimum
     measured_px: Array  # (2, M)
     true: TrueShape
 
 
-def measures(setting: Setting, solution: Solution) -> Array:
+def measures(setting: Setting, solution: MadeSolution) -> Array:
     """All quantities (Q,), in the order of `QUANTITIES`; nan where one is not defined."""
     anchor, found, true = setting.anchor, solution.found, solution.true
     problem = replace(anchor.problem, measured_px=solution.measured_px)
@@ -71,7 +71,7 @@ def _rotation_deg(cam_from_target: Array, true: Array) -> float:
     return math.degrees(math.sqrt(float((angle**2).sum(axis=1).mean())))
 
 
-def _camera_errors(setting: Setting, found: Found) -> tuple[float, float]:
+def _camera_errors(setting: Setting, found: AnchoredMinimum) -> tuple[float, float]:
     """Of the focal lengths and of the principal point, in px."""
     dfx, dfy, dcx, dcy = (found.camera.params[:4] - setting.reference.params[:4]).tolist()
     return math.sqrt(0.5 * (dfx * dfx + dfy * dfy)), math.hypot(dcx, dcy)

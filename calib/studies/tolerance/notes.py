@@ -13,7 +13,7 @@ from calib.studies.tolerance.report import (
     OFF,
     Against,
     CheckedBudget,
-    Report,
+    ToleranceReport,
     deviations,
     of_name,
 )
@@ -24,7 +24,7 @@ MOST_DEVIATIONS = 8
 DIAMETERS = ("ink_bleed",)
 
 
-def notes(report: Report) -> tuple[str, ...]:
+def notes(report: ToleranceReport) -> tuple[str, ...]:
     """Lines under the table of costs."""
     table = report.table
     how = (
@@ -42,7 +42,7 @@ def notes(report: Report) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _ranking_lines(report: Report) -> list[str]:
+def _ranking_lines(report: ToleranceReport) -> list[str]:
     table, row = report.table, quantity_row(report.by)
     share = {name: float(table.share[table.sources.index(name), row]) for name in report.ranking}
     large = [name for name in report.ranking if share[name] >= 0.1]
@@ -57,7 +57,7 @@ def _ranking_lines(report: Report) -> list[str]:
     ]
 
 
-def _why_idle(report: Report, name: str) -> str:
+def _why_idle(report: ToleranceReport, name: str) -> str:
     """Why a source does nothing."""
     if report.table.errors.amount(name).sigma == 0:
         return "is 0"
@@ -73,7 +73,7 @@ def _why_idle(report: Report, name: str) -> str:
     return f"does nothing to this target{f': {why}' if why else ''}"
 
 
-def _failures(report: Report) -> list[str]:
+def _failures(report: ToleranceReport) -> list[str]:
     cases = zip(case_names(report.table.errors), report.table.failed, strict=False)
     return [
         f"{'all errors together' if name == TOGETHER else name}: {count} of {report.table.draws} draws have no "
@@ -83,7 +83,7 @@ def _failures(report: Report) -> list[str]:
     ]
 
 
-def _deviation_lines(report: Report) -> list[str]:
+def _deviation_lines(report: ToleranceReport) -> list[str]:
     """Where the prediction is off."""
     if report.table.kind == "linear":
         return []
@@ -105,7 +105,7 @@ def _deviation_lines(report: Report) -> list[str]:
     return lines
 
 
-def _reach_lines(report: Report) -> list[str]:
+def _reach_lines(report: ToleranceReport) -> list[str]:
     """Up to which amounts the prediction holds."""
     if not report.reaches:
         return []
@@ -119,14 +119,14 @@ def _reach_lines(report: Report) -> list[str]:
     return [f"of a few prints, in which misses do not average out, it is within 10 % up to: {', '.join(parts)}"]
 
 
-def _excess_lines(report: Report) -> list[str]:
+def _excess_lines(report: ToleranceReport) -> list[str]:
     """Where errors do not add in squares."""
     rows = [(name, float(report.table.excess[quantity_row(name)])) for name in MAIN]
     off = [f"{of_name(name).title} {value:.2f}" for name, value in rows if abs(value - 1) > OFF]
     return [f"errors together over the root of their summed squares: {', '.join(off)}"] if off else []
 
 
-def budget_notes(report: Report, checked: CheckedBudget) -> tuple[str, ...]:
+def budget_notes(report: ToleranceReport, checked: CheckedBudget) -> tuple[str, ...]:
     """What a limit means, in words."""
     budget, table = checked.budget, report.table
     one = of_name(budget.quantity)
@@ -154,14 +154,14 @@ def budget_notes(report: Report, checked: CheckedBudget) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def crossover_notes(report: Report, against: Against) -> tuple[str, ...]:
+def crossover_notes(report: ToleranceReport, against: Against) -> tuple[str, ...]:
     """At which amount of the varied source the target loses, for each main quantity."""
     if not against.vary:
         return ()
     return tuple(_crossover_line(report, against, against.of(against.vary, name)) for name in MAIN)
 
 
-def _crossover_line(report: Report, against: Against, found: Crossover) -> str:
+def _crossover_line(report: ToleranceReport, against: Against, found: Crossover) -> str:
     errors, source = report.table.errors, against.vary
     one, sigma = of_name(found.quantity), report.table.errors.amount(against.vary).sigma
     unit = one.unit
@@ -181,7 +181,7 @@ def _crossover_line(report: Report, against: Against, found: Crossover) -> str:
     )
 
 
-def _reason(report: Report, source: str, found: Crossover) -> str:
+def _reason(report: ToleranceReport, source: str, found: Crossover) -> str:
     """Why a target loses without the varied source."""
     if found.noise_share > 0.5:
         return f"noise is {100 * found.noise_share:.0f} % of its square"

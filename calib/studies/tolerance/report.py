@@ -71,7 +71,7 @@ class Against:
 
 
 @dataclass(frozen=True, eq=False)
-class Report:
+class ToleranceReport:
     """All that was found."""
 
     name: str  # of the target
@@ -142,7 +142,7 @@ class Deviation:
     drawn: float
 
 
-def deviations(report: Report) -> tuple[Deviation, ...]:
+def deviations(report: ToleranceReport) -> tuple[Deviation, ...]:
     """Main quantities whose prediction is off by more than 10 %, and by more than chance; none if draws are too few."""
     if report.table.kind == "linear" or report.table.draws < FEWEST_TO_CHECK:
         return ()
@@ -208,7 +208,7 @@ def with_drawn(checked: CheckedBudget, found: Sequence[tuple[str, Allowed]]) -> 
     return CheckedBudget(budget, tuple(by_name), left)
 
 
-def checked_budget(report: Report, budget: Budget) -> CheckedBudget:
+def checked_budget(report: ToleranceReport, budget: Budget) -> CheckedBudget:
     """A budget, and where its square law is not known to hold: from the assumed amounts to the largest allowed ones.
 
     A source that costs nothing to first order does not matter, whatever rounding in the draws says.

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.jit import jit_inside, jit_sums
-from calib.studies.tolerance.first_order import FirstOrder, Sightings, Sums
+from calib.studies.tolerance.first_order import FirstOrder, SightingDerivatives, Sums
 
 Array = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ def _pose_squares(cam_from_target: Array, pose: Array) -> tuple[Array, Array]:
 
 @jit_sums
 def _respond(
-    sightings: Sightings, sums: Sums, moved: Array, pixel: Array, free: Array, pose: Array, total: Array
+    sightings: SightingDerivatives, sums: Sums, moved: Array, pixel: Array, free: Array, pose: Array, total: Array
 ) -> None:
     """The unknowns and the sums of squares of all columns, `TILE` of them at a time."""
     rings, columns = moved.shape[0], moved.shape[2]
@@ -123,7 +123,7 @@ def _respond(
 
 @jit_sums
 def _add_moments(
-    sightings: Sightings,
+    sightings: SightingDerivatives,
     moved: Array,
     is_moved: NDArray[np.bool_],
     pixel: Array,
@@ -254,7 +254,7 @@ def _add_square(matrix: Array, x: Array, moment: Array, product: Array, to: Arra
 
 @jit_sums
 def _rebuild(
-    sightings: Sightings,
+    sightings: SightingDerivatives,
     sums: Sums,
     still: Array,
     pixel: Array,

@@ -15,7 +15,7 @@ from calib.studies.tolerance.budget import Allowed
 from calib.studies.tolerance.crossover import Crossover
 from calib.studies.tolerance.draw import TOGETHER
 from calib.studies.tolerance.quantities import quantity_row
-from calib.studies.tolerance.report import MAIN, NEVER, Against, CheckedBudget, Report, of_name
+from calib.studies.tolerance.report import MAIN, NEVER, Against, CheckedBudget, ToleranceReport, of_name
 from calib.studies.tolerance.result import Cost, ToleranceTable
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.registry import SOURCES
@@ -50,7 +50,7 @@ HUMAN: dict[Unit, tuple[str, float]] = {
 
 
 @dataclass(frozen=True)
-class Cells:
+class TextTable:
     """A table of text; cells may have two lines."""
 
     title: str
@@ -96,7 +96,7 @@ def _with_error(value: float, error: float) -> str:
     return f"{with_digits(value, error)}\n± {error:.{decimals}f}"
 
 
-def cost_table(report: Report) -> Cells:
+def cost_table(report: ToleranceReport) -> TextTable:
     """What each source costs, all together, and what noise alone gives."""
     table = report.table
     share = table.share[:, quantity_row(report.by)]
@@ -109,7 +109,7 @@ def cost_table(report: Report) -> Cells:
     noise = [figure(float(table.baseline.value[quantity_row(name)]), 3) for name in MAIN]
     rows.append(("no error: noise alone", "", *noise))
     head = ("what an error costs", f"share of\n{short(report.by)}", *(HEADS[name] for name in MAIN))
-    return Cells("", head, tuple(rows))
+    return TextTable("", head, tuple(rows))
 
 
 def _costs(cost: Cost, place: tuple[int, ...], table: ToleranceTable) -> list[str]:
@@ -126,7 +126,7 @@ def _share(share: float) -> str:
     return "< 0.1 %" if share < 1e-3 else f"{100 * share:.1f} %"
 
 
-def sensitivity_table(report: Report) -> Cells:
+def sensitivity_table(report: ToleranceReport) -> TextTable:
     """The cost by a unit of each source."""
     table = report.table
     rows = []
@@ -140,14 +140,14 @@ def sensitivity_table(report: Report) -> Cells:
             known = cost_cell(table.cost, at, float(table.baseline.value[at[1]]))
             cells.append("-" if known == "0" or known[0] in "<n" else _interval(value, low, high))
         rows.append((f"{name}, by 1{unit}", *cells))
-    return Cells("", ("sensitivity", *(HEADS[name] for name in MAIN)), tuple(rows))
+    return TextTable("", ("sensitivity", *(HEADS[name] for name in MAIN)), tuple(rows))
 
 
 def _interval(value: float, low: float, high: float) -> str:
     return figure(value, 3) + (f"\n{figure(low, 3)} to {figure(high, 3)}" if high > low else "")
 
 
-def reach_table(report: Report) -> Cells:
+def reach_table(report: ToleranceReport) -> TextTable:
     """Up to which amount each source's prediction holds."""
     errors = report.table.errors
     rows = []
@@ -161,10 +161,10 @@ def reach_table(report: Report) -> Cells:
         else:
             cells = (f"beyond {size_in_words(errors, name, report.tried_to)}", "")
         rows.append((name, size_in_words(errors, name), *cells))
-    return Cells("", ("prediction", "assumed", "within 10 % up to", "fails first for"), tuple(rows), left=1)
+    return TextTable("", ("prediction", "assumed", "within 10 % up to", "fails first for"), tuple(rows), left=1)
 
 
-def budget_table(report: Report, checked: CheckedBudget) -> Cells:
+def budget_table(report: ToleranceReport, checked: CheckedBudget) -> TextTable:
     """The largest amount of each source, as if it were the only one, and of all together."""
     errors, budget = report.table.errors, checked.budget
     alone = dict(budget.alone)
@@ -179,10 +179,10 @@ def budget_table(report: Report, checked: CheckedBudget) -> Cells:
     head = (
         f"for {short(budget.quantity)} up to {budget.limit:g}{unit}", "assumed", "largest alone", "95 % interval", ""
     )  # fmt: skip
-    return Cells("", head, tuple(rows))
+    return TextTable("", head, tuple(rows))
 
 
-def _allowed_cells(allowed: Allowed, words: Callable[[float], str], report: Report) -> tuple[str, str]:
+def _allowed_cells(allowed: Allowed, words: Callable[[float], str], report: ToleranceReport) -> tuple[str, str]:
     """The largest multiple, and its interval, which predictions do not have."""
     if allowed.factor > NEVER:
         return "does not matter", ""
@@ -201,7 +201,7 @@ def _remark(checked: CheckedBudget, name: str) -> str:
     return "beyond where the square law was checked" if name in checked.beyond else ""
 
 
-def crossover_table(report: Report, against: Against) -> Cells:
+def crossover_table(report: ToleranceReport, against: Against) -> TextTable:
     """The amount of each source at which the target loses to the other."""
     rows = []
     for name, _ in against.crossovers:
@@ -213,7 +213,7 @@ def crossover_table(report: Report, against: Against) -> Cells:
         f"{against.name}, as assumed", *(figure(float(against.table.total[quantity_row(name)]), 3) for name in MAIN)
     )  # fmt: skip
     head = (f"worse than {against.name} from", *(HEADS[name] for name in MAIN))
-    return Cells("", head, (*rows, own, other))
+    return TextTable("", head, (*rows, own, other))
 
 
 def _crossing(errors: ErrorModel, source: str, found: Crossover) -> str:
@@ -224,7 +224,7 @@ def _crossing(errors: ErrorModel, source: str, found: Crossover) -> str:
     return "never" if factor > NEVER else size_in_words(errors, source, factor)
 
 
-def screen_table(cells: Cells) -> "Table":
+def screen_table(cells: TextTable) -> "Table":
     """A table for a terminal."""
     from rich.table import Table
     from rich.text import Text
