@@ -5,6 +5,7 @@ rotation vector w (rad) and the shift s (mm). With J the derivatives of the whit
 `[J r]' [J r]`, (P + 7, P + 7): normal matrix, gradient and squared sum in one.
 """
 
+from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
@@ -395,12 +396,10 @@ def view_misfit(problem: Problem, camera: Camera, cam_from_target: Array, loss: 
 
 def _runs(view_start: NDArray[np.int64]) -> list[tuple[int, int]]:
     """Runs of whole views with about `RUN` observations."""
-    views = len(view_start) - 1
-    if view_start[-1] <= RUN:
-        return [(0, views)]
+    starts: list[int] = view_start.tolist()
     result, first = [], 0
-    while first < views:
-        last = max(int(np.searchsorted(view_start, view_start[first] + RUN, side="right")) - 1, first + 1)
+    while first < len(starts) - 1:
+        last = max(bisect_right(starts, starts[first] + RUN) - 1, first + 1)
         result.append((first, last))
         first = last
     return result

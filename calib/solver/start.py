@@ -88,8 +88,8 @@ def _focals(few: Problem, focal_px: float | None, side: int, *, is_robust: bool)
 def _with_fixed(camera: Camera, tie: NDArray[np.int64], fixed: Array) -> Camera:
     """The camera with a person's values, and one value for parameters that are to share it."""
     params = np.where(np.isnan(fixed), camera.params, fixed)
-    for group in range(int(tie.max(initial=-1)) + 1):
-        params[tie == group] = params[tie == group].mean()
+    free = tie >= 0
+    params[free] = (np.bincount(tie[free], params[free]) / np.bincount(tie[free]))[tie[free]]
     return replace(camera, params=params)
 
 
