@@ -36,13 +36,13 @@ def _kept_while_valid(kernel: object, function: Kernel) -> Kernel:
     """The kernel, its machine code thrown away once anything changes that went into it.
 
     Numba looks at the kernel's own file only, while the code of kernels it calls, the values of constants that other
-    files define and the options that this file gives go into it, too. So the stamp that numba keeps with the code, and
-    compares, is made to tell of these.
+    files define and the options that this file gives go into it, too. So the version that numba keeps with the code is
+    made to tell of these. It is compared before the rest is unpickled, which fails where a class has another name now.
     """
     file = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
     if file is not None:
         parts = {_state(__name__, __file__), *_parts(cast("FunctionType", function), set())}
-        file._source_stamp = (file._source_stamp, *sorted(parts))
+        file._version = (file._version, *sorted(parts))
     return cast("Kernel", kernel)
 
 

@@ -66,3 +66,18 @@ def test_options_and_what_modules_hold_are_part_of_the_code(tmp_path: Path, monk
     assert through(30, 400, "") == (431, 0)
     assert through(30, 400, "") == (431, 1)
     assert through(30, 400, "# other options\n") == (431, 0)
+
+
+def test_code_for_a_class_of_another_name_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Code on disk of an earlier version, whose arguments had classes that are gone, is not even looked at."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    for name in ("Pair", "Couple"):
+        (tmp_path / "kernels_pair.py").write_text(
+            f"from typing import NamedTuple\nfrom calib.jit import jit\n\n\nclass {name}(NamedTuple):\n    x: int\n\n\n"
+            f"@jit\ndef double(pair):\n    return 2 * pair.x\n\n\nPAIR = {name}(4)\n"
+        )
+        sys.modules.pop("kernels_pair", None)
+        importlib.invalidate_caches()
+        module = importlib.import_module("kernels_pair")
+        assert module.double(module.PAIR) == 8
