@@ -20,6 +20,7 @@ from calib.detect.plan import TargetPlan
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
+Flags: TypeAlias = NDArray[np.bool_]
 
 AGREES = 0.02
 """Centres within this share of the pitch of one projection, in the median, need no other spacing."""
@@ -27,8 +28,8 @@ BETTER = 0.5
 """Another spacing brings the misfit below this share of that without; noise, which no spacing mends, does not."""
 TRIED = tuple(np.linspace(math.log(0.7), math.log(1.4), 15).tolist())
 """Logarithms of k from which the best is found by a parabola."""
-FAR, ROUNDS = 2.0, 3
-"""Points so many times as far off as usual are left out, again and again: the wrong target names a whole face wrong."""
+LEAST_FACES = 3
+"""Of fewer, none can be left out."""
 
 
 def lattice_over_spacing(plan: TargetPlan, lens: Lens, ring: Integers, center_px: Floats) -> float:
@@ -51,19 +52,33 @@ def lattice_over_spacing(plan: TargetPlan, lens: Lens, ring: Integers, center_px
         return 0.0
     pitch_px = _pitch_px(plan, face, on_face, straight)
 
-    def misfit(log_scale: float) -> float:
-        return _misfit(middle_mm + math.exp(log_scale) * offset_mm, straight) / pitch_px
+    def told_by(rows: Flags) -> tuple[float, float]:
+        """The least misfit that a spacing tried has, and the logarithm of k by these points."""
+        middle, offset, seen = middle_mm[rows], offset_mm[rows], straight[rows]
+        misfits = [_misfit(middle + math.exp(value) * offset, seen) / pitch_px for value in (0.0, *TRIED)]
+        best = _least(np.square(misfits[1:]))
+        least = min(_misfit(middle + math.exp(best) * offset, seen) / pitch_px, *misfits)
+        return least, best if misfits[0] >= AGREES and least < BETTER * misfits[0] else 0.0
 
-    as_it_is = misfit(0.0)
-    if as_it_is < AGREES:
+    if _misfit(middle_mm + offset_mm, straight) < AGREES * pitch_px:
         return 0.0
-    cost = np.array([misfit(value) ** 2 for value in TRIED])
+    told = told_by(np.ones(len(face), dtype=np.bool_))[1]
+    faces = np.unique(face)
+    if told or len(faces) < LEAST_FACES:
+        return told
+    # The wrong target may bring a whole face under wrong names: the others agree best without it.
+    without = [face != f for f in faces]
+    told_without = [told_by(rows) for rows in without if fixes_projection(on_face[rows], face[rows])]
+    return min(told_without, default=(0.0, 0.0))[1]
+
+
+def _least(cost: Floats) -> float:
+    """Where a parabola through the least of the costs tried and its neighbours is least."""
     best = int(np.clip(np.argmin(cost), 1, len(TRIED) - 2))
     before, at, after = cost[best - 1 : best + 2]
     curvature = before - 2 * at + after
     shift = 0.5 * (before - after) / curvature if curvature > 0 else 0.0
-    spacing = float(TRIED[best] + np.clip(shift, -1, 1) * (TRIED[1] - TRIED[0]))
-    return spacing if misfit(spacing) < BETTER * as_it_is else 0.0
+    return float(TRIED[best] + np.clip(shift, -1, 1) * (TRIED[1] - TRIED[0]))
 
 
 def _pitch_px(plan: TargetPlan, face: Integers, on_face: Floats, straight: Floats) -> float:
@@ -78,11 +93,7 @@ def _pitch_px(plan: TargetPlan, face: Integers, on_face: Floats, straight: Float
 
 
 def _misfit(point_mm: Floats, straight: Floats) -> float:
-    """Median distance in px of pixels from the one projection that fits most points best."""
-    near = np.ones(len(point_mm), dtype=np.bool_)
-    for _ in range(ROUNDS):
-        projection = direct_projection(point_mm[near], straight[near])
-        mapped = point_mm @ projection[:, :3].T + projection[:, 3]
-        off = np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - straight, axis=1)
-        near = off <= FAR * np.median(off)
-    return float(np.median(off))
+    """Median distance in px of pixels from the one projection that fits points best."""
+    projection = direct_projection(point_mm, straight)
+    mapped = point_mm @ projection[:, :3].T + projection[:, 3]
+    return float(np.median(np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - straight, axis=1)))

@@ -35,8 +35,8 @@ COVERED = 0.3
 hide several together, so that the share of places hidden elsewhere says too little."""
 LEAST_SPAN = 0.5
 """A row of which less is in view, over the row beside, is what the image's edge left of it: one cover hides that."""
-BARE_ODDS = 4.0
-"""Logarithm of the odds that bare white is the margin, and no cover just as white: three such places are an end."""
+BARE_ODDS = 6.0
+"""Logarithm of the odds that bare white is the margin, and no cover just as white: two such places are an end."""
 PART_ODDS = 8.0
 """The same of part of a ring, that it is one; more, since nothing else makes rings."""
 WHITE_BAND = 0.25

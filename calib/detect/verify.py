@@ -38,7 +38,9 @@ MIN_GRID = 6
 END_ODDS = 12.0
 """Odds as if all covers that hide rings one after the other were independent, so half of it is true."""
 LEAST_BEYOND, BEYOND_SHARE = 3, 0.1
-"""So many rings, and so large a share of the places one step outside the target, are no chance."""
+"""So many rings, and so large a share of the places one step outside the target, are no chance ..."""
+BEYOND_A_BOARD = 2
+"""... of a solid, where the rings of the next face lie; beside a board lie none."""
 MAX_SKEW = 0.25
 """How much more, as a logarithm, circles may be stretched one way than the other: more is another lattice."""
 MAX_PROPORTION = 0.07
@@ -62,6 +64,7 @@ class Evidence:
     end_odds: float  # logarithm of the odds that the pattern ends, and is not hidden, before the target does
     ended_faces: int  # on which it does so
     cut_off: int  # features outside the image, of a target without marks
+    is_board: bool  # the target has one face
     is_lone: bool  # one face of a solid, so that no other face tells how large it is
     is_bounded: bool  # of a face, rings were found along every side
     skew: float  # logarithm of how much more circles are stretched one way than the other, in the median
@@ -77,7 +80,8 @@ class Evidence:
     @property
     def is_too_small(self) -> bool:
         """Whether the pattern goes on where the target ends."""
-        return self.beyond >= max(LEAST_BEYOND, BEYOND_SHARE * self.beyond_in_view)
+        least = BEYOND_A_BOARD if self.is_board else max(LEAST_BEYOND, BEYOND_SHARE * self.beyond_in_view)
+        return self.beyond >= least
 
     @property
     def is_too_large(self) -> bool:
@@ -173,6 +177,7 @@ def gather(
         end_odds=sum(end.odds for end in ends),
         ended_faces=sum(end.odds > 0 for end in ends),
         cut_off=0 if plan.target.is_dot.any() else plan.target.ring_count - len(places.ring),
+        is_board=plan.target.face_count == 1,
         is_lone=len(faces) == 1 < plan.target.face_count,
         is_bounded=any(end.is_bounded for end in ends),
         skew=skew,
