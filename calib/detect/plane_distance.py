@@ -56,8 +56,8 @@ def parameters_of(p: Floats) -> Numbers:
 
 @jit
 def bend_of(q: Floats) -> Numbers:
-    """The lens's bend as a tuple."""
-    return (q[0], q[1], q[2], q[3], q[4], q[5])
+    """The lens's bend and the growth of its blur as a tuple."""
+    return (q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7])
 
 
 @jit

@@ -42,6 +42,8 @@ LEAST_ROOM = -0.8
 """A pixel's place between the centre of an edge's curvature (-1) and the edge (0); nearer to it none is right."""
 MAX_BOW = 0.3
 """Distances are bettered by no more than this share."""
+MOST_GROWN = 0.5
+"""Of a blur, from a ring's middle to its edge."""
 FAR = 6.0
 """In blurs from an edge: farther out nothing changes."""
 MILLS = 0.24
@@ -121,7 +123,15 @@ def blurs_from_edge(off: float, bow: float, stretch: float, per_blur: float, cur
 
 
 @jit_inside
-def pixel_equation(value: float, du: float, dv: float, p: Numbers, distance: Distance) -> Equation:
+def _bounded(grown: float) -> float:
+    """A blur over that of the ring's middle."""
+    return 1.0 + (MOST_GROWN if grown > MOST_GROWN else -MOST_GROWN if grown < -MOST_GROWN else grown)
+
+
+@jit_inside
+def pixel_equation(
+    value: float, du: float, dv: float, p: Numbers, grow_u: float, grow_v: float, distance: Distance
+) -> Equation:
     """Derivatives of the model at one pixel by the parameters, and its residual.
 
     Args:
@@ -129,15 +139,22 @@ def pixel_equation(value: float, du: float, dv: float, p: Numbers, distance: Dis
         du: its offset from the fixed origin of the light's gradient; dv likewise.
         dv: see du.
         p: parameters (`ring_model`).
+        grow_u: the gradient of the blur's logarithm over the image (per px); grow_v likewise.
+        grow_v: see grow_u.
         distance: what `plane_distance` said.
     """
     f, g, fv0, fv1, f_e00, f_e10, f_e11, f_m0, f_m1, curvature, bow, stretch = distance
     is_ring = p[RATIO] > 0.0
     ratio = p[RATIO] if is_ring else 1.0
     inv_s = 1.0 / p[BLUR]
-    per_blur = inv_s / g
-    outer, bent_outer = blurs_from_edge(f - 1.0, bow, stretch, per_blur, curvature * p[BLUR])
-    inner, bent_inner = blurs_from_edge(f - ratio, bow, stretch, per_blur, curvature * p[BLUR] * (1.0 / ratio))
+    # Each edge has the blur of its own place, not of the pixel's.
+    grown, along = grow_u * du + grow_v * dv, (grow_u * fv0 + grow_v * fv1) / (g * g)
+    wide_outer, wide_inner = _bounded(grown - (f - 1.0) * along), _bounded(grown - (f - ratio) * along)
+    per_outer, per_inner = inv_s / (g * wide_outer), inv_s / (g * wide_inner)
+    outer, bent_outer = blurs_from_edge(f - 1.0, bow, stretch, per_outer, curvature * p[BLUR] * wide_outer)
+    inner, bent_inner = blurs_from_edge(
+        f - ratio, bow, stretch, per_inner, curvature * p[BLUR] * wide_inner * (1.0 / ratio)
+    )
     t_outer, t_inner = outer + bent_outer, inner + bent_inner
     inside, phi_outer, hole, phi_inner = edges(t_outer, t_inner)
     hole = hole if is_ring else 0.0
@@ -148,14 +165,14 @@ def pixel_equation(value: float, du: float, dv: float, p: Numbers, distance: Dis
     ink_light = p[INK_LIGHT_U] * du + p[INK_LIGHT_V] * dv
     # The light falls on the target before the lens blurs it: blur(L s) = L blur(s) + s^2 grad L . grad blur(s).
     slope_u, slope_v = p[INK_LIGHT_U] - p[DARKNESS] * p[LIGHT_U], p[INK_LIGHT_V] - p[DARKNESS] * p[LIGHT_V]
-    ink_per_f = (phi_inner - phi_outer) * per_blur
+    ink_per_f = phi_inner * per_inner - phi_outer * per_outer
     bleed = p[BLUR] * p[BLUR] * ink_per_f * (slope_u * fv0 + slope_v * fv1)
     step = ink_light - light * p[DARKNESS]
     per_f = step * ink_per_f
     by_blur = phi_outer * (t_outer - 2.0 * bent_outer) - phi_inner * (t_inner - 2.0 * bent_inner)
     return (
         -per_f * fv0, -per_f * fv1, per_f * f_e00, per_f * f_e10, per_f * f_e11, per_f * f_m0, per_f * f_m1,
-        -step * phi_inner * per_blur, step * by_blur * inv_s,
+        -step * phi_inner * per_inner, step * by_blur * inv_s,
         shade, shade * du, shade * dv, -light * ink, ink * du, ink * dv,
         value - light * shade - ink * ink_light - bleed,
     )  # fmt: skip
@@ -182,7 +199,7 @@ def fill_rows(pixels: Floats, first: int, filled: int, p: Numbers, q: Numbers, o
     for k in range(filled):
         u, v = rows[k], rows[CHUNK + k]
         distance = plane_distance(p, q, u - p[CENTER_U], v - p[CENTER_V])
-        one = pixel_equation(rows[RESIDUAL + k], u - u0, v - v0, p, distance)
+        one = pixel_equation(rows[RESIDUAL + k], u - u0, v - v0, p, q[6], q[7], distance)
         rows[k] = one[0]
         rows[CHUNK + k] = one[1]
         rows[2 * CHUNK + k] = one[2]

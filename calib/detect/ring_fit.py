@@ -214,6 +214,7 @@ def fit_rings(
     line: Floats | None = None,
     line_information: Floats | None = None,
     bend: Floats | None = None,
+    growth: Floats | None = None,
 ) -> RingFits:
     """Fit the ring model to the pixels of an image.
 
@@ -224,6 +225,7 @@ def fit_rings(
         line: mean of the prior on m.  # (N, 2), default 0
         line_information: inverse covariance of that prior; zero leaves m free.  # (N, 2, 2), default zero
         bend: the lens's local quadratic form: xi_u in v_u^2, v_u v_v, v_v^2, then xi_v.  # (N, 6), default zero
+        growth: the gradient of the blur's logarithm over the image (per px).  # (N, 2), default zero
 
     Returns:
         The fits, in the order of `start`. Dots need a prior: m is not to be had from one ellipse.
@@ -231,7 +233,9 @@ def fit_rings(
     count = len(start)
     line = np.zeros((count, 2)) if line is None else np.ascontiguousarray(line)
     information = np.zeros((count, 2, 2)) if line_information is None else np.ascontiguousarray(line_information)
-    bend = np.zeros((count, 6)) if bend is None else np.ascontiguousarray(bend)
+    bend = np.zeros((count, 6)) if bend is None else bend
+    growth = np.zeros((count, 2)) if growth is None else growth
+    lens = np.ascontiguousarray(np.hstack([bend, growth]))
     start = np.ascontiguousarray(start, dtype=np.float64)
     params, noise = np.array(start), np.zeros(count)
     center_cov = np.zeros((count, 2, 2))
@@ -239,7 +243,7 @@ def fit_rings(
 
     def run(first: int, last: int) -> None:
         _fit_range(
-            image, start, bend, line, information, limit, first, last,
+            image, start, lens, line, information, limit, first, last,
             params, center_cov, noise, scores.score, scores.alone, used,
         )  # fmt: skip
 
