@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import ncx2, norm
 
 from calib.detect.plane_distance import plane_distance
-from calib.detect.ring_equations import CHUNK, FAR, ROOM, accumulate, blurs_from_edge, edges
+from calib.detect.ring_equations import CHUNK, FAR, MOST_GROWN, ROOM, accumulate, blurs_from_edge, edges
 from calib.detect.ring_fit import RingFits, fit_rings
 from calib.detect.ring_model import BLUR, DARKNESS, M0, PARAMETERS, RATIO, WHITE
 from calib.detect.ring_pixels import MAX_PIXELS, choose_pixels
@@ -166,23 +166,24 @@ def brightness(p: Array, q: Array, pixel: NDArray[np.int32], origin: Array) -> A
     """The brightness model in NumPy.  # (N, 2) -> (N,)"""
     v = pixel - p[:2]
     out = np.array([kernel_outputs(p, q, offset) for offset in v])
-    gradient, slope = out[:, 2:4], np.linalg.norm(out[:, 2:4], axis=1) * p[BLUR]
+    gradient, away = out[:, 2:4], pixel - origin
+    steepness = np.linalg.norm(gradient, axis=1)
 
-    def blurs(rho: float) -> Array:
+    def blurs(rho: float) -> tuple[Array, Array]:
         off = distance(p, q, v) - rho
-        one = [
-            blurs_from_edge(*row) for row in np.column_stack([off, out[:, 10:], 1 / slope, out[:, 9] * p[BLUR] / rho])
-        ]
-        return np.asarray(np.sum(one, axis=1))
+        at_edge = away - (off / steepness**2)[:, None] * gradient
+        blur = p[BLUR] * (1 + np.clip(at_edge @ q[6:], -MOST_GROWN, MOST_GROWN))
+        slope = blur * steepness
+        one = [blurs_from_edge(*row) for row in np.column_stack([off, out[:, 10:], 1 / slope, out[:, 9] * blur / rho])]
+        return np.asarray(np.sum(one, axis=1)), slope
 
-    outer = blurs(1.0)
-    ink, density = norm.cdf(-outer), -norm.pdf(outer)
+    outer, slope = blurs(1.0)
+    ink, per_f = norm.cdf(-outer), -norm.pdf(outer) / slope
     if p[RATIO] > 0:
-        inner = blurs(p[RATIO])
-        ink, density = ink - norm.cdf(-inner), density + norm.pdf(inner)
-    away = pixel - origin
+        inner, slope = blurs(p[RATIO])
+        ink, per_f = ink - norm.cdf(-inner), per_f + norm.pdf(inner) / slope
     light = p[WHITE] + away @ p[10:12]
-    bleed = p[BLUR] ** 2 * (density / slope) * (gradient @ (p[13:15] - p[DARKNESS] * p[10:12]))
+    bleed = p[BLUR] ** 2 * per_f * (gradient @ (p[13:15] - p[DARKNESS] * p[10:12]))
     return np.asarray(light * (1 - p[DARKNESS] * ink) + ink * (away @ p[13:15]) + bleed)
 
 
@@ -220,7 +221,7 @@ def test_an_edge_is_the_normal_distribution() -> None:
 
 def test_residuals_and_normal_equations_follow_the_model() -> None:
     """Cost and derivatives are those of the brightness model; small terms of second order may lack derivatives."""
-    p, q = lit_parameters(), np.full(6, 2e-4)
+    p, q = lit_parameters(), np.array([2e-4] * 6 + [0.004, -0.006])
     pixel = square_of_pixels(16, 92)
     image = np.random.default_rng(1).uniform(0, 250, (109, 109)).astype(np.float32)
     value: Array = image[pixel[:, 1], pixel[:, 0]].astype(np.float64)

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.detect.blur_growth import blur_growth, is_noticed, left_covariance
 from calib.detect.candidates import MIN_RADIUS_PX, Candidates, semi_axes_px
 from calib.detect.judge import COVERED, judge
 from calib.detect.lens import Lens, local_form
@@ -175,21 +176,31 @@ def _fit_with_lines(
     # Dots have not been measured yet: their predicted centres would only repeat the grid.
     seen = Seen(start[:, :2], np.full(len(start), 0.1), ~is_dot)
     lens, known = lines(seen)
-    fits = fit_rings(
-        image,
-        start,
-        limit=plan.limit,
-        line=known.line,
-        line_information=known.information,
-        bend=local_form(lens, seen.center_px)[1],
-    )
+    bend, on_face = local_form(lens, seen.center_px)[1], plan.target.ring_face[places.ring]
+
+    def fitted(start: Floats, growth: Floats | None) -> RingFits:
+        return fit_rings(
+            image,
+            start,
+            limit=plan.limit,
+            line=known.line,
+            line_information=known.information,
+            bend=bend,
+            growth=growth,
+        )
+
+    fits = fitted(start, None)
+    growth = blur_growth(fits.center_px, fits.params[:, BLUR], fits.ok & ~is_dot, on_face)
+    if is_noticed(growth[fits.ok], fits.params[fits.ok, BLUR]):
+        fits = fitted(np.where(fits.ok[:, None], fits.params, start), growth)
     # One circle alone does not tell where its centre is projected to.
     fits = replace(fits, ok=fits.ok & (known.known | ~is_dot))
     sound = judge(fits, None, is_dot, places.shape, plan) == ""
     face = np.where(sound, plan.target.ring_face[places.ring], -1)
     roughness = fits.noise / np.maximum(fits.contrast, 1e-9)
     ratios = variance_ratios(fits.scores, fits.params, roughness, face, SOFTENED_RATIO if softened else 1.0)
-    fits = replace(fits, cov_px2=ratios.ring[:, None, None] * fits.cov_px2)
+    left = left_covariance(growth, fits.params[:, BLUR], fits.params[:, E00 : E11 + 1], fits.params[:, RATIO])
+    fits = replace(fits, cov_px2=ratios.ring[:, None, None] * fits.cov_px2 + left)
     remarks = () if ratios.photo < WORTH_A_WORD else (NO_GREY_EDGES if softened else ODD_EDGES,)
     sigma_px = np.sqrt(np.abs(np.trace(fits.cov_px2, axis1=1, axis2=2)) / 2)
     sound = judge(fits, None, is_dot, places.shape, plan) == ""

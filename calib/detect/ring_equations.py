@@ -148,9 +148,11 @@ def pixel_equation(
     ratio = p[RATIO] if is_ring else 1.0
     inv_s = 1.0 / p[BLUR]
     # Each edge has the blur of its own place, not of the pixel's.
-    grown, along = grow_u * du + grow_v * dv, (grow_u * fv0 + grow_v * fv1) / (g * g)
+    inv_g = 1.0 / g
+    grown, along = grow_u * du + grow_v * dv, (grow_u * fv0 + grow_v * fv1) * inv_g * inv_g
     wide_outer, wide_inner = _bounded(grown - (f - 1.0) * along), _bounded(grown - (f - ratio) * along)
-    per_outer, per_inner = inv_s / (g * wide_outer), inv_s / (g * wide_inner)
+    per_both = inv_s * inv_g / (wide_outer * wide_inner)
+    per_outer, per_inner = per_both * wide_inner, per_both * wide_outer
     outer, bent_outer = blurs_from_edge(f - 1.0, bow, stretch, per_outer, curvature * p[BLUR] * wide_outer)
     inner, bent_inner = blurs_from_edge(
         f - ratio, bow, stretch, per_inner, curvature * p[BLUR] * wide_inner * (1.0 / ratio)
