@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import ncx2, norm
 
-from calib.detect.plane_distance import plane_distance
+from calib.detect.plane_distance import LENS_NUMBERS, plane_distance
 from calib.detect.ring_equations import CHUNK, FAR, MOST_GROWN, ROOM, accumulate, blurs_from_edge, edges
 from calib.detect.ring_fit import RingFits, fit_rings
 from calib.detect.ring_model import BLUR, DARKNESS, M0, PARAMETERS, RATIO, WHITE
@@ -115,7 +115,7 @@ def test_distance_is_its_formula_with_true_derivatives(model: tuple[Array, Array
 def test_curvature_is_that_of_the_level_set(model: tuple[Array, Array, Array]) -> None:
     """The last output is F times the curvature of the curve F = constant, here from its second differences."""
     p, _, v = model
-    q = np.zeros(6)
+    q = np.zeros(LENS_NUMBERS)
     step = 1e-3 * Ring().radius_px
     (fuu, fuv), (_, fvv) = (
         (numeric_gradient(p, q, v + way) - numeric_gradient(p, q, v - way)) / (2 * step) for way in step * np.eye(2)
@@ -129,10 +129,10 @@ def test_curvature_of_circle_and_ellipse_is_the_textbook_one() -> None:
     """A circle of radius R has the curvature 1 / R; the tip of an ellipse's major axis has a / b^2."""
     p = np.zeros(PARAMETERS)
     p[2:5] = 1 / 20, 0.0, 1 / 8
-    assert kernel_outputs(p, np.zeros(6), np.array([20.0, 0.0]))[9] == pytest.approx(20 / 64)
-    assert kernel_outputs(p, np.zeros(6), np.array([0.0, 8.0]))[9] == pytest.approx(8 / 400)
+    assert kernel_outputs(p, np.zeros(LENS_NUMBERS), np.array([20.0, 0.0]))[9] == pytest.approx(20 / 64)
+    assert kernel_outputs(p, np.zeros(LENS_NUMBERS), np.array([0.0, 8.0]))[9] == pytest.approx(8 / 400)
     p[2:5] = 1 / 20, 0.0, 1 / 20
-    assert kernel_outputs(p, np.zeros(6), np.array([12.0, 16.0]))[9] == pytest.approx(1 / 20)
+    assert kernel_outputs(p, np.zeros(LENS_NUMBERS), np.array([12.0, 16.0]))[9] == pytest.approx(1 / 20)
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
@@ -142,12 +142,12 @@ def test_bow_is_half_the_second_derivative_along_the_gradient(model: tuple[Array
     p, _, v = model
     for m, stretch in ((p[5:7].copy(), False), (np.zeros(2), True)):
         p[5:7] = m
-        gradient = numeric_gradient(p, np.zeros(6), v)
+        gradient = numeric_gradient(p, np.zeros(LENS_NUMBERS), v)
         size = np.linalg.norm(gradient)
         step = 1e-3 * Ring().radius_px
-        here, there = (distance(p, np.zeros(6), v + way * step * gradient / size) for way in (-1, 1))
-        second = (here - 2 * distance(p, np.zeros(6), v) + there) / step**2
-        found = kernel_outputs(p, np.zeros(6), v)
+        here, there = (distance(p, np.zeros(LENS_NUMBERS), v + way * step * gradient / size) for way in (-1, 1))
+        second = (here - 2 * distance(p, np.zeros(LENS_NUMBERS), v) + there) / step**2
+        found = kernel_outputs(p, np.zeros(LENS_NUMBERS), v)
         assert found[10] == pytest.approx(0.5 * second / size**2, rel=2e-3, abs=1e-5)
         assert not stretch or found[11] == found[10]
 
@@ -247,7 +247,7 @@ def test_residuals_and_normal_equations_follow_the_model() -> None:
 
 def test_equations_of_many_pixels_are_the_sum_over_pixels() -> None:
     """However many pixels are multiplied together at once, each counts once."""
-    p, q = lit_parameters(), np.zeros(6)
+    p, q = lit_parameters(), np.zeros(LENS_NUMBERS)
     image = np.random.default_rng(2).uniform(0, 250, (109, 109)).astype(np.float32)
     pixel = square_of_pixels(20, 33)
     assert len(pixel) % CHUNK
@@ -314,7 +314,7 @@ def test_every_quarter_of_a_large_ring_is_sampled_however_blurred(blur_px: float
     """Three lines or more cross each quarter of either edge, also where they are long, and there is room for them."""
     p, pixels = parameters_of(np.diag([120.0, 120.0, 1.0]), 0.45, blur_px), np.empty((3, MAX_PIXELS))
     p[:2], reach = 500.0, 3 * blur_px + 1
-    count = choose_pixels(np.zeros((1001, 1001), dtype=np.uint8), p, np.zeros(6), reach, LIMIT, pixels)
+    count = choose_pixels(np.zeros((1001, 1001), dtype=np.uint8), p, np.zeros(LENS_NUMBERS), reach, LIMIT, pixels)
     assert count < MAX_PIXELS
     u, v = pixels[:2, :count] - 500.0
     per_edge = 2 * np.ceil(reach / 2) + 1
@@ -560,7 +560,7 @@ def test_neighbours_beyond_the_limit_do_not_disturb() -> None:
     m = mosaic([ring], columns=1)
     p = m.params[0]
     v, u = np.mgrid[: ring.side_px, : ring.side_px]
-    far = distance(p, np.zeros(6), np.stack([u, v], axis=-1) - p[:2]) > 1.21
+    far = distance(p, np.zeros(LENS_NUMBERS), np.stack([u, v], axis=-1) - p[:2]) > 1.21
     spoilt = m.image.copy()
     spoilt[far] = 0
     start = disturbed(m.params, np.random.default_rng(19))
@@ -576,4 +576,6 @@ def test_parameters_of_a_plane_describe_its_circles() -> None:
     angle = np.linspace(0, 2 * np.pi, 9)
     for rho in (1.0, 0.45):
         point = np.column_stack([rho * np.cos(angle), rho * np.sin(angle), np.ones(9)]) @ ring.plane().T
-        assert distance(p, np.zeros(6), point[:, :2] / point[:, 2:] - p[:2]) == pytest.approx(np.full(9, rho))
+        assert distance(p, np.zeros(LENS_NUMBERS), point[:, :2] / point[:, 2:] - p[:2]) == pytest.approx(
+            np.full(9, rho)
+        )

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.plane_distance import Numbers, bend_of, offset_on_circle, parameters_of, plane_distance
+from calib.detect.plane_distance import LENS_NUMBERS, Numbers, bend_of, offset_on_circle, parameters_of, plane_distance
 from calib.detect.ring_equations import CHUNK, add_products
 from calib.detect.ring_model import (
     BLUR,
@@ -218,7 +218,7 @@ def _fit_pair(image: NDArray[np.generic], p: Floats, q: Floats) -> float:
 @jit
 def _fit_pair_range(image: NDArray[np.generic], params: Floats, rms: Floats, first: int, last: int) -> None:
     """Fit rings first..last-1."""
-    straight = np.zeros(6)
+    straight = np.zeros(LENS_NUMBERS)
     for n in range(first, last):
         rms[n] = _fit_pair(image, params[n], straight)
 

@@ -1,7 +1,7 @@
 """The distance function of `ring_model`, with derivatives, for compiled code."""
 
 import math
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from calib.jit import jit, jit_inside
 Floats: TypeAlias = NDArray[np.float64]
 Numbers: TypeAlias = Floats | tuple[float, ...]
 """Where a loop runs over pixels: a tuple, which stays in registers, so that several pixels are worked out at once."""
+LENS_NUMBERS: Final = 8
+"""Of what a lens does about a ring: six of its bend (`ring_model`'s q), and two of the gradient of the blur's
+logarithm."""
 Distance: TypeAlias = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
 """F, |grad F|, dF/dv (2), dF/dE (3), dF/dm (2), F times the curvature of the level set (per px); half the second
 derivative of F along its gradient over |grad F|^2, and the part of it that |E xi| has."""

@@ -17,8 +17,8 @@ Brightness: white and ink each vary linearly over the ring,
 
 with `s` the edge's blur in pixels (lens and pixel together) and Phi the normal distribution; h is zero where light only
 multiplies, and takes up veiling light or a black level. A dot has no inner edge: T = 1 - Phi(d_outer / s). Edges are
-curved: what is written as Phi(d / s) is the blurred disc with the edge's own radius of curvature. Out of focus s is that
-of the middle, and grows over the image as `blur_growth` tells: each edge has the blur of its own place.
+curved: what is written as Phi(d / s) is the blurred disc with the edge's own radius of curvature. Out of focus s is
+that of the middle, and grows over the image as `blur_growth` tells: each edge has the blur of its own place.
 
 The fits take the derivatives of the distances at the edges, where the brightness changes: dd = dF / |grad F|.
 """
