@@ -1,4 +1,4 @@
-"""The icosahedron: vertices, faces, neighbours, face frames and symmetries, for edge length 1.
+"""The icosahedron: vertices, faces, neighbours, and face frames, for edge length 1.
 
 Vertex 0 lies on +z, vertices 1-5 and 6-10 form the upper and lower ring, vertex 11 lies on -z. Faces run from
 the top cap (0-4) over the upper (5-9) and lower band (10-14) to the bottom cap (15-19). Each face lists its
@@ -76,24 +76,3 @@ def frames_of_triangles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     frames[:, :3, 2] = z_axis
     frames[:, :3, 3] = centroid
     return frames
-
-
-@cache
-def symmetries() -> tuple[tuple[tuple[int, ...], ...], tuple[tuple[int, ...], ...]]:
-    """The 60 rotations and the 60 mirror symmetries as permutations of the 12 vertices.
-
-    Entry v of a permutation is the vertex that vertex v is moved to. The first rotation is the identity.
-    """
-    vertices, faces = icosahedron_vertices(), icosahedron_faces()
-    turned = np.concatenate([np.roll(faces, -k, axis=1) for k in range(3)])
-    frames = frames_of_triangles(vertices[turned])[:, :3, :3]
-    rotations = frames @ frames[0].T
-    mirrors = frames @ np.diag([-1.0, 1.0, 1.0]) @ frames[0].T
-    return _vertex_permutations(rotations, vertices), _vertex_permutations(mirrors, vertices)
-
-
-def _vertex_permutations(matrices: NDArray[np.float64], vertices: NDArray[np.float64]) -> tuple[tuple[int, ...], ...]:
-    """What each matrix does to the vertices.  # (N, 3, 3), (12, 3)"""
-    moved = np.einsum("nij,vj->nvi", matrices, vertices)
-    nearest = np.argmax(np.einsum("nvi,wi->nvw", moved, vertices), axis=2)
-    return tuple(tuple(int(v) for v in row) for row in nearest)

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.datum import SeenParts, laid_over, what_is_seen
+from calib.as_built.datum import laid_over, what_is_seen
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.problem import State
 from calib.as_built.result import AsBuilt, target_of
@@ -93,12 +93,6 @@ def truth_of(measured: AsBuilt, shape: TargetUnknowns, options: AsBuiltOptions) 
     seen = what_is_seen(unknowns, [(one, ~out) for one, out in pairs])
     state = laid_over(unknowns, seen, State((), (), shape))
     return Truth(state.shape, target_of(unknowns, seen, state.shape, np.zeros((measured.nominal.face_count, 6, 6))))
-
-
-def seen_of(measured: AsBuilt) -> SeenParts:
-    """What the measurement's photos show."""
-    pairs = zip(measured.observations, measured.is_outlier, strict=True)
-    return what_is_seen(unknowns_of(measured.nominal, RIGID), [(one, ~out) for one, out in pairs])
 
 
 def frame_errors(measured: TargetGeometry, true: TargetGeometry) -> Array:

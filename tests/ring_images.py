@@ -130,10 +130,3 @@ def disturbed(params: Array, rng: np.random.Generator) -> Array:
     start[:, BLUR] *= 1.2
     start[:, WHITE] *= 0.98
     return start
-
-
-def in_cells(size: tuple[int, int], polygon: Array) -> NDArray[np.uint8]:
-    """A filled polygon, 255 on 0.  # width, height; (N, 2) -> (H, W)"""
-    image = np.zeros((size[1], size[0]), dtype=np.uint8)
-    cv2.fillPoly(image, [np.rint(polygon * 256).astype(np.int32)], 255, shift=8)
-    return image

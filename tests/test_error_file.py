@@ -12,7 +12,7 @@ from designer.errors import InputError
 from designer.presets import preset_folder, preset_names
 from designer.spec_file import MAX_FILE_BYTES, read_spec_file
 from designer.tolerance.error_file import ErrorFile, error_model
-from designer.tolerance.quantity import format_amount, parse_amount, parse_expansion
+from designer.tolerance.quantity import format_quantity, parse_amount, parse_expansion
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.source import KINDS, Amount, Kind
 
@@ -237,7 +237,7 @@ def test_no_text_breaks_the_reader(text: str) -> None:
 def test_amounts_read_back(kind: Kind, size: float, unit: str) -> None:
     """What is printed of an amount reads back to it, to six digits."""
     source = SOURCES[OF_UNIT[unit]]
-    again = parse_amount(format_amount(Amount(kind, size), source.unit), source)
+    again = parse_amount(f"{kind} {format_quantity(size, source.unit)}", source)
     assert again.kind == kind
     assert again.size == pytest.approx(size, rel=1e-5, abs=1e-12)
 

@@ -24,7 +24,6 @@ from tests.test_study_store import path as study_path
 
 __all__ = ["folder", "study_path"]  # the scene that commands work in, and a study
 ROOT = Path(__file__).parent.parent
-REMEDY = "make room, or send it elsewhere"
 
 
 @pytest.mark.parametrize(("program", "case"), [one for one in CASES if one.values[1].code != 2])

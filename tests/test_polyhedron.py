@@ -14,7 +14,6 @@ from designer.polyhedron import (
     frames_of_triangles,
     icosahedron_faces,
     icosahedron_vertices,
-    symmetries,
 )
 
 VERTICES = icosahedron_vertices()
@@ -94,30 +93,3 @@ def test_inset_per_depth_is_where_offset_planes_meet() -> None:
             met = np.linalg.solve(planes, planes @ start - [1, 1, 0])
             inward = np.cross(FRAMES[face, :3, 2], (end - start) / np.linalg.norm(end - start))
             assert (met - start) @ inward == pytest.approx(INSET_PER_DEPTH)
-
-
-@pytest.mark.parametrize("which", [0, 1], ids=["rotations", "mirrors"])
-def test_symmetries_are_sixty_isometries_onto_faces(which: int) -> None:
-    """60 distinct permutations that keep all distances, map faces to faces, and keep or turn over orientation."""
-    permutations = symmetries()[which]
-    assert len(set(permutations)) == 60
-    distance = np.linalg.norm(VERTICES[:, None] - VERTICES, axis=2)
-    face_sets = {frozenset(face) for face in FACES.tolist()}
-    for permutation in permutations:
-        moved = np.array(permutation)
-        assert sorted(permutation) == list(range(12))
-        assert distance[np.ix_(moved, moved)] == pytest.approx(distance, abs=1e-12)
-        assert {frozenset(moved[face].tolist()) for face in FACES} == face_sets
-        sign = np.linalg.det(VERTICES[moved[FACES[0]]]) / np.linalg.det(VERTICES[FACES[0]])
-        assert sign == pytest.approx(-1.0 if which else 1.0)
-
-
-def test_symmetries_are_closed_under_composition() -> None:
-    """Rotations and mirrors form a group of 120 whose parity adds up; the identity comes first."""
-    rotations, mirrors = (set(permutations) for permutations in symmetries())
-    assert symmetries()[0][0] == tuple(range(12))
-    assert not rotations & mirrors
-    parity = {**dict.fromkeys(rotations, 0), **dict.fromkeys(mirrors, 1)}
-    for p, parity_p in parity.items():
-        for q, parity_q in parity.items():
-            assert parity[tuple(p[v] for v in q)] == parity_p ^ parity_q

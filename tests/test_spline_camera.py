@@ -6,7 +6,7 @@ from scipy.interpolate import BSpline
 
 from calib.camera_file import camera_from_mapping, camera_or_preset
 from calib.cameras import linearise, parameter_names, project, rays
-from calib.cameras.spline import COLUMNS, FIRST, ROWS, control_px
+from calib.cameras.spline import COLUMNS, FIRST, ROWS, _scale
 from calib.pipeline.settings import plan_from_words
 from calib.refit import refit
 from calib.solver.options import SolveOptions
@@ -60,8 +60,8 @@ def test_the_surface_is_a_tensor_product_of_scipys_splines() -> None:
     camera = bent(5)
     point = rays(camera, pixels(500))
     pinhole = point[:, :2] * PINHOLE[:2] + PINHOLE[2:]
-    place = control_px(SIZE)
-    across, down = place[0, :, 0], place[:, 0, 1]
+    scale = _scale(SIZE)
+    across, down = (scale[k, 0] + (np.arange(count) - 1) / scale[k, 1] for k, count in enumerate((COLUMNS, ROWS)))
 
     def basis(where: np.ndarray, centers: np.ndarray) -> np.ndarray:
         step = centers[1] - centers[0]

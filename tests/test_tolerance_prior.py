@@ -33,7 +33,7 @@ def _covariance(prior: ShapePrior, rows: NDArray[np.int64]) -> Array:
     full: Array = modes.T @ modes
     for number, row in enumerate(rows):
         part = slice(3 * number, 3 * number + 3)
-        full[part, part] += prior.ring_covariance_mm2[row]
+        full[part, part] += prior.ring_modes_mm[row] @ prior.ring_modes_mm[row].T
     return full
 
 

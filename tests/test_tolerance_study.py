@@ -37,7 +37,7 @@ from calib.studies.tolerance.measures import MadeSolution, measures
 from calib.studies.tolerance.noise import EDGE_VARIANCE, FLAT_MINOR, centre_covariances
 from calib.studies.tolerance.quantities import NAMES, quantity_row
 from calib.studies.tolerance.result import table_of_draws
-from calib.studies.tolerance.setting import LEAST_MINOR_PX, Setting, make_setting, setting_of_calibration
+from calib.studies.tolerance.setting import LEAST_MINOR_PX, Setting, make_setting
 from calib.studies.tolerance.true_shape import TrueShape, moved_onto, true_shape
 from calib.types import Camera, KnownPoints
 from designer.errors import InputError
@@ -336,24 +336,6 @@ def test_another_model_starts_from_its_best_fit() -> None:
     scratch = solve(setting.observations, "luhmann", setting.options)
     assert of(bare, "focal_length") < 1e-3
     assert of(bare, "reprojection") == pytest.approx(np.sqrt((scratch.residual_px**2).sum(axis=1).mean()), rel=1e-4)
-
-
-def test_setting_of_real_views() -> None:
-    """Views of a calibration keep poses and covariances, and leave out its outliers."""
-    made = ico_setting()
-    noisy = replace(made.observations, center_px=made.observations.center_px + drawn_noise(made, 0, 0), cov_px2=None)
-    calibration = solve(noisy, "opencv")
-    with pytest.raises(InputError, match="no covariances"):
-        setting_of_calibration(made.target, calibration)
-    outlier = np.zeros(len(noisy.view), dtype=bool)
-    outlier[5] = True
-    told = replace(calibration, observations=replace(noisy, cov_px2=made.observations.cov_px2), is_outlier=outlier)
-    setting = setting_of_calibration(made.target, told)
-    assert len(setting.observations.view) == len(noisy.view) - 1
-    np.testing.assert_array_equal(setting.noise_root, np.delete(made.noise_root, 5, axis=0))
-    draws = run_draws(setting, errors().only("skew"), 0, range(2))
-    expected = run_draws(made, errors().only("skew"), 0, range(2))
-    np.testing.assert_allclose(draws[:, 1, :3], expected[:, 1, :3], rtol=0.02)
 
 
 @pytest.mark.parametrize(

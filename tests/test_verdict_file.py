@@ -12,7 +12,8 @@ from rich.console import Console
 from verdict_cases import judged, sightings, solved
 
 from calib.types import Calibration
-from calib.verdict.halves import Halves, NoHalves, halves_map
+from calib.verdict.coverage import coverage_of
+from calib.verdict.halves import Halves, NoHalves, halves_apart
 from calib.verdict.of_run import Judged, judge_run
 from calib.verdict.verdict import Check
 from calib.verdict.verdict_file import VERDICT_FILE, read_verdict, verdict_to_json
@@ -59,7 +60,7 @@ def test_it_suffices_to_judge_again(run: Judged, calibrations: list[Calibration]
         (one.name, one.grade) for one in run.verdict.checks
     ]
     assert isinstance(stored.halves, Halves)
-    shown = halves_map(stored.halves, calibrations[0])
+    shown = halves_apart(stored.halves, coverage_of(calibrations[0]))
     assert shown is not None
     assert np.isfinite(shown.length_px).any()
 

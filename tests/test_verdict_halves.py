@@ -10,7 +10,7 @@ from verdict_cases import BOARD, ICOSAHEDRON, OPTIONS, TRUE, sightings, solved
 from calib.types import Calibration, Camera, Observations
 from calib.verdict.apart import Known, apart, in_sigmas
 from calib.verdict.coverage import Coverage, coverage_of
-from calib.verdict.halves import Halves, NoHalves, half_split, halves_map
+from calib.verdict.halves import Halves, NoHalves, half_split, halves_apart
 from calib.verdict.split import splits
 
 
@@ -18,7 +18,7 @@ def _ratio(seen: Observations) -> float:
     one = solved(seen)[0]
     halves = half_split(one, OPTIONS)
     assert isinstance(halves, Halves)
-    found = halves_map(halves, one)
+    found = halves_apart(halves, coverage_of(one))
     assert found is not None
     return found.ratio
 

@@ -29,7 +29,6 @@ class TargetAccuracy:
     offset_sigma_mm: Array  # (R, 3)
     effective: float  # how many unknowns the observations had to determine, the poses left out
     face_by_scale: Array  # (F, 6) what a scale of the whole target does to the faces
-    offset_ring_part: Array  # (R,) the share of the rings' offsets that is measured; the rest is what was expected
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +89,8 @@ def accuracy_of(joint: Joint, shape: TargetUnknowns, seen: SeenParts, normal: No
     if unknowns.has_bow:
         bent = shared[second:].reshape(-1, 3, width)
         bow = bent @ bent.transpose(0, 2, 1)
-    sigma, effective, share = _rings(joint, factor, design, offset, own)
-    return TargetAccuracy(
-        params @ params.T, strain, motion, face, bow, sigma, joint.param_count + effective, by_scale, share
-    )
+    sigma, effective = _rings(joint, factor, design, offset, own)
+    return TargetAccuracy(params @ params.T, strain, motion, face, bow, sigma, joint.param_count + effective, by_scale)
 
 
 def _through(inverse: Array, which: NDArray[np.int64], common: Array, own: Array) -> _Wide:
@@ -147,19 +144,18 @@ def _faces(
 
 def _rings(
     joint: Joint, factor: Factor, design: list[tuple[NDArray[np.int64], Array]], offset: Array, own: Array
-) -> tuple[Array, float, Array]:
-    """Deviations of the offsets without their faces' motion (R, 3), effective unknowns, and their measured shares."""
+) -> tuple[Array, float]:
+    """Deviations of the offsets without their faces' motion (R, 3), and effective unknowns."""
     unknowns = joint.unknowns
     target = unknowns.target
     shared = factor.other[joint.param_count :]
     effective = unknowns.count - float(((shared**2).sum(axis=1) / unknowns.sigma**2).sum())
     effective -= len(joint.gauge)
-    sigma, share = np.zeros((target.ring_count, 3)), np.zeros(target.ring_count)
+    sigma = np.zeros((target.ring_count, 3))
     if unknowns.ring_sigma_mm is None:
-        return sigma, effective, share
+        return sigma, effective
     variance = (offset**2).sum(axis=2) + (own**2).sum(axis=2)
-    told = 1 - variance / unknowns.ring_sigma_mm**2
-    effective += float(told.sum())
+    effective += float((1 - variance / unknowns.ring_sigma_mm**2).sum())
     center = target.center_in_face_mm
     for face, (rows, inverse) in enumerate(design):
         mine = np.flatnonzero(target.ring_face == face)
@@ -174,4 +170,4 @@ def _rings(
         place = np.searchsorted(mine, rows)
         single[:, :, place] -= np.einsum("airj,rjk->airk", spread.reshape(len(mine), 3, len(rows), 3), own[rows])
         sigma[mine] = np.sqrt(square + (single**2).sum(axis=(2, 3)))
-    return sigma, effective, np.clip(told.mean(axis=1), 0.0, 1.0)
+    return sigma, effective

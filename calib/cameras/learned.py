@@ -113,18 +113,6 @@ def exact_point(learned: LearnedMap, pixel: Array) -> Array:
     return point
 
 
-@one_thread
-def exact_jacobian(learned: LearnedMap, pixel: Array) -> Array:
-    """The derivative of the map by the pixel at pixels (N, 2), knot by knot.  # (N, 2, 2)"""
-    jacobian = np.empty((len(pixel), 2, 2))
-    at_once = max(1, KERNEL_VALUES_AT_ONCE // max(len(learned.knot_px), 1))
-    for at in range(0, len(pixel), at_once):
-        rows = slice(at, at + at_once)
-        values = kernel(pixel[rows], learned.knot_px, learned.length_px)
-        jacobian[rows] = jacobian_with(learned, pixel[rows], values)
-    return jacobian
-
-
 def jacobian_with(learned: LearnedMap, pixel: Array, values: Array) -> Array:
     """The derivative of the map by the pixel at pixels (N, 2), with the kernel's values there (N, K).  # (N, 2, 2)
 

@@ -172,10 +172,3 @@ class Spline:
         point = np.ascontiguousarray(point, dtype=np.float64)
         _linearise(camera.params, _scale(camera.image_size), point, result.pixel, result.by_point, result.by_params)
         return result
-
-
-def control_px(image_size: tuple[int, int]) -> Array:
-    """Where the control points lie in the pinhole's image.  # (ROWS, COLUMNS, 2)"""
-    scale = _scale(image_size)
-    u, v = (scale[k, 0] + (np.arange(count) - 1) / scale[k, 1] for k, count in enumerate((COLUMNS, ROWS)))
-    return np.stack(np.meshgrid(u, v), axis=-1)

@@ -119,7 +119,7 @@ def tolerance(
         report = _explored(scene, asked, keeping)
         if other is not None and against is not None:
             keeping = replace(keeping, inputs={"target": against})
-            report = replace(report, against=_compared(report, scene, other, asked, keeping, vary))
+            report = replace(report, against=_compared(report, other, asked, keeping, vary))
         return say_next(with_page(_write(report, out, target, formats), out, "tolerance"), out)
 
 
@@ -333,7 +333,7 @@ def _searched(report: "ToleranceReport", first: "FirstOrder", errors: "ErrorMode
 
 
 def _compared(
-    report: "ToleranceReport", scene: _Scene, other: _Scene, asked: _Asked, keeping: "Keeping", vary: str | None
+    report: "ToleranceReport", other: _Scene, asked: _Asked, keeping: "Keeping", vary: str | None
 ) -> "Against":
     """The other target's costs, and where the first loses to it."""
     from calib.studies.tolerance.control import control_of

@@ -12,7 +12,6 @@ from designer.page.blocks import Headline
 LENS_STARTS = ("Smooth lens", "Without distortion", "Camera ")
 SETTING_STARTS = ("Distances at which",)
 SIZE_MARKS = (" made as ", "Reprojection error of")
-NO_EFFECT_MARK = "cost nothing against the drawing"
 BROWN, VIRTUAL = MODELS[:2], MODELS[2]
 
 

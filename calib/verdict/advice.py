@@ -110,7 +110,7 @@ def advice_of(
         else (
             _target(evidence, criteria, inputs),
             _step(_odd_photos(facts, criteria), "residuals", "outliers"),
-            _step(_far_off(calibration, evidence, criteria, facts, inputs), "outliers"),
+            _step(_far_off(calibration, criteria, facts, inputs), "outliers"),
             _step(_few_photos(facts), "halves"),
             _step(_tilts(evidence, criteria, facts), "uncertainty"),
             _step(shape_advice(calibration, evidence, criteria, inputs.measure), "uncertainty", "target"),
@@ -244,9 +244,7 @@ def _them(rows: NDArray[np.int64]) -> str:
     return "it" if len(rows) == 1 else "them"
 
 
-def _far_off(
-    calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, facts: ViewFacts, inputs: Inputs
-) -> str:
+def _far_off(calibration: Calibration, criteria: Criteria, facts: ViewFacts, inputs: Inputs) -> str:
     """Many sightings that are far off, or were left out."""
     seen, out = calibration.observations, calibration.is_outlier
     far = out | (deviations(calibration.residual_px.T, seen.cov_px2) > FAR_OFF)

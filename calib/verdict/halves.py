@@ -18,7 +18,7 @@ from calib.sightings import keep_sightings, keep_views
 from calib.solver.options import SolveOptions
 from calib.types import Calibration, Observations
 from calib.verdict.apart import Apart, Known, apart
-from calib.verdict.coverage import Coverage, coverage_of
+from calib.verdict.coverage import Coverage
 from calib.verdict.split import splits
 from designer.errors import InputError
 
@@ -143,8 +143,3 @@ def halves_apart(halves: Halves, coverage: Coverage) -> HalvesApart | None:
         if one is not None:
             found.append(one)
     return HalvesApart(tuple(found)) if found else None
-
-
-def halves_map(halves: Halves, calibration: Calibration) -> HalvesApart | None:
-    """The same over what a calibration's sightings cover: for a picture."""
-    return halves_apart(halves, coverage_of(calibration))

@@ -24,7 +24,6 @@ class ViewFacts:
     size: Array  # (V,) of the sightings' box: of the image's width or height, whichever it fills more of
     rms_px: Array  # (V,) root mean square length of the residuals that count
     is_flat: bool  # all rings in one plane, so that the three tilts are one
-    has_planes: bool  # without, no tilt is known
 
     @property
     def distance_ratio(self) -> float:
@@ -67,7 +66,6 @@ def view_facts(calibration: Calibration) -> ViewFacts:
         np.where(rings > 0, ((high - low) / seen.image_size).max(axis=1), np.nan),
         np.sqrt(np.bincount(view, square, views) / some),
         shape is not None and shape.is_flat,
-        shape is not None,
     )
 
 

@@ -30,12 +30,6 @@ class ShapePrior:
     ring_modes_mm: Array  # (R, 3, C) by each ring's own numbers
 
     @property
-    def ring_covariance_mm2(self) -> Array:
-        """Of what each ring does alone.  # (R, 3, 3)"""
-        covariance: Array = self.ring_modes_mm @ self.ring_modes_mm.transpose(0, 2, 1)
-        return covariance
-
-    @property
     def sigma_mm(self) -> Array:
         """Standard deviations of each ring's place, all in all.  # (R, 3)"""
         variance = (self.modes_mm**2).sum(axis=0) + (self.ring_modes_mm**2).sum(axis=2)

@@ -75,11 +75,6 @@ def format_quantity(value: float, unit: Unit) -> str:
     return f"{value:.6g}{unit}"
 
 
-def format_amount(amount: Amount, unit: Unit) -> str:
-    """An amount as text that `parse_amount` reads: `normal 0.1deg`."""
-    return f"{amount.kind} {format_quantity(amount.size, unit)}"
-
-
 def _parse(text: str, per_unit: Mapping[str, float], expected: str, largest: float) -> float:
     """A number times its unit, within a limit."""
     match = _QUANTITY.fullmatch(text)

@@ -53,10 +53,6 @@ class Control:
         """Of some cases, in this order."""
         return Control(self.square[:, cases], self.mean[cases])
 
-    def of_first(self, count: int) -> "Control":
-        """Of the first draws."""
-        return Control(self.square[:count], self.mean)
-
 
 @dataclass(frozen=True, eq=False)
 class ToleranceTable:

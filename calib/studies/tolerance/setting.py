@@ -11,7 +11,6 @@ from calib.inputs.observations import known_points
 from calib.refit import FAMILIES, refit
 from calib.render.poses import PoseGrid, Region, grid_poses
 from calib.se3 import transform
-from calib.sightings import keep_sightings, keep_views
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.covariance import accuracy_of
 from calib.solver.descend import is_robust
@@ -22,7 +21,7 @@ from calib.solver.tie import Tie, tie_parameters
 from calib.studies.tolerance.anchor import Anchor, factorise
 from calib.studies.tolerance.map_error import ImageGrid, grid_of
 from calib.studies.tolerance.noise import CONTRAST_TO_NOISE, centre_covariances
-from calib.types import Calibration, Camera, Observations, frozen_array
+from calib.types import Camera, Observations, frozen_array
 from designer.errors import InputError
 from designer.target import TargetGeometry
 
@@ -151,35 +150,6 @@ def setting_at(
     seen = Observations(camera.image_size, names, view, ring, pixel, covariance, known_points(target))
     poses = np.asarray(cam_from_target)[np.array(enough)]
     return _setting(target, camera, poses, seen, covariance, model, options, bed_from_target, remarks)
-
-
-def setting_of_calibration(
-    target: TargetGeometry, calibration: Calibration, *, model: str | None = None, bed_from_target: Array | None = None
-) -> Setting:
-    """The sightings, poses and covariances of real or rendered photos, their camera taken as the true one.
-
-    Args:
-        target: nominal.
-        calibration: of photos of it, whose observations have covariances.
-        model: to be solved, without it the calibration's.
-        bed_from_target: how the target lay on the printer's bed.
-
-    Raises:
-        InputError: the observations have no covariances.
-    """
-    kept = keep_sightings(calibration.observations, ~calibration.is_outlier)
-    covariance = kept.cov_px2
-    if covariance is None:
-        raise InputError("the observations have no covariances, so their noise is not known; detect the photos again")
-    poses = calibration.cam_from_target
-    pixel = _projected(calibration.camera, kept, target, poses)
-    known: NDArray[np.bool_] = np.asarray(np.isfinite(pixel).all(axis=1))
-    kept = keep_sightings(replace(kept, center_px=pixel, points=known_points(target)), known)
-    has_some = np.bincount(kept.view, minlength=kept.view_count) > 0
-    return _setting(
-        target, calibration.camera, poses[has_some], keep_views(kept, has_some), covariance[known],
-        model or calibration.camera.model, SolveOptions(weighted=calibration.weighted), bed_from_target, (),
-    )  # fmt: skip
 
 
 def setting_of_sightings(setting: Setting, cam_from_target: Array, seen: Observations) -> Setting:
