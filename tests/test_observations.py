@@ -185,6 +185,14 @@ def test_nothing_left_is_an_error_with_the_reason() -> None:
         prepared([LEFT_OUT["mirrored"][0](one) for one in photos(3)])
 
 
+def test_what_many_photos_say_stands_with_what_is_solved_from_them() -> None:
+    """The verdict repeats it, as that it may be another target; what one photo alone says stands in its own record."""
+    seen = photos(6)
+    doubted = [replace(one, remarks=("is it this target?",) if n < 3 else ()) for n, one in enumerate(seen)]
+    doubted[5] = replace(doubted[5], remarks=("mirrored",))
+    assert prepared(doubted).remarks == ("3 of 6 photos: is it this target?",)
+
+
 def test_a_measured_target_takes_the_detections_of_the_nominal_one() -> None:
     """X, Y, Z are those of the target in use, and the remark names both geometries."""
     measured = replace(BOARD, source="measured", center_mm=BOARD.center_mm + 0.01)

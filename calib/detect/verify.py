@@ -123,8 +123,11 @@ def proportion_remark(evidence: Evidence) -> str:
     """What to say of a target whose rings are of another size than its file tells; "": nothing."""
     if abs(evidence.proportion) <= MAX_PROPORTION:
         return ""
-    times = math.exp(evidence.proportion)
-    return f"rings are {times:.2f} times as large for their pitch as the target file says: is it the file of this one?"
+    size = "larger" if evidence.proportion > 0 else "smaller"
+    return (
+        f"rings are {size} for their pitch than the target file says, by more than {100 * MAX_PROPORTION:.0f} %: "
+        "is it the file of this one?"
+    )
 
 
 def gather(

@@ -1,5 +1,6 @@
 """What a camera is solved from: the sightings that can be used, and one line on each kind that was left out."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -30,6 +31,8 @@ _NEIGHBOURS = 8
 """Views that see a point at the same place and are compared with each other; from a tripod there may be many."""
 _NAMED = 4
 """Views that a remark names; the others are counted."""
+MANY = 0.25
+"""What the detector says of so large a share of the photos stands with what is solved from them."""
 
 
 def known_points(target: TargetGeometry) -> KnownPoints:
@@ -56,14 +59,26 @@ def observations_from_detections(
     if not seen:
         raise InputError(f"{origin}: no photo was searched; give photos that show the target")
     every = _all_of(seen, target)
-    remarks: tuple[str, ...] = ()
+    remarks = _said_of_many(seen)
     if seen[0].geometry_id != target.geometry_id:
         remarks = (
+            *remarks,
             f"detected with geometry {seen[0].geometry_id}, solved with the {target.source} geometry "
             f"{target.geometry_id} of the target file",
         )
     sizes = [one.image_size for one in seen]
     return prepare(replace(every, remarks=remarks), has_fronts=True, origin=origin, image_sizes=sizes)
+
+
+def _said_of_many(seen: Sequence[Detections]) -> tuple[str, ...]:
+    """What is to be known of a good part of the photos that show the target, as that it may be another one."""
+    shown = [one for one in seen if len(one.ring)]
+    count = Counter(remark for one in shown for remark in dict.fromkeys(one.remarks))
+    return tuple(
+        f"{times} of {len(shown)} photos: {remark}"
+        for remark, times in count.items()
+        if times >= max(2, MANY * len(shown))
+    )
 
 
 def observations_for_poses(seen: Sequence[Detections], target: TargetGeometry) -> Observations | None:
