@@ -166,20 +166,20 @@ def _dots_on_rings(plan: TargetPlan, index: Integers) -> Integers:
 
 def _number_corners(placed: list[_Placed]) -> list[_Placed]:
     """Give corners that coincide in the image one number."""
-    seen: list[Floats] = []
+    seen = np.zeros((0, 2))
     out = []
     for item in placed:
         corner = item.options[0].corner_px
         reach = CORNER_TOLERANCE * float(np.linalg.norm(corner - np.roll(corner, 1, axis=0), axis=1).min())
         numbers = []
         for point in corner:
-            distance = [float(np.linalg.norm(point - other)) for other in seen]
-            nearest = int(np.argmin(distance)) if distance else -1
+            distance = np.hypot(*(seen - point).T)
+            nearest = int(np.argmin(distance)) if len(seen) else -1
             if nearest >= 0 and distance[nearest] < reach and nearest not in numbers:
                 numbers.append(nearest)
             else:
                 numbers.append(len(seen))
-                seen.append(point)
+                seen = np.vstack([seen, point])
         out.append(
             _Placed(item.grid, item.options, tuple(_in_order(option, corner, numbers) for option in item.options))
         )

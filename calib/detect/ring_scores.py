@@ -235,11 +235,14 @@ def score_ring(
 def together(score: Floats, radius_px: Floats) -> Floats:
     """S of rings from their scores.  # (N, 2, STRETCHES, 2), (N, 2) of both edges -> (N,)"""
     reach = np.vectorize(_reach, otypes=[np.int64])(radius_px)
-    sums = (score**2).sum(axis=(2, 3))
-    for step in range(1, int(reach.max(initial=0)) + 1):
-        # Each pair of stretches counts from either side.
-        sums += np.where(reach >= step, 2 * (score * np.roll(score, step, axis=2)).sum(axis=(2, 3)), 0.0)
-    return np.asarray(sums.sum(axis=1))
+    # Sums over the stretches near each, as differences of running sums that go around.
+    around = np.concatenate([score, score, score], axis=2)
+    running = np.concatenate([np.zeros_like(score[:, :, :1]), np.cumsum(around, axis=2)], axis=2)
+    stretch = STRETCHES + np.arange(STRETCHES)
+    last = (stretch + reach[:, :, None] + 1)[..., None]
+    first = (stretch - reach[:, :, None])[..., None]
+    near = np.take_along_axis(running, last, axis=2) - np.take_along_axis(running, first, axis=2)
+    return np.asarray((score * near).sum(axis=(1, 2, 3)))
 
 
 @dataclass(frozen=True, eq=False)
