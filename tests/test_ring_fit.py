@@ -366,6 +366,26 @@ def test_covariance_holds_where_noise_grows_with_light() -> None:
     assert 0.85 < np.sqrt(np.trace(fits.cov_px2, axis1=1, axis2=2).mean() / (error**2).sum(axis=1).mean()) < 1.18
 
 
+def test_a_covariance_lets_each_pixel_err_by_its_own_residual(noisy: Mosaic) -> None:
+    """A centre's covariance is the sandwich of J'J and J' diag(r^2) J, but for derivatives that the fit leaves out."""
+    start = disturbed(noisy.params, np.random.default_rng(4))[:3]
+    fits, bend = fit_rings(noisy.image, start, limit=LIMIT), np.zeros(6)
+    size = np.array([1e-4, 1e-4, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-5, 1e-4, 1e-2, 1e-3, 1e-3, 1e-5, 1e-3, 1e-3])
+    for first, p, cov in zip(start, fits.params, fits.cov_px2, strict=True):
+        chosen = np.empty((3, MAX_PIXELS))
+        count = choose_pixels(noisy.image, first, bend, 3 * first[8] + 1, LIMIT, chosen)
+        pixel, origin = chosen[:2, :count].T.astype(np.int32), first[:2].copy()
+        residual = np.subtract(chosen[2, :count], brightness(p, bend, pixel, origin))
+        moved = [
+            brightness(p + step, bend, pixel, origin) - brightness(p - step, bend, pixel, origin)
+            for step in np.diag(size)
+        ]
+        jacobian = np.stack(moved, axis=1) / (2 * size)
+        influence = np.linalg.solve(jacobian.T @ jacobian, jacobian.T)[:2] * residual
+        expected = influence @ influence.T * count / (count - PARAMETERS)
+        assert cov == pytest.approx(expected, abs=0.1 * np.trace(expected))
+
+
 def test_line_with_a_covariance_widens_the_centres_by_it(noisy: Mosaic) -> None:
     """A line as uncertain as the pixels' own: the centres lie between free and known, and their covariance says so."""
     rng = np.random.default_rng(10)
