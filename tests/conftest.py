@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 @pytest.fixture(autouse=True)
 def _quiet_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     """No lines of progress, however slow the machine: tests hold what a command says against what it should."""
-    monkeypatch.setattr("calib.commands.screen.SAID_EVERY_S", math.inf)
+    monkeypatch.setattr("calib.show.screen.SAID_EVERY_S", math.inf)
 
 
 @pytest.fixture(scope="module")

@@ -154,10 +154,10 @@ def test_what_would_change_the_verdict_comes_first() -> None:
     assert "--model virtual" in advice_of(calibration, faults["lens"], criteria())[0]
     both = replace(faults["lens"], halves=HalvesFound(4.2, 0.1, 0.02, 0.2))
     said = advice_of(calibration, both, criteria())
-    assert judge(both, criteria()).sentence.startswith("do not use: the mean residual of a place")
+    assert judge(both, criteria()).sentence.startswith("the mean residual of a place")
     assert ["--model virtual" in said[0], "two halves" in said[1]] == [True, True]
     worse = replace(found, leftover=replace(wrong, image_px=0.1), halves=HalvesFound(6.0, 0.6, 0.1, 0.9))
-    assert judge(worse, criteria()).sentence.startswith("do not use: cameras solved from halves")
+    assert judge(worse, criteria()).sentence.startswith("cameras solved from halves")
     said = advice_of(calibration, worse, criteria())
     assert ["two halves" in said[0], "--model virtual" in said[1]] == [True, True]
 

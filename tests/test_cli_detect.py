@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sightings import pinhole, sighting, view_from
 
 from calib.camera_file import camera_to_json
-from calib.commands.detect import run_detect
+from calib.commands.detect import detect as detect_command
 from calib.detect.batch import Detect, PhotoFile, detect_photos, find_photos, named_photos, reading_once
 from calib.detect.overlay import draw_overlay
 from calib.inputs.dataset import read_detections
@@ -71,10 +71,12 @@ def run(
     *photos: str, detect: Detect = found, out: str | None = None, overlay: str | None = None, camera: str | None = None
 ) -> int:
     """The exit code of the command with a detector of choice."""
-    return run_detect(
-        detect, Path("board.target.json"), photos, out=None if out is None else Path(out),
-        overlay=None if overlay is None else Path(overlay), camera_name=camera, jobs=2,
-    ).exit_code  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("calib.detect.pipeline.detect", detect)
+        return detect_command(
+            Path("board.target.json"), list(photos), out=None if out is None else Path(out),
+            overlay=None if overlay is None else Path(overlay), camera=camera, jobs=2,
+        ).exit_code  # fmt: skip
 
 
 def test_a_folder_becomes_a_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -88,8 +90,8 @@ def test_a_folder_becomes_a_table(folder: Path, capsys: pytest.CaptureFixture[st
     count = f"{len(SEEN.ring)}/{BOARD.ring_count}"
     assert re.search(rf"img10\.png +{count} ", said)
     assert re.search(r"img11\.png +none +no ring found", said)
-    assert f"3 images searched, 2 with the target; {2 * len(SEEN.ring)} of {2 * BOARD.ring_count} features" in said
-    assert "wrote exports/board/detections.csv" in said
+    assert f"2 of 3 with the target, {2 * len(SEEN.ring)} of {2 * BOARD.ring_count} features" in said
+    assert "wrote    exports/board/detections.csv" in said
     assert "next" in said
 
 
@@ -101,11 +103,11 @@ def test_bad_photos_among_good_ones_are_named_and_skipped(folder: Path, capsys: 
     assert run("photos", "missing.png", "none-*.jpg", "empty") == 0
     said = capsys.readouterr().out
     for line in (
-        r"skipped photos/broken\.png: is cut off",
-        r"skipped missing\.png: cannot be read",
-        r"skipped none-\*\.jpg: no file matches",
-        r"skipped empty: no images",
-        r"skipped photos/white\.png: the search failed: RuntimeError: white corner",
+        r"skipped  photos/broken\.png: is cut off",
+        r"skipped  missing\.png: cannot be read",
+        r"skipped  none-\*\.jpg: no file matches",
+        r"skipped  empty: no images",
+        r"skipped  photos/white\.png: the search failed: RuntimeError: white corner",
         r"5 failures",
     ):
         assert re.search(line, said), line
@@ -142,9 +144,9 @@ def test_overlays_are_written_and_never_taken_for_photos(folder: Path, capsys: p
         assert run("photos", overlay="photos", out="d.csv") == 0
         pictures = {path.name for path in Path("photos").iterdir() if ".overlay" in path.name}
         assert pictures == {"img2.overlay.jpg", "img10.overlay.jpg", "img11.overlay.jpg"}
-        assert "3 images searched" in capsys.readouterr().out
+        assert "of 3 with the target" in capsys.readouterr().out
     assert run("photos/*.*g", overlay="photos", out="d.csv") == 0
-    assert "left out: 3 overlays" in capsys.readouterr().out
+    assert "left out 3 overlays" in capsys.readouterr().out
     assert not list(folder.rglob(".unfinished*"))
 
 
@@ -251,7 +253,7 @@ def test_results_keep_the_order_and_memory_the_limit(folder: Path) -> None:
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
 def test_a_stopped_run_leaves_nothing(stop: type[BaseException], folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that is interrupted before its end writes no table, no overlay, and no temporary file."""
-    monkeypatch.setattr("calib.commands.detect.write_results", raising(stop))
+    monkeypatch.setattr("calib.api.run_writer.write_search", raising(stop))
     with pytest.raises(stop):
         run("photos", out="d.csv", overlay="o")
     assert list(Path("o").iterdir()) == []

@@ -120,7 +120,7 @@ def quick(*arguments: object) -> tuple[str, ...]:
 
 def test_photos_become_cameras_that_are_compared(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rendered photos end in three models near the truth, which is found beside them, and all files are there."""
-    answer = calib("run", "board.target.json", "photos", "-o", "out", *LENIENT)
+    answer = calib("run", "board.target.json", "photos", "-o", "out", "--verbose", *LENIENT)
     assert (answer.code, answer.err) == (0, "")
     wanted = {f"{model}/{name}" for model in MODELS for name in OF_A_MODEL}
     wanted |= {"detections.csv", "detections.records.json", "target.json", *JUDGED}
@@ -175,7 +175,11 @@ def test_odd_photos_do_not_stop_the_others(folder: Path, detector: Detector, mon
     answer = calib(*quick("photos", "missing.png"))
     assert answer.code == 0
     assert "left out views that are another one once more: view_0001.png (as sub [x] 1.png)" in answer.out
-    for line in (r"black\.png +none", r"skipped photos/cut\.png: is cut off", r"skipped missing\.png: cannot be read"):
+    for line in (
+        r"without the target: black\.png: nothing here",
+        r"skipped  photos/cut\.png: is cut off",
+        r"skipped  missing\.png: cannot be read",
+    ):
         assert re.search(line, answer.out), line
     assert read_calibration(Path("out/calibration.json"))[0].observations.view_count == len(JOB.file_names)
     assert ("missing.png", False) not in detector.asked
@@ -242,7 +246,7 @@ def test_a_second_run_does_not_take_its_pictures_for_photos(detector: Detector) 
         models = ("--model", "luhmann", "--model", "opencv")
         answer = calib("run", "board.target.json", "photos", *models, "-o", "photos", *LENIENT)
         assert answer.code == 0
-        assert f"{len(JOB.file_names)} images searched" in answer.out
+        assert f"{len(JOB.file_names)} of {len(JOB.file_names)} with the target" in answer.out
     assert not {"comparison.png", "calibration.png"} & {name for name, _ in detector.asked}
 
 
@@ -256,7 +260,9 @@ def test_one_photo_alone_may_not_determine_a_camera(detector: Detector, monkeypa
     answer = calib(*quick("photos/view_0000.png", "--model", "pinhole", "--fix", "cx_px=320", "--fix", "cy_px=240"))
     assert answer.code == 1
     assert "focal length" in answer.out
-    assert "verdict on opencv: do not use" in answer.out
+    assert answer.out.startswith("do not use: ")
+    assert "no camera is determined: " in answer.out
+    assert "; then run the same command again" in answer.out
     assert "calib convert" not in answer.out
     assert detector.asked[0] == ("view_0000.png", False)
 
@@ -288,7 +294,7 @@ def test_ctrl_c_keeps_what_is_finished(detector: Detector, monkeypatch: pytest.M
 
     before = files_in(folder)
     with monkeypatch.context() as patch:
-        patch.setattr("calib.commands.run.write_results", interrupted)
+        patch.setattr("calib.api.run_writer.write_search", interrupted)
         answer = calib("run", "board.target.json", "photos", "-o", "out/x")
         assert (answer.code, answer.err) == (130, "stopped; nothing was written\n")
         assert files_in(folder) == before
@@ -297,7 +303,7 @@ def test_ctrl_c_keeps_what_is_finished(detector: Detector, monkeypatch: pytest.M
         answer = calib("run", "board.target.json", "photos", "-o", "out")
         assert (answer.code, answer.err) == (130, "stopped; finished and kept: out/detections.csv, out/luhmann\n")
     with monkeypatch.context() as patch:
-        patch.setattr("calib.figures.calibration_figures", interrupted)
+        patch.setattr("calib.api.run_writer.calibration_figures", interrupted)
         answer = calib(*quick("photos"))
         assert (answer.code, answer.err) == (130, "stopped; finished and kept: out/detections.csv, out\n")
     assert not [name for name in files_in(folder) if "unfinished" in name]

@@ -167,7 +167,7 @@ def test_the_table_is_of_all_commands_and_each_has_the_option(
 @pytest.mark.parametrize(
     ("words", "patched"),
     [
-        (("run", "board.target.json", "photos", "-o", "out"), "calib.commands.run.write_results"),
+        (("run", "board.target.json", "photos", "-o", "out"), "calib.api.run_writer.write_search"),
         ((*SOLVE, "detections.csv"), "calib.pipeline.solutions.calibrate"),
         (("study", "paper", "--quick", "-o", "out"), "calib.studies.paper_study.missing_targets"),
         (("study", "compare", "--quick", "-o", "out"), "calib.studies.compare.cases.comparison"),

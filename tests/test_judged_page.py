@@ -88,9 +88,9 @@ def test_the_exit_code_follows_the_verdict(grade: str, code: int) -> None:
     """1 on "do not use", else 0; the screen says it, the page says it, and `calib report` ends alike."""
     answer = calib(*SOLVE, *criteria(grade))
     assert (answer.code, answer.err) == (code, "")
-    assert f"verdict on opencv: {WORDS[grade]}: " in answer.out
+    assert answer.out.startswith(f"{WORDS[grade]}: ")
     assert f"limits: {grade} (" in answer.out
-    assert answer.out.index("grade ") < answer.out.index("verdict on") < answer.out.index("next  open out/index.html")
+    assert "next     open out/index.html" in answer.out
     assert ("calib convert" in answer.out) == (code == 0)  # a camera that is not to be used is not handed on
     assert read_verdict(Path("out")).verdict.grade == grade
     assert calib_report() == (code, WORDS[grade])
@@ -121,10 +121,10 @@ def test_without_a_page_the_verdict_is_there(words: tuple[str, ...], folder: Pat
     assert before >= JUDGED | MODEL_FILES
     assert not before & PAGE
     assert "calib report out" in answer.out
-    assert "verdict on opencv: good" in answer.out
+    assert answer.out.startswith("good: ")
     assert calib("report", "out").code == 0
     assert files_in(folder / "out") == before | PAGE
-    sentence = read_verdict(Path("out")).verdict.sentence.removeprefix("good: ")
+    sentence = read_verdict(Path("out")).verdict.sentence
     assert sentence[1:40] in page_text()
 
 

@@ -13,7 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.camera_file import camera_to_json
-from calib.commands.pose import _table, run_pose
+from calib.commands.pose import _table
+from calib.commands.pose import pose as pose_command
 from calib.detect.batch import PhotoFile, PhotoResult, find_photos
 from calib.inputs.observations import known_points
 from calib.pose import CSV_COLUMNS, TargetPose, poses_to_csv, poses_to_json, target_poses
@@ -193,10 +194,12 @@ def photo(path: str, level: int, size: tuple[int, int] = CAMERA.image_size) -> N
 
 def run(*photos: str, out: str | None = None, overlay: str | None = None, camera: str = "camera.json") -> int:
     """The exit code of the command with the detector above."""
-    return run_pose(
-        found, Path("board.target.json"), camera, photos, out=None if out is None else Path(out),
-        overlay=None if overlay is None else Path(overlay), weighted=False, jobs=2,
-    ).exit_code  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("calib.detect.pipeline.detect", found)
+        return pose_command(
+            Path("board.target.json"), camera, list(photos), out=None if out is None else Path(out),
+            overlay=None if overlay is None else Path(overlay), weighted=False, jobs=2,
+        ).exit_code  # fmt: skip
 
 
 def column(said: str, image: str) -> Sequence[str]:

@@ -92,9 +92,7 @@ def test_halves_are_not_solved_again_for_other_limits(run: Path, monkeypatch: py
     calib("report", run, "--criteria", "metrology")
     assert not calls
     document = json.loads((run / "verdict.json").read_text())
-    for pair in document["halves"]:
-        for half in pair if isinstance(pair, list) else [pair]:
-            half["views"] = half["views"][:-1]
+    document["observations_sha256"] = 64 * "0"
     (run / "verdict.json").write_text(json.dumps(document))
     calib("report", run, "--criteria", "metrology")
     assert calls

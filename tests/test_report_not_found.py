@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.commands.judged_page import JudgedPage, criteria_templates
+from calib.commands.judged_page import criteria_templates
 from calib.inputs.records import Records, image_record, measurable
 from calib.report.claim import why_no_page
 from calib.report.detected_photos import detected, told_detected
@@ -148,19 +148,6 @@ def _no_halves() -> object:
     from calib.verdict.halves import NoHalves
 
     return NoHalves("not tried")
-
-
-def test_the_next_step_after_a_bad_verdict_is_more_photos() -> None:
-    """Take what is proposed, then the same command; a usable camera needs no such step."""
-    bad = Verdict("bad", "opencv", "do not use", (), ())
-    page = JudgedPage(bad, (Path("x/index.html"),), (), (), 3)
-    again = page.again("and add them to the photos")
-    assert again is not None
-    assert again[0].startswith("take the 3 photos that the page proposes, and add them to the photos; then run")
-    assert replace(page, verdict=replace(bad, grade="usable")).again("") is None
-    without = replace(page, proposed=0, files=()).again("")
-    assert without is not None
-    assert "proposes" not in without[0]
 
 
 def test_a_fall_that_is_faster_is_no_fault() -> None:

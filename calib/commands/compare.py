@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.commands.folder_page import say_next, with_page
-from calib.commands.screen import progress_bar, quoted, shown, table_console, waiting
 from calib.commands.study import KEPT, JobsOption, OutOption, ResumeOption, SeedOption, kept_when_stopped, table_answer
 from calib.files import check_folder
+from calib.show.screen import progress_bar, quoted, shown, table_console, waiting
 from designer.answer import StoppedError, Summary
 from designer.command import printable
 from designer.completion import camera_templates

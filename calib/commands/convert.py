@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.commands.answers.cameras import camera_answer, refit_answer
-from calib.commands.screen import quoted
+from calib.show.screen import quoted
 from designer.answer import Summary
 from designer.command import printable
 from designer.completion import camera_templates, one_of

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.commands.answers.cameras import camera_answer
-from calib.commands.screen import table_console
+from calib.show.screen import table_console
 from designer.answer import Summary, Value
 from designer.command import printable
 from designer.errors import InputError

@@ -7,8 +7,8 @@ import typer
 
 from calib.commands.answers.solutions import evaluation_answer
 from calib.commands.folder_page import with_page_again
-from calib.commands.screen import quoted, table_console
 from calib.files import check_folder
+from calib.show.screen import quoted, table_console
 from designer.answer import Summary
 from designer.command import printable
 from designer.errors import InputError

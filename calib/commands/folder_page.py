@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.commands.screen import shown, waiting
+from calib.show.screen import shown, waiting
 from designer.answer import Summary
 from designer.command import command_line, printable
 from designer.errors import InputError, NotWrittenError

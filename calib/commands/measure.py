@@ -11,7 +11,6 @@ import typer
 from calib.commands.answers.measured import measured_answer
 from calib.commands.folder_page import with_page
 from calib.commands.measured_screen import say_measured, say_next_size
-from calib.commands.screen import progress_bar, quoted, shown, waiting
 from calib.commands.solve import (
     FixOption,
     ImageSizeOption,
@@ -20,6 +19,7 @@ from calib.commands.solve import (
     WeightedOption,
     read_input,
 )
+from calib.show.screen import progress_bar, quoted, shown, waiting
 from designer.answer import Summary, Value, program
 from designer.command import printable
 from designer.completion import error_templates, one_of
@@ -291,7 +291,7 @@ def _options(
     if rings not in ("free", "rigid"):
         raise InputError(f"--rings {rings!r}: it must be free or rigid")
     plan = plan_from_words(
-        model, fix=fix or [], share=share or [], focal=None, loss="squares", reject=reject, weighted=weighted
+        model, fix=fix or [], share=share or [], focal_px=None, loss="squares", reject=reject, weighted=weighted
     )
     options = AsBuiltOptions(made=made, bow=bow, solve=plan.options)
     return options if rings == "free" else replace(options, ring_sigma_mm=None)

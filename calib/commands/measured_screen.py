@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from calib.commands.screen import table_console
+from calib.show.screen import table_console
 from designer.command import printable
 
 if TYPE_CHECKING:

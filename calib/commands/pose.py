@@ -1,7 +1,6 @@
 """The command `calib pose`."""
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,17 +9,9 @@ import typer
 
 from calib.commands.answers.photos import poses_answer
 from calib.commands.camera_argument import CameraArgument, read_camera
-from calib.commands.detect import (
-    NOTHING_LEFT,
-    keep_pictures,
-    no_empty_folders,
-    refuse_nothing,
-    search_photos,
-    staging_folder,
-)
 from calib.commands.folder_page import folder_page
-from calib.commands.screen import table_console
 from calib.commands.solve import WeightedOption
+from calib.show.screen import progress_bars, table_console
 from designer.answer import Summary
 from designer.command import printable
 from designer.errors import InputError
@@ -28,16 +19,14 @@ from designer.errors import InputError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from calib.detect.batch import Detect, PhotoResult
-    from calib.pose import FoundPoses, TargetPose
+    from calib.detect.batch import PhotoResult
+    from calib.pose import TargetPose
     from calib.types import Camera
     from designer.target import TargetGeometry
 
 NO_POSE = 1
 POSES = "poses"
 """The kind of a folder's page."""
-TOO_FEW = "too few rings for a pose, or all on a line"
-NOT_SOLVED = "no pose fits the rings that were found; check the camera file"
 
 
 def pose(
@@ -58,62 +47,39 @@ def pose(
 
     The exit code is 1 if no photo gives a pose.
     """
-    from calib.detect.pipeline import detect
-
-    return run_pose(
-        detect, target, camera, photos, out=out, overlay=overlay, weighted=weighted, jobs=jobs or os.cpu_count() or 1
-    )
-
-
-def run_pose(
-    detect_one: "Detect",
-    target: Path,
-    camera_name: str,
-    arguments: Sequence[str],
-    *,
-    out: Path | None,
-    overlay: Path | None,
-    weighted: bool,
-    jobs: int,
-) -> Summary:
-    """The command with a detector of choice."""
-    from calib.detect.batch import find_photos
-    from calib.pose import check_output, target_poses
+    from calib.api.posing import pose as find_poses
+    from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
+    from calib.pose import check_output
     from calib.report.kept_target import keep_target
     from calib.report.origin import is_of_kind
     from calib.report.photos_file import write_photos
     from calib.report.posed_photos import Posed, told_posed
-    from designer.target import load_target
 
-    geometry = load_target(target, "rings")
-    named = read_camera(camera_name)
-    camera = named.camera
+    named = read_camera(camera)
     if out is not None:
         check_output(out)
     if overlay is not None and overlay.exists() and not overlay.is_dir():
         raise InputError(f"{overlay}: is a file, not a folder; choose another with --overlay")
-    found = find_photos(arguments)
-    results = search_photos(detect_one, found, geometry, camera, None, jobs)
-    seen = [result.seen for result in results if result.seen is not None]
-    failures = [*found.failures, *(result.failure for result in results if result.seen is None)]
-    if not seen:
-        refuse_nothing(failures, NOTHING_LEFT)
-    found_poses = target_poses(seen, geometry, camera, weighted=weighted)
-    poses = {one.image: one for one in found_poses.poses}
-    reasons = _reasons(results, found_poses)
-    with no_empty_folders(overlay), staging_folder(overlay) as staging:
-        drawn = {} if staging is None else _draw(staging, results, poses, geometry, camera)
-        if out is not None:
-            _write(out, poses, geometry, camera, reasons)
-        pictures = keep_pictures(staging, overlay)
-    _summarise(results, poses, reasons, failures)
+    with progress_bars() as progress:
+        found = find_poses(target, named.camera, photos, weighted=weighted, jobs=jobs, progress=progress)
+    results, geometry = found.search.results, found.target
+    poses, reasons = {one.image: one for one in found.poses}, dict(found.without_pose)
+    if out is not None:
+        found.save(out)
+    drawn: dict[str, str] = {}
+    pictures: tuple[Path, ...] = ()
+    if overlay is not None:
+        with no_empty_folders(overlay), staging_folder(overlay) as staging:
+            drawn = _draw(staging, results, poses, geometry, named.camera)
+            pictures = keep_pictures(staging, overlay)
+    _summarise(results, poses, reasons, found.search.failures)
     _say_files(out, overlay, len(pictures))
     pages: tuple[Path, ...] = ()
     remarks = named.remarks
     if overlay is not None and pictures:
         place = overlay
         names = [result.photo.name for result in results]
-        made = Posed(target, geometry, camera_name, camera, out, names, poses, reasons, drawn, found.failures)
+        made = Posed(target, geometry, camera, named.camera, out, names, poses, reasons, drawn, found.search.missing)
         pages, more = folder_page(
             place, POSES, lambda: (
                 write_photos(place, told_posed(made)),
@@ -122,40 +88,11 @@ def run_pose(
         )  # fmt: skip
         remarks = (*remarks, *more)
     return Summary(
-        poses_answer(geometry, results, poses, reasons, failures),
+        poses_answer(geometry, results, poses, reasons, found.search.failures),
         (*(() if out is None else (out,)), *pictures, *pages),
         remarks=remarks,
         exit_code=0 if poses else NO_POSE,
     )
-
-
-def _reasons(results: "Sequence[PhotoResult]", found: "FoundPoses") -> dict[str, str]:
-    """Why photos have no pose, by their names."""
-    reasons = {result.photo.name: result.failure for result in results if result.seen is None}
-    for one in (result.seen for result in results if result.seen is not None):
-        if not len(one.ring):
-            reasons[one.image] = "; ".join(one.remarks) or "the target was not found"
-        elif one.image in found.too_few:
-            reasons[one.image] = TOO_FEW
-        elif one.image in found.not_solved:
-            reasons[one.image] = NOT_SOLVED
-    return reasons
-
-
-def _write(
-    out: Path,
-    poses: "Mapping[str, TargetPose]",
-    geometry: "TargetGeometry",
-    camera: "Camera",
-    reasons: Mapping[str, str],
-) -> None:
-    from calib.files import write_files
-    from calib.pose import poses_to_csv, poses_to_json
-
-    found = list(poses.values())
-    is_table = out.suffix.lower() == ".csv"
-    content = poses_to_csv(found) if is_table else poses_to_json(found, geometry, camera, list(reasons.items()))
-    write_files({out: content})
 
 
 def _draw(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast, get_args
 import typer
 
 from calib.commands.folder_page import folder_page
-from calib.commands.screen import progress_bar, quoted
+from calib.show.screen import progress_bar, quoted
 from designer.answer import StoppedError, Summary
 from designer.completion import camera_templates, one_of
 from designer.errors import InputError

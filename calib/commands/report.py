@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.commands.judged_page import criteria_templates
-from calib.commands.screen import quoted, shown, waiting
+from calib.show.screen import quoted, shown, waiting
 from designer.answer import Summary, Value
 from designer.command import printable
 from designer.errors import InputError

@@ -1,22 +1,15 @@
 """The command `calib solve`."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.answers.solutions import solutions_answer
-from calib.commands.judged_page import (
-    DEFAULT_CRITERIA,
-    CriteriaOption,
-    PageOption,
-    check_judged_folder,
-    judge_and_report,
-)
-from calib.commands.screen import quoted
-from calib.commands.solutions import Work, advise, best_of, files_of_solutions, say_files, solve_and_say
-from calib.files import check_folder, named_in_files
+from calib.commands.answers.solutions import run_answer
+from calib.commands.judged_page import DEFAULT_CRITERIA, CriteriaOption, PageOption, VerboseOption
+from calib.commands.running import negative, report_of, stopped
+from calib.files import named_in_files
+from calib.show.screen import progress_bars, quoted
 from designer.answer import Summary
 from designer.completion import error_templates, one_of
 from designer.errors import InputError
@@ -94,46 +87,42 @@ def solve(
     made: MadeOption = None,
     criteria: CriteriaOption = DEFAULT_CRITERIA,
     page: PageOption = True,
+    verbose: VerboseOption = False,
 ) -> Summary:
     """Solve the camera, and where it stood, from what was detected, and judge it.
 
     The exit code is 1 if the verdict is: do not use.
     """
-    from calib.verdict.criteria import read_criteria
-    from designer.target import load_target
-    from designer.tolerance.made import how_made
+    from calib.api.run_writer import RunWriter
+    from calib.api.running import models_of
+    from calib.api.running import solve as solve_all
+    from calib.solver.degeneracy import UndeterminedError
 
-    limits = read_criteria(criteria)
-    plan = plan_of(model, fix, share, focal, loss, reject, weighted=weighted)
-    check_folder(out)
-    check_judged_folder(out, plan.models)
+    writer = RunWriter(out, models_of(model))
     observations = read_input(detections, target, image_size, grid, pitch)
-    geometry = None if target is None else load_target(target)
-    way = how_made(geometry, made, rendered_id=_rendered_id(detections))
     settings = (
         ("detections", named_in_files(detections)),
         ("target", "" if target is None else named_in_files(target)),
         *made_settings(made),
         *reference_settings(reference, reference_target),
     )
-    work = Work(
-        observations, plan, out, "" if geometry is None else geometry.layout_id,
-        settings, reference_of(reference, reference_target, plan, observations.view_names), made=way,
+    try:
+        with progress_bars() as progress:
+            found = solve_all(
+                observations, target, model=model, fix=fix or (), share=share or (), focal_px=focal_of(focal),
+                loss=loss, reject_sigma=reject, weighted=weighted,
+                reference=reference_of(reference, reference_target), made=made,
+                rendered_id=_rendered_id(detections), criteria=criteria, progress=progress, out=writer,
+                settings=settings,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        stopped(writer)
+    except UndeterminedError as error:
+        negative(writer, error)
+    return report_of(
+        found, writer, run_answer, page=page, verbose=verbose, more="and add what they show to the file",
+        evaluate=f"calib evaluate {quoted(writer.place_of(found.best.model))}",
     )  # fmt: skip
-    solutions = solve_and_say(work)
-    say_files(solutions)
-    judged = judge_and_report(solutions, work, limits, geometry, page=page)
-    steps = advise(
-        solutions, first=judged.look, again=judged.again("and add what they show to the file"),
-        evaluate=lambda best: f"calib evaluate {quoted(best.folder)}",
-    )  # fmt: skip
-    return Summary(
-        {**solutions_answer(solutions, best_of(solutions)), **judged.answer},
-        (*files_of_solutions(solutions), *judged.files),
-        steps,
-        (*observations.remarks, *judged.remarks),
-        judged.exit_code,
-    )
 
 
 def made_settings(made: str | None) -> tuple[tuple[str, str], ...]:
@@ -184,25 +173,26 @@ def plan_of(
     from calib.pipeline.settings import plan_from_words
 
     return plan_from_words(
-        model, fix=fix or [], share=share or [], focal=focal, loss=loss, reject=reject, weighted=weighted
+        model, fix=fix or [], share=share or [], focal_px=focal_of(focal), loss=loss, reject=reject, weighted=weighted
     )
 
 
-def reference_of(
-    reference: str | None, target: Path | None, plan: "SolvePlan", photos: Sequence[str]
-) -> "Reference | None":
-    """The photo that a learned map is of: a view's name, or the sightings of a board in a photo of its own.
+def focal_of(text: str | None) -> float | None:
+    """A first guess of the focal length."""
+    from calib.pipeline.settings import parse_focal_px
+
+    return None if text is None else parse_focal_px(text)
+
+
+def reference_of(reference: str | None, target: Path | None) -> "Reference | None":
+    """The photo that a map is learned from: the name of a view, or what a photo of another board shows.
 
     Args:
-        reference: as the command line has it.
-        target: of the board.
-        plan: the models that will be solved.
-        photos: the names of the views.
+        reference: the photo.
+        target: the board that it shows, if it is another than the run's.
     """
-    if (reference is not None or target is not None) and "virtual" not in plan.models:
-        raise InputError(f"--reference: model {plan.models[0]} learns no map; leave it out, or take --model virtual")
     if target is None:
-        return None if reference is None else _named(reference, photos)
+        return reference
     if reference is None:
         raise InputError(f"--reference-target {target}: name the photo of this board too, with --reference PHOTO")
     from calib.detect.pipeline import detect
@@ -215,20 +205,6 @@ def reference_of(
     if not len(seen.ring):
         raise InputError(f"{reference}: shows no rings of {target}; give a photo of that board")
     return observations_from_detections([seen], board, origin=reference)
-
-
-def _named(reference: str, photos: Sequence[str]) -> str:
-    """The view that a person means by its name, or by the path of its photo."""
-    from calib.pipeline.calibrate import ALL_VIEWS
-    from designer.spec_file import suggestion
-
-    if reference == ALL_VIEWS or reference in photos:
-        return reference
-    ends = [name for name in photos if f"/{reference}".endswith(f"/{name}")]
-    if len(ends) == 1:
-        return ends[0]
-    hint = suggestion(reference, list(photos)) or f"; the first is {photos[0]!r}"
-    raise InputError(f"--reference {reference!r}: none of the photos{hint}")
 
 
 def reference_settings(reference: str | None, target: Path | None) -> tuple[tuple[str, str], ...]:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.commands.folder_page import say_next, with_page, with_page_again
-from calib.commands.screen import progress_bar, quoted, shown, table_console, waiting
 from calib.commands.solve import (
     MODELS,
     FixOption,
@@ -26,6 +25,7 @@ from calib.commands.solve import (
     read_input,
 )
 from calib.files import check_folder
+from calib.show.screen import progress_bar, quoted, shown, table_console, waiting
 from designer.answer import StoppedError, Summary, Value, program
 from designer.command import command, printable
 from designer.completion import one_of

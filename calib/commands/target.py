@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.screen import quoted, shown
+from calib.show.screen import quoted, shown
 from designer.answer import Summary, Value
 from designer.errors import InputError
 

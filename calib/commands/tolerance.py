@@ -13,10 +13,10 @@ import typer
 
 from calib.commands.figure_formats import FiguresOption, figure_formats
 from calib.commands.folder_page import say_next, with_page
-from calib.commands.screen import progress_bar, quoted, waiting
 from calib.commands.study import kept_when_stopped, stopped_in_a_line, table_answer
 from calib.commands.tolerance_screen import say_files, say_report
 from calib.files import check_folder
+from calib.show.screen import progress_bar, quoted, waiting
 from designer.answer import Summary
 from designer.command import printable
 from designer.completion import camera_templates, error_templates, one_of

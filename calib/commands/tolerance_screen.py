@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.commands.screen import shown, table_console
+from calib.show.screen import shown, table_console
 from designer.command import printable
 
 if TYPE_CHECKING:

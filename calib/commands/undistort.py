@@ -10,9 +10,8 @@ import typer
 
 from calib.commands.answers.cameras import camera_answer
 from calib.commands.camera_argument import CameraArgument, read_camera
-from calib.commands.detect import refuse_nothing
 from calib.commands.folder_page import folder_page
-from calib.commands.screen import quoted
+from calib.show.screen import quoted
 from designer.answer import StoppedError, Summary
 from designer.command import printable
 from designer.errors import InputError
@@ -58,6 +57,7 @@ def undistort(
 
     Each becomes NAME.undistorted.png with its bit depth and channels. The new camera.json belongs to them.
     """
+    from calib.api.searching import refuse_nothing
     from calib.detect.batch import find_photos, named_photos
     from calib.undistort import pinhole_of
 
@@ -128,8 +128,8 @@ def _summary(done: Sequence[_Done], failures: Sequence[str], place: Path, pinhol
 def _undistort_all(photos: "Sequence[PhotoFile]", place: Path, camera: "Camera", pinhole: "Camera") -> list[_Done]:
     """One photo after the other into the folder of the new camera's file, which comes with the first that succeeds."""
     from calib.camera_file import camera_to_json
-    from calib.commands.screen import progress_bar
     from calib.files import distinct_stems, write_files
+    from calib.show.screen import progress_bar
 
     done: list[_Done] = []
     try:

@@ -74,8 +74,11 @@ def write_detections(
     detector: str,
     failed: Iterable[ImageRecord] = (),
     rendered_id: str = "",
-) -> None:
+) -> Records:
     """Write `NAME.csv` and `NAME.records.json`, both or none. Features that a reader would refuse are left out.
+
+    Returns:
+        What the records hold.
 
     Raises:
         InputError: they cannot be written.
@@ -86,6 +89,7 @@ def write_detections(
     records = Records(detector, target.layout_id, target.geometry_id, images, rendered_id=rendered_id)
     text = detections_to_csv(seen, target, detector=detector)
     write_files({records_path(path): records_to_json(records), path: text.encode("utf-8", ANY_NAME)})
+    return records
 
 
 def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry, *, detector: str) -> str:

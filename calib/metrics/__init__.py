@@ -19,3 +19,6 @@ METRICS: Mapping[str, Metric] = MappingProxyType(
         rotation.NAME: rotation.rotation,
     }
 )
+
+OF_TRUTH = (pose.NAME, rotation.NAME)
+"""Metrics that compare with a truth, which is known of rendered photos only."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.metrics import METRICS
+from calib.metrics import METRICS, OF_TRUTH
 from calib.metrics.errors import Errors, ErrorSummary, summarise_groups
 from calib.metrics.prediction import predict
 from calib.results.truth import Truth, true_poses
@@ -28,6 +28,13 @@ class Evaluation:
     def of(self, metric: str) -> Errors | None:
         """The errors of one metric; None if it does not apply."""
         return next((errors for errors in self.errors if errors.metric == metric), None)
+
+    @property
+    def without_truth(self) -> "Evaluation":
+        """The same without what only a truth tells."""
+        return Evaluation(
+            self.calibration, tuple(one for one in self.errors if one.metric not in OF_TRUTH), folds=self.folds
+        )
 
 
 def evaluate(calibration: Calibration, truth: Truth | None = None) -> Evaluation:

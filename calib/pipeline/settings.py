@@ -1,6 +1,8 @@
 """A person's words about a solution, as the command line has them, made into options."""
 
+import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from calib.cameras import MODELS, SIMULATED, parameter_names
@@ -36,9 +38,9 @@ class SolvePlan:
 def plan_from_words(
     model: str,
     *,
-    fix: list[str],
-    share: list[str],
-    focal: str | None,
+    fix: Sequence[str],
+    share: Sequence[str],
+    focal_px: float | None,
     loss: str,
     reject: float | None,
     weighted: bool,
@@ -49,7 +51,7 @@ def plan_from_words(
         model: a model's name, or `all`.
         fix: parameters to keep: `k3`, or `k3=0`.
         share: parameters that have one value: `fx_px,fy_px`.
-        focal: a first guess of the focal length, `2500px`.
+        focal_px: a first guess of the focal length.
         loss: squares, huber or cauchy.
         reject: leave out what is farther off than so many robust standard deviations.
         weighted: by the covariances of the observations.
@@ -80,7 +82,7 @@ def plan_from_words(
         reject_sigma=reject,
         fixed=fixed,
         shared=shared,
-        focal_px=None if focal is None else _focal_px(focal),
+        focal_px=None if focal_px is None else _focal_px(focal_px),
     )
     plan = SolvePlan(models, options)
     for name in models:
@@ -117,12 +119,20 @@ def _require_known(name: str, known: set[str], option: str) -> None:
         raise InputError(f"{option} {name!r}: no such parameter{hint}")
 
 
-def _focal_px(text: str) -> float:
+def parse_focal_px(text: str) -> float:
+    """A first guess of the focal length as a person writes it, `2500px`.
+
+    Raises:
+        InputError: it is none.
+    """
     match = _FOCAL.fullmatch(text)
     try:
-        value = float(match[1]) if match else float("nan")
-    except ValueError:
-        value = float("nan")
+        return _focal_px(float(match[1]) if match else math.nan)
+    except (ValueError, InputError):
+        raise InputError(f"--focal {text!r}: give a length in pixels such as 2500px, more than 0") from None
+
+
+def _focal_px(value: float) -> float:
     if not 0 < value <= MAX_FOCAL_PX:
-        raise InputError(f"--focal {text!r}: give a length in pixels such as 2500px, more than 0")
+        raise InputError(f"focal length {value:g} px: give one of more than 0 pixels, such as 2500")
     return value

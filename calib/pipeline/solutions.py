@@ -1,35 +1,60 @@
-"""Several models solved from the same observations, each written to its folder as soon as it is there."""
+"""Several models solved from the same observations, one after the other."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.pipeline.calibrate import calibrate
 from calib.pipeline.made import with_made
 from calib.pipeline.settings import SolvePlan
-from calib.results.calibration_file import Provenance, write_calibration
 from calib.results.truth import Truth
 from calib.solver.degeneracy import UndeterminedError
 from calib.solver.image_field import with_image_field
-from calib.types import Observations
+from calib.types import Calibration, Camera, Observations
 from calib.virtual.solve_virtual import Reference
-from designer.errors import InputError, NotWrittenError
+from designer.errors import InputError
 from designer.tolerance.made import Made
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What came of one model: an evaluated calibration in a folder, or why there is none."""
+    """What came of one model: an evaluated calibration, or why there is none."""
 
     model: str
-    folder: Path
     evaluation: Evaluation | None
-    files: tuple[Path, ...] = ()
     failure: str = ""
     is_undetermined: bool = False  # what failed had too little to go on
+
+    @property
+    def calibration(self) -> Calibration:
+        """The calibration.
+
+        Raises:
+            ValueError: there is none.
+        """
+        if self.evaluation is None:
+            raise ValueError(f"{self.model} was not solved: {self.failure}")
+        return self.evaluation.calibration
+
+    @property
+    def camera(self) -> Camera:
+        """The camera."""
+        return self.calibration.camera
+
+
+@dataclass(frozen=True, eq=False)
+class SolveTask:
+    """What is to be solved, and what is known of where it comes from."""
+
+    observations: Observations
+    plan: SolvePlan
+    layout_id: str = ""  # of the target; "" for points from elsewhere
+    settings: tuple[tuple[str, str], ...] = ()  # names and values as they were given, for the record
+    reference: Reference | None = None  # the photo that a learned map is of
+    truth: Truth | None = None  # of rendered photos
+    made: Made | None = None  # how the target was; None: nobody knows
 
 
 def preference(evaluation: Evaluation) -> tuple[bool, bool, float]:
@@ -43,41 +68,13 @@ def preference(evaluation: Evaluation) -> tuple[bool, bool, float]:
     return calibration.status != "converged", calibration.camera.learned is not None, left_px
 
 
-def solve_models(
-    observations: Observations,
-    plan: SolvePlan,
-    folder: Path,
-    *,
-    provenance: Callable[[str], Provenance],
-    reference: Reference | None,
-    truth: Truth | None,
-    remarks: Sequence[str] = (),
-    made: Made | None = None,
-) -> Iterator[Solution]:
-    """Solve each model, write it, and evaluate it. One that cannot be solved does not stop the others.
-
-    Args:
-        observations: what was seen.
-        plan: models and options.
-        folder: where to; with several models, each has a folder of its name in it.
-        provenance: of a model's solution.
-        reference: the photo that a learned map is of.
-        truth: of rendered photos.
-        made: how the target was; None: nobody knows.
-        remarks: on what the observations were made of, to stand in each calibration after its own.
-    """
-    for model in plan.models:
-        place = folder if len(plan.models) == 1 else folder / model
+def solve_models(task: SolveTask) -> Iterator[Solution]:
+    """Solve each model and evaluate it. One that cannot be solved does not stop the others."""
+    for model in task.plan.models:
         try:
-            solved = calibrate(observations, model, plan.options_of(model), reference)
-            calibration = with_image_field(with_made(solved, made))
-            calibration = replace(calibration, remarks=(*calibration.remarks, *remarks))
-            evaluation = evaluate(calibration, truth)
-            files = tuple(write_calibration(place, calibration, provenance(model)))
-        except NotWrittenError:
-            raise
+            solved = calibrate(task.observations, model, task.plan.options_of(model), task.reference)
+            calibration = with_image_field(with_made(solved, task.made))
+            calibration = replace(calibration, remarks=(*calibration.remarks, *task.observations.remarks))
+            yield Solution(model, evaluate(calibration, task.truth))
         except InputError as error:
-            few = isinstance(error, UndeterminedError)
-            yield Solution(model, place, None, failure=str(error), is_undetermined=few)
-            continue
-        yield Solution(model, place, evaluation, files)
+            yield Solution(model, None, str(error), isinstance(error, UndeterminedError))

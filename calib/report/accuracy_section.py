@@ -1,6 +1,7 @@
 """How good a camera is on its page: coverage, what is left over, and what two halves of the photos say."""
 
 from calib.figures.sigma_map import SigmaMap
+from calib.metrics import OF_TRUTH
 from calib.metrics.residual_cells import cells_of_residuals, residuals_of
 from calib.report.accuracy_figures import (
     apart_figure,
@@ -14,7 +15,7 @@ from calib.report.accuracy_figures import (
     uncertainty_words,
 )
 from calib.report.run_folder import Solved
-from calib.report.run_tables import POSE_METRICS, held_out_table, metrics_table
+from calib.report.run_tables import held_out_table, metrics_table
 from calib.report.stored_metrics import of_views
 from calib.results.evaluation_table import figure as digits
 from calib.verdict.halves import HalvesApart, NoHalves, half_split, halves_apart
@@ -72,7 +73,7 @@ def _histograms(best: Solved) -> list[Figure]:
     """The sizes of the errors by each metric that is known."""
     figures = [sizes_figure(e.metric, e.size[e.is_counted], e.unit) for e in best.evaluation.errors]
     stored = {} if best.stored is None or best.stored.parts else best.stored.metrics
-    for name in POSE_METRICS[:1]:
+    for name in OF_TRUTH[:1]:
         if name in stored:
             unit = printable(stored[name].unit)
             sizes = of_views(best.folder, f"{name}_rmse_{stored[name].unit}")

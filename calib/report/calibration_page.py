@@ -16,7 +16,7 @@ from calib.report.run_files import files_section
 from calib.report.run_folder import RunFolder, Solved, read_run
 from calib.report.run_tables import faces_table, faces_words
 from calib.report.titles import title_of
-from calib.report.verdict_section import headline_of, next_section, verdict_section
+from calib.report.verdict_section import headline_of, next_section, not_judged, verdict_section
 from calib.verdict.next_views import NextView, next_views
 from calib.verdict.next_views_file import NEXT_VIEWS_FILE, read_next_views
 from calib.verdict.of_run import Judged
@@ -65,9 +65,10 @@ def page_of(run: RunFolder, origin: Origin) -> Page:
         if len(run.solved) > 1:
             after.append(models_section(run, best))
         lead = page_lead(best, found, halves)
+        headline = not_judged(best) if verdict is None else headline_of(verdict)
         sections += [photos.result(), *after, files_section(run, best)]
     return Page(
-        title=title_of(folder), kind="Calibration", headline=headline_of(verdict, best), sections=tuple(sections),
+        title=title_of(folder), kind="Calibration", headline=headline, sections=tuple(sections),
         lead=lead, made_by=origin.command, program=origin.program,
     )  # fmt: skip
 

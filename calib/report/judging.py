@@ -1,11 +1,14 @@
-"""Judging the calibration in a folder, by limits of one's choice."""
+"""Judging the cameras of a run, by limits of one's choice."""
 
-import math
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from calib.files import write_files
 from calib.pipeline.made import prior_of
-from calib.report.run_folder import RunFolder, Solved, read_run
+from calib.report.run_folder import Solved, read_run
+from calib.solver.options import SolveOptions
+from calib.types import Calibration
 from calib.verdict.advice import DETECTED, Inputs
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import noise_factor
@@ -15,9 +18,7 @@ from calib.verdict.next_views_file import NEXT_VIEWS_FILE, next_views_file
 from calib.verdict.of_run import Judged, judge_run
 from calib.verdict.verdict_file import VERDICT_FILE, read_verdict, verdict_to_json
 from designer.errors import InputError
-
-SAME = 1e-9
-"""Two roots of mean squares of the same files differ by less, of their size."""
+from designer.target import TargetGeometry
 
 
 def judge_folder(folder: Path, criteria: Criteria) -> Judged:
@@ -28,34 +29,58 @@ def judge_folder(folder: Path, criteria: Criteria) -> Judged:
     Raises:
         InputError: the folder holds no camera that can be read, or takes no files; the message names it.
     """
-    judged, _ = judge_what_is_read(read_run(folder), criteria)
-    return judged
-
-
-def judge_what_is_read(run: RunFolder, criteria: Criteria) -> tuple[Judged, tuple[NextView, ...]]:
-    """The same for a folder that is read already; what `judge_folder` returns, and the photos to take next."""
-    folder, best = run.folder, run.best()
-    halves = _stored_halves(folder, best) or half_split(best.calibration, best.provenance.options)
-    proposed = next_views(
-        best.calibration, goal_px=criteria.uncertainty_px.good, goal_covered=criteria.coverage_percent.good / 100,
-        factor=noise_factor(best.calibration, halves), prior=prior_of(best.calibration, run.target),
-    )  # fmt: skip
+    run = read_run(folder)
+    best = run.best()
     calibrations = [one.calibration for one in run.solved]
-    judged = judge_run(calibrations, run.solved.index(best), halves, criteria, proposed, _inputs(best))
+    judged, proposed = judge_cameras(
+        calibrations, run.solved.index(best), best.provenance.options, criteria, run.target,
+        inputs=inputs_of(best.provenance.settings), halves=_stored_halves(folder, best),
+    )  # fmt: skip
+    judged = replace(judged, observations_sha256=best.provenance.observations_sha256)
     write_files({
         folder / VERDICT_FILE: verdict_to_json(judged), folder / NEXT_VIEWS_FILE: next_views_file(proposed)
     })  # fmt: skip
-    return judged, proposed
+    return judged
 
 
-def _inputs(best: Solved) -> Inputs:
-    """What the camera was solved from, as its command was told; `calib run` detects into a file of its own."""
-    named = dict(best.provenance.settings)
+def judge_cameras(
+    calibrations: Sequence[Calibration],
+    best: int,
+    options: SolveOptions,
+    criteria: Criteria,
+    target: TargetGeometry | None,
+    *,
+    inputs: Inputs = DETECTED,
+    halves: HalfSplit | None = None,
+) -> tuple[Judged, tuple[NextView, ...]]:
+    """The verdict on a camera, and the photos that would make it better.
+
+    Args:
+        calibrations: of the same photos by different models.
+        best: row of the one that is judged.
+        options: that it was solved with.
+        criteria: the limits.
+        target: that the photos show; None: points from elsewhere.
+        inputs: the files it was solved from, which the advice names.
+        halves: cameras of halves of the photos; None: they are solved now.
+    """
+    judged = calibrations[best]
+    found = half_split(judged, options) if halves is None else halves
+    proposed = next_views(
+        judged, goal_px=criteria.uncertainty_px.good, goal_covered=criteria.coverage_percent.good / 100,
+        factor=noise_factor(judged, found), prior=prior_of(judged, target),
+    )  # fmt: skip
+    return judge_run(calibrations, best, found, criteria, proposed, inputs), proposed
+
+
+def inputs_of(settings: Sequence[tuple[str, str]]) -> Inputs:
+    """What a camera was solved from, as its command was told; `calib run` detects into a file of its own."""
+    named = dict(settings)
     return Inputs(named.get("detections", DETECTED.sightings), named.get("target", DETECTED.target))
 
 
 def _stored_halves(folder: Path, best: Solved) -> HalfSplit | None:
-    """The half solutions of an earlier verdict, if they are of this camera and its photos."""
+    """The half solutions of an earlier verdict, if that is on this camera."""
     try:
         judged = read_verdict(folder)
     except InputError:
@@ -64,21 +89,5 @@ def _stored_halves(folder: Path, best: Solved) -> HalfSplit | None:
 
 
 def is_verdict_on(judged: Judged, best: Solved) -> bool:
-    """Whether a verdict is on this camera.
-
-    It is of its model; its halves, if there are any, are of its photos; and as much is left over, which other
-    detections of the same photos would change.
-    """
-    left_px = next((check.value for check in judged.verdict.checks if check.name == "residuals"), None)
-    if judged.verdict.model != best.model or left_px is None:
-        return False
-    if not math.isclose(left_px, best.rmse_px, rel_tol=SAME):
-        return False
-    names, size = set(best.calibration.observations.view_names), best.calibration.camera.image_size
-    for first, second in judged.halves.pairs if isinstance(judged.halves, Halves) else ():
-        cameras = (first.known.camera, second.known.camera)
-        if any(one.model != best.model or one.image_size != size for one in cameras):
-            return False
-        if {*first.view_names, *second.view_names} != names:
-            return False
-    return True
+    """Whether a verdict is on this camera."""
+    return judged.observations_sha256 == best.provenance.observations_sha256

@@ -111,7 +111,7 @@ def _read_cameras(folder: Path, faults: list[str]) -> list[Solved]:
             continue
         try:
             calibration, provenance = read_calibration(place / CALIBRATION_FILE)
-            one = Solved(place, path, evaluate(calibration), provenance, _read_metrics(place, folder, faults))
+            one = solved_of(place, path, evaluate(calibration), provenance, folder, faults)
         except InputError as error:
             errors.append(error)
             continue
@@ -125,6 +125,22 @@ def _read_cameras(folder: Path, faults: list[str]) -> list[Solved]:
         raise errors[0] if errors else InputError(f"{folder}: holds no {CALIBRATION_FILE}; give a folder of calib run")
     faults += [_within(folder, error) for error in errors]
     return solved
+
+
+def solved_of(
+    place: Path, path: str, evaluation: Evaluation, provenance: Provenance, folder: Path, faults: list[str]
+) -> Solved:
+    """A camera with what only its tables tell: errors against a truth that is not stored.
+
+    Args:
+        place: the camera's folder.
+        path: of it from the page.
+        evaluation: of the camera, without what only a truth tells.
+        provenance: where it comes from.
+        folder: of the page.
+        faults: what cannot be read is added to them.
+    """
+    return Solved(place, path, evaluation, provenance, _read_metrics(place, folder, faults))
 
 
 def _read_metrics(place: Path, folder: Path, faults: list[str]) -> StoredMetrics | None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.cameras import MODELS
 from calib.inputs.records import Records, measurable
+from calib.metrics import OF_TRUTH
 from calib.metrics.errors import ErrorSummary, summarise
 from calib.metrics.evaluation import by_face
 from calib.report.cells import number, whole
@@ -30,8 +31,6 @@ METRIC_COLUMNS = (
 )
 STANDS_OUT = 3.0
 """A face whose error is so many times the median of all is worth a look; one seen flat has twice the usual."""
-POSE_METRICS = ("pose", "rotation")
-"""Known of rendered photos only: what metrics.json holds of them is not computed again."""
 
 
 def parameters_table(one: Solved) -> Table:
@@ -79,7 +78,7 @@ def metrics_table(one: Solved) -> Table:
         rows += [
             _metric_row(printable(name), printable(metric.unit), _summary(metric))
             for name, metric in one.stored.metrics.items()
-            if name in POSE_METRICS
+            if name in OF_TRUTH
         ]
     return Table("Errors, of the photos that the camera was solved from", METRIC_COLUMNS, tuple(rows))
 
@@ -105,7 +104,7 @@ def models_table(solved: Sequence[Solved]) -> Table:
     """Cameras of the same photos side by side."""
     names = list(dict.fromkeys(errors.metric for one in solved for errors in one.evaluation.errors))
     units = {errors.metric: errors.unit for one in solved for errors in one.evaluation.errors}
-    poses = [name for name in POSE_METRICS if any(_stored(one, name) is not None for one in solved)]
+    poses = [name for name in OF_TRUTH if any(_stored(one, name) is not None for one in solved)]
     units |= {name: metric.unit for one in solved for name in poses if (metric := _stored(one, name)) is not None}
     columns = (
         Column("model", is_number=False), Column("sightings"),

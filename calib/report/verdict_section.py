@@ -22,15 +22,14 @@ WORDS: dict[Grade, str] = {"good": "good", "usable": "usable", "bad": "do not us
 NOT_JUDGED = "verdict.json is missing, so nothing was judged; calib report with --criteria standard judges it."
 
 
-def headline_of(verdict: Verdict | None, best: Solved) -> Headline:
+def headline_of(verdict: Verdict) -> Headline:
     """The answer at the top of the page."""
-    if verdict is None:
-        return Headline("note", "not judged", f"{_solution_words(best)}. {NOT_JUDGED}")
-    word = WORDS[verdict.grade]
-    sentence = printable(verdict.sentence)
-    for spoken in (word, *WORDS.values()):  # the word stands beside it
-        sentence = sentence.removeprefix(f"{spoken}: ")
-    return Headline(LEVELS[verdict.grade], word, as_sentence(sentence))
+    return Headline(LEVELS[verdict.grade], WORDS[verdict.grade], as_sentence(printable(verdict.sentence)))
+
+
+def not_judged(best: Solved) -> Headline:
+    """What stands there of a camera that nobody judged."""
+    return Headline("note", "not judged", f"{_solution_words(best)}. {NOT_JUDGED}")
 
 
 def _solution_words(best: Solved) -> str:

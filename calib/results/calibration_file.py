@@ -8,7 +8,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
@@ -60,6 +60,7 @@ class Provenance:
     seed: int | None = None  # of what was drawn at random, if anything was
     options: SolveOptions = field(default_factory=SolveOptions)
     settings: tuple[tuple[str, str], ...] = ()  # of the command: name and value as they were given
+    observations_sha256: str = ""  # of the table with what this camera leaves over: no two cameras have the same
 
 
 class _CalibrationView(BaseModel):
@@ -122,8 +123,13 @@ class _CalibrationFile(BaseModel):
     views: list[_CalibrationView]
 
 
-def write_calibration(folder: Path, calibration: Calibration, provenance: Provenance) -> list[Path]:
-    """Write `calibration.json`, `observations.csv` and `camera.json`, all or none; return their places.
+def write_calibration(
+    folder: Path, calibration: Calibration, provenance: Provenance
+) -> tuple[tuple[Path, ...], Provenance]:
+    """Write `calibration.json`, `observations.csv` and `camera.json`, all or none.
+
+    Returns:
+        Their places, and the provenance as it would be read.
 
     Raises:
         InputError: they cannot be written, or hold what `read_calibration` refuses.
@@ -141,7 +147,7 @@ def write_calibration(folder: Path, calibration: Calibration, provenance: Proven
         folder / CAMERA_FILE: camera_to_json(calibration.camera).encode(),
     }
     write_files(files)
-    return list(files)
+    return tuple(files), replace(provenance, observations_sha256=digest)
 
 
 def _require_readable(text: bytes, calibration: Calibration, folder: Path) -> None:
@@ -169,7 +175,7 @@ def _calibration_to_json(calibration: Calibration, provenance: Provenance, diges
     fields: dict[str, object] = {
         "format": FORMAT,
         "version": VERSION,
-        "provenance": asdict(provenance),
+        "provenance": {name: value for name, value in asdict(provenance).items() if name != "observations_sha256"},
         "status": calibration.status,
         "remarks": calibration.remarks,
         "iterations": calibration.iterations,
@@ -255,7 +261,7 @@ def read_calibration(path: Path) -> tuple[Calibration, Provenance]:
         raise InputError(f"{path}: {place}: {first['msg']}; solve again") from None
     except ValueError as error:
         raise error if isinstance(error, InputError) else InputError(f"{path}: {error}; solve again") from None
-    return calibration, file.provenance
+    return calibration, replace(file.provenance, observations_sha256=file.observations_sha256)
 
 
 def _calibration(file: _CalibrationFile, path: Path) -> Calibration:

@@ -10,7 +10,6 @@ from calib.verdict.halves import NoHalves
 from calib.verdict.verdict import Check, Grade, Verdict
 
 WORSE: tuple[Grade, ...] = ("good", "usable", "bad")
-WORDS = {"good": "good", "usable": "usable", "bad": "do not use", "unknown": "not checked"}
 NEEDED = ("uncertainty", "coverage", "halves", "residuals")
 """Without these checks nothing is called good."""
 FIRST = (
@@ -40,17 +39,17 @@ def judge(evidence: CameraEvidence, criteria: Criteria, advice: Sequence[str] = 
 def _sentence(evidence: CameraEvidence, checks: Sequence[Check], missing: Sequence[Check], grade: Grade) -> str:
     """The answer and its main reason."""
     if grade == "good":
-        return f"{WORDS[grade]}: {_why_good(evidence)}"
+        return _why_good(evidence)
     faults = faults_of(checks, grade)
     if not faults:
-        return f"{WORDS[grade]}: no fault was found, but not everything could be checked: {_bare(missing[0])}"
+        return f"no fault was found, but not everything could be checked: {_bare(missing[0])}"
     names = {check.name for check in faults}
     if grade == "bad" and "coverage" in names and names <= {"uncertainty", "coverage"}:
         narrow = _good_inside(evidence, faults)
         if narrow:
-            return f"{WORDS[grade]}: {narrow}"
+            return narrow
     also = ", ".join(check.title.lower() for check in faults[1:])
-    return f"{WORDS[grade]}: {faults[0].sentence}" + (f" (also: {also})" if also else "")
+    return faults[0].sentence + (f" (also: {also})" if also else "")
 
 
 def missing_of(evidence: CameraEvidence, checks: Sequence[Check]) -> tuple[Check, ...]:

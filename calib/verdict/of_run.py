@@ -21,6 +21,7 @@ class Judged:
     verdict: Verdict
     criteria: Criteria
     halves: HalfSplit
+    observations_sha256: str = ""  # of the judged camera, as its calibration states it; "" before that is written
 
 
 @one_thread

@@ -43,6 +43,6 @@ class Verdict:
 
     grade: Grade  # the worst of the checks that are known
     model: str  # of the camera it is about
-    sentence: str  # the answer and the main reason in one sentence
+    sentence: str  # the main reason of the grade
     checks: tuple[Check, ...]  # in order of reading
     advice: tuple[str, ...]  # what to do better next time, the most useful first

@@ -99,6 +99,7 @@ class _VerdictFile(_Part):
     criteria: _Criteria
     halves: Annotated[tuple[tuple[_Half, _Half], ...], Field(min_length=1, max_length=MOST_PAIRS)] | None
     no_halves: _Text | None
+    observations_sha256: _Word = ""
 
 
 def verdict_to_json(judged: Judged) -> bytes:
@@ -111,6 +112,7 @@ def verdict_to_json(judged: Judged) -> bytes:
         "criteria": asdict(judged.criteria),
         "halves": None if isinstance(halves, NoHalves) else [[_half(half) for half in pair] for pair in halves.pairs],
         "no_halves": halves.reason if isinstance(halves, NoHalves) else None,
+        "observations_sha256": judged.observations_sha256,
     }
     return (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()
 
@@ -137,7 +139,7 @@ def read_verdict(folder: Path) -> Judged:
         raise InputError(f"{path}: version {shown(document.get('version'))}; this program reads version {VERSION}")
     try:
         file = _VerdictFile.model_validate(document)
-        return Judged(_verdict(file.verdict), _criteria(file.criteria), _halves(file, path))
+        return Judged(_verdict(file.verdict), _criteria(file.criteria), _halves(file, path), file.observations_sha256)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))

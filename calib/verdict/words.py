@@ -1,4 +1,4 @@
-"""A verdict on the screen: a line with the answer, a table with a row for each check, and what is not good in words."""
+"""A verdict on the screen: a table with a row for each check."""
 
 from rich.table import Table
 from rich.text import Text
@@ -16,11 +16,6 @@ MARKS: dict[Grade, tuple[str, str]] = {
 """The word of a grade, and how it is shown where there is colour; the word alone says it all."""
 
 
-def headline(verdict: Verdict) -> str:
-    """The answer in a line: `verdict: usable: ...`."""
-    return f"verdict on {printable(verdict.model)}: {printable(verdict.sentence)}"
-
-
 def checks_table(verdict: Verdict) -> Table:
     """A row a check: grade, what was checked, what was measured, and the limits; it fits 80 columns."""
     table = Table(box=None, padding=(0, 2, 0, 0))
@@ -34,18 +29,6 @@ def checks_table(verdict: Verdict) -> Table:
             Text(word, style), Text(printable(check.title)), measured(check), limit(check, check.good),
             limit(check, check.usable),
         )  # fmt: skip
-    return table
-
-
-def meanings_table(verdict: Verdict) -> Table:
-    """What was found and what it means, of the checks that are not good; as wide as the screen."""
-    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
-    table.add_column()
-    table.add_column(overflow="fold")
-    for check in verdict.checks:
-        if check.grade != "good":
-            word, style = MARKS[check.grade]
-            table.add_row(Text(word, style), Text(f"{printable(check.title)}: {printable(check.sentence)}"))
     return table
 
 

@@ -91,7 +91,7 @@ def shape_of(
 
     Args:
         target: the nominal geometry.
-        bed_from_target: how it lay on the bed (`designer.make.bed`; only its rotation counts); without it the target lay
+        bed_from_target: how it lay on the bed (`designer.make.bed`; only its rotation counts); without it it lay
             on its last face.  # (4, 4)
         expansion_per_kelvin: of the material, for `thermal`.
         layer_height_mm: of the print, for `stair_steps`.

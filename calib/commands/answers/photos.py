@@ -1,45 +1,42 @@
 """Answers of commands that look at photos: what was found in each, and where the camera stood."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calib.detect.batch import FoundPhotos, PhotoResult
+    from calib.api.searching import Search
+    from calib.detect.batch import PhotoResult
     from calib.pose import TargetPose
-    from calib.types import Detections
     from designer.answer import Value
     from designer.target import TargetGeometry
 
 
-def detections_answer(
-    geometry: "TargetGeometry", found: "FoundPhotos", results: "Sequence[PhotoResult]", seconds: float
-) -> "dict[str, Value]":
+def detections_answer(search: "Search") -> "dict[str, Value]":
     """Sums, and the counts of each photo with the reasons of what is missing."""
-    seen = [result.seen for result in results if result.seen is not None]
+    from calib.show.photo_table import expected_features
+
+    seen = search.detections
     return {
-        "target_id": geometry.geometry_id,
-        "layout_id": geometry.layout_id,
-        "photos": len(results),
+        "target_id": search.target.geometry_id,
+        "layout_id": search.target.layout_id,
+        "photos": len(search.results),
         "searched": len(seen),
-        "with_target": sum(bool(len(one.ring)) for one in seen),
+        "with_target": len(search.with_target),
         "found": sum(len(one.ring) for one in seen),
         "expected": sum(expected_features(one) for one in seen),
-        "failures": [*found.failures, *(result.failure for result in results if result.failure)],
-        "overlays_left_out": found.overlays,
-        "seconds": seconds,
-        "per_photo": [_photo(result) for result in results],
+        "failures": list(search.failures),
+        "overlays_left_out": search.overlays_left_out,
+        "seconds": search.seconds,
+        "per_photo": [_photo(result) for result in search.results],
     }
 
 
 def _photo(result: "PhotoResult") -> "dict[str, Value]":
+    from calib.show.photo_table import expected_features, median_sigma_px, missing_of
+
     seen = result.seen
     if seen is None:
         return {"image": result.photo.name, "path": str(result.photo.path), "failure": result.failure}
-    missing: dict[str, int] = {}
-    for record in seen.faces:
-        for reason, count in record.missing if record.face is not None else ():
-            missing[reason] = missing.get(reason, 0) + count
     return {
         "image": result.photo.name,
         "path": str(result.photo.path),
@@ -48,26 +45,10 @@ def _photo(result: "PhotoResult") -> "dict[str, Value]":
         "found": len(seen.ring),
         "expected": expected_features(seen),
         "faces": sorted(record.face for record in seen.faces if record.face is not None),
-        "missing": missing,
+        "missing": missing_of(seen),
         "median_sigma_px": median_sigma_px(seen),
         "remarks": [*seen.remarks, *filter(None, [result.overlay_failure])],
     }
-
-
-def expected_features(one: "Detections") -> int:
-    """How many features of the named faces could have been measured."""
-    from calib.inputs.records import measurable
-
-    return sum(measurable(record) for record in one.faces if record.face is not None)
-
-
-def median_sigma_px(one: "Detections") -> float:
-    """Median of the centres' standard deviations, along their worse axis; nan without centres."""
-    import numpy as np
-
-    if not len(one.ring):
-        return math.nan
-    return float(np.median(np.sqrt(np.linalg.eigvalsh(one.cov_px2)[:, 1])))
 
 
 def poses_answer(

@@ -1,10 +1,14 @@
 """Answers of commands that calibrate: what came of each model, and its errors by every metric."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calib.commands.judged_page import verdict_answer
+
 if TYPE_CHECKING:
+    from calib.api.run_result import RunResult
     from calib.metrics.errors import Errors
     from calib.metrics.evaluation import Evaluation
     from calib.pipeline.solutions import Solution
@@ -12,12 +16,30 @@ if TYPE_CHECKING:
     from designer.answer import Value
 
 
-def solutions_answer(solutions: "Sequence[Solution]", best: "Solution | None") -> "dict[str, Value]":
-    """All models, and the one to go on with."""
-    return {"best": None if best is None else best.model, "models": [_solution(one) for one in solutions]}
+def run_answer(run: "RunResult", place_of: Callable[[str], Path]) -> "dict[str, Value]":
+    """All models, the one to go on with, the verdict, and what was found in photos."""
+    from calib.commands.answers.photos import detections_answer
+
+    found = {} if run.search is None else {"detections": detections_answer(run.search)}
+    solved = solutions_answer(run.solutions, run.best, place_of)
+    return {**found, **solved, "verdict": verdict_answer(run.verdict)}
 
 
-def _solution(solution: "Solution") -> "dict[str, Value]":
+def solutions_answer(
+    solutions: "Sequence[Solution]", best: "Solution | None", place_of: Callable[[str], Path]
+) -> "dict[str, Value]":
+    """All models, and the one to go on with.
+
+    Args:
+        solutions: what came of each.
+        best: None: none.
+        place_of: where a model's files are.
+    """
+    models = [_solution(one, place_of(one.model)) for one in solutions]
+    return {"best": None if best is None else best.model, "models": models}
+
+
+def _solution(solution: "Solution", folder: Path) -> "dict[str, Value]":
     from calib.results.calibration_file import CALIBRATION_FILE, CAMERA_FILE
 
     if solution.evaluation is None:
@@ -25,8 +47,8 @@ def _solution(solution: "Solution") -> "dict[str, Value]":
     return {
         **evaluation_answer(solution.evaluation),
         "failure": None,
-        "camera_file": str(solution.folder / CAMERA_FILE),
-        "calibration_file": str(solution.folder / CALIBRATION_FILE),
+        "camera_file": str(folder / CAMERA_FILE),
+        "calibration_file": str(folder / CALIBRATION_FILE),
     }
 
 

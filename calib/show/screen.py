@@ -5,7 +5,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,6 +63,29 @@ def progress_bar(label: str, total: int, *, rate: bool = False) -> Iterator[Call
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(label, total=total, whole=0)
         yield lambda done: bar.update(task, completed=done, whole=int(done + 1e-9))
+
+
+@contextmanager
+def progress_bars() -> Iterator[Callable[[str, float, int], None]]:
+    """A bar for each kind of work, one after the other, as `calib.api.progress.Progress` has it."""
+    with ExitStack() as stack:
+        open_bars: dict[str, Callable[[float], None]] = {}
+
+        def tell(what: str, done: float, total: int) -> None:
+            if what not in open_bars:
+                stack.pop_all().close()
+                open_bars.clear()
+                bar = progress_bar(what, total) if total else _waiting_bar(what)
+                open_bars[what] = stack.enter_context(bar)
+            open_bars[what](done)
+
+        yield tell
+
+
+@contextmanager
+def _waiting_bar(label: str) -> Iterator[Callable[[float], None]]:
+    with waiting(label):
+        yield lambda done: None
 
 
 def _lines(label: str, total: int) -> Callable[[float], None]:

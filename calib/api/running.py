@@ -1,0 +1,257 @@
+"""From photos, or from observations, to judged cameras: what `calib run` and `calib solve` do."""
+
+from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
+from os import PathLike, fspath
+from pathlib import Path
+
+from calib.api.progress import Progress, unheard
+from calib.api.run_result import RunResult, best_of
+from calib.api.run_writer import DETECTIONS_FILE, RunWriter
+from calib.api.searching import Search, search_twice, truth_of
+from calib.detect.batch import find_photos, named_photos
+from calib.files import named_in_files
+from calib.inputs.observations import observations_from_detections
+from calib.pipeline.calibrate import ALL_VIEWS, MODELS_TO_SOLVE
+from calib.pipeline.settings import ALL, SolvePlan, plan_from_words
+from calib.pipeline.solutions import Solution, SolveTask, solve_models
+from calib.report.judging import inputs_of, judge_cameras
+from calib.results.truth import Truth
+from calib.solver.degeneracy import UndeterminedError
+from calib.types import Observations
+from calib.verdict.criteria import STANDARD, Criteria, read_criteria
+from calib.virtual.solve_virtual import Reference
+from designer.errors import InputError
+from designer.spec_file import suggestion
+from designer.target import Needs, TargetGeometry, load_target
+from designer.tolerance.made import how_made
+
+Place = str | PathLike[str]
+
+
+class NothingFoundError(InputError):
+    """No photo shows the target; `search` says what was seen instead."""
+
+    def __init__(self, message: str, search: Search) -> None:
+        super().__init__(message)
+        self.search = search
+
+
+def run(
+    target: TargetGeometry | Place,
+    photos: Place | Iterable[Place],
+    *,
+    model: str = ALL,
+    fix: Sequence[str] = (),
+    share: Sequence[str] = (),
+    focal_px: float | None = None,
+    loss: str = "squares",
+    reject_sigma: float | None = None,
+    weighted: bool = True,
+    reference: Reference | None = None,
+    made: str | None = None,
+    truth: Place | None = None,
+    criteria: Criteria | Place = STANDARD,
+    jobs: int | None = None,
+    progress: Progress = unheard,
+    out: RunWriter | Place | None = None,
+    settings: Sequence[tuple[str, str]] = (),
+) -> RunResult:
+    """Detect, solve, detect again with the lens known, solve all models, and judge: `run("t.target.json", "photos")`.
+
+    >>> run = calib.run("ico.target.json", "photos/*.jpg")
+    >>> run.verdict.grade, run.best.camera.matrix
+
+    Args:
+        target: what the photos show: a geometry, or its file.
+        photos: images, folders of images, or patterns.
+        model: a camera model's name, or `all`.
+        fix: parameters to keep as they start, or at a value: `k3`, `k3=0`.
+        share: parameters that have one value: `fx_px,fy_px`.
+        focal_px: a first guess of the focal length; not needed.
+        loss: `squares`, `huber` or `cauchy`: how far-off observations count.
+        reject_sigma: leave out what is off by more than so many robust standard deviations.
+        weighted: weigh observations by their covariances, or all alike.
+        reference: of model `virtual`: the photo that its map is learned from, or `all`.
+        made: how the target was made: an error template, a file of errors, or `exact`; None: assumed from its build.
+        truth: the `truth.json` of rendered photos; None: the one beside them, if there is one.
+        criteria: limits of the verdict: a template's name, a file, or criteria.
+        jobs: photos at a time; None: one per core.
+        progress: is told what is being done.
+        out: a folder to write everything to as it comes; None: nothing is written, `RunResult.save` does.
+        settings: names and values to keep in the record.
+
+    Raises:
+        InputError: files or options that break a rule, or photos that do not determine a camera.
+        NothingFoundError: no photo shows the target.
+    """
+    geometry, limits = _geometry(target, "rings"), _criteria(criteria)
+    plan = plan_from_words(
+        model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted
+    )
+    writer = _writer(out, plan)
+    asked = find_photos([fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)])
+    if writer is not None:
+        asked = writer.without_own_pictures(asked)
+    known, doubt = truth_of(asked, None if truth is None else Path(truth))
+    rendered_id = "" if known is None else known.rendered_id(path.name for path in asked.paths)
+    way = how_made(geometry, made, rendered_id=rendered_id)
+    reference = _checked_reference(reference, plan, [photo.name for photo in named_photos(asked.paths)])
+    with nullcontext() if writer is None else writer.drawing() as staging:
+        search, plan = search_twice(
+            geometry, asked, plan, overlay_folder=staging, jobs=jobs, rendered_id=rendered_id, progress=progress,
+            remarks=(doubt,) if doubt else (),
+        )  # fmt: skip
+        if writer is not None and staging is not None:
+            writer.write_search(search, staging)
+    if not search.with_target:
+        raise NothingFoundError(f"none of {len(search.results)} photos shows the target", search)
+    observations = observations_from_detections(search.with_target, geometry, origin="the photos")
+    table = () if writer is None else (("detections", named_in_files(writer.folder / DETECTIONS_FILE)),)
+    kept = (("target", _name(target)), *table, ("photos", str(len(asked.paths))), *settings)
+    task = SolveTask(observations, plan, geometry.layout_id, kept, reference, known, way)
+    return _solved(task, geometry, search, limits, progress, writer)
+
+
+def solve(
+    observations: Observations,
+    target: TargetGeometry | Place | None = None,
+    *,
+    model: str = ALL,
+    fix: Sequence[str] = (),
+    share: Sequence[str] = (),
+    focal_px: float | None = None,
+    loss: str = "squares",
+    reject_sigma: float | None = None,
+    weighted: bool = True,
+    reference: Reference | None = None,
+    made: str | None = None,
+    truth: Truth | None = None,
+    rendered_id: str = "",
+    criteria: Criteria | Place = STANDARD,
+    progress: Progress = unheard,
+    out: RunWriter | Place | None = None,
+    settings: Sequence[tuple[str, str]] = (),
+) -> RunResult:
+    """Solve and judge cameras from observations: `solve(read_observations("detections.csv", "t.target.json"))`.
+
+    Args:
+        observations: of known points, as `read_observations` or `observe` give them.
+        target: that they show; None: points from elsewhere.
+        model: as for `run`, like all options that are named alike.
+        fix: parameters to keep.
+        share: parameters that have one value.
+        focal_px: a first guess of the focal length.
+        loss: how far-off observations count.
+        reject_sigma: leave out what is farther off.
+        weighted: by covariances, or all alike.
+        reference: of model `virtual`.
+        made: how the target was made.
+        truth: of rendered photos.
+        rendered_id: of the geometry that the photos were rendered of; "": real photos.
+        criteria: limits of the verdict.
+        progress: is told what is being done.
+        out: a folder to write everything to.
+        settings: names and values to keep in the record.
+
+    Raises:
+        InputError: options that break a rule, or observations that do not determine a camera.
+    """
+    geometry, limits = None if target is None else _geometry(target, "marks"), _criteria(criteria)
+    plan = plan_from_words(
+        model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted
+    )
+    writer = _writer(out, plan)
+    way = how_made(geometry, made, rendered_id=rendered_id)
+    reference = _checked_reference(reference, plan, observations.view_names)
+    layout_id = "" if geometry is None else geometry.layout_id
+    task = SolveTask(observations, plan, layout_id, tuple(settings), reference, truth, way)
+    return _solved(task, geometry, None, limits, progress, writer)
+
+
+def _solved(
+    task: SolveTask,
+    target: TargetGeometry | None,
+    search: Search | None,
+    criteria: Criteria,
+    progress: Progress,
+    writer: RunWriter | None,
+) -> RunResult:
+    """Solve all models and judge the best, writing each as it comes."""
+    solutions: list[Solution] = []
+    total = len(task.plan.models)
+    progress("solving", 0, total)
+    for solution in solve_models(task):
+        solutions.append(solution if writer is None else writer.write_solution(solution, task))
+        progress("solving", len(solutions), total)
+    _require_one(solutions)
+    if writer is not None and search is not None:
+        progress("drawing", 0, 0)
+        writer.write_tables(solutions)
+    progress("judging", 0, 0)
+    solved = sorted((one for one in solutions if one.evaluation is not None), key=lambda one: one.model)
+    best = best_of(solutions)
+    judged, proposed = judge_cameras(
+        [one.calibration for one in solved], solved.index(best), task.plan.options_of(best.model), criteria, target,
+        inputs=inputs_of(task.settings),
+    )  # fmt: skip
+    result = RunResult(target, search, task, tuple(solutions), judged, proposed)
+    if writer is not None:
+        writer.write_verdict(result)
+    return result
+
+
+def models_of(model: str) -> tuple[str, ...]:
+    """The models that a name asks for: itself, or of `all` the paper's."""
+    return MODELS_TO_SOLVE if model == ALL else (model,)
+
+
+def _require_one(solutions: Sequence[Solution]) -> None:
+    """Refuse a run of which no model could be solved.
+
+    Raises:
+        UndeterminedError: the photos tell too little.
+        InputError: something else was wrong with one.
+    """
+    if any(one.evaluation is not None for one in solutions):
+        return
+    reasons = {one.failure: one.model for one in solutions}
+    several = len(reasons) > 1
+    said = "; ".join(f"{model}: {why}" if several else why for why, model in reasons.items())
+    raise UndeterminedError(said) if any(one.is_undetermined for one in solutions) else InputError(said)
+
+
+def _geometry(target: TargetGeometry | Place, needs: Needs) -> TargetGeometry:
+    return target if isinstance(target, TargetGeometry) else load_target(Path(target), needs)
+
+
+def _name(target: TargetGeometry | Place) -> str:
+    """What results call a target's file."""
+    return "NAME.target.json" if isinstance(target, TargetGeometry) else named_in_files(Path(target))
+
+
+def _criteria(criteria: Criteria | Place) -> Criteria:
+    return criteria if isinstance(criteria, Criteria) else read_criteria(fspath(criteria))
+
+
+def _writer(out: RunWriter | Place | None, plan: SolvePlan) -> RunWriter | None:
+    return out if out is None or isinstance(out, RunWriter) else RunWriter(Path(out), plan.models)
+
+
+def _checked_reference(reference: Reference | None, plan: SolvePlan, photos: Sequence[str]) -> Reference | None:
+    """The photo that a map is learned from, as it is called among the views.
+
+    Raises:
+        InputError: no model learns a map, or none of the photos is meant.
+    """
+    if reference is None:
+        return None
+    if "virtual" not in plan.models:
+        raise InputError(f"reference: model {plan.models[0]} learns no map; leave it out, or take model virtual")
+    if not isinstance(reference, str) or reference == ALL_VIEWS or reference in photos or not photos:
+        return reference
+    ends = [name for name in photos if f"/{reference}".endswith(f"/{name}")]
+    if len(ends) == 1:
+        return ends[0]
+    hint = suggestion(reference, list(photos)) or f"; the first is {photos[0]!r}"
+    raise InputError(f"reference {reference!r}: none of the photos{hint}")

@@ -1,0 +1,83 @@
+"""Blocks as lines of a terminal: the answer first, then what matters, what was written, and what to do next."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from calib.show.screen import shown, table_console
+from designer.command import printable
+from designer.page.blocks import Facts, Finding, Headline, Level, Table
+
+MARKS: dict[Level, tuple[str, str]] = {
+    "good": ("good", "green"), "usable": ("usable", "yellow"), "bad": ("bad", "red"), "note": ("note", "dim"),
+}  # fmt: skip
+"""The word of a level, and its colour where there is colour; the word alone says it all."""
+LABEL = 9
+"""Columns of what stands before a line."""
+MOST_FILES = 6
+"""That are named of a folder; the others are counted."""
+
+
+def say_headline(headline: Headline) -> None:
+    """The answer."""
+    from rich.text import Text
+
+    line = Text(f"{printable(headline.word)}: ", f"bold {MARKS[headline.level][1]}")
+    table_console().print(line.append(printable(headline.sentence), "default not bold"))
+
+
+def say_facts(facts: Facts) -> None:
+    """Names and their values, a line each."""
+    for name, value in facts.rows:
+        say_line(name, value)
+
+
+def say_findings(findings: Iterable[Finding]) -> None:
+    """What was checked or noticed, a line each."""
+    from rich.text import Text
+
+    for one in findings:
+        word, style = MARKS[one.level]
+        title = f"{printable(one.title)}: " if one.title else ""
+        table_console().print(Text(word.ljust(LABEL), style).append(f"{title}{printable(one.text)}", "default"))
+
+
+def say_lines(name: str, lines: Sequence[str]) -> None:
+    """Lines under one name, which stands before the first."""
+    for number, line in enumerate(lines):
+        say_line("" if number else name, line)
+
+
+def say_line(name: str, line: str) -> None:
+    """A line with its name before it."""
+    print(f"{name.ljust(LABEL - 1)} {printable(line)}")
+
+
+def say_written(folder: Path, files: Sequence[Path]) -> None:
+    """What was written below a folder: some names, and how many there are."""
+    inside = [path for path in files if folder in path.parents]
+    direct = [path.name for path in inside if path.parent == folder]
+    below: dict[str, int] = {}
+    for path in inside:
+        if path.parent != folder:
+            name = path.relative_to(folder).parts[0]
+            below[name] = below.get(name, 0) + 1
+    named = ", ".join(direct[:MOST_FILES])
+    more = f" and {len(direct) - MOST_FILES} more" if len(direct) > MOST_FILES else ""
+    folders = "".join(f", {name}/ ({count} files)" for name, count in below.items())
+    say_line("wrote", f"{shown(folder)}: {named}{more}{folders}")
+
+
+def say_table(table: Table) -> None:
+    """A table as the page has it."""
+    from rich.table import Table as Grid
+    from rich.text import Text
+
+    grid = Grid(title=printable(table.title) or None, title_justify="left", box=None, padding=(0, 2, 0, 0))
+    for column in table.columns:
+        grid.add_column(printable(column.title), justify="right" if column.is_number else "left", overflow="fold")
+    for row in table.rows:
+        grid.add_row(*(Text(printable(cell.text), MARKS[cell.level][1] if cell.level else "") for cell in row))
+    table_console().print(grid)
+    if table.note:
+        print(printable(table.note))
+    print()
