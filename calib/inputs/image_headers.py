@@ -18,6 +18,12 @@ MAX_SCANS = 200
 MAX_PAGES = 100
 """Pages of a TIFF that are counted."""
 
+EOI, SOS, APP1, APP14 = 0xD9, 0xDA, 0xE1, 0xEE
+"""Markers of a JPEG."""
+FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
+BARE = frozenset({0x00, 0x01, *range(0xD0, 0xD9)})
+"""Markers without a segment."""
+
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 _PNG_NEEDED = frozenset({b"IHDR", b"PLTE", b"IDAT", b"IEND"})
 _OTHER_FORMATS: tuple[tuple[int, bytes, str], ...] = (
@@ -126,35 +132,47 @@ def png_exif(data: bytes) -> bytes:
     return block
 
 
-def _jpeg_header(data: bytes) -> Header:
-    """Walk the segments up to the first scan (ITU-T T.81, annex B)."""
-    at, orientation, is_adobe = 2, 1, False
-    frame: tuple[int, int, int, int] | None = None  # marker, height, width, components
+def jpeg_segments(data: bytes) -> Iterator[tuple[int, bytes, int]]:
+    """Marker and body of each segment up to the end of the image, and where what follows it begins (T.81, annex B)."""
+    at, is_in_scan = 2, False
     while True:
-        if data[at] != 0xFF:
+        start = data.index(0xFF, at)
+        if start != at and not is_in_scan:
             raise DamagedError("its header is damaged; copy it again")
-        while data[at + 1] == 0xFF:
+        at = start
+        while data[at] == 0xFF:
             at += 1
-        marker = data[at + 1]
-        if marker == 0xD9 or at + 4 > len(data):
-            raise DamagedError("is cut off before its first pixel; copy it again")
-        (length,) = struct.unpack_from(">H", data, at + 2)
-        body = data[at + 4 : at + 2 + length]
-        if marker == 0xE1 and body.startswith(b"Exif\0\0"):
+        marker = data[at]
+        at += 1
+        if marker == EOI:
+            return
+        if marker in BARE:  # among them what stands in the compressed pixels of a scan
+            continue
+        is_in_scan = marker == SOS
+        (length,) = struct.unpack_from(">H", data, at)
+        yield marker, data[at + 2 : at + length], at + length
+        at += length
+
+
+def _jpeg_header(data: bytes) -> Header:
+    """What the segments up to the first scan say."""
+    orientation, is_adobe = 1, False
+    frame: tuple[int, int, int, int] | None = None  # marker, height, width, components
+    for marker, body, after in jpeg_segments(data):
+        if marker == APP1 and body.startswith(b"Exif\0\0"):
             orientation = _exif_orientation(body[6:])
-        is_adobe |= marker == 0xEE and body.startswith(b"Adobe")
-        if 0xC0 <= marker <= 0xCF and marker not in {0xC4, 0xC8, 0xCC}:
+        is_adobe |= marker == APP14 and body.startswith(b"Adobe")
+        if marker in FRAMES:
             depth, height, width, components = struct.unpack_from(">BHHB", body)
             if depth != 8:
                 raise DamagedError(f"is a JPEG of {depth} bits; convert it to a 16-bit PNG or TIFF")
             frame = marker, height, width, components
-        at += 2 + length
-        if marker == 0xDA:
-            break
-    if frame is None:
-        raise DamagedError("has no size before its pixels; copy it again")
-    _check_jpeg(data, at, frame, scan_components=body[0], is_adobe=is_adobe)
-    return Header("JPEG", frame[2], frame[1], orientation)
+        if marker == SOS and frame is not None:
+            _check_jpeg(data, after, frame, scan_components=body[0], is_adobe=is_adobe)
+            return Header("JPEG", frame[2], frame[1], orientation)
+        if marker == SOS:
+            raise DamagedError("has no size before its pixels; copy it again")
+    raise DamagedError("is cut off before its first pixel; copy it again")
 
 
 def _check_jpeg(

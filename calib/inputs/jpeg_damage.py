@@ -9,7 +9,7 @@ how it differs from the last, all that follow are brighter or darker by as much,
 """
 
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import ceil
 from typing import TypeAlias
@@ -17,18 +17,13 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.inputs.image_headers import DamagedError
+from calib.inputs.image_headers import FRAMES, SOS, DamagedError, jpeg_segments
 from calib.jit import jit
 
 Bytes: TypeAlias = NDArray[np.uint8]
 Whole: TypeAlias = NDArray[np.int64]
 
-SOF_BASELINE, SOF_EXTENDED, SOF_PROGRESSIVE, DHT, SOI, EOI, SOS, DQT, DRI = (
-    0xC0, 0xC1, 0xC2, 0xC4, 0xD8, 0xD9, 0xDA, 0xDB, 0xDD,
-)  # fmt: skip
-FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
-BARE = frozenset({0x01, *range(0xD0, 0xD9)})
-"""Markers without a segment."""
+SOF_BASELINE, SOF_EXTENDED, SOF_PROGRESSIVE, DHT, DQT, DRI = 0xC0, 0xC1, 0xC2, 0xC4, 0xDB, 0xDD
 PEEK = 16
 """Bits of the longest code."""
 DC_TABLES = 4
@@ -136,7 +131,7 @@ def check_jpeg_scans(data: bytes) -> int:
     stream = np.frombuffer(data + _TAIL, np.uint8)
     tables, frame, seen, unit_rows = _Tables(), None, set[int](), 8
     try:
-        for marker, body, after in _segments(data):
+        for marker, body, after in jpeg_segments(data):
             if marker == DHT:
                 _set_codes(tables, body)
             elif marker == DQT:
@@ -158,24 +153,6 @@ def check_jpeg_scans(data: bytes) -> int:
     if frame is None or seen != set(frame.components):
         raise DamagedError(f"is damaged: a part of its pixels is missing; {COPY}")
     return unit_rows
-
-
-def _segments(data: bytes) -> Iterator[tuple[int, bytes, int]]:
-    """Marker and body of each segment up to the end of the image, and where what follows it begins."""
-    at = 2
-    while True:
-        at = data.index(0xFF, at)
-        while data[at] == 0xFF:
-            at += 1
-        marker = data[at]
-        at += 1
-        if marker == EOI:
-            return
-        if marker == 0 or marker in BARE:  # the compressed pixels of a scan
-            continue
-        (length,) = struct.unpack_from(">H", data, at)
-        yield marker, data[at + 2 : at + length], at + length
-        at += length
 
 
 def _set_codes(tables: _Tables, body: bytes) -> None:
