@@ -21,6 +21,8 @@ SOLID = 1e-3
 """Thinner than this part of their extent, points are in a plane."""
 TRIALS = 100
 """Draws for a consensus; with seven of a fifth outliers each, a good one is missed once in ten billion views."""
+FEWEST_DRAWN, MOST_DRAWN = 5, 7
+"""Observations of a plane, and of a solid."""
 NEAR_MEDIANS = 5.0
 POLAR_STEPS, POLAR_ROUNDING = 30, 1e-15
 
@@ -54,8 +56,12 @@ def linear_views(
     frame, spread = principal_frames(view_start, position_mm)
     is_planar = (spread[:, 0] < FLAT * spread[:, 2]) | as_planes
     projection = np.empty((len(frame), 3, 4))
-    fit = _fit_views_by_consensus if is_robust else _fit_views
-    fit(view_start, np.ascontiguousarray(position_mm), np.ascontiguousarray(image), frame, is_planar, projection)
+    position, plane = np.ascontiguousarray(position_mm), np.ascontiguousarray(image)
+    if is_robust:  # the draws are the same each time
+        share = np.random.default_rng(0).random((TRIALS, MOST_DRAWN))
+        _fit_views_by_consensus(view_start, position, plane, frame, is_planar, share, projection)
+    else:
+        _fit_views(view_start, position, plane, frame, is_planar, projection)
     return LinearViews(projection, frame, is_planar)
 
 
@@ -115,30 +121,26 @@ def _fit_views_by_consensus(
     image: Array,
     frame: Array,
     is_planar: NDArray[np.bool_],
+    share: Array,
     projection: Array,
 ) -> None:
     """Of fits to a few observations drawn at random, the one with the least median distance (Rousseeuw 1984).
 
-    It is fitted again, twice, to what it shows within a few of those medians. The draws are always the same.
+    It is fitted again, twice, to what it shows within a few of those medians. `share` (TRIALS, MOST_DRAWN), from 0 to
+    1, says which observations are drawn.
     """
     for view in range(len(frame)):
         begin, end = view_start[view], view_start[view + 1]
         p, u = position[:, begin:end], image[:, begin:end]
-        count, drawn = end - begin, 5 if is_planar[view] else 7
+        count, drawn = end - begin, FEWEST_DRAWN if is_planar[view] else MOST_DRAWN
         best, trial = projection[view], np.empty((3, 4))
         _fit_view(p, u, frame[view], is_planar[view], best)
         if count < 2 * drawn:
             continue
         distance = np.empty(count)
         least = _median_distance(p, u, frame[view], best, distance)
-        state = np.uint64(88172645463325252)
-        rows = np.empty(drawn, dtype=np.int64)
-        for _ in range(TRIALS):
-            for k in range(drawn):
-                state ^= state << np.uint64(13)
-                state ^= state >> np.uint64(7)
-                state ^= state << np.uint64(17)
-                rows[k] = np.int64(state >> np.uint64(11)) % count
+        for row in range(TRIALS):
+            rows = (share[row, :drawn] * count).astype(np.int64)
             _fit_view(p[:, rows], u[:, rows], frame[view], is_planar[view], trial)
             middle = _median_distance(p, u, frame[view], trial, distance)
             if middle < least:
