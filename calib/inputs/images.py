@@ -56,7 +56,7 @@ def read_image(path: Path) -> Photo:
         InputError: no image, cut off or damaged, too large, of another depth, or not to be read; it names the file.
     """
     decoded = _read(path, in_colour=False)
-    return Photo(_grey(decoded.pixels), tuple(_remarks(path, decoded, drops_alpha=_has_alpha(decoded.pixels))))
+    return Photo(grey_of(decoded.pixels), tuple(_remarks(path, decoded, drops_alpha=_has_alpha(decoded.pixels))))
 
 
 def read_colour(path: Path) -> Photo:
@@ -115,7 +115,7 @@ def _read(path: Path, *, in_colour: bool) -> _Decoded:
         pixels = _decode(data, header, in_colour=in_colour)
     except DamagedError as error:
         raise InputError(f"{path}: {error}") from None
-    return _Decoded(pixels, header, brightness_step(_grey(pixels), unit_rows) if unit_rows else "")
+    return _Decoded(pixels, header, brightness_step(grey_of(pixels), unit_rows) if unit_rows else "")
 
 
 def _header_within_limits(data: bytes, most_pixels: int = MAX_PIXELS) -> Header:
@@ -190,7 +190,7 @@ def _has_alpha(pixels: Grey) -> bool:
     return pixels.ndim == 3 and pixels.shape[2] == 4
 
 
-def _grey(image: Grey) -> Grey:
+def grey_of(image: Grey) -> Grey:
     """Grey from grey, or from three channels (blue, green, red) or four."""
     import cv2
 

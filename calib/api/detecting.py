@@ -1,0 +1,98 @@
+"""One photo, from an array or a file, to named centres."""
+
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detect import pipeline
+from calib.inputs.images import grey_of, read_image
+from calib.interop.reading import open_camera
+from calib.report.why_nothing import explained
+from calib.types import Camera, Detections
+from designer.errors import InputError
+from designer.target import TargetGeometry, load_target
+
+Place: TypeAlias = str | PathLike[str]
+Pixels: TypeAlias = NDArray[np.generic]
+
+DEPTHS = (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32))
+
+
+class Detector:
+    """Finds one target in many photos: `Detector(target).detect(image)`.
+
+    >>> detector = calib.Detector("ico.target.json", camera="camera.json")
+    >>> found = detector.detect(frame)
+
+    Args:
+        target: what the photos show: a geometry, or its file.
+        camera: that takes them, if it is known: a camera, a file, or a template; centres become surer with its lens.
+
+    Raises:
+        InputError: a file that cannot be read, or a target without rings.
+    """
+
+    def __init__(self, target: TargetGeometry | Place, camera: Camera | Place | None = None) -> None:
+        self.target = target if isinstance(target, TargetGeometry) else load_target(Path(target), "rings")
+        self.camera = camera if camera is None or isinstance(camera, Camera) else open_camera(fspath(camera)).read.camera
+
+    def detect(self, image: Pixels | Place, name: str = "") -> Detections:
+        """The target's rings and dots in a photo; none, with the reason in `remarks`, if it does not show the target.
+
+        Args:
+            image: grey (H, W), or blue, green, red (H, W, 3) as OpenCV reads it, of 8 or 16 bits or float32; or a file.
+            name: what the photo is called in the result; "": a file's own name.
+
+        Raises:
+            InputError: no such file, no image, or one of another size than the camera's.
+        """
+        if isinstance(image, str | PathLike):
+            pixels, name = read_image(Path(image)).pixels, name or Path(image).name
+        else:
+            pixels = grey_pixels(image)
+        size = pixels.shape[1], pixels.shape[0]
+        if self.camera is not None and self.camera.image_size != size:
+            raise InputError(
+                f"{name or 'the image'}: has {size[0]} x {size[1]} px, but the camera is of {self.camera.image_size[0]} "
+                f"x {self.camera.image_size[1]} px; give photos and camera of one size"
+            )
+        found = pipeline.detect(pixels, self.target, name=name or "image", camera=self.camera)
+        return explained(found, pixels, self.target)
+
+
+def detect(
+    image: Pixels | Place, target: TargetGeometry | Place, *, camera: Camera | Place | None = None, name: str = ""
+) -> Detections:
+    """Find a target's rings in one photo, name them, and measure their centres: `detect(image, "ico.target.json")`.
+
+    >>> found = calib.detect(cv2.imread("a.png"), geometry)
+    >>> cv2.solvePnP(found.object_points, found.image_points, matrix, distortion)
+
+    Args:
+        image: as `Detector.detect` has it.
+        target: what it shows: a geometry, or its file. For many photos of one target a `Detector` reads it once.
+        camera: that took it, if it is known.
+        name: what the photo is called in the result.
+
+    Raises:
+        InputError: a file that cannot be read, an array that is no image, or a camera of another size.
+    """
+    return Detector(target, camera).detect(image, name)
+
+
+def grey_pixels(image: Pixels) -> Pixels:
+    """Grey levels (H, W) of an array, as the detector takes them.
+
+    Raises:
+        InputError: it is no image.
+    """
+    if not isinstance(image, np.ndarray):
+        raise InputError(f"{type(image).__name__}: is no image; give a numpy array (H, W) or (H, W, 3), or a file")
+    if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (1, 3, 4)) or not image.size:
+        raise InputError(f"an array of shape {image.shape} is no image; give (H, W), or (H, W, 3) in blue, green, red")
+    if image.dtype not in DEPTHS:
+        raise InputError(f"an image of {image.dtype}: give uint8, uint16 or float32")
+    return grey_of(image)
