@@ -11,9 +11,10 @@ from calib.as_built.options import AsBuiltOptions
 from calib.as_built.problem import State
 from calib.as_built.result import AsBuilt, target_of
 from calib.as_built.unknowns import TargetUnknowns, nominal_shape, place_rings, unknowns_of
-from calib.inputs.observations import known_points
-from calib.se3 import invert, log_rotation
-from calib.types import Camera, Observations
+from calib.cameras.camera import Camera
+from calib.core.se3 import invert, log_rotation
+from calib.core.types import Observations
+from calib.observe.observations import known_points
 from designer.layout import lay_out
 from designer.spec import BoardSpec, IcoSpec
 from designer.target import TargetGeometry

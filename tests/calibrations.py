@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import MODELS, project
-from calib.inputs.observations import known_points
+from calib.cameras.camera import Camera
+from calib.core.se3 import look_at, transform
+from calib.core.types import KnownPoints, Observations
 from calib.metrics.prediction import centers_mm
-from calib.render.poses import fibonacci_cap
-from calib.se3 import look_at, transform
-from calib.types import Calibration, Camera, KnownPoints, Observations
+from calib.observe.observations import known_points
+from calib.renderer.poses import fibonacci_cap
+from calib.solver.calibration import Calibration
 from designer.layout import lay_out
 from designer.sizing import size_job
 from designer.spec_file import BoardFile, IcoFile

@@ -14,8 +14,8 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cli import main
-from calib.inputs.dataset import write_detections
-from calib.types import Detections, Observations
+from calib.core.types import Detections, Observations
+from calib.observe.dataset import write_detections
 from designer.target import TargetGeometry, target_to_json
 
 SIGMA_PX = 0.02

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.camera_file import camera_to_json
-from calib.inputs.dataset import write_detections
-from calib.inputs.observations import known_points
-from calib.render.job import RenderJob, truth_text
-from calib.render.options import RenderOptions
-from calib.results.calibration_file import Provenance, write_calibration
-from calib.se3 import exp_rotation
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_to_json
+from calib.core.se3 import exp_rotation
+from calib.core.types import Detections, Observations
+from calib.observe.dataset import write_detections
+from calib.observe.observations import known_points
+from calib.records.calibration_file import Provenance, write_calibration
+from calib.renderer.job import RenderJob, truth_text
+from calib.renderer.options import RenderOptions
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Camera, Detections, Observations
 from designer.target import TargetGeometry, target_to_json
 from tests.calibrations import board, camera, poses_around, seen_by
 from tests.command_line import PICTURE, detections_of
@@ -63,8 +64,8 @@ def detect(
 
 def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """The detector above, and pictures that are not drawn: both take longer than all else."""
-    monkeypatch.setattr("calib.detect.pipeline.find", lambda *_: None)
-    monkeypatch.setattr("calib.detect.pipeline.detect", detect)
+    monkeypatch.setattr("calib.detector.pipeline.find", lambda *_: None)
+    monkeypatch.setattr("calib.detector.pipeline.detect", detect)
     monkeypatch.setattr("calib.figures.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     monkeypatch.setattr("calib.studies.figures.files_of", named)

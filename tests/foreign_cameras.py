@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from calib.cameras import rays
+from calib.cameras.camera import Camera
+from calib.cameras.refit import image_grid
 from calib.interop import FORMATS
 from calib.interop.converting import fit_to_format
-from calib.refit import image_grid
-from calib.types import Camera
 
 SIZE = (1024, 768)
 CAMERAS = {

@@ -8,9 +8,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect import homography
-from calib.render import RenderOptions, View, render_view
-from calib.types import Camera, Detections
+from calib.cameras.camera import Camera
+from calib.core.types import Detections
+from calib.detector import homography
+from calib.renderer import RenderOptions, View, render_view
 from designer.layout import lay_out
 from designer.presets import preset_names, preset_or_file
 from designer.sizing import size_job

@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.camera_file import camera_to_json
-from calib.detect.batch import PhotoFile, PhotoResult
-from calib.pose import TargetPose
-from calib.render.job import RenderJob, truth_text
-from calib.render.options import RenderOptions
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_to_json
+from calib.core.types import TOO_FLAT, Detections, FaceRecord
+from calib.observe.photos import PhotoFile, PhotoResult
+from calib.pipeline.target_poses import TargetPose
+from calib.renderer.job import RenderJob, truth_text
+from calib.renderer.options import RenderOptions
 from calib.report.detected_photos import detected as detected_in
 from calib.report.detected_photos import told_detected
 from calib.report.kept_target import TARGET_FILE, keep_target
@@ -19,7 +21,6 @@ from calib.report.photos_page import photos_page
 from calib.report.posed_photos import Posed, told_posed
 from calib.report.rendered_photos import told_rendered
 from calib.report.undistorted_photos import UndistortedPhoto, UndistortedSet, told_undistorted
-from calib.types import TOO_FLAT, Camera, Detections, FaceRecord
 from designer.page.blocks import Page
 from designer.target import TargetGeometry
 from tests.calibrations import board, icosahedron, poses_around

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import rays
-from calib.types import Camera
+from calib.cameras.camera import Camera
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

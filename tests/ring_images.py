@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.ring_model import BLUR, DARKNESS, E00, M0, PARAMETERS, RATIO, WHITE
+from calib.detector.ring_model import BLUR, DARKNESS, E00, M0, PARAMETERS, RATIO, WHITE
 from tests.benchmarks.synthetic import Array, Box, conic_of_circle, ellipse_coverage, plane_view
 
 CELL = 4

@@ -7,11 +7,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.candidates import Candidates
-from calib.render import RenderOptions, View, render_view
-from calib.render.rings import RingTruth, ring_truth
-from calib.render.scene import scene_from_target
-from calib.types import Camera, Detections
+from calib.cameras.camera import Camera
+from calib.core.types import Detections
+from calib.detector.candidates import Candidates
+from calib.renderer import RenderOptions, View, render_view
+from calib.renderer.rings import RingTruth, ring_truth
+from calib.renderer.scene import scene_from_target
 from designer.layout import lay_out
 from designer.spec import BoardSpec, IcoSpec, Lattice
 from designer.target import TargetGeometry

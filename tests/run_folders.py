@@ -8,15 +8,16 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from calib.files import distinct_stems, write_files
-from calib.inputs.records import ImageRecord, Records, records_to_json
+from calib.core.files import distinct_stems, write_files
+from calib.core.types import FaceRecord
 from calib.metrics.evaluation import evaluate
-from calib.results.calibration_file import Provenance, write_calibration
-from calib.results.evaluation_files import evaluation_files
-from calib.results.truth import Truth
+from calib.observe.records import ImageRecord, Records, records_to_json
+from calib.observe.truth import Truth
+from calib.records.calibration_file import Provenance, write_calibration
+from calib.records.evaluation_files import evaluation_files
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Calibration, FaceRecord
 from designer.page.blocks import Block, Finding, Findings, Fold, Page, Section, Table
 from designer.target import TargetGeometry
 from tests.calibrations import board, example

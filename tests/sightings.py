@@ -4,11 +4,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.render import RenderOptions, render_view
-from calib.render.rings import ring_truth
-from calib.render.scene import scene_from_target
-from calib.se3 import look_at
-from calib.types import Camera, Detections, FaceRecord
+from calib.cameras.camera import Camera
+from calib.core.se3 import look_at
+from calib.core.types import Detections, FaceRecord
+from calib.renderer import RenderOptions, render_view
+from calib.renderer.rings import ring_truth
+from calib.renderer.scene import scene_from_target
 from designer.target import TargetGeometry
 
 

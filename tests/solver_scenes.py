@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project
-from calib.inputs.observations import known_points
-from calib.render.poses import fibonacci_cap
-from calib.se3 import look_at, transform
-from calib.types import Camera, KnownPoints, Observations
+from calib.cameras.camera import Camera
+from calib.core.se3 import look_at, transform
+from calib.core.types import KnownPoints, Observations
+from calib.observe.observations import known_points
+from calib.renderer.poses import fibonacci_cap
 from designer.layout import lay_out
 from designer.spec import BoardSpec, IcoSpec
 

@@ -16,8 +16,8 @@ from types import FrameType
 import numpy as np
 import pytest
 
-from calib.render.job import RenderJob, truth_text
-from calib.render.options import RenderOptions
+from calib.renderer.job import RenderJob, truth_text
+from calib.renderer.options import RenderOptions
 from calib.studies.figures import SUFFIXES
 from tests.calibrations import board, example
 from tests.command_line import PICTURE, Answer, calib, files_in, write_inputs

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.se3 import make_pose
+from calib.core.se3 import make_pose
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Calibration
 from calib.verdict.advice import advice_of
 from calib.verdict.candidate_views import tilt_rotation
 from calib.verdict.checks import px

@@ -11,14 +11,15 @@ from calib.as_built.options import AsBuiltOptions
 from calib.as_built.result import AsBuilt
 from calib.as_built.solve import measure
 from calib.as_built.unknowns import TargetUnknowns
-from calib.inputs.observations import known_points
+from calib.cameras.camera import Camera
+from calib.core.se3 import compose, invert, make_pose, transform
+from calib.core.selection import keep_sightings, keep_views
+from calib.core.types import Observations
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
-from calib.se3 import compose, invert, make_pose, transform
-from calib.sightings import keep_sightings, keep_views
+from calib.observe.observations import known_points
 from calib.solver.options import AS_THE_PAPER, SolveOptions
 from calib.solver.solve import solve
-from calib.types import Camera, Observations
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import perturb

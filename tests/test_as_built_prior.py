@@ -16,8 +16,8 @@ from calib.as_built_report.deviations import Verdict, face_deviations
 from calib.as_built_report.held_out import Gain, HeldOut, gain_on_held_out, judged_by
 from calib.as_built_report.picture import face_label
 from calib.as_built_report.words import no_gain_line
-from calib.sightings import keep_sightings
-from calib.types import Observations
+from calib.core.selection import keep_sightings
+from calib.core.types import Observations
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel, perturb

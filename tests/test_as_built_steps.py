@@ -16,11 +16,11 @@ from calib.as_built.options import AsBuiltOptions
 from calib.as_built.problem import Joint, State, joint_problem
 from calib.as_built.solve import measure
 from calib.as_built.unknowns import TargetUnknowns, in_face_mm, moved_shape, place_rings, unknowns_of
+from calib.core.types import Observations
 from calib.solver.levenberg import move_poses
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.solver.tie import tie_parameters
-from calib.types import Observations
 from designer.target import TargetGeometry
 from tests.as_built_scenes import photos, plate, printed, random_shape, solid
 

@@ -19,11 +19,11 @@ ALLOWED = {
     "calib/as_built/ring_spread.py with_seen_spread": "a normal matrix with a prior on each unknown",
     "calib/as_built/solve.py _about_effective": "a normal matrix with a prior on each unknown",
     "calib/cameras/learned.py exact_variance": "a Gram matrix with the knots' noise on its diagonal",
-    "calib/detect/alignment.py Alignment.on_grid": "turns of a lattice, and its basis by steps that span it",
-    "calib/detect/alignment.py GridReader._ellipse_at": "a shortest solution, which any number of steps has",
-    "calib/detect/lines.py fit_lines": "a covariance plus a floor",
-    "calib/detect/name_board.py _uprightness": "a shortest solution, which two columns always have",
-    "calib/detect/where_expected.py _plane_map": "shortest solutions, whose points were found to span a plane",
+    "calib/detector/alignment.py Alignment.on_grid": "turns of a lattice, and its basis by steps that span it",
+    "calib/detector/alignment.py GridReader._ellipse_at": "a shortest solution, which any number of steps has",
+    "calib/detector/lines.py fit_lines": "a covariance plus a floor",
+    "calib/detector/name_board.py _uprightness": "a shortest solution, which two columns always have",
+    "calib/detector/where_expected.py _plane_map": "shortest solutions, whose points were found to span a plane",
     "calib/metrics/reconstruction.py reconstruction": "of the rings whose rays were found to meet in a point",
     "calib/refit.py _adjust": "damped: a diagonal of ones with more on it",
     "calib/solver/covariance.py accuracy_of": "poses by Cholesky before, which tells whether they are determined",
@@ -73,7 +73,7 @@ def bare_calls(source: str) -> list[tuple[str, str]]:
 
 
 def test_inverses_of_what_data_make_are_guarded() -> None:
-    """An inverse goes through `calib.linear_algebra`, or stands in a function that says here why it exists."""
+    """An inverse goes through `calib.core.linear_algebra`, or stands in a function that says here why it exists."""
     root = Path(calib.__file__).parent.parent
     assert root == Path(designer.__file__).parent.parent
     files = [path for package in ("calib", "designer") for path in sorted((root / package).rglob("*.py"))]

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from ring_images import INK_LEVEL, LIMIT, WHITE_LEVEL, Ring
 
-from calib.detect.blur_growth import blur_growth, is_noticed, left_covariance
-from calib.detect.ring_fit import fit_rings
-from calib.detect.ring_model import BLUR, M0
+from calib.detector.blur_growth import blur_growth, is_noticed, left_covariance
+from calib.detector.ring_fit import fit_rings
+from calib.detector.ring_model import BLUR, M0
 from tests.benchmarks.synthetic import Box, ring_shade
 
 Array = NDArray[np.float64]

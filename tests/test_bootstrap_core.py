@@ -10,16 +10,18 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras import rays
+from calib.core.se3 import exp_rotation
+from calib.core.selection import keep_views
+from calib.core.types import KnownPoints, Observations
 from calib.metrics.errors import Errors, summarise
 from calib.metrics.intersection import intersection
 from calib.metrics.pose import pose
 from calib.metrics.prediction import predict
 from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
-from calib.results.truth import Truth
-from calib.se3 import exp_rotation
-from calib.sightings import keep_views
+from calib.observe.truth import Truth
 from calib.solver.blocks import RobustLoss, view_blocks
+from calib.solver.calibration import Calibration
 from calib.solver.covariance import accuracy_of
 from calib.solver.levenberg import move_poses, turn_of_centre
 from calib.solver.options import SolveOptions
@@ -35,7 +37,6 @@ from calib.studies.near import find_near
 from calib.studies.pool import Pool, make_pool
 from calib.studies.sample import SampleResult
 from calib.studies.sample_metrics import Sample, SampleErrors, sample_errors
-from calib.types import Calibration, KnownPoints, Observations
 from designer.errors import InputError
 from tests.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around, random_covariances, rows_of
 

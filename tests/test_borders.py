@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.detect.binarise import Threshold, binarise, noise_level, reduced, reduction, thresholds
-from calib.detect.borders import Borders, find_borders
-from calib.detect.candidates import Candidates, find_candidates, merged, semi_axes_px
+from calib.detector.binarise import Threshold, binarise, noise_level, reduced, reduction, thresholds
+from calib.detector.borders import Borders, find_borders
+from calib.detector.candidates import Candidates, find_candidates, merged, semi_axes_px
 from tests.ring_images import Ring, mosaic, random_rings, triangle_of
 
 Array = NDArray[np.float64]

@@ -15,12 +15,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.camera_file import load_camera
-from calib.files import write_files
-from calib.results.calibration_file import Provenance, read_calibration, write_calibration
-from calib.results.observation_table import COLUMNS, FIRST_LINE, read_sightings
+from calib.cameras.camera import Camera, LearnedMap
+from calib.cameras.camera_file import load_camera
+from calib.core.files import write_files
+from calib.core.types import KnownPoints
+from calib.records.calibration_file import Provenance, read_calibration, write_calibration
+from calib.records.observation_table import COLUMNS, FIRST_LINE, read_sightings
+from calib.solver.calibration import Calibration, ImageField, TargetError
 from calib.solver.options import SolveOptions
-from calib.types import Calibration, Camera, ImageField, KnownPoints, LearnedMap, TargetError
 from designer.errors import InputError
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount

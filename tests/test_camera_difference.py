@@ -9,12 +9,12 @@ import pytest
 from foreign_cameras import CAMERAS, SIZE, ask_mrcal
 from scipy.optimize import minimize
 
-from calib.camera_difference import camera_difference
 from calib.cameras import project, rays
-from calib.difference_picture import difference_picture, scale_end
+from calib.cameras.camera import Camera
+from calib.cameras.camera_difference import camera_difference
+from calib.core.se3 import exp_rotation
+from calib.figures.difference_picture import difference_picture, scale_end
 from calib.interop import FORMATS
-from calib.se3 import exp_rotation
-from calib.types import Camera
 from designer.errors import InputError
 
 A = Camera("opencv", np.array([900.0, 905, 510, 390, -0.12, 0.09, 0.0006, -0.0004, -0.02]), SIZE)

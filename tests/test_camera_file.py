@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from virtual_scenes import virtual_camera, wavy_map
 
-from calib.camera_file import camera_from_mapping, camera_to_json, load_camera
 from calib.cameras import rays
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_from_mapping, camera_to_json, load_camera
 from designer.errors import InputError
 
 

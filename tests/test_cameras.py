@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.camera_file import camera_from_mapping, camera_or_preset, camera_to_json, load_camera
 from calib.cameras import MODELS, linearise, parameter_names, project, rays
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_from_mapping, camera_or_preset, camera_to_json, load_camera
 from designer.errors import InputError
 from designer.presets import preset_names
 

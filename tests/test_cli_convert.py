@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from foreign_cameras import CAMERAS, SIZE, whole_image
 
-from calib.camera_file import camera_to_json, load_camera
 from calib.cameras import project
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_to_json, load_camera
 from calib.commands.convert import convert
 from calib.interop import FORMATS
 from calib.interop.reading import open_camera
-from calib.types import Camera
 from designer.errors import InputError
 
 OTHERS = [name for name in FORMATS if name != "json"]

@@ -15,13 +15,14 @@ import pytest
 from numpy.typing import NDArray
 from sightings import pinhole, sighting, view_from
 
-from calib.camera_file import camera_to_json
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_to_json
 from calib.commands.detect import detect as detect_command
-from calib.detect.batch import Detect, PhotoFile, detect_photos, find_photos, named_photos, reading_once
-from calib.detect.overlay import draw_overlay
-from calib.inputs.dataset import read_detections
-from calib.inputs.records import read_records
-from calib.types import Camera, Detections
+from calib.core.types import Detections
+from calib.detector.overlay import draw_overlay
+from calib.observe.dataset import read_detections
+from calib.observe.photos import Detect, PhotoFile, detect_photos, find_photos, named_photos, reading_once
+from calib.observe.records import read_records
 from designer.command import printable
 from designer.errors import InputError
 from designer.layout import lay_out
@@ -72,7 +73,7 @@ def run(
 ) -> int:
     """The exit code of the command with a detector of choice."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("calib.detect.pipeline.detect", detect)
+        patch.setattr("calib.detector.pipeline.detect", detect)
         return detect_command(
             Path("board.target.json"), list(photos), out=None if out is None else Path(out),
             overlay=None if overlay is None else Path(overlay), camera=camera, jobs=2,
@@ -160,7 +161,7 @@ def test_a_photo_without_overlay_does_not_stop_the_others(
             raise ZeroDivisionError("flat")
         return draw_overlay(pixels, seen, target)
 
-    monkeypatch.setattr("calib.detect.overlay.draw_overlay", draw)
+    monkeypatch.setattr("calib.detector.overlay.draw_overlay", draw)
     photo(Path("photos") / f"{'long' * 60}.png", 80)
     assert run("photos", overlay="o", out="d.csv") == 0
     said, errors = capsys.readouterr()
@@ -307,7 +308,7 @@ def test_the_command_line_is_quick_to_help_and_strict_with_options(tmp_path: Pat
 def test_a_photo_is_searched_without_what_other_commands_use() -> None:
     """Search and page load neither statistics nor drawings, studies nor the solver, which take longer."""
     script = (
-        "import sys, calib.cli, calib.detect.batch, calib.detect.pipeline, calib.report.why_nothing\n"
+        "import sys, calib.cli, calib.observe.photos, calib.detector.pipeline, calib.report.why_nothing\n"
         "import calib.report.detected_photos, calib.report.photos_page\n"
         "print(*sys.modules)"
     )

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from foreign_cameras import CAMERAS, SIZE
 
-from calib.camera_difference import camera_difference
-from calib.camera_file import camera_to_json
+from calib.cameras.camera import Camera
+from calib.cameras.camera_difference import camera_difference
+from calib.cameras.camera_file import camera_to_json
 from calib.commands.diff import diff
 from calib.interop import FORMATS
-from calib.types import Camera
 from designer.errors import InputError
 
 BARREL = CAMERAS["barrel"]

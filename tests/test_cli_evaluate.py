@@ -14,16 +14,17 @@ from rich.table import Table
 from typer.testing import CliRunner, Result
 
 from calib.commands.evaluate import evaluate as command
+from calib.core.number_text import figure, with_digits
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import by_point, by_view, evaluate
-from calib.render.job import RenderJob, truth_text
-from calib.render.options import RenderOptions
-from calib.results.calibration_file import Provenance, write_calibration
-from calib.results.evaluation_files import evaluation_files
-from calib.results.evaluation_table import comparison_table, figure, with_digits
+from calib.records.calibration_file import Provenance, write_calibration
+from calib.records.evaluation_files import evaluation_files
+from calib.renderer.job import RenderJob, truth_text
+from calib.renderer.options import RenderOptions
+from calib.report.evaluation_table import comparison_table
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Calibration
 from designer.errors import InputError
 from tests.calibrations import board, example, icosahedron
 

@@ -16,14 +16,16 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from calib.inputs.dataset import read_detections
-from calib.inputs.exif import EXIF_IFD, FOCAL_LENGTH_IN_35_MM
+from calib.cameras.camera import Camera
+from calib.core.types import Detections, Observations
+from calib.observe.dataset import read_detections
+from calib.observe.exif import EXIF_IFD, FOCAL_LENGTH_IN_35_MM
 from calib.pipeline.calibrate import calibrate
-from calib.render.job import RenderJob, truth_text
-from calib.render.options import RenderOptions
-from calib.render.view import render_view
-from calib.results.calibration_file import read_calibration
-from calib.types import Calibration, Camera, Detections, Observations
+from calib.records.calibration_file import read_calibration
+from calib.renderer.job import RenderJob, truth_text
+from calib.renderer.options import RenderOptions
+from calib.renderer.view import render_view
+from calib.solver.calibration import Calibration
 from designer.target import TargetGeometry, target_to_json
 from tests.calibrations import board, camera, poses_around
 from tests.command_line import JUDGED, LENIENT, PAGE, PICTURE, calib, files_in, refused
@@ -107,8 +109,8 @@ def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 def detector(monkeypatch: pytest.MonkeyPatch) -> Detector:
     """In place of the real one, which takes longer; pictures are not drawn."""
     fake = Detector()
-    monkeypatch.setattr("calib.detect.pipeline.find", lambda *_: None)
-    monkeypatch.setattr("calib.detect.pipeline.detect", fake)
+    monkeypatch.setattr("calib.detector.pipeline.find", lambda *_: None)
+    monkeypatch.setattr("calib.detector.pipeline.detect", fake)
     no_pictures(monkeypatch)
     return fake
 

@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.camera_file import load_camera
 from calib.cameras import project
-from calib.files import named_in_files
-from calib.inputs.dataset import write_detections
-from calib.inputs.images import Photo
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import load_camera
+from calib.core.files import named_in_files
+from calib.core.se3 import look_at, transform
+from calib.core.types import Detections, Observations
+from calib.observe.dataset import write_detections
+from calib.observe.images import Photo
 from calib.pipeline.calibrate import calibrate
-from calib.results.calibration_file import read_calibration
-from calib.se3 import look_at, transform
-from calib.types import Calibration, Camera, Detections, Observations
+from calib.records.calibration_file import read_calibration
+from calib.solver.calibration import Calibration
 from designer.errors import InputError
 from designer.target import load_target, target_to_json
 from tests.calibrations import board, example, icosahedron, seen_by
@@ -225,8 +227,8 @@ def test_a_reference_board_goes_with_a_solid(monkeypatch: pytest.MonkeyPatch) ->
     write_inputs(seen, solid)
     Path("flat.target.json").write_text(target_to_json(BOARD))
     photo = detections_of(SEEN, BOARD)[2]
-    monkeypatch.setattr("calib.inputs.images.read_image", lambda _path: Photo(np.zeros((1, 1), dtype=np.uint8), ()))
-    monkeypatch.setattr("calib.detect.pipeline.detect", lambda _pixels, _board, *, name: replace(photo, image=name))
+    monkeypatch.setattr("calib.observe.images.read_image", lambda _path: Photo(np.zeros((1, 1), dtype=np.uint8), ()))
+    monkeypatch.setattr("calib.detector.pipeline.detect", lambda _pixels, _board, *, name: replace(photo, image=name))
     answer = calib(
         "solve", "detections.csv", "--target", "board.target.json", "--model", "virtual", "-o", "v",
         "--reference", "flat/a.png", "--reference-target", "flat.target.json", *LENIENT,

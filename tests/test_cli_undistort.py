@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.camera_file import camera_to_json, load_camera
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_to_json, load_camera
+from calib.cameras.undistortion import pinhole_of
+from calib.cameras.undistortion import undistort as undistort_pixels
 from calib.commands.undistort import undistort
-from calib.inputs.images import read_colour
-from calib.types import Camera
-from calib.undistort import pinhole_of
-from calib.undistort import undistort as undistort_pixels
+from calib.observe.images import read_colour
 from designer.answer import StoppedError
 from designer.errors import InputError
 from tests.command_line import PAGE
@@ -163,7 +163,7 @@ def test_a_stopped_run_keeps_what_is_whole(folder: Path, monkeypatch: pytest.Mon
             raise KeyboardInterrupt
         return original(*arguments, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("calib.undistort.undistort", stop)
+    monkeypatch.setattr("calib.cameras.undistortion.undistort", stop)
     with pytest.raises(StoppedError, match=r"stopped; 1 of 2 photos are in out") as end:
         run("photos")
     assert end.value.summary.wrote == (Path("out/a.undistorted.png"), Path("out/camera.json"))

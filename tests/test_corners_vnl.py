@@ -11,8 +11,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.inputs.corners_vnl import PointGrid
-from calib.inputs.correspondences import read_observations
+from calib.observe.corners_vnl import PointGrid
+from calib.observe.correspondences import read_observations
 from designer.errors import InputError
 from tests.test_correspondences import sightings
 

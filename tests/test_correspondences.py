@@ -10,12 +10,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.inputs.corners_vnl import PointGrid
-from calib.inputs.correspondences import parse_pair, read_correspondences, read_observations
-from calib.inputs.dataset import write_detections
-from calib.inputs.known_planes import points_with_planes
-from calib.inputs.observations import known_points
-from calib.types import Detections, KnownPoints, Observations
+from calib.core.types import Detections, KnownPoints, Observations
+from calib.observe.corners_vnl import PointGrid
+from calib.observe.correspondences import parse_pair, read_correspondences, read_observations
+from calib.observe.dataset import write_detections
+from calib.observe.known_planes import points_with_planes
+from calib.observe.observations import known_points
 from designer.errors import InputError
 from designer.target import target_to_json
 from tests.calibrations import board, camera, icosahedron, poses_around, seen_by

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.inputs.dataset import (
+from calib.core.types import TOO_FLAT, Detections, FaceRecord
+from calib.observe.dataset import (
     COLUMNS,
     FIRST_LINE,
     check_output,
@@ -17,8 +18,7 @@ from calib.inputs.dataset import (
     read_detections,
     write_detections,
 )
-from calib.inputs.records import ImageRecord, measurable, read_records, records_path
-from calib.types import TOO_FLAT, Detections, FaceRecord
+from calib.observe.records import ImageRecord, read_records, records_path
 from designer.errors import InputError
 from designer.layout import lay_out
 from designer.sizing import size_job
@@ -253,8 +253,8 @@ def test_records_come_back(tmp_path: Path) -> None:
 def test_what_is_seen_too_flat_is_not_expected() -> None:
     """Features that nobody could measure from there do not count as missing."""
     face = replace(RECORD, rings_found=30, rings_expected=36, missing=((TOO_FLAT, 4), ("off the grid", 2)))
-    assert measurable(face) == 32
-    assert measurable(replace(face, missing=())) == 36
+    assert face.measurable == 32
+    assert replace(face, missing=()).measurable == 36
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"format": "ringsolid.records"}', "\xff", "[1]"])

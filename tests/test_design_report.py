@@ -22,9 +22,9 @@ from calib.as_built.lengths import length_in
 from calib.as_built_report.length_words import parse_length
 from calib.commands.camera_argument import read_camera
 from calib.commands.render import render
-from calib.render.poses import PoseGrid, grid_poses
-from calib.render.rings import ring_truth
-from calib.render.scene import scene_from_target
+from calib.renderer.poses import PoseGrid, grid_poses
+from calib.renderer.rings import ring_truth
+from calib.renderer.scene import scene_from_target
 from designer.code import CODE_POSITIONS, CODES
 from designer.errors import InputError
 from designer.formats.folder import OutputFile, write_folder

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.camera_file import camera_or_preset
-from calib.detect.pipeline import detect, find
-from calib.inputs.records import measurable
-from calib.render import RenderOptions, View, render_view
-from calib.types import Detections
+from calib.cameras.camera_file import camera_or_preset
+from calib.core.types import Detections
+from calib.detector.pipeline import detect, find
+from calib.renderer import RenderOptions, View, render_view
 from designer.target import TargetGeometry
 from tests.ring_views import CAMERA, USUAL, board, ellipse_of, ico, misplaced, scene_of, view_of
 from tests.sightings import view_from
@@ -328,4 +327,4 @@ def test_rings_beyond_the_edge_are_not_said_to_be_hidden() -> None:
     assert missing["outside the image"] > 5
     assert missing["cut by the image's edge"] > 0
     assert set(missing) <= {"outside the image", "cut by the image's edge"}
-    assert measurable(found.faces[0]) == len(found.ring)
+    assert found.faces[0].measurable == len(found.ring)

@@ -13,10 +13,10 @@ import pytest
 from typer.core import TyperGroup
 from typer.main import get_command
 
+from calib.cameras.camera import Camera
 from calib.cli import app as calib_app
-from calib.detect.pipeline import detect
+from calib.detector.pipeline import detect
 from calib.interop.format import CameraFormat
-from calib.types import Camera
 from designer.cli import app as design_app
 from designer.errors import InputError
 from designer.layout import lay_out
@@ -80,9 +80,10 @@ import numpy as np
 import calib.cameras
 {code}
 calib.cameras.MODELS = MappingProxyType({{**calib.cameras.MODELS, "division": Division()}})
-from calib.se3 import exp_rotation
+from calib.core.se3 import exp_rotation
 from calib.solver.solve import solve
-from calib.types import Camera, KnownPoints, Observations
+from calib.cameras.camera import Camera
+from calib.core.types import KnownPoints, Observations
 truth = Camera("division", np.array([1400.0, 1390.0, 640.2, 481.7, -0.2]), (1280, 960))
 grid = np.stack(np.meshgrid(np.arange(10.0), np.arange(8.0)), axis=-1).reshape(-1, 2)
 points = np.concatenate([(grid - grid.mean(axis=0)) * 25.0, np.zeros((80, 1))], axis=1)

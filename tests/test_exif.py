@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-from calib.inputs.exif import EXIF_IFD, FOCAL_LENGTH_IN_35_MM, exif_focal_px
+from calib.observe.exif import EXIF_IFD, FOCAL_LENGTH_IN_35_MM, exif_focal_px
 
 MAKE = 0x10F
 

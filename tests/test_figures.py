@@ -11,15 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
+from calib.cameras.camera import Camera
+from calib.core.se3 import exp_rotation
 from calib.figures import calibration_figures, comparison_figures
 from calib.figures.comparison import comparison_height_px, draw_comparison, part_of_unit
 from calib.figures.style import picture, round_length
-from calib.inputs.observations import known_points
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of, columns_rows, residuals_of
-from calib.results.truth import Truth
-from calib.se3 import exp_rotation
-from calib.types import Calibration, Camera
+from calib.observe.observations import known_points
+from calib.observe.truth import Truth
+from calib.solver.calibration import Calibration
 from tests.calibrations import board, calibration_of, camera, example, icosahedron, poses_around, seen_by
 
 BOARD = board()

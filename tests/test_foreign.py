@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from calib.detect.pipeline import detect
-from calib.render import RenderOptions
+from calib.detector.pipeline import detect
+from calib.renderer import RenderOptions
 from calib.report.why_nothing import explained
 from designer.layout import lay_out
 from designer.spec import IcoSpec

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.camera_file import camera_or_preset
-from calib.detect.candidates import Candidates
-from calib.detect.grid import Grid, grow_grids
-from calib.detect.lattice import lattice_of
+from calib.cameras.camera_file import camera_or_preset
+from calib.detector.candidates import Candidates
+from calib.detector.grid import Grid, grow_grids
+from calib.detector.lattice import lattice_of
 from designer.target import TargetGeometry
 from tests.ring_views import Scene, board, ico, scene_of
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from calib.detect import homography
-from calib.detect.ring_model import M0
+from calib.detector import homography
+from calib.detector.ring_model import M0
 from tests.ring_images import Ring
 
 Array = NDArray[np.float64]

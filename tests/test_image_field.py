@@ -7,12 +7,14 @@ import pytest
 from numpy.typing import NDArray
 from solver_scenes import SIZE, icosahedron, observe, poses_around
 
-from calib.sightings import keep_sightings
+from calib.cameras.camera import Camera
+from calib.core.selection import keep_sightings
+from calib.core.types import Observations
+from calib.solver.calibration import Calibration, ImageField
 from calib.solver.image_field import with_image_field
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.solver.uncertainty import projected_change
-from calib.types import Calibration, Camera, ImageField, Observations
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import yaml
 from foreign_cameras import CAMERAS, CLOSE_PX, SIZE, whole_image, written
 
 from calib.cameras import project
+from calib.cameras.camera import Camera
 from calib.interop import FORMATS
-from calib.types import Camera
 from designer.errors import InputError
 
 CALIBRATION_OUTPUT = """%YAML:1.0

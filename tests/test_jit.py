@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-import calib.jit
+import calib.core.jit
 
-CALLEE = "from calib.jit import jit\nLIMIT = {limit}\n\n\n@jit\ndef inner(x):\n    return x + {added}\n"
+CALLEE = "from calib.core.jit import jit\nLIMIT = {limit}\n\n\n@jit\ndef inner(x):\n    return x + {added}\n"
 KERNEL = (
-    "from calib.jit import jit\nfrom kernels_inner import LIMIT, inner\n\n\n@jit\ndef outer(x):\n"
+    "from calib.core.jit import jit\nfrom kernels_inner import LIMIT, inner\n\n\n@jit\ndef outer(x):\n"
     "    return inner(x) + LIMIT\n"
 )
 
@@ -44,8 +44,8 @@ def test_options_and_what_modules_hold_are_part_of_the_code(tmp_path: Path, monk
     """Code is made anew if the way of compiling changes, or a constant or a kernel that is reached through a module."""
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    way = Path(calib.jit.__file__).read_text()
-    callee = CALLEE.replace("calib.jit", "kernels_way")
+    way = Path(calib.core.jit.__file__).read_text()
+    callee = CALLEE.replace("calib.core.jit", "kernels_way")
     kernel = "import kernels_callee\nfrom kernels_way import jit\n\n\n@jit\ndef through(x):\n"
     kernel += "    return kernels_callee.inner(x) + kernels_callee.LIMIT\n"
 
@@ -74,7 +74,8 @@ def test_code_for_a_class_of_another_name_is_made_anew(tmp_path: Path, monkeypat
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     for name in ("Pair", "Couple"):
         (tmp_path / "kernels_pair.py").write_text(
-            f"from typing import NamedTuple\nfrom calib.jit import jit\n\n\nclass {name}(NamedTuple):\n    x: int\n\n\n"
+            "from typing import NamedTuple\nfrom calib.core.jit import jit\n\n\n"
+            f"class {name}(NamedTuple):\n    x: int\n\n\n"
             f"@jit\ndef double(pair):\n    return 2 * pair.x\n\n\nPAIR = {name}(4)\n"
         )
         sys.modules.pop("kernels_pair", None)

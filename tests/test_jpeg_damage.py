@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.inputs.images import read_image
-from calib.inputs.jpeg_damage import SEAM_GREYS, check_jpeg_scans
+from calib.observe.images import read_image
+from calib.observe.jpeg_damage import SEAM_GREYS, check_jpeg_scans
 from designer.errors import InputError
 
 Picture = NDArray[np.uint8]

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calib.results.calibration_file import read_calibration
+from calib.records.calibration_file import read_calibration
 from designer.answer import StoppedError, Summary, Value, document, plain
 from designer.command import command_line
 from tests.command_line import LENIENT, calib, design, summary_of

@@ -137,7 +137,7 @@ def test_bad_limits_are_refused_before_any_work(
     def worked(*_: object, **__: object) -> None:
         raise AssertionError("worked before it looked")
 
-    monkeypatch.setattr("calib.detect.pipeline.detect", worked)
+    monkeypatch.setattr("calib.detector.pipeline.detect", worked)
     monkeypatch.setattr("calib.solver.solve.solve", worked)
     Path("turned.toml").write_text('[residuals]\ngood = "2px"\nusable = "1px"\n')
     Path("unknown.toml").write_text('[residual]\ngood = "1px"\nusable = "2px"\n')

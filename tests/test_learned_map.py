@@ -16,6 +16,7 @@ from virtual_scenes import (
     wavy_map,
 )
 
+from calib.cameras.camera import LearnedMap
 from calib.cameras.learned import (
     exact_point,
     exact_variance,
@@ -28,7 +29,6 @@ from calib.cameras.learned import (
     to_sensor,
     trend_at,
 )
-from calib.types import LearnedMap
 from calib.virtual.image_cells import cells_of
 from calib.virtual.learn_map import MapSamples, learn_from_many, learn_map
 from calib.virtual.likelihood import log_likelihood

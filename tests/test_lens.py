@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.camera_file import camera_or_preset
 from calib.cameras import project
-from calib.detect import homography
-from calib.detect.lens import CameraLens, Lens, NoLens, RadialLens, estimate_lens, local_form
+from calib.cameras.camera_file import camera_or_preset
+from calib.detector import homography
+from calib.detector.lens import CameraLens, Lens, NoLens, RadialLens, estimate_lens, local_form
 from tests.ring_images import Ring
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.linear_algebra import (
+from calib.core.linear_algebra import (
     covariance_with_prior,
     least_squares,
     pseudo_inverse,

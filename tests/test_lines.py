@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.camera_file import camera_or_preset
 from calib.cameras import rays
-from calib.detect.grid import Grid
-from calib.detect.lens import CameraLens, NoLens
-from calib.detect.lines import Seen, fit_lines
-from calib.detect.pipeline import detect
-from calib.detect.place import place_faces
-from calib.detect.plan import plan_for
-from calib.detect.planar_parts import planar_parts
+from calib.cameras.camera_file import camera_or_preset
+from calib.detector.grid import Grid
+from calib.detector.lens import CameraLens, NoLens
+from calib.detector.lines import Seen, fit_lines
+from calib.detector.pipeline import detect
+from calib.detector.place import place_faces
+from calib.detector.plan import plan_for
+from calib.detector.planar_parts import planar_parts
 from tests.ring_views import CAMERA, board, ico, scene_of, view_of
 from tests.test_place import true_naming
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.detect.marks import DOT, RING, UNREADABLE, read_marks
+from calib.detector.marks import DOT, RING, UNREADABLE, read_marks
 from tests.ring_images import INK_LEVEL, WHITE_LEVEL, Mosaic, mosaic, random_rings
 
 Array = NDArray[np.float64]

@@ -29,11 +29,11 @@ from calib.as_built_report.held_out import gain_on_held_out, laid_over
 from calib.as_built_report.length_words import CALIPER_SIGMA_MM, parse_length
 from calib.as_built_report.words import next_print_lines
 from calib.commands.measure import measure
-from calib.inputs.dataset import write_detections
-from calib.inputs.observations import known_points
-from calib.se3 import exp_rotation
-from calib.sightings import keep_sightings
-from calib.types import Observations
+from calib.core.se3 import exp_rotation
+from calib.core.selection import keep_sightings
+from calib.core.types import Observations
+from calib.observe.dataset import write_detections
+from calib.observe.observations import known_points
 from designer.command import run
 from designer.errors import InputError
 from designer.make.bed import bed_from_target, printed_corners_mm

@@ -11,17 +11,19 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calib.cameras import rays
-from calib.inputs.observations import known_points
+from calib.cameras.camera import Camera
+from calib.core.se3 import compose, exp_rotation, invert, look_at, make_pose, transform
+from calib.core.types import KnownPoints, Observations
 from calib.metrics import METRICS
 from calib.metrics.errors import Errors, ErrorSummary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation, by_face, by_point, by_view, evaluate
 from calib.metrics.held_out import evaluate_held_out
 from calib.metrics.prediction import centers_mm, predict
-from calib.results.truth import Truth
-from calib.se3 import compose, exp_rotation, invert, look_at, make_pose, transform
+from calib.observe.observations import known_points
+from calib.observe.truth import Truth
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Calibration, Camera, KnownPoints, Observations
 from designer.errors import InputError
 from designer.target import TargetGeometry
 from tests.calibrations import board, calibration_of, camera, example, icosahedron, poses_around, seen_by

@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.inputs.mirrored import facing, handedness, mirrored_views
-from calib.inputs.observations import known_points
-from calib.se3 import look_at
-from calib.types import Camera, KnownPoints, Observations
+from calib.cameras.camera import Camera
+from calib.core.se3 import look_at
+from calib.core.types import KnownPoints, Observations
+from calib.observe.mirrored import facing, handedness, mirrored_views
+from calib.observe.observations import known_points
 from designer.errors import InputError
 from tests.calibrations import board, camera, icosahedron, poses_around, seen_by
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.camera_file import load_camera
-from calib.inputs.dataset import FIRST_LINE, KIND, check_output, read_detections
-from calib.inputs.records import FORMAT as RECORDS
+from calib.cameras.camera_file import load_camera
+from calib.observe.dataset import FIRST_LINE, KIND, check_output, read_detections
+from calib.observe.records import FORMAT as RECORDS
+from calib.records.calibration_file import read_calibration
 from calib.report.origin import ORIGIN_FILE, Origin, origin_to_json, read_origin
-from calib.results.calibration_file import read_calibration
 from designer.errors import InputError
 from designer.names import NAME, as_written_today
 from designer.own_files import require_ours
@@ -83,5 +83,5 @@ def test_marks_are_turned_where_files_are_read() -> None:
     files = [path for package in ("calib", "designer") for path in (root / package).rglob("*.py")]
     users = {path.relative_to(root).as_posix() for path in files if "import as_written_today" in path.read_text()}
     assert users == {
-        "designer/small_file.py", "calib/inputs/correspondences.py", "calib/results/observation_table.py"
+        "designer/small_file.py", "calib/observe/correspondences.py", "calib/records/observation_table.py"
     }  # fmt: skip

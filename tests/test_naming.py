@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.detect.alignment import Alignment, agreement, alignments, largest_overlap
-from calib.detect.grid import Grid
-from calib.detect.lattice import lattice_of
-from calib.detect.marks import DOT, RING, UNREADABLE
-from calib.detect.pipeline import detect
-from calib.detect.plan import plan_for
-from calib.render import RenderOptions, View
+from calib.detector.alignment import Alignment, agreement, alignments, largest_overlap
+from calib.detector.grid import Grid
+from calib.detector.lattice import lattice_of
+from calib.detector.marks import DOT, RING, UNREADABLE
+from calib.detector.pipeline import detect
+from calib.detector.plan import plan_for
+from calib.renderer import RenderOptions, View
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import readable_faces
 from tests.ring_views import USUAL, board, ico, misplaced, view_of

@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.inputs.dataset import read_detections, write_detections
-from calib.inputs.observations import (
+from calib.core.types import Detections, Observations
+from calib.observe.dataset import read_detections, write_detections
+from calib.observe.observations import (
     known_points,
     observations_for_poses,
     observations_from_detections,
 )
 from calib.solver.solve import solve
-from calib.types import Detections, Observations
 from designer.errors import InputError
 from designer.target import TargetGeometry
 from tests.calibrations import board, camera, icosahedron, poses_around, seen_by

@@ -9,13 +9,14 @@ import pytest
 from numpy.typing import NDArray
 from sightings import pinhole, sighting, view_from
 
-from calib.detect.canvas import Canvas, ellipse_points, text_mask
-from calib.detect.overlay import draw_overlay, write_overlay
-from calib.detect.overlay_frame import FACE_COLOURS, MISSING, REJECTED, SIGMA_RANGE_PX, face_colours, sigma_colour
-from calib.detect.where_expected import imaged_face
-from calib.render.rings import ring_truth
-from calib.render.scene import scene_from_target
-from calib.types import Camera, Detections
+from calib.cameras.camera import Camera
+from calib.core.types import Detections
+from calib.detector.canvas import Canvas, ellipse_points, text_mask
+from calib.detector.overlay import draw_overlay, write_overlay
+from calib.detector.overlay_frame import FACE_COLOURS, MISSING, REJECTED, SIGMA_RANGE_PX, face_colours, sigma_colour
+from calib.detector.where_expected import imaged_face
+from calib.renderer.rings import ring_truth
+from calib.renderer.scene import scene_from_target
 from designer.layout import lay_out
 from designer.sizing import size_job
 from designer.spec_file import BoardFile, IcoFile

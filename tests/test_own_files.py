@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from calib.files import write_files
+from calib.core.files import write_files
 from calib.interop import FORMATS
-from calib.render.job import SUFFIX
+from calib.renderer.job import SUFFIX
 from designer.errors import InputError
 from designer.own_files import kind_of, require_ours, signed
 from tests.command_line import Answer, calib, summary_of

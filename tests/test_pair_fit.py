@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.detect.pair_fit import fit_pairs
-from calib.detect.ring_fit import fit_rings
-from calib.detect.ring_model import BLUR, GEOMETRY_PARAMETERS, RATIO
+from calib.detector.pair_fit import fit_pairs
+from calib.detector.ring_fit import fit_rings
+from calib.detector.ring_model import BLUR, GEOMETRY_PARAMETERS, RATIO
 from tests.ring_images import INK_LEVEL, LIMIT, WHITE_LEVEL, Mosaic, Ring, mosaic, random_rings
 
 Array = NDArray[np.float64]

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.detect.pipeline import detect
-from calib.render import RenderOptions, View, render_view
+from calib.detector.pipeline import detect
+from calib.renderer import RenderOptions, View, render_view
 from designer.layout import lay_out
 from designer.spec import BoardSpec
 from designer.target import TargetGeometry

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.camera_file import camera_or_preset
 from calib.cameras import project
-from calib.detect.candidates import Candidates
-from calib.detect.face_spacing import lattice_over_spacing
-from calib.detect.lens import CameraLens, NoLens
-from calib.detect.place import (
+from calib.cameras.camera_file import camera_or_preset
+from calib.core.se3 import transform
+from calib.detector.candidates import Candidates
+from calib.detector.face_spacing import lattice_over_spacing
+from calib.detector.lens import CameraLens, NoLens
+from calib.detector.place import (
     Naming,
     Placement,
     Places,
@@ -20,8 +21,7 @@ from calib.detect.place import (
     predict,
     without_strangers,
 )
-from calib.detect.plan import plan_for
-from calib.se3 import transform
+from calib.detector.plan import plan_for
 from tests.ring_views import CAMERA, Scene, board, ellipse_of, ico, scene_of
 
 Array = NDArray[np.float64]

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.solve import measure
-from calib.camera_file import load_camera
 from calib.cameras import project
-from calib.inputs.correspondences import read_observations
-from calib.inputs.point_target import Plane, PointTable, target_from_points
-from calib.se3 import exp_rotation, look_at, transform
+from calib.cameras.camera_file import load_camera
+from calib.core.se3 import exp_rotation, look_at, transform
+from calib.observe.correspondences import read_observations
+from calib.observe.point_target import Plane, PointTable, target_from_points
 from designer.errors import InputError
 from designer.target import load_target, target_to_json
 from designer.tolerance.made import how_made

@@ -12,15 +12,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.camera_file import camera_to_json
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_to_json
 from calib.commands.pose import _table
 from calib.commands.pose import pose as pose_command
-from calib.detect.batch import PhotoFile, PhotoResult, find_photos
-from calib.inputs.observations import known_points
-from calib.pose import CSV_COLUMNS, TargetPose, poses_to_csv, poses_to_json, target_poses
-from calib.render.poses import load_poses
-from calib.se3 import exp_rotation, transform
-from calib.types import Camera, Detections
+from calib.core.se3 import exp_rotation, transform
+from calib.core.types import Detections
+from calib.observe.observations import known_points
+from calib.observe.photos import PhotoFile, PhotoResult, find_photos
+from calib.pipeline.target_poses import CSV_COLUMNS, TargetPose, poses_to_csv, poses_to_json, target_poses
+from calib.renderer.poses import load_poses
 from designer.errors import InputError
 from designer.target import TargetGeometry, target_to_json
 from tests.calibrations import board, camera, icosahedron, poses_around, seen_by
@@ -195,7 +196,7 @@ def photo(path: str, level: int, size: tuple[int, int] = CAMERA.image_size) -> N
 def run(*photos: str, out: str | None = None, overlay: str | None = None, camera: str = "camera.json") -> int:
     """The exit code of the command with the detector above."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("calib.detect.pipeline.detect", found)
+        patch.setattr("calib.detector.pipeline.detect", found)
         return pose_command(
             Path("board.target.json"), camera, list(photos), out=None if out is None else Path(out),
             overlay=None if overlay is None else Path(overlay), weighted=False, jobs=2,
@@ -313,7 +314,7 @@ def test_one_broken_picture_does_not_stop_the_others(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whatever breaks in drawing, the poses are written and the other pictures drawn."""
-    from calib.pose_overlay import draw_pose
+    from calib.pipeline.pose_overlay import draw_pose
 
     def draw(
         pixels: NDArray[np.uint8], seen: Detections, target: TargetGeometry, camera: Camera, pose: TargetPose
@@ -322,7 +323,7 @@ def test_one_broken_picture_does_not_stop_the_others(
             raise ZeroDivisionError("flat")
         return draw_pose(pixels, seen, target, camera, pose)
 
-    monkeypatch.setattr("calib.pose_overlay.draw_pose", draw)
+    monkeypatch.setattr("calib.pipeline.pose_overlay.draw_pose", draw)
     assert run("photos", overlay="o", out="poses.json") == 0
     said = capsys.readouterr().out
     assert "no overlay for a.png: ZeroDivisionError: flat" in said

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.render.poses import PoseGrid, fibonacci_cap, grid_poses, load_poses
-from calib.render.quantities import length_range
-from calib.se3 import exp_rotation, invert, log_rotation, make_pose
+from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose
+from calib.renderer.poses import PoseGrid, fibonacci_cap, grid_poses, load_poses
+from calib.renderer.quantities import length_range
 from designer.errors import InputError
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.detect import homography
-from calib.detect.lens import estimate_lens
-from calib.detect.pipeline import detect
-from calib.types import Detections
+from calib.core.types import Detections
+from calib.detector import homography
+from calib.detector.lens import estimate_lens
+from calib.detector.pipeline import detect
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import target_of
 from tests.ring_views import board

@@ -6,11 +6,11 @@ from foreign_cameras import CAMERAS, SIZE
 from scipy.optimize import least_squares
 
 from calib.cameras import parameter_names, project, rays
+from calib.cameras.camera import Camera, LearnedMap
+from calib.cameras.refit import fit_rays, image_grid, refit
+from calib.core.se3 import exp_rotation
 from calib.interop import FORMATS
 from calib.interop.converting import fit_to_format
-from calib.refit import fit_rays, image_grid, refit
-from calib.se3 import exp_rotation
-from calib.types import Camera, LearnedMap
 from designer.errors import InputError
 
 WIDE = Camera("opencv", np.array([620.0, 620, 508.2, 391.7, -0.3, 0.1, 0.0006, -0.0004, -0.012]), SIZE)

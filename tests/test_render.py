@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras import project
-from calib.render import RenderOptions, View, render_view
-from calib.render.lens import psf_weights
-from calib.render.trace import half_plane_coverage
-from calib.se3 import compose, look_at, transform
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.core.se3 import compose, look_at, transform
+from calib.renderer import RenderOptions, View, render_view
+from calib.renderer.lens import psf_weights
+from calib.renderer.trace import half_plane_coverage
 from designer.layout import lay_out
 from designer.sizing import size_job
 from designer.spec_file import BoardFile, IcoFile

@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.camera_file import camera_from_mapping
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_from_mapping
 from calib.cli import app
-from calib.render import RenderOptions, render_view
-from calib.render.job import RenderJob, render_file, run_job, truth_text
-from calib.se3 import look_at
-from calib.types import Camera
+from calib.core.se3 import look_at
+from calib.renderer import RenderOptions, render_view
+from calib.renderer.job import RenderJob, render_file, run_job, truth_text
 from designer.errors import InputError
 from designer.layout import lay_out
 from designer.sizing import size_job

@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib.cameras.camera import Camera
 from calib.figures.sigma_map import place_in_image
-from calib.inputs.observations import known_points
 from calib.metrics.prediction import centers_mm
+from calib.observe.observations import known_points
+from calib.observe.truth import Truth
 from calib.report.calibration_page import calibration_page
 from calib.report.camera_scene import camera_view, corner_rays
 from calib.report.camera_section import field_of_view_words
@@ -19,8 +21,6 @@ from calib.report.judging import judge_folder
 from calib.report.origin import Origin
 from calib.report.run_folder import read_run
 from calib.report.verdict_section import as_sentence, finding_of, headline_of
-from calib.results.truth import Truth
-from calib.types import Camera
 from calib.verdict.criteria import read_criteria
 from calib.verdict.verdict import Check, Verdict
 from designer.errors import InputError
@@ -194,7 +194,7 @@ def test_a_model_of_other_photos_is_not_compared(run: Path) -> None:
 
 def test_a_model_of_some_of_the_photos_is_compared(run: Path) -> None:
     """A learned map does not reach all sightings; that makes it no solution of something else."""
-    from calib.sightings import keep_views
+    from calib.core.selection import keep_views
     from calib.solver.options import SolveOptions
     from calib.solver.solve import solve
 
@@ -274,8 +274,8 @@ def test_a_target_without_planes_is_drawn_by_its_points(target: object) -> None:
         point=one.observations.point % len(points.face),
     )
     from calib.metrics.evaluation import evaluate
+    from calib.records.calibration_file import Provenance
     from calib.report.run_folder import Solved
-    from calib.results.calibration_file import Provenance
 
     solution = Solved(Path(), "", evaluate(replace(one, observations=seen)), Provenance("test"), None)
     view = camera_view(solution, None, ())

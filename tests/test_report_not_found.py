@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.commands.judged_page import criteria_templates
-from calib.inputs.records import Records, image_record, measurable
+from calib.core.types import Detections
+from calib.observe.records import Records, image_record, measurable
 from calib.report.claim import why_no_page
 from calib.report.detected_photos import detected, told_detected
 from calib.report.guess import origin_in
@@ -19,7 +20,6 @@ from calib.report.photos_file import read_photos, write_photos
 from calib.report.run_folder import read_run
 from calib.report.study_words import fall_in_words
 from calib.report.why_nothing import explained, why_nothing
-from calib.types import Detections
 from calib.verdict.verdict import Verdict
 from designer.errors import InputError
 from tests.calibrations import board

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from calib.detect.batch import find_photos
-from calib.render.job import run_job
-from calib.render.options import RenderOptions
-from calib.render.rings import ring_truth
-from calib.render.scene import scene_from_target
+from calib.cameras.camera import Camera
+from calib.observe.photos import find_photos
+from calib.renderer.job import run_job
+from calib.renderer.options import RenderOptions
+from calib.renderer.rings import ring_truth
+from calib.renderer.scene import scene_from_target
 from calib.report.claim import why_no_page
 from calib.report.gallery import MOST_PICTURES, Shot, spread
 from calib.report.kept_target import keep_target, kept_target
@@ -26,7 +27,6 @@ from calib.report.photos_file import PHOTOS_FILE
 from calib.report.place_scene import MOST_VIEWS, place_view
 from calib.report.rendered_photos import option_words
 from calib.report.undistortion import change_of
-from calib.types import Camera
 from designer.errors import InputError
 from designer.page.blocks import Block, Fold, Gallery, Page, Table, View3d
 from designer.page.scene import Cameras, Rings

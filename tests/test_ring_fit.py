@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import ncx2, norm
 
-from calib.detect.plane_distance import LENS_NUMBERS, plane_distance
-from calib.detect.ring_equations import CHUNK, FAR, MOST_GROWN, ROOM, accumulate, blurs_from_edge, edges
-from calib.detect.ring_fit import RingFits, fit_rings
-from calib.detect.ring_model import BLUR, DARKNESS, M0, PARAMETERS, RATIO, WHITE
-from calib.detect.ring_pixels import MAX_PIXELS, choose_pixels
-from calib.threads import in_chunks
+from calib.core.threads import in_chunks
+from calib.detector.plane_distance import LENS_NUMBERS, plane_distance
+from calib.detector.ring_equations import CHUNK, FAR, MOST_GROWN, ROOM, accumulate, blurs_from_edge, edges
+from calib.detector.ring_fit import RingFits, fit_rings
+from calib.detector.ring_model import BLUR, DARKNESS, M0, PARAMETERS, RATIO, WHITE
+from calib.detector.ring_pixels import MAX_PIXELS, choose_pixels
 from tests.ring_images import (
     CELL,
     INK_LEVEL,
@@ -369,7 +369,7 @@ def test_covariance_holds_where_noise_grows_with_light() -> None:
 def test_a_covariance_lets_each_pixel_err_by_its_own_residual(noisy: Mosaic) -> None:
     """A centre's covariance is the sandwich of J'J and J' diag(r^2) J, but for derivatives that the fit leaves out."""
     start = disturbed(noisy.params, np.random.default_rng(4))[:3]
-    fits, bend = fit_rings(noisy.image, start, limit=LIMIT), np.zeros(6)
+    fits, bend = fit_rings(noisy.image, start, limit=LIMIT), np.zeros(8)
     size = np.array([1e-4, 1e-4, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-5, 1e-4, 1e-2, 1e-3, 1e-3, 1e-5, 1e-3, 1e-3])
     for first, p, cov in zip(start, fits.params, fits.cov_px2, strict=True):
         chosen = np.empty((3, MAX_PIXELS))

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.detect.measure import ODD_EDGES
-from calib.detect.pipeline import detect
-from calib.detect.plane_distance import parameters_of
-from calib.detect.ring_equations import DISTANCE
-from calib.detect.ring_fit import RingFits, fit_rings
-from calib.detect.ring_model import M0, PARAMETERS, RATIO
-from calib.detect.ring_scores import (
+from calib.detector.measure import ODD_EDGES
+from calib.detector.pipeline import detect
+from calib.detector.plane_distance import parameters_of
+from calib.detector.ring_equations import DISTANCE
+from calib.detector.ring_fit import RingFits, fit_rings
+from calib.detector.ring_model import M0, PARAMETERS, RATIO
+from calib.detector.ring_scores import (
     LEAST_OF_A_FACE,
     PLACE,
     REACH_PX,
@@ -26,7 +26,7 @@ from calib.detect.ring_scores import (
     together,
     variance_ratios,
 )
-from calib.render import View
+from calib.renderer import View
 from tests.ring_images import INK_LEVEL, LIMIT, WHITE_LEVEL, Mosaic, disturbed, mosaic, random_rings
 from tests.ring_views import board, misplaced, view_of
 

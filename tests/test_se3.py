@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib.se3 import compose, exp_rotation, invert, log_rotation, look_at, make_pose, skew, transform
+from calib.core.se3 import compose, exp_rotation, invert, log_rotation, look_at, make_pose, skew, transform
 
 
 def vectors(seed: int = 0) -> np.ndarray:

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from calib.detect.binarise import Threshold
-from calib.detect.borders import find_borders
-from calib.detect.candidates import find_candidates
-from calib.detect.seeds import midpoint_on_line, refine_seeds
+from calib.detector.binarise import Threshold
+from calib.detector.borders import find_borders
+from calib.detector.candidates import find_candidates
+from calib.detector.seeds import midpoint_on_line, refine_seeds
 from tests.ring_images import Ring, mosaic, random_rings
 
 

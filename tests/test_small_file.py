@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from calib.camera_file import load_camera
-from calib.inputs.records import read_records
-from calib.render.poses import load_poses
+from calib.cameras.camera_file import load_camera
+from calib.observe.records import read_records
+from calib.renderer.poses import load_poses
 from designer.errors import InputError
 from designer.small_file import read_small_text
 from designer.spec_file import read_spec_file

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.small_solve import cholesky_factor, cholesky_invert, cholesky_solve, diagonalise
+from calib.core.small_solve import cholesky_factor, cholesky_invert, cholesky_solve, diagonalise
 
 
 def spd(

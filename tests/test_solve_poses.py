@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calib.cameras import project
-from calib.se3 import exp_rotation, log_rotation, look_at, transform
+from calib.cameras.camera import Camera
+from calib.core.se3 import exp_rotation, log_rotation, look_at, transform
 from calib.solver.pose import solve_poses
 from calib.solver.solve import solve
-from calib.types import Camera
 from tests.solver_scenes import (
     CAMERAS,
     NOISE_PX,

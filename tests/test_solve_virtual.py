@@ -8,12 +8,14 @@ from solver_scenes import CAMERAS, SIZE, icosahedron, moved_points, noisy, obser
 from virtual_scenes import angle_px, large_board, through_waves, true_rays
 
 from calib.cameras import project, rays
+from calib.cameras.camera import Camera
 from calib.cameras.learned import known_at
-from calib.se3 import exp_rotation, invert, look_at, transform
+from calib.core.se3 import exp_rotation, invert, look_at, transform
+from calib.core.types import Observations
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.pose import solve_poses
 from calib.solver.solve import solve
-from calib.types import Calibration, Camera, Observations
 from calib.virtual.learn_views import _without_gauge
 from calib.virtual.reference_photo import choose_view, on_plane_mm, sensor_points
 from calib.virtual.solve_virtual import solve_virtual

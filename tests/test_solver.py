@@ -10,11 +10,13 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from calib.cameras import parameter_names, project
-from calib.se3 import make_pose, transform
-from calib.sightings import keep_views
+from calib.cameras.camera import Camera
+from calib.core.se3 import make_pose, transform
+from calib.core.selection import keep_views
+from calib.core.types import KnownPoints, Observations
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Calibration, Camera, KnownPoints, Observations
 from tests.solver_scenes import (
     CAMERAS,
     NOISE_PX,

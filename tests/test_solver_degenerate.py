@@ -7,10 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
-from calib.se3 import look_at
+from calib.cameras.camera import Camera
+from calib.core.se3 import look_at
+from calib.core.types import Observations
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Camera, Observations
 from designer.errors import InputError
 from tests.solver_scenes import CAMERAS, board, icosahedron, observe, pose_from, poses_around, rows_of, sigma_of
 

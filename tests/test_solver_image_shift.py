@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.inputs.observations import known_points
+from calib.observe.observations import known_points
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Calibration
 from tests.calibrations import board, camera, poses_around, seen_by
 
 CAMERA = camera("opencv", (640, 480), 620.0)

@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.se3 import compose, exp_rotation, invert, make_pose
+from calib.core.se3 import compose, exp_rotation, invert, make_pose
+from calib.core.types import Observations
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Calibration, Observations
 from tests.solver_scenes import (
     CAMERAS,
     NOISE_PX,

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib.cameras.camera import Camera
+from calib.core.types import Observations
 from calib.solver.options import Loss, SolveOptions
 from calib.solver.solve import solve
-from calib.types import Camera, Observations
 from designer.errors import InputError
 from tests.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around, sigma_of
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from calib.camera_file import camera_from_mapping, camera_or_preset
 from calib.cameras import linearise, parameter_names, project, rays
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_from_mapping, camera_or_preset
+from calib.cameras.refit import refit
 from calib.cameras.spline import COLUMNS, FIRST, ROWS, _scale
 from calib.pipeline.settings import plan_from_words
-from calib.refit import refit
 from calib.solver.options import SolveOptions
 from calib.solver.tie import tie_parameters
-from calib.types import Camera
 from designer.errors import InputError
 
 SIZE = (1000, 800)

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.inputs.dataset import write_detections
-from calib.sightings import keep_sightings
+from calib.core.selection import keep_sightings
+from calib.core.types import Observations
+from calib.observe.dataset import write_detections
 from calib.studies import pool
-from calib.types import Observations
 from tests.calibrations import board
 from tests.command_line import detections_of, files_in, refused, write_inputs
 from tests.study_commands import (

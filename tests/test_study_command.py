@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.inputs.dataset import write_detections
+from calib.observe.dataset import write_detections
 from calib.solver.problem import pack
 from calib.studies.figures import SUFFIXES
 from calib.studies.gradients import gradients_of

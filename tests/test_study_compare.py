@@ -12,7 +12,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from calib.camera_file import camera_or_preset
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_or_preset
 from calib.commands.compare import compare
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
@@ -28,7 +29,6 @@ from calib.studies.runner import run_cases
 from calib.studies.store import open_study
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.setting import setting_at
-from calib.types import Camera
 from designer.errors import InputError
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model

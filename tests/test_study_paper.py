@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.camera_file import camera_to_json
-from calib.inputs.observations import known_points
-from calib.results.truth import read_truth
+from calib.cameras.camera_file import camera_to_json
+from calib.observe.observations import known_points
+from calib.observe.truth import read_truth
 from calib.studies import paper_sets, paper_study
 from calib.studies.paper_table import TARGETS, paper_value
 from designer.layout import lay_out

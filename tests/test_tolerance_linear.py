@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras import project
-from calib.se3 import exp_rotation, log_rotation, transform
+from calib.core.se3 import exp_rotation, log_rotation, transform
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.covariance import accuracy_of
 from calib.studies.tolerance.anchor import minimum_of

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calib.cameras import project
-from calib.render import RenderOptions, render_view
-from calib.se3 import look_at, transform
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.core.se3 import look_at, transform
+from calib.renderer import RenderOptions, render_view
 from designer.errors import InputError
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, displaced, draw_values, perturb

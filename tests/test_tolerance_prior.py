@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.se3 import exp_rotation
+from calib.core.se3 import exp_rotation
 from designer.presets import preset_names
 from designer.produce import Design
 from designer.sizing import size_job

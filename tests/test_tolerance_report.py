@@ -15,8 +15,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from calib.render.poses import PoseGrid, grid_poses
-from calib.render.rings import target_fits
+from calib.core.types import LEAST_RADIUS_PX
+from calib.renderer.poses import PoseGrid, grid_poses
+from calib.renderer.rings import target_fits
 from calib.studies.tolerance.budget import Allowed
 from calib.studies.tolerance.control import control_of
 from calib.studies.tolerance.draw import TOGETHER, run_draws
@@ -43,7 +44,6 @@ from calib.studies.tolerance.setting import CAP_RAD
 from calib.studies.tolerance.sweep import FACTORS, sweep
 from calib.studies.tolerance.tables import budget_table, cost_cell, cost_table, crossover_table, size_in_words
 from calib.studies.tolerance.view_fit import view_fit
-from calib.types import LEAST_RADIUS_PX
 from designer.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
 from designer.tolerance.error_file import error_model

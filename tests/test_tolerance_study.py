@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.camera_difference import camera_difference
+from calib.cameras.camera import Camera
+from calib.cameras.camera_difference import camera_difference
+from calib.core.se3 import exp_rotation, invert, make_pose, transform
+from calib.core.types import KnownPoints
 from calib.metrics.errors import summarise
 from calib.metrics.intersection import intersection
 from calib.metrics.pose import pose
@@ -15,9 +18,8 @@ from calib.metrics.prediction import predict
 from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
 from calib.metrics.rotation import rotation
-from calib.render.rings import ring_truth
-from calib.render.scene import scene_from_target
-from calib.se3 import exp_rotation, invert, make_pose, transform
+from calib.renderer.rings import ring_truth
+from calib.renderer.scene import scene_from_target
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.options import SolveOptions
 from calib.solver.schur import damped_step
@@ -39,7 +41,6 @@ from calib.studies.tolerance.quantities import NAMES, quantity_row
 from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.setting import LEAST_MINOR_PX, Setting, make_setting
 from calib.studies.tolerance.true_shape import TrueShape, moved_onto, true_shape
-from calib.types import Camera, KnownPoints
 from designer.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced, displaced_shape
 from designer.tolerance.shape import Shape, centers_mm

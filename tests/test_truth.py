@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.render.job import RenderJob, truth_text
-from calib.render.options import RenderOptions
-from calib.results.rigid import rigid_fault
-from calib.results.truth import Truth, read_truth, true_poses
-from calib.se3 import exp_rotation, make_pose
+from calib.core.rigid import rigid_fault
+from calib.core.se3 import exp_rotation, make_pose
+from calib.observe.truth import Truth, read_truth, true_poses
+from calib.renderer.job import RenderJob, truth_text
+from calib.renderer.options import RenderOptions
 from designer.errors import InputError
 from tests.calibrations import board, camera, poses_around
 

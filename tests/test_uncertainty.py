@@ -12,12 +12,13 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras import parameter_names, project, rays
-from calib.refit import image_grid
-from calib.se3 import exp_rotation, log_rotation
+from calib.cameras.camera import Camera
+from calib.cameras.refit import image_grid
+from calib.core.se3 import exp_rotation, log_rotation
+from calib.solver.calibration import Calibration
 from calib.solver.options import Loss, SolveOptions
 from calib.solver.solve import solve
 from calib.solver.uncertainty import GRID, projected_covariance_px2, projected_sigma_px
-from calib.types import Calibration, Camera
 from tests.solver_scenes import (
     CAMERAS,
     NOISE_PX,

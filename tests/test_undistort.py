@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from calib.cameras import project, rays
-from calib.detect.pipeline import detect
-from calib.resample import TAPS, Pixels, resample
-from calib.se3 import transform
-from calib.types import Camera, LearnedMap
-from calib.undistort import pinhole_of, source_places, undistort
+from calib.cameras.camera import Camera, LearnedMap
+from calib.cameras.resample import TAPS, Pixels, resample
+from calib.cameras.undistortion import pinhole_of, source_places, undistort
+from calib.core.se3 import transform
+from calib.detector.pipeline import detect
 from designer.errors import InputError
 from tests.calibrations import board
 from tests.sightings import sighting, view_from
@@ -154,7 +154,7 @@ def test_progress_and_strips_change_nothing(monkeypatch: pytest.MonkeyPatch) -> 
     lens, picture = LENSES["backward"], smooth(3)
     pinhole = pinhole_of(lens)
     whole = undistort(picture, lens, pinhole)
-    monkeypatch.setattr("calib.undistort.STRIP_PIXELS", 7 * SIZE[0])
+    monkeypatch.setattr("calib.cameras.undistortion.STRIP_PIXELS", 7 * SIZE[0])
     told: list[float] = []
     strips = undistort(picture, lens, pinhole, progress=told.append)
     assert np.array_equal(strips.pixels, whole.pixels)

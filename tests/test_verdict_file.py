@@ -12,7 +12,7 @@ from rich.console import Console
 from verdict_cases import judged, sightings, solved
 
 from calib.report.verdict_section import headline_of
-from calib.types import Calibration
+from calib.solver.calibration import Calibration
 from calib.verdict.coverage import coverage_of
 from calib.verdict.halves import Halves, NoHalves, halves_apart
 from calib.verdict.of_run import Judged, judge_run

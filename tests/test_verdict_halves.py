@@ -7,7 +7,9 @@ import pytest
 from solver_scenes import observe, poses_around
 from verdict_cases import BOARD, ICOSAHEDRON, OPTIONS, TRUE, sightings, solved
 
-from calib.types import Calibration, Camera, Observations
+from calib.cameras.camera import Camera
+from calib.core.types import Observations
+from calib.solver.calibration import Calibration
 from calib.verdict.apart import Known, apart, in_sigmas
 from calib.verdict.coverage import Coverage, coverage_of
 from calib.verdict.halves import Halves, NoHalves, half_split, halves_apart

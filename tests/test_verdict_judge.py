@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from solver_scenes import observe, pose_from, poses_around
 from verdict_cases import BOARD, ICOSAHEDRON, OPTIONS, TRUE, believed, bent, check, judged, sightings, solved
 
+from calib.core.types import Observations
+from calib.solver.calibration import ImageField, TargetError
 from calib.solver.solve import solve
-from calib.types import ImageField, Observations, TargetError
 from calib.verdict.criteria import Criteria, Limits, read_criteria
 from calib.verdict.evidence import HalvesFound, evidence_of, uncertainty_of
 from calib.verdict.halves import NoHalves, half_split

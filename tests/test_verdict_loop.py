@@ -5,9 +5,11 @@ import pytest
 from numpy.typing import NDArray
 from solver_scenes import CAMERAS, board, icosahedron, observe, poses_around
 
+from calib.cameras.camera import Camera
+from calib.core.types import KnownPoints
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Calibration, Camera, KnownPoints
 from calib.verdict.criteria import read_criteria
 from calib.verdict.halves import half_split
 from calib.verdict.next_views import NextView, next_views

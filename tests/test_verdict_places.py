@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from solver_scenes import CAMERAS
 
+from calib.cameras.camera import Camera
+from calib.cameras.refit import image_grid
 from calib.figures.sigma_map import place_on_map, sigma_map
-from calib.refit import image_grid
 from calib.solver.solve import solve
-from calib.types import Camera
 from calib.verdict.apart import Known, sigma_over
 from calib.verdict.checks import OWN_ROTATION
 from calib.verdict.coverage import coverage_of

@@ -7,8 +7,9 @@ import pytest
 from solver_scenes import moved_points
 from verdict_cases import BOARD, ICOSAHEDRON, TRUE, believed, bent, sightings, solved
 
-from calib.se3 import exp_rotation
-from calib.types import LearnedMap, Observations
+from calib.cameras.camera import LearnedMap
+from calib.core.se3 import exp_rotation
+from calib.core.types import Observations
 from calib.verdict.apart import Known, apart
 from calib.verdict.coverage import coverage_of
 from calib.verdict.deformation import AMPLITUDE, deformation_of

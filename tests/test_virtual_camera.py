@@ -15,8 +15,8 @@ from virtual_scenes import (
 )
 
 from calib.cameras import linearise, project, rays
+from calib.cameras.camera import Camera
 from calib.cameras.learned import known_at
-from calib.types import Camera
 
 
 @pytest.fixture(scope="module", params=["waves", "fisheye", "part of the image"])

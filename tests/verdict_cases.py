@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from solver_scenes import CAMERAS, board, icosahedron, noisy, observe
 
-from calib.render.poses import fibonacci_cap
-from calib.se3 import exp_rotation, look_at
+from calib.core.se3 import exp_rotation, look_at
+from calib.core.types import KnownPoints, Observations
+from calib.renderer.poses import fibonacci_cap
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Calibration, KnownPoints, Observations
 from calib.verdict.criteria import Criteria, read_criteria
 from calib.verdict.halves import half_split
 from calib.verdict.of_run import Judged, judge_run

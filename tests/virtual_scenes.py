@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from solver_scenes import SIZE, board
 
 from calib.cameras import rays
-from calib.types import Camera, KnownPoints, LearnedMap, Observations
+from calib.cameras.camera import Camera, LearnedMap
+from calib.core.types import KnownPoints, Observations
 from calib.virtual.learn_map import MapSamples, learn_map
 
 Array = NDArray[np.float64]

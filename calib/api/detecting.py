@@ -2,16 +2,17 @@
 
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect import pipeline
-from calib.inputs.images import grey_of, read_image
+from calib.cameras.camera import Camera
+from calib.core.types import Detections
+from calib.detector import pipeline
 from calib.interop.reading import open_camera
+from calib.observe.images import Grey, grey_of, read_image
 from calib.report.why_nothing import explained
-from calib.types import Camera, Detections
 from designer.errors import InputError
 from designer.target import TargetGeometry, load_target
 
@@ -37,7 +38,9 @@ class Detector:
 
     def __init__(self, target: TargetGeometry | Place, camera: Camera | Place | None = None) -> None:
         self.target = target if isinstance(target, TargetGeometry) else load_target(Path(target), "rings")
-        self.camera = camera if camera is None or isinstance(camera, Camera) else open_camera(fspath(camera)).read.camera
+        self.camera = (
+            camera if camera is None or isinstance(camera, Camera) else open_camera(fspath(camera)).read.camera
+        )
 
     def detect(self, image: Pixels | Place, name: str = "") -> Detections:
         """The target's rings and dots in a photo; none, with the reason in `remarks`, if it does not show the target.
@@ -50,14 +53,15 @@ class Detector:
             InputError: no such file, no image, or one of another size than the camera's.
         """
         if isinstance(image, str | PathLike):
-            pixels, name = read_image(Path(image)).pixels, name or Path(image).name
+            pixels: Pixels = read_image(Path(image)).pixels
+            name = name or Path(image).name
         else:
             pixels = grey_pixels(image)
         size = pixels.shape[1], pixels.shape[0]
         if self.camera is not None and self.camera.image_size != size:
             raise InputError(
-                f"{name or 'the image'}: has {size[0]} x {size[1]} px, but the camera is of {self.camera.image_size[0]} "
-                f"x {self.camera.image_size[1]} px; give photos and camera of one size"
+                f"{name or 'the image'}: has {size[0]} x {size[1]} px, but the camera is of "
+                f"{self.camera.image_size[0]} x {self.camera.image_size[1]} px; give photos and camera of one size"
             )
         found = pipeline.detect(pixels, self.target, name=name or "image", camera=self.camera)
         return explained(found, pixels, self.target)
@@ -95,4 +99,4 @@ def grey_pixels(image: Pixels) -> Pixels:
         raise InputError(f"an array of shape {image.shape} is no image; give (H, W), or (H, W, 3) in blue, green, red")
     if image.dtype not in DEPTHS:
         raise InputError(f"an image of {image.dtype}: give uint8, uint16 or float32")
-    return grey_of(image)
+    return grey_of(cast("Grey", image))  # of a depth that OpenCV converts too

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from calib.api.progress import Progress, unheard
 from calib.api.searching import Search, search_once
-from calib.detect.batch import find_photos
-from calib.files import write_files
+from calib.cameras.camera import Camera
+from calib.core.files import write_files
 from calib.interop.reading import open_camera
-from calib.pose import TargetPose, check_output, poses_to_csv, poses_to_json, target_poses
-from calib.types import Camera
+from calib.observe.photos import find_photos
+from calib.pipeline.target_poses import TargetPose, check_output, poses_to_csv, poses_to_json, target_poses
 from designer.target import TargetGeometry, load_target
 
 Place = str | PathLike[str]

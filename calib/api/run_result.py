@@ -7,8 +7,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from calib.api.searching import Search
+from calib.core.types import Observations
 from calib.pipeline.solutions import Solution, SolveTask, preference
-from calib.types import Observations
 from calib.verdict.next_views import NextView
 from calib.verdict.of_run import Judged
 from calib.verdict.verdict import Verdict

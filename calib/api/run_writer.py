@@ -9,26 +9,27 @@ from pathlib import Path
 from calib.api.run_result import RunResult, best_of
 from calib.api.searching import Search
 from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
-from calib.detect.batch import FoundPhotos, PhotoResult, detect_photos
+from calib.cameras.camera import Camera
+from calib.core.files import check_folder, write_files
+from calib.core.types import Detections
 from calib.figures import CALIBRATION_PICTURE, COMPARISON_PICTURE, calibration_figures, comparison_figures
-from calib.files import check_folder, write_files
-from calib.inputs.dataset import write_detections
-from calib.inputs.records import ImageRecord, Records, read_records, records_path
 from calib.metrics.evaluation import Evaluation
+from calib.observe.dataset import write_detections
+from calib.observe.photos import FoundPhotos, PhotoResult, detect_photos
+from calib.observe.records import ImageRecord, Records, read_records, records_path
 from calib.pipeline.solutions import Solution, SolveTask
-from calib.report.folder_page import write_folder_page
-from calib.report.kept_target import keep_target
-from calib.report.run_folder import RECORDS_FILE, RunFolder, Solved, solved_of
-from calib.report.write import PAGE_FILE
-from calib.results.calibration_file import (
+from calib.records.calibration_file import (
     CALIBRATION_FILE,
     CAMERA_FILE,
     OBSERVATIONS_FILE,
     Provenance,
     write_calibration,
 )
-from calib.results.evaluation_files import evaluation_files
-from calib.types import Camera, Detections
+from calib.records.evaluation_files import evaluation_files
+from calib.report.folder_page import write_folder_page
+from calib.report.kept_target import keep_target
+from calib.report.run_folder import RECORDS_FILE, RunFolder, Solved, solved_of
+from calib.report.write import PAGE_FILE
 from calib.verdict.next_views_file import FORMAT as NEXT_VIEWS
 from calib.verdict.next_views_file import NEXT_VIEWS_FILE, next_views_file
 from calib.verdict.verdict_file import FORMAT as VERDICT

@@ -9,16 +9,16 @@ from calib.api.progress import Progress, unheard
 from calib.api.run_result import RunResult, best_of
 from calib.api.run_writer import DETECTIONS_FILE, RunWriter
 from calib.api.searching import Search, search_twice, truth_of
-from calib.detect.batch import find_photos, named_photos
-from calib.files import named_in_files
-from calib.inputs.observations import observations_from_detections
+from calib.core.files import named_in_files
+from calib.core.types import Observations
+from calib.observe.observations import observations_from_detections
+from calib.observe.photos import find_photos, named_photos
+from calib.observe.truth import Truth
 from calib.pipeline.calibrate import ALL_VIEWS, MODELS_TO_SOLVE
 from calib.pipeline.settings import ALL, SolvePlan, plan_from_words
 from calib.pipeline.solutions import Solution, SolveTask, solve_models
 from calib.report.judging import inputs_of, judge_cameras
-from calib.results.truth import Truth
 from calib.solver.degeneracy import UndeterminedError
-from calib.types import Observations
 from calib.verdict.criteria import STANDARD, Criteria, read_criteria
 from calib.virtual.solve_virtual import Reference
 from designer.errors import InputError

@@ -7,8 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib.api.progress import Progress, unheard
-from calib.detect import pipeline
-from calib.detect.batch import (
+from calib.cameras.camera import Camera
+from calib.core.types import Detections
+from calib.detector import pipeline
+from calib.detector.pipeline import Found
+from calib.observe.exif import exif_focal_px
+from calib.observe.images import read_image
+from calib.observe.observations import observations_from_detections
+from calib.observe.photos import (
     Detect,
     FoundPhotos,
     PhotoResult,
@@ -18,15 +24,10 @@ from calib.detect.batch import (
     named_photos,
     reading_once,
 )
-from calib.detect.pipeline import Found
-from calib.inputs.exif import exif_focal_px
-from calib.inputs.images import read_image
-from calib.inputs.observations import observations_from_detections
+from calib.observe.truth import Truth, read_truth
 from calib.pipeline.settings import SolvePlan
 from calib.report.why_nothing import explained
-from calib.results.truth import Truth, read_truth
 from calib.solver.solve import solve
-from calib.types import Camera, Detections
 from designer.errors import InputError
 from designer.target import TargetGeometry
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from calib.files import check_folder
+from calib.core.files import check_folder
 from designer.errors import InputError
 from designer.own_files import require_ours
 

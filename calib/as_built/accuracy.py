@@ -10,7 +10,7 @@ from calib.as_built.datum import SeenParts, by_shared_dense, datum_rings, fit_ri
 from calib.as_built.eliminate import Factor, covariance_factor
 from calib.as_built.problem import Joint
 from calib.as_built.unknowns import RingPlaces, TargetUnknowns, Unknowns, place_rings, strain_matrix
-from calib.se3 import skew
+from calib.core.se3 import skew
 
 Array = NDArray[np.float64]
 

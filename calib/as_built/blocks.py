@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from calib.as_built.problem import CameraSightings, Joint, State
 from calib.as_built.unknowns import RingPlaces, place_rings, shared_values
 from calib.cameras import linearise
-from calib.jit import jit
+from calib.core.jit import jit
 
 Array = NDArray[np.float64]
 

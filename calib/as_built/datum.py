@@ -24,9 +24,9 @@ from calib.as_built.unknowns import (
     strain_matrix,
     strain_numbers,
 )
-from calib.linear_algebra import pseudo_inverse
-from calib.se3 import exp_rotation, invert, log_rotation, make_pose, skew, transform
-from calib.types import Observations
+from calib.core.linear_algebra import pseudo_inverse
+from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose, skew, transform
+from calib.core.types import Observations
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_solve, cholesky, solve_triangular
 
 from calib.as_built.blocks import Normal
-from calib.jit import jit
-from calib.small_solve import cholesky_factor
+from calib.core.jit import jit
+from calib.core.small_solve import cholesky_factor
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.unknowns import TargetUnknowns, Unknowns
+from calib.cameras.camera import Camera
+from calib.core.types import Observations
 from calib.solver.problem import Problem, pack
 from calib.solver.tie import Tie
-from calib.types import Camera, Observations
 
 Array = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.datum import FEW_VIEWS, SeenParts, few_views
+from calib.core.types import Observations
 from calib.solver.outliers import deviations
-from calib.types import Observations
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

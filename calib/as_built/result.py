@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from calib.as_built.datum import LEAST_RINGS, SeenParts, best_motion, fit_rings, rigid_design
 from calib.as_built.lengths import Length
 from calib.as_built.unknowns import TargetUnknowns, Unknowns, place_rings, strain_matrix
-from calib.se3 import exp_rotation
-from calib.types import Camera, Observations, Status
+from calib.cameras.camera import Camera
+from calib.core.se3 import exp_rotation
+from calib.core.types import Observations
+from calib.solver.calibration import Status
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

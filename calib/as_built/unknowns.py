@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.options import AsBuiltOptions
-from calib.linear_algebra import least_squares
-from calib.se3 import exp_rotation, skew
+from calib.core.linear_algebra import least_squares
+from calib.core.se3 import exp_rotation, skew
 from designer.target import TargetGeometry, bounding_radius_mm
 
 Array = NDArray[np.float64]

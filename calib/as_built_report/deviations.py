@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from calib.as_built.datum import few_views
 from calib.as_built.result import AsBuilt, face_shift_mm
 from calib.as_built.unknowns import STRAIN_INDEX, strain_matrix, strain_numbers
-from calib.linear_algebra import symmetric_inverse
-from calib.se3 import exp_rotation
+from calib.core.linear_algebra import symmetric_inverse
+from calib.core.se3 import exp_rotation
 from designer.skew import NO_SKEW, SKEW_NAMES, Skew, skew_matrix
 from designer.target import TargetGeometry
 from designer.tolerance.shape import face_down

@@ -28,7 +28,7 @@ from calib.as_built_report.deviations import (
 from calib.as_built_report.held_out import HeldOut
 from calib.as_built_report.length_words import AskedLength
 from calib.cameras import parameter_names
-from calib.files import check_folder
+from calib.core.files import check_folder
 from designer.errors import InputError
 from designer.own_files import require_ours
 from designer.skew import Skew

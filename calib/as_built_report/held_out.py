@@ -13,15 +13,17 @@ from calib.as_built.options import AsBuiltOptions
 from calib.as_built.remarks import faces_words
 from calib.as_built.result import AsBuilt
 from calib.as_built.solve import measure, with_known_weights
-from calib.inputs.observations import known_points
+from calib.cameras.camera import Camera
+from calib.core.se3 import make_pose, transform
+from calib.core.selection import keep_sightings, keep_views, sightings_per_view
+from calib.core.types import KnownPoints, Observations
 from calib.metrics import METRICS
 from calib.metrics.errors import Errors
 from calib.metrics.evaluation import evaluate
-from calib.se3 import make_pose, transform
-from calib.sightings import keep_sightings, keep_views, sightings_per_view
+from calib.observe.observations import known_points
+from calib.solver.calibration import Calibration
 from calib.solver.pose import solve_poses
 from calib.solver.solve import solve
-from calib.types import Calibration, Camera, KnownPoints, Observations
 from designer.errors import InputError
 from designer.target import TargetGeometry
 

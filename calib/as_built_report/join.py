@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
-from calib.types import Detections
+from calib.core.types import Detections
 
 
 def joined(sets: Sequence[Sequence[Detections]], names: Sequence[str]) -> tuple[Detections, ...]:

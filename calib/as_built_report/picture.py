@@ -10,6 +10,7 @@ from calib.as_built_report.files import MeasureReport
 from calib.as_built_report.held_out import Gain
 from calib.as_built_report.layout import Layout, layout_of
 from calib.as_built_report.words import degrees, percent, spread_mm
+from calib.core.number_text import figure as digits
 from calib.figures.style import (
     BLUE,
     EMPTY,
@@ -22,7 +23,6 @@ from calib.figures.style import (
     picture,
     round_length,
 )
-from calib.results.evaluation_table import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,7 +17,7 @@ from calib.as_built_report.deviations import (
     next_skew_rad,
 )
 from calib.as_built_report.held_out import Gain, HeldOut
-from calib.results.evaluation_table import figure, with_digits
+from calib.core.number_text import figure, with_digits
 from designer.skew import MOST_SKEW_DEG, NO_SKEW, SKEW_NAMES, Skew
 from designer.spec import BUILDS
 from designer.target import TargetGeometry

@@ -7,13 +7,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.camera import Camera
 from calib.cameras.luhmann import Luhmann
 from calib.cameras.opencv import OpenCv
 from calib.cameras.parameters import Linearised, Parameter
 from calib.cameras.pinhole import Pinhole
 from calib.cameras.spline import Spline
 from calib.cameras.virtual import Virtual
-from calib.types import Camera
 
 __all__ = [
     "MODELS",
@@ -44,6 +44,11 @@ class CameraModel(Protocol):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """What `Camera.params` holds, in its order; the first four are fx, fy, cx, cy in px."""
+        ...
+
+    @property
+    def opencv_lens(self) -> tuple[str, ...] | None:
+        """The parameters that OpenCV's functions take as k1 k2 p1 p2 k3; () without a lens; None: another lens."""
         ...
 
     def rays(self, camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:

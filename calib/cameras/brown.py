@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.jit import jit
+from calib.core.jit import jit
 
 Array = NDArray[np.float64]
 

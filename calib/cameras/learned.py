@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.jit import jit
-from calib.one_thread import one_thread, one_thread_with_scipy
-from calib.types import LearnedMap
+from calib.cameras.camera import LearnedMap
+from calib.core.jit import jit
+from calib.core.one_thread import one_thread, one_thread_with_scipy
 
 Array = NDArray[np.float64]
 

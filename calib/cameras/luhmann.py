@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.brown import BLOCK, distort, fold_radius, undistort_block
+from calib.cameras.camera import Camera
 from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows, room_for
-from calib.jit import jit, jit_sums
-from calib.types import Camera
+from calib.core.jit import jit, jit_sums
 
 Array = NDArray[np.float64]
 
@@ -112,6 +112,7 @@ class Luhmann:
 
     name: str = "luhmann"
     remedy: str = "virtual needs no lens formula"
+    opencv_lens: tuple[str, ...] | None = None
     parameters: tuple[Parameter, ...] = (
         *FOCAL_AND_CENTRE,
         *(Parameter(name, "1") for name in ("k1", "k2", "k3", "p1", "p2")),

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.brown import BLOCK, distort, fold_radius, undistort_block
+from calib.cameras.camera import Camera
 from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows, room_for
-from calib.jit import jit, jit_sums
-from calib.types import Camera
+from calib.core.jit import jit, jit_sums
 
 Array = NDArray[np.float64]
 
@@ -93,6 +93,7 @@ class OpenCv:
 
     name: str = "opencv"
     remedy: str = "luhmann and virtual reach farther off the axis"
+    opencv_lens: tuple[str, ...] | None = ("k1", "k2", "p1", "p2", "k3")
     parameters: tuple[Parameter, ...] = (
         *FOCAL_AND_CENTRE,
         *(Parameter(name, "1") for name in ("k1", "k2", "p1", "p2", "k3")),

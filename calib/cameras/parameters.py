@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.jit import jit_sums
+from calib.core.jit import jit_sums
 
 AT_ONCE = 128
 """Points whose pixels and derivatives are worked out together, in one flat array of rows of this length: the compiler

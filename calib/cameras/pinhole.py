@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.camera import Camera
 from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows, room_for
-from calib.jit import jit, jit_sums
-from calib.types import Camera
+from calib.core.jit import jit, jit_sums
 
 Array = NDArray[np.float64]
 
@@ -46,6 +46,7 @@ class Pinhole:
 
     name: str = "pinhole"
     remedy: str = "models with a lens may reach them"
+    opencv_lens: tuple[str, ...] | None = ()
     parameters: tuple[Parameter, ...] = FOCAL_AND_CENTRE
 
     def rays(self, camera: Camera, pixel: Array) -> Array:

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.camera import Camera
 from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter, room_for
-from calib.jit import jit
-from calib.types import Camera
+from calib.core.jit import jit
 
 Array = NDArray[np.float64]
 
@@ -141,6 +141,7 @@ class Spline:
 
     name: str = "spline"
     remedy: str = "show the target there too"
+    opencv_lens: tuple[str, ...] | None = None
     parameters: tuple[Parameter, ...] = (
         *FOCAL_AND_CENTRE,
         *(

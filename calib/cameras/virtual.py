@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.camera import Camera
 from calib.cameras.learned import MapTable, is_known, read, search, table_of
 from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter, room_for
-from calib.jit import jit
-from calib.types import Camera
+from calib.core.jit import jit
 
 Array = NDArray[np.float64]
 
@@ -79,6 +79,7 @@ class Virtual:
 
     name: str = "virtual"
     remedy: str = "show the target there too"
+    opencv_lens: tuple[str, ...] | None = None
     parameters: tuple[Parameter, ...] = FOCAL_AND_CENTRE
 
     def rays(self, camera: Camera, pixel: Array) -> Array:

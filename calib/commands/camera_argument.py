@@ -9,7 +9,7 @@ from designer.command import printable
 from designer.completion import camera_templates
 
 if TYPE_CHECKING:
-    from calib.types import Camera
+    from calib.cameras.camera import Camera
 
 CameraArgument = Annotated[
     str,

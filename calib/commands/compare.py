@@ -9,7 +9,7 @@ import typer
 
 from calib.commands.folder_page import say_next, with_page
 from calib.commands.study import KEPT, JobsOption, OutOption, ResumeOption, SeedOption, kept_when_stopped, table_answer
-from calib.files import check_folder
+from calib.core.files import check_folder
 from calib.show.screen import progress_bar, quoted, shown, table_console, waiting
 from designer.answer import StoppedError, Summary
 from designer.command import printable
@@ -93,7 +93,7 @@ def _sample(whole: "Comparison", study: "Study", jobs: int) -> None:
 
 def _show(study: "Study", whole: "Comparison", folder: Path) -> Summary:
     """Write tables and figures, print what they say."""
-    from calib.files import write_files
+    from calib.core.files import write_files
     from calib.studies.compare.outputs import FIGURES, comparison_output
     from calib.studies.compare.table import ALONE_HEAD, HEAD, LENS_HEAD, alone_rows, figure_rows, lens_rows, notes
     from calib.studies.compare.words import sentences

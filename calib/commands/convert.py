@@ -14,10 +14,10 @@ from designer.completion import camera_templates, one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
+    from calib.cameras.camera import Camera
+    from calib.cameras.refit import Refit
     from calib.interop import CameraFormat
     from calib.interop.reading import OpenedCamera
-    from calib.refit import Refit
-    from calib.types import Camera
 
 LARGE_PX = 0.05
 """A larger residual is worth a warning: calibrations are good to some hundredths of a pixel."""
@@ -65,7 +65,7 @@ def convert(
     What a file cannot hold is fitted over the whole image by what it can, and the residual is told in pixels.
     Of a file with several cameras one is named as in chain.yaml#cam1.
     """
-    from calib.files import write_files
+    from calib.core.files import write_files
     from calib.interop.converting import fit_to_format
     from calib.interop.reading import find_format, open_camera
     from designer.own_files import signed
@@ -115,7 +115,7 @@ def convert(
 def _lens_parameters(names: list[str] | None) -> tuple[str, ...]:
     """Names of lens parameters, checked."""
     from calib.cameras import parameter_names
-    from calib.refit import FAMILIES, FOCAL_AND_CENTRE
+    from calib.cameras.refit import FAMILIES, FOCAL_AND_CENTRE
     from designer.spec_file import shown
 
     known = sorted({name for model in FAMILIES for name in parameter_names(model)[FOCAL_AND_CENTRE:]})
@@ -160,7 +160,7 @@ def _lost(camera: "Camera", written: "Camera", target: "CameraFormat") -> list[s
     import numpy as np
 
     from calib.cameras import parameter_names
-    from calib.refit import FOCAL_AND_CENTRE
+    from calib.cameras.refit import FOCAL_AND_CENTRE
 
     values = dict(zip(parameter_names(camera.model), camera.params.tolist(), strict=True))
     lost = []

@@ -50,9 +50,9 @@ def detect(
     from calib.api.searching import search_once, truth_of
     from calib.api.staging import keep_pictures, staging_folder
     from calib.commands.camera_argument import read_camera
-    from calib.detect.batch import find_photos
-    from calib.inputs.dataset import check_output
-    from calib.inputs.records import records_path
+    from calib.observe.dataset import check_output
+    from calib.observe.photos import find_photos
+    from calib.observe.records import records_path
     from calib.show.run_lines import say_search
     from designer.target import load_target
 
@@ -129,7 +129,7 @@ def exports_folder(target: Path) -> Path:
 
 def _say_files(table: Path, overlay: Path | None, pictures: int) -> None:
     """What was written, and what it is for."""
-    from calib.inputs.records import records_path
+    from calib.observe.records import records_path
 
     print(f"wrote    {table}: one line a feature, which is what a calibration reads")
     print(f"         {records_path(table)}: what was read of each face, and why rings are missing")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from calib.camera_difference import CameraDifference
+    from calib.cameras.camera_difference import CameraDifference
     from calib.interop.reading import OpenedCamera
 
 WHOLE = "whole image"
@@ -42,7 +42,7 @@ def diff(
 
     The frames of two calibrations are never quite parallel, so the best rotation between them is removed first.
     """
-    from calib.camera_difference import camera_difference
+    from calib.cameras.camera_difference import camera_difference
     from calib.interop.reading import open_camera
 
     opened = [open_camera(name) for name in (a, b)]
@@ -90,8 +90,8 @@ def _check_picture(picture: Path, opened: "Sequence[OpenedCamera]") -> None:
 
 def _draw(picture: Path, difference: "CameraDifference", what: str) -> None:
     """The map into its file."""
-    from calib.difference_picture import difference_picture
-    from calib.files import write_files
+    from calib.core.files import write_files
+    from calib.figures.difference_picture import difference_picture
 
     rms, _, largest = _summary(difference.length_px)
     note = f"RMS {rms:.4f} px, max {largest:.4f} px"

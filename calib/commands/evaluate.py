@@ -7,7 +7,7 @@ import typer
 
 from calib.commands.answers.solutions import evaluation_answer
 from calib.commands.folder_page import with_page_again
-from calib.files import check_folder
+from calib.core.files import check_folder
 from calib.show.screen import quoted, table_console
 from designer.answer import Summary
 from designer.command import printable
@@ -16,9 +16,9 @@ from designer.errors import InputError
 if TYPE_CHECKING:
     from calib.metrics.evaluation import Evaluation
     from calib.metrics.held_out import Solve
-    from calib.results.calibration_file import Provenance
-    from calib.results.truth import Truth
-    from calib.types import Calibration
+    from calib.observe.truth import Truth
+    from calib.records.calibration_file import Provenance
+    from calib.solver.calibration import Calibration
 
 DEGENERATE = 1
 REFERENCE = "reference"
@@ -43,12 +43,12 @@ def evaluate(
 
     The exit code is 1 if the photos do not determine the camera.
     """
-    from calib.files import write_files
+    from calib.core.files import write_files
     from calib.metrics.evaluation import evaluate as evaluate_one
+    from calib.observe.truth import read_truth
+    from calib.records.calibration_file import CALIBRATION_FILE, read_calibration
+    from calib.records.evaluation_files import FORMAT, METRICS_FILE, evaluation_files
     from calib.report.origin import is_of_kind
-    from calib.results.calibration_file import CALIBRATION_FILE, read_calibration
-    from calib.results.evaluation_files import FORMAT, METRICS_FILE, evaluation_files
-    from calib.results.truth import read_truth
     from designer.own_files import require_ours
 
     path = calibration / CALIBRATION_FILE if calibration.is_dir() else calibration
@@ -105,7 +105,7 @@ def _solver_of(calibration: "Calibration", provenance: "Provenance") -> "Solve":
 
 def _summarise(path: Path, evaluation: "Evaluation") -> None:
     """All tables, what was left out, and what the figures are worth."""
-    from calib.results.evaluation_table import (
+    from calib.report.evaluation_table import (
         faces_table,
         metrics_table,
         parameters_table,

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from calib.as_built_report.files import FilePlaces
     from calib.as_built_report.held_out import HeldOut
     from calib.as_built_report.length_words import AskedLength
-    from calib.types import Observations
+    from calib.core.types import Observations
     from designer.skew import Skew
     from designer.target import TargetGeometry
     from designer.tolerance.made import Made
@@ -238,7 +238,7 @@ def _rescale(
     from calib.as_built.lengths import length_in, rescaled
     from calib.as_built_report.deviations import Estimate, compensation_percent
     from calib.as_built_report.words import is_plastic
-    from calib.files import write_files
+    from calib.core.files import write_files
     from designer.target import target_to_json
 
     size = asked.length.value_mm / length_in(target, asked.length.name)
@@ -343,8 +343,8 @@ def _read(
 ) -> "list[Observations]":
     """What each camera saw."""
     from calib.as_built_report.join import joined
-    from calib.inputs.dataset import read_detections
-    from calib.inputs.observations import observations_from_detections
+    from calib.observe.dataset import read_detections
+    from calib.observe.observations import observations_from_detections
 
     for path in paths:
         again = [other for other in paths if os.path.realpath(other) == os.path.realpath(path)]
@@ -421,7 +421,7 @@ def _write_and_say(
     from calib.as_built_report.files import report_files, report_of
     from calib.as_built_report.picture import report_picture
     from calib.as_built_report.words import UNJUDGED, no_gain_line
-    from calib.files import write_files
+    from calib.core.files import write_files
 
     report = report_of(
         found,

@@ -11,6 +11,7 @@ from calib.commands.answers.photos import poses_answer
 from calib.commands.camera_argument import CameraArgument, read_camera
 from calib.commands.folder_page import folder_page
 from calib.commands.solve import WeightedOption
+from calib.core.number_text import with_digits
 from calib.show.screen import progress_bars, table_console
 from designer.answer import Summary
 from designer.command import printable
@@ -19,9 +20,9 @@ from designer.errors import InputError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from calib.detect.batch import PhotoResult
-    from calib.pose import TargetPose
-    from calib.types import Camera
+    from calib.cameras.camera import Camera
+    from calib.observe.photos import PhotoResult
+    from calib.pipeline.target_poses import TargetPose
     from designer.target import TargetGeometry
 
 NO_POSE = 1
@@ -49,7 +50,7 @@ def pose(
     """
     from calib.api.posing import pose as find_poses
     from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
-    from calib.pose import check_output
+    from calib.pipeline.target_poses import check_output
     from calib.report.kept_target import keep_target
     from calib.report.origin import is_of_kind
     from calib.report.photos_file import write_photos
@@ -103,11 +104,11 @@ def _draw(
     camera: "Camera",
 ) -> dict[str, str]:
     """Draw the photos that have a pose; the pictures' names. What goes wrong with one does not stop the others."""
-    from calib.detect.batch import OVERLAY_MARK
-    from calib.detect.overlay import write_overlay
-    from calib.files import distinct_stems
-    from calib.inputs.images import read_image
-    from calib.pose_overlay import draw_pose
+    from calib.core.files import distinct_stems
+    from calib.detector.overlay import write_overlay
+    from calib.observe.images import read_image
+    from calib.observe.photos import OVERLAY_MARK
+    from calib.pipeline.pose_overlay import draw_pose
 
     drawn: dict[str, str] = {}
     stems = distinct_stems([result.photo.name for result in results])
@@ -131,7 +132,7 @@ def _summarise(
     failures: Sequence[str],
 ) -> None:
     """A table of the poses, what failed, and the sums."""
-    from calib.inputs.records import common_remarks
+    from calib.observe.records import common_remarks
 
     console = table_console()
     searched = [result for result in results if result.seen is not None]
@@ -176,13 +177,13 @@ def _table(
                     *remarks,
                     f"{len(result.seen.ring) - one.rings} more rings lie where the camera knows no light",
                 )
-            place = " ".join(_rounded(*pair) for pair in zip(one.camera_mm, one.camera_sigma_mm, strict=True))
-            spread = " ".join(_rounded(sigma, sigma) for sigma in one.camera_sigma_mm)
-            distance = _rounded(one.distance_mm, one.distance_sigma_mm)
+            place = " ".join(with_digits(*pair) for pair in zip(one.camera_mm, one.camera_sigma_mm, strict=True))
+            spread = " ".join(with_digits(sigma, sigma) for sigma in one.camera_sigma_mm)
+            distance = with_digits(one.distance_mm, one.distance_sigma_mm)
             angle = math.degrees(one.rotation_sigma_rad)
             cells = [
-                str(one.rings), place, spread, distance, _rounded(one.distance_sigma_mm, one.distance_sigma_mm),
-                _rounded(angle, angle), f"{one.rms_px:.4f}",
+                str(one.rings), place, spread, distance, with_digits(one.distance_sigma_mm, one.distance_sigma_mm),
+                with_digits(angle, angle), f"{one.rms_px:.4f}",
             ]  # fmt: skip
         table.add_row(
             Text(printable(name)),
@@ -190,13 +191,6 @@ def _table(
             Text("; ".join(printable(remark) for remark in remarks if remark not in common)),
         )
     return table
-
-
-def _rounded(value: float, sigma: float) -> str:
-    """A value with as many digits as show two of its standard deviation."""
-    if not (math.isfinite(sigma) and sigma > 0):
-        return f"{value:.3f}"
-    return f"{value:.{min(max(0, 1 - math.floor(math.log10(sigma))), 9)}f}"
 
 
 def _say_files(out: Path | None, overlay: Path | None, pictures: int) -> None:

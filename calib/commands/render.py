@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from calib.render.job import Rendered, RenderJob
+    from calib.renderer.job import Rendered, RenderJob
     from designer.target import TargetGeometry
 
 CHECKED_VIEWS = 50
@@ -81,10 +81,10 @@ def render(
     --aim-offset that brings rings into the corners of the image; the page of a design has the line for its target.
     """
     from calib.commands.camera_argument import read_camera
-    from calib.render.job import FileFormat, RenderJob
-    from calib.render.options import RenderOptions, Sampling
-    from calib.render.poses import load_poses
-    from calib.render.quantities import bounded, choice, length, parse_number, parse_pixels, share, whole
+    from calib.renderer.job import FileFormat, RenderJob
+    from calib.renderer.options import RenderOptions, Sampling
+    from calib.renderer.poses import load_poses
+    from calib.renderer.quantities import bounded, choice, length, parse_number, parse_pixels, share, whole
     from designer.target import load_target
 
     geometry, named = load_target(target, "marks"), read_camera(camera)
@@ -158,8 +158,8 @@ def _grid(
     """Poses on a Fibonacci grid."""
     import numpy as np
 
-    from calib.render.poses import MAX_VIEWS, PoseGrid, grid_poses
-    from calib.render.quantities import bounded, choice, length, length_range, parse_degrees, whole
+    from calib.renderer.poses import MAX_VIEWS, PoseGrid, grid_poses
+    from calib.renderer.quantities import bounded, choice, length, length_range, parse_degrees, whole
     from designer.target import bounding_radius_mm
 
     near, far = length_range("--distance", distance, 1, 10_000)
@@ -183,7 +183,7 @@ def _grid(
 
 
 def _processes(jobs: int | None) -> int:
-    from calib.render.quantities import whole
+    from calib.renderer.quantities import whole
 
     return os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, 1024)
 
@@ -197,9 +197,9 @@ def _warnings(job: "RenderJob", *, looks_aside: bool) -> Iterator[str]:
     """
     import numpy as np
 
-    from calib.render.rings import ring_truth, target_fits
-    from calib.render.scene import scene_from_target
-    from calib.types import LEAST_RADIUS_PX
+    from calib.core.types import LEAST_RADIUS_PX
+    from calib.renderer.rings import ring_truth, target_fits
+    from calib.renderer.scene import scene_from_target
 
     if job.options.white * (1 + job.options.light_gradient / 2) > 1.001:
         yield "the light gradient takes the white beyond full scale; lower --white"
@@ -226,7 +226,7 @@ def _warnings(job: "RenderJob", *, looks_aside: bool) -> Iterator[str]:
 
 def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: bool) -> Summary:
     """Render the set, and say what was done and what to do next."""
-    from calib.render.job import run_job
+    from calib.renderer.job import run_job
     from calib.report.kept_target import keep_target
     from calib.report.origin import is_of_kind
     from calib.report.photos_file import write_photos

@@ -55,7 +55,7 @@ def report_of(
 
 def _earlier(run: "RunResult", writer: "RunWriter") -> tuple[str, ...]:
     """A word on folders that hold an earlier camera of a model that could not be solved now."""
-    from calib.results.calibration_file import CALIBRATION_FILE
+    from calib.records.calibration_file import CALIBRATION_FILE
 
     places = [writer.place_of(one.model) for one in run.solutions if one.evaluation is None]
     return tuple(

@@ -8,16 +8,16 @@ import typer
 from calib.commands.answers.solutions import run_answer
 from calib.commands.judged_page import DEFAULT_CRITERIA, CriteriaOption, PageOption, VerboseOption
 from calib.commands.running import negative, report_of, stopped
-from calib.files import named_in_files
+from calib.core.files import named_in_files
 from calib.show.screen import progress_bars, quoted
 from designer.answer import Summary
 from designer.completion import error_templates, one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
-    from calib.inputs.corners_vnl import PointGrid
+    from calib.core.types import Observations
+    from calib.observe.corners_vnl import PointGrid
     from calib.pipeline.settings import SolvePlan
-    from calib.types import Observations
     from calib.virtual.solve_virtual import Reference
 
 MODELS = ("luhmann", "opencv", "virtual", "pinhole")
@@ -132,7 +132,7 @@ def made_settings(made: str | None) -> tuple[tuple[str, str], ...]:
 
 def _rendered_id(detections: Path) -> str:
     """The geometry that the photos of detections were rendered of, if their records say so."""
-    from calib.inputs.records import read_records, records_path
+    from calib.observe.records import read_records, records_path
 
     try:
         return read_records(records_path(detections)).rendered_id
@@ -144,8 +144,8 @@ def read_input(
     detections: Path, target: Path | None, image_size: str | None, grid: str | None, pitch: str | None
 ) -> "Observations":
     """What a camera is solved from, of a file of any kind, with the options that some kinds need."""
-    from calib.inputs.correspondences import parse_pair, read_observations
-    from calib.inputs.dataset import MAX_SIDE_PX
+    from calib.observe.correspondences import parse_pair, read_observations
+    from calib.observe.dataset import MAX_SIDE_PX
 
     size = None if image_size is None else parse_pair("--image-size", image_size, MAX_SIDE_PX)
     _require_file(detections)
@@ -195,9 +195,9 @@ def reference_of(reference: str | None, target: Path | None) -> "Reference | Non
         return reference
     if reference is None:
         raise InputError(f"--reference-target {target}: name the photo of this board too, with --reference PHOTO")
-    from calib.detect.pipeline import detect
-    from calib.inputs.images import read_image
-    from calib.inputs.observations import observations_from_detections
+    from calib.detector.pipeline import detect
+    from calib.observe.images import read_image
+    from calib.observe.observations import observations_from_detections
     from designer.target import load_target
 
     board = load_target(target, "rings")
@@ -215,8 +215,8 @@ def reference_settings(reference: str | None, target: Path | None) -> tuple[tupl
 
 def _grid(grid: str | None, pitch: str | None) -> "PointGrid | None":
     """The corners' grid, if one is given."""
-    from calib.inputs.corners_vnl import PointGrid
-    from calib.inputs.correspondences import MAX_GRID, parse_pair
+    from calib.observe.corners_vnl import PointGrid
+    from calib.observe.correspondences import MAX_GRID, parse_pair
     from designer.units import parse_length_mm
 
     if grid is None and pitch is None:

@@ -24,7 +24,7 @@ from calib.commands.solve import (
     plan_of,
     read_input,
 )
-from calib.files import check_folder
+from calib.core.files import check_folder
 from calib.show.screen import progress_bar, quoted, shown, table_console, waiting
 from designer.answer import StoppedError, Summary, Value, program
 from designer.command import command, printable
@@ -95,7 +95,7 @@ def bootstrap(
     pitch: PitchOption = None,
 ) -> Summary:
     """Draw views with replacement, calibrate and measure, thousands of times: errors with their spread."""
-    from calib.results.truth import read_truth
+    from calib.observe.truth import read_truth
     from calib.studies.identity import identity_of
     from calib.studies.outputs import STUDY_FILE
     from calib.studies.pool import make_pool, require_enough
@@ -213,7 +213,7 @@ def sample(
     specs: "Sequence[CaseSpec]", study: "Study", *, samples: int, seed: int, jobs: int | None, dask: str | None
 ) -> None:
     """Compute the samples that are missing, and say how long it took."""
-    from calib.results.evaluation_table import figure
+    from calib.core.number_text import figure
     from calib.studies.runner import run_cases
 
     total, counts = samples * len(specs), [0]
@@ -246,7 +246,7 @@ def show(study: "Study", folder: Path, remarks: Sequence[str] = ()) -> Summary:
         folder: for the files.
         remarks: on the photos, said already.
     """
-    from calib.files import write_files
+    from calib.core.files import write_files
     from calib.report.study_words import OWN
     from calib.studies.outputs import FIGURES_FOLDER, study_output
     from calib.studies.table import notes, screen_tables
@@ -310,7 +310,7 @@ def _mixed_programs(study: "Study") -> Iterator[str]:
 
 def _photograph_and_search(work: "PaperStudy", jobs: int | None) -> None:
     """Targets, photos and detections, as far as they are not there."""
-    from calib.files import write_files
+    from calib.core.files import write_files
     from calib.studies import paper_study
 
     processes = jobs or os.cpu_count() or 1

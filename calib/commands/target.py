@@ -59,8 +59,8 @@ def target(
 
 def _made(points: Path, planes: Path | None, diameter: str, *, inside: bool, out: Path) -> "TargetGeometry":
     """Make the target file."""
-    from calib.files import write_files
-    from calib.inputs.point_target import read_planes, read_points, target_from_points
+    from calib.core.files import write_files
+    from calib.observe.point_target import read_planes, read_points, target_from_points
     from designer.own_files import require_ours
     from designer.target import FORMAT, load_target, target_to_json
     from designer.units import parse_length_mm

@@ -15,7 +15,7 @@ from calib.commands.figure_formats import FiguresOption, figure_formats
 from calib.commands.folder_page import say_next, with_page
 from calib.commands.study import kept_when_stopped, stopped_in_a_line, table_answer
 from calib.commands.tolerance_screen import say_files, say_report
-from calib.files import check_folder
+from calib.core.files import check_folder
 from calib.show.screen import progress_bar, quoted, waiting
 from designer.answer import Summary
 from designer.command import printable
@@ -23,11 +23,11 @@ from designer.completion import camera_templates, error_templates, one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
+    from calib.cameras.camera import Camera
     from calib.studies.tolerance.explore import Keeping
     from calib.studies.tolerance.first_order import FirstOrder
     from calib.studies.tolerance.report import Against, Requirement, ToleranceReport
     from calib.studies.tolerance.setting import Setting
-    from calib.types import Camera
     from designer.target import TargetGeometry
     from designer.tolerance.model import ErrorModel
 
@@ -159,7 +159,7 @@ class _Scene:
 def _asked(
     *, draws: int, seed: int, jobs: int | None, require: list[str] | None, by: str | None, predicts: bool, full: bool
 ) -> _Asked:
-    from calib.render.quantities import whole
+    from calib.renderer.quantities import whole
     from calib.studies.tolerance.budget import checked_quantity
     from calib.studies.tolerance.requirement import parse_requirements
 
@@ -214,8 +214,8 @@ def _scene(path: Path, errors: str, changes: list[str], distance: str, view: _Bo
         InputError: a file, a quantity or an option that breaks a rule.
     """
     from calib.commands.camera_argument import read_camera
-    from calib.render.poses import MAX_VIEWS
-    from calib.render.quantities import length, whole
+    from calib.renderer.poses import MAX_VIEWS
+    from calib.renderer.quantities import length, whole
     from calib.studies.tolerance.view_fit import view_fit
     from designer.target import bounding_radius_mm, load_target
     from designer.tolerance.error_file import error_model
@@ -372,7 +372,7 @@ def _timed(tell: Callable[[float], None], asked: _Asked) -> Callable[[float], No
 
 def _write(report: "ToleranceReport", folder: Path, target: Path, formats: tuple[str, ...]) -> Summary:
     """Print the tables and what they say, write the files, and say what to look at."""
-    from calib.files import write_files
+    from calib.core.files import write_files
     from calib.studies.table_files import JSON_FILE
     from calib.studies.tolerance.explore import AGAINST_FILE, STUDY_FILE
     from calib.studies.tolerance.files import report_files

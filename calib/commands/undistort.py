@@ -17,9 +17,9 @@ from designer.command import printable
 from designer.errors import InputError
 
 if TYPE_CHECKING:
-    from calib.detect.batch import PhotoFile
-    from calib.resample import Pixels
-    from calib.types import Camera
+    from calib.cameras.camera import Camera
+    from calib.cameras.resample import Pixels
+    from calib.observe.photos import PhotoFile
 
 MARK = ".undistorted"
 """Stands in the name of each undistorted photo, so that one is not taken for a photo of the camera."""
@@ -58,8 +58,8 @@ def undistort(
     Each becomes NAME.undistorted.png with its bit depth and channels. The new camera.json belongs to them.
     """
     from calib.api.searching import refuse_nothing
-    from calib.detect.batch import find_photos, named_photos
-    from calib.undistort import pinhole_of
+    from calib.cameras.undistortion import pinhole_of
+    from calib.observe.photos import find_photos, named_photos
 
     if alpha is not None and focal_px is not None:
         raise InputError("--alpha and --focal-px both set the focal length; give one of them")
@@ -127,8 +127,8 @@ def _summary(done: Sequence[_Done], failures: Sequence[str], place: Path, pinhol
 
 def _undistort_all(photos: "Sequence[PhotoFile]", place: Path, camera: "Camera", pinhole: "Camera") -> list[_Done]:
     """One photo after the other into the folder of the new camera's file, which comes with the first that succeeds."""
-    from calib.camera_file import camera_to_json
-    from calib.files import distinct_stems, write_files
+    from calib.cameras.camera_file import camera_to_json
+    from calib.core.files import distinct_stems, write_files
     from calib.show.screen import progress_bar
 
     done: list[_Done] = []
@@ -152,7 +152,7 @@ def _undistort_all(photos: "Sequence[PhotoFile]", place: Path, camera: "Camera",
 
 def _check_out(out: Path, place: Path) -> None:
     """Refuse a folder that is none, or holds another camera, before any work is done."""
-    from calib.camera_file import FORMAT, load_camera
+    from calib.cameras.camera_file import FORMAT, load_camera
     from designer.own_files import require_ours
 
     if out.exists() and not out.is_dir():
@@ -166,9 +166,9 @@ def _one(
     photo: "PhotoFile", result: Path, camera: "Camera", pinhole: "Camera", tell: Callable[[float], None], before: int
 ) -> _Done:
     """One photo from file to file. No fault of a photo ends the run."""
-    from calib.files import write_files
-    from calib.inputs.images import read_colour
-    from calib.undistort import undistort as undistort_pixels
+    from calib.cameras.undistortion import undistort as undistort_pixels
+    from calib.core.files import write_files
+    from calib.observe.images import read_colour
 
     try:
         image = read_colour(photo.path)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.core.number_text import figure as digits
 from calib.figures.fields import draw_means
 from calib.figures.style import (
     ABOVE_PX,
@@ -24,7 +25,6 @@ from calib.figures.style import (
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation
 from calib.metrics.residual_cells import cells_of, columns_rows, residuals_of
-from calib.results.evaluation_table import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

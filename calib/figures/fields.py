@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.core.number_text import figure as digits
 from calib.figures.style import (
     BLUE,
     DEEP,
@@ -18,7 +19,6 @@ from calib.figures.style import (
     round_length,
 )
 from calib.metrics.residual_cells import LEAST_PER_CELL, ResidualCells, Residuals
-from calib.results.evaluation_table import figure as digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,16 +4,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.core.number_text import figure as digits
 from calib.figures.maps import draw_map
 from calib.figures.sigma_map import SigmaMap
 from calib.figures.style import BLUE, EMPTY, INK, ORANGE, SEQUENTIAL, VERMILION, bar_beside, image_axes, note, nothing
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, by_view
 from calib.metrics.residual_cells import Residuals, cells_of, columns_rows
-from calib.results.evaluation_table import figure as digits
+from calib.solver.calibration import Calibration
 from calib.solver.outliers import whitened
 from calib.solver.problem import whiteners
-from calib.types import Calibration
 from designer.command import printable
 
 if TYPE_CHECKING:

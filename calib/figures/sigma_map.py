@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import rays
-from calib.refit import image_grid
+from calib.cameras.refit import image_grid
+from calib.solver.calibration import Calibration
 from calib.solver.uncertainty import projected_sigma_px, sigma_over_image_px
-from calib.types import Calibration
 
 Array = NDArray[np.float64]
 

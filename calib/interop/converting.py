@@ -2,9 +2,9 @@
 
 from collections.abc import Collection
 
+from calib.cameras.camera import Camera
+from calib.cameras.refit import FAMILIES, Refit, refit
 from calib.interop.format import CameraFormat
-from calib.refit import FAMILIES, Refit, refit
-from calib.types import Camera
 from designer.errors import InputError
 from designer.spec_file import shown, suggestion
 

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from calib.refit import Refit
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.cameras.refit import Refit
 
 MAX_FILE_BYTES = 2**17
 """A camera file of a few numbers is never larger."""

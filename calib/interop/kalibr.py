@@ -2,11 +2,11 @@
 
 import re
 
+from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
 from calib.interop.values import image_size, make_camera, mapping, numbers, pick, real, required, shown_plain
 from calib.interop.yaml_text import parse_yaml
-from calib.types import Camera
 from designer.errors import InputError
 
 _RECOGNISED = re.compile(

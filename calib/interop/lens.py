@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.refit import fit_rays, image_grid
 from calib.interop.format import ReadCamera
 from calib.interop.values import make_camera
-from calib.refit import fit_rays, image_grid
 from designer.errors import InputError
 
 Complex = NDArray[np.complex128]

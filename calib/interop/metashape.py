@@ -11,11 +11,11 @@ import re
 from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 
+from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import Complex, brown_camera, fit_lens
 from calib.interop.values import image_size, number, pick, real
 from calib.interop.xml_text import parse_xml
-from calib.types import Camera
 from designer.errors import InputError
 from designer.spec_file import shown
 

@@ -3,10 +3,10 @@
 import ast
 import re
 
+from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
 from calib.interop.values import image_size, make_camera, mapping, numbers, real, required, shown_plain
-from calib.types import Camera
 from designer.errors import InputError
 from designer.spec_file import shown
 

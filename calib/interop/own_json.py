@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from calib.camera_file import FORMAT, MAX_FILE_BYTES, camera_from_mapping, camera_to_json
+from calib.cameras.camera_file import FORMAT, MAX_FILE_BYTES, camera_from_mapping, camera_to_json
 from calib.interop.format import CameraFormat, ReadCamera
 from designer.small_file import parse_json
 

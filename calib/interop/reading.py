@@ -4,7 +4,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from calib.camera_file import camera_or_preset
+from calib.cameras.camera_file import camera_or_preset
 from calib.interop import FORMATS
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.own_json import JSON

@@ -2,12 +2,12 @@
 
 import re
 
+from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
 from calib.interop.opencv_yaml import linear_part
 from calib.interop.values import image_size, mapping, numbers, real, required, shown_plain
 from calib.interop.yaml_text import only_keys, parse_yaml
-from calib.types import Camera
 from designer.errors import InputError
 
 BROWN = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,)}

@@ -5,9 +5,9 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeVar
 
-from calib.camera_file import FORMAT, VERSION, camera_from_mapping
 from calib.cameras import parameter_names
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import FORMAT, VERSION, camera_from_mapping
 from designer.errors import InputError
 from designer.spec_file import shown
 

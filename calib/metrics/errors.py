@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.types import frozen_array
+from calib.core.types import frozen_array
 
 COUNTED = ""
 """The reason of an error that is not left out."""

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from calib.metrics import METRICS, OF_TRUTH
 from calib.metrics.errors import Errors, ErrorSummary, summarise_groups
 from calib.metrics.prediction import predict
-from calib.results.truth import Truth, true_poses
-from calib.types import Calibration
+from calib.observe.truth import Truth, true_poses
+from calib.solver.calibration import Calibration
 from designer.errors import InputError
 
 

@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import rays
+from calib.core.selection import keep_sightings, keep_views
+from calib.core.types import Observations
 from calib.metrics.errors import is_known
 from calib.metrics.evaluation import Evaluation, errors_of, joined, truth_remarks
-from calib.results.truth import Truth
-from calib.sightings import keep_sightings, keep_views
+from calib.observe.truth import Truth
+from calib.solver.calibration import Calibration
 from calib.solver.pose import solve_poses
-from calib.types import Calibration, Observations
 from designer.errors import InputError
 
 LEAST_FOLDS = 2

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project, rays
-from calib.types import Calibration, frozen_array
+from calib.core.types import frozen_array
+from calib.solver.calibration import Calibration
 
 Array = NDArray[np.float64]
 

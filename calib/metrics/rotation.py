@@ -7,10 +7,10 @@ another image plane than the sensor's has other axes. Neither is an error of a v
 
 import numpy as np
 
+from calib.core.se3 import log_rotation
 from calib.metrics.errors import Errors, first_reason, is_known
 from calib.metrics.pose import UNKNOWN
 from calib.metrics.prediction import Prediction
-from calib.se3 import log_rotation
 
 NAME, SUBJECT = "rotation", "a camera's axes"
 UNIT, AXES = "deg", ("x", "y", "z")

@@ -1,8 +1,9 @@
 """One way to solve every camera model."""
 
+from calib.core.types import Observations
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Calibration, Observations
 from calib.virtual.reference_photo import on_plane_mm
 from calib.virtual.solve_virtual import Reference, solve_virtual
 from designer.errors import InputError

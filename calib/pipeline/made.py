@@ -1,7 +1,7 @@
 """What a target's way of making lets it be off, beside a camera that was solved from photos of it."""
 
+from calib.solver.calibration import Calibration
 from calib.solver.target_error import with_target_error
-from calib.types import Calibration
 from designer.target import TargetGeometry
 from designer.tolerance.made import MEASURED, Made
 from designer.tolerance.prior import ShapePrior, measured_prior, shape_prior

@@ -4,15 +4,17 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from calib.cameras.camera import Camera
+from calib.core.types import Observations
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
+from calib.observe.truth import Truth
 from calib.pipeline.calibrate import calibrate
 from calib.pipeline.made import with_made
 from calib.pipeline.settings import SolvePlan
-from calib.results.truth import Truth
+from calib.solver.calibration import Calibration
 from calib.solver.degeneracy import UndeterminedError
 from calib.solver.image_field import with_image_field
-from calib.types import Calibration, Camera, Observations
 from calib.virtual.solve_virtual import Reference
 from designer.errors import InputError
 from designer.tolerance.made import Made

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.number_text import figure as digits
 from calib.figures.fields import draw_means, draw_residuals
 from calib.figures.histograms import draw_sizes
 from calib.figures.maps import draw_coverage, draw_map
@@ -15,7 +16,6 @@ from calib.figures.sigma_map import SigmaMap, place_on_map
 from calib.figures.style import bar_beside, image_axes, panel_height_in, svg_panel
 from calib.metrics.residual_cells import ResidualCells, Residuals
 from calib.report.run_folder import Solved
-from calib.results.evaluation_table import figure as digits
 from calib.verdict.apart import Known, sigma_over
 from calib.verdict.checks import made_words
 from calib.verdict.coverage import Coverage, region_words

@@ -1,5 +1,6 @@
 """How good a camera is on its page: coverage, what is left over, and what two halves of the photos say."""
 
+from calib.core.number_text import figure as digits
 from calib.figures.sigma_map import SigmaMap
 from calib.metrics import OF_TRUTH
 from calib.metrics.residual_cells import cells_of_residuals, residuals_of
@@ -17,7 +18,6 @@ from calib.report.accuracy_figures import (
 from calib.report.run_folder import Solved
 from calib.report.run_tables import held_out_table, metrics_table
 from calib.report.stored_metrics import of_views
-from calib.results.evaluation_table import figure as digits
 from calib.verdict.halves import HalvesApart, NoHalves, half_split, halves_apart
 from calib.verdict.of_run import Judged
 from designer.command import printable

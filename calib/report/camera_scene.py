@@ -4,11 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import rays
+from calib.cameras.camera import Camera
+from calib.core.number_text import figure as digits
+from calib.core.types import KnownPoints
 from calib.metrics.evaluation import by_view
 from calib.metrics.prediction import centers_mm
 from calib.report.run_folder import Solved
-from calib.results.evaluation_table import figure as digits
-from calib.types import Camera, KnownPoints
 from calib.verdict.next_views import NextView
 from calib.verdict.view_facts import view_facts
 from designer.command import printable

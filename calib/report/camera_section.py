@@ -6,13 +6,13 @@ import shlex
 import numpy as np
 
 from calib.cameras import rays
+from calib.cameras.camera import Camera
+from calib.core.number_text import figure as digits
 from calib.figures.sigma_map import SigmaMap
 from calib.report.accuracy_figures import uncertainty_figure
+from calib.report.evaluation_table import focal_length
 from calib.report.run_folder import RunFolder, Solved
 from calib.report.run_tables import parameters_table
-from calib.results.evaluation_table import figure as digits
-from calib.results.evaluation_table import focal_length
-from calib.types import Camera
 from calib.verdict.halves import HalvesApart, NoHalves
 from designer.page.blocks import Block, Command, Facts, Fold, Section
 

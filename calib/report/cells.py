@@ -2,7 +2,7 @@
 
 import math
 
-from calib.results.evaluation_table import figure
+from calib.core.number_text import figure
 from designer.page.blocks import Cell, Level
 
 

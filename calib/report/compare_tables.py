@@ -1,7 +1,7 @@
 """The tables of the page of a comparison."""
 
+from calib.core.number_text import figure
 from calib.report.comparison_file import AloneRow, CaseRow, ComparisonFile
-from calib.results.evaluation_table import figure
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, PLAIN_DRAWN
 from calib.studies.compare.objects import OBJECTS
 from calib.studies.compare.results import NEAR, REACH, short

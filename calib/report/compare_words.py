@@ -1,8 +1,8 @@
 """What the page of a comparison says in words: its answer, and what its figures show."""
 
+from calib.core.number_text import figure
 from calib.report.compare_tables import explains
 from calib.report.comparison_file import AloneRow, ComparisonFile
-from calib.results.evaluation_table import figure
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJECTS
 from calib.studies.compare.objects import MODELS
 from calib.studies.compare.results import short

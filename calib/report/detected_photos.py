@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.inputs.records import ImageRecord, common_remarks, image_record, measurable
+from calib.core.number_text import figure as digits
+from calib.core.types import NOT_MEASURABLE, UNMEASURABLE_WORDS
+from calib.observe.records import ImageRecord, common_remarks, image_record
 from calib.report.cells import number, whole
 from calib.report.folder_blocks import some_of
 from calib.report.gallery import shortened
 from calib.report.levels import SHARE_RULE, level_of_share, worst_level
 from calib.report.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
-from calib.results.evaluation_table import figure as digits
-from calib.types import NOT_MEASURABLE, UNMEASURABLE_WORDS
 from designer.command import printable
 from designer.page.blocks import (
     Cell,
@@ -33,7 +33,7 @@ from designer.page.links import is_linkable
 from designer.words import capital
 
 if TYPE_CHECKING:
-    from calib.detect.batch import PhotoResult
+    from calib.observe.photos import PhotoResult
     from designer.target import TargetGeometry
 
 WORDS: Mapping[Level, str] = {"good": "found", "usable": "found in part", "bad": "not found", "note": ""}
@@ -51,7 +51,7 @@ class SearchedPhoto:
     @property
     def expected(self) -> int:
         """Features of the faces that show, without those that nobody could measure."""
-        return sum(measurable(face) for face in self.record.faces if face.face is not None)
+        return sum(face.measurable for face in self.record.faces if face.face is not None)
 
     @property
     def share(self) -> float:
@@ -311,7 +311,7 @@ def _faces_table(made: Detected) -> Table:
         own = [face for face in seen if face.face == number_]
         rows.append((
             Cell(str(number_), float(number_), level=None if own else "usable"), whole(len(own)),
-            whole(sum(face.rings_found for face in own)), whole(sum(map(measurable, own))),
+            whole(sum(face.rings_found for face in own)), whole(sum(face.measurable for face in own)),
         ))  # fmt: skip
     return Table("All faces", columns, tuple(rows))
 

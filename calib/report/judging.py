@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from calib.files import write_files
+from calib.core.files import write_files
 from calib.pipeline.made import prior_of
 from calib.report.run_folder import Solved, read_run
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
-from calib.types import Calibration
 from calib.verdict.advice import DETECTED, Inputs
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import noise_factor

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from calib.files import write_files
+from calib.core.files import write_files
 from designer.command import printable
 from designer.errors import InputError
 from designer.own_files import is_ours

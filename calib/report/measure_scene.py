@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.unknowns import bow_basis
+from calib.core.number_text import figure
+from calib.core.se3 import exp_rotation
 from calib.report.as_built_file import AsBuiltRecord
-from calib.results.evaluation_table import figure
-from calib.se3 import exp_rotation
 from designer.page.blocks import View3d
 from designer.page.scene import Layer, Segments, Surface
 from designer.target import TargetGeometry

@@ -6,9 +6,9 @@ import numpy as np
 
 from calib.as_built_report.deviations import FREE_PARAMETERS, Estimate
 from calib.as_built_report.words import FINEST, axes_words, degrees, percent
+from calib.core.number_text import figure, with_digits
 from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord
 from calib.report.measure_scene import deviations_of
-from calib.results.evaluation_table import figure, with_digits
 from designer.page.blocks import Cell, Column, Level, Table
 from designer.target import TargetGeometry
 from designer.words import capital

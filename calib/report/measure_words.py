@@ -8,8 +8,8 @@ import numpy as np
 from calib.as_built_report.deviations import JUDGED
 from calib.as_built_report.held_out import Gain, judged_by
 from calib.as_built_report.words import degrees, next_print_lines, percent, spread_mm
+from calib.core.number_text import figure
 from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord
-from calib.results.evaluation_table import figure
 from designer.page.blocks import Command, Finding, Headline, Level
 from designer.words import capital
 

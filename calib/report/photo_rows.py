@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.inputs.records import ImageRecord, Records, common_remarks, measurable
 from calib.metrics.evaluation import by_view
+from calib.observe.records import ImageRecord, Records, common_remarks
 from calib.verdict.view_facts import view_facts
 from designer.page.blocks import Level
 
@@ -97,7 +97,7 @@ def _expected(record: ImageRecord | None) -> int | None:
     """How many features of the faces that were found could have been measured, as commands count them too."""
     if record is None:
         return None
-    return sum(measurable(face) for face in record.faces if face.face is not None)
+    return sum(face.measurable for face in record.faces if face.face is not None)
 
 
 def _unused_row(record: ImageRecord) -> PhotoRow:

@@ -6,12 +6,12 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from calib.detect.batch import OVERLAY_MARK
+from calib.core.number_text import figure as digits
+from calib.core.types import UNMEASURABLE_WORDS
+from calib.observe.photos import OVERLAY_MARK
 from calib.report.cells import number, whole
 from calib.report.gallery import OVERLAYS, Shot, gallery, shortened
 from calib.report.photo_rows import PhotoRow
-from calib.results.evaluation_table import figure as digits
-from calib.types import UNMEASURABLE_WORDS
 from designer.command import printable
 from designer.page.blocks import Cell, Column, Finding, Findings, Leaf, Section, Table
 

@@ -14,10 +14,10 @@ import numpy as np
 import pydantic
 from numpy.typing import NDArray
 
-from calib.camera_file import camera_from_mapping, camera_to_json
-from calib.files import write_files
-from calib.results.rigid import rigid_fault
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_from_mapping, camera_to_json
+from calib.core.files import write_files
+from calib.core.rigid import rigid_fault
 from designer.command import printable
 from designer.errors import InputError
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph, Steps, Table

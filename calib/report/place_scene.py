@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.camera import Camera
+from calib.core.number_text import figure as digits
 from calib.metrics.prediction import centers_mm
 from calib.report.camera_scene import BODY, INK, corner_rays, first_look
-from calib.results.evaluation_table import figure as digits
-from calib.types import Camera
 from designer.page.blocks import View3d
 from designer.page.scene import Labels, Layer, Scene, Segments
 from designer.target import TargetGeometry

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.cameras.camera import Camera
+from calib.core.number_text import figure as digits
+from calib.core.number_text import with_digits
 from calib.report.cells import number, whole
 from calib.report.folder_blocks import some_of
 from calib.report.gallery import shortened
@@ -17,13 +20,10 @@ from calib.report.levels import SHARE_RULE, level_of_share, worst_level
 from calib.report.photo_rows import STANDS_OUT
 from calib.report.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection, camera_mapping, matrix_of
 from calib.report.place_scene import distance_words
-from calib.results.evaluation_table import figure as digits
-from calib.results.evaluation_table import with_digits
-from calib.types import Camera
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph
 
 if TYPE_CHECKING:
-    from calib.pose import TargetPose
+    from calib.pipeline.target_poses import TargetPose
     from designer.target import TargetGeometry
 
 GOOD_RMS_PX, USABLE_RMS_PX = 0.5, 2.0

@@ -4,18 +4,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.detect.candidates import MIN_RADIUS_PX
-from calib.render.job import TRUTH_FILE, RenderJob
-from calib.render.options import RenderOptions
-from calib.render.rings import ring_truth
-from calib.render.scene import RenderScene, scene_from_target
+from calib.core.number_text import figure as digits
+from calib.core.types import LEAST_RADIUS_PX
+from calib.detector.candidates import MIN_RADIUS_PX
+from calib.renderer.job import TRUTH_FILE, RenderJob
+from calib.renderer.options import RenderOptions
+from calib.renderer.rings import ring_truth
+from calib.renderer.scene import RenderScene, scene_from_target
 from calib.report.camera_section import field_of_view_words
 from calib.report.cells import number, whole
 from calib.report.kept_target import TARGET_FILE, target_words
 from calib.report.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection, camera_mapping, matrix_of
 from calib.report.place_scene import distance_words, tilts_deg
-from calib.results.evaluation_table import figure as digits
-from calib.types import LEAST_RADIUS_PX
 from designer.page.blocks import Cell, Column, Command, Finding, Headline
 
 FILES = (

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from calib.cameras import MODELS
-from calib.inputs.records import Records, read_records
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
+from calib.observe.records import Records, read_records
 from calib.pipeline.solutions import preference
+from calib.records.calibration_file import CALIBRATION_FILE, Provenance, read_calibration
+from calib.records.evaluation_files import METRICS_FILE
 from calib.report.stored_metrics import StoredMetrics, read_metrics
-from calib.results.calibration_file import CALIBRATION_FILE, Provenance, read_calibration
-from calib.results.evaluation_files import METRICS_FILE
-from calib.types import Calibration
+from calib.solver.calibration import Calibration
 from calib.verdict.coverage import Coverage, coverage_of
 from designer.command import printable
 from designer.errors import InputError

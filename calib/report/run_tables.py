@@ -6,16 +6,18 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from calib.cameras import MODELS
-from calib.inputs.records import Records, measurable
+from calib.core.number_text import figure as digits
+from calib.core.number_text import with_digits
+from calib.core.types import UNMEASURABLE_WORDS
 from calib.metrics import OF_TRUTH
 from calib.metrics.errors import ErrorSummary, summarise
 from calib.metrics.evaluation import by_face
+from calib.observe.records import Records
 from calib.report.cells import number, whole
+from calib.report.evaluation_table import OF_ITS_OWN_SENSOR, focal_length
 from calib.report.run_folder import Solved
 from calib.report.stored_metrics import StoredMetric, StoredMetrics
-from calib.results.evaluation_table import OF_ITS_OWN_SENSOR, focal_length, with_digits
-from calib.results.evaluation_table import figure as digits
-from calib.types import UNMEASURABLE_WORDS, Calibration
+from calib.solver.calibration import Calibration
 from designer.command import printable
 from designer.page.blocks import Cell, Column, Table
 
@@ -177,7 +179,7 @@ def _rings_of_faces(records: Records | None, faces: int) -> tuple[list[int], lis
         for face in image.faces:
             if face.face is not None and 0 <= face.face < faces:
                 found[face.face] += face.rings_found
-                expected[face.face] += measurable(face)
+                expected[face.face] += face.measurable
     return found, expected
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.inputs.images import read_preview
+from calib.observe.images import read_preview
 from designer.command import printable
 from designer.errors import InputError
 from designer.page.blocks import Raster

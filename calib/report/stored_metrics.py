@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError
 
-from calib.inputs.csv_table import is_real, read_text
-from calib.results.evaluation_files import METRICS_FILE, VIEWS_FILE
+from calib.observe.csv_table import is_real, read_text
+from calib.records.evaluation_files import METRICS_FILE, VIEWS_FILE
 from designer.command import printable
 from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib.core.number_text import figure
 from calib.report.tolerance_table_file import (
     AllowedRow,
     BudgetRow,
@@ -15,7 +16,6 @@ from calib.report.tolerance_table_file import (
     Together,
     ToleranceFile,
 )
-from calib.results.evaluation_table import figure
 from calib.studies.tolerance.draw import TOGETHER
 from calib.studies.tolerance.report import MAIN, NEVER, of_name
 from calib.studies.tolerance.result import Cost

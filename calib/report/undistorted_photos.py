@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
+from calib.cameras.camera import Camera
+from calib.core.number_text import figure as digits
 from calib.report.camera_section import field_of_view_words
 from calib.report.folder_blocks import some_of
 from calib.report.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection, camera_mapping
 from calib.report.undistortion import Change, change_of
-from calib.results.evaluation_table import figure as digits
-from calib.types import Camera
 from designer.page.blocks import Cell, Column, Command, Finding, Headline, Table
 from designer.words import capital
 

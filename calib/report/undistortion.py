@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project, rays
-from calib.results.evaluation_table import figure as digits
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.core.number_text import figure as digits
 from designer.page.blocks import Figure
 
 if TYPE_CHECKING:

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from calib.core.number_text import figure as digits
 from calib.report.accuracy_figures import image_panel
 from calib.report.run_folder import Solved
-from calib.results.evaluation_table import figure as digits
 from calib.verdict.figure_next_views import draw_next_views
 from calib.verdict.next_views import NextView, why_no_next_views
 from calib.verdict.verdict import Check, Grade, Verdict

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.binarise import reduced, reduction, thresholds
-from calib.detect.candidates import Candidates, find_candidates
-from calib.detect.looks_like import looks_like
-from calib.detect.plan import plan_for
-from calib.types import LEAST_RADIUS_PX, Detections
+from calib.core.types import LEAST_RADIUS_PX, Detections
+from calib.detector.binarise import reduced, reduction, thresholds
+from calib.detector.candidates import Candidates, find_candidates
+from calib.detector.looks_like import looks_like
+from calib.detector.plan import plan_for
 from designer.target import TargetGeometry
 
 FEWEST = 12

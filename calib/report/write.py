@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from calib.files import write_files
+from calib.core.files import write_files
 from calib.report.origin import ORIGIN_FILE, Origin, origin_of, origin_to_json
 from calib.report.registry import KINDS
 from designer.answer import program

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.api.searching import Search
-from calib.inputs.records import common_remarks, measurable
-from calib.types import NOT_MEASURABLE, Detections
+from calib.core.types import NOT_MEASURABLE, Detections
+from calib.observe.records import common_remarks
 from designer.page.blocks import Cell, Column, Table
 
 MAX_ROWS = 60
@@ -54,7 +54,7 @@ def missing_of(one: Detections) -> dict[str, int]:
 
 def expected_features(one: Detections) -> int:
     """How many features of the named faces could have been measured."""
-    return sum(measurable(record) for record in one.faces if record.face is not None)
+    return sum(record.measurable for record in one.faces if record.face is not None)
 
 
 def median_sigma_px(one: Detections) -> float:

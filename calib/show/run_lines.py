@@ -6,9 +6,10 @@ from pathlib import Path
 
 from calib.api.run_result import RunResult
 from calib.api.searching import Search
+from calib.core.number_text import figure
 from calib.metrics.errors import summarise
+from calib.report.evaluation_table import comparison_table, focal_length, parameters_table
 from calib.report.verdict_section import finding_of, headline_of
-from calib.results.evaluation_table import comparison_table, figure, focal_length, parameters_table
 from calib.show.photo_table import expected_features, photo_table, remarks_on
 from calib.show.screen import quoted, shown, table_console
 from calib.show.terminal import say_facts, say_findings, say_headline, say_line, say_lines, say_table, say_written

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.camera import Camera
 from calib.solver.blocks import RobustLoss
 from calib.solver.levenberg import FIRST_DAMPING, Minimum, minimise
 from calib.solver.problem import Problem
-from calib.types import Camera
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise, project
-from calib.jit import jit, jit_sums
+from calib.cameras.camera import Camera
+from calib.core.jit import jit, jit_sums
 from calib.solver.options import Loss
 from calib.solver.problem import Problem
-from calib.types import Camera
 
 Array = NDArray[np.float64]
 

@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
+from calib.core.types import Observations
 from calib.solver.covariance import Accuracy
 from calib.solver.levenberg import Minimum
 from calib.solver.linear_pose import FLAT
 from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.tie import Tie
-from calib.types import Observations
 from designer.errors import InputError
 
 Array = NDArray[np.float64]

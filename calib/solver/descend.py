@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.camera import Camera
 from calib.solver.beyond import Shown, lost_views, minimise_shown
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.levenberg import Minimum, minimise
@@ -13,7 +14,6 @@ from calib.solver.options import Loss, SolveOptions
 from calib.solver.outliers import deviations, forgetful, robust_covariance_factor, robust_sigma, whitened
 from calib.solver.problem import Problem, few_per_view, select
 from calib.solver.tie import Tie
-from calib.types import Camera
 
 Array = NDArray[np.float64]
 

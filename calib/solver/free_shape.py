@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise
+from calib.solver.calibration import Calibration
 from calib.solver.problem import whiteners
-from calib.types import Calibration
 
 Array = NDArray[np.float64]
 

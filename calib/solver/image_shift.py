@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.linear_algebra import symmetric_inverse
+from calib.core.linear_algebra import symmetric_inverse
 from calib.solver.schur import reduced_blocks
 from calib.solver.tie import Tie
 

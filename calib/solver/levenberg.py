@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import MODELS
-from calib.jit import jit
-from calib.small_solve import cholesky_factor, substitute
+from calib.cameras.camera import Camera
+from calib.core.jit import jit
+from calib.core.small_solve import cholesky_factor, substitute
 from calib.solver.blocks import Blocks, RobustLoss, view_blocks
 from calib.solver.problem import Problem
 from calib.solver.schur import damped_step
-from calib.types import Camera
 
 Array = NDArray[np.float64]
 
@@ -197,7 +197,7 @@ def _move_poses(pose: Array, step: Array, turn: Array) -> None:
 
 @jit
 def _rotate(pose: Array, vector: Array, columns: int) -> None:
-    """Turn the first columns by a rotation vector: Rodrigues' formula, see `calib.se3.exp_rotation`."""
+    """Turn the first columns by a rotation vector: Rodrigues' formula, see `calib.core.se3.exp_rotation`."""
     x, y, z = vector
     square = x * x + y * y + z * z
     if square == 0:

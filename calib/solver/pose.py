@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.linear_algebra import symmetric_inverse
+from calib.cameras.camera import Camera
+from calib.core.linear_algebra import symmetric_inverse
+from calib.core.types import Observations
 from calib.solver.blocks import RobustLoss
 from calib.solver.levenberg import minimise_poses
 from calib.solver.poses import first_poses
 from calib.solver.problem import pack, target_covariance, target_poses
-from calib.types import Camera, Observations
 
 Array = NDArray[np.float64]
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.se3 import compose, invert
+from calib.cameras.camera import Camera
+from calib.core.se3 import compose, invert
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.levenberg import minimise_poses
 from calib.solver.linear_pose import principal_frames
 from calib.solver.outliers import forgetful
 from calib.solver.problem import MANY, Problem, few_per_view, select
 from calib.solver.start import linear_poses
-from calib.types import Camera
 
 Array = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.jit import jit
-from calib.se3 import skew
-from calib.types import Observations
+from calib.core.jit import jit
+from calib.core.se3 import skew
+from calib.core.types import Observations
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.jit import jit
-from calib.small_solve import cholesky_factor, substitute
+from calib.core.jit import jit
+from calib.core.small_solve import cholesky_factor, substitute
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import MODELS
-from calib.sightings import keep_views
+from calib.cameras.camera import Camera
+from calib.core.selection import keep_views
+from calib.core.types import Observations
+from calib.solver.calibration import Calibration, Status
 from calib.solver.covariance import accuracy_of
 from calib.solver.degeneracy import UndeterminedError, why_degenerate
 from calib.solver.descend import Descended, descend, is_robust, without_lens
@@ -16,7 +19,6 @@ from calib.solver.poses import FirstPoses, first_poses
 from calib.solver.problem import Problem, pack, target_covariance, target_poses
 from calib.solver.start import coarse_camera
 from calib.solver.tie import Tie, tie_parameters
-from calib.types import Calibration, Camera, Observations, Status
 from designer.errors import InputError
 
 Array = NDArray[np.float64]

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import MODELS, rays
+from calib.cameras.camera import Camera
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.levenberg import Minimum, minimise, minimise_poses
 from calib.solver.linear_pose import focal_of, linear_views, poses_of, weak_perspective_poses
 from calib.solver.outliers import forgetful
 from calib.solver.problem import MANY, Problem, few_per_view, select
-from calib.types import Camera
 
 Array = NDArray[np.float64]
 

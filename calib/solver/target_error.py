@@ -22,10 +22,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.linear_algebra import symmetric_inverse
-from calib.one_thread import one_thread
+from calib.core.linear_algebra import symmetric_inverse
+from calib.core.one_thread import one_thread
+from calib.solver.calibration import Calibration, TargetError
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
-from calib.types import Calibration, TargetError
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.prior import ShapePrior
 

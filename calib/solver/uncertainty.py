@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise, rays
-from calib.linear_algebra import least_squares
-from calib.refit import image_grid
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.cameras.refit import image_grid
+from calib.core.linear_algebra import least_squares
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.one_thread import one_thread
+from calib.core.one_thread import one_thread
 from calib.solver.degeneracy import NO_FIT
 from calib.studies.draw import draw_counts
 from calib.studies.from_scratch import solve_from_scratch

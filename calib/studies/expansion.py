@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.linear_algebra import solve_square, symmetric_inverse
+from calib.cameras.camera import Camera
+from calib.core.linear_algebra import solve_square, symmetric_inverse
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.covariance import accuracy_of
 from calib.solver.levenberg import is_allowed, move_poses, turn_of_centre
@@ -21,7 +22,6 @@ from calib.solver.problem import Problem
 from calib.solver.schur import reduced_normal
 from calib.solver.tie import Tie
 from calib.studies.gradients import gradients_of
-from calib.types import Camera
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.core.number_text import figure as digits
 from calib.figures.style import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, note, nothing
-from calib.results.evaluation_table import figure as digits
 from calib.studies.statistics import METRICS, Array, Case, CaseSummary, Distribution, Metric, SampleArrays, summarise
 from calib.studies.table import setting_in_words
 from designer.command import printable

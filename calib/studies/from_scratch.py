@@ -6,6 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.se3 import make_pose
+from calib.core.selection import keep_sightings
+from calib.core.types import Observations
 from calib.metrics.errors import Errors, summarise
 from calib.metrics.intersection import intersection
 from calib.metrics.pose import pose
@@ -13,11 +16,9 @@ from calib.metrics.prediction import predict
 from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
 from calib.pipeline.calibrate import calibrate
-from calib.se3 import make_pose
-from calib.sightings import keep_sightings
+from calib.solver.calibration import Calibration
 from calib.studies.pool import Pool
 from calib.studies.sample import SampleResult
-from calib.types import Calibration, Observations
 from designer.errors import InputError
 
 Array = NDArray[np.float64]

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise
-from calib.jit import jit, jit_sums
+from calib.cameras.camera import Camera
+from calib.core.jit import jit, jit_sums
 from calib.solver.problem import Problem
-from calib.types import Camera
 
 Array = NDArray[np.float64]
 

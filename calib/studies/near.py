@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.jit import jit
+from calib.cameras.camera import Camera
+from calib.core.jit import jit
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.degeneracy import SINGULAR, UNSURE_FOCAL
 from calib.solver.levenberg import is_allowed, move_poses, turn_of_centre
@@ -19,7 +20,6 @@ from calib.solver.schur import damped_step
 from calib.studies.expansion import Expansion
 from calib.studies.gradients import gradients_of
 from calib.studies.pool import Pool
-from calib.types import Camera
 
 Array = NDArray[np.float64]
 Count = NDArray[np.int64]

@@ -8,17 +8,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera_file import camera_or_preset
-from calib.detect.batch import PhotoFile, detect_photos, named_photos
-from calib.detect.pipeline import detect
-from calib.inputs.observations import observations_from_detections
-from calib.render.job import RenderJob, run_job
-from calib.render.options import RenderOptions
-from calib.render.poses import PoseGrid, grid_poses
-from calib.results.truth import Truth, true_poses
-from calib.sightings import keep_sightings, keep_views, sightings_per_view
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_or_preset
+from calib.core.selection import keep_sightings, keep_views, sightings_per_view
+from calib.core.types import Detections, Observations
+from calib.detector.pipeline import detect
+from calib.observe.observations import observations_from_detections
+from calib.observe.photos import PhotoFile, detect_photos, named_photos
+from calib.observe.truth import Truth, true_poses
+from calib.renderer.job import RenderJob, run_job
+from calib.renderer.options import RenderOptions
+from calib.renderer.poses import PoseGrid, grid_poses
 from calib.solver.solve import solve
-from calib.types import Camera, Detections, Observations
 from designer.errors import InputError
 from designer.layout import lay_out
 from designer.spec import BoardSpec, IcoSpec

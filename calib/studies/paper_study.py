@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from calib.inputs.dataset import read_detections, write_detections
-from calib.inputs.observations import observations_from_detections
-from calib.render.job import TRUTH_FILE
-from calib.results.truth import read_truth
+from calib.observe.dataset import read_detections, write_detections
+from calib.observe.observations import observations_from_detections
+from calib.observe.truth import read_truth
+from calib.renderer.job import TRUTH_FILE
 from calib.solver.options import AS_THE_PAPER
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.paper_sets import (

@@ -5,17 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.types import Observations
 from calib.metrics.evaluation import truth_remarks
 from calib.metrics.prediction import centers_mm
+from calib.observe.truth import Truth, true_poses
 from calib.pipeline.calibrate import calibrate
-from calib.results.truth import Truth, true_poses
+from calib.solver.calibration import Calibration
 from calib.solver.descend import is_robust
 from calib.solver.options import SolveOptions
 from calib.solver.problem import Problem, pack
 from calib.solver.tie import Tie, tie_parameters
 from calib.studies.expansion import Expansion, expand
 from calib.studies.sample import SampleResult
-from calib.types import Calibration, Observations
 from designer.errors import InputError
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calib.results.evaluation_table import figure
+from calib.core.number_text import figure
 from calib.studies.findings import HeldClaim
 from calib.studies.paper_table import BOARD, ICOSAHEDRON
 from calib.studies.statistics import SMALL_SKEWNESS, Array, CaseSummary

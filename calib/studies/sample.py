@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from calib.types import Status
+from calib.solver.calibration import Status
 
 SampleStatus = Status | Literal["failed"]
 """`failed`: no camera came out at all, and the message says why."""

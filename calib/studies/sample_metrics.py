@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project, rays
-from calib.jit import jit
+from calib.cameras.camera import Camera
+from calib.core.jit import jit
+from calib.core.small_solve import cholesky_factor, substitute
+from calib.core.types import Observations
 from calib.metrics.intersection import LEAST_SINE
 from calib.metrics.prediction import centers_mm
 from calib.metrics.reconstruction import LEAST_SPREAD_RAD
-from calib.small_solve import cholesky_factor, substitute
 from calib.solver.problem import Problem
 from calib.studies.gradients import chunks_of
-from calib.types import Camera, Observations
 
 Array = NDArray[np.float64]
 Count = NDArray[np.int64]

@@ -10,9 +10,9 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.solver.calibration import Status
 from calib.studies.sample import SampleResult
 from calib.studies.statistics import Case
-from calib.types import Status
 from designer.errors import InputError
 
 STATUSES = (*get_args(Status), "failed")

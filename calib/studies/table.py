@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from calib.results.evaluation_table import figure
+from calib.core.number_text import figure
 from calib.studies.findings import HeldClaim, PaperFactor, against_paper, findings, settings
 from calib.studies.markdown import markdown_table, plain
 from calib.studies.paper_table import CORRECTED, CORRECTION, INTERVALS, PaperValue, paper_value

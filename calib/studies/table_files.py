@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from calib.inputs.csv_table import ANY_NAME
+from calib.observe.csv_table import ANY_NAME
 from calib.studies.findings import HeldClaim, findings
 from calib.studies.paper_table import paper_value
 from calib.studies.statistics import CaseSummary, Distribution, Over

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.results.evaluation_table import figure
+from calib.core.number_text import figure
+from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
-from calib.types import Calibration
 from calib.verdict.checks import BY_CHANCE, SURE, checks_of
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import FAR_OFF, CameraEvidence, HalvesFound

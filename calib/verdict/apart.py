@@ -1,7 +1,7 @@
 """How far two solutions of one camera lie apart over a part of the image, and how far their covariances allow.
 
-As in `calib.camera_difference` and `calib.solver.uncertainty`, a common rotation does not count; here the rotation is
-the best one of the pixels looked at, so that corners where nothing was seen do not turn the rest.
+As in `calib.cameras.camera_difference` and `calib.solver.uncertainty`, a common rotation does not count; here the
+rotation is the best one of the pixels looked at, so that corners where nothing was seen do not turn the rest.
 """
 
 from dataclasses import dataclass
@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera_difference import camera_difference
 from calib.cameras import linearise, project, rays
-from calib.linear_algebra import least_squares
-from calib.types import Camera, frozen_array
+from calib.cameras.camera import Camera
+from calib.cameras.camera_difference import camera_difference
+from calib.core.linear_algebra import least_squares
+from calib.core.types import frozen_array
 from calib.verdict.coverage import Coverage
 
 Array = NDArray[np.float64]

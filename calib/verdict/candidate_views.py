@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project, rays
-from calib.se3 import exp_rotation, make_pose
-from calib.types import Calibration, Camera
+from calib.cameras.camera import Camera
+from calib.core.se3 import exp_rotation, make_pose
+from calib.solver.calibration import Calibration
 from calib.verdict.next_view_target import Habits, TargetShape, facing, pitch_px
 
 Array = NDArray[np.float64]

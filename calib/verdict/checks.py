@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from calib.results.evaluation_table import figure
-from calib.types import TargetError
+from calib.core.number_text import figure
+from calib.solver.calibration import TargetError
 from calib.verdict.coverage import region_words
 from calib.verdict.criteria import Criteria, Limits
 from calib.verdict.evidence import FAR_OFF, CameraEvidence, HalvesFound, ModelApart

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.linear_algebra import covariance_with_prior
-from calib.types import Calibration, Camera
+from calib.cameras.camera import Camera
+from calib.core.linear_algebra import covariance_with_prior
+from calib.solver.calibration import Calibration
 from calib.verdict.candidate_views import CandidateViews, ShownPoints, candidates_of, shown_in
 from calib.verdict.coverage import coverage, coverage_of
 from calib.verdict.information import Knowledge, image_change, knowledge_of, sigma_px, view_information

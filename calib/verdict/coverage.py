@@ -10,8 +10,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.jit import jit
-from calib.types import Calibration, frozen_array
+from calib.core.jit import jit
+from calib.core.types import frozen_array
+from calib.solver.calibration import Calibration
 
 Array = NDArray[np.float64]
 

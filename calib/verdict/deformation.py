@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.types import KnownPoints
+from calib.core.types import KnownPoints
 
 Array = NDArray[np.float64]
 

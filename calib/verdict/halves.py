@@ -12,11 +12,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.one_thread import one_thread
+from calib.core.one_thread import one_thread
+from calib.core.selection import keep_sightings, keep_views
+from calib.core.types import Observations
 from calib.pipeline.calibrate import calibrate
-from calib.sightings import keep_sightings, keep_views
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
-from calib.types import Calibration, Observations
 from calib.verdict.apart import Apart, Known, apart
 from calib.verdict.coverage import Coverage
 from calib.verdict.split import splits

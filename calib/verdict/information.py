@@ -12,16 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import MODELS, linearise
-from calib.linear_algebra import covariance_with_prior, symmetric_inverse
-from calib.refit import COLUMNS, image_grid
-from calib.sightings import keep_views, sightings_per_view
+from calib.cameras.camera import Camera
+from calib.cameras.refit import COLUMNS, image_grid
+from calib.core.linear_algebra import covariance_with_prior, symmetric_inverse
+from calib.core.selection import keep_views, sightings_per_view
 from calib.solver.blocks import RobustLoss, view_blocks
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.problem import pack
 from calib.solver.schur import reduced_normal
 from calib.solver.tie import tie_parameters
 from calib.solver.uncertainty import projected_change
-from calib.types import Calibration, Camera
 
 Array = NDArray[np.float64]
 

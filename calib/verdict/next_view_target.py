@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.se3 import invert
+from calib.core.se3 import invert
+from calib.core.types import KnownPoints
+from calib.solver.calibration import Calibration
 from calib.solver.linear_pose import FLAT
-from calib.types import Calibration, KnownPoints
 
 Array = NDArray[np.float64]
 

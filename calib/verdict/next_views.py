@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project
-from calib.linear_algebra import covariance_with_prior
-from calib.se3 import transform
+from calib.cameras.camera import Camera
+from calib.core.linear_algebra import covariance_with_prior
+from calib.core.se3 import transform
+from calib.core.types import frozen_array
+from calib.solver.calibration import Calibration
 from calib.solver.degeneracy import NO_FIT
-from calib.types import Calibration, Camera, frozen_array
 from calib.verdict.candidate_views import CandidateViews, faces_seen
 from calib.verdict.choose_views import (
     COARSE_MAP,

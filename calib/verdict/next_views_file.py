@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from calib.results.rigid import rigid_fault
+from calib.core.rigid import rigid_fault
 from calib.verdict.next_views import NextView
 from designer.command import printable
 from designer.errors import InputError

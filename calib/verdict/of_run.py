@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from calib.one_thread import one_thread
-from calib.types import Calibration
+from calib.core.one_thread import one_thread
+from calib.solver.calibration import Calibration
 from calib.verdict.advice import DETECTED, Inputs, advice_of
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import evidence_of

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from calib.results.evaluation_table import figure
-from calib.types import Calibration
+from calib.core.number_text import figure
+from calib.solver.calibration import Calibration
 from calib.verdict.checks import SURE
 from calib.verdict.coverage import region_words
 from calib.verdict.criteria import Criteria

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.types import Calibration
+from calib.solver.calibration import Calibration
 from calib.verdict.checks import made_words, px
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import CameraEvidence

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.types import Calibration
+from calib.solver.calibration import Calibration
 
 Array = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.linear_algebra import covariance_with_prior, pseudo_inverse
+from calib.core.linear_algebra import covariance_with_prior, pseudo_inverse
+from calib.solver.calibration import Calibration
 from calib.solver.target_error import left_open
-from calib.types import Calibration
 from calib.verdict.information import Knowledge
 from designer.tolerance.prior import ShapePrior
 

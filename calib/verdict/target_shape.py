@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.one_thread import one_thread
+from calib.core.one_thread import one_thread
+from calib.solver.calibration import Calibration
 from calib.solver.free_shape import free_directions, shape_equations
 from calib.solver.target_error import extended
-from calib.types import Calibration
 from calib.verdict.apart import in_sigmas, moved_over
 from calib.verdict.coverage import Coverage
 from calib.verdict.deformation import deformation_of

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from calib.results.evaluation_table import figure
+from calib.core.number_text import figure
 
 Grade = Literal["good", "usable", "bad", "unknown"]
 """`bad`: do not use; `unknown`: could not be checked, which is said and worsens nothing but leaves no praise."""

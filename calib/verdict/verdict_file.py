@@ -13,9 +13,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
-from calib.camera_file import camera_from_mapping, camera_to_json
 from calib.cameras import parameter_names
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_from_mapping, camera_to_json
 from calib.verdict.apart import Known
 from calib.verdict.criteria import Criteria, Limits
 from calib.verdict.halves import Half, HalfSplit, Halves, NoHalves

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.types import Calibration
+from calib.solver.calibration import Calibration
 from calib.verdict.next_view_target import TargetShape, shape_of
 
 Array = NDArray[np.float64]

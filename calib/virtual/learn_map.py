@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.camera import LearnedMap
 from calib.cameras.learned import MAX_LENGTHS, correlation, jacobian_with, square_distances, to_sensor, trend_at
-from calib.detect.homography import fit
-from calib.one_thread import one_thread_with_scipy
-from calib.types import LearnedMap
+from calib.core.one_thread import one_thread_with_scipy
+from calib.detector.homography import fit
 from calib.virtual.image_cells import MAX_CELLS, cells_of
 from calib.virtual.likelihood import likeliest, weights_of
 from designer.errors import InputError

@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import rays
+from calib.cameras.camera import Camera
 from calib.cameras.learned import to_sensor
-from calib.linear_algebra import least_squares, solve_square
-from calib.se3 import transform
+from calib.core.linear_algebra import least_squares, solve_square
+from calib.core.se3 import transform
+from calib.core.types import Observations
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Calibration, Camera, Observations
 from calib.virtual.image_cells import Cells, cells_of
 from calib.virtual.learn_map import Learned, MapSamples, Process, learn_map
 from calib.virtual.solve_on_sensor import move_to_sensor, rows_of_views

@@ -7,8 +7,8 @@ where the camera stands and looks along the plane's normal: a sensor without dis
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.homography import apply, direct
-from calib.types import KnownPoints, Observations
+from calib.core.types import KnownPoints, Observations
+from calib.detector.homography import apply, direct
 from calib.virtual.learn_map import MIN_SAMPLES, MapSamples
 from designer.errors import InputError
 

@@ -6,12 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.camera import Camera, LearnedMap
 from calib.cameras.learned import known_at, to_image, to_sensor
-from calib.linear_algebra import solve_square
-from calib.sightings import keep_sightings, without_empty_views
+from calib.core.linear_algebra import solve_square
+from calib.core.selection import keep_sightings, without_empty_views
+from calib.core.types import Observations
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.types import Calibration, Camera, LearnedMap, Observations
 from designer.errors import InputError
 
 Array = NDArray[np.float64]

@@ -12,12 +12,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.camera import LearnedMap
 from calib.cameras.learned import exact_point, known_at
-from calib.one_thread import one_thread
+from calib.core.one_thread import one_thread
+from calib.core.types import Observations
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.solve import solve
-from calib.types import Calibration, LearnedMap, Observations
 from calib.virtual.learn_map import MapSamples, learn_from_many
 from calib.virtual.learn_views import SMALL_CHANGE_PX, learn_from_views
 from calib.virtual.reference_photo import choose_view, on_plane_mm, samples_of_plane

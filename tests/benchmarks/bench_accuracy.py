@@ -15,10 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
+from calib.core.selection import keep_views
+from calib.core.types import Observations
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
-from calib.results.truth import Truth, read_truth
-from calib.sightings import keep_views
+from calib.observe.truth import Truth, read_truth
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.studies.paper_sets import (
@@ -31,7 +32,6 @@ from calib.studies.paper_sets import (
     search,
     sightings,
 )
-from calib.types import Observations
 from designer.target import TargetGeometry
 
 VIEWS = 120

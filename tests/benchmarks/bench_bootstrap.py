@@ -22,7 +22,8 @@ import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
-from calib.results.truth import Truth  # noqa: E402
+from calib.core.types import Calibration  # noqa: E402
+from calib.observe.truth import Truth  # noqa: E402
 from calib.solver.blocks import RobustLoss, view_blocks  # noqa: E402
 from calib.solver.levenberg import move_poses, turn_of_centre  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
@@ -33,7 +34,6 @@ from calib.studies.bootstrap import run_chunk, run_sample  # noqa: E402
 from calib.studies.draw import draw_counts  # noqa: E402
 from calib.studies.from_scratch import expanded  # noqa: E402
 from calib.studies.pool import Pool, make_pool  # noqa: E402
-from calib.types import Calibration  # noqa: E402
 from tests.benchmarks.synthetic import row  # noqa: E402
 from tests.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around  # noqa: E402
 

@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.ring_fit import fit_rings
-from calib.detect.ring_model import PARAMETERS
+from calib.detector.ring_fit import fit_rings
+from calib.detector.ring_model import PARAMETERS
 from tests.benchmarks.synthetic import DARK, LIGHT, Array, Box, plane_view, ring_shade, rms, row
 
 OUTER_PX, RATIO, TILT_RAD, FOCAL_PX = 15.0, 0.45, math.radians(45), 1000.0

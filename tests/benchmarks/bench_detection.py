@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import calib
-from calib.camera_file import camera_or_preset
-from calib.detect.pipeline import detect
-from calib.render import RenderOptions, View, render_view
-from calib.types import Detections
+from calib.cameras.camera_file import camera_or_preset
+from calib.core.types import Detections
+from calib.detector.pipeline import detect
+from calib.renderer import RenderOptions, View, render_view
 from designer.target import TargetGeometry, bounding_radius_mm
 from tests.benchmarks.synthetic import (
     SPECS,

@@ -156,7 +156,7 @@ def charuco_corners(image: Grey) -> int:
 
 def detection(setting: Setting) -> None:
     """The detector on one photo, against ChArUco with as many points."""
-    from calib.detect.pipeline import detect
+    from calib.detector.pipeline import detect
     from designer.target import load_target
 
     target = load_target(target_file(setting))
@@ -194,7 +194,7 @@ def solution(setting: Setting) -> None:
 
 def large_photo(setting: Setting) -> None:
     """A photo of 100 megapixels, against the bare threshold and contours."""
-    from calib.detect.pipeline import detect
+    from calib.detector.pipeline import detect
     from designer.layout import lay_out
     from tests.benchmarks.bench_large_image import SPEC, bare_pass, picture
 
@@ -264,7 +264,7 @@ def help_texts(setting: Setting) -> None:
 
 def prediction(setting: Setting) -> None:
     """What a print's errors cost: the whole command, and the prediction alone."""
-    from calib.camera_file import camera_or_preset
+    from calib.cameras.camera_file import camera_or_preset
     from calib.studies.tolerance.linear import linear_table
     from calib.studies.tolerance.setting import make_setting
     from designer.target import load_target

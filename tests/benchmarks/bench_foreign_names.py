@@ -24,8 +24,8 @@ from pathlib import Path
 import numpy as np
 
 import calib
-from calib.detect.pipeline import detect
-from calib.render import RenderOptions
+from calib.detector.pipeline import detect
+from calib.renderer import RenderOptions
 from designer.layout import lay_out
 from designer.spec import BoardSpec
 from designer.target import TargetGeometry

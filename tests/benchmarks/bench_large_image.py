@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.pipeline import detect
+from calib.detector.pipeline import detect
 from designer.layout import lay_out
 from designer.spec import BoardSpec
 from designer.target import TargetGeometry

@@ -23,16 +23,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.pipeline import detect
-from calib.inputs.observations import observations_from_detections
+from calib.cameras.camera import Camera
+from calib.cameras.refit import image_grid
+from calib.core.types import Detections
+from calib.detector.pipeline import detect
+from calib.observe.observations import observations_from_detections
 from calib.pipeline.calibrate import calibrate
-from calib.refit import image_grid
-from calib.render import RenderOptions, render_view
-from calib.render.rings import ring_truth
-from calib.render.scene import scene_from_target
+from calib.renderer import RenderOptions, render_view
+from calib.renderer.rings import ring_truth
+from calib.renderer.scene import scene_from_target
+from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.uncertainty import projected_change
-from calib.types import Calibration, Camera, Detections
 from designer.layout import lay_out
 from designer.spec import BoardSpec
 from designer.target import TargetGeometry

@@ -16,13 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
-from calib.detect.batch import detect_photos, named_photos
-from calib.detect.pipeline import detect
-from calib.inputs.observations import observations_from_detections
+from calib.cameras.camera import Camera
+from calib.core.selection import keep_views
+from calib.core.types import Observations
+from calib.detector.pipeline import detect
 from calib.metrics.evaluation import evaluate
-from calib.sightings import keep_views
+from calib.observe.observations import observations_from_detections
+from calib.observe.photos import detect_photos, named_photos
+from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
-from calib.types import Calibration, Camera, Observations
 from tests.benchmarks.bench_real_photos import plain_grid
 
 FOLDER = Path(__file__).parents[2].parent / "shared" / "real" / "rings-10x7"

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from calib.detect.pipeline import detect
+from calib.detector.pipeline import detect
 from designer.layout import lay_out
 from designer.spec import BoardSpec
 from designer.target import TargetGeometry

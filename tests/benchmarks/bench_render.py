@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera_file import camera_or_preset
-from calib.render import RenderOptions, render_view
-from calib.render.poses import PoseGrid, grid_poses
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_or_preset
+from calib.renderer import RenderOptions, render_view
+from calib.renderer.poses import PoseGrid, grid_poses
 from designer.layout import lay_out
 from designer.sizing import size_job
 from designer.spec_file import BoardFile, IcoFile

@@ -24,10 +24,10 @@ import numpy as np
 import ringgrid
 from numpy.typing import NDArray
 
-from calib.detect.pipeline import detect
-from calib.render import RenderOptions, render_view
-from calib.se3 import exp_rotation
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.core.se3 import exp_rotation
+from calib.detector.pipeline import detect
+from calib.renderer import RenderOptions, render_view
 from designer.layout import lay_out
 from designer.spec import BoardSpec
 from designer.target import TargetGeometry
@@ -209,7 +209,7 @@ def report(name: str, draw: Callable[[float, np.random.Generator], Scene], tilts
     for tilt in tilts:
         scene = draw(math.radians(tilt), rng)
         own = ours(scene)
-        row(f"{tilt} deg  calib.detect", "", _text(own), own.remark)
+        row(f"{tilt} deg  calib.detector", "", _text(own), own.remark)
         for mode in ("default", "scale told", "adaptive"):
             peer = theirs(scene, mode)
             better = own.found >= peer.found and own.seconds < peer.seconds

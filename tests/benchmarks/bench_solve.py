@@ -28,9 +28,11 @@ import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
 from calib.cameras import project  # noqa: E402
-from calib.se3 import transform  # noqa: E402
+from calib.cameras.camera import Camera  # noqa: E402
+from calib.core.se3 import transform  # noqa: E402
+from calib.core.types import KnownPoints, Observations  # noqa: E402
+from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
-from calib.types import Calibration, Camera, KnownPoints, Observations  # noqa: E402
 from tests.benchmarks.synthetic import row  # noqa: E402
 from tests.solver_scenes import poses_around  # noqa: E402
 

@@ -17,6 +17,7 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MK
 
 import numpy as np  # noqa: E402
 
+from calib.core.types import Camera  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
 from calib.studies.tolerance.anchor import minimum_of  # noqa: E402
 from calib.studies.tolerance.draw import drawn_noise, drawn_values, run_draws, seen_px  # noqa: E402
@@ -24,7 +25,6 @@ from calib.studies.tolerance.linear import linear_table  # noqa: E402
 from calib.studies.tolerance.quantities import NAMES  # noqa: E402
 from calib.studies.tolerance.result import ToleranceTable, relative_error, table_of_draws  # noqa: E402
 from calib.studies.tolerance.setting import Setting, make_setting  # noqa: E402
-from calib.types import Camera  # noqa: E402
 from designer.layout import lay_out  # noqa: E402
 from designer.spec import IcoSpec  # noqa: E402
 from designer.tolerance.error_file import error_model  # noqa: E402

@@ -25,12 +25,13 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MK
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
-from calib.camera_difference import camera_difference  # noqa: E402
+from calib.cameras.camera_difference import camera_difference  # noqa: E402
+from calib.core.types import Camera  # noqa: E402
 from calib.pipeline.calibrate import calibrate  # noqa: E402
 from calib.pipeline.made import with_made  # noqa: E402
+from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.image_field import with_image_field  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
-from calib.types import Calibration, Camera  # noqa: E402
 from calib.verdict.coverage import coverage_of  # noqa: E402
 from calib.verdict.criteria import Criteria, Limits, read_criteria  # noqa: E402
 from calib.verdict.halves import half_split  # noqa: E402

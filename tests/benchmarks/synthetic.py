@@ -14,8 +14,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.render import View
-from calib.types import Detections
+from calib.core.types import Detections
+from calib.renderer import View
 from designer.code import CODE_POSITIONS
 from designer.layout import lay_out
 from designer.spec import BoardSpec, IcoSpec, TargetSpec

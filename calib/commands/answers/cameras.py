@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calib.refit import Refit
-    from calib.types import Camera
+    from calib.cameras.camera import Camera
+    from calib.cameras.refit import Refit
     from designer.answer import Value
 
 

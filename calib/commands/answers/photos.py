@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from calib.api.searching import Search
-    from calib.detect.batch import PhotoResult
-    from calib.pose import TargetPose
+    from calib.observe.photos import PhotoResult
+    from calib.pipeline.target_poses import TargetPose
     from designer.answer import Value
     from designer.target import TargetGeometry
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from calib.metrics.errors import Errors
     from calib.metrics.evaluation import Evaluation
     from calib.pipeline.solutions import Solution
-    from calib.types import Calibration
+    from calib.solver.calibration import Calibration
     from designer.answer import Value
 
 
@@ -40,7 +40,7 @@ def solutions_answer(
 
 
 def _solution(solution: "Solution", folder: Path) -> "dict[str, Value]":
-    from calib.results.calibration_file import CALIBRATION_FILE, CAMERA_FILE
+    from calib.records.calibration_file import CALIBRATION_FILE, CAMERA_FILE
 
     if solution.evaluation is None:
         return {"model": solution.model, "status": "failed", "failure": solution.failure}

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from calib.camera_file import camera_or_preset
 from calib.cameras import parameter_names
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_or_preset
 from calib.studies.compare.alone import NOISE, TOGETHER, OneSource
 from calib.studies.compare.objects import MODELS, OBJECTS, SETS, PaperObject, make_target, object_named
 from calib.studies.compare.photographed import ALL_PHOTOS, SetsOfPhotos
@@ -13,7 +14,6 @@ from calib.studies.compare.scene import ComparedScene, scene_of
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
-from calib.types import Camera
 from designer.errors import InputError
 from designer.presets import preset_or_file
 from designer.tolerance.error_file import error_model

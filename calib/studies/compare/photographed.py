@@ -9,17 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import rays
+from calib.cameras.refit import image_grid
+from calib.core.selection import keep_sightings, keep_views, without_empty_views
+from calib.core.types import Observations
 from calib.metrics import errors
 from calib.metrics.evaluation import errors_of
 from calib.pipeline.calibrate import ALL_VIEWS, calibrate
-from calib.refit import image_grid
-from calib.sightings import keep_sightings, keep_views, without_empty_views
+from calib.solver.calibration import Calibration
 from calib.solver.options import AS_THE_PAPER
 from calib.solver.pose import solve_poses
 from calib.studies.compare.pool import ScenePool
 from calib.studies.compare.scene import ComparedScene, stream, take_photos
 from calib.studies.sample import SampleResult
-from calib.types import Calibration, Observations
 from designer.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
 from designer.tolerance.shape import centers_mm

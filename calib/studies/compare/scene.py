@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project
-from calib.inputs.observations import known_points
-from calib.render.poses import PoseGrid, grid_poses
-from calib.se3 import exp_rotation, transform
+from calib.cameras.camera import Camera
+from calib.core.se3 import exp_rotation, transform
+from calib.core.types import Observations
+from calib.observe.observations import known_points
+from calib.renderer.poses import PoseGrid, grid_poses
 from calib.studies.draw import keyed_generator
 from calib.studies.tolerance.noise import CONTRAST_TO_NOISE
 from calib.studies.tolerance.setting import LEAST_RINGS, seen_in
-from calib.types import Camera, Observations
 from designer.errors import InputError
 from designer.target import TargetGeometry
 

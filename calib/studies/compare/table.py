@@ -7,8 +7,8 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from calib.inputs.csv_table import ANY_NAME
-from calib.results.evaluation_table import figure
+from calib.core.number_text import figure
+from calib.observe.csv_table import ANY_NAME
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, PLAIN_DRAWN
 from calib.studies.compare.objects import OBJECTS, PaperObject
 from calib.studies.compare.results import METRICS, CaseResult, Explanation, Middle, Results, short

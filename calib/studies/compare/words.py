@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from calib.results.evaluation_table import figure
+from calib.core.number_text import figure
 from calib.studies.compare.alone import NOISE, TOGETHER
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJECTS, PLAIN_DRAWN, WITHOUT_EFFECT
 from calib.studies.compare.objects import MODELS, OBJECTS, REPROJECTION_RATIO, PaperObject

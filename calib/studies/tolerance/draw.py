@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project
-from calib.jit import jit
-from calib.one_thread import one_thread
+from calib.core.jit import jit
+from calib.core.one_thread import one_thread
 from calib.studies.draw import keyed_generator
 from calib.studies.tolerance.anchor import AnchoredMinimum, minimum_of
 from calib.studies.tolerance.measures import NONE, MadeSolution, measures

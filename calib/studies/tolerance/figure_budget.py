@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.core.number_text import figure
 from calib.figures.style import EMPTY, GREEN, INK, VERMILION, note, nothing
-from calib.results.evaluation_table import figure
 from calib.studies.tolerance.budget import Allowed
 from calib.studies.tolerance.figure_parts import heading, open_sides, plain_log_axis
 from calib.studies.tolerance.quantities import quantity_row

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.core.number_text import figure
 from calib.figures.style import BLUE, INK, VERMILION, note
-from calib.results.evaluation_table import figure
 from calib.studies.tolerance.figure_parts import heading, open_sides, source_title
 from calib.studies.tolerance.quantities import quantity_row
 from calib.studies.tolerance.report import MAIN, ToleranceReport, of_name

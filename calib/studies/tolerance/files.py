@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.inputs.csv_table import ANY_NAME
+from calib.observe.csv_table import ANY_NAME
 from calib.studies import figures
 from calib.studies.markdown import markdown_table, plain
 from calib.studies.outputs import FIGURES_FOLDER

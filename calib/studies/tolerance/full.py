@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detect.pipeline import detect
-from calib.one_thread import one_thread
-from calib.render.options import RenderOptions
-from calib.render.scene import scene_from_target
-from calib.render.view import render_view
+from calib.core.one_thread import one_thread
+from calib.core.types import Detections
+from calib.detector.pipeline import detect
+from calib.renderer.options import RenderOptions
+from calib.renderer.scene import scene_from_target
+from calib.renderer.view import render_view
 from calib.studies.tolerance.draw import drawn_values, solved, stream
 from calib.studies.tolerance.measures import NONE
 from calib.studies.tolerance.noise import CONTRAST_TO_NOISE
 from calib.studies.tolerance.setting import LEAST_RINGS, Setting, setting_of_sightings
 from calib.studies.tolerance.true_shape import true_shape
-from calib.types import Detections
 from designer.errors import InputError
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, displaced_shape

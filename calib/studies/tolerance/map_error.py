@@ -1,4 +1,4 @@
-"""How far a camera is off over the image, its best rotation removed, fast: as `calib.camera_difference`.
+"""How far a camera is off over the image, its best rotation removed, fast: as `calib.cameras.camera_difference`.
 
 The pixels and rays of the true camera are the same each time, so the rays are computed once. Only the part of the image
 counts in which rings were seen, their convex hull: beyond it a lens polynomial is extrapolated, and means nothing.
@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise, rays
-from calib.se3 import exp_rotation
-from calib.types import Camera
+from calib.cameras.camera import Camera
+from calib.core.se3 import exp_rotation
 
 Array = NDArray[np.float64]
 

@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.se3 import invert, log_rotation
+from calib.core.types import KnownPoints
 from calib.metrics.prediction import centers_mm
-from calib.se3 import invert, log_rotation
 from calib.studies.sample_metrics import Sample, sample_errors
 from calib.studies.tolerance.anchor import AnchoredMinimum
 from calib.studies.tolerance.map_error import map_error_px
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.true_shape import TrueShape
-from calib.types import KnownPoints
 
 Array = NDArray[np.float64]
 

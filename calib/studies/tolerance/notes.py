@@ -2,7 +2,7 @@
 
 import math
 
-from calib.results.evaluation_table import figure
+from calib.core.number_text import figure
 from calib.studies.tolerance.crossover import Crossover
 from calib.studies.tolerance.draw import TOGETHER, case_names
 from calib.studies.tolerance.quantities import quantity_row

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-from calib.render.quantities import parse_degrees, parse_pixels
+from calib.renderer.quantities import parse_degrees, parse_pixels
 from calib.studies.tolerance.budget import checked_quantity
 from calib.studies.tolerance.report import Requirement, of_name
 from designer.errors import InputError

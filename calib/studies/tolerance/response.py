@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.jit import jit_inside, jit_sums
+from calib.core.jit import jit_inside, jit_sums
 from calib.studies.tolerance.first_order import FirstOrder, SightingDerivatives, Sums
 
 Array = NDArray[np.float64]

@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.types import frozen_array
 from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.draw import case_names
 from calib.studies.tolerance.quantities import quantity_row
-from calib.types import frozen_array
 from designer.errors import InputError
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.registry import SOURCES

@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise
-from calib.inputs.observations import known_points
-from calib.refit import FAMILIES, refit
-from calib.render.poses import PoseGrid, Region, grid_poses
-from calib.se3 import transform
+from calib.cameras.camera import Camera
+from calib.cameras.refit import FAMILIES, refit
+from calib.core.se3 import transform
+from calib.core.types import Observations, frozen_array
+from calib.observe.observations import known_points
+from calib.renderer.poses import PoseGrid, Region, grid_poses
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.covariance import accuracy_of
 from calib.solver.descend import is_robust
@@ -21,7 +23,6 @@ from calib.solver.tie import Tie, tie_parameters
 from calib.studies.tolerance.anchor import Anchor, factorise
 from calib.studies.tolerance.map_error import ImageGrid, grid_of
 from calib.studies.tolerance.noise import CONTRAST_TO_NOISE, centre_covariances
-from calib.types import Camera, Observations, frozen_array
 from designer.errors import InputError
 from designer.target import TargetGeometry
 

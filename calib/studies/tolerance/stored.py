@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera_file import camera_to_json
+from calib.cameras.camera_file import camera_to_json
 from calib.studies.identity import identity_of
 from calib.studies.runner import run_cases
 from calib.studies.sample import SampleResult

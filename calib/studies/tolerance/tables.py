@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.results.evaluation_table import figure, with_digits
+from calib.core.number_text import figure, with_digits
 from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.budget import Allowed
 from calib.studies.tolerance.crossover import Crossover

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.se3 import make_pose, transform
+from calib.core.se3 import make_pose, transform
 from designer.tolerance.shape import Shape, centers_mm
 
 Array = NDArray[np.float64]

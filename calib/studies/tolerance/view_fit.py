@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project
-from calib.render.poses import PoseGrid, grid_poses
+from calib.cameras.camera import Camera
+from calib.core.types import LEAST_RADIUS_PX
+from calib.renderer.poses import PoseGrid, grid_poses
 from calib.studies.tolerance.setting import CAP_RAD
-from calib.types import LEAST_RADIUS_PX, Camera
 from designer.target import TargetGeometry, bounding_radius_mm
 
 Array = NDArray[np.float64]

@@ -1,0 +1,192 @@
+"""Camera files: `camera.json`, and templates or a person's own TOML with the same keys."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from calib.cameras import MODELS, CameraModel, parameter_names, rays
+from calib.cameras.camera import Camera, LearnedMap
+from calib.cameras.learned_map_file import LearnedMapFile, learned_map_from_file, learned_map_lines
+from designer.errors import InputError
+from designer.presets import preset_or_file
+from designer.small_file import parse_json, read_small_text
+from designer.spec_file import RawValue, read_spec_file, shown, suggestion
+
+FORMAT = "ringsolid.camera"
+VERSION = 1
+MAX_FILE_BYTES = 2**20
+MAX_SIDE_PX = 100_000
+REQUIRED = ("fx_px", "fy_px", "cx_px", "cy_px")
+"""What every model has; in a TOML file the lens's other parameters are 0 if left out."""
+LEARNING = ("virtual",)
+"""Models that are nothing without a learned map."""
+FOCAL_RANGE_PX = (1e-3, 1e9)
+LARGEST = {"px": 1e9, "1": 1e30}
+"""By unit, what a parameter may be at most; what is larger overflows further on, and is no lens."""
+
+GRID, LEAST_SEEN, STEEPEST = 41, 0.01, 1e3
+"""Of pixels that are tried, the least share with a ray less than 89.9 degrees off the axis."""
+
+Side = Annotated[int, Field(ge=1, le=MAX_SIDE_PX, strict=True)]
+
+
+class _CameraFile(BaseModel):
+    """The keys of a camera file; the parameters' names depend on the model."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Literal["ringsolid.camera"]
+    version: Annotated[int, Field(strict=True)]
+    model: str
+    image_size: tuple[Side, Side]
+    parameters: dict[str, Annotated[float, Field(strict=True, allow_inf_nan=False)]]
+    learned_map: LearnedMapFile | None = None
+
+
+def camera_to_json(camera: Camera) -> str:
+    """The text of `camera.json`; it reads back bit for bit."""
+    names = parameter_names(camera.model)
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "model": camera.model,
+        "image_size": list(camera.image_size),
+        "parameters": dict(zip(names, camera.params.tolist(), strict=True)),
+    }
+    text = json.dumps(document, indent=2, allow_nan=False)
+    if camera.learned is not None:
+        lines = ",\n    ".join(learned_map_lines(camera.learned))
+        text = text.removesuffix("\n}") + f',\n  "learned_map": {{\n    {lines}\n  }}\n}}'
+    return text + "\n"
+
+
+def camera_from_mapping(values: RawValue, origin: str, *, is_written_by_hand: bool = False) -> Camera:
+    """The camera in a parsed file.
+
+    Args:
+        values: what JSON or TOML held.
+        origin: what messages name.
+        is_written_by_hand: what the lens is not said to have, it has not; else all parameters must be there.
+
+    Raises:
+        InputError: another format or version, an unknown or missing key, or a value that breaks a rule.
+    """
+    if not isinstance(values, dict) or values.get("format") != FORMAT:
+        raise InputError(f'{origin}: not a camera file: it must hold "format": "{FORMAT}"')
+    if type(values.get("version")) is not int or values["version"] != VERSION:
+        raise InputError(f"{origin}: camera file version {shown(values.get('version'))}; this program reads {VERSION}")
+    try:
+        file = _CameraFile.model_validate(values)
+    except ValidationError as error:
+        raise InputError(f"{origin}: {_explain(error)}") from None
+    return _camera(file, origin, REQUIRED if is_written_by_hand else None)
+
+
+def _camera(file: _CameraFile, origin: str, required: tuple[str, ...] | None) -> Camera:
+    """Hold a file's parameters to the rules of its model."""
+    model = MODELS.get(file.model)
+    if model is None:
+        hint = suggestion(file.model, list(MODELS)) or f"; there are {', '.join(MODELS)}"
+        raise InputError(f"{origin}: unknown camera model {shown(file.model)}{hint}")
+    learned = _learned_map(file, origin)
+    params = _parameters(file, model, origin, required or parameter_names(model.name))
+    camera = Camera(model.name, params, file.image_size, learned)
+    _require_plausible(camera, origin)
+    return camera
+
+
+def _require_plausible(camera: Camera, origin: str) -> None:
+    """Refuse what no camera is, whatever file it came from: one that sees hardly a part of its own image."""
+    width, height = camera.image_size
+    u, v = np.meshgrid(np.linspace(0, width - 1, GRID), np.linspace(0, height - 1, GRID))
+    with np.errstate(all="ignore"):
+        ray = rays(camera, np.stack([u, v], axis=-1))
+        is_seen = np.hypot(ray[..., 0], ray[..., 1]) <= STEEPEST  # false where there is none
+    if is_seen.mean() < LEAST_SEEN:
+        raise InputError(
+            f"{origin}: by these numbers {100 * is_seen.mean():.1f} % of the image see what is in front of the camera; "
+            "check the parameters, their order and units"
+        )
+
+
+def _parameters(file: _CameraFile, model: CameraModel, origin: str, required: tuple[str, ...]) -> NDArray[np.float64]:
+    """The parameters in the model's order, each within its bounds."""
+    given = file.parameters
+    names = parameter_names(model.name)
+    for name in given.keys() - set(names):
+        hint = suggestion(name, list(names))
+        raise InputError(f"{origin}: unknown parameter {shown(name)} of model {model.name!r}{hint}")
+    for name in required:
+        if name not in given:
+            raise InputError(
+                f"{origin}: parameter {name} is missing; give it{' in pixels' if name in REQUIRED else ''}"
+            )
+    for name in ("fx_px", "fy_px"):
+        if not given[name] > 0:
+            raise InputError(f"{origin}: {name} {given[name]:g}: a focal length must be more than zero pixels")
+        if not FOCAL_RANGE_PX[0] <= given[name] <= FOCAL_RANGE_PX[1]:
+            span = f"{FOCAL_RANGE_PX[0]:g} to {FOCAL_RANGE_PX[1]:g} pixels"
+            raise InputError(f"{origin}: {name} {given[name]:g}: a focal length is from {span}; check the file")
+    for parameter in model.parameters:
+        value = given.get(parameter.name, 0.0)
+        if not parameter.lower < value < parameter.upper:
+            bounds = f"more than {parameter.lower:g} and less than {parameter.upper:g}"
+            raise InputError(f"{origin}: {parameter.name} {value:g}: must be {bounds}")
+        if not abs(value) <= LARGEST[parameter.unit]:
+            raise InputError(
+                f"{origin}: {parameter.name} {value:g}: is more than {LARGEST[parameter.unit]:g}, which no lens has; "
+                "check the file"
+            )
+    return np.array([given.get(name, 0.0) for name in names])
+
+
+def _learned_map(file: _CameraFile, origin: str) -> LearnedMap | None:
+    """The learned map of a model that needs one."""
+    if (file.learned_map is not None) == (file.model in LEARNING):
+        return None if file.learned_map is None else learned_map_from_file(file.learned_map, file.image_size, origin)
+    if file.learned_map is None:
+        raise InputError(
+            f"{origin}: model {file.model!r} needs a learned_map, and there is none; solve the camera again"
+        )
+    raise InputError(f"{origin}: model {file.model!r} has no learned_map; leave it out")
+
+
+def _explain(error: ValidationError) -> str:
+    """One line on the first thing wrong; an unknown key comes first, being likely the missing one misspelt."""
+    first = min(error.errors(), key=lambda wrong: wrong["type"] != "extra_forbidden")
+    key = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden":
+        return f"unknown key {shown(key)}{suggestion(key, list(_CameraFile.model_fields))}"
+    if first["type"] == "missing":
+        return f"{key} is missing"
+    if first["loc"][0] == "image_size":
+        size = f"two whole numbers from 1 to {MAX_SIDE_PX}"
+        return f"image_size: {shown(first['input'])} does not fit; it must be {size}, width and height in pixels"
+    return f"{key} {shown(first['input'])}: {first['msg'][:1].lower()}{first['msg'][1:]}"
+
+
+def load_camera(path: Path) -> Camera:
+    """Read a camera file, JSON or TOML.
+
+    Raises:
+        InputError: the file cannot be read or is no valid camera file; the message names it.
+    """
+    if path.suffix.lower() == ".toml":
+        return camera_from_mapping(read_spec_file(path), str(path), is_written_by_hand=True)
+    values = parse_json(read_small_text(path, MAX_FILE_BYTES, "a camera file"), path, "a camera file")
+    return camera_from_mapping(values, str(path))
+
+
+def camera_or_preset(name: str) -> Camera:
+    """The camera of a template, or of a person's .json or .toml file.
+
+    Raises:
+        InputError: neither a template nor a valid file; the message suggests the nearest template.
+    """
+    if Path(name).suffix.lower() == ".json":
+        return load_camera(Path(name))
+    return load_camera(preset_or_file("cameras", name))

@@ -1,0 +1,230 @@
+"""A camera of one model expressed in another: the same rays through the same pixels, as nearly as that model can.
+
+The rays of the first camera at a grid of pixels are projected by the second, whose parameters are the least-squares
+fit in pixels over the whole image. What no choice of parameters takes away is the residual, which is always reported.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import linearise, parameter_names, project, rays
+from calib.cameras.camera import Camera
+from calib.core.linear_algebra import least_squares
+from calib.core.se3 import exp_rotation, log_rotation
+from calib.core.types import frozen_array
+from designer.errors import InputError
+
+Array = NDArray[np.float64]
+
+FAMILIES = ("opencv", "luhmann", "pinhole")
+"""Models that are parameters only, so that they can be fitted to another."""
+
+COLUMNS = 60
+FOCAL_AND_CENTRE = 4
+MIN_PIXELS = 20
+STAGES = 16
+FIRST_RADIUS = 0.3
+MAX_STEPS = 200
+MAX_DAMPING = 1e12
+CONVERGED = 1e-12
+"""A step that lowers the sum of squares by less than this part is the last."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A camera fitted to the rays of another."""
+
+    camera: Camera
+    new_from_old: Array  # (3, 3) rotation between the cameras' frames; the identity unless it was fitted
+    rms_px: float
+    max_px: float
+    known: float  # part of the image where the first camera has rays, 0 to 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "new_from_old", frozen_array(self.new_from_old))
+
+    @property
+    def turn_rad(self) -> float:
+        """How far the frame was turned."""
+        return float(np.linalg.norm(log_rotation(self.new_from_old)))
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the second camera is the first in other words."""
+        return self.max_px == 0 and self.known == 1
+
+
+def image_grid(image_size: tuple[int, int], columns: int = COLUMNS, rows: int | None = None) -> Array:
+    """Pixels (rows, columns, 2), evenly spaced from the first pixel's centre to the last's; about square by default."""
+    width, height = image_size
+    rows = max(2, round(height / width * columns)) if rows is None else rows
+    u, v = np.meshgrid(np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows))
+    return np.stack([u, v], axis=-1)
+
+
+def refit(camera: Camera, model: str, *, zero: Collection[str] = (), turn: bool = False) -> Refit:
+    """The camera in another model, or in its own with some parameters at zero.
+
+    Args:
+        camera: of any model.
+        model: one of `FAMILIES`.
+        zero: lens parameters that must be 0.
+        turn: let the frame turn; a learned map's sensor plane need not be parallel to the image.
+
+    Raises:
+        InputError: the first camera has no rays, or the second cannot take them.
+    """
+    same = _in_other_words(camera, model, zero)
+    if same is not None:
+        return Refit(same, np.eye(3), 0.0, 0.0, 1.0)
+    pixel = image_grid(camera.image_size).reshape(-1, 2)
+    return fit_rays(pixel, rays(camera, pixel), camera.image_size, model, zero=zero, turn=turn)
+
+
+def _in_other_words(camera: Camera, model: str, zero: Collection[str]) -> Camera | None:
+    """The same camera in another model, where that takes no fit: the model is the same, or there is no lens."""
+    if camera.learned is not None:
+        return None
+    values = dict(zip(parameter_names(camera.model), camera.params.tolist(), strict=True))
+    lens = list(values.items())[FOCAL_AND_CENTRE:]
+    if any(value and (camera.model != model or name in zero) for name, value in lens):
+        return None
+    return Camera(model, np.array([values.get(name, 0.0) for name in parameter_names(model)]), camera.image_size)
+
+
+def fit_rays(
+    pixel: Array,
+    ray: Array,
+    image_size: tuple[int, int],
+    model: str,
+    *,
+    zero: Collection[str] = (),
+    turn: bool = False,
+) -> Refit:
+    """A camera that sees directions (N, 3) in pixels (N, 2); nan where a direction is not known.
+
+    Raises:
+        InputError: too few directions are known, or the model cannot take them.
+    """
+    known = np.isfinite(ray).all(axis=1)
+    if known.sum() < MIN_PIXELS:
+        raise InputError(
+            f"the camera has rays at {known.sum()} of {len(ray)} pixels looked at; "
+            f"a fit over the image needs {MIN_PIXELS}, so check its parameters"
+        )
+    seen, direction = pixel[known], ray[known]
+    rotation = _frame_of_image(seen, direction, image_size) if turn else np.eye(3)
+    direction = direction @ rotation.T
+    if not (direction[:, 2] > 0).all():
+        raise InputError("the camera sees more than a half space; no model with a focal plane can hold it")
+    camera, last = _without_lens(seen, direction, image_size, model), np.eye(3)
+    is_free = np.array([name not in zero for name in parameter_names(model)])
+    off_centre = _off_centre(seen, image_size)
+    # Outwards from the centre: a lens fitted at once to a wide image stops where its polynomial folds over a corner.
+    for part in np.linspace(FIRST_RADIUS, 1, STAGES):
+        inner = off_centre <= part * off_centre.max()
+        camera = _unfolded(camera, seen[inner], direction[inner] @ last.T)
+        camera, last = _adjust(camera, last, is_free, turn, seen[inner], direction[inner])
+    error = np.linalg.norm(project(camera, direction @ last.T) - seen, axis=1)
+    return Refit(camera, last @ rotation, float(np.sqrt(np.mean(error**2))), float(error.max()), float(known.mean()))
+
+
+def _off_centre(pixel: Array, image_size: tuple[int, int]) -> Array:
+    """Distances (N,) of pixels from the image's centre."""
+    distance: Array = np.linalg.norm(pixel - (np.array(image_size) - 1) / 2, axis=1)
+    return distance
+
+
+def _nearest_to_centre(pixel: Array, image_size: tuple[int, int]) -> NDArray[np.int64]:
+    """Rows of the quarter of the pixels nearest to the image's centre."""
+    return np.argsort(_off_centre(pixel, image_size), kind="stable")[: max(MIN_PIXELS, len(pixel) // 4)]
+
+
+def _frame_of_image(pixel: Array, ray: Array, image_size: tuple[int, int]) -> Array:
+    """The rotation after which the image's centre is seen along z, and its rows along x."""
+    rows = _nearest_to_centre(pixel, image_size)
+    centre = (np.array(image_size) - 1) / 2
+    unit = ray[rows] / np.linalg.norm(ray[rows], axis=1, keepdims=True)
+    offset = np.column_stack([np.ones(len(rows)), pixel[rows] - centre])
+    forward, right, _ = least_squares(offset, unit)
+    forward /= np.linalg.norm(forward)
+    right -= forward * (right @ forward)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(forward, right), forward])
+
+
+def _without_lens(pixel: Array, ray: Array, image_size: tuple[int, int], model: str) -> Camera:
+    """The linear camera that fits best near the image's centre."""
+    rows = _nearest_to_centre(pixel, image_size)
+    slope = ray[rows, :2] / ray[rows, 2:]
+    params = np.zeros(len(parameter_names(model)))
+    for axis in range(2):
+        columns = np.column_stack([slope[:, axis], np.ones(len(rows))])
+        params[[axis, 2 + axis]] = least_squares(columns, pixel[rows, axis])
+    if not (params[:2] > 0).all():
+        raise InputError("the camera's rays do not follow its pixels (mirrored, or all alike); check its parameters")
+    return Camera(model, params, image_size)
+
+
+def _unfolded(camera: Camera, pixel: Array, ray: Array) -> Camera:
+    """The camera with its lens weakened until it takes all rays; without a lens it does."""
+    for _ in range(MAX_STEPS):
+        if np.isfinite(_cost(camera, np.eye(3), pixel, ray)):
+            break
+        params = camera.params.copy()
+        params[FOCAL_AND_CENTRE:] *= 0.8
+        camera = replace(camera, params=params)
+    return camera
+
+
+def _adjust(
+    camera: Camera, rotation: Array, is_free: NDArray[np.bool_], turn: bool, pixel: Array, ray: Array
+) -> tuple[Camera, Array]:
+    """Levenberg-Marquardt on the free parameters and, if asked for, the rotation."""
+    damping = 1e-6
+    cost = _cost(camera, rotation, pixel, ray)
+    for _ in range(MAX_STEPS):
+        jacobian, residual = _equations(camera, rotation, is_free, turn, pixel, ray)
+        scale = np.linalg.norm(jacobian, axis=0)
+        scale[scale == 0] = 1.0
+        normal = (jacobian / scale).T @ (jacobian / scale)
+        gradient = (jacobian / scale).T @ residual
+        before = cost
+        while damping < MAX_DAMPING:
+            step = np.linalg.solve(normal + damping * np.eye(len(normal)), -gradient) / scale
+            params = camera.params.copy()
+            params[is_free] += step[: is_free.sum()]
+            moved = replace(camera, params=params)
+            turned = exp_rotation(step[is_free.sum() :]) @ rotation if turn else rotation
+            new_cost = _cost(moved, turned, pixel, ray)
+            if new_cost < cost:
+                camera, rotation, cost, damping = moved, turned, new_cost, max(damping / 10, 1e-14)
+                break
+            damping *= 10
+        if not cost < before * (1 - CONVERGED):
+            break
+    return camera, rotation
+
+
+def _cost(camera: Camera, rotation: Array, pixel: Array, ray: Array) -> float:
+    """Sum of squares in px^2; infinite where a ray cannot be projected, so that no step leads there."""
+    if not (camera.params[:2] > 0).all():
+        return np.inf
+    total = float(np.sum((project(camera, ray @ rotation.T) - pixel) ** 2))
+    return total if np.isfinite(total) else np.inf
+
+
+def _equations(
+    camera: Camera, rotation: Array, is_free: NDArray[np.bool_], turn: bool, pixel: Array, ray: Array
+) -> tuple[Array, Array]:
+    """Jacobian (2N, free + 3) by parameters and a small turn, and residuals (2N,)."""
+    point = np.ascontiguousarray((ray @ rotation.T).T)
+    linear = linearise(camera, point)
+    columns = [np.swapaxes(linear.by_params[:, is_free], 1, 2).reshape(-1, int(is_free.sum()))]
+    if turn:
+        # A turn by w moves a point y by w x y, so a gradient g by y has the gradient y x g by w.
+        columns.append(np.vstack([np.cross(point, gradient, axis=0).T for gradient in linear.by_point]))
+    return np.hstack(columns), (linear.pixel - pixel.T).reshape(-1)

@@ -1,0 +1,146 @@
+"""Photos as a pinhole would have taken them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import project, rays
+from calib.cameras.camera import Camera
+from calib.cameras.resample import Pixels, resample
+from calib.core.threads import in_chunks
+from designer.errors import InputError
+
+Array = NDArray[np.float64]
+
+STRIP_PIXELS = 1_000_000
+"""Of the result whose places are in memory at a time."""
+ZOOM_RANGE = (0.02, 50.0)
+_INNER_POINTS = 48
+
+
+@dataclass(frozen=True, eq=False)
+class Undistorted:
+    """A photo without distortion."""
+
+    pixels: Pixels  # (H, W) or (H, W, C) as the photo's
+    share_filled: float  # of the pixels, the others are black
+
+
+def pinhole_of(camera: Camera, *, alpha: float | None = None, focal_px: float | None = None) -> Camera:
+    """The pinhole camera that takes the undistorted photos, of the same size, principal point and pixel shape.
+
+    Args:
+        camera: the camera of the photos.
+        alpha: 0: as wide as can be without black regions; 1: wide enough for all that the photos show; between the
+            two in proportion (as in OpenCV's `getOptimalNewCameraMatrix`, but the principal point stays).
+        focal_px: along u. Without both, the focal length stays as it is.
+
+    Raises:
+        InputError: no focal length does it.
+    """
+    fx, fy, cx, cy = camera.params[:4]
+    same = Camera("pinhole", np.array([fx, fy, cx, cy]), camera.image_size)
+    if focal_px is not None:
+        return _zoomed(same, focal_px / fx)
+    if alpha is None:
+        return same
+    wide = _zoom_that_shows_all(camera, same) if alpha > 0 else 1.0
+    full = _zoom_without_black(camera, same) if alpha < 1 else 1.0
+    return _zoomed(same, alpha * wide + (1 - alpha) * full)
+
+
+def _zoomed(pinhole: Camera, zoom: float) -> Camera:
+    """The pinhole with other focal lengths."""
+    return replace(pinhole, params=pinhole.params * np.array([zoom, zoom, 1.0, 1.0]))
+
+
+def _zoom_that_shows_all(camera: Camera, pinhole: Camera) -> float:
+    """The largest zoom at which everything that the photos show is inside the frame."""
+    last = np.array(camera.image_size) - 1.0
+    inner = np.stack(np.meshgrid(*(np.linspace(0, end, _INNER_POINTS) for end in last)), axis=-1).reshape(-1, 2)
+    direction = rays(camera, np.concatenate([_border(camera.image_size), inner]))[:, :2]
+    focal, middle = pinhole.params[:2], pinhole.params[2:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.where(direction > 0, last - middle, -middle) / (focal * direction)
+    if np.isnan(room).all():
+        raise InputError("the camera knows no light anywhere in its image; check the camera file")
+    zoom = float(np.nanmin(room, initial=np.inf))
+    if not ZOOM_RANGE[0] <= zoom <= ZOOM_RANGE[1]:
+        raise InputError(
+            f"alpha 1 needs a focal length of {zoom * focal[0]:.3g} px to show all of the photos, which is no picture; "
+            "use a smaller alpha, or give the focal length"
+        )
+    return zoom
+
+
+def _zoom_without_black(camera: Camera, pinhole: Camera) -> float:
+    """The smallest zoom at which all of the frame's border, and so all inside, has data in the photos."""
+    border = _border(camera.image_size)
+    size = np.array(camera.image_size)
+
+    def is_full(zoom: float) -> bool:
+        place = project(camera, rays(_zoomed(pinhole, zoom), border))
+        return bool(((place >= -0.5) & (place <= size - 0.5)).all())
+
+    enough = too_little = 1.0
+    while not is_full(enough):
+        too_little, enough = enough, 1.25 * enough
+        if enough > ZOOM_RANGE[1]:
+            raise InputError("alpha 0 finds no frame without black regions; give the focal length instead")
+    while enough <= too_little and too_little > ZOOM_RANGE[0]:
+        enough, too_little = too_little, 0.8 * too_little
+        if not is_full(too_little):
+            break
+    for _ in range(40):
+        middle = 0.5 * (enough + too_little)
+        enough, too_little = (middle, too_little) if is_full(middle) else (enough, middle)
+    return enough
+
+
+def _border(size: tuple[int, int]) -> Array:
+    """The pixels along the border of an image.  # (N, 2)"""
+    u, v = (np.arange(side, dtype=np.float64) for side in size)
+    sides = [(u, np.zeros_like(u)), (u, np.full_like(u, v[-1])), (np.zeros_like(v), v), (np.full_like(v, u[-1]), v)]
+    return np.concatenate([np.column_stack(side) for side in sides])
+
+
+def source_places(camera: Camera, pinhole: Camera, first: int, last: int) -> Array:
+    """Where the pixels of some rows of the pinhole's image lie in the photo; nan where there is none.  # (R, W, 2)"""
+    width = pinhole.image_size[0]
+    column, row = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(first, last, dtype=np.float64))
+    return project(camera, rays(pinhole, np.stack([column, row], axis=-1)))
+
+
+def undistort(
+    pixels: Pixels, camera: Camera, pinhole: Camera, *, progress: Callable[[float], None] = lambda _: None
+) -> Undistorted:
+    """A photo as the pinhole camera would have taken it, black where it would see more.
+
+    Args:
+        pixels: the photo (H, W) or (H, W, C), of 8 or 16 bits.
+        camera: that took it.
+        pinhole: that is to have taken it.
+        progress: is told the share that is done.
+
+    Raises:
+        ValueError: the photo is not of the camera's size.
+    """
+    if (pixels.shape[1], pixels.shape[0]) != camera.image_size:
+        raise ValueError(f"the photo has the shape {pixels.shape}, the camera the size {camera.image_size}")
+    width, height = pinhole.image_size
+    pixels = cast("Pixels", np.ascontiguousarray(pixels))
+    result = cast("Pixels", np.empty((height, width, *pixels.shape[2:]), dtype=pixels.dtype))
+    filled: list[int] = []
+    strip = max(1, STRIP_PIXELS // width)
+    for top in range(0, height, strip):
+
+        def work(first: int, last: int, top: int = top) -> None:
+            rows = slice(top + first, top + last)
+            filled.append(resample(pixels, source_places(camera, pinhole, rows.start, rows.stop), result[rows]))
+
+        in_chunks(work, min(strip, height - top))
+        progress(min(top + strip, height) / height)
+    return Undistorted(result, sum(filled) / (width * height))

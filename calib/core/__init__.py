@@ -1,0 +1,1 @@
+"""What every room of the calibration uses: types, motions, linear algebra, compiled loops, files."""

@@ -1,0 +1,116 @@
+"""What is seen in photos, and of what: no logic, but for what keeps arrays whole."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    pass
+
+
+def frozen_array(values: object, dtype: type[np.generic] = np.float64) -> NDArray[np.generic]:
+    """A read-only, C-contiguous copy of `values`."""
+    array = np.array(values, dtype=dtype, order="C")
+    array.setflags(write=False)
+    return array
+
+
+LEAST_RADIUS_PX = 5.0
+"""Of a ring that faces the camera, for the detector; turned away it is flatter, and the detector wants 5 px across."""
+
+Mark = Literal["dot", "ring", "unreadable"]
+
+TOO_FLAT = "seen too small or too flat"
+OUTSIDE = "outside the image"
+CUT_OFF = "cut by the image's edge"
+NOT_MEASURABLE = (TOO_FLAT, OUTSIDE, CUT_OFF)
+"""Why features are missing that no camera could have measured from there."""
+UNMEASURABLE_WORDS = f"{TOO_FLAT}, outside the image or cut by its edge"
+
+
+@dataclass(frozen=True)
+class FaceRecord:
+    """What was read of one face, or of a group of rings that was found but could not be named.
+
+    Why rings are missing is counted by reason, so that a person sees what to change.
+    """
+
+    face: int | None  # None: the group could not be named, `remark` says why
+    code_read: tuple[Mark, ...]  # the six candidate positions of a face code, or the three dots of a board; () without
+    margin: int  # how many marks fit the name given better than the next best name
+    rings_found: int  # named features, dots included
+    rings_expected: int  # features of the face
+    missing: tuple[tuple[str, int], ...]  # reason, how many; sums to expected - found for a named face
+    remark: str = ""
+
+    @property
+    def measurable(self) -> int:
+        """How many features could have been measured: all but those too flat, cut off or outside the image."""
+        return self.rings_expected - sum(count for why, count in self.missing if why in NOT_MEASURABLE)
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """N named features in one image."""
+
+    image: str  # the file's name without folder
+    image_size: tuple[int, int]  # width, height in px
+    layout_id: str  # of the target they were named with
+    geometry_id: str
+    ring: NDArray[np.int64]  # (N,) rows of the target's arrays, ascending
+    center_px: NDArray[np.float64]  # (N, 2) projected centres, u v
+    cov_px2: NDArray[np.float64]  # (N, 2, 2)
+    ellipse_px: NDArray[np.float64]  # (N, 5) outer contour: centre u v, semi-axes major minor, angle of the major (rad)
+    faces: tuple[FaceRecord, ...]
+    remarks: tuple[str, ...] = ()  # what a person must know of this image: why nothing was found, mirrored, ambiguous
+    rejected_px: NDArray[np.float64] | None = None  # (K, 2) ring-like things that got no name
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ring", frozen_array(self.ring, np.int64))
+        for name in ("center_px", "cov_px2", "ellipse_px"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        rejected = np.zeros((0, 2)) if self.rejected_px is None else self.rejected_px
+        object.__setattr__(self, "rejected_px", frozen_array(rejected))
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPoints:
+    """The K points of a target whose sightings a camera is solved from, and the planes they lie in."""
+
+    position_mm: NDArray[np.float64]  # (K, 3) in the target's frame
+    face: NDArray[np.int64]  # (K,) row of `plane`; -1: on no known plane
+    plane: NDArray[np.float64]  # (F, 4) unit normal n and offset d (mm) of the plane n X = d
+    geometry_id: str = ""  # of the target file they come from; "" for points from elsewhere
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "face", frozen_array(self.face, np.int64))
+        for name in ("position_mm", "plane"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """M sightings of known points in V views of one camera."""
+
+    image_size: tuple[int, int]  # width, height in px
+    view_names: tuple[str, ...]  # (V,)
+    view: NDArray[np.int64]  # (M,) ascending
+    point: NDArray[np.int64]  # (M,) rows of `points`
+    center_px: NDArray[np.float64]  # (M, 2)
+    cov_px2: NDArray[np.float64] | None  # (M, 2, 2); None: not known, all alike
+    points: KnownPoints
+    remarks: tuple[str, ...] = ()  # what was left out of them, or should be known, one line each
+
+    def __post_init__(self) -> None:
+        for name in ("view", "point"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64))
+        object.__setattr__(self, "center_px", frozen_array(self.center_px))
+        if self.cov_px2 is not None:
+            object.__setattr__(self, "cov_px2", frozen_array(self.cov_px2))
+
+    @property
+    def view_count(self) -> int:
+        """How many views."""
+        return len(self.view_names)

@@ -1,0 +1,178 @@
+"""Straightening: a map from pixels to an image in which straight lines stay straight, and its local form at a ring."""
+
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import project, rays
+from calib.cameras.camera import Camera
+from calib.detector import homography
+from calib.detector.lens_equations import FLOOR_PX, descend
+from designer.errors import InputError
+
+Floats: TypeAlias = NDArray[np.float64]
+
+MIN_POINTS = 20
+MAX_POINTS = 300
+SIGNIFICANCE = 15.0
+"""How much more a lens must explain than noise would (F statistic) before it is believed."""
+
+
+class Lens(Protocol):
+    """A straightening map and its inverse, on (..., 2) arrays."""
+
+    def straighten(self, pixel: Floats) -> Floats:
+        """From pixels to the straight image, which has about the same scale."""
+        ...
+
+    def distort(self, straight: Floats) -> Floats:
+        """Back to pixels."""
+        ...
+
+
+@dataclass(frozen=True)
+class NoLens:
+    """A pinhole image as it is."""
+
+    def straighten(self, pixel: Floats) -> Floats:
+        """The same points."""
+        return pixel
+
+    def distort(self, straight: Floats) -> Floats:
+        """The same points."""
+        return straight
+
+
+@dataclass(frozen=True)
+class RadialLens:
+    """x = c + (u - c) (1 + k1 r^2 + k2 r^4), r in half diagonals of the image."""
+
+    k1: float
+    k2: float
+    middle_px: tuple[float, float]
+    half_diagonal_px: float
+
+    def straighten(self, pixel: Floats) -> Floats:
+        """Pixels to the straight image."""
+        offset = pixel - np.array(self.middle_px)
+        r2 = (offset**2).sum(axis=-1, keepdims=True) / self.half_diagonal_px**2
+        return np.asarray(pixel + offset * (self.k1 * r2 + self.k2 * r2 * r2))
+
+    def distort(self, straight: Floats) -> Floats:
+        """Newton's method on the radius."""
+        offset = straight - np.array(self.middle_px)
+        target = np.linalg.norm(offset, axis=-1, keepdims=True) / self.half_diagonal_px
+        radius = target.copy()
+        with np.errstate(over="ignore", invalid="ignore"):  # far outside the image it may run away
+            for _ in range(12):
+                r2 = radius * radius
+                slope = 1 + 3 * self.k1 * r2 + 5 * self.k2 * r2 * r2
+                radius = radius - (radius * (1 + self.k1 * r2 + self.k2 * r2 * r2) - target) / np.maximum(slope, 0.1)
+        return np.asarray(np.array(self.middle_px) + offset * radius / np.maximum(target, 1e-12))
+
+
+@dataclass(frozen=True, eq=False)
+class CameraLens:
+    """The straight image of a known camera: its rays cut with a plane, at the scale of its middle."""
+
+    camera: Camera
+
+    def __post_init__(self) -> None:
+        if not 1e-3 < self._scale < 1e9:
+            raise InputError("the camera has no usable rays in the middle of the image; check its parameters")
+
+    @property
+    def _scale(self) -> float:
+        width, height = self.camera.image_size
+        middle = np.array([[0.5 * width, 0.5 * height], [0.5 * width + 1, 0.5 * height]])
+        step = float(np.linalg.norm(np.diff(rays(self.camera, middle)[:, :2], axis=0)))
+        return 1 / step if step > 0 else np.inf
+
+    def straighten(self, pixel: Floats) -> Floats:
+        """Pixels to the straight image."""
+        return np.asarray(self._scale * rays(self.camera, pixel)[..., :2])
+
+    def distort(self, straight: Floats) -> Floats:
+        """Back to pixels."""
+        point = np.concatenate([straight / self._scale, np.ones((*straight.shape[:-1], 1))], axis=-1)
+        return project(self.camera, point)
+
+
+def local_form(lens: Lens, pixel: Floats, step_px: float = 2.0) -> tuple[Floats, Floats]:
+    """The straightening near each pixel: straight(u + v) = straight(u) + J (v + q(v)), to second order.
+
+    Returns:
+        J (N, 2, 2) and the six coefficients of q, as `ring_fit.fit_rings` takes them (N, 6).
+    """
+    if isinstance(lens, NoLens):
+        return np.tile(np.eye(2), (len(pixel), 1, 1)), np.zeros((len(pixel), 6))
+    ways = step_px * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, -1], [1, -1], [-1, 1]])
+    # Far outside the image a lens may run away, and what it says there is no number.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        middle, east, west, south, north, *corner = lens.straighten(pixel + ways[:, None])
+        corners = corner[0] + corner[1] - corner[2] - corner[3]
+        jacobian = np.stack([east - west, south - north], axis=-1) / (2 * step_px)
+        second = np.stack(
+            [0.5 * (east - 2 * middle + west), 0.25 * corners, 0.5 * (south - 2 * middle + north)], axis=-1
+        )
+        (a, b), (c, d) = np.moveaxis(jacobian, 0, -1)
+        adjugate = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
+        bend = adjugate @ second / ((a * d - b * c)[:, None, None] * step_px**2)
+    return jacobian, np.asarray(bend.reshape(-1, 6), dtype=np.float64)
+
+
+def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, int]) -> Lens:
+    """The radial lens that best turns planes' grids into homographies, if it explains more than chance would.
+
+    Args:
+        groups: points in a plane (N, 2) and their pixels (N, 2), plane by plane.
+        image_size: width, height in px.
+    """
+    middle = (0.5 * (image_size[0] - 1), 0.5 * (image_size[1] - 1))
+    half_diagonal = 0.5 * float(np.hypot(*image_size))
+    groups = [_thinned(*group) for group in groups if len(group[0]) >= 6 and homography.is_determined(group[0])]
+    count = sum(len(plane) for plane, _ in groups)
+    freedom = 2 * count - 8 * len(groups) - 2
+    if count < MIN_POINTS or freedom < 10:
+        return NoLens()
+    first = np.cumsum([0] + [len(plane) for plane, _ in groups])
+    # The pixels in half diagonals from the middle, so that each group's homography leads there.
+    offset = (np.concatenate([pixel for _, pixel in groups]) - np.array(middle)) / half_diagonal
+    plane = np.concatenate([homography.moved_to_mean(np.ascontiguousarray(plane))[0] for plane, _ in groups])
+    k1, k2, straight_cost, cost = descend(plane, offset, first, FLOOR_PX / half_diagonal)
+    # Without a fold: the radius must grow to the corner of the image.
+    r2 = np.linspace(0, 1, 21)
+    folds = (1 + 3 * k1 * r2 + 5 * k2 * r2**2).min() <= 0.1
+    explained = (straight_cost - cost) / 2 / max(cost / freedom, 1e-12 / half_diagonal**2)
+    is_sure = np.isfinite(k1 + k2) and not folds and explained >= SIGNIFICANCE
+    return RadialLens(k1, k2, middle, half_diagonal) if is_sure else NoLens()
+
+
+def misfit_px(lens: Lens, groups: list[tuple[Floats, Floats]]) -> float:
+    """How far, in the median, a lens leaves planes' grids from homographies; infinite where it has no rays for them.
+
+    Args:
+        lens: the lens.
+        groups: points in a plane (N, 2) and their pixels (N, 2), plane by plane; small planes do not count.
+    """
+    off = [np.zeros(0)]
+    for plane, pixel in groups:
+        if len(plane) < MIN_POINTS or not homography.is_determined(plane):
+            continue
+        straight = lens.straighten(pixel)
+        if not np.isfinite(straight).all():
+            return np.inf
+        off.append(np.linalg.norm(homography.fit(plane, straight, np.ones(len(plane)))[2], axis=1))
+    every = np.concatenate(off)
+    return float(np.median(every)) if len(every) else 0.0
+
+
+def _thinned(plane: Floats, pixel: Floats) -> tuple[Floats, Floats]:
+    """An even share of a large grid: its lens is plain from fewer points."""
+    if len(plane) <= MAX_POINTS:
+        return plane, pixel
+    # Drawn, not every so many: a step through a grid row by row may keep to one column.
+    rows = np.random.default_rng(0).choice(len(plane), MAX_POINTS, replace=False)
+    return plane[rows], pixel[rows]

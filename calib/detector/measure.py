@@ -1,0 +1,217 @@
+"""Centres of named features to the limit of the pixels: start, vanishing line, direct fit, and the checks after it."""
+
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.types import CUT_OFF, OUTSIDE, TOO_FLAT
+from calib.detector.blur_growth import blur_growth, is_noticed, left_covariance
+from calib.detector.candidates import MIN_RADIUS_PX, Candidates, semi_axes_px
+from calib.detector.judge import COVERED, judge
+from calib.detector.lens import Lens, local_form
+from calib.detector.lines import Lines, Seen, fit_lens, fit_lines
+from calib.detector.marks import DOT, RING, read_marks
+from calib.detector.pair_fit import fit_pairs
+from calib.detector.place import Naming, Placement, Places, predict
+from calib.detector.plan import TargetPlan
+from calib.detector.ring_fit import RingFits, fit_rings
+from calib.detector.ring_model import BLUR, DARKNESS, E00, E11, PARAMETERS, RATIO, WHITE
+from calib.detector.ring_scores import variance_ratios
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+
+UNDERSAMPLED_BLUR_PX = 0.65
+"""Edges this sharp (as pairs of ellipses see them; pixels alone make .5) hang on where a pixel falls."""
+SOFTENING_PX = 0.5
+SOFTENED_RATIO = 1.25
+"""Of variances, where rings are too few to tell: softening ties neighbouring residuals together."""
+WORTH_A_WORD = 4.0
+"""Variances of centres so many times those of noise alone are said to be so."""
+ODD_EDGES = (
+    "edges are no blurred circles, by more than noise (the print, denoising, compression or resampling); the centres' "
+    "standard deviations are more than doubled for it"
+)
+NO_GREY_EDGES = (
+    "edges have hardly any grey levels (drawn or resized without smoothing?): centres hang on where pixels fall, and "
+    "their standard deviations are more than doubled for it"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """N named features with centres, and why others of the faces that show are missing."""
+
+    ring: Integers  # (N,)
+    center_px: Floats  # (N, 2)
+    cov_px2: Floats  # (N, 2, 2)
+    shape: Floats  # (N, 3) E
+    ratio: Floats  # (N,) inner over outer radius; 0: a dot
+    missing: tuple[tuple[int, str], ...]  # row of the target, reason
+    remarks: tuple[str, ...] = ()  # what the edges of the photo tell of it
+
+
+def measure(
+    image: NDArray[np.generic],
+    plan: TargetPlan,
+    candidates: Candidates,
+    naming: Naming,
+    placement: Placement,
+    contrast: float,
+    camera_lens: Lens | None,
+) -> Measured:
+    """Fit all features that must be in the image and keep those that prove to be there."""
+    image_size = (image.shape[1], image.shape[0])
+    places = predict(plan, placement, image_size)
+    marks = read_marks(
+        image,
+        np.hstack([places.center_px, places.shape]),
+        ratio=plan.ratio,
+        around=0.4 + 0.6 * plan.limit,
+        contrast=contrast,
+    )
+    is_dot = plan.target.is_dot[places.ring]
+    named = np.isin(places.ring, naming.ring)
+    # What a border already showed to be a ring need not be read again; the rest must look as the target says.
+    there = np.where(is_dot, marks == DOT, (marks == RING) | named)
+    # Flatter ones run into their neighbours' blur, which the model does not know.
+    _, small = semi_axes_px(places.shape)
+    there &= small >= MIN_RADIUS_PX
+    start = _starts(image, plan, candidates, naming, places, is_dot)
+    at = np.flatnonzero(there & (start[:, BLUR] > 0))
+    found = Places(places.ring[at], places.center_px[at], places.shape[at])
+    fits, residual_px, remarks = _fit_with_lines(image, plan, found, start[at], placement, camera_lens)
+    reason = judge(fits, residual_px, is_dot[at], found.shape, plan)
+    good = reason == ""
+    left_out = np.setdiff1d(np.arange(len(places.ring)), at)
+    is_whole = places.are_whole(image_size)
+    reason[~good & ~is_whole[at]] = CUT_OFF
+    unseen = np.where(small < MIN_RADIUS_PX, TOO_FLAT, np.where(is_whole, COVERED, CUT_OFF))[left_out]
+    missing = [(int(r), str(why)) for r, why in zip(places.ring[left_out], unseen, strict=True)]
+    missing += [(int(r), str(why)) for r, why in zip(found.ring[~good], reason[~good], strict=True)]
+    on_seen = np.flatnonzero(np.isin(plan.target.ring_face, placement.seen()))
+    missing += [(int(r), OUTSIDE) for r in np.setdiff1d(on_seen, places.ring)]
+    return Measured(
+        ring=found.ring[good],
+        center_px=fits.center_px[good],
+        cov_px2=fits.cov_px2[good],
+        shape=fits.params[good, E00 : E11 + 1],
+        ratio=fits.params[good, RATIO],
+        missing=tuple(missing),
+        remarks=remarks,
+    )
+
+
+def _starts(
+    image: NDArray[np.generic],
+    plan: TargetPlan,
+    candidates: Candidates,
+    naming: Naming,
+    places: Places,
+    is_dot: NDArray[np.bool_],
+) -> Floats:
+    """Parameters to start from: pairs of ellipses where a ring was seen, predictions with typical levels elsewhere."""
+    count = len(places.ring)
+    candidate_of = np.full(plan.target.ring_count, -1, dtype=np.int64)
+    candidate_of[naming.ring] = naming.candidate
+    candidate = candidate_of[places.ring]
+    seen = (candidate >= 0) & ~is_dot
+    seen[seen] = candidates.ratio[candidate[seen]] > 0
+    start = np.zeros((count, PARAMETERS))
+    start[:, :2], start[:, 2:5] = places.center_px, places.shape
+    pair = np.zeros((int(seen.sum()), 8))
+    pair[:, :5] = candidates.ellipse[candidate[seen]]
+    pair[:, RATIO] = candidates.ratio[candidate[seen]]
+    params, rms = fit_pairs(image, pair)
+    good = (rms >= 0) & (rms < 1.0 + 0.1 / np.sqrt(np.maximum(params[:, E00] * params[:, E11], 1e-12)))
+    if not good.any():
+        return start
+    rows = np.flatnonzero(seen)[good]
+    start[rows] = params[good]
+    usual = np.median(params[good], axis=0)
+    rest = np.setdiff1d(np.arange(count), rows)
+    nearest = _nearest_row(places.center_px[rest], places.center_px[rows])
+    start[rest, BLUR] = usual[BLUR]
+    start[rest, WHITE] = params[good][nearest, WHITE]
+    start[rest, DARKNESS] = params[good][nearest, DARKNESS]
+    start[rest, RATIO] = np.where(is_dot[rest], 0.0, usual[RATIO])
+    return start
+
+
+def _nearest_row(point: Floats, among: Floats) -> Integers:
+    """The nearest of some points to each.  # (N, 2), (M, 2) -> (N,)"""
+    nearest = np.zeros(len(point), dtype=np.int64)
+    for start in range(0, len(point), 256):
+        offset = point[start : start + 256, None] - among[None]
+        nearest[start : start + 256] = np.argmin((offset**2).sum(axis=2), axis=1)
+    return nearest
+
+
+def _fit_with_lines(
+    image: NDArray[np.generic],
+    plan: TargetPlan,
+    places: Places,
+    start: Floats,
+    placement: Placement,
+    camera_lens: Lens | None,
+) -> tuple[RingFits, Floats, tuple[str, ...]]:
+    """Direct fits with the faces' vanishing lines, which the pairs of ellipses give well enough.
+
+    Returns:
+        The fits; their distances from where the grid puts them in px (N, 2); what the edges tell of the photo.
+    """
+    image_size = (image.shape[1], image.shape[0])
+    is_dot = plan.target.is_dot[places.ring]
+
+    def lines(seen: Seen) -> tuple[Lens, Lines]:
+        lens = camera_lens if camera_lens is not None else fit_lens(plan, places.ring, seen, image_size)
+        return lens, fit_lines(plan, places.ring, seen, lens, placement)
+
+    softened = len(start) > 0 and float(np.median(start[:, BLUR])) < UNDERSAMPLED_BLUR_PX
+    if softened:
+        image, start = _softened(image, start)
+    # Dots have not been measured yet: their predicted centres would only repeat the grid.
+    seen = Seen(start[:, :2], np.full(len(start), 0.1), ~is_dot)
+    lens, known = lines(seen)
+    bend, on_face = local_form(lens, seen.center_px)[1], plan.target.ring_face[places.ring]
+
+    def fitted(start: Floats, growth: Floats | None) -> RingFits:
+        return fit_rings(
+            image,
+            start,
+            limit=plan.limit,
+            line=known.line,
+            line_information=known.information,
+            bend=bend,
+            growth=growth,
+        )
+
+    fits = fitted(start, None)
+    growth = blur_growth(fits.center_px, fits.params[:, BLUR], fits.ok & ~is_dot, on_face)
+    if is_noticed(growth[fits.ok], fits.params[fits.ok, BLUR]):
+        fits = fitted(np.where(fits.ok[:, None], fits.params, start), growth)
+    # One circle alone does not tell where its centre is projected to.
+    fits = replace(fits, ok=fits.ok & (known.known | ~is_dot))
+    sound = judge(fits, None, is_dot, places.shape, plan) == ""
+    face = np.where(sound, plan.target.ring_face[places.ring], -1)
+    roughness = fits.noise / np.maximum(fits.contrast, 1e-9)
+    ratios = variance_ratios(fits.scores, fits.params, roughness, face, SOFTENED_RATIO if softened else 1.0)
+    left = left_covariance(growth, fits.params[:, BLUR], fits.params[:, E00 : E11 + 1], fits.params[:, RATIO])
+    fits = replace(fits, cov_px2=ratios.ring[:, None, None] * fits.cov_px2 + left)
+    remarks = () if ratios.photo < WORTH_A_WORD else (NO_GREY_EDGES if softened else ODD_EDGES,)
+    sigma_px = np.sqrt(np.abs(np.trace(fits.cov_px2, axis1=1, axis2=2)) / 2)
+    sound = judge(fits, None, is_dot, places.shape, plan) == ""
+    seen = Seen(np.where(fits.ok[:, None], fits.center_px, start[:, :2]), sigma_px, sound)
+    return fits, lines(seen)[1].residual_px, remarks
+
+
+def _softened(image: NDArray[np.generic], start: Floats) -> tuple[NDArray[np.generic], Floats]:
+    """The image blurred by SOFTENING_PX, and starts to fit: halves the error of images without grey edges."""
+    # Not in bytes: rounding would be one more noise.
+    soft = np.asarray(cv2.GaussianBlur(np.asarray(image, dtype=np.float32), (3, 3), SOFTENING_PX))
+    start = start.copy()
+    start[:, BLUR] = np.hypot(start[:, BLUR], SOFTENING_PX)
+    return soft, start

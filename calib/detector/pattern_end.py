@@ -1,0 +1,200 @@
+"""Whether the pattern ends where the target's does: rows along the sides that the target has and the photo has not.
+
+A row may be missing because something hides it, or because what is seen is another, smaller target: only its end
+tells it from one with a row more. Each place of the first such row says what stands there, and the odds add up:
+
+- Covers start anywhere, so that the edge of one follows a whole row, beside rings that are there, by a chance that
+  shrinks with each of them.
+- A cover does not leave bare white where the near half of the next ring should be, as the margin does, also where the
+  board ends in the middle of that ring.
+- Where part of a ring looks out from under a cover, the pattern goes on.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detector.candidates import semi_axes_px
+from calib.detector.marks import zone_levels
+from calib.detector.place import Places
+from calib.detector.plan import TargetPlan
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+Flags: TypeAlias = NDArray[np.bool_]
+
+SMALLEST_SHARE = 0.05
+FARTHER = 0.85
+"""Places this times as large as all but that share of the rings found are large enough to be seen: a row or two farther
+away."""
+COVERED = 0.3
+"""Chance that a cover which hides a place hides the next of its row as well and stops before the row further in: covers
+hide several together, so that the share of places hidden elsewhere says too little."""
+LEAST_SPAN = 0.5
+"""A row of which less is in view, over the row beside, is what the image's edge left of it: one cover hides that."""
+BARE_ODDS = 6.0
+"""Logarithm of the odds that bare white is the margin, and no cover just as white: two such places are an end."""
+PART_ODDS = 8.0
+"""The same of part of a ring, that it is one; more, since nothing else makes rings."""
+WHITE_BAND = 0.25
+"""White is as bright as around the nearest rings, within this share of their contrast: blur takes as much of theirs."""
+GLARE_BAND = 0.1
+"""White within this share of the contrast of full pixels is washed out: rings may be there."""
+NEAREST = 4
+"""So many rings tell how bright white is beside them."""
+ARC = 16
+"""Directions in which a place is looked at, the first toward the row further in."""
+NEAR_HALF = (-2, -1, 0, 1, 2)
+"""Those within 45 degrees of it: the board may end in the middle of the place."""
+RING_SEEN = 2
+"""In so many directions next to each other white, ink and white follow each other where part of a ring is seen."""
+CHUNK = 256
+"""Places whose distances from all rings are held at a time."""
+
+
+@dataclass(frozen=True)
+class FaceEnd:
+    """What the sides of one face say."""
+
+    odds: float  # logarithm of the odds that the pattern ends before the target does, and is not hidden
+    is_bounded: bool  # rings were found along every side
+
+
+def face_end(image: NDArray[np.generic], plan: TargetPlan, places: Places, face: int, found: Flags) -> FaceEnd:
+    """Rows without a ring along the sides of a face, up to the outermost ring that was found.
+
+    Args:
+        image: grey levels.  # (H, W)
+        plan: the target's.
+        places: where its features must be.
+        face: which face.
+        found: which of the places hold what they should.  # (N,)
+    """
+    target = plan.target
+    mine = target.ring_face[places.ring] == face
+    mine_found = found[mine]
+    if not mine_found.any():
+        return FaceEnd(0.0, False)
+    mine_places = places.take(mine)
+    rows_in, reach = _rows_in(plan, mine_places.ring, face, mine_found)
+    is_bounded = bool((reach < 0.4).all())
+    missing_along = rows_in < reach[:, None] - 0.1  # (K, N)
+    missing = missing_along.any(axis=0)
+    if not missing.any():
+        return FaceEnd(0.0, is_bounded)
+    small = semi_axes_px(mine_places.shape)[1]
+    height, width = image.shape
+    least_px = FARTHER * np.quantile(small[mine_found], SMALLEST_SHARE)
+    plain = (small >= least_px) & mine_places.are_whole((width, height))
+    at_end = np.abs(rows_in - reach[:, None]) < 0.1  # (K, N)
+    first = plain & (missing_along & (rows_in > reach[:, None] - 1.1)).any(axis=0)
+    further_in_px = mine_places.center_px[at_end.any(axis=0) & ~missing]
+    empty, rings = (mine_places.take(np.flatnonzero(rows)) for rows in (first, mine_found))
+    is_bare, is_part = _sight(image, plan, empty, further_in_px, rings)
+    is_without = ~np.isin(mine_places.ring, empty.ring[is_part])
+    beside = plain & _beside_found(plan, mine_places.ring, face, mine_found)
+    is_wide = (missing_along & beside).sum(axis=1) >= LEAST_SPAN * (plain & at_end).sum(axis=1)
+    by_chance = max(COVERED, _share(~mine_found[beside & ~missing]))
+    along = missing_along[is_wide].any(axis=0) & beside & is_without
+    odds = int(along.sum()) * math.log(1 / by_chance) + BARE_ODDS * int(is_bare.sum()) - PART_ODDS * int(is_part.sum())
+    return FaceEnd(odds, is_bounded)
+
+
+def depth(outline_mm: Floats, point: Floats) -> Floats:
+    """How far points lie inward of each side of an outline that runs counter-clockwise.  # (K, 2), (N, 2) -> (K, N)"""
+    along = np.roll(outline_mm, -1, axis=0) - outline_mm
+    inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    return np.asarray(np.einsum("kc,knc->kn", inward, point[None] - outline_mm[:, None]))
+
+
+def _rows_in(plan: TargetPlan, ring: Integers, face: int, found: Flags) -> tuple[Floats, Floats]:
+    """How many pitches places lie inward of each side's first row, and the least of a found one.  # (K, N), (K,)"""
+    target = plan.target
+    outline = target.outline_mm[face]
+    outermost = depth(outline, target.center_in_face_mm[target.ring_face == face, :2]).min(axis=1)
+    pitch_mm = float(np.linalg.norm(target.lattice_mm[face], axis=1).min())
+    rows_in = (depth(outline, target.center_in_face_mm[ring, :2]) - outermost[:, None]) / pitch_mm
+    return rows_in, np.asarray(rows_in[:, found].min(axis=1))
+
+
+def _beside_found(plan: TargetPlan, ring: Integers, face: int, found: Flags) -> Flags:
+    """Places with a neighbour on the lattice that was found.  # (N,)"""
+    is_found = np.zeros(plan.target.ring_count + 1, dtype=np.bool_)  # the last stands for "nothing there"
+    is_found[ring[found]] = True
+    near = plan.target.ring_index[ring][:, None] + plan.lattice.move[None]
+    return np.asarray(is_found[plan.rows_at(face, near.reshape(-1, 2))].reshape(near.shape[:2]).any(axis=1))
+
+
+def _sight(
+    image: NDArray[np.generic], plan: TargetPlan, places: Places, last_row_px: Floats, rings: Places
+) -> tuple[Flags, Flags]:
+    """Whether the near half of places is bare white, and whether part of a ring is seen there.  # (N,), (N,)
+
+    Args:
+        image: grey levels.  # (H, W)
+        plan: the target's.
+        places: in the first row without rings.
+        last_row_px: places in the row further in.  # (M, 2)
+        rings: that were found.
+    """
+    white_around = 0.4 + 0.6 * plan.limit
+    known = zone_levels(image, np.hstack([rings.center_px, rings.shape]), ratio=plan.ratio, around=white_around)[:, 1:3]
+    is_known = np.isfinite(known).all(axis=1)
+    if not (is_known.any() and len(places.ring) and len(last_row_px)):
+        return np.zeros(len(places.ring), dtype=np.bool_), np.zeros(len(places.ring), dtype=np.bool_)
+    near = known[is_known][_nearest(places.center_px, rings.center_px[is_known], NEAREST)]  # (N, NEAREST, 2)
+    ink, white = np.median(near, axis=1).T[:, :, None]
+    contrast = np.maximum(white - ink, 1e-9)
+    further_in_px = last_row_px[_nearest(places.center_px, last_row_px, 1)[:, 0]]
+    radii = (0.45 * plan.ratio, 0.5 * (1 + plan.ratio), 0.25 * plan.ratio + 0.75, white_around)
+    hole, middle, outer, around = (_arc_levels(image, places, further_in_px, rho) for rho in radii)
+    half = np.stack([np.median(level[:, NEAR_HALF], axis=1) for level in (middle, around)])  # (2, N)
+    is_white = np.abs(half - white[:, 0]) < WHITE_BAND * contrast[:, 0]
+    is_full = half > _full_scale(image) - GLARE_BAND * contrast[:, 0]
+    is_ink = np.minimum(middle, outer) < 0.5 * (ink + white)
+    is_ring = is_ink & (np.abs(np.stack([hole, around]) - white) < WHITE_BAND * contrast).all(axis=0)
+    in_a_row = np.all([np.roll(is_ring, step, axis=1) for step in range(RING_SEEN)], axis=0)
+    is_part = in_a_row.any(axis=1)
+    return np.asarray(is_white.all(axis=0) & ~is_full.any(axis=0) & ~is_part), np.asarray(is_part)
+
+
+def _arc_levels(image: NDArray[np.generic], places: Places, toward_px: Floats, rho: float) -> Floats:
+    """Grey levels around places, so many outer radii from their centres, from the directions of points on.  # (N, ARC)
+
+    A place's shape takes steps in px to radii, so that the circle of radius rho in the plane is what E takes to it.
+    """
+    e00, e10, e11 = places.shape.T
+    across, down = (toward_px - places.center_px).T
+    turn = 2 * math.pi / ARC * np.arange(ARC)
+    angle = np.arctan2(e10 * across + e11 * down, e00 * across)[:, None] + turn
+    du = rho * np.cos(angle) / e00[:, None]
+    dv = (rho * np.sin(angle) - e10[:, None] * du) / e11[:, None]
+    height, width = image.shape
+    u = np.clip(np.rint(places.center_px[:, :1] + du).astype(np.int64), 0, width - 1)
+    v = np.clip(np.rint(places.center_px[:, 1:] + dv).astype(np.int64), 0, height - 1)
+    return np.asarray(image[v, u], dtype=np.float64)
+
+
+def _nearest(point: Floats, other: Floats, most: int) -> Integers:
+    """Rows of the other points nearest to each.  # (N, 2), (M, 2) -> (N, at most so many)"""
+    count = min(most, len(other))
+    near = [
+        np.argpartition(np.hypot(*(part[:, None] - other[None]).transpose(2, 0, 1)), count - 1, axis=1)[:, :count]
+        for part in (point[start : start + CHUNK] for start in range(0, len(point), CHUNK))
+    ]
+    return np.concatenate(near) if near else np.zeros((0, count), dtype=np.int64)
+
+
+def _full_scale(image: NDArray[np.generic]) -> float:
+    """The level at which pixels are full: all bits set, of eight or as many as are used."""
+    if not np.issubdtype(image.dtype, np.integer):
+        return math.inf
+    return float(2 ** max(8, int(image.max()).bit_length()) - 1)
+
+
+def _share(flags: Flags) -> float:
+    """The share that a few draws tell (Laplace's rule of succession), neither 0 nor 1."""
+    return (int(flags.sum()) + 1) / (len(flags) + 2)

@@ -1,0 +1,328 @@
+"""From a photo's pixels to named centres: the steps of the detector in order."""
+
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.core.types import Detections, FaceRecord
+from calib.detector.binarise import reduced, reduction, thresholds
+from calib.detector.candidates import Candidates, find_candidates, merged, semi_axes_px
+from calib.detector.grid import Grid, grow_grids
+from calib.detector.lens import CameraLens, Lens, estimate_lens, misfit_px
+from calib.detector.measure import Measured, measure
+from calib.detector.name_board import BoardName, name_board
+from calib.detector.name_faces import NamedGrid, name_faces
+from calib.detector.place import Naming, Placement, complete, predict, without_strangers
+from calib.detector.plan import TargetPlan, plan_for
+from calib.detector.records import face_records
+from calib.detector.verify import gather, proportion_remark, refusal
+from designer.target import TargetGeometry
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+
+REGIONS_APART = 1 << 40
+EASY_RADIUS_PX = 4.0
+"""Features with a smaller semi-axis below this may stay unseen without another threshold being tried."""
+LEAST_SIDE_PX = 16
+BYTES_IN_WORDS = (257, 256)
+MIRRORED = "mirrored: the image shows the target in a mirror, or was flipped; flip it back and detect again"
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What naming made of an image, which no lens has a part in."""
+
+    candidates: Candidates
+    grids: tuple[Grid, ...]  # all, with and without names
+    named: tuple[NamedGrid, ...]
+    remarks: tuple[str, ...]
+    is_mirrored: bool = False
+    placed: tuple[Naming, Placement] | None = None  # completed by a lens guessed from the grids; None: not asked for
+
+    @property
+    def size(self) -> int:
+        """How many candidates have names."""
+        return sum(len(item.grid.row) for item in self.named)
+
+
+def find(pixels: NDArray[np.generic], target: TargetGeometry) -> Found | None:
+    """The half of the search that is the same for any lens, for a photo that is searched more than once.
+
+    Args:
+        pixels: as `detect` has them.
+        target: what was printed.
+
+    Returns:
+        What `detect` may be given; None if the image is too small to hold anything.
+    """
+    if min(pixels.shape) < LEAST_SIDE_PX:
+        return None
+    return _search(_as_kernels_want(pixels), plan_for(target))
+
+
+def detect(
+    pixels: NDArray[np.generic],
+    target: TargetGeometry,
+    *,
+    name: str,
+    camera: Camera | None = None,
+    found: Found | None = None,
+) -> Detections:
+    """Find and name the target's features in one photo.
+
+    Args:
+        pixels: grey levels, uint8, uint16 or float32.  # (H, W)
+        target: what was printed.
+        name: what the image is called in the result.
+        camera: if it is known, its lens straightens the image; else a radial lens is estimated from the grids.
+        found: what `find` has found in these pixels; None: it is looked for.
+
+    Returns:
+        The features with centres and covariances, and a record of what was read; without features if none could
+        be named, with the reason in `remarks`.
+
+    Raises:
+        ValueError: the image is no two-dimensional array, the camera belongs to images of another size, or the
+            target's faces have different lattices.
+    """
+    if pixels.ndim != 2:
+        raise ValueError(f"the image has the shape {pixels.shape}; it must be height x width, grey")
+    pixels = _as_kernels_want(pixels)
+    image_size = (pixels.shape[1], pixels.shape[0])
+    if camera is not None and camera.image_size != image_size:
+        raise ValueError(
+            f"the camera is for images of {camera.image_size[0]} x {camera.image_size[1]} px, this one has "
+            f"{image_size[0]} x {image_size[1]}; use the camera's own images"
+        )
+    plan = plan_for(target)
+    camera_lens = CameraLens(camera) if camera is not None else None
+    if min(pixels.shape) < LEAST_SIDE_PX:
+        return _nothing(plan, name, image_size, None, ("the image is too small to hold a ring",))
+    found = _search(pixels, plan) if found is None else found
+    if not found.named:
+        return _nothing(plan, name, image_size, found.candidates, found.remarks)
+    first = _naming(plan, found.named)
+    naming, strangers = without_strangers(plan, found.candidates, first, image_size, camera_lens)
+    dropped, remarks = len(first.ring) - len(naming.ring), list(found.remarks)
+    if strangers and len(np.unique(target.ring_face[naming.ring])) < 2:
+        return _nothing(plan, name, image_size, found.candidates, (*remarks, "the faces contradict each other"))
+    if strangers:
+        remarks.append(f"{len(strangers)} faces contradicted the others and were left out")
+    if len(naming.ring) < 4:
+        return _nothing(plan, name, image_size, found.candidates, (*remarks, "too few rings could be named"))
+    placed = found.placed if camera_lens is None and not strangers else None
+    naming, placement = placed or complete(plan, found.candidates, naming, image_size, camera_lens)
+    if placement.is_mirrored:
+        return _nothing(plan, name, image_size, found.candidates, (*remarks, MIRRORED))
+    contrast = _contrast(pixels, found.candidates)
+    measured = measure(pixels, plan, found.candidates, naming, placement, contrast, camera_lens)
+    evidence = gather(pixels, contrast, plan, found.candidates, found.grids, naming, dropped, placement, measured)
+    if camera_lens is not None:
+        remarks += _camera_remarks(plan, found.candidates, naming, camera_lens, image_size)
+    if why := refusal(evidence):
+        return _nothing(plan, name, image_size, found.candidates, (*remarks, f"this cannot be the target: {why}"))
+    if odd := proportion_remark(evidence):
+        remarks.append(odd)
+    remarks += measured.remarks
+    return _result(plan, name, image_size, found, naming, placement, measured, tuple(remarks))
+
+
+def _camera_remarks(
+    plan: TargetPlan, candidates: Candidates, naming: Naming, lens: Lens, image_size: tuple[int, int]
+) -> list[str]:
+    """A warning if the grids are straighter without the camera that was given than with it."""
+    groups = plan.by_face(naming.ring, candidates.ellipse[naming.candidate, :2])
+    given, guessed = misfit_px(lens, groups), misfit_px(estimate_lens(groups, image_size), groups)
+    if given <= 2 * guessed + 0.1:
+        return []
+    return [
+        f"the camera does not fit this photo: grids are off by {given:.2f} px with it, by {guessed:.2f} px with a lens "
+        "guessed from them; check --camera"
+    ]
+
+
+def _as_kernels_want(pixels: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Bytes or single floats, contiguous and writable: every other kind would be compiled for, which takes 20 s.
+
+    What sixteen bits hold of an 8-bit photo are its bytes, written twice or moved up.
+    """
+    if pixels.dtype == np.uint16:
+        for step in BYTES_IN_WORDS:
+            whole, rest = np.divmod(pixels, np.uint16(step))
+            if not rest.any():
+                pixels = whole.astype(np.uint8)
+                break
+    kind = np.uint8 if pixels.dtype == np.uint8 else np.float32
+    return np.require(pixels, dtype=kind, requirements=["C", "W"])
+
+
+def _search(pixels: NDArray[np.generic], plan: TargetPlan) -> Found:
+    """Coarse to fine: name grids in a reduced image; only if none is to be had there, in a finer one."""
+    factor = reduction((pixels.shape[0], pixels.shape[1]))
+    found = _search_at(pixels, plan, factor)
+    while not found.named and not found.is_mirrored and factor > 1:
+        factor //= 2
+        found = _search_at(pixels, plan, factor)
+    return found
+
+
+def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> Found:
+    """Candidates by one threshold after the other, until the whole target is found or all are used."""
+    grey = reduced(pixels, factor)
+    candidates: Candidates | None = None
+    found: Found | None = None
+    for number, threshold in enumerate(thresholds(grey)):
+        more = find_candidates(grey, threshold, factor, number * REGIONS_APART, plan.ratio)
+        before = candidates.count if candidates is not None else -1
+        candidates = more if candidates is None else merged(candidates, more)
+        if candidates.count == before and found is not None:
+            continue
+        new = _name(pixels, plan, candidates)
+        # More candidates can also confuse a grid: what named more stays.
+        found = new if found is None or new.is_mirrored or new.size >= found.size else found
+        if found.is_mirrored:
+            break
+        found, is_whole = _completed(pixels, plan, found)
+        if is_whole:
+            break
+    assert found is not None  # noqa: S101 - there is at least one threshold
+    return found
+
+
+def _completed(pixels: NDArray[np.generic], plan: TargetPlan, found: Found) -> tuple[Found, bool]:
+    """What was found, placed if need be, and whether that is all, so that other thresholds have nothing to add.
+
+    What must be in the image is known from a board's one face, or from three faces of a solid: fewer leave its pose
+    open.
+    """
+    if len(found.named) < min(3, plan.target.face_count):
+        return found, False
+    naming = _naming(plan, found.named)
+    if np.isin(np.flatnonzero(~plan.target.is_dot), naming.ring).all():
+        return found, True
+    image_size = (pixels.shape[1], pixels.shape[0])
+    naming, placement = complete(plan, found.candidates, naming, image_size, None)
+    places = predict(plan, placement, image_size)
+    _, small = semi_axes_px(places.shape)
+    is_whole = bool(np.isin(places.ring[small > EASY_RADIUS_PX], naming.ring).all())
+    return replace(found, placed=(naming, placement)), is_whole
+
+
+def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates) -> Found:
+    """Grow grids and name them."""
+    grids = grow_grids(candidates, plan.lattice, across_gaps=not plan.is_coded)
+    contrast = _contrast(pixels, candidates)
+    if not grids:
+        return Found(candidates, (), (), ("no grid of rings was found",))
+    if plan.is_coded:
+        named, mirrored = name_faces(plan, candidates, grids, pixels, contrast)
+        if mirrored:
+            return Found(candidates, grids, (), (MIRRORED,), is_mirrored=True)
+        return Found(candidates, grids, named, () if named else ("no face code could be read beyond doubt",))
+    board: BoardName = name_board(plan, candidates, grids, pixels, contrast)
+    remarks = (MIRRORED,) if board.is_mirrored else (board.remark,) if board.remark else ()
+    return Found(candidates, grids, (board.named,) if board.named else (), remarks, board.is_mirrored)
+
+
+def _contrast(pixels: NDArray[np.generic], candidates: Candidates) -> float:
+    """White minus ink of the usual ring, in grey levels."""
+    rings = np.flatnonzero(candidates.ratio > 0)
+    if not len(rings):
+        return 1.0
+    e, ratio = candidates.ellipse[rings], candidates.ratio[rings]
+    height, width = pixels.shape
+    steps = []
+    upright = np.arctan2(e[:, 3], e[:, 2] + e[:, 4])
+    for angle in (upright + quarter * (np.pi / 2) + 0.4 for quarter in range(4)):
+        across = np.cos(angle) / e[:, 2]
+        along = (np.sin(angle) - e[:, 3] * across) / e[:, 4]
+        levels = []
+        for rho in (0.5 * (1 + ratio), np.full(len(rings), 1.3)):
+            u = np.clip(np.rint(e[:, 0] + rho * across), 0, width - 1).astype(np.int64)
+            v = np.clip(np.rint(e[:, 1] + rho * along), 0, height - 1).astype(np.int64)
+            levels.append(np.asarray(pixels[v, u], dtype=np.float64))
+        steps.append(levels[1] - levels[0])
+    return max(float(np.median(steps)), 1e-6)
+
+
+def _naming(plan: TargetPlan, named: tuple[NamedGrid, ...]) -> Naming:
+    """Candidates and target rows of all named grids."""
+    candidate, ring = [], []
+    for item in named:
+        row = plan.rows_at(item.face, item.alignment.on_face(item.grid.index))
+        candidate.append(item.grid.row[row >= 0])
+        ring.append(row[row >= 0])
+    return Naming(np.concatenate(candidate), np.concatenate(ring))
+
+
+def _result(
+    plan: TargetPlan,
+    name: str,
+    image_size: tuple[int, int],
+    found: Found,
+    naming: Naming,
+    placement: Placement,
+    measured: Measured,
+    remarks: tuple[str, ...],
+) -> Detections:
+    """The detections, ordered by target row, with their record."""
+    order = np.argsort(measured.ring, kind="stable")
+    kept = set(measured.ring.tolist())
+    used = {c for c, r in zip(naming.candidate.tolist(), naming.ring.tolist(), strict=True) if r in kept}
+    rings = np.flatnonzero(found.candidates.ratio > 0)
+    rejected = np.array([k for k in rings if int(k) not in used], dtype=np.int64)
+    return Detections(
+        image=name,
+        image_size=image_size,
+        layout_id=plan.target.layout_id,
+        geometry_id=plan.target.geometry_id,
+        ring=measured.ring[order],
+        center_px=measured.center_px[order],
+        cov_px2=measured.cov_px2[order],
+        ellipse_px=_ellipses(measured.center_px[order], measured.shape[order]),
+        faces=face_records(plan, found.named, placement, measured),
+        remarks=remarks,
+        rejected_px=found.candidates.ellipse[rejected, :2],
+    )
+
+
+def _ellipses(center_px: Floats, shape: Floats) -> Floats:
+    """Centre, semi-axes and the angle of the larger one.  # (N, 2), (N, 3) -> (N, 5)"""
+    if not len(shape):
+        return np.zeros((0, 5))
+    large, small = semi_axes_px(shape)
+    a, b, c = shape[:, 0] ** 2 + shape[:, 1] ** 2, shape[:, 1] * shape[:, 2], shape[:, 2] ** 2
+    # The larger axis belongs to the smaller eigenvalue of E'E.
+    angle = 0.5 * np.arctan2(2 * b, a - c) + np.pi / 2
+    return np.column_stack([center_px, large, small, (angle + np.pi / 2) % np.pi - np.pi / 2])
+
+
+def _nothing(
+    plan: TargetPlan,
+    name: str,
+    image_size: tuple[int, int],
+    candidates: Candidates | None,
+    remarks: tuple[str, ...],
+) -> Detections:
+    """Detections without features."""
+    rejected = np.zeros((0, 2))
+    if candidates is not None and candidates.count:
+        rejected = candidates.ellipse[candidates.ratio > 0, :2]
+    records: tuple[FaceRecord, ...] = ()
+    return Detections(
+        image=name,
+        image_size=image_size,
+        layout_id=plan.target.layout_id,
+        geometry_id=plan.target.geometry_id,
+        ring=np.zeros(0, dtype=np.int64),
+        center_px=np.zeros((0, 2)),
+        cov_px2=np.zeros((0, 2, 2)),
+        ellipse_px=np.zeros((0, 5)),
+        faces=records,
+        remarks=remarks,
+        rejected_px=rejected,
+    )

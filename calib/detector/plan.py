@@ -1,0 +1,170 @@
+"""What the detector needs of a target, worked out once."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.detector.lattice import Lattice, lattice_of
+from designer.code import BOARD_DOTS, CODE_POSITIONS, CODES
+from designer.target import TargetGeometry
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class TargetPlan:
+    """A target with its lattice, a table from indices to rows, and where its marks are."""
+
+    target: TargetGeometry
+    lattice: Lattice
+    row_table: Integers  # (F, I, J) row of the target at an index less `low`; -1: nothing there
+    low: Integers  # (2,) smallest index
+    ratio: float  # inner over outer radius of the rings
+    radius_mm: float  # outer, the usual one
+    limit: float  # how far out pixels may be used, in outer radii: half the white gap
+    corner_vertex: Integers  # (F, K) which corners of the faces' outlines are one point of the solid
+    beyond_face: Integers  # (B,) of the places one step outside the target, on its lattice
+    beyond_mm: Floats  # (B, 2) these places in the face's plane
+    mark_index: Integers  # (P, 2) candidate positions of marks on a face
+    mark_is_dot: NDArray[np.bool_]  # (F, P) which of them carry a dot
+
+    @property
+    def is_coded(self) -> bool:
+        """Whether faces carry codes."""
+        return bool((self.target.face_code >= 0).all())
+
+    @property
+    def pitch_radii(self) -> float:
+        """Distance of neighbours in outer radii."""
+        return float(np.linalg.norm(self.lattice.move_in_radii, axis=1).min())
+
+    def by_face(self, ring: Integers, pixel: Floats) -> list[tuple[Floats, Floats]]:
+        """Features face by face: their places in the face's plane in mm, and in the image.  # (N,), (N, 2)"""
+        face = self.target.ring_face[ring]
+        plane = self.target.center_in_face_mm[ring, :2]
+        return [(plane[face == f], pixel[face == f]) for f in np.unique(face)]
+
+    def rows_on_all(self, index: Integers) -> Integers:
+        """Rows of the target at indices, for each face; -1 where it has nothing.  # (N, 2) -> (F, N)"""
+        return _looked_up(self.row_table, index - self.low)
+
+    def lattice_mm(self, face: int, index: Integers) -> Floats:
+        """Where indices lie on a face, whether the target has a feature there or not.  # (N, 2) -> (N, 2)"""
+        return _lattice_mm(self.target, face, index)
+
+    def rows_at(self, face: int, index: Integers) -> Integers:
+        """Rows of the target at indices of one face, -1 where it has nothing.  # (N, 2) -> (N,)"""
+        return np.asarray(_looked_up(self.row_table[face : face + 1], index - self.low)[0])
+
+
+def _looked_up(table: Integers, at: Integers) -> Integers:
+    """What tables have at an index; -1 outside.  # (F, I, J), (N, 2) -> (F, N)"""
+    size = table.shape[1:]
+    i, j = at[:, 0], at[:, 1]
+    inside = (i >= 0) & (i < size[0]) & (j >= 0) & (j < size[1])
+    return np.asarray(np.where(inside, table[:, np.where(inside, i, 0), np.where(inside, j, 0)], -1))
+
+
+@lru_cache(maxsize=8)
+def plan_for(target: TargetGeometry) -> TargetPlan:
+    """The plan of a target.
+
+    Raises:
+        ValueError: its faces' lattices differ, or it holds no rings.
+    """
+    rings = ~target.is_dot
+    if not rings.any():
+        raise ValueError("the target holds dots only; the detector starts from rings")
+    low = target.ring_index.min(axis=0)
+    size = target.ring_index.max(axis=0) - low + 1
+    table = np.full((target.face_count, *size), -1, dtype=np.int64)
+    at = target.ring_index - low
+    table[target.ring_face, at[:, 0], at[:, 1]] = np.arange(target.ring_count)
+    radius = float(np.median(target.radius_outer_mm))
+    mark_index, mark_is_dot = _marks(target)
+    corner = _shared_corners(target)
+    lattice = lattice_of(target)
+    beyond_face, beyond_mm = _one_step_outside(target, lattice, table, low)
+    return TargetPlan(
+        target=target,
+        lattice=lattice,
+        row_table=table,
+        low=low,
+        ratio=float(np.median(target.radius_inner_mm[rings] / target.radius_outer_mm[rings])),
+        radius_mm=radius,
+        limit=1 + 0.5 * _white_gap_mm(target) / radius,
+        corner_vertex=corner,
+        beyond_face=beyond_face,
+        beyond_mm=beyond_mm,
+        mark_index=mark_index,
+        mark_is_dot=mark_is_dot,
+    )
+
+
+def _lattice_mm(target: TargetGeometry, face: int, index: Integers) -> Floats:
+    """Where indices lie on a face.  # (N, 2) -> (N, 2)"""
+    first = int(np.flatnonzero(target.ring_face == face)[0])
+    steps = target.lattice_mm[face]
+    return np.asarray(target.center_in_face_mm[first, :2] + (index - target.ring_index[first]) @ steps)
+
+
+def _one_step_outside(
+    target: TargetGeometry, lattice: Lattice, table: Integers, low: Integers
+) -> tuple[Integers, Floats]:
+    """Places of the lattice that the target does not have, next to those that it has: faces (B,), places (B, 2)."""
+    faces, places = [], []
+    for face in range(target.face_count):
+        own = target.ring_index[target.ring_face == face]
+        near = np.unique((own[:, None] + lattice.move[None]).reshape(-1, 2), axis=0)
+        near = near[_looked_up(table[face : face + 1], near - low)[0] < 0]
+        faces.append(np.full(len(near), face))
+        places.append(_lattice_mm(target, face, near))
+    return np.concatenate(faces), np.concatenate(places)
+
+
+def _white_gap_mm(target: TargetGeometry) -> float:
+    """The least white between a ring and its neighbour or the border."""
+    radius = float(target.radius_outer_mm.max())
+    gaps = []
+    for face in range(target.face_count):
+        rows = np.flatnonzero(target.ring_face == face)
+        point = target.center_in_face_mm[rows, :2]
+        if len(rows) > 1:
+            nearest = np.inf
+            for start in range(0, len(rows), 256):
+                offset = point[start : start + 256, None] - point[None]
+                distance = np.hypot(offset[..., 0], offset[..., 1])
+                distance[distance == 0] = np.inf
+                nearest = min(nearest, float(distance.min()))
+            gaps.append(nearest - 2 * radius)
+        corner = target.window_mm[face]
+        along = np.roll(corner, -1, axis=0) - corner
+        inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+        depth = np.einsum("kc,nkc->nk", inward, point[:, None] - corner[None])
+        gaps.append(2 * (float(depth.min()) - radius))
+    return max(min(gaps), 0.1 * radius)
+
+
+def _shared_corners(target: TargetGeometry) -> Integers:
+    """Number the corners of all outlines so that corners at one place share a number.  # (F, K)"""
+    frame = target.target_from_face
+    corner = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
+    flat = corner.reshape(-1, 3)
+    tolerance = 0.1 * float(np.linalg.norm(corner[:, 0] - corner[:, 1], axis=1).min())
+    distance = np.linalg.norm(flat[:, None] - flat[None], axis=2)
+    return np.asarray(np.argmax(distance < tolerance, axis=1).reshape(corner.shape[:2]))
+
+
+def _marks(target: TargetGeometry) -> tuple[Integers, NDArray[np.bool_]]:
+    """Where marks may be, and where they are: the code's six positions, or a board's dots."""
+    if (target.face_code >= 0).all():
+        dots = np.array([[position in CODES[code] for position in CODE_POSITIONS] for code in target.face_code])
+        return np.array(CODE_POSITIONS), dots
+    if target.is_dot.any():
+        index = target.ring_index[target.is_dot & (target.ring_face == 0)]
+        return index, np.ones((target.face_count, len(index)), dtype=np.bool_)
+    return np.array(sorted(BOARD_DOTS)), np.zeros((target.face_count, len(BOARD_DOTS)), dtype=np.bool_)

@@ -1,0 +1,282 @@
+"""Correspondences from elsewhere, and what kind of file they are in.
+
+A CSV holds image,u,v,X,Y,Z in any order, and may hold a face (a plane that points lie in), and sigma or suu,suv,svv.
+Points are told apart by X, Y, Z. With a target file its points are meant: those with the ids of a column id, or those
+that are nearest to X, Y, Z. The image size stands in a comment, `# image_size 2448 x 2048`, or is given.
+"""
+
+import io
+import re
+import stat
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from calib.core.types import KnownPoints, Observations
+from calib.observe.corners_vnl import PointGrid, is_corners, observations_from_corners
+from calib.observe.csv_table import CsvTable, read_table, read_text
+from calib.observe.dataset import FIRST_LINE, MAX_SIDE_PX, is_covariance, read_detections
+from calib.observe.known_planes import MAX_FACE, points_with_planes
+from calib.observe.observations import known_points, observations_from_detections, prepare
+from calib.observe.point_target import ids_of
+from designer.errors import InputError
+from designer.names import as_written_today
+from designer.spec_file import shown, suggestion
+from designer.target import TargetGeometry, load_target
+
+Array = NDArray[np.float64]
+Size = tuple[int, int]
+
+SEEN, ID = ("image", "u", "v"), "id"
+REQUIRED = (*SEEN, "X", "Y", "Z")
+COVARIANCE = ("suu", "suv", "svv")
+OPTIONAL = ("face", "sigma", *COVARIANCE)
+MAX_FILE_BYTES = 128 * 2**20
+"""As text in memory a table takes about ten times as much."""
+MAX_LENGTH_MM = 1e7
+OUTSIDE = 0.1
+"""Share of a side that a point may lie outside the image; beyond, the size is not that of the photos."""
+SAME_POINT = 0.25
+"""A point that is farther off, of the distance between the target's points, may be another one."""
+MAX_SIGMA_PX = 1e4
+MAX_GRID = 1000
+"""Columns or rows of a corners.vnl."""
+
+_SIZE = re.compile(r"#\s*image_size\s*[:=]?\s*(\d{1,7})\s*[x×, ]\s*(\d{1,7})\s*(?:px)?\s*", re.IGNORECASE)
+_PAIR = re.compile(r"\s*(\d{1,7})\s*[x×]\s*(\d{1,7})\s*", re.IGNORECASE)
+_OURS = FIRST_LINE.split(",")[0]
+_PEEKED = 1 << 16
+
+
+def read_observations(
+    path: Path, target_path: Path | None = None, *, image_size: Size | None = None, grid: PointGrid | None = None
+) -> Observations:
+    """What a camera is solved from, of a file of any of the three kinds; its first lines tell which.
+
+    Args:
+        path: detections.csv, a CSV with image,u,v,X,Y,Z, or mrcal's corners.vnl.
+        target_path: the target of detections; a table may show one too, else it holds its own points.
+        image_size: width and height in px of what does not say it itself.
+        grid: of a corners.vnl.
+
+    Raises:
+        InputError: the file is not to be read, something else is needed or does not belong, or nothing is left.
+    """
+    start = _start_of(path)
+    if start.startswith(_OURS):
+        if target_path is None:
+            raise InputError(f"{path}: detections need the target they show; give --target NAME.target.json")
+        if image_size is not None or grid is not None:
+            raise InputError(f"{path}: detections hold image sizes and points; leave --image-size and --grid out")
+        geometry = load_target(target_path)
+        return observations_from_detections(
+            read_detections(path, geometry, target_path=target_path), geometry, origin=str(path)
+        )
+    if is_corners(path, start):
+        if target_path is not None:
+            raise InputError(f"{path}: corners lie on their own grid; leave --target out")
+        text = read_text(path, "a corners.vnl", MAX_FILE_BYTES)
+        every = observations_from_corners(path, text, grid=grid, image_size=image_size)
+        _require_inside(every, path)
+        return prepare(every, has_fronts=False, origin=str(path))
+    if grid is not None:
+        raise InputError(f"{path}: no corners.vnl, so its points have coordinates; leave --grid out")
+    target = None if target_path is None else load_target(target_path)
+    return read_correspondences(path, image_size=image_size, target=target)
+
+
+def read_correspondences(
+    path: Path, *, image_size: Size | None = None, target: TargetGeometry | None = None
+) -> Observations:
+    """Read a CSV with image,u,v,X,Y,Z, or of a target's points image,u,v,id.
+
+    Raises:
+        InputError: it cannot be read, a line breaks a rule, or nothing is left to solve from.
+    """
+    stream = io.StringIO(read_text(path, "a table of correspondences", MAX_FILE_BYTES), newline="")
+    stated, first_line = _read_comments(path, stream)
+    if stated is not None and image_size is not None and stated != image_size:
+        raise InputError(
+            f"{path}: the file says {stated[0]} x {stated[1]} px, --image-size {image_size[0]} x {image_size[1]}; "
+            "leave one out"
+        )
+    size = stated or image_size
+    of_target = target is not None
+    table = read_table(
+        path, stream, first_line, lambda names: _column_fault(names, of_target=of_target), skip_spaces=True
+    )
+    if not table.lines:
+        raise InputError(f"{path}: holds no correspondences; a line is such as a.png,812.3,455.1,20,40,0")
+    if size is None:
+        raise InputError(
+            f"{path}: the image size is not known; add a line '# image_size 2448 x 2048' at the top, or give "
+            "--image-size 2448x2048"
+        )
+    every = _all_rows(table, size, target)
+    _require_inside(every, path)
+    used = (*REQUIRED, *OPTIONAL, *([ID] if of_target else []))
+    unused = [name for name in table.cells if name not in used]
+    if unused:
+        more = f"columns that are not used: {', '.join(map(shown, unused[:10]))}"
+        every = replace(every, remarks=(*every.remarks, more))
+    return prepare(every, has_fronts=False, origin=str(path))
+
+
+def parse_pair(option: str, text: str, most: int) -> tuple[int, int]:
+    """Two whole numbers joined by x, such as an image size 2448x2048 or a grid 10x7.
+
+    Raises:
+        InputError: something else, zero, or more than `most`.
+    """
+    match = _PAIR.fullmatch(text)
+    pair = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not all(1 <= number <= most for number in pair):
+        raise InputError(f"{option} {shown(text)}: expected two whole numbers from 1 to {most}, such as 10x7")
+    return pair
+
+
+def _start_of(path: Path) -> str:
+    """The first lines of a file, whatever it holds."""
+    try:
+        # Asked before it is opened: a pipe would wait, a device would never end.
+        if stat.S_ISREG(path.stat().st_mode):
+            with path.open("rb") as stream:
+                return as_written_today(stream.read(_PEEKED).decode("utf-8", "replace").removeprefix("\ufeff"))
+    except (OSError, ValueError):
+        pass  # said when it is read
+    return ""
+
+
+def _read_comments(path: Path, stream: io.StringIO) -> tuple[Size | None, int]:
+    """The image size in the comments, if any, and the number of the line of column names, where the stream is left."""
+    size: Size | None = None
+    number, at = 1, stream.tell()
+    while (line := stream.readline()) and (not line.strip() or line.lstrip().startswith("#")):
+        match = _SIZE.fullmatch(line.strip())
+        if match is not None:
+            given = int(match[1]), int(match[2])
+            if not all(1 <= side <= MAX_SIDE_PX for side in given) or size not in (None, given):
+                raise InputError(
+                    f"{path}: line {number}: image_size {given[0]} x {given[1]}: there is one, each side has 1 to "
+                    f"{MAX_SIDE_PX} px"
+                )
+            size = given
+        number, at = number + 1, stream.tell()
+    stream.seek(at)
+    return size, number
+
+
+def _column_fault(columns: tuple[str, ...], *, of_target: bool) -> str:
+    """What is wrong with the names of the columns."""
+    wanted = f"the columns must be {','.join(REQUIRED)}, and may be face, sigma or {','.join(COVARIANCE)}"
+    if of_target and ID in columns:
+        wanted = f"the columns must be {','.join(SEEN)},{ID}, and may be sigma or {','.join(COVARIANCE)}"
+    if len(columns) == 1 and re.search(r"[;\t]", columns[0]):
+        return "values must be separated by commas"
+    required = SEEN if of_target and ID in columns else REQUIRED
+    missing = [name for name in required if name not in columns]
+    if missing:
+        return f"column {missing[0]!r} is missing{suggestion(missing[0], list(columns))}; {wanted}"
+    again = next((name for name in columns if columns.count(name) > 1), None)
+    if again is not None:
+        return f"column {shown(again)} a second time; keep one"
+    some = [name for name in COVARIANCE if name in columns]
+    if some and (len(some) < len(COVARIANCE) or "sigma" in columns):
+        return "the accuracy is sigma, or suu,suv,svv, and not a part or both of them"
+    return ""
+
+
+def _all_rows(table: CsvTable, size: Size, target: TargetGeometry | None) -> Observations:
+    """The table's rows in order, with remarks on its points."""
+    u, v = table.reals("u"), table.reals("v")
+    table.require(np.maximum(np.abs(u), np.abs(v)) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
+    covariance = _covariance(table)
+    names = list(dict.fromkeys(table.cells["image"]))
+    view_of = {name: number for number, name in enumerate(names)}
+    view = np.array([view_of[name] for name in table.cells["image"]], dtype=np.int64)
+    table.require(np.array(list(map(bool, names)))[view], "image must not be empty")
+    point, points, remarks = (
+        _own_points(table) if target is None else (_points_of(table, target), known_points(target), ())
+    )
+    order = np.lexsort((point, view))
+    again = np.zeros(len(order), dtype=bool)
+    again[order[1:]] = (np.diff(view[order]) == 0) & (np.diff(point[order]) == 0)
+    table.require(~again, "the same point of the same image a second time; keep one")
+    return Observations(
+        size, tuple(names), view[order], point[order], np.stack([u, v], axis=1)[order],
+        None if covariance is None else covariance[order], points, remarks,
+    )  # fmt: skip
+
+
+def _positions(table: CsvTable) -> Array:
+    """X, Y, Z of the rows.  # (M, 3)"""
+    position: Array = np.stack([table.reals(name) for name in "XYZ"], axis=1) + 0.0  # no negative zeros
+    table.require(np.abs(position).max(axis=1, initial=0) <= MAX_LENGTH_MM, f"X, Y or Z is beyond {MAX_LENGTH_MM:g} mm")
+    return position
+
+
+def _own_points(table: CsvTable) -> tuple[NDArray[np.int64], KnownPoints, tuple[str, ...]]:
+    """The point of each row (M,), the points of a table that shows no target, and remarks on them."""
+    unique, first, point = np.unique(_positions(table), axis=0, return_index=True, return_inverse=True)
+    point = point.reshape(-1)
+    face = None
+    if "face" in table.cells:
+        each = table.whole_numbers("face")
+        table.require((each >= -1) & (each <= MAX_FACE), f"face must be from 0 to {MAX_FACE}, or -1 for none")
+        face = each[first]
+        table.require(each == face[point], "the point has another face on an earlier line; a point lies on one face")
+    return point, *points_with_planes(unique, face)
+
+
+def _points_of(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]:
+    """The row of the target's point that each row shows.  # (M,)"""
+    if ID in table.cells:
+        ids, known = table.whole_numbers(ID), ids_of(target)
+        order = np.argsort(known)
+        place = order[np.minimum(np.searchsorted(known, ids, sorter=order), len(known) - 1)]
+        table.require(known[place] == ids, "the target has no point with this id")
+        return np.asarray(place, dtype=np.int64)
+    tree = cKDTree(target.center_mm)
+    off, nearest = tree.query(_positions(table))
+    alone = tree.query(target.center_mm, k=2)[0][:, 1]
+    table.require(
+        off < SAME_POINT * alone[nearest],
+        f"X, Y, Z are no point of the target: the nearest is farther than {SAME_POINT:g} of the way to its neighbour; "
+        "check the target, or name the points in a column id",
+    )
+    return np.asarray(nearest, dtype=np.int64)
+
+
+def _covariance(table: CsvTable) -> Array | None:
+    """The covariances of the rows, if the table has any.  # (M, 2, 2)"""
+    if "sigma" in table.cells:
+        sigma = table.reals("sigma")
+        least = 1 / MAX_SIGMA_PX**2
+        table.require(
+            (sigma >= least) & (sigma <= MAX_SIGMA_PX), f"sigma must be from {least:g} to {MAX_SIGMA_PX:g} px"
+        )
+        return np.asarray(sigma[:, None, None] ** 2 * np.eye(2))
+    if COVARIANCE[0] not in table.cells:
+        return None
+    suu, suv, svv = (table.reals(name) for name in COVARIANCE)
+    covariance = np.stack([suu, suv, suv, svv], axis=1).reshape(-1, 2, 2)
+    table.require(is_covariance(covariance), "suu, suv, svv must be a covariance, which is positive definite")
+    return covariance
+
+
+def _require_inside(every: Observations, path: Path) -> None:
+    """Refuse points far outside the image: its size is then another one."""
+    if not len(every.view):
+        return
+    size = np.array(every.image_size)
+    outside = np.maximum(-0.5 - every.center_px, every.center_px - size + 0.5) > OUTSIDE * size
+    if outside.any():
+        row = int(np.argmax(outside.any(axis=1)))
+        u, v = every.center_px[row]
+        raise InputError(
+            f"{path}: {every.view_names[every.view[row]]}: a point at u {u:g}, v {v:g} is far outside an image "
+            f"of {size[0]} x {size[1]} px; check the image size"
+        )

@@ -1,0 +1,242 @@
+"""`detections.csv` and the records beside it: what was seen in a set of photos, to keep and to calibrate from.
+
+One line a feature, after comment lines that hold the ids and the size of each image. Which features were expected,
+and why some are missing, is in the records. Both are plain text.
+"""
+
+import io
+import json
+import re
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.files import write_files
+from calib.core.types import Detections
+from calib.observe.csv_table import ANY_NAME, CsvTable, read_table, read_text
+from calib.observe.records import FORMAT as RECORDS
+from calib.observe.records import ImageRecord, Records, image_record, records_path, records_to_json
+from designer.errors import InputError
+from designer.own_files import require_ours
+from designer.target import TargetGeometry
+
+VERSION = 1
+KIND = "ringsolid.detections"
+FIRST_LINE = f"# ringsolid detections, version {VERSION}"
+COLUMNS = ("image", "face", "ring", "i", "j", "u", "v", "suu", "suv", "svv", "X", "Y", "Z")
+MAX_SIDE_PX = 1_000_000
+
+_KIND = "# ringsolid detections, version "
+_COVARIANCE_FORMAT = ".5e"
+_REALS = ("u", "v", "suu", "suv", "svv", "X", "Y", "Z")
+_IMAGE_LINE = re.compile(r'# image (\d{1,7}) x (\d{1,7}) px (".*")')
+_ID_LINE = re.compile(r"# (layout_id|geometry_id|detector) (\S.*)")
+
+
+@dataclass(frozen=True)
+class _Header:
+    """What the comment lines say."""
+
+    layout_id: str
+    geometry_id: str
+    sizes: dict[str, tuple[int, int]]  # of each image
+    line_count: int
+
+
+def check_output(path: Path) -> None:
+    """Refuse a place that cannot be written, or holds something else, before any work is done.
+
+    Raises:
+        InputError: not a .csv, a folder, an existing file of another kind, or a folder that takes no files.
+    """
+    if path.suffix.lower() != ".csv":
+        raise InputError(f"{path}: detections are a .csv file; name it so, such as {path.with_suffix('.csv').name}")
+    require_ours(path, kind=KIND)
+    require_ours(records_path(path), kind=RECORDS)
+    try:
+        folder = next(parent for parent in path.absolute().parents if parent.exists())
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}; choose another place with -o") from None
+
+
+def write_detections(
+    path: Path,
+    seen: Sequence[Detections],
+    target: TargetGeometry,
+    *,
+    detector: str,
+    failed: Iterable[ImageRecord] = (),
+    rendered_id: str = "",
+) -> Records:
+    """Write `NAME.csv` and `NAME.records.json`, both or none. Features that a reader would refuse are left out.
+
+    Returns:
+        What the records hold.
+
+    Raises:
+        InputError: they cannot be written.
+        ValueError: detections of another layout, or two of one image.
+    """
+    seen = [_storable(one) for one in seen]
+    images = (*map(image_record, seen), *failed)
+    records = Records(detector, target.layout_id, target.geometry_id, images, rendered_id=rendered_id)
+    text = detections_to_csv(seen, target, detector=detector)
+    write_files({records_path(path): records_to_json(records), path: text.encode("utf-8", ANY_NAME)})
+    return records
+
+
+def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry, *, detector: str) -> str:
+    """The text of `detections.csv`."""
+    stream = io.StringIO(newline="")
+    stream.write(f"{FIRST_LINE}\n# layout_id {target.layout_id}\n# geometry_id {target.geometry_id}\n")
+    stream.write(f"# detector {detector}\n# u v in px, (0, 0) is the centre of the top-left pixel; X Y Z in mm\n")
+    if len({one.image for one in seen}) < len(seen):
+        raise ValueError("two images have the same name")
+    for one in seen:
+        if one.layout_id != target.layout_id:
+            raise ValueError(f"{one.image}: named with layout {one.layout_id}, not {target.layout_id}")
+        stream.write(f"# image {one.image_size[0]} x {one.image_size[1]} px {json.dumps(one.image)}\n")
+    stream.write(",".join(COLUMNS) + "\n")
+    for one in seen:
+        ring = one.ring
+        numbers = [
+            *((f"{n}" for n in column) for column in (target.ring_face[ring], ring, *target.ring_index[ring].T)),
+            *((f"{x:.6f}" for x in column) for column in one.center_px.T),
+            *((f"{x:{_COVARIANCE_FORMAT}}" for x in column) for column in one.cov_px2.reshape(-1, 4)[:, [0, 1, 3]].T),
+            *((f"{x:.6f}" for x in column) for column in target.center_mm[ring].T),
+        ]
+        name = _quoted(one.image)
+        stream.writelines(f"{name},{','.join(row)}\n" for row in zip(*numbers, strict=True))
+    return stream.getvalue()
+
+
+def _quoted(name: str) -> str:
+    """A cell of CSV; Python's own writer leaves a carriage return bare before 3.13."""
+    return '"' + name.replace('"', '""') + '"' if re.search(r'[\s,"#]', name) else name
+
+
+def _storable(one: Detections) -> Detections:
+    """The detections without the features that a reader would refuse, and a remark on them.
+
+    The covariances are judged as they are written: rounding may make one singular.
+    """
+    rounded = [float(f"{x:{_COVARIANCE_FORMAT}}") for x in one.cov_px2.ravel().tolist()]
+    _, place, count = np.unique(one.ring, return_inverse=True, return_counts=True)
+    ok = is_covariance(np.array(rounded).reshape(-1, 2, 2)) & (count[place] == 1)
+    ok &= np.hypot(*one.center_px.T) <= MAX_SIDE_PX  # false if not finite
+    if ok.all():
+        return one
+    remark = f"{(~ok).sum()} left out: centre or covariance is no usable number, or named twice"
+    return replace(
+        one, ring=one.ring[ok], center_px=one.center_px[ok], cov_px2=one.cov_px2[ok], ellipse_px=one.ellipse_px[ok],
+        remarks=(*one.remarks, remark),
+    )  # fmt: skip
+
+
+def is_covariance(cov: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which matrices are positive definite.  # (N, 2, 2) -> (N,)"""
+    with np.errstate(over="ignore", invalid="ignore"):
+        determinant = cov[:, 0, 0] * cov[:, 1, 1] - cov[:, 0, 1] ** 2
+    ok: NDArray[np.bool_] = (cov[:, 0, 0] > 0) & (determinant > 0) & np.isfinite(determinant)
+    return ok
+
+
+def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) -> tuple[Detections, ...]:
+    """Read `detections.csv` for a target with the same layout: each photo's, without contours and records.
+
+    X, Y, Z come from the target, not from this file.
+
+    Raises:
+        InputError: not a detections file, of another version or layout, or a line that breaks a rule; it names the
+            file and the line, and the target's file where the two do not fit.
+    """
+    stream = io.StringIO(read_text(path, "a detections file"), newline="")
+    header = _read_header(path, stream)
+    if header.layout_id != target.layout_id:
+        raise InputError(
+            f"{path}: made with a target of layout {header.layout_id}, but {target_path} has {target.layout_id}; "
+            "give the target that the photos show"
+        )
+    table = read_table(path, stream, header.line_count + 1, _column_fault)
+    ring = _checked_rings(table, target)
+    view_of = {name: k for k, name in enumerate(header.sizes)}
+    view = np.array([view_of.get(name, -1) for name in table.cells["image"]], dtype=np.int64)
+    table.require(view >= 0, "its image has no '# image' line above the column names")
+    real = {name: table.reals(name) for name in _REALS}
+    center: NDArray[np.float64] = np.stack([real["u"], real["v"]], axis=1)
+    cov = np.stack([real[name] for name in ("suu", "suv", "suv", "svv")], axis=1).reshape(-1, 2, 2)
+    table.require(np.hypot(real["u"], real["v"]) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
+    table.require(is_covariance(cov), "suu, suv, svv must be a covariance, which is positive definite")
+    order = np.lexsort((ring, view))
+    again = np.zeros(len(ring), dtype=bool)
+    again[order[1:]] = (np.diff(view[order]) == 0) & (np.diff(ring[order]) == 0)
+    table.require(~again, "the same ring of the same image a second time; keep one")
+    start = np.searchsorted(view[order], np.arange(len(header.sizes) + 1))
+    return tuple(
+        Detections(
+            name, size, header.layout_id, header.geometry_id, ring[rows], center[rows], cov[rows],
+            np.full((len(rows), 5), np.nan), (),
+        )
+        for (name, size), rows in zip(header.sizes.items(), (order[a:b] for a, b in pairwise(start)), strict=True)
+    )  # fmt: skip
+
+
+def _checked_rings(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]:
+    """The rows of the target's arrays, which face, i and j must agree with."""
+    ring = table.whole_numbers("ring")
+    last = target.ring_count - 1
+    table.require((ring >= 0) & (ring <= last), f"ring is out of range; the target has the rings 0..{last}")
+    for name, expected in (("face", target.ring_face), ("i", target.ring_index[:, 0]), ("j", target.ring_index[:, 1])):
+        table.require(table.whole_numbers(name) == expected[ring], f"{name} is not that of the ring in the target")
+    return ring
+
+
+def _read_header(path: Path, stream: io.StringIO) -> _Header:
+    """The comment lines; leaves the stream at the line of column names."""
+    first = stream.readline().strip()
+    if first != FIRST_LINE:
+        if first.startswith(_KIND):
+            raise InputError(f"{path}: version {first.removeprefix(_KIND)[:20]}; this program reads version {VERSION}")
+        raise InputError(f"{path}: not a detections file: it must begin with {FIRST_LINE!r}")
+    ids: dict[str, str] = {}
+    sizes: dict[str, tuple[int, int]] = {}
+    number, at = 1, stream.tell()
+    while (line := stream.readline().strip()).startswith("#"):
+        number, at = number + 1, stream.tell()
+        if match := _ID_LINE.fullmatch(line):
+            ids[match[1]] = match[2]
+        elif line.startswith("# image "):
+            name, size = _image_line(path, number, line)
+            if name in sizes:
+                raise InputError(f"{path}: line {number}: the image {name!r} a second time; names must differ")
+            sizes[name] = size
+    stream.seek(at)
+    for name in ("layout_id", "geometry_id"):
+        if name not in ids:
+            raise InputError(f"{path}: no line '# {name} ...' above the column names; detect again")
+    return _Header(ids["layout_id"], ids["geometry_id"], sizes, number)
+
+
+def _image_line(path: Path, number: int, line: str) -> tuple[str, tuple[int, int]]:
+    match = _IMAGE_LINE.fullmatch(line)
+    try:
+        name = json.loads(match[3]) if match else None
+    except ValueError:
+        name = None
+    if match is None or not isinstance(name, str):
+        raise InputError(f'{path}: line {number}: expected: # image WIDTH x HEIGHT px "NAME"')
+    size = int(match[1]), int(match[2])
+    if not all(1 <= side <= MAX_SIDE_PX for side in size):
+        raise InputError(f"{path}: line {number}: size {size[0]} x {size[1]} px; a side has 1 to {MAX_SIDE_PX} px")
+    return name, size
+
+
+def _column_fault(columns: tuple[str, ...]) -> str:
+    return "" if columns == COLUMNS else f"the columns must be {','.join(COLUMNS)}"

@@ -1,0 +1,222 @@
+"""Reading photos: pixels as the sensor saw them, in grey or in colour."""
+
+import os
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.observe.image_headers import DamagedError, Format, Header, needed_png, read_header
+from calib.observe.jpeg_damage import brightness_step, check_jpeg_scans
+from designer.errors import InputError
+
+MAX_PIXELS = 250_000_000
+"""Above this a photo is refused before it is decoded; the largest sensors on sale have 200 million."""
+MAX_DECODED_BYTES = 10**9
+"""Of pixels with all their channels: 250 million of three colours, or 166 million of three with 16 bits."""
+MAX_FILE_BYTES = 2**31 - 1
+SUFFIXES_OF: Mapping[Format, tuple[str, ...]] = {
+    "PNG": (".png",),
+    "JPEG": (".jpg", ".jpeg", ".jpe", ".jfif", ".mpo"),
+    "TIFF": (".tif", ".tiff"),
+    "BMP": (".bmp", ".dib"),
+    "PNM": (".pgm", ".ppm", ".pnm", ".pbm", ".pam"),
+}
+"""How the files of a format are usually named; what a file really is, its content says."""
+
+_TURNS = {
+    2: "mirrored", 3: "turned by 180 degrees", 4: "mirrored top to bottom", 5: "turned and mirrored",
+    6: "turned by 90 degrees", 7: "turned and mirrored", 8: "turned by 270 degrees",
+}  # fmt: skip
+_SHRINKS = (1, 2, 4, 8)
+"""How many times fewer columns and rows a JPEG can be decoded to."""
+Grey = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """An image in sensor orientation, and what a person should know of its file."""
+
+    pixels: Grey  # (H, W), or of `read_colour` and `read_preview` as the file has it
+    remarks: tuple[str, ...]
+
+
+def read_image(path: Path) -> Photo:
+    """Read a PNG, JPEG, TIFF, BMP or PNM file of 8 or 16 bits.
+
+    Colours become grey as 0.299 R + 0.587 G + 0.114 B, which a JPEG holds as such. Transparency is ignored: the
+    colour below it counts. An orientation noted by the camera is not applied, because a camera model belongs to the
+    sensor. Of several pages the first is read.
+
+    Raises:
+        InputError: no image, cut off or damaged, too large, of another depth, or not to be read; it names the file.
+    """
+    decoded = _read(path, in_colour=False)
+    return Photo(grey_of(decoded.pixels), tuple(_remarks(path, decoded, drops_alpha=_has_alpha(decoded.pixels))))
+
+
+def read_colour(path: Path) -> Photo:
+    """Read the same files as `read_image`, channels and all.
+
+    Returns:
+        Pixels in grey (H, W), or blue, green, red and possibly alpha (H, W, C).
+
+    Raises:
+        InputError: as `read_image` does.
+    """
+    decoded = _read(path, in_colour=True)
+    return Photo(decoded.pixels, tuple(_remarks(path, decoded, drops_alpha=False)))
+
+
+def read_preview(path: Path, columns: int, most_pixels: int) -> Photo:
+    """Read the same files as `read_colour` for a small picture.
+
+    A JPEG is decoded to no more pixels than the columns asked for need, and without a search for damage, which nobody
+    measures on a preview.
+
+    Args:
+        path: of the file.
+        columns: that are enough.
+        most_pixels: of a file with more there is no preview.
+
+    Raises:
+        InputError: as `read_image` does.
+    """
+    data = _read_file(path)
+    try:
+        header = _header_within_limits(data, most_pixels)
+        shrink = max(by for by in _SHRINKS if by == 1 or header.width >= by * columns)
+        pixels = _decode(data, header, in_colour=True, shrink=shrink if header.format == "JPEG" else 1)
+    except DamagedError as error:
+        raise InputError(f"{path}: {error}") from None
+    return Photo(pixels, ())
+
+
+@dataclass(frozen=True, eq=False)
+class _Decoded:
+    """What a file holds."""
+
+    pixels: Grey  # (H, W), or blue, green, red and possibly alpha (H, W, C)
+    header: Header
+    doubt: str = ""  # why they may not be what was written
+
+
+def _read(path: Path, *, in_colour: bool) -> _Decoded:
+    """Read and decode a file within the limits."""
+    data = _read_file(path)
+    try:
+        header = _header_within_limits(data)
+        # Decoders go on after damage, with pixels in wrong places.
+        unit_rows = check_jpeg_scans(data) if header.format == "JPEG" else 0
+        pixels = _decode(data, header, in_colour=in_colour)
+    except DamagedError as error:
+        raise InputError(f"{path}: {error}") from None
+    return _Decoded(pixels, header, brightness_step(grey_of(pixels), unit_rows) if unit_rows else "")
+
+
+def _header_within_limits(data: bytes, most_pixels: int = MAX_PIXELS) -> Header:
+    """The header of a file that is not too large to decode."""
+    header = read_header(data)
+    if header.width * header.height > most_pixels:
+        size = f"{header.width} x {header.height} px"
+        raise DamagedError(f"has {size}; at most {most_pixels // 1_000_000} million are read: scale it down")
+    if header.width * header.height * header.pixel_bytes > MAX_DECODED_BYTES:
+        size = f"{header.width} x {header.height} px of {header.pixel_bytes} bytes"
+        raise DamagedError(f"has {size}; at most {MAX_DECODED_BYTES // 10**9} GB are read: convert it to grey")
+    return header
+
+
+def _read_file(path: Path) -> bytes:
+    """The file's content. Only regular files are opened: a pipe or a device may never end."""
+    try:
+        status = path.stat()
+        if stat.S_ISDIR(status.st_mode):
+            raise InputError(f"{path}: is a folder, not an image")
+        if not stat.S_ISREG(status.st_mode):
+            raise InputError(f"{path}: is a pipe or a device; give image files")
+        if status.st_size == 0:
+            raise InputError(f"{path}: is empty (0 bytes); copy it again")
+        if status.st_size > MAX_FILE_BYTES:
+            raise InputError(f"{path}: has {status.st_size} bytes; at most {MAX_FILE_BYTES} are read")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{os.fspath(path)!r}: is no file name: {error}") from None
+
+
+def _decode(data: bytes, header: Header, *, in_colour: bool, shrink: int = 1) -> Grey:
+    """The pixels as the file has them; without colour a JPEG gives its grey, and in colour as few as are asked for."""
+    import cv2
+
+    flags = cv2.IMREAD_UNCHANGED
+    if header.format == "JPEG":
+        coloured = (
+            cv2.IMREAD_ANYCOLOR, cv2.IMREAD_REDUCED_COLOR_2, cv2.IMREAD_REDUCED_COLOR_4, cv2.IMREAD_REDUCED_COLOR_8
+        )[_SHRINKS.index(shrink)]  # fmt: skip
+        # Without colour only the luminance is decoded: several times faster, and the same grey.
+        flags = cv2.IMREAD_IGNORE_ORIENTATION | (coloured if in_colour else cv2.IMREAD_GRAYSCALE)
+    elif header.format == "PNG":
+        data = needed_png(data)
+    elif header.format == "TIFF" and header.orientation != 1 and header.orientation_at is not None:
+        data = _patched(data, *header.orientation_at)
+    elif data[:2] in {b"P1", b"P2", b"P3"}:
+        data += b"\n"  # a text may end in a digit
+    # The decoders' complaints go to standard error, into the progress bar; what is wrong is said here.
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise DamagedError("is cut off or damaged, or of a kind of its format that is not read; copy or convert it")
+    if image.shape[:2] != (-(-header.height // shrink), -(-header.width // shrink)):
+        raise DamagedError("its header does not fit its content; copy it again")
+    if image.dtype not in (np.uint8, np.uint16):
+        raise DamagedError(f"holds {image.dtype} values; convert it to 8 or 16 bits without sign")
+    pixels = cast("Grey", image[:, :, 0] if image.shape[2:] == (1,) else image)  # its type was checked
+    if header.is_white_zero and pixels.dtype == np.uint16:
+        pixels = np.bitwise_not(pixels)  # the decoder does it for 8 bits only
+    return pixels
+
+
+def _has_alpha(pixels: Grey) -> bool:
+    return pixels.ndim == 3 and pixels.shape[2] == 4
+
+
+def grey_of(image: Grey) -> Grey:
+    """Grey from grey, or from three channels (blue, green, red) or four."""
+    import cv2
+
+    if image.ndim == 2:
+        return image
+    code = cv2.COLOR_BGRA2GRAY if _has_alpha(image) else cv2.COLOR_BGR2GRAY
+    return cast("Grey", cv2.cvtColor(image, code))
+
+
+def _patched(data: bytes, at: int, value: bytes) -> bytes:
+    """The bytes with some replaced."""
+    changed = bytearray(data)
+    changed[at : at + len(value)] = value
+    return bytes(changed)
+
+
+def _remarks(path: Path, decoded: _Decoded, *, drops_alpha: bool) -> list[str]:
+    """What a person should know of the file."""
+    header, remarks = decoded.header, [decoded.doubt] if decoded.doubt else []
+    if path.suffix.lower() not in SUFFIXES_OF[header.format]:
+        remarks.append(f"the file is {header.format}, whatever its name says")
+    if header.orientation != 1:
+        turn = _TURNS[header.orientation]
+        remarks.append(f"read as the sensor saw it: viewers show it {turn} (orientation {header.orientation})")
+    if header.page_count > 1:
+        remarks.append(f"page 1 of {header.page_count} read")
+    if drops_alpha:
+        remarks.append("transparency ignored")
+    return remarks

@@ -1,0 +1,230 @@
+"""Many photos: each is read, searched and drawn on its own; what goes wrong with one is kept with it."""
+
+import glob
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.core.types import Detections
+from calib.observe.images import SUFFIXES_OF, Photo, read_image
+from designer.errors import InputError
+from designer.target import TargetGeometry
+
+OVERLAY_MARK = ".overlay"
+"""Stands in the name of each overlay, so that one is not taken for a photo."""
+
+MAX_NAME_BYTES = 200
+"""Of a photo whose overlay is named after it; file systems take 255 with what is added. Else they are numbered."""
+
+MOST_KEPT_BYTES = 2**29
+"""Of photos that are kept in memory between two searches; the others are read again."""
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+Read = Callable[[Path], Photo]
+
+
+class Detect(Protocol):
+    """The detector, as `calib.detector.pipeline.detect`."""
+
+    def __call__(
+        self, pixels: Pixels, target: TargetGeometry, *, name: str, camera: Camera | None = None
+    ) -> Detections:
+        """Find and name the target's features in one photo."""
+        ...
+
+
+@dataclass(frozen=True)
+class PhotoFile:
+    """A photo to search, under the name its detections get."""
+
+    path: Path
+    name: str
+
+
+@dataclass(frozen=True)
+class PhotoResult:
+    """What came of one photo: detections, or why there are none."""
+
+    photo: PhotoFile
+    seen: Detections | None
+    failure: str = ""  # one line that names the file
+    overlay: Path | None = None
+    overlay_failure: str = ""  # why it was not drawn, in one line that names the photo
+
+
+@dataclass(frozen=True)
+class FoundPhotos:
+    """The photos that a person's arguments stand for."""
+
+    paths: tuple[Path, ...]
+    failures: tuple[str, ...]  # arguments that stand for none, one line each
+    overlays: int  # earlier overlays among them, which are left out
+
+
+def find_photos(arguments: Sequence[str]) -> FoundPhotos:
+    """Files as they are, all images of folders, and patterns that the shell left alone."""
+    paths: list[Path] = []
+    failures = []
+    for argument in arguments:
+        if not argument:
+            raise InputError("'' is no photo; give files, folders or patterns, or '.' for the current folder")
+        path = Path(argument)
+        if _is(path, Path.is_dir):
+            inside = _images_in(path)
+            if not inside:
+                failures.append(f"{path}: no images in this folder; they are known by suffixes such as .png or .jpg")
+            paths += inside
+        elif glob.has_magic(argument) and not _is(path, Path.exists):
+            matches = [Path(match) for match in glob.glob(argument, recursive=True) if Path(match).is_file()]
+            if not matches:
+                failures.append(f"{argument}: no file matches this pattern; check the path")
+            paths += sorted(matches, key=_in_order)
+        else:
+            paths.append(path)
+    photos = [path for path in paths if not path.stem.endswith(OVERLAY_MARK)]
+    return FoundPhotos(tuple(photos), tuple(failures), len(paths) - len(photos))
+
+
+def _is(path: Path, test: Callable[[Path], bool]) -> bool:
+    """A test of a path; a name that no file can have passes none."""
+    try:
+        return test(path)
+    except (OSError, ValueError):
+        return False
+
+
+def _images_in(folder: Path) -> list[Path]:
+    """The images of a folder by their names' suffixes, without hidden files."""
+    suffixes = {suffix for group in SUFFIXES_OF.values() for suffix in group}
+    try:
+        files = [path for path in folder.iterdir() if path.suffix.lower() in suffixes and not path.name.startswith(".")]
+    except OSError:
+        return []
+    return sorted((path for path in files if path.is_file()), key=_in_order)
+
+
+def _in_order(path: Path) -> list[tuple[int, str]]:
+    """Key that sorts img2 before img10."""
+    parts = re.split(r"([0-9]+)", str(path))
+    return [(int(part), "") if k % 2 else (0, part) for k, part in enumerate(parts)]
+
+
+def named_photos(paths: Sequence[Path]) -> tuple[PhotoFile, ...]:
+    """The photos with names that differ: the file's name, with as many of its folders as tell it from the others.
+
+    A file given twice is taken once, through a link too: seen twice, it would count twice in a calibration.
+    """
+    once: dict[str, Path] = {}
+    for path in paths:
+        once.setdefault(os.path.realpath(path), path)
+    given = {Path(os.path.abspath(path)): path for path in once.values()}
+    depth = dict.fromkeys(given, 1)
+    while True:
+        name = {path: "/".join(path.parts[-depth[path] :]) for path in given}
+        count = Counter(name.values())
+        alike = [path for path in given if count[name[path]] > 1]
+        if not alike:
+            return tuple(PhotoFile(given[path], name[path]) for path in given)
+        for path in alike:
+            depth[path] += 1
+
+
+def reading_once(most_bytes: int = MOST_KEPT_BYTES) -> Read:
+    """A reader for two searches: what it has read it keeps for the second time, as much as may be in memory.
+
+    A photo is read by one thread at a time.
+    """
+    kept: dict[Path, Photo] = {}
+
+    def read(path: Path) -> Photo:
+        photo = kept.pop(path, None)
+        if photo is not None:
+            return photo
+        photo = read_image(path)
+        if sum(one.pixels.nbytes for one in list(kept.values())) + photo.pixels.nbytes <= most_bytes:
+            kept[path] = photo
+        return photo
+
+    return read
+
+
+def detect_photos(
+    photos: Sequence[PhotoFile],
+    target: TargetGeometry,
+    *,
+    detect: Detect,
+    camera: Camera | None,
+    overlay_folder: Path | None,
+    jobs: int,
+    read: Read = read_image,
+) -> Iterator[PhotoResult]:
+    """Search photos, `jobs` at a time, so that no more are in memory; results come in the order of the photos.
+
+    Threads do: decoding and the compiled kernels release the interpreter's lock.
+    """
+    stems = _overlay_stems(photos, overlay_folder)
+
+    def work(photo: PhotoFile) -> PhotoResult:
+        return _one_photo(photo, target, detect, camera, stems.get(photo), read)
+
+    if min(jobs, len(photos)) == 1:
+        yield from map(work, photos)
+        return
+    pool = ThreadPoolExecutor(jobs)
+    try:
+        yield from pool.map(work, photos)
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _one_photo(
+    photo: PhotoFile, target: TargetGeometry, detect: Detect, camera: Camera | None, overlay: Path | None, read: Read
+) -> PhotoResult:
+    """One photo from file to result. No fault of a photo, not even of the detector on it, ends the run."""
+    try:
+        image = read(photo.path)
+        height, width = image.pixels.shape
+        if camera is not None and camera.image_size != (width, height):
+            raise InputError(
+                f"{photo.path}: has {width} x {height} px, but the camera file is of one with "
+                f"{camera.image_size[0]} x {camera.image_size[1]} px; give photos and camera of one size"
+            )
+        seen = detect(image.pixels, target, name=photo.name, camera=camera)
+        seen = replace(seen, remarks=(*image.remarks, *seen.remarks))
+    except InputError as error:
+        return PhotoResult(photo, None, str(error))
+    except Exception as error:
+        return PhotoResult(photo, None, f"{photo.path}: the search failed: {type(error).__name__}: {error}")
+    if overlay is None:
+        return PhotoResult(photo, seen)
+    from calib.detector.overlay import draw_overlay, write_overlay
+
+    try:
+        return PhotoResult(photo, seen, overlay=write_overlay(overlay, draw_overlay(image.pixels, seen, target)))
+    except Exception as error:
+        why = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
+        return PhotoResult(photo, seen, overlay_failure=f"no overlay for {photo.name}: {why}")
+
+
+def _overlay_stems(photos: Sequence[PhotoFile], folder: Path | None) -> dict[PhotoFile, Path]:
+    """Where each photo's overlay goes, without suffix; names that differ in their suffix only keep it."""
+    if folder is None:
+        return {}
+    flat = [photo.name.replace("/", "_") for photo in photos]
+    if any(len(os.fsencode(name)) > MAX_NAME_BYTES for name in flat):
+        return {photo: folder / f"{number}{OVERLAY_MARK}" for number, photo in enumerate(photos, 1)}
+    stems = [Path(name).stem for name in flat]
+    count = Counter(stems)
+    names = [stem if count[stem] == 1 else name for stem, name in zip(stems, flat, strict=True)]
+    if len(set(names)) < len(names):
+        names = [f"{number}-{name}" for number, name in enumerate(flat, 1)]
+    return {photo: folder / f"{name}{OVERLAY_MARK}" for photo, name in zip(photos, names, strict=True)}

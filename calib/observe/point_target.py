@@ -1,0 +1,246 @@
+"""A target that others made, from a table of its points: a cube, or a room with sheets on its walls.
+
+The table is a CSV with X, Y, Z in mm, and may hold the plane that each point lies in and an id, a whole number by which
+tables of sightings name it. The planes are fitted, or stand in a table of their own: plane,nx,ny,nz,d with the normal n
+on the side that is seen, and n X = d.
+"""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from calib.observe.csv_table import CsvTable, read_table, read_text
+from designer.errors import InputError
+from designer.spec_file import shown, suggestion
+from designer.target import MAX_INDEX, TargetGeometry
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+MAX_FILE_BYTES = 64 * 2**20
+MAX_POINTS, MAX_PLANES = 100_000, 200
+MAX_PLACES = 400_000
+"""Points times planes: what errors of every plane do to every point takes about 500 bytes for each, 200 MB in all."""
+MAX_LENGTH_MM = 1e6
+SAME_MM = 1e-3
+"""Two points that are nearer are one."""
+OFF_PLANE = 0.01
+"""Of a plane's extent: a point that is farther off does not lie in it."""
+THIN = 1e-3
+"""Points this much thinner than long lie on a line, and tell no plane."""
+_POINT_COLUMNS, _PLANE_COLUMNS = ("X", "Y", "Z"), ("plane", "nx", "ny", "nz", "d")
+
+
+@dataclass(frozen=True, eq=False)
+class PointTable:
+    """R points as a table has them."""
+
+    position_mm: Array  # (R, 3)
+    plane: tuple[str, ...]  # (R,) its name; "" for all where there is no such column
+    ids: Numbers  # (R,) without such a column: the row
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the planes, in the order in which they come."""
+        return tuple(dict.fromkeys(self.plane))
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """n X = d, with the unit normal n on the side that is seen."""
+
+    normal: Array  # (3,)
+    offset_mm: float
+
+
+def target_from_points(
+    points: PointTable, planes: dict[str, Plane] | None = None, *, diameter_mm: float = 0.0, inside: bool = False
+) -> TargetGeometry:
+    """A target of points on planes; of one plane, of which no name is needed, too.
+
+    A face's outline is the rectangle around its points, half their usual distance beyond them. A feature's lattice
+    index is its id and 0.
+
+    Args:
+        points: which, and on which planes.
+        planes: by the points' names of them; None: fitted, the side that is seen away from the middle of all points.
+        diameter_mm: of the black dots at the points; 0: there is nothing to draw or to detect.
+        inside: of fitted planes the other side is seen, as of a room's walls.
+
+    Raises:
+        InputError: a plane that its points do not tell, or that they do not lie in.
+    """
+    names = points.names
+    number = {name: face for face, name in enumerate(names)}
+    face = np.array([number[name] for name in points.plane], dtype=np.int64)
+    middle = points.position_mm.mean(axis=0)
+    frames, outlines, steps = [], [], []
+    for name, index in number.items():
+        position = points.position_mm[face == index]
+        plane = _fitted(position, name, middle, inside=inside) if planes is None else _given(planes, name)
+        _require_on(plane, position, points.ids[face == index], name)
+        frame, outline, step = _face(plane, position, diameter_mm)
+        frames.append(frame)
+        outlines.append(outline)
+        steps.append(step * np.eye(2))
+    count = len(face)
+    return TargetGeometry(
+        source="nominal",
+        spec=None,
+        ring_face=face,
+        ring_index=np.column_stack([points.ids, np.zeros(count, dtype=np.int64)]),
+        center_mm=points.position_mm,
+        radius_outer_mm=np.full(count, 0.5 * diameter_mm),
+        radius_inner_mm=np.zeros(count),
+        is_dot=np.ones(count, dtype=bool),
+        target_from_face=np.array(frames),
+        outline_mm=np.array(outlines),
+        window_mm=np.array(outlines),
+        face_code=np.full(len(names), -1),
+        lattice_mm=np.array(steps),
+    )
+
+
+def ids_of(target: TargetGeometry) -> Numbers:
+    """By what tables of sightings name a target's features: a point's id, a designed feature's row.  # (R,)"""
+    ids = target.ring_index[:, 0]
+    is_points = target.spec is None and not target.ring_index[:, 1].any() and len(np.unique(ids)) == len(ids)
+    return ids if is_points else np.arange(target.ring_count)
+
+
+def read_points(path: Path) -> PointTable:
+    """Read a table of points.
+
+    Raises:
+        InputError: it cannot be read, or a line breaks a rule; the message names it.
+    """
+    table = _table(path, _POINT_COLUMNS, "a table of points", MAX_POINTS)
+    position = np.stack([table.reals(name) for name in _POINT_COLUMNS], axis=1) + 0.0  # no negative zeros
+    table.require(np.abs(position).max(axis=1) <= MAX_LENGTH_MM, f"X, Y or Z is beyond {MAX_LENGTH_MM:g} mm")
+    distance, near = cKDTree(position).query(position, k=2) if len(position) > 1 else (np.ones((1, 2)), [[0, 0]])
+    nearest = int(np.argmin(distance[:, 1]))
+    if distance[nearest, 1] < SAME_MM:
+        first, again = sorted(table.lines[row] for row in near[nearest])
+        raise InputError(f"{path}: line {again}: the same point as on line {first}, to {SAME_MM:g} mm; keep one")
+    if "id" in table.cells:
+        ids = table.whole_numbers("id")
+        table.require((ids >= 0) & (ids <= MAX_INDEX), f"id must be from 0 to {MAX_INDEX}")
+        first_row = np.zeros(len(ids), dtype=bool)
+        first_row[np.unique(ids, return_index=True)[1]] = True
+        table.require(first_row, "the id is that of an earlier line; give each point its own")
+    else:
+        ids = np.arange(len(position))
+    plane = tuple(name.strip() for name in table.cells.get("plane", ("",) * len(position)))
+    if "plane" in table.cells:
+        table.require(np.array(list(map(bool, plane))), "plane must not be empty")
+    found = PointTable(position, plane, ids)
+    if len(found.names) > MAX_PLANES:
+        raise InputError(f"{path}: {len(found.names)} planes; at most {MAX_PLANES} can be used; leave some out")
+    if len(position) * len(found.names) > MAX_PLACES:
+        most = MAX_PLACES // len(found.names)
+        raise InputError(
+            f"{path}: {len(position)} points on {len(found.names)} planes; on so many planes at most {most} points can "
+            "be used; leave out points or planes"
+        )
+    return found
+
+
+def read_planes(path: Path) -> dict[str, Plane]:
+    """Read a table of planes.
+
+    Raises:
+        InputError: it cannot be read, or a line breaks a rule; the message names it.
+    """
+    table = _table(path, _PLANE_COLUMNS, "a table of planes", MAX_PLANES)
+    names = [name.strip() for name in table.cells["plane"]]
+    table.require(np.array([names.index(name) == row for row, name in enumerate(names)]), "the plane a second time")
+    normal, offset = np.stack([table.reals(name) for name in ("nx", "ny", "nz")], axis=1), table.reals("d")
+    length = np.linalg.norm(normal, axis=1)
+    table.require((length > 1e-6) & (length < 1e6), "nx, ny, nz must be a direction, its length best 1")
+    return {
+        name: Plane(n / size, float(d / size)) for name, n, d, size in zip(names, normal, offset, length, strict=True)
+    }
+
+
+def _table(path: Path, columns: Sequence[str], kind: str, most: int) -> CsvTable:
+    """The rows of a file."""
+
+    def fault(names: tuple[str, ...]) -> str:
+        missing = [name for name in columns if name not in names]
+        again = next((name for name in names if names.count(name) > 1), None)
+        if missing:
+            wanted = f"{kind} has the columns {','.join(columns)}"
+            return f"column {missing[0]!r} is missing{suggestion(missing[0], list(names))}; {wanted}"
+        return "" if again is None else f"column {shown(again)} a second time; keep one"
+
+    stream = io.StringIO(read_text(path, kind, MAX_FILE_BYTES), newline="")
+    table = read_table(path, stream, 1, fault, skip_spaces=True)
+    if not 1 <= len(table.lines) <= most:
+        raise InputError(f"{path}: {len(table.lines)} rows; {kind} has 1 to {most}")
+    return table
+
+
+SEVERAL = "whether all lie in one plane; else name each point's in a column plane"
+
+
+def _words(name: str) -> str:
+    return f"plane {shown(name)}" if name else "the points' plane"
+
+
+def _fitted(position: Array, name: str, middle: Array, *, inside: bool) -> Plane:
+    """The plane with the least squares of distances."""
+    if len(position) < 3:
+        raise InputError(f"{_words(name)}: {len(position)} points; a plane is told by 3 or more that lie on no line")
+    own = position.mean(axis=0)
+    _, length, axes = np.linalg.svd(position - own, full_matrices=False)
+    if not length[1] > THIN * length[0]:
+        raise InputError(f"{_words(name)}: its {len(position)} points lie on a line; add some beside it")
+    normal = axes[2]
+    outwards = float(normal @ (own - middle))
+    if abs(outwards) > THIN * length[0]:
+        normal = normal * np.sign(outwards) * (-1 if inside else 1)
+    else:  # all points lie in one plane: the side of its largest component
+        normal = normal * np.sign(normal[np.argmax(np.abs(normal))])
+    return Plane(normal, float(normal @ own))
+
+
+def _given(planes: dict[str, Plane], name: str) -> Plane:
+    if name not in planes:
+        some = ", ".join(map(shown, list(planes)[:10]))
+        raise InputError(f"{_words(name)}: not in the table of planes, which has {some}; add it there")
+    return planes[name]
+
+
+def _require_on(plane: Plane, position: Array, ids: Numbers, name: str) -> None:
+    """Refuse points that are off their plane."""
+    off = np.abs(position @ plane.normal - plane.offset_mm)
+    most = OFF_PLANE * float(np.linalg.norm(np.ptp(position, axis=0)))
+    worst = int(np.argmax(off))
+    if len(position) < 3 or off[worst] > most:
+        rule = f"{len(position)} points; give 3 or more" if len(position) < 3 else (
+            f"point {ids[worst]} is {off[worst]:.3g} mm off it, {most:.3g} mm are allowed (1 % of its extent); check "
+            f"the point, and {'which plane it is said to lie in' if name else SEVERAL}"
+        )  # fmt: skip
+        raise InputError(f"{_words(name)}: {rule}")
+
+
+def _face(plane: Plane, position: Array, diameter_mm: float) -> tuple[Array, Array, float]:
+    """The frame (4, 4) of a face, its outline (4, 2) in it, and the usual distance of its points."""
+    axis = np.eye(3)[int(np.argmin(np.abs(plane.normal)))]
+    y_axis = np.cross(plane.normal, axis)
+    y_axis /= np.linalg.norm(y_axis)
+    turn = np.column_stack([np.cross(y_axis, plane.normal), y_axis, plane.normal])
+    inside = position @ turn
+    low, high = inside[:, :2].min(axis=0), inside[:, :2].max(axis=0)
+    step = float(np.median(cKDTree(inside).query(inside, k=2)[0][:, 1]))
+    half = 0.5 * (high - low) + max(0.5 * step, 0.75 * diameter_mm)
+    frame = np.eye(4)
+    frame[:3, :3] = turn
+    frame[:3, 3] = turn @ np.append(0.5 * (low + high), plane.offset_mm)
+    outline = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    return frame, outline, step

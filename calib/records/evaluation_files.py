@@ -1,0 +1,167 @@
+"""`metrics.json` and CSV files of an evaluation: for other programs, and for looking closer."""
+
+import json
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import MODELS
+from calib.metrics.errors import Errors, ErrorSummary, summarise, summarise_groups
+from calib.metrics.evaluation import Evaluation
+from calib.observe.csv_table import ANY_NAME
+from calib.records.observation_table import quoted
+
+FORMAT = "ringsolid.metrics"
+VERSION = 1
+METRICS_FILE = "metrics.json"
+VIEWS_FILE, POINTS_FILE, FACES_FILE = "metrics_views.csv", "metrics_points.csv", "metrics_faces.csv"
+OBSERVATIONS_FILE = "metrics_observations.csv"
+
+_STATISTICS = (
+    ("rmse", "rmse"), ("mean", "mean"), ("median", "median"), ("percentile_95", "p95"), ("largest", "largest"),
+)  # fmt: skip
+
+
+def evaluation_files(evaluation: Evaluation, folder: Path) -> dict[Path, bytes]:
+    """The files of an evaluation and their contents."""
+    seen = evaluation.calibration.observations
+    points = seen.points
+    images = [quoted(name) for name in seen.view_names]
+    places = [
+        f"{n},{face},{x:.6f},{y:.6f},{z:.6f}"
+        for n, (face, (x, y, z)) in enumerate(zip(points.face.tolist(), points.position_mm.tolist(), strict=True))
+    ]
+    faces = [str(n) for n in range(len(points.plane))]
+    views, by_view = _groups(evaluation, len(images), lambda errors: errors.view)
+    rings, by_point = _groups(evaluation, len(places), lambda errors: errors.point)
+    planes, by_face = _groups(
+        evaluation, len(faces), lambda errors: None if errors.point is None else points.face[errors.point]
+    )
+    return {
+        folder / METRICS_FILE: metrics_to_json(evaluation),
+        folder / VIEWS_FILE: _csv(["image", *views], images, by_view),
+        folder / POINTS_FILE: _csv(["point", "face", "X", "Y", "Z", *rings], places, by_point),
+        folder / FACES_FILE: _csv(["face", *planes], faces, by_face),
+        folder / OBSERVATIONS_FILE: _observations(evaluation, images),
+    }
+
+
+def metrics_to_json(evaluation: Evaluation) -> bytes:
+    """The summaries over everything, and the camera's parameters with their standard deviations."""
+    calibration = evaluation.calibration
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "model": calibration.camera.model,
+        "status": calibration.status,
+        "views": calibration.observations.view_count,
+        "observations": len(calibration.observations.view),
+        "outliers": int(calibration.is_outlier.sum()),
+        "of": "the views the camera was solved from" if not evaluation.folds else "views held out of the solution",
+        "parts": evaluation.folds,
+        "remarks": [*calibration.remarks, *evaluation.remarks],
+        "parameters": _parameters(evaluation),
+        "metrics": {errors.metric: _summary(errors) for errors in evaluation.errors},
+    }
+    return (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()
+
+
+def _parameters(evaluation: Evaluation) -> dict[str, object]:
+    """Value and standard deviation of each parameter; the true value too if the true camera is of the same model."""
+    calibration = evaluation.calibration
+    camera, truth = calibration.camera, evaluation.truth
+    known = truth.camera.params if truth is not None and truth.camera.model == camera.model else None
+    sigmas = np.sqrt(np.diagonal(calibration.stated_covariance)).tolist()
+    described: dict[str, object] = {}
+    for n, parameter in enumerate(MODELS[camera.model].parameters):
+        entry: dict[str, object] = {"value": float(camera.params[n]), "sigma": _or_null(sigmas[n])}
+        entry |= {"unit": parameter.unit, "fixed": parameter.name in calibration.fixed}
+        described[parameter.name] = entry if known is None else {**entry, "true": float(known[n])}
+    return described
+
+
+def _summary(errors: Errors) -> dict[str, object]:
+    numbers = {name: _or_null(value) for name, value in asdict(summarise(errors)).items()}
+    return {"unit": errors.unit, **numbers, "left_out": dict(errors.left_out)}
+
+
+def _or_null(number: float) -> float | None:
+    return number if math.isfinite(number) else None
+
+
+def _groups(
+    evaluation: Evaluation, count: int, group_of: Callable[[Errors], NDArray[np.int64] | None]
+) -> tuple[list[str], list[str]]:
+    """Names of columns, and a row of cells for each group: statistics of each metric, and its mean vector."""
+    names: list[str] = []
+    columns: list[Iterable[str]] = []
+    for errors in evaluation.errors:
+        group = group_of(errors)
+        if group is None:
+            continue
+        summaries = summarise_groups(errors, group, count)
+        names.append(f"{errors.metric}_count")
+        columns.append(str(summary.count) for summary in summaries)
+        for field, name in _STATISTICS:
+            names.append(f"{errors.metric}_{name}_{errors.unit}")
+            columns.append(_cells(summaries, field))
+        for axis, values in zip(errors.axes, _mean_vectors(errors, group, count).T, strict=True):
+            names.append(f"{errors.metric}_mean_{axis}_{errors.unit}")
+            columns.append(map(_cell, values.tolist()))
+    return names, [",".join(cells) for cells in zip(*columns, strict=True)] if columns else [""] * count
+
+
+def _cells(summaries: Sequence[ErrorSummary], field: str) -> list[str]:
+    return [_cell(getattr(summary, field)) for summary in summaries]
+
+
+def _cell(number: float) -> str:
+    """A number, or nothing for nan."""
+    return f"{number:.6g}" if math.isfinite(number) else ""
+
+
+def _mean_vectors(errors: Errors, group: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+    """The mean error vector of each group: what is systematic in it.  # (count, D)"""
+    rows = np.flatnonzero(errors.is_counted & (group >= 0))
+    number = np.bincount(group[rows], minlength=count)
+    sums = [np.bincount(group[rows], weights=values, minlength=count) for values in errors.vector[rows].T]
+    mean: NDArray[np.float64] = np.stack(sums, axis=1) / np.where(number > 0, number, np.nan)[:, None]
+    return mean
+
+
+def _csv(columns: Sequence[str], heads: Sequence[str], rows: Sequence[str]) -> bytes:
+    lines = (f"{head},{row}" for head, row in zip(heads, rows, strict=True))
+    return "\n".join([",".join(columns), *lines, ""]).encode("utf-8", ANY_NAME)
+
+
+def _observations(evaluation: Evaluation, images: Sequence[str]) -> bytes:
+    """Error vectors of all sightings, also of those that do not count, and why they do not."""
+    seen = evaluation.calibration.observations
+    names = ["image", "point", "face", "u", "v"]
+    columns: list[Iterable[str]] = [
+        (images[row] for row in seen.view.tolist()),
+        map(str, seen.point.tolist()),
+        map(str, seen.points.face[seen.point].tolist()),
+        *(map("{:.6f}".format, values) for values in seen.center_px.T.tolist()),
+    ]
+    for errors in evaluation.errors:
+        if errors.sighting is None:
+            continue
+        names += [f"{errors.metric}_{axis}_{errors.unit}" for axis in errors.axes]
+        names += [f"{errors.metric}_{errors.unit}", f"{errors.metric}_left_out"]
+        vector, reason = _of_all(errors, len(seen.view))
+        columns += [map(_cell, values) for values in vector.T.tolist()]
+        columns += [map(_cell, np.sqrt((vector**2).sum(axis=1)).tolist()), reason]
+    lines = map(",".join, zip(*columns, strict=True))
+    return "\n".join([",".join(names), *lines, ""]).encode("utf-8", ANY_NAME)
+
+
+def _of_all(errors: Errors, count: int) -> tuple[NDArray[np.float64], list[str]]:
+    """The errors of all of a calibration's sightings, and why they do not count: those without a pose have none."""
+    vector, row = np.full((count, len(errors.axes)), np.nan), np.full(count, len(errors.reasons))
+    vector[errors.sighting], row[errors.sighting] = errors.vector, errors.reason
+    return vector, [(*errors.reasons, "its view has no pose")[n] for n in row.tolist()]

@@ -1,0 +1,190 @@
+"""A set of photos on disk: several processes, resumed where an earlier run stopped."""
+
+import json
+import multiprocessing
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_to_json
+from calib.core.child_process import interrupts_held, serve
+from calib.renderer.options import RenderOptions
+from calib.renderer.sensor import Levels
+from calib.renderer.view import render_view
+from designer.errors import InputError
+from designer.own_files import require_ours, signed
+from designer.target import TargetGeometry
+
+FORMAT = "ringsolid.truth"
+VERSION = 1
+TRUTH_FILE = "truth.json"
+FileFormat = Literal["png", "tiff", "jpeg"]
+SUFFIX: dict[FileFormat, str] = {"png": ".png", "tiff": ".tiff", "jpeg": ".jpg"}
+
+
+@dataclass(frozen=True, eq=False)
+class RenderJob:
+    """All that determines a set of photos."""
+
+    target: TargetGeometry
+    camera: Camera
+    cam_from_target: NDArray[np.float64]  # (V, 4, 4)
+    options: RenderOptions
+    seed: int
+    file_format: FileFormat = "png"
+    quality: int = 95  # of JPEG
+
+    @property
+    def file_names(self) -> list[str]:
+        """One image a view."""
+        digits = max(4, len(str(len(self.cam_from_target) - 1)))
+        return [f"view_{n:0{digits}d}{SUFFIX[self.file_format]}" for n in range(len(self.cam_from_target))]
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """What a run did."""
+
+    written: int
+    kept: int  # finished by an earlier run
+    seconds: float
+    processes: int
+
+
+def truth_text(job: RenderJob) -> str:
+    """The text of `truth.json`: one line a view."""
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "seed": job.seed,
+        "layout_id": job.target.layout_id,
+        "geometry_id": job.target.geometry_id,
+        "camera": json.loads(camera_to_json(job.camera)),
+        "options": asdict(job.options),
+        "file": {"format": job.file_format, "quality": job.quality},
+    }
+    lines = [f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in document.items()]
+    poses = zip(job.file_names, job.cam_from_target.tolist(), strict=True)
+    views = [json.dumps({"file": name, "cam_from_target": pose}, allow_nan=False) for name, pose in poses]
+    return "{\n" + ",\n".join(lines) + ',\n"views": [\n' + ",\n".join(views) + "\n]\n}\n"
+
+
+def run_job(
+    job: RenderJob, folder: Path, *, processes: int, overwrite: bool, on_view: Callable[[int, int], None]
+) -> Rendered:
+    """Render what is missing in a folder.
+
+    Args:
+        job: what to render.
+        folder: where to; made if need be.
+        processes: how many at a time.
+        overwrite: replace another set that is there.
+        on_view: told after each view how many of how many are done.
+
+    Raises:
+        InputError: the folder holds another set, or images of unknown origin, and `overwrite` is not given.
+    """
+    start = time.perf_counter()
+    missing = _claim(job, folder, overwrite)
+    kept = len(job.cam_from_target) - len(missing)
+    on_view(kept, len(job.cam_from_target))
+    processes = max(1, min(processes, len(missing)))
+    rendered = _render_here(job, missing, folder) if processes == 1 else _render(job, missing, folder, processes)
+    for done, _ in enumerate(rendered, start=1):
+        on_view(kept + done, len(job.cam_from_target))
+    return Rendered(len(missing), kept, time.perf_counter() - start, processes)
+
+
+def _claim(job: RenderJob, folder: Path, overwrite: bool) -> list[int]:
+    """Write the truth, and find the views whose images are missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    truth, path = truth_text(job), folder / TRUTH_FILE
+    old = path.read_text(encoding="utf-8", errors="replace") if path.exists() else None
+    paths = [folder / name for name in job.file_names]
+    if old == truth and not overwrite:
+        return [n for n, image in enumerate(paths) if not image.exists()]
+    if old is not None and not overwrite:
+        raise InputError(f"{path}: holds another set of photos; choose another folder with -o, or add --overwrite")
+    found = next((image for image in paths if image.exists()), None)
+    if old is None and found is not None and not overwrite:
+        raise InputError(f"{found}: is there already, without a {TRUTH_FILE}; choose another folder with -o")
+    replaced = [*(folder / name for name in _named_in(old)), *paths]
+    for one in (path, *replaced):
+        require_ours(one)
+    for image in replaced:
+        image.unlink(missing_ok=True)
+    _replace(path, truth.encode())
+    return list(range(len(paths)))
+
+
+def _named_in(truth: str | None) -> list[str]:
+    """The images of an older set that are to go with it."""
+    try:
+        views = json.loads(truth or "{}").get("views", [])
+        names = [str(view["file"]) for view in views]
+    except (ValueError, AttributeError, TypeError, KeyError, RecursionError):
+        return []
+    return [name for name in names if name.startswith("view_") and Path(name).name == name]
+
+
+def _render_here(job: RenderJob, views: list[int], folder: Path) -> Iterator[None]:
+    """Render views one by one, and say when each is done."""
+    for index in views:
+        render_file(job, index, folder)
+        yield
+
+
+def _render(job: RenderJob, views: list[int], folder: Path, processes: int) -> Iterator[None]:
+    """Render views in several processes, and say when each is done."""
+    context = multiprocessing.get_context("spawn")
+    executor = ProcessPoolExecutor(processes, mp_context=context, initializer=_prepare_process, initargs=(os.getpid(),))
+    try:
+        with interrupts_held():  # processes start at the first
+            futures = [executor.submit(render_file, job, index, folder) for index in views]
+        for future in as_completed(futures):
+            future.result()
+            yield
+    finally:
+        executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _prepare_process(parent: int) -> None:
+    """Use one thread; leave Ctrl-C to the first process, which then sends no more views and waits for those at work."""
+    serve(parent)
+    cv2.setNumThreads(1)
+
+
+def render_file(job: RenderJob, index: int, folder: Path) -> None:
+    """Render one view of a set into its file. It depends on the seed and the view's number only."""
+    rng = np.random.default_rng([job.seed, index])
+    view = render_view(job.target, job.camera, job.cam_from_target[index], job.options, rng)
+    _replace(folder / job.file_names[index], _encoded(view.image, job))
+
+
+def _encoded(image: Levels, job: RenderJob) -> bytes:
+    """The image as a file's content."""
+    flags = {
+        "png": [cv2.IMWRITE_PNG_COMPRESSION, 1],
+        "tiff": [],
+        "jpeg": [cv2.IMWRITE_JPEG_QUALITY, job.quality],
+    }[job.file_format]
+    done, content = cv2.imencode(SUFFIX[job.file_format], image, flags)
+    if not done:
+        raise InputError(f"an image of {image.shape[1]} x {image.shape[0]} px cannot be written as {job.file_format}")
+    return signed(f"view{SUFFIX[job.file_format]}", content.tobytes())
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Write a file under a temporary name, so that a finished name is a finished file."""
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_bytes(content)
+    os.replace(temporary, path)

@@ -1,0 +1,140 @@
+"""Where the camera stands: Fibonacci grids around the target, or poses from a file."""
+
+import csv
+import io
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.se3 import exp_rotation, look_at, make_pose
+from designer.errors import InputError
+from designer.small_file import JsonValue, parse_json, read_small_text
+
+Array = NDArray[np.float64]
+Region = Literal["hemisphere", "sphere", "cap"]
+
+MAX_VIEWS = 100_000
+MAX_FILE_BYTES = 64 * 2**20
+GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
+COLUMNS = ("rx_rad", "ry_rad", "rz_rad", "tx_mm", "ty_mm", "tz_mm")
+RIGID_TOLERANCE = 1e-6
+MAX_DISTANCE_MM = 1e6
+MAX_TURN_RAD = 1000.0
+"""Farther turns lose digits, and are likely no radians."""
+
+
+@dataclass(frozen=True)
+class PoseGrid:
+    """Cameras around the target's z axis that look at its origin."""
+
+    views: int
+    half_angle_rad: float  # of the cap around +z: pi / 2 is a hemisphere, pi the sphere
+    distance_mm: tuple[float, float]  # drawn evenly between the two
+    random_roll: bool
+    aim_offset_mm: float  # the camera looks at a random point of a ball of this radius
+
+
+def fibonacci_cap(count: int, half_angle_rad: float) -> Array:
+    """Unit vectors (count, 3), evenly spread over a cap around +z.
+
+    Equal steps of height and of the golden angle (Swinbank and Purser 2006).
+    """
+    step = np.arange(count) + 0.5
+    z = 1 - (1 - math.cos(half_angle_rad)) * step / count
+    radius = np.sqrt(np.maximum(0.0, 1 - z**2))
+    angle = GOLDEN_ANGLE_RAD * step
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
+
+
+def grid_poses(grid: PoseGrid, rng: np.random.Generator) -> Array:
+    """Poses `cam_from_target` (V, 4, 4) of a grid."""
+    direction = fibonacci_cap(grid.views, grid.half_angle_rad)
+    distance = rng.uniform(*grid.distance_mm, size=grid.views)
+    roll = rng.uniform(-np.pi, np.pi, size=grid.views) if grid.random_roll else np.zeros(grid.views)
+    step = rng.standard_normal((grid.views, 3))
+    length = grid.aim_offset_mm * rng.uniform(size=(grid.views, 1)) ** (1 / 3)
+    aim = length * step / np.linalg.norm(step, axis=1, keepdims=True)
+    return look_at(aim + distance[:, None] * direction, aim, roll)
+
+
+def load_poses(path: Path) -> Array:
+    """Poses `cam_from_target` (V, 4, 4) from a file.
+
+    JSON: a list of 4 x 4 matrices, or a `truth.json`. CSV: a header line `rx_rad,ry_rad,rz_rad,tx_mm,ty_mm,tz_mm`,
+    then a rotation vector and a translation a line.
+
+    Raises:
+        InputError: the file cannot be read or holds no rigid motions; the message names it.
+    """
+    text = read_small_text(path, MAX_FILE_BYTES, "a file of poses")
+    try:
+        if path.suffix.lower() == ".csv":
+            poses = _poses_from_csv(text)
+        else:
+            poses = _poses_from_json(parse_json(text, path, "a file of poses"))
+        if not 0 < len(poses) <= MAX_VIEWS:
+            raise ValueError(f"{len(poses)} poses; give 1 to {MAX_VIEWS}")
+        _check_rigid(poses)
+    except (ValueError, csv.Error) as error:
+        raise error if isinstance(error, InputError) else InputError(f"{path}: {error}") from None
+    return poses
+
+
+def _poses_from_json(document: JsonValue) -> Array:
+    if isinstance(document, dict):
+        views = document.get("views")
+        if not isinstance(views, list):
+            raise ValueError("no poses; give a list of 4 x 4 matrices, or a truth.json")
+        document = [view.get("cam_from_target") if isinstance(view, dict) else None for view in views]
+    try:
+        poses = np.array(document, dtype=np.float64)
+    except (ValueError, TypeError, OverflowError):
+        raise ValueError("no poses; give a list of 4 x 4 matrices of numbers") from None
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4):
+        raise ValueError(f"an array of shape {poses.shape}; poses are a list of 4 x 4 matrices")
+    return poses
+
+
+def _check_rigid(poses: Array) -> None:
+    """Refuse the first pose that is no rigid motion, or is absurdly far."""
+    for number, pose in enumerate(poses):
+        rotation, place = pose[:3, :3], pose[:3, 3]
+        if not np.isfinite(pose).all():
+            wrong = "holds a number that is not finite; give finite numbers"
+        elif np.abs(place).max() > MAX_DISTANCE_MM:
+            wrong = f"lies {np.abs(place).max():g} mm away; give at most {MAX_DISTANCE_MM:g} mm"
+        elif (
+            np.abs(rotation).max() > 2
+            or np.abs(rotation @ rotation.T - np.eye(3)).max() > RIGID_TOLERANCE
+            or np.linalg.det(rotation) < 0
+            or (pose[3] != np.array([0.0, 0.0, 0.0, 1.0])).any()
+        ):
+            wrong = "is no rigid motion; give a right-handed rotation, a translation, and the last row 0 0 0 1"
+        else:
+            continue
+        raise ValueError(f"pose {number} (from 0) {wrong}")
+
+
+def _poses_from_csv(text: str) -> Array:
+    lines = [row for row in csv.reader(io.StringIO(text)) if row and not row[0].lstrip().startswith("#")]
+    if not lines or tuple(name.strip() for name in lines[0]) != COLUMNS:
+        raise ValueError(f"the first line must be {','.join(COLUMNS)}")
+    for number, row in enumerate(lines[1:]):
+        if len(row) != len(COLUMNS) or not all(_is_number(value) for value in row):
+            raise ValueError(f"pose {number} (from 0) is not {len(COLUMNS)} finite numbers; give {','.join(COLUMNS)}")
+    values = np.array(lines[1:], dtype=np.float64).reshape(-1, len(COLUMNS))
+    for number, turn in enumerate(np.abs(values[:, :3]).max(axis=1)):
+        if turn > MAX_TURN_RAD:
+            raise ValueError(f"pose {number} (from 0) turns by {turn:g} rad; give at most {MAX_TURN_RAD:g} rad")
+    return make_pose(exp_rotation(values[:, :3]), values[:, 3:])
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False

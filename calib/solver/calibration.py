@@ -1,0 +1,73 @@
+"""A solved camera, with what is known of its accuracy."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.core.types import Observations, frozen_array
+from designer.tolerance.model import ErrorModel
+
+Status = Literal["converged", "stopped", "degenerate"]
+"""`stopped`: the steps ran out; `degenerate`: the data do not determine the camera, and the remarks say why."""
+
+
+@dataclass(frozen=True, eq=False)
+class TargetError:
+    """What a target that is not quite as its file says may have done to the parameters of a camera."""
+
+    made: str  # the way of making: an error template's name, a file's, "measured" or "exact"
+    because: str  # why this one, as in "its file says the build 'solid'"; "" if it was asked for
+    param_covariance: NDArray[np.float64]  # (P, P) to be added to that of the noise
+    errors: "ErrorModel | None" = None  # of that way of making, as they were then; None: they are not told by one
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "param_covariance", frozen_array(self.param_covariance))
+
+
+@dataclass(frozen=True, eq=False)
+class ImageField:
+    """Errors that are fixed in the image and that the lens model does not follow, as the residuals show them."""
+
+    left_px: float  # root mean square that it leaves in a coordinate of the residuals
+    param_covariance: NDArray[np.float64]  # (P, P) of what the parameters took of it, to be added to that of the noise
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "param_covariance", frozen_array(self.param_covariance))
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A camera solved from observations, with V poses and what is known of their accuracy."""
+
+    camera: Camera
+    observations: Observations  # of the views that were solved
+    cam_from_target: NDArray[np.float64]  # (V, 4, 4)
+    residual_px: NDArray[np.float64]  # (M, 2) predicted - measured, of outliers too
+    is_outlier: NDArray[np.bool_]  # (M,) left out of the solution
+    scale: float
+    """Posterior standard deviation of an observation: px, or with weights in units of the stated covariance."""
+    param_covariance: NDArray[np.float64]  # (P, P) by the noise alone, zero for fixed parameters
+    pose_covariance: NDArray[np.float64]  # (V, 6, 6) rotation vector (rad), translation (mm), both in the camera's axes
+    fixed: tuple[str, ...]  # parameters that were not estimated
+    weighted: bool  # by the covariances of the observations
+    status: Status
+    remarks: tuple[str, ...]  # why degenerate, what was left out and why; one line each
+    iterations: int
+    seconds: float
+    target_error: TargetError | None = None  # None: nothing is known of how the target was made
+    image_field: ImageField | None = None  # None: nothing shows that there is one
+
+    @property
+    def stated_covariance(self) -> NDArray[np.float64]:
+        """The parameters' covariance as it is to be told: by noise, target and what is fixed in the image.  # (P, P)"""
+        parts = [part.param_covariance for part in (self.target_error, self.image_field) if part is not None]
+        stated: NDArray[np.float64] = sum(parts, start=np.asarray(self.param_covariance))
+        return stated
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "is_outlier", frozen_array(self.is_outlier, np.bool_))
+        for name in ("cam_from_target", "residual_px", "param_covariance", "pose_covariance"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
