@@ -9,8 +9,8 @@ import designer
 BARE = {"inv", "pinv", "solve", "lstsq", "cholesky", "tensorsolve", "cho_factor", "cho_solve", "solve_triangular"}
 
 ALLOWED = {
-    "calib/linear_algebra.py least_squares": "a guarded function itself",
-    "calib/linear_algebra.py pseudo_inverse": "a guarded function itself",
+    "calib/core/linear_algebra.py least_squares": "a guarded function itself",
+    "calib/core/linear_algebra.py pseudo_inverse": "a guarded function itself",
     "calib/as_built/accuracy.py accuracy_of": "one plus the strain of a print, which is small",
     "calib/as_built/datum.py moved_target": "a rotation times one plus a small strain",
     "calib/as_built/eliminate.py _scaled_factor": "by Cholesky, which tells whether there is an inverse",
@@ -25,7 +25,7 @@ ALLOWED = {
     "calib/detector/name_board.py _uprightness": "a shortest solution, which two columns always have",
     "calib/detector/where_expected.py _plane_map": "shortest solutions, whose points were found to span a plane",
     "calib/metrics/reconstruction.py reconstruction": "of the rings whose rays were found to meet in a point",
-    "calib/refit.py _adjust": "damped: a diagonal of ones with more on it",
+    "calib/cameras/refit.py _adjust": "damped: a diagonal of ones with more on it",
     "calib/solver/covariance.py accuracy_of": "poses by Cholesky before, which tells whether they are determined",
     "calib/solver/linear_pose.py weak_perspective_poses": "of the views whose points were found to be solid",
     "calib/studies/compare/scene.py take_photos": "Cholesky of the detector's covariances, as its noise is drawn",
