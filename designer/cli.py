@@ -1,11 +1,10 @@
 """The command `design`."""
 
 import inspect
-import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated
 
 import typer
 
@@ -14,18 +13,9 @@ from designer.answer import Summary
 from designer.command import command, run
 from designer.completion import for_option, target_templates
 from designer.errors import InputError
-from designer.spec import BoardSpec
-from designer.spec_file import (
-    BoardFile,
-    CommonFile,
-    IcoFile,
-    PrintingFile,
-    RawValue,
-    parse_printing,
-    parse_spec,
-    read_spec_file,
-    replaced,
-)
+from designer.kind import Kind, kinds
+from designer.options import Asked, AskedPrinting, options_of
+from designer.options import Option as SpecOption
 
 app = typer.Typer(
     name="design",
@@ -38,6 +28,8 @@ app = typer.Typer(
 )
 
 Option = str | bool | None
+Given = dict[str, object]
+"""Options and keys as they were typed."""
 FOLDER_HELP = "folder to write into (default: exports/NAME)"
 
 
@@ -50,40 +42,37 @@ def _flag(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def _option(name: str, model: type[PrintingFile]) -> inspect.Parameter:
+def _option(name: str, option: SpecOption) -> inspect.Parameter:
     """The command-line option of a spec's field."""
-    help_text = model.model_fields[name].description
-    is_switch = get_args(model.model_fields[name].annotation)[:1] == (bool,)
+    is_switch = option.value == "switch"
     flags = [f"{_flag(name)}/--no-{name.replace('_', '-')}"] if is_switch else [_flag(name)]
     if "colour" in name:
         flags.append(_flag(name.replace("colour", "color")))
     if is_switch:
-        annotation: object = Annotated[bool | None, typer.Option(*flags, help=help_text)]
+        annotation: object = Annotated[bool | None, typer.Option(*flags, help=option.help)]
     else:
         completed = for_option(name)
         annotation = Annotated[
-            str | None, typer.Option(*flags, help=help_text, metavar="VALUE", autocompletion=completed)
+            str | None, typer.Option(*flags, help=option.help, metavar="VALUE", autocompletion=completed)
         ]
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
 
 
-def _takes(
-    *models: type[PrintingFile],
-) -> Callable[[Callable[..., Summary]], Callable[..., Summary]]:
-    """Give a command the options of the models' fields, in place of its `**options`."""
+def _takes(*asked: type[AskedPrinting]) -> Callable[[Callable[..., Summary]], Callable[..., Summary]]:
+    """Give a command the options of kinds, in place of its `**options`."""
 
     def decorate(function: Callable[..., Summary]) -> Callable[..., Summary]:
         named = [p for p in inspect.signature(function).parameters.values() if p.kind != p.VAR_KEYWORD]
-        fields = {name: model for model in models for name in model.model_fields if name != "kind"}
-        own_first = sorted(fields, key=lambda name: name in CommonFile.model_fields)
-        options = [_option(name, fields[name]) for name in own_first]
+        known = {name: option for one in asked for name, option in options_of(one).items()}
+        own_first = sorted(known, key=lambda name: name in options_of(Asked))
+        options = [_option(name, known[name]) for name in own_first]
         function.__signature__ = inspect.Signature(named + options)  # type: ignore[attr-defined]  # what inspect reads
         return function
 
     return decorate
 
 
-def _given(options: dict[str, Option]) -> dict[str, RawValue]:
+def _given(options: dict[str, Option]) -> Given:
     """The options that were used."""
     return {name: value for name, value in options.items() if value is not None}
 
@@ -92,22 +81,22 @@ Folder = Annotated[Path | None, typer.Option("--out", "-o", help=FOLDER_HELP)]
 MustFit = Annotated[bool, typer.Option("--must-fit", help="refuse a part that is larger than the printer's bed")]
 
 
-@command(app)
-@_takes(IcoFile)
-def ico(*, out: Folder = None, must_fit: MustFit = False, **options: Option) -> Summary:
-    """Design an icosahedron with rings on its 20 faces."""
-    return _design({"kind": "ico", **_given(options)}, "", out, must_fit)
+def _command_of(kind: Kind) -> None:
+    """A command for each kind."""
+
+    def design(*, out: Folder = None, must_fit: MustFit = False, **options: Option) -> Summary:
+        return _design({"kind": kind.name, **_given(options)}, "", out, must_fit)
+
+    design.__doc__ = f"Design {kind.title}."
+    command(app, kind.name)(_takes(kind.asked)(design))
+
+
+for _kind in kinds():
+    _command_of(_kind)
 
 
 @command(app)
-@_takes(BoardFile)
-def board(*, out: Folder = None, must_fit: MustFit = False, **options: Option) -> Summary:
-    """Design a board with rings on one face."""
-    return _design({"kind": "board", **_given(options)}, "", out, must_fit)
-
-
-@command(app)
-@_takes(IcoFile, BoardFile)
+@_takes(*(kind.asked for kind in kinds()))
 def make(
     spec: Annotated[
         str,
@@ -125,6 +114,7 @@ def make(
     Options replace the file's values.
     """
     from designer.presets import preset_or_file
+    from designer.spec_file import read_spec_file, replaced
 
     path = preset_or_file("targets", spec)
     values = {
@@ -134,13 +124,14 @@ def make(
     return _design(values, str(path) if path == Path(spec) else spec, out, must_fit)
 
 
-def _design(values: dict[str, RawValue], origin: str, out: Path | None, must_fit: bool) -> Summary:
+def _design(values: Given, origin: str, out: Path | None, must_fit: bool) -> Summary:
     """Size, check, make and write a target, and say what was done."""
     from designer.formats.folder import Written, files_left, replaced_target, write_folder
     from designer.make.printability import check_printability
     from designer.produce import Design, make_files
     from designer.report.design_page import design_report
     from designer.sizing import size_job
+    from designer.spec_file import parse_spec
     from designer.summary import design_summary, print_design, progress
 
     sized = size_job(parse_spec(values, origin))
@@ -167,6 +158,7 @@ def templates() -> Summary:
     from designer.layout import lay_out
     from designer.presets import preset_names, preset_or_file, printer_profile
     from designer.sizing import size_job
+    from designer.spec_file import parse_spec, read_spec_file
     from designer.summary import print_templates, templates_summary
     from designer.tolerance.error_file import error_model
 
@@ -184,7 +176,7 @@ def templates() -> Summary:
 
 
 @command(app)
-@_takes(PrintingFile)
+@_takes(AskedPrinting)
 def check(
     file: Annotated[Path, typer.Argument(help="a spec (TOML) or a target file (NAME.target.json)")], **options: Option
 ) -> Summary:
@@ -193,21 +185,16 @@ def check(
     The exit code is 1 if a rule is violated.
     """
     from designer.layout import lay_out
-    from designer.make.clearance import border_width_mm
     from designer.make.printability import check_printability
     from designer.presets import preset_or_file
     from designer.sizing import size_job, size_printing
+    from designer.spec_file import parse_printing, parse_spec, read_spec_file, replaced
     from designer.summary import check_summary, print_check
     from designer.target import load_target
 
     if file.suffix.lower() == ".json":
         target = load_target(file, "marks")
-        printing = size_printing(
-            parse_printing(_given(options)),
-            kind="ico" if target.face_count > 1 else "board",
-            border_mm=border_width_mm(target),
-            thickness_mm=target.spec.thickness_mm if isinstance(target.spec, BoardSpec) else math.inf,
-        )
+        printing = size_printing(parse_printing(_given(options)), target)
     else:
         path = preset_or_file("targets", str(file))
         job = size_job(parse_spec(replaced(read_spec_file(path), _given(options)), str(file))).job

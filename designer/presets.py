@@ -1,5 +1,6 @@
 """The templates that travel with the program: targets, printers, cameras and error models as data."""
 
+import difflib
 import os
 from pathlib import Path
 from typing import Literal
@@ -44,6 +45,10 @@ def preset_or_file(kind: PresetKind, name: str) -> Path:
             f"{shown(name)}: no such file; check the path, or use a template: {', '.join(preset_names(kind))}"
         )
     hint = suggestion(name, preset_names(kind)) or f"; there are {', '.join(preset_names(kind))}"
+    if kind == "printers":  # the nearest name may well be that of another machine
+        near = difflib.get_close_matches(name, preset_names(kind), n=3) or preset_names(kind)
+        rest = "another printer needs --bed, --nozzle, --line-width and --layer-height, or a TOML file"
+        hint = f"; there are {', '.join(near)}{', ...' if len(near) < len(preset_names(kind)) else ''}; {rest}"
     raise InputError(f"unknown {kind.removesuffix('s')} template {shown(name)}{hint}")
 
 

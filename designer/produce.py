@@ -11,12 +11,11 @@ from designer.formats.folder import OutputFile
 from designer.layout import lay_out
 from designer.make.bed import against_skew, bed_from_target, mapped
 from designer.make.drawing import SheetPage
-from designer.make.mesh import Mesh, Part, board_hull, icosahedron_hull, inlaid, plain_board, plain_icosahedron
+from designer.make.mesh import Mesh, Part, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.sheets import lay_out_sheets
-from designer.polyhedron import INRADIUS
 from designer.skew import NO_SKEW
-from designer.spec import Format, IcoSpec, Job
+from designer.spec import Format, Job
 from designer.spec_file import spec_to_toml
 from designer.target import TargetGeometry, target_to_json
 
@@ -62,19 +61,20 @@ class Design:
         spec, printing = self.job.target, self.job.printing
         if not printing.is_two_filament:
             return Part(self._plain_body(), None)
-        hull = (
-            icosahedron_hull(self.printed_pattern, spec.edge_mm * self.scale, printing.inlay_mm)
-            if isinstance(spec, IcoSpec)
-            else board_hull(self.printed_pattern, spec.thickness_mm * self.scale, printing.inlay_mm)
-        )
-        return inlaid(self.printed_pattern, hull, printing.inlay_mm)
+        pattern = self.printed_pattern
+        if spec.solid is None:
+            hull = plate_hull(pattern, spec.depth_mm * self.scale, printing.inlay_mm)
+        else:
+            hull = solid_hull(pattern, spec.solid, printing.inlay_mm, scale=self.scale)
+        return inlaid(pattern, hull, printing.inlay_mm)
 
     def _plain_body(self) -> Mesh:
         """The body that stickers or a sheet go on; stickers have a thickness, by which the body is smaller."""
         spec = self.job.target
-        if isinstance(spec, IcoSpec):
-            return plain_icosahedron((spec.edge_mm - self.job.printing.sticker_thickness_mm / INRADIUS) * self.scale)
-        return plain_board(self.target.outline_mm[0], spec.thickness_mm)
+        if spec.solid is None:
+            return plain_plate(self.target.outline_mm[0], spec.depth_mm)
+        below_mm = self.job.printing.sticker_thickness_mm * self.scale
+        return plain_solid(spec.solid, below_mm=below_mm, scale=self.scale)
 
     @cached_property
     def pages(self) -> tuple[SheetPage, ...]:
@@ -163,7 +163,8 @@ def _png(design: Design) -> Iterator[OutputFile]:
     job, target = design.job, design.target
     png = preview_png(
         design.artwork,
-        thickness_mm=0.0 if isinstance(job.target, IcoSpec) else job.target.thickness_mm,
+        polyhedron=None if job.target.solid is None else job.target.solid.polyhedron,
+        thickness_mm=job.target.depth_mm,
         body_colour=job.printing.body_colour,
         ink_colour=job.printing.ink_colour,
         caption=f"{job.name}: {target.ring_count} rings and dots, target id {target.geometry_id}",
@@ -187,7 +188,7 @@ def _svg(design: Design) -> Iterator[OutputFile]:
 
 def _sheets(design: Design) -> str:
     count = len(design.pages)
-    what = "sticker sheets" if isinstance(design.job.target, IcoSpec) else "artwork"
+    what = "artwork" if design.target.is_planar else "sticker sheets"
     return f"{what}, {count} page{'s' if count > 1 else ''}"
 
 

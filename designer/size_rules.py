@@ -1,38 +1,17 @@
 """What the sizes of every kind of target have in common: proportions, and what a process can make."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 from designer.errors import InputError
-from designer.spec import BoardSpec, IcoSpec
-from designer.spec_file import CommonFile
+from designer.options import Asked
+from designer.spec import Line, Spec
 from designer.units import round_down, round_up
 
 DIAMETER_OVER_PITCH = 0.7
 """Of the paper's rings, 7 mm at 10 mm."""
 
 
-@dataclass(frozen=True)
-class Line:
-    """The finest line of the process that makes the pattern."""
-
-    width_mm: float
-    nozzle_mm: float  # a stroke below it cannot be made
-    process: str
-    most_rings: int  # more would take minutes and gigabytes
-
-    @property
-    def finer(self) -> str:
-        """A remedy to append, where there is one."""
-        return ", or a finer nozzle" if self.nozzle_mm < self.width_mm else ""
-
-    @property
-    def comfortable_mm(self) -> float:
-        """Two lines: strokes and gaps that print well."""
-        return 2 * self.width_mm
-
-
-def diameter_and_pitch(asked: CommonFile) -> tuple[float, float]:
+def diameter_and_pitch(asked: Asked) -> tuple[float, float]:
     """Ring diameter and pitch of which at least one is given; the other follows in the paper's proportion."""
     diameter, pitch = asked.ring_diameter, asked.pitch
     if pitch is None:
@@ -46,7 +25,7 @@ def diameter_and_pitch(asked: CommonFile) -> tuple[float, float]:
     return diameter, pitch
 
 
-def chosen_ring(asked: CommonFile, spec: IcoSpec | BoardSpec) -> Iterator[str]:
+def chosen_ring(asked: Asked, spec: Spec) -> Iterator[str]:
     """Diameter or pitch, if it followed from the other."""
     share = f"{DIAMETER_OVER_PITCH:g} of the pitch, as in the paper"
     if asked.ring_diameter is None:
@@ -61,7 +40,7 @@ def chosen_words(chosen: Iterable[str]) -> str:
     return f"sizes: {', '.join(parts)}; the others as given" if parts else "sizes: as given"
 
 
-def widths_mm(spec: IcoSpec | BoardSpec) -> tuple[float, float, float]:
+def widths_mm(spec: Spec) -> tuple[float, float, float]:
     """Stroke, white centre and gap between neighbours."""
     diameter = spec.ring_diameter_mm
     return diameter / 2 * (1 - spec.ring_ratio), diameter * spec.ring_ratio, spec.pitch_mm - diameter

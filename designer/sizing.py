@@ -1,32 +1,34 @@
 """From what was asked for to a full job: how the target is made, and defaults for what was left open.
 
-The sizes of each kind of target are chosen in a module of its own.
+The sizes of each kind of target are chosen by what was asked for of it (`Asked.sized`).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from designer.errors import InputError
-from designer.polyhedron import INSET_PER_DEPTH, deepest_inlay
+from designer.faces import border_width_mm, deepest_inlay_mm, inset_per_depth
+from designer.kind import kinds
+from designer.layout import lay_out
+from designer.options import Asked, AskedPrinting
 from designer.presets import DEFAULT_PRINTER, printer_profile
-from designer.size_board import size_board
-from designer.size_ico import size_ico
-from designer.size_rules import Line
 from designer.skew import NO_SKEW, format_skew
 from designer.spec import (
-    BUILDS,
     PAPER_LINE_MM,
+    PLATE_BUILDS,
+    SOLID_BUILDS,
     TWO_FILAMENT_BUILDS,
     Build,
     Format,
-    IcoSpec,
     Job,
+    Line,
     PrinterProfile,
     PrintSpec,
-    TargetSpec,
+    Spec,
 )
-from designer.spec_file import FORMATS, IDLE_OPTIONS, CommonFile, IcoFile, PrintingFile, SpecFile
-from designer.units import format_mm, round_down
+from designer.spec_file import FORMATS, IDLE_OPTIONS
+from designer.target import TargetGeometry
+from designer.units import round_down
 
 SOLID_INLAY_MM = 1.0
 """Inlay of a one-piece icosahedron: its 12 steep faces fill to 70 % at 0.6 mm, to 93 % at 0.9-1.0 mm."""
@@ -46,55 +48,49 @@ class Sized:
     remarks: tuple[str, ...]
 
 
-def size_job(asked: SpecFile) -> Sized:
+def size_job(asked: Asked) -> Sized:
     """Choose all that was left open, and check the result.
 
     Raises:
         InputError: a size that no target can have, or that this printer cannot print.
     """
-    printer, build = _choose_printer(asked), _choose_build(asked, asked.kind)
-    line = _line_of(build, printer)
-    target, remark = size_ico(asked, line) if isinstance(asked, IcoFile) else size_board(asked, line)
-    thickness = math.inf if isinstance(target, IcoSpec) else target.thickness_mm
-    printing, print_remarks = _size_printing(asked, printer, build, target.border_mm, thickness)
+    kind = next(kind for kind in kinds() if kind.asked is type(asked))
+    printer, build = _choose_printer(asked), _choose_build(asked, kind.spec.builds, repr(kind.name))
+    target, remark = asked.sized(_line_of(build, printer))
+    printing, print_remarks = _size_printing(asked, printer, build, lay_out(target))
     formats, format_remark = _choose_formats(asked, printing.is_two_filament)
     _check_step(formats, printing)
-    page = asked.page or ("A4" if isinstance(target, IcoSpec) else "fit")
     remarks = tuple(text for text in (remark, *print_remarks, format_remark) if text)
-    name = asked.name or _default_name(target, build, has_size=isinstance(asked, IcoFile) or asked.size is not None)
-    return Sized(Job(name, target, printing, formats, page), remarks)
+    name = asked.name or _default_name(asked, target, build)
+    return Sized(Job(name, target, printing, formats, asked.page or target.page), remarks)
 
 
-def _default_name(target: TargetSpec, build: Build, *, has_size: bool) -> str:
+def _default_name(asked: Asked, target: Spec, build: Build) -> str:
     """A name from the kind, what sizes it, and the build where it is not the usual one."""
-    usual = build == BUILDS[target.kind][0]
-    if isinstance(target, IcoSpec):
-        size = format_mm(target.edge_mm)
-    else:
-        size = (
-            format_mm(*target.size_mm) if has_size else f"{target.columns}x{target.rows}-{format_mm(target.pitch_mm)}"
-        )
-    return f"{target.kind}-{size}" + ("" if usual else f"-{build}")
+    usual = build == target.builds[0]
+    return f"{target.kind}-{asked.size_name(target)}" + ("" if usual else f"-{build}")
 
 
-def size_printing(asked: PrintingFile, *, kind: str, border_mm: float, thickness_mm: float) -> PrintSpec:
-    """How a target of given border and plate thickness is made.
+def size_printing(asked: AskedPrinting, target: TargetGeometry) -> PrintSpec:
+    """How a target is made.
 
     Raises:
         InputError: a build that is not for this kind, an unknown printer, or a value that does not fit the target.
     """
-    printing, _ = _size_printing(asked, _choose_printer(asked), _choose_build(asked, kind), border_mm, thickness_mm)
+    builds, what = (PLATE_BUILDS, "a target with one face") if target.is_planar else (SOLID_BUILDS, "a solid")
+    printing, _ = _size_printing(asked, _choose_printer(asked), _choose_build(asked, builds, what), target)
     return printing
 
 
 def _size_printing(
-    asked: PrintingFile, printer: PrinterProfile, build: Build, border_mm: float, thickness_mm: float
+    asked: AskedPrinting, printer: PrinterProfile, build: Build, target: TargetGeometry
 ) -> tuple[PrintSpec, tuple[str, ...]]:
     """How a target is made, and remarks where a default had to give way or an option says nothing."""
-    idle = set(IDLE_OPTIONS[build]) & asked.model_fields_set
-    asked = asked.model_copy(update=dict.fromkeys(IDLE_OPTIONS[build]))
+    idle = [option for option in IDLE_OPTIONS[build] if getattr(asked, option) is not None]
+    nothing: dict[str, None] = dict.fromkeys(IDLE_OPTIONS[build])
+    asked = replace(asked, **nothing)
     remarks = [f"{option}: of no effect on the build {build!r}" for option in sorted(idle)]
-    inlay, remark = _choose_inlay(asked, build, printer.layer_height_mm, border_mm, thickness_mm)
+    inlay, remark = _choose_inlay(asked, build, printer.layer_height_mm, target)
     printing = PrintSpec(
         build=build,
         printer=printer,
@@ -109,11 +105,11 @@ def _size_printing(
         stand=bool(asked.stand),
         chord_error_mm=asked.chord_error or CHORD_ERROR_MM,
     )
-    _check_paper(printing, border_mm)
+    _check_paper(printing, target)
     return printing, (remark, *remarks)
 
 
-def _choose_printer(asked: PrintingFile) -> PrinterProfile:
+def _choose_printer(asked: AskedPrinting) -> PrinterProfile:
     return printer_profile(
         DEFAULT_PRINTER if asked.printer is None else asked.printer,
         nozzle_mm=asked.nozzle,
@@ -123,10 +119,9 @@ def _choose_printer(asked: PrintingFile) -> PrinterProfile:
     )
 
 
-def _choose_build(asked: PrintingFile, kind: str) -> Build:
-    known = BUILDS[kind]
+def _choose_build(asked: AskedPrinting, known: tuple[Build, ...], what: str) -> Build:
     if asked.build is not None and asked.build not in known:
-        raise InputError(f"build {asked.build!r} is not for {kind!r}; use {' or '.join(map(repr, known))}")
+        raise InputError(f"build {asked.build!r} is not for {what}; use {' or '.join(map(repr, known))}")
     return asked.build or known[0]
 
 
@@ -136,21 +131,21 @@ def _line_of(build: Build, printer: PrinterProfile) -> Line:
     return Line(PAPER_LINE_MM, PAPER_LINE_MM, "a printed sheet", 50_000)
 
 
-def _choose_inlay(
-    asked: PrintingFile, build: Build, layer_mm: float, border_mm: float, thickness_mm: float
-) -> tuple[float, str]:
+def _choose_inlay(asked: AskedPrinting, build: Build, layer_mm: float, target: TargetGeometry) -> tuple[float, str]:
     """The ink's depth in whole layers, and a remark where it is less than usual."""
     if asked.inlay_depth is not None:
         return asked.inlay_depth, ""
-    if build in ("printed", "sheet"):
-        return round(min(FLAT_INLAY_LAYERS * layer_mm, thickness_mm / 2), 6), ""
-    deepest = min(SOLID_INLAY_MM, deepest_inlay(border_mm))
+    if target.is_planar:
+        depth = math.inf if target.spec is None else target.spec.depth_mm
+        return round(min(FLAT_INLAY_LAYERS * layer_mm, depth / 2), 6), ""
+    border_mm = border_width_mm(target)
+    deepest = min(SOLID_INLAY_MM, deepest_inlay_mm(target))
     inlay = round(max(1, math.floor(deepest / layer_mm + 1e-9)) * layer_mm, 6)
     is_shallow = build == "solid" and inlay < SOLID_INLAY_MM - layer_mm
     return inlay, f"inlay {inlay:g}mm: as deep as a border of {border_mm:g}mm allows" if is_shallow else ""
 
 
-def _choose_formats(asked: CommonFile, two_filament: bool) -> tuple[tuple[Format, ...], str]:
+def _choose_formats(asked: Asked, two_filament: bool) -> tuple[tuple[Format, ...], str]:
     """The default set and the formats asked for, in a fixed order."""
     wanted = {*(TWO_FILAMENT_FORMATS if two_filament else PAPER_FORMATS), *(asked.formats or ())}
     if two_filament or "3mf" not in wanted:
@@ -170,7 +165,7 @@ def _check_step(formats: tuple[Format, ...], printing: PrintSpec) -> None:
         )
 
 
-def _check_paper(printing: PrintSpec, border_mm: float) -> None:
+def _check_paper(printing: PrintSpec, target: TargetGeometry) -> None:
     """Sheets neither shrink nor skew; the border must outlive the strip that the stickers' thickness takes off it."""
     if printing.build == "sheet" and printing.shrink_compensation_percent:
         raise InputError(
@@ -180,9 +175,12 @@ def _check_paper(printing: PrintSpec, border_mm: float) -> None:
     if printing.build == "sheet" and printing.skew_compensation_rad != NO_SKEW:
         skew = format_skew(printing.skew_compensation_rad)
         raise InputError(f"skew compensation '{skew}' is for printed plastic, and a sheet has none; leave it out")
-    thickness, thickest = printing.sticker_thickness_mm, 0.5 * border_mm / INSET_PER_DEPTH
-    if printing.build == "stickers" and thickness > thickest:
+    if printing.build != "stickers":
+        return
+    border_mm, inset = border_width_mm(target), inset_per_depth(target)
+    thickness, thickest = printing.sticker_thickness_mm, 0.5 * border_mm / inset
+    if thickness > thickest:
         raise InputError(
-            f"sticker thickness {thickness:g}mm takes {INSET_PER_DEPTH * thickness:.2g}mm off a border of "
+            f"sticker thickness {thickness:g}mm takes {inset * thickness:.2g}mm off a border of "
             f"{border_mm:g}mm; use stickers of at most {round_down(thickest):g}mm or a wider border"
         )

@@ -1,21 +1,28 @@
 """What a person asks for, fully resolved: plain frozen values, lengths in millimetres.
 
-`TargetSpec` is the target's shape and decides `TargetGeometry`; `PrintSpec` is how it is made and never
-changes the geometry; `Job` is both together with what to write. Defaults and automatic sizes are chosen in
-`sizing`; text with units is read in `spec_file`.
+`Spec` is the target's shape and decides `TargetGeometry`; each kind has its own (`designer.kinds`). `PrintSpec` is how
+it is made and never changes the geometry; `Job` is both together with what to write. Defaults and automatic sizes are
+chosen in `sizing`; text with units is read in `spec_file`.
 """
 
 import math
-from dataclasses import dataclass, fields
-from typing import Literal
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+if TYPE_CHECKING:
+    from designer.solid import Solid
+    from designer.target import TargetGeometry
 
 Lattice = Literal["square", "triangular"]
 Build = Literal["solid", "stickers", "printed", "sheet"]
 Format = Literal["3mf", "stl", "png", "pdf", "svg", "step", "glb"]
 SpecValue = str | float | int | bool | list[float]
 
-BUILDS: dict[str, tuple[Build, ...]] = {"ico": ("solid", "stickers"), "board": ("printed", "sheet")}
-"""By kind, the usual one first."""
+SOLID_BUILDS: tuple[Build, ...] = ("solid", "stickers")
+PLATE_BUILDS: tuple[Build, ...] = ("printed", "sheet")
+"""The usual one first."""
 TWO_FILAMENT_BUILDS: tuple[Build, ...] = ("solid", "printed")
 """Builds whose ink is printed into the body."""
 PAPER_LINE_MM = 0.1
@@ -24,95 +31,55 @@ RING_RATIO = 0.45
 """Inner over outer ring radius. The Cramer-Rao optimum for the centre is 0.433, and flat around it."""
 
 
-@dataclass(frozen=True)
-class IcoSpec:
-    """An icosahedron with `rings_per_side` rings along each side of a face's triangular lattice."""
+class Spec(ABC):
+    """The shape of a target of some kind, a frozen dataclass, and all that the kind can tell of it."""
 
-    edge_mm: float
-    rings_per_side: int
-    ring_diameter_mm: float
-    ring_ratio: float
-    pitch_mm: float
-    border_mm: float
-    margin_mm: float  # least white between the outermost rings and the border
+    kind: ClassVar[str]
+    """The kind's name in files and commands."""
+    builds: ClassVar[tuple[Build, ...]]
+    """The ways to make one, the usual one first."""
+    page: ClassVar[str]
+    """The usual page of its sheets."""
+    extent: ClassVar[tuple[str, ...]]
+    """The options that say how large it is; all others can be chosen from them."""
 
-    @property
-    def kind(self) -> Literal["ico"]:
-        """The kind's name in files and commands."""
-        return "ico"
-
-
-@dataclass(frozen=True)
-class BoardSpec:
-    """A rectangular plate with rings on one face; `columns` counts the longest row."""
-
-    size_mm: tuple[float, float]  # width, height
-    thickness_mm: float
-    columns: int
-    rows: int
-    lattice: Lattice
     ring_diameter_mm: float
     ring_ratio: float
     pitch_mm: float
     border_mm: float  # 0: no border
-    margin_mm: float  # least white between the outermost rings and the border or the board's edge
-    dots: bool  # three dots that mark origin and orientation
+    margin_mm: float  # least white between the outermost rings and the border or the edge
+
+    @abstractmethod
+    def lay_out(self) -> "TargetGeometry":
+        """The nominal geometry."""
 
     @property
-    def kind(self) -> Literal["board"]:
-        """The kind's name in files and commands."""
-        return "board"
+    def solid(self) -> "Solid | None":
+        """The solid that the faces bound; None: a plate with one face, `depth_mm` thick."""
+        return None
 
+    @property
+    def depth_mm(self) -> float:
+        """How deep the body is behind a face's ink: a plate's thickness; of a solid no limit of its own."""
+        return math.inf
 
-TargetSpec = IcoSpec | BoardSpec
-SPEC_OF_KIND: dict[str, type[IcoSpec] | type[BoardSpec]] = {"ico": IcoSpec, "board": BoardSpec}
+    @property
+    @abstractmethod
+    def words(self) -> str:
+        """What it is, such as `icosahedron of edge 100 mm`."""
 
+    @property
+    @abstractmethod
+    def size_words(self) -> str:
+        """Its size alone, such as `edge 100mm`."""
 
-def spec_to_mapping(spec: TargetSpec) -> dict[str, SpecValue]:
-    """The spec as JSON values, with its `kind`. Whole numbers in fields of type float become floats."""
-    values: dict[str, SpecValue] = {"kind": spec.kind}
-    for field in fields(spec):
-        value = getattr(spec, field.name)
-        if isinstance(value, tuple):
-            values[field.name] = [float(v) for v in value]
-        else:
-            values[field.name] = float(value) if field.type is float else value
-    return values
+    @abstractmethod
+    def facts(self) -> tuple[tuple[str, str], ...]:
+        """Names and values of what a drawing would say of its shape; the first is the shape, the last the lattice."""
 
-
-def spec_from_mapping(values: dict[str, SpecValue]) -> TargetSpec:
-    """The inverse of `spec_to_mapping`.
-
-    Raises:
-        ValueError: unknown kind, or a field that is missing, unknown or of the wrong type.
-    """
-    kind = values.get("kind")
-    if not isinstance(kind, str) or kind not in SPEC_OF_KIND:
-        raise ValueError(f"spec kind {kind!r} is unknown; it must be one of {', '.join(SPEC_OF_KIND)}")
-    spec_type = SPEC_OF_KIND[kind]
-    expected = {field.name: field.type for field in fields(spec_type)}
-    given = {key: value for key, value in values.items() if key != "kind"}
-    if given.keys() != expected.keys():
-        odd = ", ".join(sorted(map(repr, given.keys() ^ expected.keys())))
-        raise ValueError(f"spec of kind {kind!r} has missing or unknown fields: {odd}")
-    checked = {key: _as_type(key, given[key], expected[key]) for key in expected}
-    return spec_type(**checked)  # type: ignore[arg-type]  # _as_type has checked each value against its field
-
-
-def _as_type(key: str, value: SpecValue, expected: object) -> object:
-    """`value` as the field type `expected`, for the few types that specs use."""
-    number = float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else math.nan
-    if expected is float and math.isfinite(number):
-        return number
-    if expected is int and number.is_integer():
-        return int(number)
-    if expected is bool and isinstance(value, bool):
-        return value
-    if expected == Lattice and value in ("square", "triangular"):
-        return value
-    if expected == tuple[float, float] and isinstance(value, list) and len(value) == 2:
-        return tuple(_as_type(key, part, float) for part in value)
-    raise ValueError(f"spec field {key!r} has the value {value!r}, which it cannot have")
+    @abstractmethod
+    def options(self) -> Mapping[str, SpecValue]:
+        """What a person would type for the fields that other kinds do not have."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +132,27 @@ class Job:
     """One run of `design`: a target, how to make it, and which files to write."""
 
     name: str
-    target: TargetSpec
+    target: Spec
     printing: PrintSpec
     formats: tuple[Format, ...]
     page: str  # "A4", "A3", "Letter", "fit" or "WIDTHxHEIGHTmm"
+
+
+@dataclass(frozen=True)
+class Line:
+    """The finest line of the process that makes the pattern."""
+
+    width_mm: float
+    nozzle_mm: float  # a stroke below it cannot be made
+    process: str
+    most_rings: int  # more would take minutes and gigabytes
+
+    @property
+    def finer(self) -> str:
+        """A remedy to append, where there is one."""
+        return ", or a finer nozzle" if self.nozzle_mm < self.width_mm else ""
+
+    @property
+    def comfortable_mm(self) -> float:
+        """Two lines: strokes and gaps that print well."""
+        return 2 * self.width_mm

@@ -1,6 +1,6 @@
 """The files people write: target specs and printer profiles in TOML, every field optional, quantities with units.
 
-The same models read the command line's options, so a key of a file and an option have one name and one rule.
+The command line's options are read by the same rules, so a key of a file and an option are one (`designer.options`).
 """
 
 import difflib
@@ -9,15 +9,17 @@ import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar, get_args
+from typing import Annotated, Optional, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
 from designer.errors import InputError
+from designer.kind import KINDS, kind_named, kinds
+from designer.options import Asked, AskedPrinting, Value, is_required, options_of
 from designer.page_size import page_size_mm
 from designer.skew import format_skew, parse_skew_rad
 from designer.small_file import read_small_text
-from designer.spec import Build, Format, IcoSpec, Job, Lattice
+from designer.spec import Build, Format, Job, Lattice
 from designer.units import format_mm, parse_length_mm, parse_lengths_mm, parse_percent
 
 MAX_FILE_BYTES = 2**14
@@ -135,74 +137,35 @@ Name = Annotated[str, AfterValidator(_name)]
 Colour = Annotated[str, AfterValidator(_colour)]
 Ratio = Annotated[float, BeforeValidator(_ratio)]
 Formats = Annotated[list[Format], BeforeValidator(_format_list)]
+TYPE_OF_VALUE: Mapping[Value, object] = {
+    "file": Annotated[str, AfterValidator(_unicode)],
+    "name": Name,
+    "length": Length,
+    "length above 0": PositiveLength,
+    "length from 0": NonNegativeLength,
+    "chord error": Annotated[PositiveLength, AfterValidator(_chord_error)],
+    "size": Size,
+    "bed": Bed,
+    "count": Count,
+    "ratio": Ratio,
+    "percent": Percent,
+    "skew": Skew,
+    "colour": Colour,
+    "build": Build,
+    "lattice": Lattice,
+    "formats": Formats,
+    "page": Annotated[str, AfterValidator(_page)],
+    "switch": bool,
+}
+"""What an option's text must look like, by what it takes."""
 
 
 class _SpecFile(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class PrintingFile(_SpecFile):
-    """How a target is to be made. A field that is None is chosen by `sizing`."""
-
-    printer: Annotated[str, AfterValidator(_unicode)] | None = Field(
-        None, description="printer template, or a TOML file of your own"
-    )
-    nozzle: PositiveLength | None = Field(None, description="nozzle diameter")
-    line_width: PositiveLength | None = Field(None, description="width of a printed line")
-    layer_height: PositiveLength | None = Field(None, description="height of a printed layer")
-    bed: Bed | None = Field(None, description="printable volume, such as 256x256x256mm")
-    build: Build | None = Field(None, description="ico: solid or stickers; board: printed or sheet")
-    inlay_depth: PositiveLength | None = Field(None, description="depth of the ink in a two-filament print")
-    ink_offset: Length | None = Field(None, description="grow (or, below zero, shrink) the ink to undo bleed")
-    shrink_compensation: Percent | None = Field(None, description="print this much larger, in percent")
-    skew_compensation: Skew | None = Field(None, description="undo skewed axes, such as 'xy 0.02deg, yz -0.1deg'")
-    sticker_thickness: PositiveLength | None = Field(None, description="thickness of the stickers, taken off the body")
-    body_colour: Colour | None = Field(None, description="colour of the body (#ffffff)")
-    ink_colour: Colour | None = Field(None, description="colour of the ink (#000000)")
-    labels: bool | None = Field(None, description="print face numbers and target id where they fit")
-    stand: bool | None = Field(None, description="also write a printable stand")
-    chord_error: Annotated[PositiveLength, AfterValidator(_chord_error)] | None = Field(
-        None, description="farthest a polygon strays from its circle (5um)"
-    )
-
-
-class CommonFile(PrintingFile):
-    """What every target kind can be asked for. A field that is None is chosen by `sizing`."""
-
-    name: Name | None = Field(None, description="base name of the files and of the folder")
-    ring_diameter: PositiveLength | None = Field(None, description="outer diameter of the rings")
-    pitch: PositiveLength | None = Field(None, description="distance between neighbouring rings")
-    ring_ratio: Ratio | None = Field(None, description="inner over outer diameter of a ring (0.45)")
-    border: NonNegativeLength | None = Field(None, description="width of the black border")
-    margin: NonNegativeLength | None = Field(None, description="least white around the rings, to border or edge")
-    formats: Formats | None = Field(None, description="further formats: step, pdf, svg, glb, or all")
-    page: Annotated[str, AfterValidator(_page)] | None = Field(
-        None, description="sheet size: A4, A3, Letter, fit, or such as 400x600mm"
-    )
-
-
-class IcoFile(CommonFile):
-    """An icosahedron as asked for."""
-
-    kind: Literal["ico"] = "ico"
-    edge: PositiveLength = Field(description="edge length, such as 100mm")
-    rings_per_side: Count | None = Field(None, description="rings along a side of a face")
-
-
-class BoardFile(CommonFile):
-    """A board as asked for."""
-
-    kind: Literal["board"] = "board"
-    size: Size | None = Field(None, description="width and height, such as 220x220mm")
-    thickness: PositiveLength | None = Field(None, description="thickness of the plate (5mm)")
-    columns: Count | None = Field(None, description="rings in the longest row")
-    rows: Count | None = Field(None, description="rows of rings")
-    lattice: Lattice | None = Field(None, description="square or triangular")
-    dots: bool | None = Field(None, description="three dots that mark origin and orientation")
-
-
-SpecFile = IcoFile | BoardFile
-FILE_OF_KIND: Mapping[str, type[IcoFile] | type[BoardFile]] = {"ico": IcoFile, "board": BoardFile}
+class _KindFile(_SpecFile):
+    """What a kind of target can be asked for; its fields follow from `Asked`."""
 
 
 class NozzleFile(_SpecFile):
@@ -223,23 +186,45 @@ class PrinterFile(_SpecFile):
 
 
 _Model = TypeVar("_Model", bound=_SpecFile)
+_Asked = TypeVar("_Asked", bound=AskedPrinting)
 
 
-def parse_spec(values: Mapping[str, RawValue], origin: str) -> SpecFile:
+def _model_of(asked: type[AskedPrinting]) -> type[_SpecFile]:
+    """The model that checks a kind's options."""
+    base = _KindFile if issubclass(asked, Asked) else _SpecFile
+    fields: dict[str, tuple[object, object]] = {}
+    for name, option in options_of(asked).items():
+        needed = is_required(asked, name)
+        value = TYPE_OF_VALUE[option.value]
+        fields[name] = (
+            value if needed else Optional[value],  # noqa: UP045 - `|` is not for a value at run time
+            Field(... if needed else None, description=option.help),
+        )
+    # Fields by name are more than pydantic's types can follow.
+    return create_model(asked.__name__, __base__=base, **fields)  # type: ignore[call-overload, no-any-return]
+
+
+def _asked(asked: type[_Asked], values: Mapping[str, RawValue], origin: str) -> _Asked:
+    """Options that were checked."""
+    model = _validate(_model_of(asked), values, origin)
+    return asked(**{name: getattr(model, name) for name in options_of(asked)})
+
+
+def parse_spec(values: Mapping[str, RawValue], origin: str) -> Asked:
     """Check a spec's values.
 
     Args:
-        values: keys as in `IcoFile` and `BoardFile`, with `kind`.
+        values: keys as the kind's options, with `kind`.
         origin: what to name in messages, a file or the command; may be empty.
 
     Raises:
         InputError: an unknown kind or key, or a value that breaks a rule.
     """
     kind = values.get("kind")
-    if not isinstance(kind, str) or kind not in FILE_OF_KIND:
+    if not isinstance(kind, str) or kind not in KINDS:
         given = f"{shown(kind)} is unknown" if kind is not None else "is missing"
-        raise InputError(f"{_prefix(origin)}kind {given}; write kind = {' or '.join(repr(k) for k in FILE_OF_KIND)}")
-    return _validate(FILE_OF_KIND[kind], values, origin)
+        raise InputError(f"{_prefix(origin)}kind {given}; write kind = {' or '.join(repr(k) for k in KINDS)}")
+    return _asked(kind_named(kind).asked, {key: value for key, value in values.items() if key != "kind"}, origin)
 
 
 def replaced(values: Mapping[str, RawValue], options: Mapping[str, RawValue]) -> dict[str, RawValue]:
@@ -255,13 +240,13 @@ def replaced(values: Mapping[str, RawValue], options: Mapping[str, RawValue]) ->
     return {**{key: value for key, value in values.items() if key not in gone}, **options}
 
 
-def parse_printing(values: Mapping[str, RawValue]) -> PrintingFile:
+def parse_printing(values: Mapping[str, RawValue]) -> AskedPrinting:
     """Check the values of printing options alone.
 
     Raises:
         InputError: a value that breaks a rule.
     """
-    return _validate(PrintingFile, values, "")
+    return _asked(AskedPrinting, values, "")
 
 
 def read_printer_file(path: Path) -> PrinterFile:
@@ -309,11 +294,10 @@ def _explain(model: type[_SpecFile], location: tuple[int | str, ...], kind: str,
     """One line on one wrong value."""
     key = ".".join(str(part) for part in location)
     if kind == "extra_forbidden":
-        for other in FILE_OF_KIND.values():
-            if key in other.model_fields and issubclass(model, CommonFile):
-                return f"{key} is for kind {other.model_fields['kind'].default!r}; leave it out, or change the kind"
-        known = [name for name in model.model_fields if name != "kind"]
-        return f"unknown key {key!r}{suggestion(key, known)}"
+        others = [repr(kind.name) for kind in kinds() if key in options_of(kind.asked)]
+        if others and issubclass(model, _KindFile):
+            return f"{key} is for kind {' or '.join(others)}; leave it out, or change the kind"
+        return f"unknown key {key!r}{suggestion(key, list(model.model_fields))}"
     if kind == "missing":
         field = (NozzleFile if model is PrinterFile and len(location) > 1 else model).model_fields[str(location[-1])]
         return f"{key} is missing; give the {field.description}"
@@ -343,22 +327,10 @@ def suggestion(word: str, known: list[str]) -> str:
 def spec_to_toml(job: Job) -> str:
     """The full resolved spec as a file that `design make` reads back to the same job."""
     target, printing, printer = job.target, job.printing, job.printing.printer
-    own: dict[str, RawValue]
-    if isinstance(target, IcoSpec):
-        own = {"edge": format_mm(target.edge_mm), "rings_per_side": target.rings_per_side}
-    else:
-        own = {
-            "size": format_mm(*target.size_mm),
-            "thickness": format_mm(target.thickness_mm),
-            "columns": target.columns,
-            "rows": target.rows,
-            "lattice": target.lattice,
-            "dots": target.dots,
-        }
     values: dict[str, RawValue] = {
         "kind": target.kind,
         "name": job.name,
-        **own,
+        **target.options(),
         "ring_diameter": format_mm(target.ring_diameter_mm),
         "pitch": format_mm(target.pitch_mm),
         "ring_ratio": target.ring_ratio,

@@ -11,13 +11,13 @@ from rich.table import Table
 
 from designer.answer import Summary, Value
 from designer.formats.folder import Written
+from designer.kind import spec_to_mapping
 from designer.make.bed import printed_size_mm
 from designer.make.printability import PrintCheck
 from designer.produce import Design
 from designer.skew import NO_SKEW, format_skew
-from designer.spec import IcoSpec, Job, PrinterProfile, PrintSpec
+from designer.spec import Job, PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
-from designer.units import format_mm
 
 VIOLATED = 1
 
@@ -66,7 +66,7 @@ def design_summary(design: Design, remarks: Sequence[str], check: PrintCheck, wr
     answer: dict[str, Value] = {
         "name": job.name,
         **_target_numbers(target),
-        "spec": {"kind": job.target.kind, **asdict(job.target)},
+        "spec": spec_to_mapping(job.target),
         "printing": asdict(job.printing),
         "printed_size_mm": list(printed_size_mm(target, job.printing)),
         **_findings(check),
@@ -125,7 +125,7 @@ def print_templates(
     for name, job, target in targets:
         spec = job.target
         table.add_row(
-            name, _short_size(job), str(target.ring_count // target.face_count), str(target.ring_count),
+            name, spec.size_words, str(target.ring_count // target.face_count), str(target.ring_count),
             f"{spec.ring_diameter_mm:g}mm", f"{spec.pitch_mm:g}mm", job.printing.build,
         )  # fmt: skip
     console.print(table)
@@ -152,7 +152,7 @@ def templates_summary(
     """The same for a program."""
     return Summary({
         "targets": [
-            {"name": name, "build": job.printing.build, "spec": {"kind": job.target.kind, **asdict(job.target)},
+            {"name": name, "build": job.printing.build, "spec": spec_to_mapping(job.target),
              **_target_numbers(target)}
             for name, job, target in targets
         ],
@@ -166,11 +166,11 @@ def _facts(job: Job, target: TargetGeometry) -> list[tuple[str, str]]:
     spec, printing = job.target, job.printing
     dots = int(target.is_dot.sum())
     per_face = target.ring_count // target.face_count
-    faces = f"{per_face} per face, {target.ring_count} in all" if target.face_count > 1 else f"{target.ring_count}"
+    faces = f"{target.ring_count}" if target.is_planar else f"{per_face} per face, {target.ring_count} in all"
     printed = " x ".join(f"{length:.1f}" for length in printed_size_mm(target, printing))
     printer = printing.printer
     facts = [
-        ("target", f"{_size(job)}, {printing.build}"),
+        ("target", f"{spec.facts()[0][1]}; {spec.facts()[-1][1]}; {printing.build}"),
         ("rings", f"{faces}, of which {dots} are dots"),
         ("", f"diameter {spec.ring_diameter_mm:g}mm, pitch {spec.pitch_mm:g}mm, border {spec.border_mm:g}mm"),
         ("printed size", f"{printed} mm"),
@@ -184,23 +184,6 @@ def _facts(job: Job, target: TargetGeometry) -> list[tuple[str, str]]:
         skew = format_skew(printing.skew_compensation_rad)
         facts.append(("skew", f"sheared against {skew}; print it as it lies in the files, do not turn it"))
     return facts
-
-
-def _short_size(job: Job) -> str:
-    spec = job.target
-    if isinstance(spec, IcoSpec):
-        return f"edge {format_mm(spec.edge_mm)}"
-    return format_mm(*spec.size_mm, spec.thickness_mm)
-
-
-def _size(job: Job) -> str:
-    spec = job.target
-    if isinstance(spec, IcoSpec):
-        return f"icosahedron, edge {spec.edge_mm:g}mm, {spec.rings_per_side} rings a side"
-    width, height = spec.size_mm
-    return (
-        f"board {width:g} x {height:g} x {spec.thickness_mm:g}mm, {spec.lattice} lattice, {spec.columns} x {spec.rows}"
-    )
 
 
 def _print_rules(console: Console, check: PrintCheck) -> None:

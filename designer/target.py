@@ -12,15 +12,16 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from designer.code import CODES
 from designer.errors import InputError
+from designer.kind import spec_from_mapping, spec_to_mapping
 from designer.small_file import once_each, read_small_text
-from designer.spec import BUILDS, Build, TargetSpec, spec_from_mapping, spec_to_mapping
+from designer.spec import Build, Spec
 
 FORMAT = "ringsolid.target"
 DIGESTED = "ringforge.target 1"
@@ -71,7 +72,7 @@ class TargetGeometry:
     """
 
     source: Source
-    spec: TargetSpec | None  # None: made by others
+    spec: Spec | None  # None: made by others
     ring_face: NDArray[np.int64]  # (R,)
     ring_index: NDArray[np.int64]  # (R, 2) i, j in the face's lattice
     center_mm: NDArray[np.float64]  # (R, 3)
@@ -90,7 +91,7 @@ class TargetGeometry:
     def __post_init__(self) -> None:
         if self.source not in SOURCES:
             raise ValueError(f"source is {self.source!r}; it must be one of {', '.join(SOURCES)}")
-        known = [build for builds in BUILDS.values() for build in builds]
+        known = get_args(Build)
         if self.build is not None and self.build not in known:
             raise ValueError(f"build is {self.build!r}; it must be one of {', '.join(known)}")
         sizes: dict[str, int] = {}
@@ -117,6 +118,16 @@ class TargetGeometry:
     def face_count(self) -> int:
         """How many faces."""
         return len(self.target_from_face)
+
+    @property
+    def is_planar(self) -> bool:
+        """Whether there is one face only, as of a board; else the faces look several ways, as those of a solid do."""
+        return self.face_count == 1
+
+    @property
+    def has_codes(self) -> bool:
+        """Whether each face carries a code of dots that tells which it is."""
+        return bool((self.face_code >= 0).all())
 
     @cached_property
     def center_in_face_mm(self) -> NDArray[np.float64]:

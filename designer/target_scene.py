@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.page.scene import Cameras, Labels, Layer, Rings, Scene, Segments, Shape, Surface
-from designer.spec import BoardSpec
 from designer.target import TargetGeometry, bounding_radius_mm
 
 Array = NDArray[np.float64]
@@ -37,7 +36,7 @@ def target_scene(
 ) -> Scene:
     """The target standing upright, seen from its printed side; `more` layers go on top. See `target_layers`."""
     up, from_direction = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.35, 0.5])
-    if target.face_count == 1:
+    if target.is_planar:
         axes = target.target_from_face[0, :3, :3]
         up, from_direction = axes[:, 1], axes @ np.array([0.45, 0.3, 1.0])
     layers = target_layers(target, body_colour=body_colour, ink_colour=ink_colour, ring_colours=ring_colours)
@@ -57,7 +56,7 @@ def target_layers(
     """
     colours = ring_colours or (ink_colour,)
     body = Layer("target", (*_body(target, body_colour, ink_colour), _rings(target, colours)), has_switch=False)
-    numbers = () if target.face_count == 1 else (Layer("face numbers", (_face_numbers(target),), is_shown=False),)
+    numbers = () if target.is_planar else (Layer("face numbers", (_face_numbers(target),), is_shown=False),)
     return (body, *numbers, Layer("axes", _axes(target), is_shown=False))
 
 
@@ -97,7 +96,7 @@ def _body(target: TargetGeometry, body_colour: str, ink_colour: str) -> tuple[Sh
         if has_border:
             border.append((np.concatenate([_placed(frame, outline), _placed(frame, window)]), _strip(len(outline))))
     edges = [] if has_border else [_sides(_placed(f, o)) for f, o in _faces(target)]
-    if target.face_count == 1:
+    if target.is_planar:
         frame, outline = target.target_from_face[0], target.outline_mm[0]
         front, back = _placed(frame, outline), _placed(frame, outline, -thickness_mm(target))
         inside.append((np.concatenate([back, front]), _strip(len(outline))))
@@ -116,7 +115,7 @@ def _rings(target: TargetGeometry, colours: tuple[str, ...]) -> Rings:
     frame = target.target_from_face[target.ring_face]
     in_face = target.center_in_face_mm
     center = np.einsum("rij,rj->ri", frame[:, :3, :2], in_face[:, :2]) + frame[:, :3, 3]
-    where = [f"face {face}, " if target.face_count > 1 else "" for face in target.ring_face]
+    where = ["" if target.is_planar else f"face {face}, " for face in target.ring_face]
     what = ["dot" if is_dot else "ring" for is_dot in target.is_dot]
     names = tuple(f"{w}{k} ({i}, {j})" for w, k, (i, j) in zip(where, what, target.ring_index, strict=True))
     # A point without a mark is shown as a small dot.
@@ -137,7 +136,7 @@ def _face_numbers(target: TargetGeometry) -> Labels:
 def _axes(target: TargetGeometry) -> tuple[Shape, ...]:
     """The frame's axes with their letters; those of a solid reach out of it."""
     radius = bounding_radius_mm(target)
-    length = (0.55 if target.face_count == 1 else 1.14) * radius
+    length = (0.55 if target.is_planar else 1.14) * radius
     ends = np.zeros((3, 2, 3))
     ends[:, 1] = length * np.eye(3)
     # A label hides when its normal points away: two with opposite normals are always seen.
@@ -149,7 +148,7 @@ def _axes(target: TargetGeometry) -> tuple[Shape, ...]:
 
 def thickness_mm(target: TargetGeometry) -> float:
     """How thick a board is drawn."""
-    return target.spec.thickness_mm if isinstance(target.spec, BoardSpec) else THICKNESS_MM
+    return THICKNESS_MM if target.spec is None else target.spec.depth_mm
 
 
 def _faces(target: TargetGeometry) -> list[tuple[Array, Array]]:

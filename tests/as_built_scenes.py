@@ -15,8 +15,9 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import invert, log_rotation
 from calib.core.types import Observations
 from calib.observe.observations import known_points
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec, IcoSpec
 from designer.target import TargetGeometry
 from tests.solver_scenes import CAMERAS, NOISE_PX, observe, poses_around
 

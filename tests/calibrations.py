@@ -15,8 +15,8 @@ from calib.renderer.poses import fibonacci_cap
 from calib.solver.calibration import Calibration
 from designer.layout import lay_out
 from designer.sizing import size_job
-from designer.spec_file import BoardFile, IcoFile
 from designer.target import TargetGeometry
+from tests.designs import asked_for
 
 LENS = {
     "opencv": (-0.1, 0.05, 0.001, -0.0005, 0.0),
@@ -33,12 +33,12 @@ def camera(model: str = "opencv", size: tuple[int, int] = (1200, 900), focal_px:
 
 def board(columns: int = 9, rows: int = 7, pitch: str = "12mm") -> TargetGeometry:
     """A board."""
-    return lay_out(size_job(BoardFile.model_validate({"columns": columns, "rows": rows, "pitch": pitch})).job.target)
+    return lay_out(size_job(asked_for("board", {"columns": columns, "rows": rows, "pitch": pitch})).job.target)
 
 
 def icosahedron(edge: str = "60mm") -> TargetGeometry:
     """An icosahedron."""
-    return lay_out(size_job(IcoFile.model_validate({"edge": edge})).job.target)
+    return lay_out(size_job(asked_for("ico", {"edge": edge})).job.target)
 
 
 def poses_around(

@@ -1,30 +1,51 @@
 """Small two-filament targets for tests, made as the command makes them."""
 
+from collections.abc import Mapping
 from functools import cache
 
 from designer.formats.threemf import ThreeMfFiles, threemf_files
 from designer.make.bed import bed_from_target
 from designer.make.mesh import Mesh
+from designer.options import Asked
 from designer.produce import Design
 from designer.sizing import size_job
-from designer.spec_file import BoardFile, IcoFile
+from designer.spec_file import parse_spec
 
 COARSE = "50um"
 """Chord error of circles: fewer triangles to write, read and slice, and no rule depends on how many there are."""
+
+
+def asked_for(kind: str, values: Mapping[str, object]) -> Asked:
+    """What a person asks for, as typed."""
+    return parse_spec({"kind": kind, **values}, "")
+
+
+SMALL: Mapping[str, Mapping[str, object]] = {
+    "ico": {"edge": "20mm"},
+    "board": {
+        "size": "60x60mm", "thickness": "4mm", "ring_diameter": "7mm", "pitch": "10mm", "columns": 5, "rows": 5,
+    },
+    "cube": {"edge": "24mm", "rings_per_side": 5},
+}  # fmt: skip
+"""A few rings of each kind."""
+
+
+@cache
+def small(kind: str) -> Design:
+    """A small target of a kind, as the command makes it."""
+    return Design(size_job(asked_for(kind, {"chord_error": COARSE, **SMALL[kind]})).job)
 
 
 @cache
 def small_ico(nozzle_mm: float = 0.4) -> Design:
     """`design ico --edge 20mm`, and the same for a finer nozzle in its scale: 15 rings a face, 300 in all."""
     sizes = {"edge": f"{50 * nozzle_mm:g}mm", "nozzle": f"{nozzle_mm}mm", "chord_error": COARSE}
-    return Design(size_job(IcoFile.model_validate(sizes)).job)
+    return Design(size_job(asked_for("ico", sizes)).job)
 
 
-@cache
 def small_board() -> Design:
     """A board of 5 x 5 rings with a line of text, 60 x 60 x 4 mm."""
-    sizes = {"size": "60x60mm", "thickness": "4mm", "ring_diameter": "7mm", "pitch": "10mm", "chord_error": COARSE}
-    return Design(size_job(BoardFile.model_validate({**sizes, "columns": 5, "rows": 5})).job)
+    return small("board")
 
 
 def ink_of(design: Design) -> Mesh:

@@ -12,10 +12,12 @@ from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector import homography
 from calib.renderer import RenderOptions, View, render_view
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
 from designer.presets import preset_names, preset_or_file
 from designer.sizing import size_job
-from designer.spec import BoardSpec, IcoSpec, TargetSpec
+from designer.spec import Spec
 from designer.spec_file import parse_spec, read_spec_file
 from designer.target import TargetGeometry, bounding_radius_mm
 from tests.benchmarks.synthetic import look_at, random_direction, wrong_names
@@ -43,7 +45,7 @@ def random_target(rng: np.random.Generator) -> TargetGeometry:
     return lay_out(_random_solid(rng) if rng.random() < 0.4 else _random_board(rng))
 
 
-def _random_solid(rng: np.random.Generator) -> TargetSpec:
+def _random_solid(rng: np.random.Generator) -> Spec:
     """An icosahedron with 5 to 10 rings a side that fill its faces."""
     edge, rings = 100.0, int(rng.integers(5, 11))
     border = edge * rng.uniform(0.015, 0.035)
@@ -52,7 +54,7 @@ def _random_solid(rng: np.random.Generator) -> TargetSpec:
     return IcoSpec(edge, rings, diameter, 0.45, pitch, border, 0.05 * pitch)
 
 
-def _random_board(rng: np.random.Generator) -> TargetSpec:
+def _random_board(rng: np.random.Generator) -> Spec:
     """A board of 5 to 24 columns and rows."""
     columns, rows = (int(n) for n in rng.integers(5, 25, 2))
     pitch, border = 10.0, float(rng.integers(2)) * rng.uniform(2, 4)

@@ -13,8 +13,10 @@ from calib.detector.candidates import Candidates
 from calib.renderer import RenderOptions, View, render_view
 from calib.renderer.rings import RingTruth, ring_truth
 from calib.renderer.scene import scene_from_target
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec, IcoSpec, Lattice
+from designer.spec import Lattice
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import look_at, random_direction
 from tests.ring_images import triangle_of
@@ -43,7 +45,7 @@ def board(lattice: Lattice = "square", *, dots: bool = True, columns: int = 11, 
 def pose_of(target: TargetGeometry, rng: np.random.Generator, distance_mm: float = 400.0) -> Array:
     """A camera at a random place that looks at about the target's middle, rolled at random.  # (4, 4)"""
     direction = random_direction(rng, is_board=False)
-    if target.face_count == 1:
+    if target.is_planar:
         direction = np.array([*(0.9 * rng.uniform(-1, 1, 2)), 1.0])
         direction /= np.linalg.norm(direction)
     return look_at(rng, direction, distance_mm, rng.uniform(-10, 10, 3))

@@ -11,8 +11,9 @@ from calib.core.se3 import look_at, transform
 from calib.core.types import KnownPoints, Observations
 from calib.observe.observations import known_points
 from calib.renderer.poses import fibonacci_cap
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec, IcoSpec
 
 Array = NDArray[np.float64]
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from designer.polyhedron import INRADIUS
 
 from calib.as_built.lengths import Length, length_in, rescaled, scale_from, scaled
 from designer.errors import InputError
-from designer.polyhedron import INRADIUS
 from tests.as_built_scenes import plate, solid
 
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from designer.kinds.ico import icosahedron
 from designer.make.bed import bed_from_target, printed_size_mm
-from designer.make.mesh import plain_icosahedron
 from designer.produce import Design
+from designer.solid import Solid
 from tests.designs import ink_of, small_board, small_ico
 
 PHI = (1 + 5**0.5) / 2
@@ -73,5 +74,5 @@ def test_body_under_stickers_is_smaller() -> None:
     """Each face of a body for stickers lies their thickness further in, so the body is lower by twice as much."""
     design = small_ico()
     printing = replace(design.job.printing, build="stickers", sticker_thickness_mm=0.25)
-    height = np.ptp(plain_icosahedron(20.0).vertices_mm @ bed_from_target(design.target, printing)[2, :3])
+    height = np.ptp(Solid(icosahedron(), 20.0).corners_mm() @ bed_from_target(design.target, printing)[2, :3])
     assert printed_size_mm(design.target, printing)[2] == pytest.approx(height - 0.5)

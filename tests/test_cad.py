@@ -10,12 +10,14 @@ import build123d
 import numpy as np
 import pytest
 
+from designer.kinds.board import BoardSpec
+from designer.kinds.cube import CubeSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
 from designer.make import cad
-from designer.make.mesh import Part, board_hull, icosahedron_hull, inlaid
+from designer.make.mesh import Part, inlaid, plate_hull, solid_hull
 from designer.make.pattern import Pattern, make_pattern
-from designer.polyhedron import INRADIUS
-from designer.spec import BoardSpec, IcoSpec, PrinterProfile, PrintSpec, TargetSpec
+from designer.spec import PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
 
 PRINTER = PrinterProfile("p", (256, 256, 256), 0.4, 0.45, 0.2)
@@ -28,7 +30,7 @@ SCALE = 1.01
 class Case:
     """A target with its meshes and its solids, all at one scale."""
 
-    spec: TargetSpec
+    spec: Spec
     printing: PrintSpec
     target: TargetGeometry
     pattern: Pattern
@@ -36,9 +38,10 @@ class Case:
     solids: cad.InlaidSolids
 
 
-CASES: dict[str, tuple[TargetSpec, PrintSpec]] = {
+CASES: dict[str, tuple[Spec, PrintSpec]] = {
     "ico": (IcoSpec(30.0, 5, 3.0, 0.45, 4.0, 1.0, 0.5), ICO),
     "ico, narrow border": (IcoSpec(30.0, 5, 3.0, 0.45, 4.0, 0.4, 0.5), ICO),
+    "cube": (CubeSpec(24.0, 5, 2.6, 0.45, 3.6, 1.2, 0.5), ICO),
     "board, light letters": (BoardSpec((60.0, 60.0), 4.0, 4, 4, "square", 7.0, 0.45, 10.0, 5.0, 5.0, True), BOARD),
     "board, dark letters": (BoardSpec((60.0, 50.0), 4.0, 4, 3, "square", 7.0, 0.45, 10.0, 0.0, 5.0, True), BOARD),
 }
@@ -49,10 +52,10 @@ def case(request: pytest.FixtureRequest) -> Case:
     spec, printing = CASES[request.param]
     target = lay_out(spec)
     pattern = make_pattern(target, printing, scale=SCALE)
-    if isinstance(spec, IcoSpec):
-        hull = icosahedron_hull(pattern, SCALE * spec.edge_mm, printing.inlay_mm)
+    if spec.solid is not None:
+        hull = solid_hull(pattern, spec.solid, printing.inlay_mm, scale=SCALE)
     else:
-        hull = board_hull(pattern, SCALE * spec.thickness_mm, printing.inlay_mm)
+        hull = plate_hull(pattern, SCALE * spec.depth_mm, printing.inlay_mm)
     part = inlaid(pattern, hull, printing.inlay_mm)
     solids = cad.inlaid_solids(spec, pattern, printing.inlay_mm, scale=SCALE)
     return Case(spec, printing, target, pattern, part, solids)
@@ -69,6 +72,9 @@ def solid_volume(case: Case) -> float:
     """Of the whole target as printed."""
     if isinstance(case.spec, IcoSpec):
         return 5 / 12 * (3 + 5**0.5) * (SCALE * case.spec.edge_mm) ** 3
+    if isinstance(case.spec, CubeSpec):
+        return (SCALE * case.spec.edge_mm) ** 3
+    assert isinstance(case.spec, BoardSpec)
     return float(np.prod(case.spec.size_mm)) * case.spec.thickness_mm * SCALE**3
 
 
@@ -166,7 +172,8 @@ def test_where_the_pattern_is_paper_the_body_is_plain(build: str, tmp_path: Path
     if isinstance(spec, IcoSpec):
         edges = [edge.length for edge in body.edges()]
         assert len(edges) == 30
-        np.testing.assert_allclose(edges, SCALE * (spec.edge_mm - printing.sticker_thickness_mm / INRADIUS), rtol=1e-9)
+        smaller = spec.edge_mm - printing.sticker_thickness_mm / spec.shape().inradius
+        np.testing.assert_allclose(edges, SCALE * smaller, rtol=1e-9)
     else:
         assert body.volume == pytest.approx(60 * 50 * 4)
         assert abs(body.bounding_box().max.Z) < 1e-6

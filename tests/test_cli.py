@@ -145,7 +145,7 @@ BAD_INPUT = {
     ),
     "bed": (["ico", "--edge", "200mm", "--must-fit"], "larger printer"),
     "template": (["make", "mat-ico"], "did you mean 'matt-ico'"),
-    "printer": (["ico", "--edge", "20mm", "--printer", "bambu-p1"], "did you mean 'bambu-p1s'"),
+    "printer": (["ico", "--edge", "20mm", "--printer", "bambu-p1"], "bambu-p1s"),
     "nozzle": (["ico", "--edge", "20mm", "--nozzle", "0.5mm"], "0.2mm, 0.4mm"),
     "name": (["ico", "--edge", "20mm", "--name", "../up"], "letters"),
     "format": (["ico", "--edge", "20mm", "--formats", "dxf"], "unknown format"),

@@ -27,10 +27,10 @@ from designer.command import printable
 from designer.errors import InputError
 from designer.layout import lay_out
 from designer.sizing import size_job
-from designer.spec_file import BoardFile
 from designer.target import TargetGeometry, target_to_json
+from tests.designs import asked_for
 
-BOARD = lay_out(size_job(BoardFile.model_validate({"columns": 5, "rows": 4, "pitch": "20mm"})).job.target)
+BOARD = lay_out(size_job(asked_for("board", {"columns": 5, "rows": 4, "pitch": "20mm"})).job.target)
 CAMERA = pinhole(160, 120, 200)
 _, SEEN = sighting(BOARD, CAMERA, view_from((20, -30, 220)), np.random.default_rng(0))
 REPOSITORY = Path(__file__).parent.parent

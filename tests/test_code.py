@@ -1,5 +1,6 @@
 """Face codes and the board's origin mark, recomputed from dots in space and independent of how they were found."""
 
+import itertools
 from functools import cache
 from itertools import combinations
 
@@ -7,19 +8,45 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from designer.code import BOARD_DOTS, CODE_POSITIONS, CODES, FACE_CODE, FACE_CORNER, MIN_RINGS_PER_SIDE
-from designer.layout import lattice_steps, lay_out
-from designer.polyhedron import icosahedron_faces, icosahedron_vertices
-from designer.spec import BoardSpec, IcoSpec, Lattice
+from designer.code import CODE_POSITIONS, CODES
+from designer.faces import adjacent_faces
+from designer.kind import kinds
+from designer.kinds.board import BOARD_DOTS, BoardSpec, lattice_steps
+from designer.layout import lay_out
+from designer.regular_solid import SolidSpec
+from designer.spec import Lattice
+from designer.target import TargetGeometry
 
 DotSet = frozenset[tuple[int, int]]
+SOLIDS: dict[str, type[SolidSpec]] = {kind.name: kind.spec for kind in kinds() if issubclass(kind.spec, SolidSpec)}
+each_solid = pytest.mark.parametrize("name", SOLIDS)
+
+LEAST = {"ico": {5: 78, 6: 90, 7: 90, 8: 90}, "cube": {5: 20, 6: 20, 7: 20, 8: 20}}
+"""By rings a side: how many marks of a solid disagree with any motion of it; six a face."""
 
 
-def turned(dots: DotSet, rings_per_side: int, turns: int) -> DotSet:
-    """The dots of a face's lattice after third turns: (i, j, k) with i + j + k = m - 1 goes round."""
-    for _ in range(turns):
-        dots = frozenset((rings_per_side - 1 - i - j, i) for i, j in dots)
-    return dots
+def target_of(name: str, rings_per_side: int) -> TargetGeometry:
+    """A target with room for so many rings a side at pitch 10 mm."""
+    return lay_out(SOLIDS[name](12.0 * (rings_per_side + 2), rings_per_side, 7.0, 0.45, 10.0, 0.5, 1.0))
+
+
+def turned(dots: DotSet, index: list[tuple[int, int]], place: np.ndarray, angle: float) -> DotSet:
+    """The dots of a face's lattice after a turn about its middle.  # place: (N, 2)"""
+    cos, sin = np.cos(angle), np.sin(angle)
+    distance, to = cKDTree(place).query(place @ np.array([[cos, sin], [-sin, cos]]))
+    assert distance.max() < 1e-6
+    return frozenset(index[to[k]] for k, pair in enumerate(index) if pair in dots)
+
+
+def turns_of(name: str, rings_per_side: int) -> set[DotSet]:
+    """The dots of all faces under all turns of a face that map its lattice onto itself."""
+    target = target_of(name, rings_per_side)
+    mine = target.ring_face == 0
+    index = [(i, j) for i, j in target.ring_index[mine].tolist()]
+    place, sides = target.center_in_face_mm[mine, :2], target.outline_mm.shape[1]
+    shape = SOLIDS[name].shape()
+    codes = [CODES[code] for code in shape.face_code]
+    return {turned(code, index, place, 2 * np.pi * k / sides) for code in codes for k in range(sides)}
 
 
 def test_codes_are_the_twenty_triples_of_the_corner_block() -> None:
@@ -29,78 +56,95 @@ def test_codes_are_the_twenty_triples_of_the_corner_block() -> None:
     assert len(CODES) == 20
 
 
-def test_every_face_has_its_own_code() -> None:
-    """All 20 codes are used once, each at one of its face's three corners."""
-    assert sorted(FACE_CODE) == list(range(20))
-    assert len(FACE_CORNER) == 20
-    assert set(FACE_CORNER) <= {0, 1, 2}
+@each_solid
+def test_every_face_has_its_own_code(name: str) -> None:
+    """No code is used twice; each stands at one of its face's corners, and the target's dots are those of the codes."""
+    shape, target = SOLIDS[name].shape(), target_of(name, 6)
+    assert len(set(shape.face_code)) == len(shape.face_code) == len(shape.code_corner) == len(shape.faces)
+    assert set(shape.code_corner) <= set(range(shape.sides))
+    assert target.face_code.tolist() == list(shape.face_code)
+    for face, code in enumerate(shape.face_code):
+        dots = target.ring_index[target.is_dot & (target.ring_face == face)]
+        assert frozenset(map(tuple, dots.tolist())) == CODES[code]
 
 
-@pytest.mark.parametrize("rings_per_side", range(MIN_RINGS_PER_SIDE, 13))
-def test_no_code_turns_into_a_code(rings_per_side: int) -> None:
-    """The 20 codes under three in-plane rotations are 60 different dot sets: face and rotation are unique."""
-    seen = {turned(code, rings_per_side, turns) for code in CODES for turns in range(3)}
-    assert len(seen) == 60
+@each_solid
+@pytest.mark.parametrize("more", [0, 1, 2, 5])
+def test_no_code_turns_into_a_code(name: str, more: int) -> None:
+    """The codes under all turns of a face are different sets of dots: face and turn are unique."""
+    shape = SOLIDS[name].shape()
+    assert len(turns_of(name, SOLIDS[name].fewest_rings + more)) == len(shape.faces) * shape.sides
 
 
-def test_four_rings_a_side_are_too_few() -> None:
-    """With fewer than MIN_RINGS_PER_SIDE rings the rule above breaks, so the limit is not too strict."""
-    few = MIN_RINGS_PER_SIDE - 1
-    assert len({turned(code, few, turns) for code in CODES for turns in range(3)}) < 60
+@each_solid
+def test_fewer_rings_a_side_are_too_few(name: str) -> None:
+    """With fewer than the fewest rings, corners with codes share positions so far that some motion goes unnoticed."""
+    few = SOLIDS[name].fewest_rings - 1
+    shape = SOLIDS[name].shape()
+    is_ambiguous = len(turns_of(name, few)) < len(shape.faces) * shape.sides
+    assert is_ambiguous or disagreements(name, few).min() < LEAST[name][few + 1]
 
 
 @cache
-def dots_in_space(rings_per_side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of all features and whether they are dots, grouped by face.  # (20, N, 3), (20, N)"""
-    edge = 10.0 * (rings_per_side + 2)
-    target = lay_out(IcoSpec(edge, rings_per_side, 7.0, 0.45, 10.0, 0.5, 1.0))
-    return target.center_mm.reshape(20, -1, 3), target.is_dot.reshape(20, -1)
+def isometries(name: str) -> tuple[np.ndarray, ...]:
+    """The matrices other than the identity, mirrors too, that map the solid's vertices to themselves."""
+    shape = SOLIDS[name].shape()
+    vertices, first = shape.vertices, shape.faces[0][:3]
+    known = {tuple(np.round(v, 6) + 0.0) for v in vertices}
+    found = {}
+    for face in shape.faces:
+        for k, way in itertools.product(range(shape.sides), (1, -1)):
+            image = np.roll(face[::way], k)[:3]
+            matrix = vertices[image].T @ np.linalg.inv(vertices[first].T)
+            if {tuple(np.round(v, 6) + 0.0) for v in vertices @ matrix.T} == known:
+                found[tuple(np.round(matrix.ravel(), 6) + 0.0)] = matrix
+    assert len(found) == 2 * shape.faces.size
+    return tuple(matrix for matrix in found.values() if not np.allclose(matrix, np.eye(3)))
 
 
 @cache
-def isometries() -> tuple[np.ndarray, ...]:
-    """The 120 matrices that map the icosahedron's vertices to themselves, the identity first."""
-    vertices = icosahedron_vertices()
-    basis = vertices[icosahedron_faces()[0]].T
-    found = []
-    for image in np.array([p for f in icosahedron_faces() for p in (f, np.roll(f, 1), np.roll(f, 2))]):
-        for triple in (image, image[::-1]):
-            matrix = vertices[triple].T @ np.linalg.inv(basis)
-            assert matrix @ matrix.T == pytest.approx(np.eye(3), abs=1e-9)
-            found.append(matrix)
-    assert len({tuple(np.round(m.ravel(), 6)) for m in found}) == 120
-    return tuple(sorted(found, key=lambda m: np.abs(m - np.eye(3)).max()))
-
-
-def disagreement(rings_per_side: int, matrix: np.ndarray) -> np.ndarray:
-    """How many features of each face change between ring and dot when the target is moved.  # (20,)"""
-    positions, is_dot = dots_in_space(rings_per_side)
-    distance, nearest = cKDTree(positions.reshape(-1, 3)).query((positions @ matrix.T).reshape(-1, 3))
-    assert distance.max() < 1e-6  # every feature falls on a feature ...
-    assert len(set(nearest.tolist())) == is_dot.size  # ... of its own
-    seen = np.empty(is_dot.size, dtype=bool)
-    seen[nearest] = is_dot.ravel()
-    return (seen.reshape(is_dot.shape) != is_dot).sum(axis=1)
+def disagreements(name: str, rings_per_side: int) -> np.ndarray:
+    """How many features of each face change between ring and dot, for each motion of the target.  # (M, F)"""
+    target = target_of(name, rings_per_side)
+    tree, is_dot = cKDTree(target.center_mm), target.is_dot
+    counts = []
+    for matrix in isometries(name):
+        distance, nearest = tree.query(target.center_mm @ matrix.T)
+        assert distance.max() < 1e-6  # every feature falls on a feature ...
+        assert len(set(nearest.tolist())) == is_dot.size  # ... of its own
+        seen = np.empty(is_dot.size, dtype=bool)
+        seen[nearest] = is_dot
+        counts.append(np.bincount(target.ring_face[seen != is_dot], minlength=target.face_count))
+    return np.array(counts)
 
 
 # With 5 rings a side the corner blocks of a face share positions, and fewer marks can disagree.
-@pytest.mark.parametrize(("rings_per_side", "least"), [(5, 78), (6, 90), (7, 90), (8, 90)])
-def test_moved_target_differs_almost_everywhere(rings_per_side: int, least: int) -> None:
-    """Against itself turned or mirrored, `least` of 120 marks disagree, and at most one face agrees."""
-    assert not disagreement(rings_per_side, isometries()[0]).any()
-    for matrix in isometries()[1:]:
-        marks = disagreement(rings_per_side, matrix)
-        assert marks.sum() >= least
-        assert (marks == 0).sum() <= 1
+@pytest.mark.parametrize(
+    ("name", "rings_per_side", "least"), [(name, m, least) for name, rows in LEAST.items() for m, least in rows.items()]
+)
+def test_moved_target_differs_almost_everywhere(name: str, rings_per_side: int, least: int) -> None:
+    """Against itself turned or mirrored, `least` of all marks disagree, and at most one face agrees."""
+    marks = disagreements(name, rings_per_side)
+    assert marks.sum(axis=1).min() >= least
+    assert (marks == 0).sum(axis=1).max() <= 1
 
 
+@each_solid
 @pytest.mark.parametrize("rings_per_side", [5, 6, 8])
-def test_two_faces_that_meet_tell_a_moved_target_apart(rings_per_side: int) -> None:
+def test_two_faces_that_meet_tell_a_moved_target_apart(name: str, rings_per_side: int) -> None:
     """Against itself turned or mirrored, any two faces with a common edge or corner disagree in 4 marks or more."""
-    corners = [set(face) for face in icosahedron_faces().tolist()]
-    meeting = np.array([(a, b) for a, b in combinations(range(20), 2) if corners[a] & corners[b]])
-    for matrix in isometries()[1:]:
-        assert disagreement(rings_per_side, matrix)[meeting].sum(axis=1).min() >= 4
+    corners = [set(face) for face in SOLIDS[name].shape().faces.tolist()]
+    meeting = np.array([(a, b) for a, b in combinations(range(len(corners)), 2) if corners[a] & corners[b]])
+    assert disagreements(name, rings_per_side)[:, meeting].sum(axis=2).min() >= 4
+
+
+@each_solid
+def test_every_kind_of_solid_is_held_to_a_number(name: str) -> None:
+    """A new solid says how far it is from itself moved; a face beside another tells its code from that one's."""
+    assert set(LEAST) == set(SOLIDS)
+    shape = SOLIDS[name].shape()
+    for face, row in enumerate(adjacent_faces(target_of(name, 6)).tolist()):
+        assert all(CODES[shape.face_code[face]] != CODES[shape.face_code[other]] for other in row)
 
 
 def test_origin_mark_of_a_board_is_three_dots_at_zero() -> None:

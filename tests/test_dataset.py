@@ -22,11 +22,11 @@ from calib.observe.records import ImageRecord, read_records, records_path
 from designer.errors import InputError
 from designer.layout import lay_out
 from designer.sizing import size_job
-from designer.spec_file import BoardFile, IcoFile
 from designer.target import TargetGeometry
+from tests.designs import asked_for
 
-ICO = lay_out(size_job(IcoFile.model_validate({"edge": "50mm"})).job.target)
-BOARD = lay_out(size_job(BoardFile.model_validate({"columns": 5, "rows": 4, "pitch": "10mm"})).job.target)
+ICO = lay_out(size_job(asked_for("ico", {"edge": "50mm"})).job.target)
+BOARD = lay_out(size_job(asked_for("board", {"columns": 5, "rows": 4, "pitch": "10mm"})).job.target)
 RECORD = FaceRecord(3, ("dot", "ring", "unreadable", "dot", "ring", "dot"), 4, 7, 9, (("outside the image", 2),), "")
 TARGET_PATH = Path("ico.target.json")
 

@@ -27,23 +27,18 @@ from calib.renderer.rings import ring_truth
 from calib.renderer.scene import scene_from_target
 from designer.code import CODE_POSITIONS, CODES
 from designer.errors import InputError
+from designer.faces import opposite_faces
 from designer.formats.folder import OutputFile, write_folder
+from designer.kinds.ico import icosahedron
 from designer.layout import lay_out
 from designer.make.bed import bed_from_target
 from designer.make.printability import PrintCheck, check_printability
 from designer.make.printability import PrintFinding as RuleFinding
+from designer.options import Asked
 from designer.page.blocks import Block, Command, FileList, Fold, Leaf, Page, Steps, Table, View3d
 from designer.page.scene import Rings, Surface
-from designer.polyhedron import INRADIUS
 from designer.produce import Design, make_files
-from designer.report.caliper import (
-    caliper_lengths,
-    corner_rings,
-    needs_rule,
-    opposite_faces,
-    skew_effect_mm,
-    skew_per_mm_deg,
-)
+from designer.report.caliper import caliper_lengths, corner_rings, needs_rule, skew_effect_mm, skew_per_mm_deg
 from designer.report.design_page import PAGE_FILE, design_page, design_report, headline
 from designer.report.measure_steps import (
     IMAGE_HALF_DIAGONAL,
@@ -58,17 +53,18 @@ from designer.report.slicer_steps import BODY_SLOT, INK_SLOT, usual_slicer
 from designer.report.target_facts import DOT, code_blocks
 from designer.sizing import size_job
 from designer.skew import skew_matrix
-from designer.spec_file import BoardFile, IcoFile, SpecFile, parse_spec
+from designer.spec_file import parse_spec
 from designer.target import bounding_radius_mm
 from tests.browser import open_page, overflow_px, unresolved
+from tests.designs import asked_for
 
 _LETTERED = {"size": "60x60mm", "columns": 5, "rows": 5, "ring_diameter": "7mm", "pitch": "10mm"}
-SPECS: dict[str, SpecFile] = {
-    "ico": IcoFile.model_validate({"edge": "20mm", "chord_error": "20um"}),
-    "board": BoardFile.model_validate(_LETTERED),
-    "stickers": IcoFile.model_validate({"edge": "60mm", "build": "stickers"}),
-    "sheet": BoardFile.model_validate({"size": "200x150mm", "build": "sheet", "dots": False}),
-    "sheared": IcoFile.model_validate({
+SPECS: dict[str, Asked] = {
+    "ico": asked_for("ico", {"edge": "20mm", "chord_error": "20um"}),
+    "board": asked_for("board", _LETTERED),
+    "stickers": asked_for("ico", {"edge": "60mm", "build": "stickers"}),
+    "sheet": asked_for("board", {"size": "200x150mm", "build": "sheet", "dots": False}),
+    "sheared": asked_for("ico", {
         "edge": "40mm", "chord_error": "20um", "printer": "prusa-mk4", "body_colour": "#f5f5f0", "stand": True,
         "ink_offset": "-20um", "shrink_compensation": "0.4%", "skew_compensation": "xy 0.1deg, xz -0.05deg",
     }),
@@ -157,7 +153,7 @@ def test_icosahedron_has_ten_pairs_of_faces_two_inradii_apart() -> None:
     pairs = opposite_faces(design.target)
     assert sorted(face for pair in pairs for face in pair) == list(range(20))
     lengths = caliper_lengths(design)
-    assert [one.length_mm for one in lengths] == pytest.approx([2 * INRADIUS * 20] * 10)
+    assert [one.length_mm for one in lengths] == pytest.approx([2 * icosahedron().inradius * 20] * 10)
     assert [one.what for one in lengths if "along" in one.how] == ["face 2 to face 19"]
 
 
@@ -196,7 +192,7 @@ def pair_changes_mm(design: Design, skew: tuple[float, float, float]) -> list[fl
         normal = np.cross(*(made_corners[first, 1:] - made_corners[first, :1]))
         normal /= np.linalg.norm(normal)
         distance = abs(normal @ (made_corners[first, 0] - made_corners[second, 0]))
-        changes.append(float(distance - 2 * INRADIUS * 20))
+        changes.append(float(distance - 2 * icosahedron().inradius * 20))
     return changes
 
 
@@ -228,7 +224,7 @@ def test_a_large_icosahedron_has_lengths_within_reach() -> None:
 
     They are the longest rows of that face, within reach over their outer edges, and the commands name one of them.
     """
-    design = Design(size_job(IcoFile.model_validate({"edge": "100mm"})).job)
+    design = Design(size_job(asked_for("ico", {"edge": "100mm"})).job)
     target = design.target
     lengths = caliper_lengths(design)
     assert [needs_rule(target, one) for one in lengths] == [True] * 10 + [False] * 3
@@ -257,15 +253,15 @@ def test_photos_come_before_what_needs_them() -> None:
 @pytest.mark.parametrize(
     "asked",
     [
-        IcoFile.model_validate({"edge": "20mm"}),
-        IcoFile.model_validate({"edge": "100mm"}),
-        IcoFile.model_validate({"edge": "133mm", "build": "stickers"}),
-        BoardFile.model_validate({"size": "200x200mm"}),
-        BoardFile.model_validate({"size": "400x300mm", "build": "sheet"}),
+        asked_for("ico", {"edge": "20mm"}),
+        asked_for("ico", {"edge": "100mm"}),
+        asked_for("ico", {"edge": "133mm", "build": "stickers"}),
+        asked_for("board", {"size": "200x200mm"}),
+        asked_for("board", {"size": "400x300mm", "build": "sheet"}),
     ],
     ids=["small-solid", "solid", "stickers", "board", "wide-sheet"],
 )
-def test_simulated_photos_cover_the_image(asked: SpecFile) -> None:
+def test_simulated_photos_cover_the_image(asked: Asked) -> None:
     """The rings of the simulated photos that the page offers surround three quarters of the image.
 
     A board shows many of its rings in each, so that it can be named.
@@ -308,7 +304,7 @@ def test_the_simulated_camera_is_the_one_that_is_rendered() -> None:
 )
 def test_a_caliper_reaches_the_example(shape: dict[str, str | int], reach_mm: float) -> None:
     """The length of the commands is within a caliper's reach, over the rings' outer edges, if the board has such."""
-    asked = BoardFile.model_validate({"build": "sheet", "dots": False, **shape})
+    asked = asked_for("board", {"build": "sheet", "dots": False, **shape})
     target = lay_out(size_job(asked).job.target)
     name = example_length(Design(size_job(asked).job)).split(":")[0]
     assert length_in(target, name) + 2 * target.radius_outer_mm[0] <= reach_mm

@@ -1,5 +1,6 @@
 """The examples of docs/extend.md are code, and keep the rules that the page states."""
 
+import math
 import re
 import shlex
 import subprocess
@@ -13,6 +14,8 @@ import pytest
 from typer.core import TyperGroup
 from typer.main import get_command
 
+import designer.kind
+import designer.spec_file
 from calib.cameras.camera import Camera
 from calib.cli import app as calib_app
 from calib.detector.pipeline import detect
@@ -20,9 +23,10 @@ from calib.interop.format import CameraFormat
 from designer.cli import app as design_app
 from designer.errors import InputError
 from designer.layout import lay_out
+from designer.produce import Design, make_files
 from designer.sizing import size_job
 from designer.spec_file import parse_spec
-from designer.target import TargetGeometry, target_from_json, target_to_json
+from designer.target import target_from_json, target_to_json
 from designer.tolerance.shape import shape_of, target_of
 from tests.ring_views import view_of
 from tests.sightings import pinhole
@@ -138,16 +142,25 @@ def test_camera_format_reads_what_it_writes_and_refuses_what_is_none() -> None:
         six.read("SIX 1 2 3 x", "camera.six", None)
 
 
-def test_target_of_ones_own_is_found_in_a_photo() -> None:
-    """The octahedron's faces lie edge/sqrt(6) from its middle, and the detector names its rings as they are."""
-    octahedron: TargetGeometry = example("octahedron").octahedron(100.0)
-    frame = octahedron.target_from_face
+def test_kind_of_ones_own_is_designed_and_found_in_a_photo(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A file and a line are a kind: sizes, all files, and rings that the detector names as they are."""
+    module = example("OctaSpec")
+    monkeypatch.setitem(sys.modules, "designer.kinds.octa", module)
+    monkeypatch.setattr(designer.kind, "KINDS", (*designer.kind.KINDS, "octa"))
+    monkeypatch.setattr(designer.spec_file, "KINDS", designer.kind.KINDS)
+    values = {"kind": "octa", "edge": "100mm", "chord_error": "50um", "formats": ["pdf"], "stand": True}
+    design = Design(size_job(parse_spec(values, "test")).job)
+    files = {file.name for file in make_files(design, lambda _: None)}
+    assert {"octa-100mm.prusa.3mf", "octa-100mm.png", "octa-100mm.pdf", "octa-100mm.stand.stl"} <= files
+    target, frame = design.target, design.target.target_from_face
     np.testing.assert_allclose((frame[:, :3, 2] * frame[:, :3, 3]).sum(axis=1), 100 / np.sqrt(6), atol=1e-6)
-    assert target_from_json(target_to_json(octahedron)) == octahedron
-    camera = pinhole(1600, 1200, 1900.0)
-    view = view_of(octahedron, 5, camera=camera)
-    found = detect(view.image, octahedron, name="view.png")
-    assert len(set(octahedron.ring_face[found.ring].tolist())) >= 2
+    assert target_from_json(target_to_json(target)) == target
+    solid = math.sqrt(2) / 3 * 100**3
+    assert design.part.ink is not None
+    assert design.part.body.volume_mm3 + design.part.ink.volume_mm3 == pytest.approx(solid, rel=1e-9)
+    view = view_of(target, 5, camera=pinhole(1600, 1200, 1900.0))
+    found = detect(view.image, target, name="view.png")
+    assert len(set(target.ring_face[found.ring].tolist())) >= 2
     np.testing.assert_allclose(found.center_px, view.center_px[found.ring], atol=0.5)
 
 

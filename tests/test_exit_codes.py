@@ -37,6 +37,7 @@ class Case:
 
 DESIGN = (
     Case(("ico", "--edge", "20mm", "--build", "stickers", "-o", "out"), 0),
+    Case(("cube", "--edge", "24mm", "--build", "stickers", "-o", "out"), 0),
     Case(("ico", "--edge", "1mm"), 2),
     Case(("board", *SMALL, "--build", "sheet", "-o", "out"), 0),
     Case(("board", "--columns", "many"), 2),

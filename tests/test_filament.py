@@ -9,8 +9,7 @@ import pytest
 from designer.produce import Design
 from designer.report.filament import DENSITY_G_PER_CM3, SPREAD, FilamentAmount, Shells, expected_filament, inked_layers
 from designer.sizing import size_job
-from designer.spec_file import BoardFile, IcoFile
-from tests.designs import ink_of, packages_of
+from tests.designs import asked_for, ink_of, packages_of
 from tests.gcode import require_slicer, run_slicer, slice_3mf, slicer_settings
 
 SOLID = 10_000
@@ -18,11 +17,11 @@ SOLID = 10_000
 
 def ico(edge: str, chord_error: str = "5um", rings: int | None = None) -> Design:
     asked = {"edge": edge, "chord_error": chord_error, "rings_per_side": rings}
-    return Design(size_job(IcoFile.model_validate(asked)).job)
+    return Design(size_job(asked_for("ico", asked)).job)
 
 
 def board(size: str, chord_error: str = "5um") -> Design:
-    return Design(size_job(BoardFile.model_validate({"size": size, "chord_error": chord_error})).job)
+    return Design(size_job(asked_for("board", {"size": size, "chord_error": chord_error})).job)
 
 
 def test_walls_that_fill_the_part_take_its_whole_volume() -> None:
@@ -54,7 +53,7 @@ def test_a_boards_shell_is_computed_by_hand() -> None:
 
 def test_stickers_and_printed_letters_need_no_ink() -> None:
     """A body in one filament has no ink, no changes and no purge."""
-    design = Design(size_job(IcoFile.model_validate({"edge": "60mm", "build": "stickers"})).job)
+    design = Design(size_job(asked_for("ico", {"edge": "60mm", "build": "stickers"})).job)
     filament = expected_filament(design)
     assert (filament.ink, filament.changes, filament.purge_g) == (None, 0, 0.0)
 

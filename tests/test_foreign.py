@@ -9,8 +9,8 @@ import pytest
 from calib.detector.pipeline import detect
 from calib.renderer import RenderOptions
 from calib.report.why_nothing import explained
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
-from designer.spec import IcoSpec
 from tests.benchmarks.bench_foreign_names import drawn
 from tests.foreign_views import PLAIN, Photo, false_names, photo_of, random_target, template_targets
 

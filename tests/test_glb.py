@@ -8,10 +8,11 @@ import pytest
 import trimesh
 
 from designer.formats.glb import glb_bytes
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
-from designer.make.mesh import Part, icosahedron_hull, inlaid, plain_icosahedron
+from designer.make.mesh import Part, inlaid, plain_solid, solid_hull
 from designer.make.pattern import make_pattern
-from designer.spec import IcoSpec, PrinterProfile, PrintSpec
+from designer.spec import PrinterProfile, PrintSpec
 
 SPEC = IcoSpec(30.0, 5, 3.0, 0.45, 4.0, 1.0, 0.5)
 PRINTING = PrintSpec(
@@ -32,7 +33,7 @@ PRINTING = PrintSpec(
 @pytest.fixture(scope="module")
 def part() -> Part:
     pattern = make_pattern(lay_out(SPEC), PRINTING)
-    return inlaid(pattern, icosahedron_hull(pattern, SPEC.edge_mm, PRINTING.inlay_mm), PRINTING.inlay_mm)
+    return inlaid(pattern, solid_hull(pattern, SPEC.solid, PRINTING.inlay_mm), PRINTING.inlay_mm)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +99,7 @@ def test_accessors_declare_their_bounds_and_stay_in_the_buffer(glb: bytes) -> No
 
 def test_a_body_without_ink_is_one_mesh() -> None:
     """Where the pattern is paper, the file holds the body alone."""
-    scene = read(glb_bytes(Part(plain_icosahedron(10.0), None), PRINTING))
+    scene = read(glb_bytes(Part(plain_solid(SPEC.solid, below_mm=0.0, scale=1.0), None), PRINTING))
     assert list(scene.geometry) == ["body"]
 
 

@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from designer.code import CODES, FACE_CODE
+from designer.code import CODES
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec, icosahedron
 from designer.layout import lay_out
-from designer.polyhedron import INRADIUS, icosahedron_vertices
-from designer.spec import BoardSpec, IcoSpec, Lattice, TargetSpec
+from designer.spec import Lattice, Spec
 from designer.target import TargetGeometry
 
 PAPER_ICO = IcoSpec(100.0, 8, 7.0, 0.45, 10.0, 2.0, 3.0)
@@ -61,7 +62,7 @@ def least_clearance_mm(target: TargetGeometry) -> float:
 
 @given(specs)
 @settings(max_examples=40, deadline=None)
-def test_features_lie_on_their_faces(spec: TargetSpec) -> None:
+def test_features_lie_on_their_faces(spec: Spec) -> None:
     """Every centre lies in its face's plane, to a nanometre, and its index times the lattice steps is its place."""
     target = lay_out(spec)
     assert np.abs(target.center_in_face_mm[:, 2]).max() < 1e-6
@@ -74,7 +75,7 @@ def test_features_lie_on_their_faces(spec: TargetSpec) -> None:
 
 @given(specs)
 @settings(max_examples=40, deadline=None)
-def test_neighbours_stand_a_pitch_apart(spec: TargetSpec) -> None:
+def test_neighbours_stand_a_pitch_apart(spec: Spec) -> None:
     """Every feature's nearest neighbour on its face is one pitch away, and none is nearer."""
     target = lay_out(spec)
     centers = target.center_mm[target.ring_face == target.face_count - 1]
@@ -84,14 +85,14 @@ def test_neighbours_stand_a_pitch_apart(spec: TargetSpec) -> None:
 
 @given(specs)
 @settings(max_examples=40, deadline=None)
-def test_rings_keep_their_margin(spec: TargetSpec) -> None:
+def test_rings_keep_their_margin(spec: Spec) -> None:
     """Between every ring and the border (or the board's edge) there is at least the spec's margin."""
     assert least_clearance_mm(lay_out(spec)) == pytest.approx(spec.margin_mm, abs=1e-6)
 
 
 @given(specs)
 @settings(max_examples=20, deadline=None)
-def test_border_runs_along_the_outline_at_its_width(spec: TargetSpec) -> None:
+def test_border_runs_along_the_outline_at_its_width(spec: Spec) -> None:
     """Each side of the window is parallel to its side of the outline, the border's width inside it."""
     target = lay_out(spec)
     for outline, window in zip(target.outline_mm, target.window_mm, strict=True):
@@ -115,10 +116,10 @@ def test_paper_icosahedron_has_720_rings() -> None:
     target = lay_out(PAPER_ICO)
     assert np.bincount(target.ring_face).tolist() == [36] * 20
     assert np.bincount(target.ring_face[target.is_dot]).tolist() == [3] * 20
-    assert target.face_code.tolist() == list(FACE_CODE)
+    assert target.face_code.tolist() == list(icosahedron().face_code)
     for face in range(20):
         dots = target.ring_index[target.is_dot & (target.ring_face == face)]
-        assert {tuple(index) for index in dots.tolist()} == CODES[FACE_CODE[face]]
+        assert {tuple(index) for index in dots.tolist()} == CODES[icosahedron().face_code[face]]
 
 
 @given(ico_specs())
@@ -139,9 +140,9 @@ def test_icosahedron_faces_close_to_the_solid(spec: IcoSpec) -> None:
     """Frames point outward at the inradius, and the outlines' corners are the solid's twelve vertices, five each."""
     target = lay_out(spec)
     frame = target.target_from_face
-    assert frame[:, :3, 3] == pytest.approx(INRADIUS * spec.edge_mm * frame[:, :3, 2], abs=1e-6)
+    assert frame[:, :3, 3] == pytest.approx(icosahedron().inradius * spec.edge_mm * frame[:, :3, 2], abs=1e-6)
     corners = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
-    distance = np.linalg.norm(corners.reshape(-1, 3)[:, None] - spec.edge_mm * icosahedron_vertices(), axis=2)
+    distance = np.linalg.norm(corners.reshape(-1, 3)[:, None] - spec.edge_mm * icosahedron().vertices, axis=2)
     assert distance.min(axis=1).max() < 1e-6
     assert np.bincount(distance.argmin(axis=1)).tolist() == [5] * 12
 

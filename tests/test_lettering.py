@@ -15,12 +15,12 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import unary_union
 
 from designer.errors import InputError
+from designer.kinds.ico import IcoSpec, icosahedron
 from designer.layout import lay_out
 from designer.make.lettering import GAP, HEIGHT, WIDTH, glyph_outlines, letter_faces, text_contours, text_width
 from designer.make.pattern import FacePattern, Pattern, make_pattern
-from designer.polyhedron import INRADIUS
 from designer.sizing import size_job
-from designer.spec import IcoSpec, Job
+from designer.spec import Job
 from designer.spec_file import RawValue, parse_spec
 
 ALPHABET = string.digits + "ABCDEF"
@@ -124,7 +124,7 @@ def test_letters_in_a_border_stay_clear(
     line = job.printing.printer.line_width_mm
     for face in (pattern.faces[3], pattern.faces[19]):  # numbers of one and of two digits
         assert face.window is not None
-        floor = Polygon(face.outline * (1 - inlay_mm / (INRADIUS * edge_mm * printed)))
+        floor = Polygon(face.outline * (1 - inlay_mm / (icosahedron().inradius * edge_mm * printed)))
         letters = letters_on(face)
         assert floor.contains(letters) or letters.is_empty
         if not letters.is_empty:

@@ -37,8 +37,8 @@ from calib.observe.observations import known_points
 from designer.command import run
 from designer.errors import InputError
 from designer.make.bed import bed_from_target, printed_corners_mm
+from designer.options import AskedPrinting
 from designer.sizing import size_printing
-from designer.spec_file import PrintingFile
 from designer.target import TargetGeometry, load_target, target_to_json
 from designer.tolerance.model import ErrorModel, displaced, perturb
 from designer.tolerance.source import Amount
@@ -225,7 +225,7 @@ def test_the_quick_way_rescales() -> None:
 def test_the_compensation_makes_the_next_print_right(shrink: float, made_with: float) -> None:
     """A print of the same printer, designed with what is told, has the nominal size."""
     target = solid()
-    printing = size_printing(PrintingFile(), kind="ico", border_mm=2.0, thickness_mm=3.0)
+    printing = size_printing(AskedPrinting(), target)
     printer = ErrorModel("printer", "", (("scale", Amount("fixed", shrink)),))
 
     def print_with(percent: float) -> Array:
@@ -241,8 +241,8 @@ def test_the_compensation_makes_the_next_print_right(shrink: float, made_with: f
 
 def test_axes_are_those_of_the_plate_that_the_designer_writes() -> None:
     """Of both kinds of targets, the quarter turn of an icosahedron included."""
-    for target, kind in ((solid(), "ico"), (plate(), "board")):
-        printing = size_printing(PrintingFile(), kind=kind, border_mm=2.0, thickness_mm=3.0)
+    for target in (solid(), plate()):
+        printing = size_printing(AskedPrinting(), target)
         np.testing.assert_allclose(bed_axes(target), bed_from_target(target, printing)[:3, :3], atol=1e-12)
 
 

@@ -13,13 +13,13 @@ from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 
 from designer.errors import InputError
+from designer.kinds.ico import IcoSpec, icosahedron
 from designer.make.bed import against_skew
-from designer.make.mesh import Mesh, board_hull, icosahedron_hull, inlaid, plain_board, plain_icosahedron
+from designer.make.mesh import Mesh, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
 from designer.make.pattern import make_pattern
-from designer.polyhedron import DIHEDRAL_RAD, INRADIUS
 from designer.produce import Design
 from designer.sizing import size_job
-from designer.spec import IcoSpec
+from designer.solid import Solid
 from designer.spec_file import RawValue, parse_spec
 
 UNIT_VOLUME = 5 * (3 + math.sqrt(5)) / 12
@@ -110,7 +110,7 @@ def assert_fills_the_solid(design: Design) -> None:
     assert_closed(body)
     assert_closed(ink)
     assert body.volume_mm3 + ink.volume_mm3 == pytest.approx(solid_volume(design), rel=1e-9)
-    solid = plain_solid(design)
+    solid = bare(design)
     # One numbering for the vertices of both, by their coordinates, bit for bit.
     vertices, numbers = np.unique(np.concatenate([body.vertices_mm, ink.vertices_mm]), axis=0, return_inverse=True)
     triangles = numbers.ravel()[np.concatenate([body.triangles, ink.triangles + len(body.vertices_mm)])]
@@ -132,12 +132,12 @@ def assert_fills_the_solid(design: Design) -> None:
         assert (np.cross(b - a, c - a)[on_floor] @ n > 0).all()
 
 
-def plain_solid(design: Design) -> Mesh:
+def bare(design: Design) -> Mesh:
     spec = design.job.target
-    if isinstance(spec, IcoSpec):
-        solid = plain_icosahedron(spec.edge_mm * design.scale)
+    if spec.solid is not None:
+        solid = plain_solid(spec.solid, below_mm=0.0, scale=design.scale)
     else:
-        solid = plain_board(design.target.outline_mm[0] * design.scale, spec.thickness_mm * design.scale)
+        solid = plain_plate(design.target.outline_mm[0] * design.scale, spec.depth_mm * design.scale)
     return replace(solid, vertices_mm=against_skew(design.target, design.job.printing, solid.vertices_mm))
 
 
@@ -212,7 +212,7 @@ def test_ink_volume_of_an_icosahedron(name: str) -> None:
     spec, depth = design.job.target, design.job.printing.inlay_mm
     assert isinstance(spec, IcoSpec)
     edge = spec.edge_mm * design.scale
-    inradius = INRADIUS * edge
+    inradius = icosahedron().inradius * edge
     slab = UNIT_VOLUME * edge**3 * (1 - (1 - depth / inradius) ** 3)
     volume = slab
     for face in design.printed_pattern.faces:
@@ -223,7 +223,7 @@ def test_ink_volume_of_an_icosahedron(name: str) -> None:
     assert ink_of(design).volume_mm3 == pytest.approx(volume, rel=1e-9)
     # The wedges, to first order: 60 of them (two an edge) of length a.
     area = sum(Polygon(face.outline).area for face in design.printed_pattern.faces)
-    wedges = 60 * edge * depth**2 / (2 * math.tan(DIHEDRAL_RAD / 2))
+    wedges = 60 * edge * depth**2 / (2 * math.tan(icosahedron().dihedral_rad / 2))
     assert slab == pytest.approx(area * depth - wedges, rel=0.5 * (depth / inradius) ** 2)
 
 
@@ -299,22 +299,22 @@ def test_inlay_must_leave_a_border_and_a_back() -> None:
     """An inlay that undercuts the border, or goes through the board, is refused with what would do."""
     ico = DESIGNS["20 mm ico"]
     with pytest.raises(InputError, match=r"border .* too narrow .* use an inlay of at most"):
-        icosahedron_hull(ico.printed_pattern, 20.0, 5.0)
+        solid_hull(ico.printed_pattern, Solid(icosahedron(), 20.0), 5.0)
     board = DESIGNS["triangular board"]
     with pytest.raises(InputError, match=r"goes through .* use at most 2\.5mm"):
-        board_hull(board.printed_pattern, 5.0, 5.0)
+        plate_hull(board.printed_pattern, 5.0, 5.0)
     unbordered = make_pattern(DESIGNS["paper's board"].target, ico.job.printing)
     with pytest.raises(InputError, match="needs a border"):
-        icosahedron_hull(unbordered, 20.0, 1.0)
+        solid_hull(unbordered, Solid(icosahedron(), 20.0), 1.0)
 
 
 def test_inlay_named_in_the_error_works() -> None:
     """The depth that the message offers does make a sound part."""
     ico = DESIGNS["20 mm ico"]
     with pytest.raises(InputError) as raised:
-        icosahedron_hull(ico.printed_pattern, 20.0, 5.0)
+        solid_hull(ico.printed_pattern, Solid(icosahedron(), 20.0), 5.0)
     offered = float(str(raised.value).split("at most ")[1].split("mm")[0])
-    part = inlaid(ico.printed_pattern, icosahedron_hull(ico.printed_pattern, 20.0, offered), offered)
+    part = inlaid(ico.printed_pattern, solid_hull(ico.printed_pattern, Solid(icosahedron(), 20.0), offered), offered)
     assert part.ink is not None
     assert_closed(part.ink)
     assert part.body.volume_mm3 + part.ink.volume_mm3 == pytest.approx(UNIT_VOLUME * 20**3, rel=1e-9)
@@ -322,11 +322,11 @@ def test_inlay_named_in_the_error_works() -> None:
 
 def test_plain_solids() -> None:
     """The bare icosahedron and the bare plate are closed and have their formulas' volumes."""
-    ico = plain_icosahedron(30.0)
+    ico = plain_solid(Solid(icosahedron(), 30.0), below_mm=0.0, scale=1.0)
     assert_closed(ico)
     assert ico.volume_mm3 == pytest.approx(UNIT_VOLUME * 30**3)
     assert np.linalg.norm(corners_of(ico)[:, 0] - corners_of(ico)[:, 1], axis=1) == pytest.approx(np.full(20, 30.0))
-    board = plain_board(np.array([[-10.0, -5], [10, -5], [10, 5], [-10, 5]]), 3.0)
+    board = plain_plate(np.array([[-10.0, -5], [10, -5], [10, 5], [-10, 5]]), 3.0)
     assert_closed(board)
     assert board.volume_mm3 == pytest.approx(20 * 10 * 3)
     assert (board.vertices_mm[:, 2].min(), board.vertices_mm[:, 2].max()) == (-3.0, 0.0)

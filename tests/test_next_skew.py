@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from calib.as_built_report.deviations import Estimate, WholePrint, next_skew_rad
 from calib.as_built_report.words import next_print_lines
 from designer.make.bed import bed_from_target, printed_corners_mm
+from designer.options import AskedPrinting
 from designer.sizing import size_printing
 from designer.skew import NO_SKEW, Skew, parse_skew_rad
-from designer.spec_file import PrintingFile
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.shape import shape_of
 from tests.as_built_scenes import solid
@@ -30,7 +30,7 @@ def test_the_skew_compensation_makes_the_next_print_right(
 ) -> None:
     """A print of the same printer, designed with the told angles, has the nominal shape, its axes scaled aright."""
     target = solid()
-    printing = size_printing(PrintingFile(), kind="ico", border_mm=2.0, thickness_mm=3.0)
+    printing = size_printing(AskedPrinting(), target)
     printing = replace(printing, printer=replace(printing.printer, bed_mm=bed_mm))
     lay = bed_from_target(target, printing)
     printer = SOURCES["skew"].apply(shape_of(target, lay), np.array([LEAN]))

@@ -19,11 +19,11 @@ from calib.renderer.rings import ring_truth
 from calib.renderer.scene import scene_from_target
 from designer.layout import lay_out
 from designer.sizing import size_job
-from designer.spec_file import BoardFile, IcoFile
 from designer.target import TargetGeometry
+from tests.designs import asked_for
 
-ICO = lay_out(size_job(IcoFile.model_validate({"edge": "100mm"})).job.target)
-BOARD = lay_out(size_job(BoardFile.model_validate({"columns": 7, "rows": 5, "pitch": "20mm"})).job.target)
+ICO = lay_out(size_job(asked_for("ico", {"edge": "100mm"})).job.target)
+BOARD = lay_out(size_job(asked_for("board", {"columns": 7, "rows": 5, "pitch": "20mm"})).job.target)
 CAMERA = pinhole(1200, 900, 1300)
 Pictures = tuple[NDArray[np.uint8], Detections]
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from calib.detector.pipeline import detect
 from calib.renderer import RenderOptions, View, render_view
+from designer.kinds.board import BoardSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec
 from designer.target import TargetGeometry
 from tests.ring_views import CAMERA, USUAL
 

@@ -8,11 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from designer.faces import border_width_mm
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
-from designer.make.clearance import border_width_mm, narrowest_widths
+from designer.make.clearance import narrowest_widths
 from designer.make.printability import RULES, PrintCheck, PrintFinding, check_printability
 from designer.sizing import size_job
-from designer.spec import BoardSpec, IcoSpec, PrinterProfile, PrintSpec
+from designer.spec import PrinterProfile, PrintSpec
 from designer.spec_file import RawValue, parse_spec
 from designer.target import TargetGeometry
 

@@ -14,8 +14,8 @@ from calib.renderer.lens import psf_weights
 from calib.renderer.trace import half_plane_coverage
 from designer.layout import lay_out
 from designer.sizing import size_job
-from designer.spec_file import BoardFile, IcoFile
 from designer.target import TargetGeometry
+from tests.designs import asked_for
 from tests.render_oracle import render_slowly
 
 Array = NDArray[np.float64]
@@ -27,12 +27,12 @@ SILHOUETTE = RenderOptions(bits=32, black=0.9, white=1.0, background=0.0)
 def board(columns: int = 4, **changes: object) -> TargetGeometry:
     """A board of rings of 7 mm at 9 mm, with a border of 1 mm unless told otherwise."""
     values = {"columns": columns, "rows": columns, "ring_diameter": "7mm", "pitch": "9mm", "border": "1mm"}
-    return lay_out(size_job(BoardFile.model_validate({**values, **changes})).job.target)
+    return lay_out(size_job(asked_for("board", {**values, **changes})).job.target)
 
 
 def ico() -> TargetGeometry:
     """An icosahedron of 100 mm edges."""
-    return lay_out(size_job(IcoFile.model_validate({"edge": "100mm"})).job.target)
+    return lay_out(size_job(asked_for("ico", {"edge": "100mm"})).job.target)
 
 
 def camera(focal_px: float, side_px: int, model: str = "opencv", *lens: float) -> Camera:

@@ -20,9 +20,9 @@ from calib.renderer.job import RenderJob, render_file, run_job, truth_text
 from designer.errors import InputError
 from designer.layout import lay_out
 from designer.sizing import size_job
-from designer.spec_file import BoardFile
 from designer.target import TargetGeometry, target_to_json
 from tests.command_line import PAGE
+from tests.designs import asked_for
 
 REPOSITORY = Path(__file__).parent.parent
 CAMERA = Camera("opencv", np.array([300.0, 300, 79.5, 59.5, 0, 0, 0, 0, 0]), (160, 120))
@@ -31,7 +31,7 @@ CAMERA = Camera("opencv", np.array([300.0, 300, 79.5, 59.5, 0, 0, 0, 0, 0]), (16
 def target() -> TargetGeometry:
     """A small board."""
     values = {"columns": 4, "rows": 4, "ring_diameter": "7mm", "pitch": "9mm"}
-    return lay_out(size_job(BoardFile.model_validate(values)).job.target)
+    return lay_out(size_job(asked_for("board", values)).job.target)
 
 
 def job(views: int = 3, **changes: object) -> RenderJob:

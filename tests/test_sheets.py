@@ -24,13 +24,14 @@ from shapely.geometry.base import BaseGeometry
 from designer.errors import InputError
 from designer.formats.pdf import pdf_bytes
 from designer.formats.svg import svg_bytes
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec, icosahedron
 from designer.layout import lay_out
 from designer.make.drawing import SheetPage, Text
 from designer.make.pattern import make_pattern
 from designer.make.sheets import BLEED_MM, lay_out_sheets
 from designer.page_size import MARGIN_MM, SCALE_BAR_MM, page_size_mm
-from designer.polyhedron import INRADIUS, icosahedron_vertices
-from designer.spec import BoardSpec, IcoSpec, PrinterProfile, PrintSpec, TargetSpec
+from designer.spec import PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
 
 PRINTER = PrinterProfile("any", (256.0, 256.0, 256.0), 0.4, 0.45, 0.2)
@@ -57,7 +58,7 @@ ALU = BoardSpec((400.0, 400.0), 3.0, 39, 39, "square", 8.0, 0.45, 10.0, 0.0, 5.0
 
 
 def sheets(
-    spec: TargetSpec, page: str = "A4", name: str = "target", prints: PrintSpec | None = None
+    spec: Spec, page: str = "A4", name: str = "target", prints: PrintSpec | None = None
 ) -> tuple[TargetGeometry, tuple[SheetPage, ...]]:
     prints = prints or printing()
     target = lay_out(spec)
@@ -209,8 +210,8 @@ def sorted_rows(points: np.ndarray) -> np.ndarray:
 def test_cut_is_the_facet_of_the_smaller_body(thickness: float) -> None:
     """The cut triangle's edge is that of the icosahedron whose faces lie one sticker's thickness deeper."""
     _, pages = sheets(MASTER, prints=printing(thickness=thickness))
-    smaller = (INRADIUS * 133.0 - thickness) / INRADIUS  # edge of the body with this inradius
-    vertices = smaller * icosahedron_vertices()
+    smaller = (icosahedron().inradius * 133.0 - thickness) / icosahedron().inradius
+    vertices = smaller * icosahedron().vertices
     distances = np.linalg.norm(vertices[:, None] - vertices[None], axis=2)
     edge = distances[distances > 1].min()
     for page in pages:
@@ -302,7 +303,7 @@ def test_fit_that_no_pdf_can_hold() -> None:
 
 
 @pytest.mark.parametrize("spec", [ico(100.0), board(60.0, 60.0, 2.0)])
-def test_same_input_same_bytes(spec: TargetSpec) -> None:
+def test_same_input_same_bytes(spec: Spec) -> None:
     """The same target gives the same PDF and SVG, byte for byte."""
     once, again = (sheets(spec)[1] for _ in range(2))
     assert once == again
@@ -318,7 +319,7 @@ def svg_point(text: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("spec", [MASTER, board(220.0, 220.0, 4.0)])
-def test_svg_holds_true_circles_at_the_features(spec: TargetSpec) -> None:
+def test_svg_holds_true_circles_at_the_features(spec: Spec) -> None:
     """Each feature is one path of full circles (ring: two, dot: one) with its radii, and the pitch holds in mm."""
     target, pages = sheets(spec, "fit")
     root = ElementTree.fromstring(svg_bytes(pages))
@@ -417,7 +418,7 @@ def nearest_distance_mm(from_points: np.ndarray, to_points: np.ndarray) -> np.nd
 
 
 @pytest.mark.parametrize(("spec", "page"), [(ico(20.0), "fit"), (ico(100.0), "A4"), (board(60, 60, 2.0), "fit")])
-def test_pdf_features_lie_where_the_target_says(spec: TargetSpec, page: str, tmp_path: Path) -> None:
+def test_pdf_features_lie_where_the_target_says(spec: Spec, page: str, tmp_path: Path) -> None:
     """Rasterised by another program, every feature's centre is within 0.02 mm of its place; nothing is scaled."""
     target, pages = sheets(spec, page, prints=replace(printing(labels=False), ink_colour="#000000"))
     measured = measured_features(rasterise(pdf_bytes(pages), tmp_path), pages[0].height_mm, spec.ring_diameter_mm / 2)

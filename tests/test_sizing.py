@@ -9,11 +9,14 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from designer.errors import InputError
+from designer.faces import border_width_mm
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
-from designer.make.clearance import border_width_mm, narrowest_widths
+from designer.make.clearance import narrowest_widths
 from designer.size_rules import widths_mm
 from designer.sizing import Sized, size_job
-from designer.spec import BoardSpec, IcoSpec, TargetSpec
+from designer.spec import Spec
 from designer.spec_file import RawValue, parse_spec, spec_to_toml
 
 TOO_LITTLE = "size, or its rings and their distance; give --size 200x200mm, or --columns 10 --rows 7 --pitch 20mm"
@@ -64,7 +67,7 @@ def named(message: str, before: str) -> float:
     return float(message.split(before)[1].split("mm", maxsplit=1)[0])
 
 
-def least_width_mm(spec: TargetSpec) -> float:
+def least_width_mm(spec: Spec) -> float:
     """The least of strokes, centres, gaps, margin and border as laid out, the border only where there is one."""
     target = lay_out(spec)
     widths = narrowest_widths(target)

@@ -10,10 +10,12 @@ from manifold3d import Manifold, Mesh64
 from numpy.typing import NDArray
 
 from designer.errors import InputError
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
-from designer.make.mesh import Mesh, plain_board, plain_icosahedron
+from designer.make.mesh import Mesh, plain_plate, plain_solid
 from designer.make.stand import CLEARANCE_MM, make_stand, stand_from_target
-from designer.spec import BoardSpec, IcoSpec, PrinterProfile, PrintSpec, TargetSpec
+from designer.spec import PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
 
 PRINTING = PrintSpec(
@@ -29,7 +31,7 @@ PRINTING = PrintSpec(
     True,
     0.02,
 )
-SPECS: dict[str, TargetSpec] = {
+SPECS: dict[str, Spec] = {
     "ico 20": IcoSpec(20.0, 5, 2.3, 0.45, 2.9, 0.5, 0.4),
     "ico 20, rings near the corners": IcoSpec(20.0, 5, 2.4, 0.45, 3.35, 0.5, 0.1),
     "ico 100": IcoSpec(100.0, 8, 7.0, 0.45, 10.0, 2.0, 3.0),
@@ -58,11 +60,11 @@ def as_manifold(mesh: Mesh) -> Manifold:
 def placed_solid(target: TargetGeometry) -> Manifold:
     """The target as it stands."""
     spec = target.spec
-    if isinstance(spec, IcoSpec):
-        solid = plain_icosahedron(spec.edge_mm)
+    assert spec is not None
+    if spec.solid is not None:
+        solid = plain_solid(spec.solid, below_mm=0.0, scale=1.0)
     else:
-        assert isinstance(spec, BoardSpec)
-        solid = plain_board(target.outline_mm[0], spec.thickness_mm)
+        solid = plain_plate(target.outline_mm[0], spec.depth_mm)
     return as_manifold(solid).transform(stand_from_target(target)[:3])
 
 
@@ -165,7 +167,7 @@ def test_shrink_compensation_scales_the_stand(target: TargetGeometry, stand: Mes
         BoardSpec((30.0, 30.0), 3.0, 6, 6, "square", 4.0, 0.45, 5.0, 0, 0.5, True),
     ],
 )
-def test_no_room_for_a_stand_is_refused(spec: TargetSpec) -> None:
+def test_no_room_for_a_stand_is_refused(spec: Spec) -> None:
     """Where rings leave no room to hold the target, the message names the room."""
     with pytest.raises(InputError, match=r"rings come within .*mm"):
         make_stand(lay_out(spec), PRINTING)

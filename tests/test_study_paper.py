@@ -12,8 +12,9 @@ from calib.observe.observations import known_points
 from calib.observe.truth import read_truth
 from calib.studies import paper_sets, paper_study
 from calib.studies.paper_table import TARGETS, paper_value
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec, IcoSpec
 from designer.target import TargetGeometry
 from tests.calibrations import camera
 from tests.command_line import calib, refused

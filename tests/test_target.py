@@ -15,8 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from designer.errors import InputError
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec, IcoSpec
 from designer.target import (
     TargetGeometry,
     bounding_radius_mm,

@@ -28,8 +28,8 @@ from calib.verdict.halves import half_split
 from calib.verdict.next_views import next_views
 from calib.verdict.of_run import judge_run
 from designer.errors import InputError
+from designer.kinds.board import BoardSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.made import how_made

@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
 from designer.page.scene import Cameras, Labels, Layer, Rings, Scene, Segments, Surface
 from designer.page.scene_json import scene_json
-from designer.spec import BoardSpec, IcoSpec
 from designer.target import TargetGeometry, bounding_radius_mm
 from designer.target_scene import (
     THICKNESS_MM,

@@ -12,7 +12,6 @@ from designer.presets import preset_names
 from designer.produce import Design
 from designer.sizing import size_job
 from designer.spec import Build
-from designer.spec_file import IcoFile
 from designer.target import TargetGeometry, target_from_json, target_to_json
 from designer.tolerance.error_file import error_model
 from designer.tolerance.made import ERRORS_OF_BUILD, error_model_for
@@ -20,6 +19,7 @@ from designer.tolerance.model import displaced_shape, draw_values, perturb
 from designer.tolerance.prior import ShapePrior, measured_prior, shape_prior
 from designer.tolerance.shape import centers_mm
 from designer.tolerance.source import Amount
+from tests.designs import asked_for
 from tests.perturbed_targets import FULL, board, ico, made_by_others
 
 Array = NDArray[np.float64]
@@ -118,7 +118,7 @@ def test_the_way_of_making_is_assumed_from_the_build(build: Build) -> None:
 def test_a_design_says_how_it_is_built() -> None:
     """The target of a design carries the build that was asked for, or the usual one."""
     for build in ("stickers", None):
-        design = Design(size_job(IcoFile(kind="ico", edge="100mm", build=build)).job)
+        design = Design(size_job(asked_for("ico", {"edge": "100mm", "build": build})).job)
         assert design.target.build == (build or "solid")
 
 

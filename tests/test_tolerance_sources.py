@@ -13,8 +13,8 @@ from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
 from designer.make.bed import bed_from_target
+from designer.options import AskedPrinting
 from designer.sizing import size_printing
-from designer.spec_file import PrintingFile
 from designer.target import TargetGeometry, target_from_json, target_to_json
 from designer.tolerance.model import displaced, perturb
 from designer.tolerance.registry import SOURCES
@@ -133,8 +133,8 @@ def test_axes_are_those_of_the_bed(name: str, number: float) -> None:
 
 def test_the_default_bed_is_the_designers() -> None:
     """Without a bed the target lies as `designer.make.bed` lays it, but for turns by 90 degrees around the vertical."""
-    for target, kind in ((ico(), "ico"), (board(), "board")):
-        printing = size_printing(PrintingFile(), kind=kind, border_mm=1.0, thickness_mm=5.0)
+    for target in (ico(), board()):
+        printing = size_printing(AskedPrinting(), target)
         turn = bed_from_target(target, printing)[:3, :3] @ face_down(target).T
         assert np.allclose(turn[2], [0, 0, 1], atol=1e-12)
         assert np.allclose(np.abs(turn).sum(axis=1), 1, atol=1e-12)

@@ -16,13 +16,14 @@ from PIL import Image
 from playwright.sync_api import Browser
 from playwright.sync_api import Page as BrowserPage
 
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
 from designer.page import shell
 from designer.page.blocks import Page, Paragraph, Raster, Section, View3d
 from designer.page.raster import raster_of
 from designer.page.scene import Layer, Scene
 from designer.page.shell import page_html
-from designer.spec import BoardSpec, IcoSpec
 from designer.target_scene import camera_layer, target_scene
 from tests.browser import open_page
 from tests.pages import png

@@ -107,7 +107,7 @@ def _mean_edge(target: TargetGeometry, known: Flags, name: str) -> float:
     known_corner = corner[known].reshape(-1, 3)
     apart = np.linalg.norm(corner[:, :, None] - known_corner, axis=3)
     near = apart < SAME_CORNER * side.mean()
-    if not known.any() or target.face_count == 1:
+    if not known.any() or target.is_planar:
         raise InputError(f"length {name!r}: the target has no edges at which faces meet; give a length between rings")
     shared = np.einsum("fkn,ni->fki", near, known_corner) / np.maximum(near.sum(axis=2), 1)[:, :, None]
     lengths = np.linalg.norm(np.roll(shared, -1, axis=1) - shared, axis=2)[known]

@@ -122,7 +122,7 @@ def _free_strain(target: TargetGeometry) -> NDArray[np.int64]:
 
     The others would tilt it, as poses do.
     """
-    if target.face_count == 1 and abs(target.target_from_face[0, 2, 2]) > UPRIGHT:
+    if target.is_planar and abs(target.target_from_face[0, 2, 2]) > UPRIGHT:
         return np.array([0, 1, 5])
     return np.arange(6)
 

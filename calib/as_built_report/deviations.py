@@ -96,7 +96,7 @@ def whole_print(found: AsBuilt, bed_turn_rad: float = 0.0) -> WholePrint:
     change = np.column_stack([strain_numbers(turn @ strain_matrix(unit) @ turn.T) for unit in np.eye(6)])
     numbers = change @ strain_numbers(found.strain)
     covariance = change @ found.strain_covariance @ change.T
-    flat = found.nominal.face_count == 1
+    flat = found.nominal.is_planar
     axes = (0, 1) if flat else (0, 1, 2)
     mean = np.zeros(6)
     mean[list(axes)] = 1 / len(axes)

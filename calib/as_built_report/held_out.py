@@ -173,7 +173,7 @@ def gain_on_held_out(
 
 def _is_measured(found: AsBuilt) -> Flags:
     """The faces that are determined, and of several not by one view alone.  # (F,)"""
-    measured: Flags = found.is_determined & ((found.face_views > 1) | (found.nominal.face_count == 1))
+    measured: Flags = found.is_determined & ((found.face_views > 1) | (found.nominal.is_planar))
     return measured
 
 

@@ -43,7 +43,7 @@ def layout_of(target: TargetGeometry) -> Layout:
     """The faces in rows."""
     low, high = target.outline_mm.min(axis=1), target.outline_mm.max(axis=1)
     width, height = (high - low).max(axis=0).tolist()
-    gap = GAP * max(width, height) if target.face_count > 1 else 0.0
+    gap = GAP * max(width, height) if not target.is_planar else 0.0
     cell = np.array([width + gap, height + gap])
     count = target.face_count
     about = max(1, round(math.sqrt(count * WIDE * cell[1] / cell[0])))

@@ -172,7 +172,7 @@ def _draw_faces(axes: "Axes", report: MeasureReport, layout: Layout) -> None:
 def _draw_rings(axes: "Axes", report: MeasureReport, layout: Layout) -> None:
     """How rings lie on their faces: arrows in the plane, colour along the normal."""
     rings, target = report.rings, report.found.nominal
-    several = target.face_count > 1
+    several = not target.is_planar
     title = "How rings lie on their faces, the faces' own motion taken off" if several else "How rings lie on the board"
     _map_axes(axes, layout, title)
     if rings is None:

@@ -19,7 +19,6 @@ from calib.as_built_report.deviations import (
 from calib.as_built_report.held_out import Gain, HeldOut
 from calib.core.number_text import figure, with_digits
 from designer.skew import MOST_SKEW_DEG, NO_SKEW, SKEW_NAMES, Skew
-from designer.spec import BUILDS
 from designer.target import TargetGeometry
 
 LEAST_COMPENSATION_PERCENT = 0.005
@@ -53,7 +52,7 @@ def _signed(value: float, sigma: float) -> str:
 
 def is_plastic(target: TargetGeometry) -> bool:
     """Whether it is of ours and printed in plastic, so that `design` corrects size and angles; else on paper, or so."""
-    build = target.build or (None if target.spec is None else BUILDS[target.spec.kind][0])
+    build = target.build or (None if target.spec is None else target.spec.builds[0])
     return build not in (None, "sheet")
 
 

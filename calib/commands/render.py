@@ -171,7 +171,7 @@ def _grid(
             f"and the aim {offset:g}mm; stay farther away"
         )
     cap = math.radians(bounded("--cap-angle", cap_angle, parse_degrees, 0, 180, "deg"))
-    where = choice("--region", region or ("cap" if target.face_count == 1 else "sphere"), REGIONS)
+    where = choice("--region", region or ("cap" if target.is_planar else "sphere"), REGIONS)
     grid = PoseGrid(
         views=whole("--views", views, 1, MAX_VIEWS),
         half_angle_rad={"hemisphere": math.pi / 2, "sphere": math.pi, "cap": cap}[where],

@@ -94,8 +94,8 @@ def _say(file: Path, geometry: "TargetGeometry") -> dict[str, Value]:
     dots = int(geometry.is_dot.sum())
     kind = "made elsewhere" if geometry.spec is None else geometry.spec.kind
     if not geometry.has_marks:
-        marks = f"points without marks on {geometry.face_count} plane{'s' if geometry.face_count > 1 else ''}"
-    elif geometry.face_count > 1:
+        marks = f"points without marks on {geometry.face_count} plane{'s' if not geometry.is_planar else ''}"
+    elif not geometry.is_planar:
         marks = f"{geometry.face_count} faces {'with' if (geometry.face_code >= 0).all() else 'without'} codes"
     else:
         marks = "one face with an origin mark" if dots else "one face without marks, its orientation ambiguous"

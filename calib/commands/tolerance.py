@@ -264,7 +264,7 @@ def _remarks(target: "TargetGeometry", setting: "Setting", fit: str) -> Iterator
     """What to know of a setting."""
     if target.source != "nominal":
         yield f"the target file is a {target.source} one; its shape is taken as the drawing"
-    if target.face_count > 1:
+    if not target.is_planar:
         yield "layers and axes are those of a print that lies on its last face"
     yield from setting.remarks
     if fit:

@@ -79,7 +79,7 @@ def draw_overlay(
     faces = [imaged_face(seen, target, int(face)) for face in np.unique(target.ring_face[seen.ring])]
     colours = face_colours(target)
     _keep_clear(canvas, seen, faces)
-    if target.face_count > 1:
+    if not target.is_planar:
         for face in faces:
             _draw_face_number(canvas, face, colours[face.face])
     for face in faces:

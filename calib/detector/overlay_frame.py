@@ -67,7 +67,7 @@ def _header(seen: Detections, target: TargetGeometry, width: int, height: int) -
         sigma = np.sqrt(np.linalg.eigvalsh(seen.cov_px2)[:, 1])
         title.append((f"median sigma {_digits(float(np.median(sigma)))} px", _SOFT))
     rows = _flowed(title, width, height)
-    if target.face_count > 1 and named:
+    if not target.is_planar and named:
         colours = face_colours(target)
         faces: list[_Text] = [("faces", _SOFT)]
         for record in sorted(named, key=lambda record: record.face or 0):

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detector.lattice import Lattice, lattice_of
-from designer.code import BOARD_DOTS, CODE_POSITIONS, CODES
 from designer.target import TargetGeometry
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -35,7 +34,7 @@ class TargetPlan:
     @property
     def is_coded(self) -> bool:
         """Whether faces carry codes."""
-        return bool((self.target.face_code >= 0).all())
+        return self.target.has_codes
 
     @property
     def pitch_radii(self) -> float:
@@ -160,11 +159,12 @@ def _shared_corners(target: TargetGeometry) -> Integers:
 
 
 def _marks(target: TargetGeometry) -> tuple[Integers, NDArray[np.bool_]]:
-    """Where marks may be, and where they are: the code's six positions, or a board's dots."""
-    if (target.face_code >= 0).all():
-        dots = np.array([[position in CODES[code] for position in CODE_POSITIONS] for code in target.face_code])
-        return np.array(CODE_POSITIONS), dots
-    if target.is_dot.any():
-        index = target.ring_index[target.is_dot & (target.ring_face == 0)]
+    """Where marks may be, and where they are: of coded faces wherever one has a dot, row by row from the corner on."""
+    face, index = target.ring_face[target.is_dot], target.ring_index[target.is_dot]
+    if not target.has_codes:
+        index = index[face == 0]
         return index, np.ones((target.face_count, len(index)), dtype=np.bool_)
-    return np.array(sorted(BOARD_DOTS)), np.zeros((target.face_count, len(BOARD_DOTS)), dtype=np.bool_)
+    place, row = np.unique(np.column_stack([index.sum(axis=1), index[:, ::-1]]), axis=0, return_inverse=True)
+    is_dot = np.zeros((target.face_count, len(place)), dtype=np.bool_)
+    is_dot[face, row.reshape(-1)] = True
+    return place[:, :0:-1].copy(), is_dot

@@ -180,7 +180,7 @@ def gather(
         end_odds=sum(end.odds for end in ends),
         ended_faces=sum(end.odds > 0 for end in ends),
         cut_off=0 if plan.target.is_dot.any() else plan.target.ring_count - len(places.ring),
-        is_board=plan.target.face_count == 1,
+        is_board=plan.target.is_planar,
         is_lone=len(faces) == 1 < plan.target.face_count,
         is_bounded=any(end.is_bounded for end in ends),
         skew=skew,

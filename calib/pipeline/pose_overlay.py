@@ -65,7 +65,7 @@ def _draw_residual(canvas: Canvas, measured: Array, end: Array, width: float, ar
 
 def _draw_axes(canvas: Canvas, target: TargetGeometry, camera: Camera, pose: TargetPose, width: float) -> None:
     """The axes of the target's frame, bent as the lens bends them, the farthest end first."""
-    length = (0.5 if target.face_count == 1 else 1.25) * bounding_radius_mm(target)
+    length = (0.5 if target.is_planar else 1.25) * bounding_radius_mm(target)
     along = np.linspace(0, 1, _STEPS)[:, None] * length
     depth = pose.cam_from_target[2, :3]
     for axis in np.argsort(-depth).tolist():

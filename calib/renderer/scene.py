@@ -124,7 +124,7 @@ def _area(corner_mm: Array) -> float:
 
 def _is_convex(target: TargetGeometry) -> bool:
     """Whether the faces bound a convex body: each lies behind the planes of all others."""
-    if target.face_count == 1:
+    if target.is_planar:
         return False
     frame = target.target_from_face
     corner = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]

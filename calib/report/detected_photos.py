@@ -164,7 +164,7 @@ def told_detected(made: Detected) -> ToldPhotos:
     """What the page says."""
     rows, common = _checks(made), made.common_remarks
     level = worst_level(rows)
-    faces = (ToldSection("Faces", (_faces_table(made),)),) if made.geometry.face_count > 1 else ()
+    faces = (ToldSection("Faces", (_faces_table(made),)),) if not made.geometry.is_planar else ()
     return ToldPhotos(
         "detections", _headline(made, level), _facts(made), _columns(made),
         tuple(_photo(made, photo, common) for photo in made.photos),
@@ -230,7 +230,7 @@ def _facts(made: Detected) -> tuple[tuple[str, str], ...]:
         ("photos", f"{len(made.photos)}, {len(made.readable)} of them searched"),
         ("image", f"{shown}{', ...' if len(sizes) > 3 else ''}" if shown else "none could be read"),
     ]  # fmt: skip
-    if made.geometry.face_count > 1:
+    if not made.geometry.is_planar:
         seen = {face for photo in made.photos for face in photo.faces}
         facts.append(("faces seen", f"{len(seen)} of {made.geometry.face_count}"))
     way = f"; from this folder: {made.table_from_here}" if made.table_from_here else ""
@@ -268,7 +268,7 @@ def _columns(made: Detected) -> tuple[Column, ...]:
         Column("found", note="rings and dots that were named and measured"),
         Column("expected", note=f"of the faces that show, without those {UNMEASURABLE_WORDS}"),
         Column("found %"),
-        *(faces if made.geometry.face_count > 1 else ()),
+        *(faces if not made.geometry.is_planar else ()),
         Column("sigma px", note="median of the centres' standard deviations, along their worse axis"),
         Column("margin", note="how many marks fit the name of a face better than the next best name; the least"),
         Column("no name", note="ring-like things that got no name"),
@@ -288,7 +288,7 @@ def _photo(made: Detected, photo: SearchedPhoto, common: tuple[str, ...]) -> Tol
     cells = (
         whole(record.features), whole(photo.expected),
         Cell(f"{100 * photo.share:.1f}", 100 * photo.share) if photo.expected else Cell(""),
-        *((Cell(" ".join(map(str, faces)), float(len(faces))),) if made.geometry.face_count > 1 else ()),
+        *((Cell(" ".join(map(str, faces)), float(len(faces))),) if not made.geometry.is_planar else ()),
         number(photo.sigma_px, 2), whole(min(margins)) if margins else Cell(""), whole(record.rejected), Cell(missing),
         Cell(remark),
     )  # fmt: skip

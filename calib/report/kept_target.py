@@ -6,8 +6,8 @@ from calib.core.files import write_files
 from designer.command import printable
 from designer.errors import InputError
 from designer.own_files import is_ours
-from designer.spec import BoardSpec
 from designer.target import FORMAT, TargetGeometry, load_target, target_to_json
+from designer.words import with_article
 
 TARGET_FILE = "target.json"
 
@@ -47,9 +47,6 @@ def kept_target(folder: Path, geometry_id: str) -> tuple[TargetGeometry | None, 
 def target_words(target: TargetGeometry) -> str:
     """What a target is, in a few words."""
     if target.spec is None:
-        faces = "1 face" if target.face_count == 1 else f"{target.face_count} faces"
+        faces = "1 face" if target.is_planar else f"{target.face_count} faces"
         return f"a target of {faces} and {target.ring_count} rings"
-    if isinstance(target.spec, BoardSpec):
-        width, height = target.spec.size_mm
-        return f"a board of {width:g} x {height:g} mm"
-    return f"an icosahedron of {target.spec.edge_mm:g} mm edge"
+    return with_article(target.spec.words)

@@ -70,7 +70,7 @@ def measure_view(record: AsBuiltRecord, target: TargetGeometry) -> View3d | None
     most_mm = nice(_far(known[:, 2]))
     factor = nice(ARROW_SHARE * ring_distance_mm(target) / max(_far(known[:, :2]), LEAST_MM), is_down=True)
     layers = [Layer(f"where to in the plane, {factor:g} times as far", (_arrows(found, target, factor),))]
-    if target.face_count > 1:
+    if not target.is_planar:
         title = f"outlines of the faces, {factor:g} times as far off"
         layers.append(Layer(title, (_faces(record, target, factor),), is_shown=False))
     scene = target_scene(

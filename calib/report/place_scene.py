@@ -39,7 +39,7 @@ def place_view(
     size_mm = camera_size_mm(poses)
     drawn = _axes(poses) if target is None else target_layers(target, body_colour=BODY, ink_colour=INK)
     cameras = camera_layer(poses, corner_rays(camera), names[::every], (CAMERA,), size_mm)
-    is_flat = target is not None and target.face_count == 1
+    is_flat = target is not None and target.is_planar
     up, from_direction = first_look(poses, centers_mm(poses), is_flat=is_flat)
     said = caption if every == 1 else f"{caption} One of {every} is drawn."
     return View3d(
@@ -53,7 +53,7 @@ def place_words(target: TargetGeometry | None, cam_from_target: Array) -> str:
     centre = centers_mm(cam_from_target)
     photos = "1 photo" if len(centre) == 1 else f"{len(centre)} photos"
     words = f"{photos} from {distance_words(cam_from_target)} away"
-    if target is not None and target.face_count == 1:
+    if target is not None and target.is_planar:
         tilt = tilts_deg(target, cam_from_target)
         words += f", at {tilt.min():.0f} to {tilt.max():.0f}° from straight on"
     return f"{words}."

@@ -50,7 +50,7 @@ def told_rendered(job: RenderJob, target_file: str) -> ToldPhotos:
         job: that made it.
         target_file: its target as it lies in the folder, or what stands for it.
     """
-    photos, is_flat = _photos(job), job.target.face_count == 1
+    photos, is_flat = _photos(job), job.target.is_planar
     too_small = _too_small(photos) if any(photo.is_too_small for photo in photos) else ""
     return ToldPhotos(
         "photos", _headline(job, photos, too_small), _facts(job), _columns(is_flat=is_flat),
@@ -70,7 +70,7 @@ def told_rendered(job: RenderJob, target_file: str) -> ToldPhotos:
 def _photos(job: RenderJob) -> list[RenderedPhoto]:
     scene, poses = scene_from_target(job.target), job.cam_from_target
     distance_mm = np.linalg.norm(poses[:, :3, 3], axis=1).tolist()
-    is_flat = job.target.face_count == 1
+    is_flat = job.target.is_planar
     tilt_deg = tilts_deg(job.target, poses).tolist() if is_flat else [np.nan] * len(poses)
     return [
         _photo(job, scene, view, name, distance_mm[view], tilt_deg[view]) for view, name in enumerate(job.file_names)

@@ -18,7 +18,7 @@ def photo_table(search: Search) -> Table:
     seen = search.detections
     common = common_remarks([one.remarks for one in seen])
     rows = seen if len(seen) <= MAX_ROWS else [one for one in seen if one.remarks or not len(one.ring)][:MAX_ROWS]
-    is_solid = search.target.face_count > 1
+    is_solid = not search.target.is_planar
     columns = [Column("image", is_number=False), *([Column("faces", is_number=False)] if is_solid else [])]
     columns += [Column("found"), Column("sigma px"), Column("remark", is_number=False)]
     notes = [f"all images: {remark}" for remark in common]

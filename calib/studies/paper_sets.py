@@ -1,7 +1,7 @@
 """The paper's synthetic sets made again: its two targets, photographed from 400 mm, detected, and told by incidence."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,9 +20,10 @@ from calib.renderer.job import RenderJob, run_job
 from calib.renderer.options import RenderOptions
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.solver.solve import solve
+from calib.studies.paper_table import BOARD, ICOSAHEDRON
 from designer.errors import InputError
-from designer.layout import lay_out
-from designer.spec import BoardSpec, IcoSpec
+from designer.kind import spec_from_mapping
+from designer.spec import SpecValue
 from designer.target import TargetGeometry
 
 DISTANCE_MM = 400.0
@@ -39,17 +40,20 @@ SAMPLINGS = {
 }
 """As the paper renders, one ray a pixel, black or white; and as a good camera sees: anti-aliased, blurred, noisy."""
 
+_RINGS: Mapping[str, SpecValue] = {"ring_diameter_mm": 7, "ring_ratio": 0.45, "pitch_mm": 10, "margin_mm": 1}
+PAPER_SPECS: Mapping[str, Mapping[str, SpecValue]] = {
+    BOARD: {
+        "kind": "board", "size_mm": [220, 220], "thickness_mm": 5, "columns": 21, "rows": 21, "lattice": "square",
+        "border_mm": 0, "dots": True, **_RINGS,
+    },
+    ICOSAHEDRON: {"kind": "ico", "edge_mm": 100, "rings_per_side": 8, "border_mm": 2, **_RINGS},
+}  # fmt: skip
+"""The targets of the paper's study, as target files have their specs."""
+
 
 def paper_targets() -> dict[str, TargetGeometry]:
     """A board of 220 mm and an icosahedron of 100 mm edge, both with rings of 7 mm every 10 mm."""
-    board = BoardSpec(
-        size_mm=(220, 220), thickness_mm=5, columns=21, rows=21, lattice="square", ring_diameter_mm=7,
-        ring_ratio=0.45, pitch_mm=10, border_mm=0, margin_mm=1, dots=True,
-    )  # fmt: skip
-    ico = IcoSpec(
-        edge_mm=100, rings_per_side=8, ring_diameter_mm=7, ring_ratio=0.45, pitch_mm=10, border_mm=2, margin_mm=1
-    )
-    return {"board": lay_out(board), "icosahedron": lay_out(ico)}
+    return {name: spec_from_mapping(spec).lay_out() for name, spec in PAPER_SPECS.items()}
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from designer.make.pattern import Contour, FacePattern, Pattern
-from designer.net import NET_SIZE, icosahedron_net
+from designer.solid import Polyhedron
 
 HEIGHT_PX = 800
 """Height of the picture above its caption; the view in perspective is as wide."""
@@ -44,20 +44,29 @@ class _SphereCamera:
         return list(zip((middle + factor * seen[:, 0]).tolist(), (middle - factor * seen[:, 1]).tolist(), strict=True))
 
 
-def preview_png(pattern: Pattern, *, thickness_mm: float, body_colour: str, ink_colour: str, caption: str) -> bytes:
+def preview_png(
+    pattern: Pattern,
+    *,
+    polyhedron: Polyhedron | None,
+    thickness_mm: float,
+    body_colour: str,
+    ink_colour: str,
+    caption: str,
+) -> bytes:
     """The preview as a PNG file.
 
     Args:
         pattern: the ink on all faces.
-        thickness_mm: of the plate behind a single face.
+        polyhedron: the solid, whose net is drawn, too; None: a plate.
+        thickness_mm: of the plate.
         body_colour: "#rrggbb".
         ink_colour: "#rrggbb".
         caption: a line below the picture.
     """
     colours = _rgb(body_colour), _rgb(ink_colour)
     panels = [_perspective(pattern, thickness_mm, colours)]
-    if len(pattern.faces) > 1:
-        panels.append(_unfolded(pattern, colours))
+    if polyhedron is not None:
+        panels.append(_unfolded(pattern, polyhedron, colours))
     image = Image.new("RGB", (sum(panel.width for panel in panels), HEIGHT_PX + CAPTION_PX), _BACKGROUND)
     left = 0
     for panel in panels:
@@ -71,12 +80,12 @@ def preview_png(pattern: Pattern, *, thickness_mm: float, body_colour: str, ink_
 
 def _perspective(pattern: Pattern, thickness_mm: float, colours: tuple[_Colour, _Colour]) -> Image.Image:
     """The target as a camera sees it."""
-    is_board = len(pattern.faces) == 1
-    direction = np.array([-0.35, -0.45, 1.0]) if is_board else np.array([0.9, -0.35, 0.45])
-    view = _look_from(pattern, direction, up=np.eye(3)[1 if is_board else 2])
+    is_plate = len(pattern.faces) == 1
+    direction = np.array([-0.35, -0.45, 1.0]) if is_plate else np.array([0.9, -0.35, 0.45])
+    view = _look_from(pattern, direction, up=np.eye(3)[1 if is_plate else 2])
     canvas = Image.new("RGB", (HEIGHT_PX * _OVERSAMPLING,) * 2, _BACKGROUND)
     draw = ImageDraw.Draw(canvas)
-    if is_board:
+    if is_plate:
         _paint_sides(draw, pattern, view, thickness_mm, colours[0])
     for frame, face in zip(pattern.target_from_face, pattern.faces, strict=True):
         if frame[:3, 2] @ (view.distance_mm * view.camera_from_target[2] - frame[:3, 3]) > 0:
@@ -89,19 +98,20 @@ def _perspective(pattern: Pattern, thickness_mm: float, colours: tuple[_Colour, 
     return canvas.reduce(_OVERSAMPLING)
 
 
-def _unfolded(pattern: Pattern, colours: tuple[_Colour, _Colour]) -> Image.Image:
-    """The net of the icosahedron, seen from outside, with the faces' numbers."""
+def _unfolded(pattern: Pattern, polyhedron: Polyhedron, colours: tuple[_Colour, _Colour]) -> Image.Image:
+    """The net of a solid, seen from outside, with the faces' numbers."""
     canvas = Image.new("RGB", (NET_WIDTH_PX * _OVERSAMPLING, HEIGHT_PX * _OVERSAMPLING), _BACKGROUND)
     draw = ImageDraw.Draw(canvas)
-    edge_px = 0.96 * min(canvas.width / NET_SIZE[0], canvas.height / NET_SIZE[1])
-    left, top = (canvas.width - edge_px * NET_SIZE[0]) / 2, (canvas.height - edge_px * NET_SIZE[1]) / 2
+    net, (width, height) = polyhedron.unfolded()
+    edge_px = 0.96 * min(canvas.width / width, canvas.height / height)
+    left, top = (canvas.width - edge_px * width) / 2, (canvas.height - edge_px * height) / 2
     outline = pattern.faces[0].outline
     px_per_mm = edge_px / float(np.linalg.norm(outline[1] - outline[0]))
-    for number, (motion, face) in enumerate(zip(icosahedron_net(), pattern.faces, strict=True)):
+    for number, (motion, face) in enumerate(zip(net, pattern.faces, strict=True)):
 
         def to_pixels(points: Contour, motion: NDArray[np.float64] = motion) -> _Pixels:
             x, y = (px_per_mm * points @ motion[:2, :2].T + edge_px * motion[:2, 2]).T
-            return list(zip((left + x).tolist(), (top + edge_px * NET_SIZE[1] - y).tolist(), strict=True))
+            return list(zip((left + x).tolist(), (top + edge_px * height - y).tolist(), strict=True))
 
         _paint_face(draw, face, pattern, to_pixels, (_shaded(colours[0], 1.0), _shaded(colours[1], 1.0)))
         (middle,) = to_pixels(np.zeros((1, 2)))

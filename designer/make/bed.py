@@ -1,23 +1,28 @@
 """How the target lies on the printer's bed: its last face down, centred."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.polyhedron import INRADIUS
+from designer.faces import corners_mm
 from designer.skew import NO_SKEW, skew_matrix
-from designer.spec import BoardSpec, IcoSpec, PrintSpec
+from designer.spec import PrintSpec
 from designer.target import TargetGeometry
 
 _FACE_DOWN = np.diag([1.0, -1.0, -1.0])
+_ALIKE_MM = 1e-6
+_ALIKE = 1e-6
+"""Normals differ by more."""
 _QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 def bed_from_target(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64]:
     """The rigid motion that puts the printed part on the bed.
 
-    The outward normal of the last face turns to -z (of an icosahedron that is face 19, of a board its only
-    one), the lowest point comes to z = 0, and the longer of the two horizontal extents runs along the bed's
-    longer side, centred on the bed. Skew compensation does not turn the part.
+    The outward normal of the last face turns to -z (a board has only one), the lowest point comes to z = 0, and the
+    longer of the two horizontal extents runs along the bed's longer side, centred on the bed. Skew compensation does
+    not turn the part.
 
     Returns:
         bed_from_target, from the target frame in millimetres to the bed with its origin in a corner.  # (4, 4)
@@ -65,6 +70,16 @@ def printed_size_mm(target: TargetGeometry, printing: PrintSpec) -> tuple[float,
     return x, y, z
 
 
+def overhang(target: TargetGeometry, printing: PrintSpec) -> tuple[int, float] | None:
+    """How many faces hang over most, and how steeply they rise from the bed (rad); None: none does."""
+    up = bed_from_target(target, printing)[2, :3]
+    downward = -(target.target_from_face[:, :3, 2] @ up)
+    over = downward[(downward > _ALIKE) & (downward < 1 - _ALIKE)]
+    if not len(over):
+        return None
+    return int((over > over.max() - _ALIKE).sum()), math.acos(float(over.max()))
+
+
 def printed_corners_mm(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64]:
     """Corners of the printed solid in the target frame, with shrinkage and skew compensation and without stickers.
 
@@ -78,16 +93,16 @@ def _bed_axes(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64
     bed_x, bed_y, _ = printing.printer.bed_mm
     rotation: NDArray[np.float64] = _FACE_DOWN @ target.target_from_face[-1, :3, :3].T
     size = np.ptp(_straight_corners_mm(target, printing) @ rotation.T, axis=0)
-    return _QUARTER_TURN @ rotation if (size[1] > size[0]) != (bed_y > bed_x) else rotation
+    is_deeper = size[1] > size[0] + _ALIKE_MM  # of sides alike, the last bit must not decide
+    return _QUARTER_TURN @ rotation if is_deeper != (bed_y > bed_x) else rotation
 
 
 def _straight_corners_mm(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64]:
     """Corners of the printed solid, not yet sheared.  # (N, 3)"""
-    frame = target.target_from_face
-    corners = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
-    if isinstance(target.spec, BoardSpec):
-        corners = np.concatenate([corners, corners - target.spec.thickness_mm * frame[:, None, :3, 2]])
-    elif isinstance(target.spec, IcoSpec) and printing.build == "stickers":
-        corners = corners * (1 - printing.sticker_thickness_mm / (INRADIUS * target.spec.edge_mm))
+    corners, spec = corners_mm(target), target.spec
+    if spec is not None and spec.solid is None:
+        corners = np.concatenate([corners, corners - spec.depth_mm * target.target_from_face[:, None, :3, 2]])
+    elif spec is not None and spec.solid is not None and printing.build == "stickers":
+        corners = corners * (1 - printing.sticker_thickness_mm / spec.solid.inradius_mm)
     printed: NDArray[np.float64] = corners.reshape(-1, 3) * (1 + printing.shrink_compensation_percent / 100)
     return printed

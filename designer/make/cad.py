@@ -14,8 +14,7 @@ from build123d import Compound, Face, Location, Plane, Shell, Solid, Vector, Wir
 from numpy.typing import NDArray
 
 from designer.make.pattern import Contour, Pattern, Stamp
-from designer.polyhedron import INRADIUS, icosahedron_faces, icosahedron_vertices
-from designer.spec import IcoSpec, PrintSpec, TargetSpec
+from designer.spec import PrintSpec, Spec
 
 _DATE = "2000-01-01T00:00:00"
 """Same spec, same bytes: the date of every STEP file."""
@@ -33,7 +32,7 @@ class InlaidSolids:
     ink: tuple[Solid, ...]  # rings of one size are placed copies of one shape
 
 
-def step_bytes(spec: TargetSpec, pattern: Pattern, printing: PrintSpec, *, name: str, scale: float = 1.0) -> bytes:
+def step_bytes(spec: Spec, pattern: Pattern, printing: PrintSpec, *, name: str, scale: float = 1.0) -> bytes:
     """A STEP file of the printed target: an assembly `name` of a `body` and, in two filaments, its `ink`.
 
     Args:
@@ -51,7 +50,7 @@ def step_bytes(spec: TargetSpec, pattern: Pattern, printing: PrintSpec, *, name:
     return _coloured(step, printing.body_colour, printing.ink_colour).encode("latin-1")
 
 
-def inlaid_solids(spec: TargetSpec, pattern: Pattern, inlay_mm: float, *, scale: float = 1.0) -> InlaidSolids:
+def inlaid_solids(spec: Spec, pattern: Pattern, inlay_mm: float, *, scale: float = 1.0) -> InlaidSolids:
     """Set the pattern into the target's solid, `inlay_mm` deep."""
     solid = _solid_below(spec, 0.0, scale)
     frames = [_location(frame) for frame in pattern.target_from_face]
@@ -68,21 +67,19 @@ def inlaid_solids(spec: TargetSpec, pattern: Pattern, inlay_mm: float, *, scale:
     return InlaidSolids(_only_solid(solid.cut(*ink)), tuple(ink))
 
 
-def plain_solid(spec: TargetSpec, printing: PrintSpec, *, scale: float = 1.0) -> Solid:
-    """The bare body: an icosahedron smaller by the stickers that are glued on, or a sheet, which does not shrink."""
-    if isinstance(spec, IcoSpec):
-        return _solid_below(spec, printing.sticker_thickness_mm * scale, scale)
-    return _solid_below(spec, 0.0, 1.0)
+def plain_solid(spec: Spec, printing: PrintSpec, *, scale: float = 1.0) -> Solid:
+    """The bare body: a solid smaller by the stickers that are glued on, or a sheet, which does not shrink."""
+    if spec.solid is None:
+        return _solid_below(spec, 0.0, 1.0)
+    return _solid_below(spec, printing.sticker_thickness_mm * scale, scale)
 
 
-def _solid_below(spec: TargetSpec, depth_mm: float, scale: float) -> Solid:
+def _solid_below(spec: Spec, depth_mm: float, scale: float) -> Solid:
     """The part of the target's solid that lies at least `depth_mm` below the faces with ink."""
-    if not isinstance(spec, IcoSpec):
-        width, height = spec.size_mm
-        outline = 0.5 * scale * np.array([[-width, -height], [width, -height], [width, height], [-width, height]])
-        return _prism(outline, -spec.thickness_mm * scale, -depth_mm)
-    vertices = (spec.edge_mm * scale - depth_mm / INRADIUS) * icosahedron_vertices()
-    return Solid(Shell([_polygon(vertices[face]) for face in icosahedron_faces()]))
+    if spec.solid is None:
+        return _prism(scale * spec.lay_out().outline_mm[0], -spec.depth_mm * scale, -depth_mm)
+    vertices = spec.solid.corners_mm(below_mm=depth_mm, scale=scale)
+    return Solid(Shell([_polygon(vertices[face]) for face in spec.solid.polyhedron.faces]))
 
 
 def _border(solid: Solid, core: Solid, pattern: Pattern, frames: list[Location], inlay_mm: float) -> Solid:

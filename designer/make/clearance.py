@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from designer.faces import border_width_mm
 from designer.target import TargetGeometry
 
 
@@ -37,15 +38,6 @@ def narrowest_widths(target: TargetGeometry) -> Widths:
         margin_mm=_margin_mm(target),
         border_mm=border_width_mm(target),
     )
-
-
-def border_width_mm(target: TargetGeometry) -> float:
-    """Width of the border, where it is narrowest; 0 without one."""
-    edge = np.roll(target.outline_mm, -1, axis=1) - target.outline_mm
-    outward = np.stack([edge[..., 1], -edge[..., 0]], axis=2) / np.linalg.norm(edge, axis=2, keepdims=True)
-    # From each side of the outline to the nearest corner of the window.
-    to_corner = target.outline_mm[:, :, None] - target.window_mm[:, None]  # (F, K, K, 2)
-    return float(np.einsum("fski,fsi->fsk", to_corner, outward).min())
 
 
 def _gap_mm(target: TargetGeometry) -> float:

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.errors import InputError
+from designer.faces import inset_per_depth
 from designer.layout import lay_out
-from designer.polyhedron import INSET_PER_DEPTH
+from designer.options import Asked
 from designer.sizing import size_job
-from designer.spec import IcoSpec, PrintSpec, TargetSpec
-from designer.spec_file import RawValue, SpecFile, parse_spec
+from designer.spec import PrintSpec, Spec
+from designer.spec_file import RawValue, parse_spec
 from designer.target import TargetGeometry
 from designer.units import format_mm
 
@@ -90,19 +91,19 @@ def letter_faces(target: TargetGeometry, printing: PrintSpec, scale: float) -> L
     faces = []
     for face in range(target.face_count):
         number = str(face)
-        choices = [target_id] if target.face_count == 1 else [f"{number} {target_id}", number]
+        choices = [target_id] if target.is_planar else [f"{number} {target_id}", number]
         fitting = [text for text in choices if text_width(text) * stroke <= room]
         faces.append(text_contours(fitting[0], stroke, baseline) if fitting else ())
     if not any(faces):
         return Lettering(nothing, f"labels: left out, {max(room, 0.0):.1f}mm is too short a line")
-    what = f"target id {target_id}" if target.face_count == 1 else "face numbers"
+    what = f"target id {target_id}" if target.is_planar else "face numbers"
     return Lettering(tuple(faces), f"labels: {what}, {HEIGHT * stroke:.1f}mm high")
 
 
 def _line_mm(target: TargetGeometry, scale: float, top_mm: float) -> float:
     """How long a line is whose letters end at this height of the printed part."""
     outline = scale * target.outline_mm[0]
-    # Above the lowest side of a triangle, a line is shorter by twice the height over tan 60 deg, at both ends.
+    # At most: above the lowest side of a triangle a line is shorter by twice the height over tan 60 deg, at both ends.
     return float(np.ptp(outline[:, 0])) - 4 * (top_mm - float(outline[:, 1].min()))
 
 
@@ -118,7 +119,7 @@ def _remedy(target: TargetGeometry, printing: PrintSpec, scale: float, needed_mm
         low, high = _strip(wider, printing, finest, scale)
         short = needed_mm - (high - low)
         if short <= 0:
-            shortest = ID_DIGITS if target.face_count == 1 else 1
+            shortest = ID_DIGITS if target.is_planar else 1
             is_long = text_width("0" * shortest) * finest <= _line_mm(wider, scale, high)
             return f"; --{field} {width:g}mm would take them, with rings chosen to fit" if is_long else ""
         width = math.ceil(10 * (width + short / scale) + LAST_BITS) / 10
@@ -130,7 +131,7 @@ def _remedy(target: TargetGeometry, printing: PrintSpec, scale: float, needed_mm
     return ""
 
 
-def _asked_with(spec: TargetSpec, printing: PrintSpec, wider: Mapping[str, float]) -> SpecFile:
+def _asked_with(spec: Spec, printing: PrintSpec, wider: Mapping[str, float]) -> Asked:
     """What is typed for a target of this size and printer with a wider border or margin."""
     printer = printing.printer
     common: dict[str, RawValue] = {
@@ -139,10 +140,8 @@ def _asked_with(spec: TargetSpec, printing: PrintSpec, wider: Mapping[str, float
         "bed": format_mm(*printer.bed_mm), "ink_offset": printing.ink_offset_mm,
         "sticker_thickness": printing.sticker_thickness_mm, **wider,
     }  # fmt: skip
-    if isinstance(spec, IcoSpec):
-        return parse_spec({**common, "edge": spec.edge_mm}, "")
-    size = {"size": format_mm(*spec.size_mm), "lattice": spec.lattice, "thickness": spec.thickness_mm}
-    return parse_spec({**common, **size}, "")
+    options = spec.options()
+    return parse_spec({**common, **{name: options[name] for name in spec.extent}}, "")
 
 
 def _strip(target: TargetGeometry, printing: PrintSpec, clear_mm: float, scale: float) -> tuple[float, float]:
@@ -152,7 +151,7 @@ def _strip(target: TargetGeometry, printing: PrintSpec, clear_mm: float, scale: 
     if border_top > edge:
         # Below the face, the border ends where the neighbour's begins; a sticker is cut there.
         depth = printing.sticker_thickness_mm if printing.build == "stickers" else printing.inlay_mm
-        mitre = INSET_PER_DEPTH * depth if target.face_count > 1 else 0.0
+        mitre = inset_per_depth(target) * depth
         return edge + mitre + clear_mm, border_top + printing.ink_offset_mm - clear_mm
     lowest = scale * float((target.center_in_face_mm[:, 1] - 1.5 * target.radius_outer_mm).min())
     return edge + max(2 * clear_mm, EDGE_CLEARANCE_MM), lowest

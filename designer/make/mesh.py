@@ -1,8 +1,8 @@
 """From the pattern to closed triangle meshes of the body and of the ink set into it.
 
-Body and ink share every vertex of their common walls, so they fill the solid exactly. Where two faces of the
-icosahedron meet, the tops of their borders share the polyhedron's edge and the floors share the edge of a
-smaller icosahedron at the inlay's depth; no wall stands between them, and the whole border is one closed shell.
+Body and ink share every vertex of their common walls, so they fill the solid exactly. Where two faces of a solid
+meet, the tops of their borders share the solid's edge and the floors share the edge of a smaller solid at the
+inlay's depth; no wall stands between them, and the whole border is one closed shell.
 """
 
 from dataclasses import dataclass
@@ -13,13 +13,7 @@ from numpy.typing import NDArray
 
 from designer.errors import InputError
 from designer.make.pattern import Contour, FacePattern, Pattern, Stamp
-from designer.polyhedron import (
-    INRADIUS,
-    INSET_PER_DEPTH,
-    deepest_inlay,
-    icosahedron_faces,
-    icosahedron_vertices,
-)
+from designer.solid import Solid
 from designer.units import round_down
 
 Ids = NDArray[np.int32]
@@ -67,35 +61,33 @@ class Hull:
     rim: Ids  # (T, 3)
 
 
-def icosahedron_hull(pattern: Pattern, edge_mm: float, inlay_mm: float) -> Hull:
-    """The icosahedron, and the smaller one on which the border's floor lies.
+def solid_hull(pattern: Pattern, solid: Solid, inlay_mm: float, *, scale: float = 1.0) -> Hull:
+    """The solid, and the smaller one on which the border's floor lies.
 
     Raises:
         InputError: the border is too narrow for the inlay's depth.
     """
-    inset = INSET_PER_DEPTH * inlay_mm
+    inset_per_depth = solid.polyhedron.inset_per_depth
+    inset = inset_per_depth * inlay_mm
     for face in pattern.faces:
         if face.window is None:
-            raise InputError("an icosahedron needs a border; use one of at least two line widths")
+            raise InputError("a solid needs a border; use one of at least two line widths")
         border = float(face.window[:, 1].min() - face.outline[:, 1].min())
         if border <= inset:
             raise InputError(
                 f"border {border:.3g}mm is too narrow for an inlay {inlay_mm:g}mm deep, whose floor moves in by "
-                f"{inset:.3g}mm; use an inlay of at most {round_down(deepest_inlay(border)):g}mm or a wider border"
+                f"{inset:.3g}mm; use an inlay of at most {round_down(0.9 * border / inset_per_depth):g}mm "
+                "or a wider border"
             )
-    vertices = icosahedron_vertices()
-    outer, inner = edge_mm * vertices, (edge_mm - inlay_mm / INRADIUS) * vertices
-    # Face frames put the code corner first: find the vertex at each outline corner.
-    frame = pattern.target_from_face
+    outer, inner = solid.corners_mm(scale=scale), solid.corners_mm(below_mm=inlay_mm, scale=scale)
     outline = np.stack([face.outline for face in pattern.faces])
-    corner = np.einsum("fij,fkj->fki", frame[:, :3, :2], outline) + frame[:, None, :3, 3]
-    top = np.argmax(np.einsum("fki,vi->fkv", corner, vertices), axis=2).astype(np.int32)
+    top = solid.polyhedron.faces_from_code.astype(np.int32)
     nothing = np.empty((0, 3), dtype=np.int32)
-    floor_outline = outline * (1 - inlay_mm / (INRADIUS * edge_mm))
-    return Hull(np.concatenate([outer, inner]), top, top + len(vertices), floor_outline, nothing, nothing)
+    floor_outline = outline * (1 - inlay_mm / (solid.inradius_mm * scale))
+    return Hull(np.concatenate([outer, inner]), top, top + len(outer), floor_outline, nothing, nothing)
 
 
-def board_hull(pattern: Pattern, thickness_mm: float, inlay_mm: float) -> Hull:
+def plate_hull(pattern: Pattern, thickness_mm: float, inlay_mm: float) -> Hull:
     """The plate behind a single face.
 
     Raises:
@@ -142,12 +134,14 @@ def inlaid(pattern: Pattern, hull: Hull, inlay_mm: float) -> Part:
     )
 
 
-def plain_icosahedron(edge_mm: float) -> Mesh:
-    """The bare solid, centred at the origin."""
-    return Mesh(edge_mm * icosahedron_vertices(), icosahedron_faces().astype(np.int32))
+def plain_solid(solid: Solid, *, below_mm: float, scale: float) -> Mesh:
+    """The bare solid, centred at the origin: what lies this deep and deeper below the faces."""
+    faces = solid.polyhedron.faces.astype(np.int32)
+    fans = [faces[:, [0, k, k + 1]] for k in range(1, faces.shape[1] - 1)]
+    return Mesh(solid.corners_mm(below_mm=below_mm, scale=scale), np.stack(fans, axis=1).reshape(-1, 3))
 
 
-def plain_board(outline_mm: Contour, thickness_mm: float) -> Mesh:
+def plain_plate(outline_mm: Contour, thickness_mm: float) -> Mesh:
     """The bare plate, its face at z = 0."""
     corners = len(outline_mm)
     vertices = np.concatenate([np.column_stack([outline_mm, np.full(corners, z)]) for z in (0.0, -thickness_mm)])

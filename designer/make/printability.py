@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from designer.make.bed import printed_size_mm
-from designer.make.clearance import border_width_mm, narrowest_widths
-from designer.polyhedron import DIHEDRAL_RAD, INSET_PER_DEPTH, deepest_inlay
-from designer.spec import BoardSpec, PrintSpec
+from designer.faces import border_width_mm, deepest_inlay_mm, inset_per_depth
+from designer.make.bed import overhang, printed_size_mm
+from designer.make.clearance import narrowest_widths
+from designer.spec import PrintSpec
 from designer.target import TargetGeometry
 from designer.units import round_down
 
@@ -20,6 +20,7 @@ Level = Literal["violation", "warning", "note"]
 
 _ROUNDING_MM = 1e-6
 """Centres in a target file are rounded, so a width may miss its design by a little."""
+COUNT = ("no", "one", "two", "three", "four", "five")
 STEEP_FACE_INLAY_MM = 0.9
 """Steep faces of a one-piece print fill to 93 % from here on."""
 
@@ -125,12 +126,9 @@ def _inlay(target: TargetGeometry, printing: PrintSpec) -> Remarks:
     elif abs(layers - round(layers)) > 1e-6:
         good = math.ceil(layers) * layer
         yield "warning", f"inlay {depth:g}mm is no multiple of the layer height {layer:g}mm; use {good:.4g}mm"
-    if not _is_solid(target):
-        if isinstance(target.spec, BoardSpec) and depth >= target.spec.thickness_mm:
-            yield (
-                "violation",
-                f"inlay {depth:g}mm goes through the board; use at most {target.spec.thickness_mm / 2:g}mm",
-            )
+    if target.is_planar:
+        if target.spec is not None and depth >= target.spec.depth_mm:
+            yield "violation", f"inlay {depth:g}mm goes through the board; use at most {target.spec.depth_mm / 2:g}mm"
         return
     if depth < STEEP_FACE_INLAY_MM - 1e-9:
         yield (
@@ -139,8 +137,8 @@ def _inlay(target: TargetGeometry, printing: PrintSpec) -> Remarks:
             f"use {STEEP_FACE_INLAY_MM:g}mm or more if the border allows",
         )
     border = border_width_mm(target)
-    if border <= INSET_PER_DEPTH * depth:
-        deepest = round_down(deepest_inlay(border))
+    if border <= inset_per_depth(target) * depth:
+        deepest = round_down(deepest_inlay_mm(target))
         yield (
             "violation",
             f"inlay {depth:g}mm undercuts a border of {border:.3g}mm; use at most {deepest:g}mm or a wider border",
@@ -161,16 +159,14 @@ def _bed(target: TargetGeometry, printing: PrintSpec) -> Remarks:
 
 
 def _overhang(target: TargetGeometry, printing: PrintSpec) -> Remarks:
-    slope = math.degrees(math.pi - DIHEDRAL_RAD)
-    yield (
-        "note",
-        f"the three faces beside the bottom face rise at {slope:.1f} deg from the bed: "
-        "most printers do that without supports; put supports on if yours does not",
-    )
-
-
-def _is_solid(target: TargetGeometry) -> bool:
-    return target.face_count > 1
+    over = overhang(target, printing)
+    if over is not None:
+        count, slope = over
+        yield (
+            "note",
+            f"the {COUNT[count]} faces beside the bottom face rise at {math.degrees(slope):.1f} deg from the bed: "
+            "most printers do that without supports; put supports on if yours does not",
+        )
 
 
 def _always(target: TargetGeometry, printing: PrintSpec) -> bool:
@@ -186,8 +182,8 @@ RULES: dict[str, Rule] = {
     "centre": Rule(_has_rings, _centre),
     "gap": Rule(_always, _gap),
     "margin": Rule(_always, _margin),
-    "border": Rule(lambda target, printing: _is_solid(target) or border_width_mm(target) > 0, _border),
+    "border": Rule(lambda target, printing: not target.is_planar or border_width_mm(target) > 0, _border),
     "inlay": Rule(lambda target, printing: printing.is_two_filament, _inlay),
     "bed": Rule(lambda target, printing: printing.build != "sheet", _bed),
-    "overhang": Rule(lambda target, printing: _is_solid(target), _overhang),
+    "overhang": Rule(lambda target, printing: overhang(target, printing) is not None, _overhang),
 }

@@ -1,7 +1,7 @@
 """Sticker sheets and board artwork.
 
-An icosahedron gives 20 triangular stickers; each carries the ink of a nominal face, and its cut line is the facet
-of the smaller body that it is glued on. A board gives one piece. Labels and marks stand outside the cut lines.
+A solid gives a sticker for each face; it carries the ink of the nominal face, and its cut line is the facet of the
+smaller body that it is glued on. A board gives one piece. Labels and marks stand outside the cut lines.
 """
 
 import math
@@ -9,12 +9,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.code import FACE_CORNER
 from designer.errors import InputError
+from designer.faces import adjacent_faces, inset_per_depth
 from designer.make.drawing import MARK_COLOUR, Area, Circle, Drawing, Point, SheetPage, Text, polygon
 from designer.make.pages import DESCENT, PieceGrid, lay_out_pages
 from designer.make.pattern import Contour, FacePattern, Pattern, Stamp, moved_in
-from designer.polyhedron import FACE_COUNT, INSET_PER_DEPTH, adjacent_faces
 from designer.spec import PrintSpec
 from designer.target import TargetGeometry
 
@@ -49,46 +48,61 @@ def lay_out_sheets(
         InputError: a bad page size, a piece that does not fit on the page, or a sticker so thick that the cut
             runs through the border.
     """
-    if target.face_count == FACE_COUNT:
-        pieces, grid, what = _stickers(pattern, printing)
-        hints = STICKER_HINTS
-    else:
+    if target.is_planar:
         pieces, grid, what = _board(pattern, printing)
         hints = BOARD_HINTS
+    else:
+        pieces, grid, what = _stickers(target, pattern, printing)
+        hints = STICKER_HINTS
     offset = f", ink offset {printing.ink_offset_mm:+g} mm" if printing.ink_offset_mm else ""
     about = (*hints, f"target {target.geometry_id}{offset}", what)
     return lay_out_pages(pieces, grid, page, name=name, what=what, about=about)
 
 
-def _stickers(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...], PieceGrid, str]:
-    """The 20 stickers, the grid they are set in, and a line about them."""
+def _stickers(
+    target: TargetGeometry, pattern: Pattern, printing: PrintSpec
+) -> tuple[tuple[Drawing, ...], PieceGrid, str]:
+    """The stickers, the grid they are set in, and a line about them."""
     # A solid build is not made smaller: its sheets show the nominal faces.
     thickness = printing.sticker_thickness_mm if printing.build == "stickers" else 0.0
     outline = pattern.faces[0].outline
-    inset = INSET_PER_DEPTH * thickness
+    inset = inset_per_depth(target) * thickness
     _check_cut(pattern.faces[0], inset, thickness)
     cut = moved_in(outline, inset)
     edge = float(np.linalg.norm(cut[1] - cut[0]))
     text_mm = min(_TEXT_MM, edge / 11)  # the lower side takes a face number and a neighbour's beside each other
     reach = inset + BLEED_MM
     band = reach + _CLEAR_MM + (_ASCENT + DESCENT) * text_mm + _CLEAR_MM / 2
-    inradius = edge / (2 * math.sqrt(3)) + band
-    side = 2 * math.sqrt(3) * inradius
     trim = _trim_marks(cut, reach, band - _CLEAR_MM / 2)
-    # The tips of the room at both ends of a row are empty, so they may stand over the printable area.
     used = max(abs(x) for x, _ in (*(point for mark in trim for point in mark), *moved_in(outline, -BLEED_MM)))
-    grid = PieceGrid(min(side, 2 * used), side / 2, 3 * inradius, inradius, turns=True)
+    grid = _grid(moved_in(cut, -band), used)
+    beside = adjacent_faces(target)
     pieces = tuple(
         Drawing(
             areas=(*_ink(face, pattern.stamps, printing.ink_colour), _code_corner_mark(cut, reach, text_mm)),
             cuts=(polygon(cut),),
             marks=trim,
-            texts=_sticker_labels(number, cut, reach, text_mm),
+            texts=_sticker_labels(number, beside[number].tolist(), cut, reach, text_mm, turns=grid.turns),
         )
         for number, face in enumerate(pattern.faces)
     )
     thick = f" {thickness:g} mm thick" if thickness else ""
     return pieces, grid, f"{len(pieces)} stickers{thick}, cut edge {edge:.2f} mm"
+
+
+def _grid(room: Contour, used_mm: float) -> PieceGrid:
+    """How pieces of one shape are set side by side: triangles turn about, others stand alike.
+
+    Args:
+        room: a piece with its labels about its origin, one side lowest.  # (K, 2)
+        used_mm: how far the piece itself and its marks reach to both sides.
+    """
+    width, height = np.ptp(room, axis=0).tolist()
+    below = -float(room[:, 1].min())
+    if len(room) != 3:
+        return PieceGrid(width, width, height, below, turns=False)
+    # The tips of the room at both ends of a row are empty, so they may stand over the printable area.
+    return PieceGrid(min(width, 2 * used_mm), width / 2, height, below, turns=True)
 
 
 def _check_cut(face: FacePattern, inset_mm: float, thickness_mm: float) -> None:
@@ -99,28 +113,31 @@ def _check_cut(face: FacePattern, inset_mm: float, thickness_mm: float) -> None:
     if inset_mm >= border:
         raise InputError(
             f"stickers {thickness_mm:g}mm thick are cut {inset_mm:.3g}mm inside the face's outline, through the border "
-            f"of {border:.3g}mm; use stickers thinner than {border / INSET_PER_DEPTH:.2g}mm or a wider border"
+            f"of {border:.3g}mm; use stickers thinner than {border * thickness_mm / inset_mm:.2g}mm or a wider border"
         )
 
 
-def _sticker_labels(face: int, cut: Contour, reach: float, text_mm: float) -> tuple[Text, ...]:
+def _sticker_labels(
+    face: int, joins: list[int], cut: Contour, reach: float, text_mm: float, *, turns: bool
+) -> tuple[Text, ...]:
     """The face's number, and along each edge the number of the face that it joins; all read from below.
 
-    The labels of the upper sides stand nearer the lower side, away from those of the turned sticker beside them.
+    Where stickers turn about, the labels of the upper sides stand nearer the lower side, away from those of the turned
+    sticker beside them.
     """
-    corner = FACE_CORNER[face]
-    neighbours = adjacent_faces()[face]
-    joins = [f"joins {neighbours[(k + corner) % 3]}" for k in range(3)]  # the outline begins at the code corner
-    left, lower, right = (np.stack([cut[k], cut[(k + 1) % 3]]) for k in range(3))
     beside = reach + _CLEAR_MM
-    under = beside + _ASCENT * text_mm
-    above = beside + DESCENT * text_mm
-    return (
-        _along(lower, 0.27, under, f"FACE {face}", text_mm, 0.0),
-        _along(left, 0.7, above, joins[0], text_mm, math.pi / 3),
-        _along(lower, 0.75, under, joins[1], text_mm, 0.0),
-        _along(right, 0.3, above, joins[2], text_mm, -math.pi / 3),
-    )
+    under, above = beside + _ASCENT * text_mm, beside + DESCENT * text_mm
+    lowest = (len(cut) - 1) // 2
+    side = np.stack([cut, np.roll(cut, -1, axis=0)], axis=1)  # (K, 2, 2)
+    texts = [_along(side[lowest], 0.27, under, f"FACE {face}", text_mm, 0.0)]
+    for k, other in enumerate(joins):
+        if k == lowest:
+            texts.append(_along(side[k], 0.75, under, f"joins {other}", text_mm, 0.0))
+            continue
+        x, y = side[k, 1] - side[k, 0]
+        share = 0.5 if not turns else 0.7 if k < lowest else 0.3
+        texts.append(_along(side[k], share, above, f"joins {other}", text_mm, math.atan2(-y, -x)))
+    return tuple(texts)
 
 
 def _along(
@@ -135,10 +152,12 @@ def _along(
 
 def _code_corner_mark(cut: Contour, reach: float, text_mm: float) -> Area:
     """A small triangle that points at the first corner from outside, between the trim marks."""
-    x, corner = cut[0]
-    tip = corner + 2 * reach + _CLEAR_MM
+    outward = cut[0] / np.linalg.norm(cut[0])
+    across = np.array([outward[1], -outward[0]])
+    tip = cut[0] + (reach / math.cos(math.pi / len(cut)) + _CLEAR_MM) * outward  # beyond the corner of the ink
     half, height = 0.3 * text_mm, 0.6 * text_mm
-    return Area(MARK_COLOUR, polygons=(polygon([(x, tip), (x + half, tip + height), (x - half, tip + height)]),))
+    base = tip + height * outward
+    return Area(MARK_COLOUR, polygons=(polygon([tip, base + half * across, base - half * across]),))
 
 
 def _board(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...], PieceGrid, str]:

@@ -1,4 +1,4 @@
-"""A printable stand: a cradle of three posts for the icosahedron, an easel for boards.
+"""A printable stand: a cradle of posts for solids, an easel for plates.
 
 The stand frame has z up and the printer's bed, later the table, at z = 0. A stand is a few plain solids minus
 the target grown by a clearance; it carries the target by the room beside the rings and leaves every ring free.
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from designer.errors import InputError
 from designer.make.mesh import Mesh
-from designer.polyhedron import INRADIUS, icosahedron_vertices
-from designer.spec import BoardSpec, IcoSpec, PrintSpec
+from designer.solid import Solid
+from designer.spec import PrintSpec, Spec
 from designer.target import TargetGeometry
 
 CLEARANCE_MM = 0.2
@@ -23,17 +23,12 @@ CLEARANCE_MM = 0.2
 LEAN_RAD = math.radians(75.0)
 """Between a board on its easel and the table."""
 
-DOWN_FACE = 19
-"""The face on which an icosahedron lies."""
-
 _SMALLEST_MM = 0.002
 """Corners of booleans that lie nearer to each other fall together in the single precision of an STL file."""
 _MIN_WALL_MM = 1.6
 _MIN_LIP_MM = 1.0
 _HOLD = 0.9
 """Share of the room beside the rings that a stand uses."""
-_CORNER_SLOPE = (3 + math.sqrt(5)) / 2
-"""Rise over run of the icosahedron's edge that leads up and outwards from a corner of the face it lies on."""
 
 
 def make_stand(target: TargetGeometry, printing: PrintSpec) -> Mesh:
@@ -44,7 +39,7 @@ def make_stand(target: TargetGeometry, printing: PrintSpec) -> Mesh:
     """
     wall = max(_MIN_WALL_MM, 3 * printing.printer.line_width_mm)
     spec = _spec(target)
-    stand = _cradle(target, spec, wall) if isinstance(spec, IcoSpec) else _easel(target, spec, wall)
+    stand = _easel(target, spec, wall) if spec.solid is None else _cradle(target, spec.solid, wall)
     mesh = stand.as_original().simplify(_SMALLEST_MM).to_mesh64()
     scale = 1 + printing.shrink_compensation_percent / 100
     return Mesh(scale * mesh.vert_properties[:, :3], mesh.tri_verts.astype(np.int32))
@@ -53,7 +48,7 @@ def make_stand(target: TargetGeometry, printing: PrintSpec) -> Mesh:
 def stand_from_target(target: TargetGeometry) -> NDArray[np.float64]:
     """Where the target stands: a rigid motion, in design lengths.  # (4, 4)
 
-    An icosahedron lies on `DOWN_FACE`, its centroid above the origin. A board faces -y and leans back; its lower
+    A solid lies on its last face, its centroid above the origin. A board faces -y and leans back; its lower
     front edge runs along x.
 
     Raises:
@@ -61,19 +56,26 @@ def stand_from_target(target: TargetGeometry) -> NDArray[np.float64]:
     """
     spec = _spec(target)
     motion = np.eye(4)
-    if isinstance(spec, IcoSpec):
-        face = target.target_from_face[DOWN_FACE, :3, :3]
+    if spec.solid is not None:
+        face = target.target_from_face[-1, :3, :3]
         motion[:3, :3] = np.diag([1.0, -1.0, -1.0]) @ face.T  # half a turn about x: the outward normal points down
-        motion[2, 3] = _lift_mm(spec) + INRADIUS * spec.edge_mm
+        motion[2, 3] = _lift_mm(spec.solid) + spec.solid.inradius_mm
     else:
         up, out = _board_axes()
         motion[:3, :3] = np.stack([[1.0, 0.0, 0.0], up, out], axis=1)
-        lowest = -CLEARANCE_MM * (up + out) - spec.thickness_mm * out  # of the grown board, from its lower front edge
-        motion[:3, 3] = spec.size_mm[1] / 2 * up + [0.0, 0.0, _floor_mm(max(spec.size_mm)) - lowest[2]]
+        lowest = -CLEARANCE_MM * (up + out) - spec.depth_mm * out  # of the grown board, from its lower front edge
+        size = _size_mm(target)
+        motion[:3, 3] = size[1] / 2 * up + [0.0, 0.0, _floor_mm(max(size)) - lowest[2]]
     return motion
 
 
-def _spec(target: TargetGeometry) -> IcoSpec | BoardSpec:
+def _size_mm(target: TargetGeometry) -> tuple[float, float]:
+    """Width and height of a plate."""
+    width, height = np.ptp(target.outline_mm[0], axis=0).tolist()
+    return width, height
+
+
+def _spec(target: TargetGeometry) -> Spec:
     if target.spec is None:
         raise InputError("the target file has no spec, so no stand can be made; use a target made by `design`")
     return target.spec
@@ -84,50 +86,58 @@ def _floor_mm(size_mm: float) -> float:
     return min(max(0.02 * size_mm, 2.0), 5.0)
 
 
-def _lift_mm(spec: IcoSpec) -> float:
+def _lift_mm(solid: Solid) -> float:
     """Height of the lowest face above the table: enough for a camera to see the lower faces."""
-    return max(0.3 * spec.edge_mm, 10.0)
+    return max(0.3 * solid.edge_mm, 10.0)
 
 
-def _cradle(target: TargetGeometry, spec: IcoSpec, wall_mm: float) -> Manifold:
-    """Posts under the three lowest corners, on a ring.
+def _cradle(target: TargetGeometry, solid: Solid, wall_mm: float) -> Manifold:
+    """Posts under the corners of the lowest face, on a ring.
 
-    A post stays within a ball around its corner that no ring of the five faces there reaches.
+    A post stays within a ball around its corner that no ring of the faces there reaches.
     """
     motion = stand_from_target(target)
-    vertices = spec.edge_mm * icosahedron_vertices() @ motion[:3, :3].T + motion[:3, 3]
-    corners = vertices[np.argsort(vertices[:, 2])[:3]]
+    vertices = solid.corners_mm() @ motion[:3, :3].T + motion[:3, 3]
+    corners = vertices[np.argsort(vertices[:, 2])[: solid.polyhedron.sides]]
     rings = target.center_mm @ motion[:3, :3].T + motion[:3, 3]
     distance = np.linalg.norm(rings[:, None] - corners, axis=2) - target.radius_outer_mm[:, None]
     reach = _HOLD * float(distance.min())
     # 0.92 and 0.39: the rim of the post's top lies on the ball.
-    radius = min(0.92 * reach, max(1.5 * wall_mm, 0.07 * spec.edge_mm))
+    radius = min(0.92 * reach, max(1.5 * wall_mm, 0.07 * solid.edge_mm))
     hold = 0.39 * reach
-    if radius - hold / _CORNER_SLOPE < wall_mm:
+    if radius - hold * _run_over_rise(vertices, corners[0]) < wall_mm:
         raise InputError(
             f"rings come within {reach / _HOLD:.2g}mm of the corners, too near for a stand with walls of "
             f"{wall_mm:.2g}mm; leave out the stand, or use a wider margin or a larger edge"
         )
-    height = _lift_mm(spec) + hold
-    circle = spec.edge_mm / math.sqrt(3)
+    height = _lift_mm(solid) + hold
+    circle = solid.edge_mm / (2 * math.sin(math.pi / solid.polyhedron.sides))
     # Wider than the posts: cylinders that touch along a line would leave slivers.
     half_width = 1.2 * radius
     ring_base = CrossSection.circle(circle + half_width, 96) - CrossSection.circle(circle - half_width, 96)
     posts = [Manifold.cylinder(height, radius, circular_segments=48).translate((x, y, 0.0)) for x, y, _ in corners]
-    base = Manifold.extrude(ring_base, _floor_mm(spec.edge_mm))
-    grown = (1 + CLEARANCE_MM / (INRADIUS * spec.edge_mm)) * (vertices - motion[:3, 3]) + motion[:3, 3]
+    base = Manifold.extrude(ring_base, _floor_mm(solid.edge_mm))
+    grown = (1 + CLEARANCE_MM / solid.inradius_mm) * (vertices - motion[:3, 3]) + motion[:3, 3]
     return Manifold.batch_boolean([base, *posts], OpType.Add) - Manifold.hull_points(grown)
 
 
-def _easel(target: TargetGeometry, spec: BoardSpec, wall_mm: float) -> Manifold:
+def _run_over_rise(vertices: NDArray[np.float64], corner: NDArray[np.float64]) -> float:
+    """How far the steepest edge leads outwards from a corner of the lowest face, over how far it leads up."""
+    step = vertices - corner
+    length = np.linalg.norm(step, axis=1)
+    edges = step[(length < 1.01 * length[length > 0].min()) & (step[:, 2] > 0.01 * length)]
+    return float((np.hypot(edges[:, 0], edges[:, 1]) / edges[:, 2]).min())
+
+
+def _easel(target: TargetGeometry, spec: Spec, wall_mm: float) -> Manifold:
     """Two shoes for the lower edge, on a bar, and a fin behind the board's middle, on a spine."""
-    lip = _lip_mm(target, spec)
+    lip = _lip_mm(target)
     up, out = _board_axes()
-    width, height = spec.size_mm
+    width, height = _size_mm(target)
     motion = stand_from_target(target)
     corner = motion[:3, 3] - height / 2 * up  # on the lower front edge, at x = 0
-    gap, back = CLEARANCE_MM, -(spec.thickness_mm + CLEARANCE_MM) * out
-    floor = _floor_mm(max(spec.size_mm))
+    gap, back = CLEARANCE_MM, -(spec.depth_mm + CLEARANCE_MM) * out
+    floor = _floor_mm(max(width, height))
     front_y = float((gap * out - gap * up)[1]) - wall_mm
     shoe_back_y = float((lip * up + back)[1]) + wall_mm
     rest = corner + 0.6 * height * up + back  # the upper end of the line on which the board rests
@@ -135,7 +145,7 @@ def _easel(target: TargetGeometry, spec: BoardSpec, wall_mm: float) -> Manifold:
 
     half_shoe, half_fin = max(1.5 * wall_mm, 0.04 * width), max(wall_mm, 0.02 * width)
     half_bar = 0.3 * width + half_shoe
-    shoe_top = float((corner + lip * up + gap * out)[2]) + spec.thickness_mm
+    shoe_top = float((corner + lip * up + gap * out)[2]) + spec.depth_mm
     shoes = [
         _box((x - half_shoe, x + half_shoe), (front_y, shoe_back_y), shoe_top).trim_by_plane(
             tuple(-up), -float(up @ corner) - lip
@@ -147,8 +157,8 @@ def _easel(target: TargetGeometry, spec: BoardSpec, wall_mm: float) -> Manifold:
     fin = _upright(np.array(profile), 2 * half_fin)
     bar = _box((-half_bar, half_bar), (front_y, shoe_back_y), floor)
     spine = _box((-half_fin, half_fin), (front_y, rear_y), floor)
-    grown = Manifold.cube((width + 2 * gap, height + 2 * gap, spec.thickness_mm + 2 * gap), center=True)
-    grown = grown.translate((0.0, 0.0, -spec.thickness_mm / 2)).transform(motion[:3])
+    grown = Manifold.cube((width + 2 * gap, height + 2 * gap, spec.depth_mm + 2 * gap), center=True)
+    grown = grown.translate((0.0, 0.0, -spec.depth_mm / 2)).transform(motion[:3])
     return Manifold.batch_boolean([bar, spine, fin, *shoes], OpType.Add) - grown
 
 
@@ -158,15 +168,16 @@ def _board_axes() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return np.array([0.0, cosine, sine]), np.array([0.0, -sine, cosine])
 
 
-def _lip_mm(target: TargetGeometry, spec: BoardSpec) -> float:
+def _lip_mm(target: TargetGeometry) -> float:
     """How far up the board's face the shoes may reach."""
-    room = float((target.center_in_face_mm[:, 1] - target.radius_outer_mm).min()) + spec.size_mm[1] / 2
+    height = _size_mm(target)[1]
+    room = float((target.center_in_face_mm[:, 1] - target.radius_outer_mm).min()) + height / 2
     if _HOLD * room < _MIN_LIP_MM:
         raise InputError(
             f"rings come within {room:.2g}mm of the board's lower edge, too near for a stand's lip of "
             f"{_MIN_LIP_MM:g}mm; leave out the stand or use a margin of at least {_MIN_LIP_MM / _HOLD:.2g}mm"
         )
-    return min(_HOLD * room, max(3.0, 0.04 * spec.size_mm[1]))
+    return min(_HOLD * room, max(3.0, 0.04 * height))
 
 
 def _box(x_mm: tuple[float, float], y_mm: tuple[float, float], height_mm: float) -> Manifold:

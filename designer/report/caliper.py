@@ -2,17 +2,15 @@
 
 import math
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from designer.faces import PARALLEL, opposite_faces
 from designer.make.bed import bed_from_target
 from designer.produce import Design
-from designer.spec import BoardSpec
 from designer.target import TargetGeometry
-
-PARALLEL = 1e-6
-"""How far the normals of opposite faces may be from opposite."""
 
 REACH_MM = 150.0
 """Of the usual caliper."""
@@ -33,7 +31,7 @@ class Caliper:
 
 def caliper_lengths(design: Design) -> tuple[Caliper, ...]:
     """The lengths worth measuring on this target."""
-    if design.target.face_count == 1:
+    if design.target.is_planar:
         return _board_lengths(design)
     return _solid_lengths(design)
 
@@ -57,22 +55,16 @@ def _solid_lengths(design: Design) -> tuple[Caliper, ...]:
 
 
 def _sides_of_face(target: TargetGeometry, face: int) -> list[Caliper]:
-    """The three outermost rows of rings of a triangular face, from end to end."""
+    """From corner to corner of a face, between the rings that lie there."""
     (rings,) = np.nonzero(target.ring_face == face)
-    # i counts from the code corner down the left side, j down the right side.
-    ends = {"code": np.array([-1, -1]), "left": np.array([1, 0]), "right": np.array([0, 1])}
-    corner = {name: int(rings[np.argmax(target.ring_index[rings] @ way)]) for name, way in ends.items()}
+    place, outline = target.center_in_face_mm[rings, :2], target.outline_mm[face]
+    nearest = rings[np.linalg.norm(place[:, None] - outline, axis=2).argmin(axis=0)].tolist()
+    # Counter-clockwise from the code corner on, which is held up.
+    names = ("code", "left", "right") if len(outline) == 3 else ("code", "left", "lowest", "right")
     return [
-        _between_rings(target, f"top face ({face}), {a} corner to {b} corner", corner[a], corner[b])
-        for a, b in (("code", "left"), ("code", "right"), ("left", "right"))
+        _between_rings(target, f"top face ({face}), {a} corner to {b} corner", first, second)
+        for (a, first), (b, second) in combinations(zip(names, nearest, strict=True), 2)
     ]
-
-
-def opposite_faces(target: TargetGeometry) -> tuple[tuple[int, int], ...]:
-    """Pairs of faces whose normals are opposite, the smaller number first."""
-    normals = target.target_from_face[:, :3, 2]
-    pairs = np.argwhere(np.triu(normals @ normals.T < PARALLEL - 1, 1))
-    return tuple((int(first), int(second)) for first, second in pairs)
 
 
 def face_to_face_mm(target: TargetGeometry, first: int, second: int) -> float:
@@ -97,16 +89,13 @@ def skew_effect_mm(design: Design, skew_rad: float) -> float:
 def _board_lengths(design: Design) -> tuple[Caliper, ...]:
     """Outer size, and the distances of the four rings in the corners."""
     corners = corner_rings(design.target)
-    rows = []
-    spec = design.job.target
     is_printed = design.job.printing.is_two_filament  # else a hand or a shop cuts the plate
-    if isinstance(spec, BoardSpec):
-        width, height = spec.size_mm
-        rows = [
-            Caliper("width of the plate", width, "", is_modelled=is_printed),
-            Caliper("height of the plate", height, "", is_modelled=is_printed),
-            Caliper("thickness of the plate", spec.thickness_mm, "", is_modelled=False),
-        ]
+    width, height = np.ptp(design.target.outline_mm[0], axis=0).tolist()
+    rows = [
+        Caliper("width of the plate", width, "", is_modelled=is_printed),
+        Caliper("height of the plate", height, "", is_modelled=is_printed),
+        Caliper("thickness of the plate", design.job.target.depth_mm, "", is_modelled=False),
+    ]
     names = ("lower row", "right column", "upper row", "left column", "diagonal up right", "diagonal up left")
     pairs = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
     for name, (a, b) in zip(names, pairs, strict=True):

@@ -44,7 +44,7 @@ from designer.report.rule_findings import rule_findings, rule_lead, sentence
 from designer.report.sheet_pictures import sheet_picture
 from designer.report.slicer_steps import colour_words, print_settings, sheet_blocks, slicer_folds, sticker_blocks
 from designer.report.target_facts import code_blocks, dimension_facts
-from designer.spec import IcoSpec
+from designer.words import capital, with_article
 
 PAGE_FILE = "index.html"
 MOST_SHEETS = 10
@@ -116,21 +116,14 @@ def _how(design: Design) -> str:
 
 def _lead(design: Design, filament: Filament | None, panels: Panels | None) -> tuple[Block, ...]:
     """The target in 3D, and its dimensions."""
-    spec = design.job.target
-    what = (
-        f"icosahedron of edge {spec.edge_mm:g} mm"
-        if isinstance(spec, IcoSpec)
-        else f"board of {spec.size_mm[0]:g} x {spec.size_mm[1]:g} mm"
-    )
-    target = design.target
+    what, target = design.job.target.words, design.target
     dots = int(target.is_dot.sum())
-    alt = f"An {what}" if isinstance(spec, IcoSpec) else f"A {what}"
     view = View3d(
         "The target",
         printed_scene(design),
-        f"{alt} with {target.ring_count - dots} rings and {dots} dots in "
+        f"{capital(with_article(what))} with {target.ring_count - dots} rings and {dots} dots in "
         f"{colour_words(design.job.printing.ink_colour)} on {colour_words(design.job.printing.body_colour)}.",
-        caption=f"{what[0].upper()}{what[1:]}, as designed. {sentence(printed_ink(design).lettering.remark)}",
+        caption=f"{capital(what)}, as designed. {sentence(printed_ink(design).lettering.remark)}",
         poster=None if panels is None else panels.target,
     )
     return (view, dimension_facts(design, filament))
@@ -162,7 +155,7 @@ def _net(design: Design, panels: Panels | None) -> tuple[Block, ...]:
 def _making_lead(design: Design) -> str:
     build = design.job.printing.build
     if build == "stickers":
-        return "A body in one filament, and twenty printed stickers."
+        return f"A body in one filament, and {design.target.face_count} printed stickers."
     return "A sheet from a print shop." if build == "sheet" else "One object in two filaments, as it lies in the file."
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from designer.make.bed import bed_from_target, printed_corners_mm
 from designer.produce import Design
-from designer.spec import BoardSpec, PrinterProfile
+from designer.spec import PrinterProfile
 
 DENSITY_G_PER_CM3 = 1.24
 """PLA, as the tables of filament makers and slicers have it."""
@@ -158,10 +158,9 @@ def _core_mm3(design: Design, shells: Shells) -> float:
 
 def _normals(design: Design) -> NDArray[np.float64]:
     """Outward normals of all faces, of a board also of its sides and its back.  # (N, 3)"""
-    normals = design.target.target_from_face[:, :3, 2]
-    if isinstance(design.job.target, BoardSpec):
+    if design.job.target.solid is None:
         return np.concatenate([np.eye(3), -np.eye(3)])
-    return normals
+    return design.target.target_from_face[:, :3, 2]
 
 
 def _is_face(design: Design, normal: NDArray[np.float64]) -> bool:

@@ -23,6 +23,7 @@ from designer.tolerance.made import ERRORS_OF_BUILD
 from designer.tolerance.model import ErrorModel
 
 _CALIPER_MM = 0.02
+_LEAST_EFFECT_MM = 0.005
 _SHEET_FIRST = "Measure the sheet on its carrier, as it will be used."
 READING = "READING"
 """What stands in the commands where a person's reading belongs: calib measure refuses it."""
@@ -33,9 +34,9 @@ IMAGE_HALF_HEIGHT = 0.4096
 """Of that camera, at distance 1: tangents of half its angles of view, over the height and over the diagonal."""
 IMAGE_HALF_DIAGONAL = 0.6383
 _SIMULATED_VIEWS = 24
-_AIM_SHARE = {"ico": 0.8, "board": 0.7}
+_AIM_SHARE, _PLANAR_AIM_SHARE = 0.8, 0.7
 """How far the camera looks past the target, of the distance from the image's middle to its corners: so far that rings
-come into the corners, and that no board loses the dots that name its rings."""
+come into the corners, and that nothing with one face loses the dots that name its rings."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def usual_errors(build: Build) -> Usual:
 def measure_blocks(design: Design) -> tuple[Block, ...]:
     """The lengths, what a deviation means, and the commands that use them."""
     usual = usual_errors(design.job.printing.build)
-    meaning = _solid_meaning(design, usual) if design.target.face_count > 1 else _board_meaning(design, usual)
+    meaning = (_board_meaning if design.target.is_planar else _solid_meaning)(design, usual)
     return (_length_table(design), _hints(design), meaning, *_measure_commands(design))
 
 
@@ -101,7 +102,7 @@ def _usual_words(usual: Usual, one: Caliper) -> str:
 
 def _hints(design: Design) -> Leaf:
     """How to lay the caliper on."""
-    if design.target.face_count > 1:
+    if not design.target.is_planar:
         return Steps((
             "Let the print cool to the room. Cut brim and blobs off.",
             *_reach_words(design),
@@ -147,13 +148,15 @@ def _reach_words(design: Design) -> tuple[str, ...]:
 def _solid_meaning(design: Design, usual: Usual) -> Leaf:
     length = max(one.length_mm for one in caliper_lengths(design))
     skew = skew_effect_mm(design, usual.skew_rad)
+    tell = "Photos tell the three angles: calib measure, then --skew-compensation"
+    if skew > _LEAST_EFFECT_MM:
+        leans = f"a usual skew of {math.degrees(usual.skew_rad):.2g} deg changes a pair by up to {skew:.2f} mm"
+        differ = f"skewed axes of the printer: {leans}. {tell}"
+    else:
+        differ = f"axes of the printer that are off one by one; a skew changes none of these lengths. {tell}"
     rows = [
         ("all pairs off alike", f"size: 0.1 mm is {10 / length:.2g} %. {_remedy(design)}"),
-        (
-            "pairs differ",
-            f"skewed axes of the printer: a usual skew of {math.degrees(usual.skew_rad):.2g} deg changes a pair "
-            f"by up to {skew:.2f} mm. Photos tell the three angles: calib measure, then --skew-compensation",
-        ),
+        ("pairs differ", differ),
     ]
     upright = [one.what for one in caliper_lengths(design) if one.how == UPRIGHT]
     if upright:
@@ -244,12 +247,11 @@ def _measure_commands(design: Design) -> tuple[Leaf, ...]:
 
 def photo_blocks(design: Design) -> tuple[Block, ...]:
     """How to take the photos, and the commands that follow, run in the folder of the page."""
-    is_solid = design.target.face_count > 1
     name = design.job.name
     rules = [
         "Fix focus, zoom and aperture; no image stabilisation, full resolution, no lens correction in the camera.",
         "Even, soft light: where a lamp is mirrored, rings are lost.",
-        _photo_count(is_solid=is_solid),
+        _photo_count(is_solid=not design.target.is_planar),
         "Fill the image: rings up to its edges and corners in some photos, two or more distances.",
         f"Near enough that a ring is {_LEAST_RING_PX} pixels or more across: no farther than "
         f"{1000 * design.job.target.ring_diameter_mm / _LEAST_RING_PX:.0f} mm for each 1000 pixels of focal length.",
@@ -276,9 +278,10 @@ def simulated_line(design: Design) -> str:
     From the nearest place the target's outline fills the height of the image.
     """
     nearest = bounding_radius_mm(design.target) / IMAGE_HALF_HEIGHT
-    aim = _AIM_SHARE[design.job.target.kind] * IMAGE_HALF_DIAGONAL * nearest
+    is_planar = design.target.is_planar
+    aim = (_PLANAR_AIM_SHARE if is_planar else _AIM_SHARE) * IMAGE_HALF_DIAGONAL * nearest
     near, far, aside = (two_digits(length) for length in (nearest, 2 * nearest, aim))
-    cap = " --cap-angle 45deg" if design.target.face_count == 1 else ""
+    cap = " --cap-angle 45deg" if is_planar else ""
     return (
         f"calib render {design.job.name}.target.json -o simulated --views {_SIMULATED_VIEWS} "
         f"--distance {near}mm..{far}mm --aim-offset {aside}mm --random-roll{cap} --blur 0.7px --contrast-to-noise 50"

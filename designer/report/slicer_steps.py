@@ -4,17 +4,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from designer.make.bed import overhang
+from designer.make.printability import COUNT
 from designer.page.blocks import Block, Cell, Column, Fold, Leaf, Paragraph, Steps, Table
 from designer.page_size import SCALE_BAR_MM
-from designer.polyhedron import DIHEDRAL_RAD
 from designer.produce import Design
 from designer.report.filament import Shells
 from designer.skew import NO_SKEW, format_skew
-from designer.spec import IcoSpec, PrinterProfile, PrintSpec
+from designer.spec import PrinterProfile, PrintSpec
 
 _COLOUR_NAMES = {"#ffffff": "white", "#000000": "black"}
 BODY_SLOT, INK_SLOT = 1, 2
-_SLOPE_DEG = math.degrees(math.pi - DIHEDRAL_RAD)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def _slicers(design: Design) -> tuple[Slicer, ...]:
 
 
 def _tower_words(design: Design) -> str:
-    if isinstance(design.job.target, IcoSpec):
+    if not design.target.is_planar:
         return "Prime tower on. It grows as high as the part, since every layer changes the filament: leave it room."
     return "Prime tower on: only the first layers change the filament."
 
@@ -141,22 +141,24 @@ def print_settings(design: Design, shells: Shells) -> tuple[Leaf, ...]:
 
 
 def _lying(design: Design) -> str:
-    if isinstance(design.job.target, IcoSpec):
+    if not design.target.is_planar:
         return f"as the file has it: face {design.target.face_count - 1} down"
     return "as the file has it: the printed side down, so that ink is in the first layers and the bed makes it flat"
 
 
 def _supports(design: Design) -> str:
-    if isinstance(design.job.target, IcoSpec):
-        return (
-            f"off: the steepest overhang rises at {_SLOPE_DEG:.1f} deg from the bed. Put them on if your printer "
-            "cannot do that; they scar the three faces beside the lowest"
-        )
-    return "off: nothing overhangs"
+    over = overhang(design.target, design.job.printing)
+    if over is None:
+        return "off: nothing overhangs"
+    count, slope = over
+    return (
+        f"off: the steepest overhang rises at {math.degrees(slope):.1f} deg from the bed. Put them on if your printer "
+        f"cannot do that; they scar the {COUNT[count]} faces beside the lowest"
+    )
 
 
 def _brim(design: Design) -> str:
-    if isinstance(design.job.target, IcoSpec):
+    if not design.target.is_planar:
         return "if the part comes loose: it stands on one face; cut it off flush, or it adds to the caliper's lengths"
     return "worth it on a large board: corners that lift bend the plate; cut it off flush"
 

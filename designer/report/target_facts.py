@@ -1,15 +1,13 @@
 """Dimensions and codes of a target, as names and values for its page."""
 
 from designer.code import CODE_POSITIONS, CODES
+from designer.faces import adjacent_faces, opposite_faces
 from designer.make.bed import printed_size_mm
 from designer.make.clearance import narrowest_widths
 from designer.page.blocks import Cell, Column, Facts, Leaf, Paragraph, Table
-from designer.polyhedron import INRADIUS, adjacent_faces
 from designer.produce import Design
-from designer.report.caliper import opposite_faces
 from designer.report.filament import Filament, two_digits
 from designer.skew import NO_SKEW, format_skew
-from designer.spec import BoardSpec, IcoSpec
 from designer.target import TargetGeometry
 
 _CODE_ROWS = ((0,), (1, 2), (3, 4, 5))
@@ -20,7 +18,6 @@ DOT, RING = "●", "○"
 def dimension_facts(design: Design, filament: Filament | None) -> Facts:
     """What a drawing would say."""
     spec, target = design.job.target, design.target
-    shape = _solid_rows(spec) if isinstance(spec, IcoSpec) else _board_rows(spec)
     centre_mm = spec.ring_diameter_mm * spec.ring_ratio
     ring = [
         ("rings", _ring_words(target)),
@@ -34,29 +31,13 @@ def dimension_facts(design: Design, filament: Filament | None) -> Facts:
         ("target id", target.geometry_id),
         ("layout id", target.layout_id),
     ]
-    return Facts((*shape, *ring, *made, *ids))
-
-
-def _solid_rows(spec: IcoSpec) -> list[tuple[str, str]]:
-    return [
-        ("shape", f"icosahedron, edge {spec.edge_mm:g} mm"),
-        ("face to face", f"{2 * INRADIUS * spec.edge_mm:.2f} mm"),
-        ("lattice", f"triangular, {spec.rings_per_side} rings a side"),
-    ]
-
-
-def _board_rows(spec: BoardSpec) -> list[tuple[str, str]]:
-    width, height = spec.size_mm
-    return [
-        ("shape", f"board, {width:g} x {height:g} x {spec.thickness_mm:g} mm"),
-        ("lattice", f"{spec.lattice}, {spec.columns} columns, {spec.rows} rows"),
-    ]
+    return Facts((*spec.facts(), *ring, *made, *ids))
 
 
 def _ring_words(target: TargetGeometry) -> str:
     dots = int(target.is_dot.sum())
     total = f"{target.ring_count} in all, of which {dots} are dots"
-    if target.face_count == 1:
+    if target.is_planar:
         return total
     return f"{target.ring_count // target.face_count} on each of {target.face_count} faces, {total}"
 
@@ -96,7 +77,7 @@ def _print_rows(design: Design, filament: Filament | None) -> list[tuple[str, st
 def code_blocks(design: Design) -> tuple[Leaf, ...]:
     """How faces are told apart, or how a board tells its orientation."""
     target = design.target
-    return _face_codes(target) if target.face_count > 1 else _origin_mark(target)
+    return _face_codes(target) if target.has_codes else _origin_mark(target)
 
 
 def _face_codes(target: TargetGeometry) -> tuple[Leaf, ...]:
@@ -105,23 +86,24 @@ def _face_codes(target: TargetGeometry) -> tuple[Leaf, ...]:
         Column("face"),
         Column("marks", is_number=False, note="rows of 1, 2 and 3 positions from the code corner; ● dot, ○ ring"),
         Column("dots at (i, j)", is_number=False, note="index in the face's lattice, as in the target file"),
-        Column("beside it", is_number=False, note="the faces across its three edges"),
+        Column("beside it", is_number=False, note="the faces across its edges, counter-clockwise from the code corner"),
         Column("opposite"),
     )
+    beside = adjacent_faces(target).tolist()
     rows = tuple(
         (
             Cell(str(face), float(face)),
             Cell(_code_marks(int(code))),
             Cell(", ".join(str(index) for index in sorted(CODES[int(code)]))),
-            Cell(", ".join(str(other) for other in adjacent_faces()[face])),
+            Cell(", ".join(map(str, beside[face]))),
             Cell(str(opposite[face]), float(opposite[face])),
         )
         for face, code in enumerate(target.face_code.tolist())
     )
     note = (
-        "Three of the six positions in the corner of a face carry dots, in 20 different ways: so one face tells which "
-        "it is and how it is turned. i counts from the code corner down the left side, j down the right side, the face "
-        "seen from outside with its code corner up."
+        f"Three of the six positions in the corner of a face carry dots, in {target.face_count} different ways: so one "
+        "face tells which it is and how it is turned. i counts from the code corner down the left side, j down the "
+        "right side, the face seen from outside with its code corner up."
     )
     return (Table("Codes of the faces", columns, rows, note=note, visible_rows=20),)
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from designer.errors import InputError
-from designer.spec import BUILDS, Build
+from designer.spec import Build
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
@@ -41,12 +41,11 @@ def error_model_for(target: TargetGeometry) -> Assumed | None:
     if target.build is not None:
         return Assumed(error_model(ERRORS_OF_BUILD[target.build]), f"its file says the build '{target.build}'")
     if target.spec is not None:
-        name = ERRORS_OF_BUILD[BUILDS[target.spec.kind][0]]
+        name = ERRORS_OF_BUILD[target.spec.builds[0]]
         return Assumed(error_model(name), f"its file does not say how the {target.spec.kind} was built")
-    flat = target.face_count == 1
     return Assumed(
-        error_model(_BY_OTHERS[0 if flat else 1]),
-        f"it was made by others and has {'one face' if flat else 'several faces'}",
+        error_model(_BY_OTHERS[0 if target.is_planar else 1]),
+        f"it was made by others and has {'one face' if target.is_planar else 'several faces'}",
     )
 
 

@@ -26,8 +26,8 @@ import numpy as np
 import calib
 from calib.detector.pipeline import detect
 from calib.renderer import RenderOptions
+from designer.kinds.board import BoardSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import row
 from tests.foreign_views import Photo, false_names, is_alike, photo_of, random_target, template_targets

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 from manifold3d import CrossSection, Manifold, OpType
 
+from designer.kinds.ico import IcoSpec, icosahedron
 from designer.layout import lay_out
 from designer.make.mesh import Part, icosahedron_hull, inlaid
 from designer.make.pattern import Pattern, make_pattern
-from designer.polyhedron import INRADIUS, icosahedron_vertices
-from designer.spec import IcoSpec, PrinterProfile, PrintSpec
+from designer.spec import PrinterProfile, PrintSpec
 
 EDGE_MM, INLAY_MM = 100.0, 1.0
 SPEC = IcoSpec(EDGE_MM, 8, 7.0, 0.45, 10.0, 2.0, 3.0)
@@ -58,7 +58,7 @@ def manifold_route() -> tuple[Manifold, Manifold]:
     """The same polygons as the geometry stage, set in by mesh booleans: body and ink."""
     ink = pattern()
     solid, larger, core = (
-        Manifold.hull_points((EDGE_MM + depth / INRADIUS) * icosahedron_vertices())
+        Manifold.hull_points((EDGE_MM + depth / icosahedron().inradius) * icosahedron().vertices)
         for depth in (0, INLAY_MM, -INLAY_MM)
     )
     # Cutters stand out of the surface, so that no two faces coincide.

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detector.pipeline import detect
+from designer.kinds.board import BoardSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import (
     DARK,

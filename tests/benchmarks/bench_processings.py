@@ -35,8 +35,8 @@ from calib.renderer.scene import scene_from_target
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.uncertainty import projected_change
+from designer.kinds.board import BoardSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import Array, look_at
 from tests.sightings import pinhole

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calib.detector.pipeline import detect
+from designer.kinds.board import BoardSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import Array, rms, row
 

@@ -20,8 +20,8 @@ from calib.renderer import RenderOptions, render_view
 from calib.renderer.poses import PoseGrid, grid_poses
 from designer.layout import lay_out
 from designer.sizing import size_job
-from designer.spec_file import BoardFile, IcoFile
 from designer.target import TargetGeometry
+from tests.designs import asked_for
 
 Array = NDArray[np.float64]
 
@@ -102,8 +102,8 @@ def bench(name: str, target: TargetGeometry, views: int) -> None:
 def main() -> None:
     """Run all."""
     views = int(sys.argv[1]) if len(sys.argv) > 1 else 200
-    ico = lay_out(size_job(IcoFile.model_validate({"edge": "100mm"})).job.target)
-    board = lay_out(size_job(BoardFile.model_validate({"size": "220x220mm"})).job.target)
+    ico = lay_out(size_job(asked_for("ico", {"edge": "100mm"})).job.target)
+    board = lay_out(size_job(asked_for("board", {"size": "220x220mm"})).job.target)
     bench("ico 100mm", ico, views)
     bench("board 220mm", board, views)
 

@@ -28,8 +28,8 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation
 from calib.detector.pipeline import detect
 from calib.renderer import RenderOptions, render_view
+from designer.kinds.board import BoardSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import (
     DARK,

@@ -10,16 +10,13 @@ from pathlib import Path
 
 from designer.produce import Design
 from designer.sizing import size_job
-from designer.spec_file import BoardFile, IcoFile
-from tests.designs import ink_of, packages_of
+from tests.designs import asked_for, ink_of, packages_of
 from tests.gcode import find_slicer, slice_3mf, slicer_settings
 
 RINGS = {"ring_diameter": "7mm", "pitch": "10mm"}
 TARGETS = {
-    "icosahedron, edge 100 mm": IcoFile.model_validate(
-        {"edge": "100mm", "rings_per_side": 8, "border": "2mm", **RINGS}
-    ),
-    "board, 220 x 220 x 5 mm": BoardFile.model_validate({"size": "220x220mm", "columns": 21, "rows": 21, **RINGS}),
+    "icosahedron, edge 100 mm": asked_for("ico", {"edge": "100mm", "rings_per_side": 8, "border": "2mm", **RINGS}),
+    "board, 220 x 220 x 5 mm": asked_for("board", {"size": "220x220mm", "columns": 21, "rows": 21, **RINGS}),
 }
 
 

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from calib.core.types import Detections
 from calib.renderer import View
 from designer.code import CODE_POSITIONS
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec, IcoSpec, TargetSpec
+from designer.spec import Spec
 from designer.target import MAX_INDEX, TargetGeometry
 
 Array = NDArray[np.float64]
@@ -26,7 +28,7 @@ Flags = NDArray[np.bool_]
 
 LIGHT, DARK = 0.9, 0.1
 """Intensity of paper and ink, of full scale."""
-SPECS: dict[str, TargetSpec] = {
+SPECS: dict[str, Spec] = {
     "ico 100 mm": IcoSpec(100.0, 8, 7.0, 0.45, 10.0, 2.0, 1.5),
     "ico 133 mm": IcoSpec(133.0, 8, 10.5, 0.45, 13.2, 2.66, 1.5),
     "ico 60 mm, m = 6": IcoSpec(60.0, 6, 5.6, 0.45, 8.0, 1.2, 1.0),
@@ -239,7 +241,7 @@ def due_rings(view: View) -> NDArray[np.bool_]:
 
 def readable_faces(view: View, target: TargetGeometry) -> int:
     """How many faces have all marks of their code well in view; of a board, its dots."""
-    if target.face_count == 1:
+    if target.is_planar:
         return int(due_rings(view)[target.is_dot].all())
     mark = np.isin(target.ring_index @ [MAX_INDEX, 1], [MAX_INDEX * i + j for i, j in CODE_POSITIONS])
     seen = np.bincount(target.ring_face[mark], due_rings(view)[mark], minlength=target.face_count)

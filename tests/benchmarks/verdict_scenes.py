@@ -13,8 +13,9 @@ from calib.core.se3 import exp_rotation, look_at, transform
 from calib.core.types import KnownPoints, Observations
 from calib.observe.observations import known_points
 from calib.renderer.poses import fibonacci_cap
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
-from designer.spec import BoardSpec, IcoSpec
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import perturb

@@ -107,7 +107,7 @@ def comparison(plan: Plan) -> Comparison:
             (slow if model in SLOW else fast).append(spec)
     for name in LENS_OBJECTS:
         one = object_named(name)
-        for model in (*MODELS, ALL_PHOTOS) if scenes[name].target.face_count == 1 else MODELS:
+        for model in (*MODELS, ALL_PHOTOS) if scenes[name].target.is_planar else MODELS:
             through, without = (_through(scenes[name], one, other) for other in (lens, plain))
             sets = plan.slow_sets if model in SLOW else plan.sets
             made = SetsOfPhotos(through, errors[name], model, sets)

@@ -46,7 +46,7 @@ def fitting_distance_mm(target: TargetGeometry, camera: Camera) -> float:
     rings touches the cone of the image, at `r / sin(atan(h / f))`. Rounded up to a centimetre.
     """
     focal, half = float(camera.params[:2].min()), 0.5 * (min(camera.image_size) - 1)
-    if target.face_count == 1:
+    if target.is_planar:
         distance = float(np.abs(target.outline_mm).max()) * focal / half
     else:
         reach = np.linalg.norm(target.center_mm, axis=1) + target.radius_outer_mm
@@ -115,7 +115,7 @@ def take_photos(
 
 def _poses(scene: ComparedScene, rng: np.random.Generator, views: int) -> Array:
     """Poses of a set: a Fibonacci grid as `calib render` has it, turned at random as a whole.  # (views, 4, 4)"""
-    is_board = scene.target.face_count == 1
+    is_board = scene.target.is_planar
     where = CAP_RAD if is_board else math.pi
     grid = PoseGrid(views, where, (scene.distance_mm, scene.distance_mm), random_roll=True, aim_offset_mm=0.0)
     poses = grid_poses(grid, rng)

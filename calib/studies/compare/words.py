@@ -151,7 +151,7 @@ def _price_words(results: Results) -> Iterator[str]:
     boards = [
         one
         for one in OBJECTS
-        if (scene := results.comparison.scenes.get(one.name)) is not None and scene.target.face_count == 1
+        if (scene := results.comparison.scenes.get(one.name)) is not None and scene.target.is_planar
     ]
     for one in boards:
         plain, learned = results.of(one.name, FIGURE, REFERENCE), results.of(one.name, FIGURE, MODELS[2])

@@ -106,7 +106,7 @@ def make_setting(
         raise InputError(f"{views} views: give one or more")
     if not (math.isfinite(distance_mm) and distance_mm > 0):
         raise InputError(f"distance {distance_mm:g}mm: must be more than 0")
-    where = region or ("cap" if target.face_count == 1 else "sphere")
+    where = region or ("cap" if target.is_planar else "sphere")
     half_angle = {"hemisphere": math.pi / 2, "sphere": math.pi, "cap": cap_rad}[where]
     grid = PoseGrid(views, half_angle, (distance_mm, distance_mm), random_roll=True, aim_offset_mm=0.0)
     poses = grid_poses(grid, np.random.default_rng(seed))

@@ -63,7 +63,7 @@ def view_fit(target: TargetGeometry, camera: Camera, distance_mm: float) -> View
         camera: that takes them.
         distance_mm: of the cameras from the target's origin, outside of it.
     """
-    half_angle = CAP_RAD if target.face_count == 1 else math.pi
+    half_angle = CAP_RAD if target.is_planar else math.pi
     grid = PoseGrid(CHECKED_VIEWS, half_angle, (distance_mm, distance_mm), random_roll=True, aim_offset_mm=0.0)
     poses = grid_poses(grid, np.random.default_rng(0))
     nearest = float(np.linalg.norm(target.center_mm, axis=1).min())

@@ -7,7 +7,7 @@ from designer.tolerance.sources.face_bow import bent
 
 def _apply(shape: Shape, values: Array) -> Shape:
     """The board bends as `face_bow` bends a face; a body of several faces is stiff and stays as it is."""
-    return bent(shape, values) if shape.nominal.face_count == 1 else shape
+    return bent(shape, values) if shape.nominal.is_planar else shape
 
 
 WARP = ErrorSource("warp", "warp of a board", "mm", "print", 3, _apply)

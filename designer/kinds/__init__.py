@@ -1,0 +1,1 @@
+"""The kinds of targets, a file each; `designer.kind` lists them."""

@@ -1,0 +1,280 @@
+"""A plate with rings on one face."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+from designer.code import Index
+from designer.errors import InputError
+from designer.kind import Kind
+from designer.options import Asked, Option
+from designer.size_rules import (
+    DIAMETER_OVER_PITCH,
+    check_count,
+    check_rings,
+    chosen_ring,
+    chosen_words,
+    diameter_and_pitch,
+)
+from designer.spec import PLATE_BUILDS, RING_RATIO, Build, Lattice, Line, Spec, SpecValue
+from designer.units import format_mm, round_down, round_up
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from designer.target import TargetGeometry
+
+RINGS_ACROSS = 22
+"""A board's shorter side over its pitch, as on the paper's 3DBoard."""
+THICKNESS_MM = 5.0
+"""Of a plate, as on the paper's 3DBoard."""
+BOARD_DOTS: frozenset[Index] = frozenset({(0, 0), (1, 0), (0, 2)})
+"""The origin mark of a board. Its three distances differ on both lattices, so no rotation and no mirror image
+maps it onto itself. The dot at (0, 0) is the index origin."""
+
+
+@dataclass(frozen=True)
+class BoardSpec(Spec):
+    """A rectangular plate with rings on one face; `columns` counts the longest row."""
+
+    kind: ClassVar[str] = "board"
+    builds: ClassVar[tuple[Build, ...]] = PLATE_BUILDS
+    page: ClassVar[str] = "fit"
+    extent: ClassVar[tuple[str, ...]] = ("size", "lattice", "thickness")
+
+    size_mm: tuple[float, float]  # width, height
+    thickness_mm: float
+    columns: int
+    rows: int
+    lattice: Lattice
+    ring_diameter_mm: float
+    ring_ratio: float
+    pitch_mm: float
+    border_mm: float
+    margin_mm: float
+    dots: bool  # three dots that mark origin and orientation
+
+    def lay_out(self) -> "TargetGeometry":
+        """The board: x right, y up, z out of the face, origin at the face's centre.
+
+        The lattice is centred on the face. Index (0, 0) is the corner dot of the origin mark, which lies near the
+        middle; without dots the indices are counted from the same place.
+        """
+        import numpy as np  # here: reading a command line needs none
+
+        from designer.layout import same_on_all_faces
+
+        steps = self.pitch_mm * lattice_steps(self.lattice)
+        raw = board_index(self.columns, self.rows, self.lattice)
+        position = np.array(raw) @ steps
+        origin = _origin_index(raw, position)
+        width, height = self.size_mm
+        outline = 0.5 * np.array([[-width, -height], [width, -height], [width, height], [-width, height]])
+        return same_on_all_faces(
+            self,
+            index=[(i - origin[0], j - origin[1]) for i, j in raw],
+            in_face_mm=position - 0.5 * (position.min(axis=0) + position.max(axis=0)),
+            dots=[BOARD_DOTS if self.dots else frozenset()],
+            target_from_face=np.eye(4)[None],
+            outline_mm=outline,
+            window_mm=outline - np.sign(outline) * self.border_mm,
+            face_code=[-1],
+            lattice_mm=steps,
+        )
+
+    @property
+    def depth_mm(self) -> float:
+        """The plate's thickness."""
+        return self.thickness_mm
+
+    @property
+    def words(self) -> str:
+        """As in `board of 220 x 220 mm`."""
+        return f"board of {self.size_mm[0]:g} x {self.size_mm[1]:g} mm"
+
+    @property
+    def size_words(self) -> str:
+        """With its thickness."""
+        return format_mm(*self.size_mm, self.thickness_mm)
+
+    def facts(self) -> tuple[tuple[str, str], ...]:
+        """Shape and lattice."""
+        width, height = self.size_mm
+        return (
+            ("shape", f"board, {width:g} x {height:g} x {self.thickness_mm:g} mm"),
+            ("lattice", f"{self.lattice}, {self.columns} columns, {self.rows} rows"),
+        )
+
+    def options(self) -> Mapping[str, SpecValue]:
+        """Of the plate and its rows."""
+        return {
+            "size": format_mm(*self.size_mm),
+            "thickness": format_mm(self.thickness_mm),
+            "columns": self.columns,
+            "rows": self.rows,
+            "lattice": self.lattice,
+            "dots": self.dots,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class AskedBoard(Asked):
+    """A board as asked for."""
+
+    size: Annotated[tuple[float, float] | None, Option("size", "width and height, such as 220x220mm")] = None
+    thickness: Annotated[float | None, Option("length above 0", "thickness of the plate (5mm)")] = None
+    columns: Annotated[int | None, Option("count", "rings in the longest row")] = None
+    rows: Annotated[int | None, Option("count", "rows of rings")] = None
+    lattice: Annotated[Lattice | None, Option("lattice", "square or triangular")] = None
+    dots: Annotated[bool | None, Option("switch", "three dots that mark origin and orientation")] = None
+
+    def sized(self, line: Line) -> tuple[BoardSpec, str]:
+        """See `Asked.sized`."""
+        return _sized(self, line)
+
+    def size_name(self, spec: Spec) -> str:
+        """Its size, or its rings and their distance, whichever was given."""
+        if self.size is not None:
+            return format_mm(*self.size)
+        return f"{self.columns}x{self.rows}-{format_mm(spec.pitch_mm)}"
+
+
+def _sized(asked: AskedBoard, line: Line) -> tuple[BoardSpec, str]:
+    """Choose the sizes that were left open, and say how."""
+    lattice: Lattice = asked.lattice or "square"
+    _check_extent(asked)
+    if asked.size is not None and asked.ring_diameter is None and asked.pitch is None:
+        diameter, pitch = _auto_board_rings(asked, min(asked.size), line)
+    else:
+        diameter, pitch = diameter_and_pitch(asked)
+    check_rings(diameter, asked.ring_ratio or RING_RATIO, pitch, line)
+    border = asked.border or 0.0
+    margin = asked.margin if asked.margin is not None else pitch / 2
+    around = diameter + 2 * (border + margin)
+    row_step = pitch * (1.0 if lattice == "square" else math.sqrt(3) / 2)
+    if asked.size is None:
+        columns, rows = asked.columns or 0, asked.rows or 0  # both are given
+        size = (round_up((columns - 1) * pitch + around), round_up((rows - 1) * row_step + around))
+    else:
+        size = asked.size
+        columns = asked.columns or 1 + math.floor((size[0] - around) / pitch + 1e-9)
+        rows = asked.rows or 1 + math.floor((size[1] - around) / row_step + 1e-9)
+    spec = BoardSpec(
+        size_mm=size,
+        thickness_mm=asked.thickness or THICKNESS_MM,
+        columns=columns,
+        rows=rows,
+        lattice=lattice,
+        ring_diameter_mm=diameter,
+        ring_ratio=asked.ring_ratio or RING_RATIO,
+        pitch_mm=pitch,
+        border_mm=border,
+        margin_mm=margin,
+        dots=asked.dots is not False,
+    )
+    _check_board(spec, line, ((columns - 1) * pitch + around, (rows - 1) * row_step + around))
+    return spec, chosen_words(_chosen(asked, spec))
+
+
+def _check_extent(asked: AskedBoard) -> None:
+    """Refuse a board of which too little is said, with all that it needs.
+
+    Raises:
+        InputError: neither its size, nor its rings and their distance.
+    """
+    has_rings = asked.columns is not None and asked.rows is not None
+    has_distance = asked.pitch is not None or asked.ring_diameter is not None
+    if asked.size is None and not (has_rings and has_distance):
+        raise InputError(
+            "a board needs its size, or its rings and their distance; give --size 200x200mm, or --columns 10 --rows 7 "
+            "--pitch 20mm"
+        )
+
+
+def _chosen(asked: AskedBoard, spec: BoardSpec) -> Iterator[str]:
+    """What was not given, and why it is as it is."""
+    pitch = spec.pitch_mm
+    if asked.pitch is None and asked.ring_diameter is None:
+        finest = pitch > round_down(min(spec.size_mm) / RINGS_ACROSS)
+        why = "the least of two lines a stroke" if finest else f"1/{RINGS_ACROSS} of the shorter side, as in the paper"
+        yield f"pitch {pitch:g}mm ({why})"
+    yield from chosen_ring(asked, spec)
+    if asked.columns is None or asked.rows is None:
+        yield f"{spec.columns} x {spec.rows} rings (as many as fit)"
+    if asked.size is None:
+        yield f"board {format_mm(*spec.size_mm)} (rings and margin)"
+    if asked.margin is None:
+        yield f"margin {spec.margin_mm:g}mm (half the pitch)"
+    if asked.thickness is None:
+        yield f"thickness {spec.thickness_mm:g}mm (as in the paper)"
+
+
+def _auto_board_rings(asked: AskedBoard, shorter_mm: float, line: Line) -> tuple[float, float]:
+    """Diameter and pitch in the paper's proportions, not finer than two lines a stroke."""
+    ratio = asked.ring_ratio or RING_RATIO
+    finest = line.comfortable_mm * max(2 / (1 - ratio), 1 / ratio) / DIAMETER_OVER_PITCH
+    pitch = max(round_down(shorter_mm / RINGS_ACROSS), math.ceil(10 * finest) / 10)
+    return round_down(DIAMETER_OVER_PITCH * pitch), pitch
+
+
+def _check_board(spec: BoardSpec, line: Line, needed_mm: tuple[float, float]) -> None:
+    """The rules of a board but those of its rings, whoever chose the sizes."""
+    if spec.columns < 3 or spec.rows < 3:
+        raise InputError(
+            f"a board of {format_mm(*spec.size_mm)} holds {max(spec.columns, 0)} x {max(spec.rows, 0)} rings at pitch "
+            f"{spec.pitch_mm:g}mm; it must hold 3 x 3: use a larger board or a smaller pitch"
+        )
+    if any(need > have + 1e-9 for need, have in zip(needed_mm, spec.size_mm, strict=True)):
+        raise InputError(
+            f"{spec.columns} x {spec.rows} rings with their margin need {needed_mm[0]:.4g} x {needed_mm[1]:.4g}mm, "
+            f"more than the board's {format_mm(*spec.size_mm)}; use fewer rings, a smaller pitch or a smaller margin"
+        )
+    if 0 < spec.border_mm < line.nozzle_mm:
+        raise InputError(
+            f"border {spec.border_mm:g}mm is thinner than {line.process}; "
+            f"use 0 for none or at least {line.width_mm:g}mm"
+        )
+    if spec.margin_mm + spec.border_mm <= 0:
+        raise InputError("margin 0mm lets rings touch the board's edge; use a margin of at least one line")
+    check_count(spec.columns * spec.rows, line)
+
+
+def lattice_steps(lattice: Lattice) -> "NDArray[np.float64]":
+    """Steps of i and j on a board with pitch 1, as rows.  # (2, 2)"""
+    import numpy as np
+
+    return np.array([[1.0, 0.0], [0.0, 1.0] if lattice == "square" else [0.5, math.sqrt(3) / 2]])
+
+
+def board_index(columns: int, rows: int, lattice: Lattice) -> list[Index]:
+    """Lattice indices of a board's features, row by row from below.
+
+    Every second row of a triangular lattice is shifted by half a pitch and holds one ring less.
+    """
+    if lattice == "square":
+        return [(i, j) for j in range(rows) for i in range(columns)]
+    return [(i - j // 2, j) for j in range(rows) for i in range(columns - j % 2)]
+
+
+def _origin_index(index: list[Index], position: "NDArray[np.float64]") -> Index:
+    """The index that brings the origin mark nearest to the middle of the lattice."""
+    import numpy as np
+
+    from designer.layout import DECIMALS
+
+    place = dict(zip(index, position, strict=True))
+    middle = 0.5 * (position.min(axis=0) + position.max(axis=0))
+
+    def distance(origin: Index) -> float:
+        marks = [place.get((origin[0] + i, origin[1] + j)) for i, j in BOARD_DOTS]
+        on_board = [mark for mark in marks if mark is not None]
+        if len(on_board) < len(marks):
+            return math.inf
+        return round(float(np.linalg.norm(np.mean(on_board, axis=0) - middle)), DECIMALS)
+
+    return min(index, key=distance)
+
+
+KIND = Kind("a board with rings on one face", AskedBoard, BoardSpec)

@@ -1,0 +1,133 @@
+"""Regular solids whose faces carry one lattice each and are told apart by codes of dots."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Polyhedron:
+    """A regular solid of edge length 1 about the origin.
+
+    A face's frame has its origin at the face's centroid, x along the lowest side, z outward; the first corner of the
+    outline, at the top or left of it, is the one with the code.
+    """
+
+    name: str
+    vertices: Array  # (V, 3)
+    faces: NDArray[np.int64]  # (F, K) counter-clockwise as seen from outside
+    inradius: float  # from the origin to a face
+    dihedral_rad: float  # between two faces, inside
+    face_code: tuple[int, ...]  # rows of `code.CODES`  # (F,)
+    code_corner: tuple[int, ...]  # which corner of each face carries its code  # (F,)
+    net: tuple[tuple[int, int], ...]  # a face, and the one that it hangs on when unfolded; the first hangs on itself
+    net_angle_rad: float  # in which direction the first vertex of the first face lies in the net
+
+    @property
+    def sides(self) -> int:
+        """Of a face."""
+        return int(self.faces.shape[1])
+
+    @property
+    def face_inradius(self) -> float:
+        """From a face's centroid to its sides."""
+        return 0.5 / math.tan(math.pi / self.sides)
+
+    @property
+    def inset_per_depth(self) -> float:
+        """How far the plane that halves the dihedral angle moves in from an edge, per unit of depth below the face."""
+        return 1 / math.tan(self.dihedral_rad / 2)
+
+    @property
+    def faces_from_code(self) -> NDArray[np.int64]:
+        """The faces, each from the corner with its code on.  # (F, K)"""
+        return np.array([np.roll(face, -corner) for face, corner in zip(self.faces, self.code_corner, strict=True)])
+
+    def index(self, per_side: int) -> list[tuple[int, int]]:
+        """Lattice indices of a face with so many features a side: i and j count along the sides at the code's corner.
+
+        The lattice is square on a square; on a triangle it is triangular.
+        """
+        return [(i, j) for i in range(per_side) for j in range(per_side if self.sides == 4 else per_side - i)]
+
+    def unfolded(self) -> tuple[Array, Array]:
+        """The net of edge length 1 as seen from outside, its lower left corner at (0, 0).
+
+        Returns:
+            Rigid motions of the plane that bring the faces from their frames to the net, and the net's width and
+            height.  # (F, 3, 3), (2,)
+        """
+        faces, outline = self.faces_from_code, regular_polygon(self.sides, self.face_inradius)
+        motion = np.tile(np.eye(3), (len(faces), 1, 1))
+        corner = np.empty((len(faces), self.sides, 2))
+        for face, parent in self.net:
+            if face == parent:
+                shared = int(np.flatnonzero(faces[face] == self.faces[face, 0])[0])
+                at, turn = np.zeros(2), self.net_angle_rad - _angle(outline[shared])
+            else:
+                place = dict(zip(faces[parent].tolist(), corner[parent], strict=True))
+                own = faces[face].tolist()
+                shared = next(k for k in range(self.sides) if own[k] in place and own[k - 1] in place)
+                before, at = place[own[shared - 1]], place[own[shared]]
+                turn = _angle(at - before) - _angle(outline[shared] - outline[shared - 1])
+            rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+            motion[face, :2, :2] = rotation
+            motion[face, :2, 2] = at - rotation @ outline[shared]
+            corner[face] = outline @ rotation.T + motion[face, :2, 2]
+        low, high = corner.min(axis=(0, 1)), corner.max(axis=(0, 1))
+        motion[:, :2, 2] -= low
+        return motion, high - low
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A regular solid of some size."""
+
+    polyhedron: Polyhedron
+    edge_mm: float
+
+    @property
+    def inradius_mm(self) -> float:
+        """From the centroid to a face."""
+        return self.polyhedron.inradius * self.edge_mm
+
+    def corners_mm(self, *, below_mm: float = 0.0, scale: float = 1.0) -> Array:
+        """Corners of the part that lies this deep and deeper below the faces, of the solid times a scale.  # (V, 3)"""
+        return np.asarray((self.edge_mm * scale - below_mm / self.polyhedron.inradius) * self.polyhedron.vertices)
+
+
+def regular_polygon(sides: int, inradius: float) -> Array:
+    """Corners counter-clockwise about the origin, one side lowest; the first is at the top or left of it.  # (K, 2)"""
+    first = math.pi / 2 + (math.pi / sides if sides % 2 == 0 else 0.0)
+    turn = first + 2 * math.pi / sides * np.arange(sides)
+    return inradius / math.cos(math.pi / sides) * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+
+def face_frames(corners: Array) -> Array:
+    """Right-handed frames of regular faces: origin at the centroid, x along the lowest side, z along the normal.
+
+    Args:
+        corners: counter-clockwise as seen from the side z points to, from the top corner on.  # (F, K, 3)
+
+    Returns:
+        target_from_face.  # (F, 4, 4)
+    """
+    lowest = (corners.shape[1] - 1) // 2
+    along = corners[:, lowest + 1] - corners[:, lowest]
+    x_axis = along / np.linalg.norm(along, axis=1, keepdims=True)
+    normal = np.cross(along, corners[:, (lowest + 2) % corners.shape[1]] - corners[:, lowest + 1])
+    z_axis = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    frames = np.tile(np.eye(4), (len(corners), 1, 1))
+    frames[:, :3, 0] = x_axis
+    frames[:, :3, 1] = np.cross(z_axis, x_axis)
+    frames[:, :3, 2] = z_axis
+    frames[:, :3, 3] = corners.mean(axis=1)
+    return frames
+
+
+def _angle(step: Array) -> float:
+    return math.atan2(step[1], step[0])
