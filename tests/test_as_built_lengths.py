@@ -4,20 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from designer.polyhedron import INRADIUS
 
 from calib.as_built.lengths import Length, length_in, rescaled, scale_from, scaled
 from designer.errors import InputError
+from designer.kinds.ico import icosahedron
 from tests.as_built_scenes import plate, solid
 
 
 def test_lengths_of_an_icosahedron() -> None:
     """Opposite faces are two inradii apart and an edge is an edge."""
-    assert length_in(solid(), "face-to-face") == pytest.approx(200 * INRADIUS)
+    assert length_in(solid(), "face-to-face") == pytest.approx(200 * icosahedron().inradius)
     assert length_in(solid(), "edge") == pytest.approx(100.0)
     normal = solid().target_from_face[:, :3, 2]
     opposite = int(np.argmin(normal @ normal[0]))
-    assert length_in(solid(), f"face 0 to face {opposite}") == pytest.approx(200 * INRADIUS)
+    assert length_in(solid(), f"face 0 to face {opposite}") == pytest.approx(200 * icosahedron().inradius)
 
 
 def test_lengths_between_rings() -> None:
@@ -32,7 +32,7 @@ def test_a_face_that_moved_out_makes_the_caliper_wider() -> None:
     frame = np.array(solid().target_from_face)
     frame[opposite, :3, 3] += 0.3 * normal[opposite] + 0.5 * frame[opposite, :3, 0]
     moved = replace(solid(), target_from_face=frame)
-    assert length_in(moved, f"face {opposite} to face 0") == pytest.approx(200 * INRADIUS + 0.3)
+    assert length_in(moved, f"face {opposite} to face 0") == pytest.approx(200 * icosahedron().inradius + 0.3)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_one_length_rescales_a_target() -> None:
     large = rescaled(solid(), Length("edge", 101.0, 0.02))
     assert large.source == "measured"
     assert length_in(large, "edge") == pytest.approx(101.0)
-    assert length_in(large, "face-to-face") == pytest.approx(202 * INRADIUS)
+    assert length_in(large, "face-to-face") == pytest.approx(202 * icosahedron().inradius)
     assert large.radius_outer_mm == pytest.approx(1.01 * solid().radius_outer_mm)
     assert large.center_mm == pytest.approx(1.01 * solid().center_mm)
     assert large.lattice_mm == pytest.approx(1.01 * solid().lattice_mm)

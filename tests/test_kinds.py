@@ -11,9 +11,9 @@ import jsonschema
 import numpy as np
 import pytest
 import trimesh
-from calib.detect.pipeline import detect
-from calib.render import render_view
 
+from calib.detector.pipeline import detect
+from calib.renderer import render_view
 from designer.formats.stl import stl_bytes
 from designer.kind import KINDS, kind_named, spec_from_mapping, spec_to_mapping
 from designer.make.bed import bed_from_target
