@@ -1,6 +1,6 @@
 """The command `calib`."""
 
-import typer
+from collections.abc import Callable
 
 from calib.commands.compare import compare
 from calib.commands.convert import convert
@@ -16,21 +16,27 @@ from calib.commands.solve import solve
 from calib.commands.study import app as study
 from calib.commands.target import target
 from calib.commands.undistort import undistort
-from designer.command import command, run
+from designer.answer import Summary
+from designer.command import command, new_app, run
 
-app = typer.Typer(name="calib", help="Use calibration targets.", rich_markup_mode=None, pretty_exceptions_enable=False)
+Command = Callable[..., Summary]
 
+app = new_app("calib", "Use the calibration targets that `design` makes. Begin with: calib run TARGET.json photos")
 
-@app.callback()
-def _commands() -> None:
-    """Use the calibration targets that `design` makes."""
+MAKE, CALIBRATE, JUDGE, USE = "Make photos", "Calibrate", "Judge", "Use the camera"
+TASKS: tuple[tuple[str, tuple[Command, ...]], ...] = (
+    (CALIBRATE, (run_all, detect, solve, measure)),
+    (JUDGE, (evaluate, report, diff)),
+    (USE, (pose, undistort, convert)),
+    (MAKE, (target, render)),
+)
+"""The commands by what they are for."""
 
-
-command(app, "run")(run_all)
-for one in (target, render, detect, solve, evaluate, convert, undistort, pose, diff, measure, report):
-    command(app)(one)
+for task, functions in TASKS:
+    for function in functions:
+        command(app, task=task)(function)
 command(study)(compare)
-app.add_typer(study, name="study")
+app.add_typer(study, name="study", rich_help_panel="Study")
 
 
 def main() -> None:

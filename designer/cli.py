@@ -10,21 +10,17 @@ import typer
 
 from calib.commands.tolerance import tolerance
 from designer.answer import Summary
-from designer.command import command, run
+from designer.command import command, new_app, run
 from designer.completion import for_option, target_templates
 from designer.errors import InputError
 from designer.kind import Kind, kinds
 from designer.options import Asked, AskedPrinting, options_of
 from designer.options import Option as SpecOption
 
-app = typer.Typer(
-    name="design",
-    help=(
-        "Design camera-calibration targets: from one size to files that print in two filaments.\n\n"
-        "Begin with: design ico --edge 100mm"
-    ),
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
+app = new_app(
+    "design",
+    "Design camera-calibration targets: from one size to files that print in two filaments.\n\n"
+    "Begin with: design ico --edge 100mm",
 )
 
 Option = str | bool | None

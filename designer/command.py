@@ -10,17 +10,22 @@ from contextvars import ContextVar
 from dataclasses import replace
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 from typer.core import TyperGroup
 
-from designer.answer import NegativeError, StoppedError, Summary, document
+from designer.answer import NegativeError, StoppedError, Summary, document, program
 from designer.errors import InputError
 from designer.streams import forgive_readers, not_heard, people_on_stderr
 
+if TYPE_CHECKING:
+    from typer._click import Context, HelpFormatter
+
 NEGATIVE, BAD_INPUT, STOPPED = 1, 2, 130
 JSON = "--json"
+SHORT_HELP = 90
+"""Characters of a command's first line in the list of all."""
 NOTHING_WRITTEN = "stopped; nothing was written"
 OBJECTS_BETWEEN_SEARCHES = 20_000
 """Python itself takes 700; the modules of a command alone make a hundred thousand objects, all of which stay."""
@@ -31,10 +36,56 @@ _LINE = ContextVar("command line", default="")
 Function = TypeVar("Function", bound=Callable[..., Summary])
 
 
-def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], Function]:
+class _ByTask(TyperGroup):
+    """Lists commands under what they are for, in the order in which they were made."""
+
+    def format_commands(self, ctx: "Context", formatter: "HelpFormatter") -> None:
+        """Write a section for each task."""
+        tasks: dict[str, list[tuple[str, str]]] = {}
+        for name in self.list_commands(ctx):
+            one = self.get_command(ctx, name)
+            if one is not None and not one.hidden:
+                task = getattr(one, "rich_help_panel", None)
+                line = (name, one.get_short_help_str(SHORT_HELP))
+                tasks.setdefault(task if isinstance(task, str) else "Commands", []).append(line)
+        for task, rows in tasks.items():
+            with formatter.section(task):
+                formatter.write_dl(rows)
+
+
+def new_app(name: str, about: str) -> typer.Typer:
+    """A program with `-h`, `--version`, and its commands listed by task."""
+    app = typer.Typer(
+        name=name, help=about, cls=_ByTask, rich_markup_mode=None, pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )  # fmt: skip
+
+    def say_version(asked: bool) -> None:
+        if asked:
+            print(program())
+            raise typer.Exit
+
+    @app.callback()
+    def about_all(
+        version: Annotated[
+            bool, typer.Option("--version", help="name and version", is_eager=True, callback=say_version)
+        ] = False,
+    ) -> None:
+        del version
+
+    about_all.__doc__ = about
+    return app
+
+
+def command(app: typer.Typer, name: str | None = None, task: str | None = None) -> Callable[[Function], Function]:
     """Decorate a function as a command of an app, with `--json` among its options.
 
     `run` heeds the option; the function never sees it.
+
+    Args:
+        app: of the command.
+        name: on the command line; None: the function's.
+        task: under which the program's help lists it.
     """
 
     def register(function: Function) -> Function:
@@ -47,7 +98,7 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
         option = inspect.Parameter("as_json", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
         parameters = [*signature.parameters.values(), option]
         with_json.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-        app.command(name)(with_json)
+        app.command(name, rich_help_panel=task)(with_json)
         return function
 
     return register

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from designer.errors import InputError
 from designer.formats.folder import OutputFile
 from designer.layout import lay_out
 from designer.make.bed import against_skew, bed_from_target, mapped
@@ -193,8 +194,13 @@ def _sheets(design: Design) -> str:
 
 
 def _step(design: Design) -> Iterator[OutputFile]:
-    from designer.make.cad import step_bytes
-
+    try:
+        from designer.make.cad import step_bytes
+    except ImportError as error:
+        raise InputError(
+            f"--formats step: needs {error.name or 'build123d'}, which is not installed; pip install "
+            "'ringsolid[cad]', or leave step out"
+        ) from None
     job = design.job
     step = step_bytes(job.target, design.printed_pattern, job.printing, name=job.name, scale=design.scale)
     yield OutputFile(f"{job.name}.step", step, "for CAD: true circles, coloured parts")
