@@ -29,7 +29,7 @@ BOARD = lay_out(BoardSpec((90.0, 80.0), 5.0, 8, 7, "square", 7.0, 0.45, 10.0, 1.
 
 def found(target: TargetGeometry, printing: PrintSpec, rule: str, *, bed_is_rule: bool = True) -> list[PrintFinding]:
     check = check_printability(target, printing, bed_is_rule=bed_is_rule)
-    return [finding for finding in check.findings if finding.rule == rule]
+    return [finding for finding in check.findings if rule in finding.rules]
 
 
 def level(target: TargetGeometry, printing: PrintSpec, rule: str) -> str:

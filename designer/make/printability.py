@@ -5,7 +5,7 @@ designed here. A new rule is one function and one line in `RULES`.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -27,11 +27,16 @@ STEEP_FACE_INLAY_MM = 0.9
 
 @dataclass(frozen=True)
 class PrintFinding:
-    """What a rule says of a target."""
+    """What a rule says of a target, or several rules that say the same."""
 
-    rule: str
+    rule: str  # its name; of several their names with commas
     level: Level
     text: str  # the value, the rule, the remedy
+
+    @property
+    def rules(self) -> tuple[str, ...]:
+        """The names of the rules that say so."""
+        return tuple(self.rule.split(", "))
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,23 @@ class PrintCheck:
         return tuple(f for f in self.findings if f.level == "violation")
 
 
-Remarks = Iterator[tuple[Level, str]]
+@dataclass(frozen=True)
+class Narrow:
+    """A width that can be made, but less well than a wider one."""
+
+    what: str
+    width_mm: float
+    limit: str  # "two lines (0.9mm)"
+    effect: tuple[str, str]  # what comes of it, of one and of several: "prints less truly", "print less truly"
+    remedy: str
+
+    @property
+    def size(self) -> str:
+        """What it is, and how wide."""
+        return f"{self.what} {self.width_mm:.3g}mm"
+
+
+Remarks = Iterator[tuple[Level, str | Narrow]]
 
 
 @dataclass(frozen=True)
@@ -68,16 +89,35 @@ def check_printability(target: TargetGeometry, printing: PrintSpec, *, bed_is_ru
     """
     findings: list[PrintFinding] = []
     holding: list[str] = []
+    narrow: dict[str, Narrow] = {}
     for name, rule in RULES.items():
         if not rule.applies(target, printing):
             continue
-        found = [PrintFinding(name, level, text) for level, text in rule.look(target, printing)]
-        if name == "bed" and not bed_is_rule:
-            found = [PrintFinding(name, "warning", finding.text) for finding in found]
-        findings += found
-        if not any(finding.level != "note" for finding in found):
+        said = list(rule.look(target, printing))
+        for level, text in said:
+            if isinstance(text, Narrow):
+                narrow[name] = text
+            else:
+                findings.append(PrintFinding(name, "warning" if name == "bed" and not bed_is_rule else level, text))
+        if not any(level != "note" for level, _ in said):
             holding.append(name)
-    return PrintCheck(tuple(findings), tuple(holding))
+    return PrintCheck((*_said_once(narrow), *findings), tuple(holding))
+
+
+def _said_once(narrow: Mapping[str, Narrow]) -> Iterator[PrintFinding]:
+    """Widths that fall short of the same limit in one sentence, as one remedy mends them."""
+    for limit in dict.fromkeys(one.limit for one in narrow.values()):
+        alike = {name: one for name, one in narrow.items() if one.limit == limit}
+        first = next(iter(alike.values()))
+        if len(alike) == 1:
+            text = f"{first.size} is less than {limit} and {first.effect[0]}; {first.remedy}"
+        else:
+            *others, last = (one.size for one in alike.values())
+            text = (
+                f"{', '.join(others)} and {last} are less than {limit} and {first.effect[1]}; "
+                "use a larger target, fewer rings or a finer nozzle"
+            )
+        yield PrintFinding(", ".join(alike), "warning", text)
 
 
 def _width(what: str, width: float, remedy: str, printing: PrintSpec) -> Remarks:
@@ -86,9 +126,10 @@ def _width(what: str, width: float, remedy: str, printing: PrintSpec) -> Remarks
     if width < least - _ROUNDING_MM:
         yield "violation", f"{what} {width:.3g}mm is less than {least:g}mm, the least that can be made; {remedy}"
     elif width < line - _ROUNDING_MM:
-        yield "warning", f"{what} {width:.3g}mm is less than one line ({line:g}mm) and over-extrudes; {remedy}"
+        yield "warning", Narrow(what, width, f"one line ({line:g}mm)", ("over-extrudes", "over-extrude"), remedy)
     elif width < 2 * line - _ROUNDING_MM:
-        yield "warning", f"{what} {width:.3g}mm is less than two lines ({2 * line:g}mm) and prints less truly; {remedy}"
+        effect = ("prints less truly", "print less truly")
+        yield "warning", Narrow(what, width, f"two lines ({2 * line:g}mm)", effect, remedy)
 
 
 def _stroke(target: TargetGeometry, printing: PrintSpec) -> Remarks:

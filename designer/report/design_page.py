@@ -97,11 +97,12 @@ def headline(design: Design, check: PrintCheck) -> Headline:
     if check.violations:
         return Headline("bad", "not printable", check.violations[0].text)
     warnings = [finding for finding in check.findings if finding.level == "warning"]
-    count = len(check.holding) + len(warnings)
+    warned = sum(len(finding.rules) for finding in warnings)
+    count = len(check.holding) + warned
     how = _how(design)
     if not warnings:
         return Headline("good", "printable", f"All {count} design rules hold on {how}.")
-    more = f" ({len(warnings)} of {count} rules warn)" if len(warnings) > 1 else ""
+    more = f" ({warned} of {count} rules warn)" if len(warnings) > 1 else ""
     return Headline("usable", "printable with care", f"On {how}: {warnings[0].text}{more}.")
 
 

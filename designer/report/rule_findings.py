@@ -41,9 +41,9 @@ def rule_findings(design: Design, check: PrintCheck) -> Findings:
     rows = []
     for found in sorted(check.findings, key=lambda finding: _ORDER.index(finding.level)):
         limit = limits.get(found.rule, nothing)
-        title = _TITLES.get(found.rule, found.rule)
+        title = ", ".join(_TITLES.get(rule, rule) for rule in found.rules)
         rows.append(Finding(_LEVELS[found.level], title, sentence(found.text), limit.measured, limit.rule))
-    said = {finding.rule for finding in check.findings}
+    said = {rule for finding in check.findings for rule in finding.rules}
     for rule in check.holding:
         if rule not in said:
             limit = limits.get(rule, nothing)
