@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calib.commands.judged_page import criteria_templates
 from calib.core.types import Detections
-from calib.observe.records import Records, image_record, measurable
+from calib.observe.records import Records, image_record
 from calib.report.claim import why_no_page
 from calib.report.detected_photos import detected, told_detected
 from calib.report.guess import origin_in
@@ -116,7 +116,7 @@ def test_rings_of_a_photo_are_counted_as_commands_count_them(tmp_path: Path) -> 
     geometry = board()
     records = Records("x", geometry.layout_id, geometry.geometry_id, (record,))
     row = photo_rows(replace(run, records=records), run.best())[0]
-    assert row.expected == sum(map(measurable, record.faces)) == 33
+    assert row.expected == sum(face.measurable for face in record.faces) == 33
 
 
 @pytest.mark.parametrize("grade", ["bad", "usable"])

@@ -20,6 +20,7 @@ from calib.report.run_tables import held_out_table, metrics_table
 from calib.report.stored_metrics import of_views
 from calib.verdict.halves import HalvesApart, NoHalves, half_split, halves_apart
 from calib.verdict.of_run import Judged
+from calib.verdict.verdict import Verdict
 from designer.command import printable
 from designer.page.blocks import Block, Figure, Paragraph, Section
 
@@ -33,20 +34,22 @@ def halves_of(best: Solved, judged: Judged | None) -> HalvesApart | NoHalves:
     return NoHalves("the cameras of the halves share no part of the covered image") if found is None else found
 
 
-def accuracy_section(best: Solved, found: SigmaMap, halves: HalvesApart | NoHalves) -> Section:
+def accuracy_section(best: Solved, found: SigmaMap, halves: HalvesApart | NoHalves, verdict: Verdict | None) -> Section:
     """What is left over and how certain the camera is.
 
     Args:
         best: the camera.
         found: how uncertain it is over the image.
         halves: how far cameras of halves of its photos lie apart.
+        verdict: on the camera, whose checks the captions quote; None: there is none.
     """
+    checked = {} if verdict is None else {check.name: printable(check.sentence) for check in verdict.checks}
     residuals = residuals_of(best.evaluation)
     blocks: list[Block] = [
-        coverage_figure(best.coverage),
+        coverage_figure(best.coverage, checked.get("coverage", "")),
         _halves_block(best, halves),
         residuals_figure(residuals, best.rmse_px),
-        systematic_figure(cells_of_residuals(residuals), residuals.image_size),
+        systematic_figure(cells_of_residuals(residuals), residuals.image_size, checked=checked.get("systematic", "")),
         distribution_figure(best),
         *_histograms(best),
         metrics_table(best),

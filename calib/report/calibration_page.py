@@ -55,7 +55,7 @@ def page_of(run: RunFolder, origin: Origin) -> Page:
             verdict_section(verdict, best, faults),
             *next_section(verdict, best, proposed),
             camera_section(run, best, is_usable=verdict is None or verdict.grade != "bad"),
-            accuracy_section(best, found, halves),
+            accuracy_section(best, found, halves, verdict),
         ]
         after: list[Section] = []
         if len(best.calibration.observations.points.plane) > 1:
