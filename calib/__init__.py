@@ -1,1 +1,63 @@
-"""Camera calibration with the targets that `designer` makes."""
+"""Camera calibration with the targets that `designer` makes.
+
+>>> run = calib.run("ico.target.json", "photos/*.jpg")
+>>> run.verdict.grade, run.best.camera.matrix
+
+Names are loaded when they are used, so that the import costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calib.api.detecting import Detector, detect
+    from calib.api.loading import load_camera, load_observations
+    from calib.api.posing import PoseResult, pose
+    from calib.api.run_result import RunResult
+    from calib.api.running import NothingFoundError, run, solve
+    from calib.cameras.camera import Camera
+    from calib.core.types import Detections, Observations
+    from calib.solver.calibration import Calibration
+    from designer.errors import InputError
+
+__all__ = [
+    "Calibration",
+    "Camera",
+    "Detections",
+    "Detector",
+    "InputError",
+    "NothingFoundError",
+    "Observations",
+    "PoseResult",
+    "RunResult",
+    "detect",
+    "load_camera",
+    "load_observations",
+    "pose",
+    "run",
+    "solve",
+]
+
+_HOMES = {
+    "calib.api.detecting": ("Detector", "detect"),
+    "calib.api.loading": ("load_camera", "load_observations"),
+    "calib.api.posing": ("PoseResult", "pose"),
+    "calib.api.run_result": ("RunResult",),
+    "calib.api.running": ("NothingFoundError", "run", "solve"),
+    "calib.cameras.camera": ("Camera",),
+    "calib.core.types": ("Detections", "Observations"),
+    "calib.solver.calibration": ("Calibration",),
+    "designer.errors": ("InputError",),
+}
+
+
+def __getattr__(name: str) -> object:
+    for home, names in _HOMES.items():
+        if name in names:
+            globals()[name] = found = getattr(import_module(home), name)
+            return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

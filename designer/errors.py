@@ -2,9 +2,9 @@
 
 
 class InputError(ValueError):
-    """A person's input breaks a rule. The message is one line: the value, the rule, the remedy.
+    """A person's input breaks a rule: `except InputError as error: print(error)`.
 
-    The command line prints it as it is and exits with code 2.
+    The message is one line: the value, the rule, the remedy. The command line prints it as it is and exits with code 2.
     """
 
 

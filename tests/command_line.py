@@ -114,8 +114,8 @@ def detections_of(seen: Observations, target: TargetGeometry) -> list[Detections
 def _detections(seen: Observations, target: TargetGeometry, name: str, row: NDArray[np.int64]) -> Detections:
     covariance = np.tile(SIGMA_PX**2 * np.eye(2), (len(row), 1, 1))
     return Detections(
-        name, seen.image_size, target.layout_id, target.geometry_id, seen.point[row], seen.center_px[row], covariance,
-        np.zeros((len(row), 5)), (),
+        name, seen.image_size, target.layout_id, target.geometry_id, seen.point[row],
+        target.center_mm[seen.point[row]], seen.center_px[row], covariance, np.zeros((len(row), 5)), (),
     )  # fmt: skip
 
 

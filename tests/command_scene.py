@@ -56,10 +56,7 @@ def detect(
     if Path(name).name in FOUND:
         return replace(FOUND[Path(name).name], image=name)
     none = next(iter(FOUND.values()))
-    return replace(
-        none, image=name, ring=none.ring[:0], center_px=none.center_px[:0], cov_px2=none.cov_px2[:0],
-        ellipse_px=none.ellipse_px[:0], remarks=("nothing here",),
-    )  # fmt: skip
+    return replace(none.keep(slice(0)), image=name, remarks=("nothing here",))
 
 
 def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -80,6 +80,7 @@ def result(name: str, faces: Sequence[FaceRecord] = (), overlay: str = "", failu
     count = sum(one.rings_found for one in faces)
     seen = Detections(
         name, (640, 480), BOARD.layout_id, BOARD.geometry_id, np.arange(count) % BOARD.ring_count,
+        BOARD.center_mm[np.arange(count) % BOARD.ring_count],
         np.zeros((count, 2)), np.tile(np.eye(2), (count, 1, 1)), np.zeros((count, 5)), tuple(faces),
     )  # fmt: skip
     return PhotoResult(PhotoFile(Path(name), name), seen, overlay=Path(overlay) if overlay else None)

@@ -64,6 +64,7 @@ def sighting(
         layout_id=target.layout_id,
         geometry_id=target.geometry_id,
         ring=ring,
+        position_mm=target.center_mm[ring],
         center_px=truth.center_px[ring] + rng.normal(0, 1, (len(ring), 2)) * sigma[:, None],
         cov_px2=sigma[:, None, None] ** 2 * np.eye(2),
         ellipse_px=np.array(ellipses).reshape(-1, 5),

@@ -45,7 +45,8 @@ def found(
     size = (pixels.shape[1], pixels.shape[0])
     keep = slice(None) if pixels.max() > 0 else slice(0)
     return Detections(
-        name, size, target.layout_id, target.geometry_id, SEEN.ring[keep], SEEN.center_px[keep], SEEN.cov_px2[keep],
+        name, size, target.layout_id, target.geometry_id, SEEN.ring[keep], SEEN.position_mm[keep],
+        SEEN.center_px[keep], SEEN.cov_px2[keep],
         SEEN.ellipse_px[keep], SEEN.faces[keep], () if pixels.max() > 0 else ("no ring found",),
     )  # fmt: skip
 

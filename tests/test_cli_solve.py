@@ -76,10 +76,7 @@ def corners(path: str, columns: int, rows: int, poses: NDArray[np.float64]) -> N
 
 def part(seen: Detections, count: int, name: str) -> Detections:
     """A photo of another name that shows the first few rings."""
-    return replace(
-        seen, image=name, ring=seen.ring[:count], center_px=seen.center_px[:count], cov_px2=seen.cov_px2[:count],
-        ellipse_px=seen.ellipse_px[:count],
-    )  # fmt: skip
+    return replace(seen.keep(slice(count)), image=name)
 
 
 def test_all_models_are_written_read_back_and_compared(folder: Path) -> None:

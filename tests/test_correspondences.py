@@ -101,7 +101,8 @@ def test_three_kinds_of_file_are_told_apart_and_agree(tmp_path: Path) -> None:
     seen = sightings(target)
     detections = [
         Detections(
-            name, SIZE, BOARD.layout_id, BOARD.geometry_id, seen.point[rows], seen.center_px[rows],
+            name, SIZE, BOARD.layout_id, BOARD.geometry_id, seen.point[rows],
+            BOARD.center_mm[seen.point[rows]], seen.center_px[rows],
             np.tile(1e-4 * np.eye(2), (len(rows), 1, 1)), np.ones((len(rows), 5)), (),
         )
         for name, rows in ((name, np.flatnonzero(seen.view == view)) for view, name in enumerate(seen.view_names))
@@ -138,9 +139,9 @@ def test_what_does_not_belong_together_is_refused(tmp_path: Path) -> None:
     target = tmp_path / "t.json"
     for name, options, rule in (
         ("d.csv", {}, "--target"),
-        ("d.csv", {"target_path": target, "image_size": SIZE}, "leave --image-size"),
+        ("d.csv", {"target": target, "image_size": SIZE}, "leave --image-size"),
         ("c.csv", {}, "the image size is not known.*--image-size"),
-        ("c.vnl", {"image_size": SIZE, "target_path": target}, "leave --target out"),
+        ("c.vnl", {"image_size": SIZE, "target": target}, "leave --target out"),
         ("c.csv", {"image_size": SIZE, "grid": GRID}, "leave --grid out"),
         ("c.csv", {"image_size": (500, 500)}, "far outside an image of 500 x 500 px; check the image size"),
         ("c.vnl", {"image_size": SIZE}, r"--grid 10x7 --pitch"),

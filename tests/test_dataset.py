@@ -36,12 +36,14 @@ def seen(
 ) -> Detections:
     """Detections of random features."""
     root = rng.normal(0, 0.05, (count, 2, 2))
+    ring = np.sort(rng.choice(target.ring_count, count, replace=False))
     return Detections(
         image=image,
         image_size=size,
         layout_id=target.layout_id,
         geometry_id=target.geometry_id,
-        ring=np.sort(rng.choice(target.ring_count, count, replace=False)),
+        ring=ring,
+        position_mm=target.center_mm[ring],
         center_px=rng.uniform(-0.5, 640, (count, 2)),
         cov_px2=root @ root.transpose(0, 2, 1) + 1e-6 * np.eye(2),
         ellipse_px=np.ones((count, 5)),

@@ -36,19 +36,12 @@ def photos(count: int, target: TargetGeometry = BOARD, seed: int = 0) -> list[De
     center = seen.center_px + rng.normal(0, SIGMA_PX, seen.center_px.shape)
     return [
         Detections(
-            f"{view}.png", camera().image_size, target.layout_id, target.geometry_id, seen.point[rows], center[rows],
+            f"{view}.png", camera().image_size, target.layout_id, target.geometry_id, seen.point[rows],
+            target.center_mm[seen.point[rows]], center[rows],
             np.tile(SIGMA_PX**2 * np.eye(2), (len(rows), 1, 1)), np.ones((len(rows), 5)), (),
         )
         for view, rows in ((view, np.flatnonzero(seen.view == view)) for view in range(count))
     ]  # fmt: skip
-
-
-def only(seen: Detections, rows: Array | slice) -> Detections:
-    """Some of the detections of a photo."""
-    return replace(
-        seen, ring=seen.ring[rows], center_px=seen.center_px[rows], cov_px2=seen.cov_px2[rows],
-        ellipse_px=seen.ellipse_px[rows],
-    )  # fmt: skip
 
 
 def prepared(seen: list[Detections], target: TargetGeometry = BOARD) -> Observations:
@@ -106,12 +99,12 @@ def on_row(seen: Detections, extra: int) -> Detections:
     """The rings of one row of the board, and some others."""
     row = BOARD.ring_index[seen.ring, 1] == BOARD.ring_index[seen.ring[0], 1]
     others = np.flatnonzero(~row)[:extra]
-    return only(seen, np.sort(np.concatenate([np.flatnonzero(row), others])))
+    return seen.keep(np.sort(np.concatenate([np.flatnonzero(row), others])))
 
 
 LEFT_OUT: dict[str, tuple[Change, str]] = {
-    "none": (lambda seen: only(seen, slice(0)), "show none of the points: 2.png"),
-    "three": (lambda seen: only(seen, slice(3)), "fewer than 4 points: 2.png"),
+    "none": (lambda seen: seen.keep(slice(0)), "show none of the points: 2.png"),
+    "three": (lambda seen: seen.keep(slice(3)), "fewer than 4 points: 2.png"),
     "row": (lambda seen: on_row(seen, 0), "on a line, all or all but one: 2.png"),
     "row and one": (lambda seen: on_row(seen, 1), "on a line, all or all but one: 2.png"),
     "size": (lambda seen: replace(seen, image_size=(640, 480)), "not of 1200 x 900 px as the others: 2.png"),
@@ -150,7 +143,7 @@ def test_the_size_of_most_images_counts() -> None:
     assert prepared([*small[:2], *seen[:3]]).image_size == (1200, 900)
     with pytest.raises(InputError, match=r"^d\.csv: as many images of 640 x 480 px and 1200 x 900 px"):
         prepared([*small[:3], *seen[:3]])
-    useless = [only(one, slice(3)) for one in seen[:3]]
+    useless = [one.keep(slice(3)) for one in seen[:3]]
     assert prepared([*small[:1], *useless]).image_size == (640, 480)
 
 
@@ -158,7 +151,7 @@ def test_a_photo_given_twice_counts_once() -> None:
     """Identical photos, and copies saved again, are found whatever lies between them; the first one stays."""
     seen, rng = photos(5), np.random.default_rng(1)
     copy, saved_again = again(seen[1], "copy.png", 0.0, rng), again(seen[3], "saved.jpg", 0.2 * SIGMA_PX, rng)
-    partly = only(again(seen[3], "partly.jpg", 0.2 * SIGMA_PX, rng), slice(2, None))
+    partly = again(seen[3], "partly.jpg", 0.2 * SIGMA_PX, rng).keep(slice(2, None))
     done = prepared([*seen, copy, saved_again, partly])
     assert done.view_names == tuple(one.image for one in seen)
     assert done.remarks == (
@@ -179,7 +172,7 @@ def test_photos_from_a_tripod_are_not_copies() -> None:
 def test_nothing_left_is_an_error_with_the_reason() -> None:
     """No usable view ends in one line with the last reason and the remedy."""
     with pytest.raises(InputError, match=r"^d\.csv: no view is left .*fewer than 4 points.*give photos") as refused:
-        prepared([only(one, slice(3)) for one in photos(9)])
+        prepared([one.keep(slice(3)) for one in photos(9)])
     assert "and 5 more" in str(refused.value)
     with pytest.raises(InputError, match="mirrored"):
         prepared([LEFT_OUT["mirrored"][0](one) for one in photos(3)])
@@ -230,11 +223,11 @@ def test_any_mixture_ends_in_whole_observations_or_one_line(data: st.DataObject)
 def test_poses_need_no_other_photo() -> None:
     """For poses a photo may come twice or stand alone; only what has too few points is left out."""
     seen = photos(3)
-    data = [seen[0], replace(seen[0], image="b.png"), only(seen[1], slice(3)), seen[2]]
+    data = [seen[0], replace(seen[0], image="b.png"), seen[1].keep(slice(3)), seen[2]]
     kept = observations_for_poses(data, BOARD)
     assert kept is not None
     assert kept.view_names == ("0.png", "b.png", "2.png")
-    assert observations_for_poses([only(seen[1], slice(3))], BOARD) is None
+    assert observations_for_poses([seen[1].keep(slice(3))], BOARD) is None
 
 
 @pytest.mark.parametrize("stated_px", [1e-6, 1e-9])

@@ -136,8 +136,8 @@ def empty(target: TargetGeometry, size: tuple[int, int]) -> Detections:
     """Nothing found."""
     nothing = np.zeros((0, 2))
     return Detections(
-        "a.png", size, target.layout_id, target.geometry_id, np.zeros(0), nothing, np.zeros((0, 2, 2)),
-        np.zeros((0, 5)), (), ("no ring found",),
+        "a.png", size, target.layout_id, target.geometry_id, np.zeros(0), np.zeros((0, 3)), nothing,
+        np.zeros((0, 2, 2)), np.zeros((0, 5)), (), ("no ring found",),
     )  # fmt: skip
 
 
@@ -158,13 +158,7 @@ def test_few_rings_are_drawn_too(count: int, board: Pictures) -> None:
     pixels, seen = board
     j = BOARD.ring_index[seen.ring, 1]
     row = np.flatnonzero(j == np.bincount(j - j.min()).argmax() + j.min())[:count]
-    few = replace(
-        seen,
-        ring=seen.ring[row],
-        center_px=seen.center_px[row],
-        cov_px2=seen.cov_px2[row],
-        ellipse_px=seen.ellipse_px[row],
-    )
+    few = seen.keep(row)
     overlay = draw_overlay(pixels, few, BOARD)
     scale, top = overlay.shape[1] // pixels.shape[1], np.array([0, header_height(overlay, pixels)])
     for ellipse in few.ellipse_px:

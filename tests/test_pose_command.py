@@ -42,7 +42,8 @@ def photos_from(
     center = seen.center_px + rng.normal(0, 1, seen.center_px.shape) * sigma_px
     return [
         Detections(
-            f"{view}.png", CAMERA.image_size, target.layout_id, target.geometry_id, seen.point[rows], center[rows],
+            f"{view}.png", CAMERA.image_size, target.layout_id, target.geometry_id, seen.point[rows],
+            target.center_mm[seen.point[rows]], center[rows],
             np.tile(sigma_px**2 * np.eye(2), (len(rows), 1, 1)), np.tile([0, 0, 30.0, 20.0, 0.3], (len(rows), 1)), (),
         )
         for view, rows in ((view, np.flatnonzero(seen.view == view)) for view in range(len(poses)))
@@ -141,11 +142,7 @@ def test_photos_without_a_pose_are_sorted_by_the_reason() -> None:
     seen = photos_from(BOARD, poses_around(4, rng), rng)
     row = np.flatnonzero(BOARD.ring_index[seen[1].ring, 1] == 0)
     for photo, rows in ((0, slice(3)), (1, row)):
-        one = seen[photo]
-        seen[photo] = replace(
-            one, ring=one.ring[rows], center_px=one.center_px[rows], cov_px2=one.cov_px2[rows],
-            ellipse_px=one.ellipse_px[rows],
-        )  # fmt: skip
+        seen[photo] = seen[photo].keep(rows)
     seen[2] = replace(seen[2], center_px=np.tile([600.0, 450.0], (len(seen[2].ring), 1)))
     found = target_poses(seen, BOARD, CAMERA, weighted=False)
     assert found.too_few == ("0.png", "1.png")
@@ -171,8 +168,9 @@ def found(
     one = SEEN[max(0, level // 10 - 1)]
     keep = slice(0 if level == 0 else 3 if level == 1 else None)
     return Detections(
-        name, CAMERA.image_size, target.layout_id, target.geometry_id, one.ring[keep], one.center_px[keep],
-        one.cov_px2[keep], one.ellipse_px[keep], (), ("no grid of rings was found",) if level == 0 else (),
+        name, CAMERA.image_size, target.layout_id, target.geometry_id, one.ring[keep],
+        one.position_mm[keep], one.center_px[keep], one.cov_px2[keep],
+        one.ellipse_px[keep], (), ("no grid of rings was found",) if level == 0 else (),
     )  # fmt: skip
 
 

@@ -1,22 +1,21 @@
 """One photo, from an array or a file, to named centres."""
 
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.api.loading import Place, camera_of, target_of
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector import pipeline
-from calib.interop.reading import open_camera
 from calib.observe.images import Grey, grey_of, read_image
 from calib.report.why_nothing import explained
 from designer.errors import InputError
-from designer.target import TargetGeometry, load_target
+from designer.target import TargetGeometry
 
-Place: TypeAlias = str | PathLike[str]
 Pixels: TypeAlias = NDArray[np.generic]
 
 DEPTHS = (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32))
@@ -37,10 +36,8 @@ class Detector:
     """
 
     def __init__(self, target: TargetGeometry | Place, camera: Camera | Place | None = None) -> None:
-        self.target = target if isinstance(target, TargetGeometry) else load_target(Path(target), "rings")
-        self.camera = (
-            camera if camera is None or isinstance(camera, Camera) else open_camera(fspath(camera)).read.camera
-        )
+        self.target = target_of(target, "rings")
+        self.camera = None if camera is None else camera_of(camera)
 
     def detect(self, image: Pixels | Place, name: str = "") -> Detections:
         """The target's rings and dots in a photo; none, with the reason in `remarks`, if it does not show the target.
@@ -52,11 +49,9 @@ class Detector:
         Raises:
             InputError: no such file, no image, or one of another size than the camera's.
         """
+        pixels = grey_pixels(image)
         if isinstance(image, str | PathLike):
-            pixels: Pixels = read_image(Path(image)).pixels
             name = name or Path(image).name
-        else:
-            pixels = grey_pixels(image)
         size = pixels.shape[1], pixels.shape[0]
         if self.camera is not None and self.camera.image_size != size:
             raise InputError(
@@ -65,6 +60,20 @@ class Detector:
             )
         found = pipeline.detect(pixels, self.target, name=name or "image", camera=self.camera)
         return explained(found, pixels, self.target)
+
+    def draw(self, image: Pixels | Place, found: Detections) -> NDArray[np.uint8]:
+        """A picture of what was found in a photo and what was not, for a person: red, green, blue.  # (H', W', 3)
+
+        Args:
+            image: the photo, as for `detect`.
+            found: in it.
+
+        Raises:
+            InputError: no such file, or no image.
+        """
+        from calib.detector.overlay import draw_overlay
+
+        return draw_overlay(grey_pixels(image), found, self.target)
 
 
 def detect(
@@ -87,12 +96,14 @@ def detect(
     return Detector(target, camera).detect(image, name)
 
 
-def grey_pixels(image: Pixels) -> Pixels:
-    """Grey levels (H, W) of an array, as the detector takes them.
+def grey_pixels(image: Pixels | Place) -> Grey:
+    """Grey levels (H, W) of an array or a file, as the detector takes them.
 
     Raises:
         InputError: it is no image.
     """
+    if isinstance(image, str | PathLike):
+        return read_image(Path(image)).pixels
     if not isinstance(image, np.ndarray):
         raise InputError(f"{type(image).__name__}: is no image; give a numpy array (H, W) or (H, W, 3), or a file")
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (1, 3, 4)) or not image.size:

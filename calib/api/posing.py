@@ -2,19 +2,15 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from os import PathLike, fspath
 from pathlib import Path
 
+from calib.api.loading import Place, camera_of, photos_of, target_of
 from calib.api.progress import Progress, unheard
 from calib.api.searching import Search, search_once
 from calib.cameras.camera import Camera
 from calib.core.files import write_files
-from calib.interop.reading import open_camera
-from calib.observe.photos import find_photos
 from calib.pipeline.target_poses import TargetPose, check_output, poses_to_csv, poses_to_json, target_poses
-from designer.target import TargetGeometry, load_target
-
-Place = str | PathLike[str]
+from designer.target import TargetGeometry
 
 TOO_FEW = "too few rings for a pose, or all on a line"
 NOT_SOLVED = "no pose fits the rings that were found; check the camera file"
@@ -22,7 +18,7 @@ NOT_SOLVED = "no pose fits the rings that were found; check the camera file"
 
 @dataclass(frozen=True, eq=False)
 class PoseResult:
-    """The poses in some photos."""
+    """The poses in some photos: `found.save("poses.csv")`."""
 
     target: TargetGeometry
     camera: Camera
@@ -70,10 +66,8 @@ def pose(
     Raises:
         InputError: files that cannot be read, or not one photo that can be searched.
     """
-    geometry = target if isinstance(target, TargetGeometry) else load_target(Path(target), "rings")
-    known = camera if isinstance(camera, Camera) else open_camera(fspath(camera)).read.camera
-    asked = find_photos([fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)])
-    search = search_once(geometry, asked, camera=known, jobs=jobs, progress=progress)
+    geometry, known = target_of(target, "rings"), camera_of(camera)
+    search = search_once(geometry, photos_of(photos), camera=known, jobs=jobs, progress=progress)
     found = target_poses(search.detections, geometry, known, weighted=weighted)
     reasons = {result.photo.name: result.failure for result in search.results if result.seen is None}
     for seen in search.detections:

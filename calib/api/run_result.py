@@ -17,9 +17,7 @@ from designer.target import TargetGeometry
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """Cameras of one or several models from the same photos, judged.
-
-    >>> run.verdict.grade, run.best.camera, run.save("camera")
+    """Cameras of one or several models from the same photos, judged: `run.best.camera`, `run.verdict.grade`.
 
     In a notebook the result shows its report.
     """

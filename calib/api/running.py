@@ -2,17 +2,17 @@
 
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
-from os import PathLike, fspath
+from os import fspath
 from pathlib import Path
 
+from calib.api.loading import Observed, Place, observations_of, photos_of, rendered_id_of, target_of
 from calib.api.progress import Progress, unheard
 from calib.api.run_result import RunResult, best_of
 from calib.api.run_writer import DETECTIONS_FILE, RunWriter
 from calib.api.searching import Search, search_twice, truth_of
 from calib.core.files import named_in_files
-from calib.core.types import Observations
 from calib.observe.observations import observations_from_detections
-from calib.observe.photos import find_photos, named_photos
+from calib.observe.photos import named_photos
 from calib.observe.truth import Truth
 from calib.pipeline.calibrate import ALL_VIEWS, MODELS_TO_SOLVE
 from calib.pipeline.settings import ALL, SolvePlan, plan_from_words
@@ -23,14 +23,12 @@ from calib.verdict.criteria import STANDARD, Criteria, read_criteria
 from calib.virtual.solve_virtual import Reference
 from designer.errors import InputError
 from designer.spec_file import suggestion
-from designer.target import Needs, TargetGeometry, load_target
+from designer.target import TargetGeometry
 from designer.tolerance.made import how_made
-
-Place = str | PathLike[str]
 
 
 class NothingFoundError(InputError):
-    """No photo shows the target; `search` says what was seen instead."""
+    """No photo shows the target; what was seen instead: `error.search`."""
 
     def __init__(self, message: str, search: Search) -> None:
         super().__init__(message)
@@ -57,7 +55,9 @@ def run(
     out: RunWriter | Place | None = None,
     settings: Sequence[tuple[str, str]] = (),
 ) -> RunResult:
-    """Detect, solve, detect again with the lens known, solve all models, and judge: `run("t.target.json", "photos")`.
+    """Detect twice, solve all models, and judge the best camera: `run("ico.target.json", "photos/*.jpg")`.
+
+    The second search knows the lens that a first solution gives.
 
     >>> run = calib.run("ico.target.json", "photos/*.jpg")
     >>> run.verdict.grade, run.best.camera.matrix
@@ -85,12 +85,12 @@ def run(
         InputError: files or options that break a rule, or photos that do not determine a camera.
         NothingFoundError: no photo shows the target.
     """
-    geometry, limits = _geometry(target, "rings"), _criteria(criteria)
+    geometry, limits = target_of(target, "rings"), _criteria(criteria)
     plan = plan_from_words(
         model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted
     )
     writer = _writer(out, plan)
-    asked = find_photos([fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)])
+    asked = photos_of(photos)
     if writer is not None:
         asked = writer.without_own_pictures(asked)
     known, doubt = truth_of(asked, None if truth is None else Path(truth))
@@ -114,7 +114,7 @@ def run(
 
 
 def solve(
-    observations: Observations,
+    observed: Observed,
     target: TargetGeometry | Place | None = None,
     *,
     model: str = ALL,
@@ -133,10 +133,13 @@ def solve(
     out: RunWriter | Place | None = None,
     settings: Sequence[tuple[str, str]] = (),
 ) -> RunResult:
-    """Solve and judge cameras from observations: `solve(read_observations("detections.csv", "t.target.json"))`.
+    """Solve and judge cameras from what was observed: `solve("detections.csv", "ico.target.json")`.
+
+    >>> detector = calib.Detector("ico.target.json")
+    >>> run = calib.solve([detector.detect(frame) for frame in frames], detector.target)
 
     Args:
-        observations: of known points, as `read_observations` or `observe` give them.
+        observed: a file of observations, what was found in photos, or observations as `load_observations` has them.
         target: that they show; None: points from elsewhere.
         model: as for `run`, like all options that are named alike.
         fix: parameters to keep.
@@ -148,7 +151,7 @@ def solve(
         reference: of model `virtual`.
         made: how the target was made.
         truth: of rendered photos.
-        rendered_id: of the geometry that the photos were rendered of; "": real photos.
+        rendered_id: of the geometry that the photos were rendered of; "": what the records beside a file say.
         criteria: limits of the verdict.
         progress: is told what is being done.
         out: a folder to write everything to.
@@ -157,12 +160,13 @@ def solve(
     Raises:
         InputError: options that break a rule, or observations that do not determine a camera.
     """
-    geometry, limits = None if target is None else _geometry(target, "marks"), _criteria(criteria)
+    geometry, limits = None if target is None else target_of(target), _criteria(criteria)
     plan = plan_from_words(
         model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted
     )
     writer = _writer(out, plan)
-    way = how_made(geometry, made, rendered_id=rendered_id)
+    observations = observations_of(observed, target)
+    way = how_made(geometry, made, rendered_id=rendered_id or rendered_id_of(observed))
     reference = _checked_reference(reference, plan, observations.view_names)
     layout_id = "" if geometry is None else geometry.layout_id
     task = SolveTask(observations, plan, layout_id, tuple(settings), reference, truth, way)
@@ -219,10 +223,6 @@ def _require_one(solutions: Sequence[Solution]) -> None:
     several = len(reasons) > 1
     said = "; ".join(f"{model}: {why}" if several else why for why, model in reasons.items())
     raise UndeterminedError(said) if any(one.is_undetermined for one in solutions) else InputError(said)
-
-
-def _geometry(target: TargetGeometry | Place, needs: Needs) -> TargetGeometry:
-    return target if isinstance(target, TargetGeometry) else load_target(Path(target), needs)
 
 
 def _name(target: TargetGeometry | Place) -> str:

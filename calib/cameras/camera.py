@@ -34,7 +34,7 @@ class LearnedMap:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera: a model's name (`calib.cameras.MODELS`), its parameters, and the image it belongs to."""
+    """A model, its parameters, and the image they belong to: `camera.project(x_cam)`, `camera.rays(u_px)`."""
 
     model: str
     params: NDArray[np.float64]  # (P,) in the model's order and units

@@ -93,6 +93,7 @@ def solve(
 
     The exit code is 1 if the verdict is: do not use.
     """
+    from calib.api.loading import rendered_id_of
     from calib.api.run_writer import RunWriter
     from calib.api.running import models_of
     from calib.api.running import solve as solve_all
@@ -112,7 +113,7 @@ def solve(
                 observations, target, model=model, fix=fix or (), share=share or (), focal_px=focal_of(focal),
                 loss=loss, reject_sigma=reject, weighted=weighted,
                 reference=reference_of(reference, reference_target), made=made,
-                rendered_id=_rendered_id(detections), criteria=criteria, progress=progress, out=writer,
+                rendered_id=rendered_id_of(detections), criteria=criteria, progress=progress, out=writer,
                 settings=settings,
             )  # fmt: skip
     except KeyboardInterrupt:
@@ -128,16 +129,6 @@ def solve(
 def made_settings(made: str | None) -> tuple[tuple[str, str], ...]:
     """The way of making that was asked for, for the record."""
     return () if made is None else (("made", made),)
-
-
-def _rendered_id(detections: Path) -> str:
-    """The geometry that the photos of detections were rendered of, if their records say so."""
-    from calib.observe.records import read_records, records_path
-
-    try:
-        return read_records(records_path(detections)).rendered_id
-    except InputError:
-        return ""
 
 
 def read_input(

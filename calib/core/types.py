@@ -1,13 +1,10 @@
 """What is seen in photos, and of what: no logic, but for what keeps arrays whole."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    pass
 
 
 def frozen_array(values: object, dtype: type[np.generic] = np.float64) -> NDArray[np.generic]:
@@ -53,13 +50,14 @@ class FaceRecord:
 
 @dataclass(frozen=True, eq=False)
 class Detections:
-    """N named features in one image."""
+    """N named features in one image: `cv2.solvePnP(found.object_points, found.image_points, matrix, distortion)`."""
 
     image: str  # the file's name without folder
     image_size: tuple[int, int]  # width, height in px
     layout_id: str  # of the target they were named with
     geometry_id: str
     ring: NDArray[np.int64]  # (N,) rows of the target's arrays, ascending
+    position_mm: NDArray[np.float64]  # (N, 3) X Y Z in the target that they were named with
     center_px: NDArray[np.float64]  # (N, 2) projected centres, u v
     cov_px2: NDArray[np.float64]  # (N, 2, 2)
     ellipse_px: NDArray[np.float64]  # (N, 5) outer contour: centre u v, semi-axes major minor, angle of the major (rad)
@@ -69,10 +67,25 @@ class Detections:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ring", frozen_array(self.ring, np.int64))
-        for name in ("center_px", "cov_px2", "ellipse_px"):
+        for name in ("position_mm", "center_px", "cov_px2", "ellipse_px"):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
         rejected = np.zeros((0, 2)) if self.rejected_px is None else self.rejected_px
         object.__setattr__(self, "rejected_px", frozen_array(rejected))
+
+    @property
+    def object_points(self) -> NDArray[np.float32]:
+        """X Y Z in mm as OpenCV takes them, and as `cv2.aruco.Board.matchImagePoints` returns them.  # (N, 1, 3)"""
+        return self.position_mm.astype(np.float32)[:, None]
+
+    @property
+    def image_points(self) -> NDArray[np.float32]:
+        """Centres in px likewise, (0, 0) at the centre of the top-left pixel as OpenCV has it.  # (N, 1, 2)"""
+        return self.center_px.astype(np.float32)[:, None]
+
+    def keep(self, which: NDArray[np.int64] | NDArray[np.bool_] | slice) -> "Detections":
+        """Some of the features, by row or by flag."""
+        names = ("ring", "position_mm", "center_px", "cov_px2", "ellipse_px")
+        return replace(self, **{name: getattr(self, name)[which] for name in names})
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +105,7 @@ class KnownPoints:
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """M sightings of known points in V views of one camera."""
+    """M known points as V views of one camera show them: `calib.solve(observations)`."""
 
     image_size: tuple[int, int]  # width, height in px
     view_names: tuple[str, ...]  # (V,)

@@ -52,13 +52,17 @@ _PEEKED = 1 << 16
 
 
 def read_observations(
-    path: Path, target_path: Path | None = None, *, image_size: Size | None = None, grid: PointGrid | None = None
+    path: Path,
+    target: TargetGeometry | Path | None = None,
+    *,
+    image_size: Size | None = None,
+    grid: PointGrid | None = None,
 ) -> Observations:
     """What a camera is solved from, of a file of any of the three kinds; its first lines tell which.
 
     Args:
         path: detections.csv, a CSV with image,u,v,X,Y,Z, or mrcal's corners.vnl.
-        target_path: the target of detections; a table may show one too, else it holds its own points.
+        target: of detections, or its file; a table may show one too, else it holds its own points.
         image_size: width and height in px of what does not say it itself.
         grid: of a corners.vnl.
 
@@ -67,16 +71,16 @@ def read_observations(
     """
     start = _start_of(path)
     if start.startswith(_OURS):
-        if target_path is None:
+        if target is None:
             raise InputError(f"{path}: detections need the target they show; give --target NAME.target.json")
         if image_size is not None or grid is not None:
             raise InputError(f"{path}: detections hold image sizes and points; leave --image-size and --grid out")
-        geometry = load_target(target_path)
+        geometry, name = (load_target(target), target) if isinstance(target, Path) else (target, Path("the target"))
         return observations_from_detections(
-            read_detections(path, geometry, target_path=target_path), geometry, origin=str(path)
+            read_detections(path, geometry, target_path=name), geometry, origin=str(path)
         )
     if is_corners(path, start):
-        if target_path is not None:
+        if target is not None:
             raise InputError(f"{path}: corners lie on their own grid; leave --target out")
         text = read_text(path, "a corners.vnl", MAX_FILE_BYTES)
         every = observations_from_corners(path, text, grid=grid, image_size=image_size)
@@ -84,8 +88,8 @@ def read_observations(
         return prepare(every, has_fronts=False, origin=str(path))
     if grid is not None:
         raise InputError(f"{path}: no corners.vnl, so its points have coordinates; leave --grid out")
-    target = None if target_path is None else load_target(target_path)
-    return read_correspondences(path, image_size=image_size, target=target)
+    of_points = load_target(target) if isinstance(target, Path) else target
+    return read_correspondences(path, image_size=image_size, target=of_points)
 
 
 def read_correspondences(

@@ -134,10 +134,7 @@ def _storable(one: Detections) -> Detections:
     if ok.all():
         return one
     remark = f"{(~ok).sum()} left out: centre or covariance is no usable number, or named twice"
-    return replace(
-        one, ring=one.ring[ok], center_px=one.center_px[ok], cov_px2=one.cov_px2[ok], ellipse_px=one.ellipse_px[ok],
-        remarks=(*one.remarks, remark),
-    )  # fmt: skip
+    return replace(one.keep(ok), remarks=(*one.remarks, remark))
 
 
 def is_covariance(cov: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -181,8 +178,8 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
     start = np.searchsorted(view[order], np.arange(len(header.sizes) + 1))
     return tuple(
         Detections(
-            name, size, header.layout_id, header.geometry_id, ring[rows], center[rows], cov[rows],
-            np.full((len(rows), 5), np.nan), (),
+            name, size, header.layout_id, header.geometry_id, ring[rows], target.center_mm[ring[rows]],
+            center[rows], cov[rows], np.full((len(rows), 5), np.nan), (),
         )
         for (name, size), rows in zip(header.sizes.items(), (order[a:b] for a, b in pairwise(start)), strict=True)
     )  # fmt: skip

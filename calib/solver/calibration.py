@@ -40,7 +40,7 @@ class ImageField:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A camera solved from observations, with V poses and what is known of their accuracy."""
+    """A solved camera, its V poses and how sure they are: `run.best.calibration.cam_from_target`."""
 
     camera: Camera
     observations: Observations  # of the views that were solved

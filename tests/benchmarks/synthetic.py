@@ -253,4 +253,6 @@ def crashed(view: View, target: TargetGeometry, why: str) -> Detections:
     height, width = view.image.shape
     ids, empty = (target.layout_id, target.geometry_id), np.zeros((0, 2))
     cov, ellipse = np.zeros((0, 2, 2)), np.zeros((0, 5))
-    return Detections("crash", (width, height), *ids, np.zeros(0, int), empty, cov, ellipse, (), (f"crash {why}",))
+    return Detections(
+        "crash", (width, height), *ids, np.zeros(0, int), np.zeros((0, 3)), empty, cov, ellipse, (), (f"crash {why}",)
+    )

@@ -1,0 +1,104 @@
+"""What public functions take: a value, or the file that it stands in."""
+
+from collections.abc import Iterable
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TypeAlias
+
+from calib.cameras.camera import Camera
+from calib.core.types import Detections, Observations
+from calib.interop.reading import open_camera
+from calib.observe.corners_vnl import PointGrid
+from calib.observe.correspondences import read_observations
+from calib.observe.observations import observations_from_detections
+from calib.observe.photos import FoundPhotos, find_photos
+from calib.observe.records import read_records, records_path
+from designer.errors import InputError
+from designer.target import Needs, TargetGeometry, load_target
+
+Place: TypeAlias = str | PathLike[str]
+Observed: TypeAlias = Observations | Place | Iterable[Detections]
+"""What a camera is solved from: observations, a file of them, or what was found in photos."""
+
+
+def load_camera(name: Place) -> Camera:
+    """Read a camera: `load_camera("camera.json")`.
+
+    Args:
+        name: a file of ours or of another tool, `chain.yaml#cam1` of a file with several, the folder of a
+            `camera.json`, or a template.
+
+    Raises:
+        InputError: no such file, of no known kind, or not valid.
+    """
+    return open_camera(fspath(name)).read.camera
+
+
+def load_observations(
+    path: Place,
+    target: TargetGeometry | Place | None = None,
+    *,
+    image_size: tuple[int, int] | None = None,
+    grid: PointGrid | None = None,
+) -> Observations:
+    """Read what a camera is solved from: `load_observations("detections.csv", "ico.target.json")`.
+
+    Args:
+        path: a `detections.csv`, a table with image,u,v,X,Y,Z, or a `corners.vnl`.
+        target: that detections show, whose X, Y, Z are taken; a table may show one too.
+        image_size: width and height in px of a file that does not say it.
+        grid: of a `corners.vnl`.
+
+    Raises:
+        InputError: the file cannot be read, something else is needed, or nothing is left to solve from.
+    """
+    geometry = target if target is None or isinstance(target, TargetGeometry) else Path(target)
+    return read_observations(Path(path), geometry, image_size=image_size, grid=grid)
+
+
+def observations_of(observed: Observed, target: TargetGeometry | Place | None) -> Observations:
+    """Observations, whatever they are given as.
+
+    Raises:
+        InputError: as for `load_observations`, or detections without the target they show.
+    """
+    if isinstance(observed, Observations):
+        return observed
+    if isinstance(observed, str | PathLike):
+        return load_observations(observed, target)
+    if target is None:
+        raise InputError("detections: give the target they show too")
+    geometry = target_of(target)
+    found = tuple(observed)
+    for one in found:
+        if one.layout_id != geometry.layout_id:
+            raise InputError(
+                f"{one.image}: found with a target of layout {one.layout_id}, but the target has {geometry.layout_id}; "
+                "give the target that the photos show"
+            )
+    return observations_from_detections(found, geometry)
+
+
+def rendered_id_of(observed: Observed) -> str:
+    """The geometry that the photos behind a file were rendered of, if the records beside it say so."""
+    if not isinstance(observed, str | PathLike):
+        return ""
+    try:
+        return read_records(records_path(Path(observed))).rendered_id
+    except InputError:
+        return ""
+
+
+def target_of(target: TargetGeometry | Place, needs: Needs = "points") -> TargetGeometry:
+    """A target, or that of a file."""
+    return target if isinstance(target, TargetGeometry) else load_target(Path(target), needs)
+
+
+def camera_of(camera: Camera | Place) -> Camera:
+    """A camera, or that of a file or template."""
+    return camera if isinstance(camera, Camera) else load_camera(camera)
+
+
+def photos_of(photos: Place | Iterable[Place]) -> FoundPhotos:
+    """The photos that one argument or several stand for."""
+    return find_photos([fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)])
