@@ -166,11 +166,13 @@ def test_nothing_is_drawn_or_detected_of_points() -> None:
 def test_advice_names_files_that_exist() -> None:
     """After a table the commands to type have its name, with the target's, or say how to make one."""
     pinhole = ("--model", "pinhole", "--no-page", "-o", "out")
-    said = calib("solve", "ids.csv", "--target", "cube.target.json", *pinhole).out
-    assert "`calib measure cube.target.json ids.csv -o measured/cube.target.json`" in said
-    said = " ".join(calib("solve", "places.csv", *pinhole).out.split())
-    assert "detections.csv" not in said
-    assert "calib solve places.csv -o again" in said
+    assert calib("solve", "ids.csv", "--target", "cube.target.json", *pinhole).code == 1
+    advice = Path("out/verdict.json").read_text()
+    assert "`calib measure cube.target.json ids.csv -o measured/cube.target.json`" in advice
+    calib("solve", "places.csv", *pinhole)
+    advice = Path("out/verdict.json").read_text()
+    assert "detections.csv" not in advice
+    assert "calib solve places.csv -o again" in advice
 
 
 def refused(answer: Answer, message: str) -> None:
