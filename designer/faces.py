@@ -5,10 +5,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from designer.solid import INLAY_SHARE
 from designer.target import TargetGeometry
 
 SAME_PLACE = 0.02
 """Corners and middles of sides nearer than this share of a side are one: faces of a print meet about so well."""
+_FACE_DOWN = np.diag([1.0, -1.0, -1.0])
 PARALLEL = 1e-6
 """How far the normals of opposite faces may be from opposite."""
 
@@ -56,7 +58,23 @@ def inset_per_depth(target: TargetGeometry) -> float:
 def deepest_inlay_mm(target: TargetGeometry) -> float:
     """The deepest inlay of a border: its floor moves in with depth, and a tenth of its width must be left."""
     inset = inset_per_depth(target)
-    return 0.9 * border_width_mm(target) / inset if inset > 0 else math.inf
+    return INLAY_SHARE * border_width_mm(target) / inset if inset > 0 else math.inf
+
+
+def face_down(target: TargetGeometry) -> NDArray[np.float64]:
+    """Axes of a bed on which the target lies on its last face, x along that face's x.  # (3, 3)"""
+    axes: NDArray[np.float64] = _FACE_DOWN @ target.target_from_face[-1, :3, :3].T
+    return axes
+
+
+def is_turned(target: TargetGeometry, *, is_bed_deep: bool = False) -> bool:
+    """Whether `design` turns a target by a quarter from `face_down`, so that its longer side lies along the bed's.
+
+    Of sides alike the last bit does not decide.
+    """
+    width, depth, _ = np.ptp(corners_mm(target).reshape(-1, 3) @ face_down(target).T, axis=0).tolist()
+    along, across = (depth, width) if is_bed_deep else (width, depth)
+    return bool(across > along * (1 + PARALLEL))
 
 
 def border_width_mm(target: TargetGeometry) -> float:

@@ -23,7 +23,7 @@ from designer.size_rules import (
     widths_mm,
 )
 from designer.spec import RING_RATIO, SOLID_BUILDS, Build, Line, Spec, SpecValue
-from designer.units import format_mm, round_down
+from designer.units import format_mm, round_down, round_up
 
 if TYPE_CHECKING:
     from designer.solid import Polyhedron, Solid
@@ -185,9 +185,10 @@ def _auto(asked: AskedSolid, line: Line) -> tuple[SolidSpec, str]:
     For a number of rings the paper's proportions come first, then the widest strokes between gaps of two lines.
     """
     comfort = line.comfortable_mm
-    border = _border_mm(asked, comfort)
+    # Below the face, the border ends where the neighbour's begins: it must be wide enough for the usual inlay.
+    border = _border_mm(asked, max(comfort, round_up(asked.shape.border_per_inlay * line.inlay_mm)))
     for rings in range(MOST_RINGS_PER_SIDE, asked.spec_type.fewest_rings - 1, -1):
-        for spec in (_filled(asked, rings, border), _packed(asked, rings, comfort)):
+        for spec in (_filled(asked, rings, border), _packed(asked, rings, border, comfort)):
             if spec is not None and min(_chosen_widths(asked, spec)) >= comfort - 1e-9:
                 why = f"strokes, gaps and border of at least two lines ({comfort:g}mm) of {line.process}"
                 most = "as in the paper" if rings == MOST_RINGS_PER_SIDE else "the most"
@@ -220,9 +221,8 @@ def _filled(asked: AskedSolid, rings: int, border: float) -> SolidSpec | None:
     return asked.spec_of(rings, diameter, pitch, border, margin) if diameter > 0 else None
 
 
-def _packed(asked: AskedSolid, rings: int, gap: float) -> SolidSpec | None:
-    """The widest strokes that leave gaps, margin and border of `gap`, or None where nothing is left for rings."""
-    border = _border_mm(asked, gap)
+def _packed(asked: AskedSolid, rings: int, border: float, gap: float) -> SolidSpec | None:
+    """The widest strokes that leave gaps and margin of `gap`, or None where nothing is left for rings."""
     margin = asked.margin if asked.margin is not None else gap
     # inradius of the window = (rings - 1) pitch k + diameter / 2 + margin, with diameter = pitch - gap
     window_inradius = asked.face_inradius_mm - border
@@ -234,7 +234,7 @@ def _packed(asked: AskedSolid, rings: int, gap: float) -> SolidSpec | None:
 def _tight(asked: AskedSolid, line: Line) -> tuple[SolidSpec, str]:
     """The fewest rings a side, with the widest stroke that leaves gaps and border one line."""
     width, rings = line.width_mm, asked.spec_type.fewest_rings
-    spec = _packed(asked, rings, width)
+    spec = _packed(asked, rings, _border_mm(asked, width), width)
     if spec is None or min(widths_mm(spec)[:2]) < width:
         raise InputError(
             f"edge {asked.edge:g}mm{_given(asked)} is too small for {rings} rings a side with {line.process}; "
@@ -256,7 +256,8 @@ def _smallest_edge_mm(asked: AskedSolid, width: float) -> float:
     # Pitch and diameter are rounded down to a hundredth: take the next tenth that still leaves the stroke its width.
     tenths = math.floor(10 * edge)
     while True:
-        spec = _packed(replace(asked, edge=tenths / 10), rings, width)
+        larger = replace(asked, edge=tenths / 10)
+        spec = _packed(larger, rings, _border_mm(larger, width), width)
         if spec is not None and min(widths_mm(spec)[:2]) >= width:
             return tenths / 10
         tenths += 1

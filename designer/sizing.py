@@ -127,8 +127,10 @@ def _choose_build(asked: AskedPrinting, known: tuple[Build, ...], what: str) -> 
 
 def _line_of(build: Build, printer: PrinterProfile) -> Line:
     if build in TWO_FILAMENT_BUILDS:
-        return Line(printer.line_width_mm, printer.nozzle_mm, f"a {printer.nozzle_mm:g}mm nozzle", 10_000)
-    return Line(PAPER_LINE_MM, PAPER_LINE_MM, "a printed sheet", 50_000)
+        return Line(
+            printer.line_width_mm, printer.nozzle_mm, f"a {printer.nozzle_mm:g}mm nozzle", 10_000, SOLID_INLAY_MM
+        )
+    return Line(PAPER_LINE_MM, PAPER_LINE_MM, "a printed sheet", 50_000, 0.0)
 
 
 def _choose_inlay(asked: AskedPrinting, build: Build, layer_mm: float, target: TargetGeometry) -> tuple[float, str]:

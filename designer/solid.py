@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+INLAY_SHARE = 0.9
+"""Of a border's width, how much its floor may move in."""
+
 
 @dataclass(frozen=True, eq=False)
 class Polyhedron:
@@ -41,6 +44,11 @@ class Polyhedron:
     def inset_per_depth(self) -> float:
         """How far the plane that halves the dihedral angle moves in from an edge, per unit of depth below the face."""
         return 1 / math.tan(self.dihedral_rad / 2)
+
+    @property
+    def border_per_inlay(self) -> float:
+        """How wide a border must be for ink of depth 1: its floor moves in, and a tenth of its width must be left."""
+        return self.inset_per_depth / INLAY_SHARE
 
     @property
     def faces_from_code(self) -> NDArray[np.int64]:

@@ -146,6 +146,7 @@ class Line:
     nozzle_mm: float  # a stroke below it cannot be made
     process: str
     most_rings: int  # more would take minutes and gigabytes
+    inlay_mm: float  # how deep ink is usually set into steep faces; 0: it is laid on
 
     @property
     def finer(self) -> str:

@@ -25,7 +25,7 @@ SMALL: Mapping[str, Mapping[str, object]] = {
     "board": {
         "size": "60x60mm", "thickness": "4mm", "ring_diameter": "7mm", "pitch": "10mm", "columns": 5, "rows": 5,
     },
-    "cube": {"edge": "24mm", "rings_per_side": 5},
+    "cube": {"edge": "28mm"},
 }  # fmt: skip
 """A few rings of each kind."""
 

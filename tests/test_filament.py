@@ -9,7 +9,7 @@ import pytest
 from designer.produce import Design
 from designer.report.filament import DENSITY_G_PER_CM3, SPREAD, FilamentAmount, Shells, expected_filament, inked_layers
 from designer.sizing import size_job
-from tests.designs import asked_for, ink_of, packages_of
+from tests.designs import asked_for, ink_of, packages_of, small
 from tests.gcode import require_slicer, run_slicer, slice_3mf, slicer_settings
 
 SOLID = 10_000
@@ -70,8 +70,8 @@ def test_ranges_are_rounded_outwards(mass_g: float, text: str) -> None:
 @pytest.mark.slicer
 @pytest.mark.parametrize(
     ("design", "fill"),
-    [(ico("40mm", "100um", 5), "grid"), (board("70x50mm", "100um"), "gyroid")],
-    ids=["ico-40", "board"],
+    [(ico("40mm", "100um", 5), "grid"), (small("cube"), "grid"), (board("70x50mm", "100um"), "gyroid")],
+    ids=["ico-40", "cube", "board"],
 )
 def test_prusaslicer_agrees_on_filament(design: Design, fill: str, tmp_path: Path) -> None:
     """Grams of each slot in PrusaSlicer's own account, and its changes of the filament, at the settings on the page."""

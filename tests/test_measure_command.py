@@ -36,6 +36,7 @@ from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
 from designer.command import run
 from designer.errors import InputError
+from designer.kind import KINDS
 from designer.make.bed import bed_from_target, printed_corners_mm
 from designer.options import AskedPrinting
 from designer.sizing import size_printing
@@ -44,6 +45,7 @@ from designer.tolerance.model import ErrorModel, displaced, perturb
 from designer.tolerance.source import Amount
 from tests.as_built_scenes import RIGID, photos, plate, printed, random_shape, solid
 from tests.command_line import LENIENT, PAGE, Answer, calib, detections_of, files_in
+from tests.designs import small
 from tests.solver_scenes import CAMERAS, observe
 
 Array = NDArray[np.float64]
@@ -240,8 +242,8 @@ def test_the_compensation_makes_the_next_print_right(shrink: float, made_with: f
 
 
 def test_axes_are_those_of_the_plate_that_the_designer_writes() -> None:
-    """Of both kinds of targets, the quarter turn of an icosahedron included."""
-    for target in (solid(), plate()):
+    """Of all kinds of targets, the quarter turn of an icosahedron included."""
+    for target in (solid(), plate(), *(small(name).target for name in KINDS)):
         printing = size_printing(AskedPrinting(), target)
         np.testing.assert_allclose(bed_axes(target), bed_from_target(target, printing)[:3, :3], atol=1e-12)
 

@@ -18,6 +18,7 @@ from designer.make.bed import against_skew
 from designer.make.mesh import Mesh, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
 from designer.make.pattern import make_pattern
 from designer.produce import Design
+from designer.regular_solid import SolidSpec
 from designer.sizing import size_job
 from designer.solid import Solid
 from designer.spec_file import RawValue, parse_spec
@@ -39,6 +40,7 @@ DESIGNS = {
     "shrunk lettered ico": design_of(**LETTERED_ICO, shrink_compensation=-20, inlay_depth="3mm"),
     "tight lettered ico": design_of(kind="ico", edge="18mm", nozzle="0.2mm", border="2.4mm", chord_error=COARSE),
     "grown ico": design_of(kind="ico", edge="40mm", ink_offset="0.1mm", shrink_compensation=2, chord_error=COARSE),
+    "lettered cube": design_of(kind="cube", edge="50mm", border="5mm", chord_error=COARSE),
     "paper's board": design_of(kind="board", size="220x220mm", ring_diameter="7mm", pitch="10mm"),
     "bordered board": design_of(kind="board", size="220x220mm", pitch="10mm", border="5mm", chord_error=COARSE),
     "plain grid": design_of(kind="board", columns=7, rows=5, pitch="10mm", dots=False, chord_error=COARSE),
@@ -60,8 +62,10 @@ def ink_of(design: Design) -> Mesh:
 
 def solid_volume(design: Design) -> float:
     spec = design.job.target
-    lengths = (spec.edge_mm,) * 3 if isinstance(spec, IcoSpec) else (*spec.size_mm, spec.thickness_mm)
-    return math.prod(lengths) * design.scale**3 * (UNIT_VOLUME if isinstance(spec, IcoSpec) else 1)
+    of_unit_edge = {"ico": UNIT_VOLUME, "cube": 1.0}
+    if isinstance(spec, SolidSpec):
+        return of_unit_edge[spec.kind] * (spec.edge_mm * design.scale) ** 3
+    return math.prod(np.ptp(design.target.outline_mm[0], axis=0)) * spec.depth_mm * design.scale**3
 
 
 def corners_of(mesh: Mesh) -> np.ndarray:

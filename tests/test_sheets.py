@@ -25,6 +25,7 @@ from designer.errors import InputError
 from designer.formats.pdf import pdf_bytes
 from designer.formats.svg import svg_bytes
 from designer.kinds.board import BoardSpec
+from designer.kinds.cube import CubeSpec
 from designer.kinds.ico import IcoSpec, icosahedron
 from designer.layout import lay_out
 from designer.make.drawing import SheetPage, Text
@@ -54,6 +55,7 @@ def board(width: float, height: float, border: float = 0.0) -> BoardSpec:
 
 
 MASTER = IcoSpec(133.0, 8, 10.5, 0.45, 13.2, 2.66, 3.0)
+CUBE = CubeSpec(60.0, 6, 6.0, 0.45, 9.0, 1.6, 2.0)
 ALU = BoardSpec((400.0, 400.0), 3.0, 39, 39, "square", 8.0, 0.45, 10.0, 0.0, 5.0, True)
 
 
@@ -192,12 +194,14 @@ def test_each_sticker_carries_its_faces_code() -> None:
 
 
 def placements(page: SheetPage) -> list[tuple[tuple[tuple[float, float], ...], np.ndarray, np.ndarray]]:
-    """Each cut triangle with the motion that takes its face frame to the page: the first corner lies on +y."""
+    """Each cut with the motion from its face frame to the page: one side is lowest, the first corner at the left."""
     found = []
     for cut in page.drawing.cuts:
         centre = np.mean(cut, axis=0)
-        y = (np.array(cut[0]) - centre) / np.linalg.norm(np.array(cut[0]) - centre)
-        found.append((cut, centre, np.array([[y[1], y[0]], [-y[0], y[1]]])))
+        x, y = np.array(cut[0]) - centre
+        turn = math.atan2(y, x) - math.pi * (1 / 2 if len(cut) == 3 else 3 / 4)
+        cos, sin = math.cos(turn), math.sin(turn)
+        found.append((cut, centre, np.array([[cos, -sin], [sin, cos]])))
     return found
 
 
@@ -302,7 +306,7 @@ def test_fit_that_no_pdf_can_hold() -> None:
         sheets(board(4990.0, 40.0), "fit")
 
 
-@pytest.mark.parametrize("spec", [ico(100.0), board(60.0, 60.0, 2.0)])
+@pytest.mark.parametrize("spec", [ico(100.0), CUBE, board(60.0, 60.0, 2.0)])
 def test_same_input_same_bytes(spec: Spec) -> None:
     """The same target gives the same PDF and SVG, byte for byte."""
     once, again = (sheets(spec)[1] for _ in range(2))
@@ -318,7 +322,7 @@ def svg_point(text: str) -> np.ndarray:
     return np.array([float(number) for number in text.split()])
 
 
-@pytest.mark.parametrize("spec", [MASTER, board(220.0, 220.0, 4.0)])
+@pytest.mark.parametrize("spec", [MASTER, CUBE, board(220.0, 220.0, 4.0)])
 def test_svg_holds_true_circles_at_the_features(spec: Spec) -> None:
     """Each feature is one path of full circles (ring: two, dot: one) with its radii, and the pitch holds in mm."""
     target, pages = sheets(spec, "fit")

@@ -3,6 +3,7 @@
 import re
 import zipfile
 from collections.abc import Callable
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 
@@ -12,11 +13,12 @@ import shapely
 from numpy.typing import NDArray
 
 from designer.formats.threemf import threemf_files
+from designer.kind import KINDS
 from designer.make.bed import bed_from_target
 from designer.make.mesh import Mesh, Part
 from designer.make.pattern import FacePattern, Pattern
 from designer.produce import Design
-from tests.designs import ink_of, packages_of, small_board, small_ico
+from tests.designs import ink_of, packages_of, small, small_board, small_ico
 from tests.gcode import Toolpaths, read_gcode, require_slicer, run_slicer, slice_3mf, slicer_settings
 
 BODY_TOOL, INK_TOOL = 0, 1
@@ -126,8 +128,8 @@ def sliced(command: str, design: Design, package: Path) -> Toolpaths:
 
 @pytest.mark.parametrize(
     "make",
-    [lambda: small_ico(0.2), lambda: small_ico(0.4), small_board],
-    ids=["ico-nozzle-0.2", "ico-nozzle-0.4", "board"],
+    [lambda: small_ico(0.2), *(partial(small, name) for name in KINDS)],
+    ids=["ico-nozzle-0.2", *KINDS],
 )
 def test_sliced_file_has_all_ink_in_the_targets_ink(make: Callable[[], Design], tmp_path: Path) -> None:
     """The sliced file is one object in two filaments, and the ink goes where the target has ink, and all of it."""

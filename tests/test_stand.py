@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from designer.errors import InputError
 from designer.kinds.board import BoardSpec
+from designer.kinds.cube import CubeSpec
 from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
 from designer.make.mesh import Mesh, plain_plate, plain_solid
@@ -36,6 +37,8 @@ SPECS: dict[str, Spec] = {
     "ico 20, rings near the corners": IcoSpec(20.0, 5, 2.4, 0.45, 3.35, 0.5, 0.1),
     "ico 100": IcoSpec(100.0, 8, 7.0, 0.45, 10.0, 2.0, 3.0),
     "ico 150, few rings": IcoSpec(150.0, 5, 7.0, 0.45, 10.0, 3.0, 3.0),
+    "cube 24": CubeSpec(24.0, 5, 2.6, 0.45, 3.6, 1.2, 0.5),
+    "cube 80": CubeSpec(80.0, 8, 6.44, 0.45, 9.21, 1.6, 2.9),
     "board 220": BoardSpec((220.0, 220.0), 5.0, 21, 21, "square", 7.0, 0.45, 10.0, 0.0, 5.0, True),
     "board 400": BoardSpec((400.0, 400.0), 3.0, 38, 38, "square", 7.0, 0.45, 10.0, 5.0, 5.0, True),
     "small thick board": BoardSpec((34.0, 28.0), 8.0, 5, 4, "triangular", 4.0, 0.45, 6.0, 0.0, 1.5, True),
@@ -89,7 +92,7 @@ def test_target_fits_and_is_carried(target: TargetGeometry, stand: Mesh) -> None
     assert (solid ^ frame).volume() == 0
     assert (solid.translate((0, 0, -CLEARANCE_MM - 0.1)) ^ frame).volume() > 0
     for sideways in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        if isinstance(target.spec, IcoSpec) or sideways[0] == 0:
+        if not target.is_planar or sideways[0] == 0:
             shift = (2 * CLEARANCE_MM * sideways[0], 2 * CLEARANCE_MM * sideways[1], -CLEARANCE_MM)
             assert (solid.translate(shift) ^ frame).volume() > 0, "it slides off"
 

@@ -11,20 +11,17 @@ import pytest
 import trimesh
 
 from designer.formats.stl import stl_bytes
+from designer.kind import KINDS
 from designer.make.mesh import Mesh
-from tests.designs import ink_of, small_board, small_ico
+from tests.designs import ink_of, small
 
-MESHES = {
-    "ico-body": lambda: small_ico().part.body,
-    "ico-ink": lambda: ink_of(small_ico()),
-    "board-body": lambda: small_board().part.body,
-    "board-ink": lambda: ink_of(small_board()),
-}
+MESHES = [(name, part) for name in KINDS for part in ("body", "ink")]
 
 
-@pytest.fixture(params=MESHES)
+@pytest.fixture(params=MESHES, ids="-".join)
 def mesh(request: pytest.FixtureRequest) -> Mesh:
-    return MESHES[request.param]()
+    name, part = request.param
+    return small(name).part.body if part == "body" else ink_of(small(name))
 
 
 def read_back(mesh: Mesh) -> trimesh.Trimesh:

@@ -1,7 +1,6 @@
 """3MF packages, read by lib3mf, and the settings that slicers read beside the model."""
 
 import zipfile
-from collections.abc import Callable
 from dataclasses import replace
 from io import BytesIO
 from xml.etree import ElementTree
@@ -13,18 +12,18 @@ import pytest
 from designer.errors import InputError
 from designer.formats.number_text import decimals, text_lines, whole_numbers
 from designer.formats.threemf import ThreeMfFiles, threemf_files
+from designer.kind import KINDS
 from designer.make.bed import bed_from_target
 from designer.make.mesh import Mesh, Part
 from designer.produce import Design
-from tests.designs import ink_of, packages_of, small_board, small_ico
+from tests.designs import ink_of, packages_of, small
 
 HOSTILE_NAME = """a<b>&"'c]]>é"""
 
 
-@pytest.fixture(params=[small_ico, small_board], ids=["ico", "board"], scope="module")
+@pytest.fixture(params=KINDS, scope="module")
 def design(request: pytest.FixtureRequest) -> Design:
-    make: Callable[[], Design] = request.param
-    return make()
+    return small(request.param)
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ from calib.as_built.result import AsBuilt, face_shift_mm
 from calib.as_built.unknowns import STRAIN_INDEX, strain_matrix, strain_numbers
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import exp_rotation
+from designer.faces import face_down, is_turned
 from designer.skew import NO_SKEW, SKEW_NAMES, Skew, skew_matrix
 from designer.target import TargetGeometry
-from designer.tolerance.shape import face_down
 
 Array = NDArray[np.float64]
 
@@ -76,12 +76,8 @@ def bed_axes(target: TargetGeometry, turn_rad: float = 0.0) -> Array:
         target: what was printed.
         turn_rad: by which a person turned it further, about the bed's normal.
     """
-    axes = face_down(target)
-    frame = target.target_from_face
-    corners = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
-    size = np.ptp(corners.reshape(-1, 3) @ axes.T, axis=0)
-    quarter = math.pi / 2 if size[1] > size[0] else 0.0
-    turned: Array = exp_rotation(np.array([0.0, 0.0, quarter + turn_rad])) @ axes
+    quarter = math.pi / 2 if is_turned(target) else 0.0
+    turned: Array = exp_rotation(np.array([0.0, 0.0, quarter + turn_rad])) @ face_down(target)
     return turned
 
 

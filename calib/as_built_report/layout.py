@@ -27,6 +27,8 @@ class Layout:
     size_mm: tuple[float, float]
     face_mm: float  # size of the largest face
     key_mm: float  # room above them
+    label_from_middle_mm: tuple[float, float]
+    has_room_inside: bool  # for labels of two lines, left of a face's top
 
     def placed(self, face: int, point_mm: Array) -> Array:
         """Points (N, 2) of a face's frame in the picture."""
@@ -34,9 +36,9 @@ class Layout:
         return placed
 
     def label_mm(self, face: int) -> tuple[float, float]:
-        """Where a face's name stands: left of its top."""
+        """Where a face's name stands: left of its top, or above it."""
         x, y = self.middle_mm[face].tolist()
-        return x - 0.36 * self.face_mm, y + 0.26 * self.face_mm
+        return x + self.label_from_middle_mm[0], y + self.label_from_middle_mm[1]
 
 
 def layout_of(target: TargetGeometry) -> Layout:
@@ -52,7 +54,11 @@ def layout_of(target: TargetGeometry) -> Layout:
     rows = math.ceil(count / columns)
     place = np.arange(count)
     middle = np.column_stack([(place % columns + 0.5) * cell[0], -(place // columns + 0.5) * cell[1]])
+    face = max(width, height)
+    upper_left = np.stack([low[:, 0], high[:, 1]], axis=1)
+    has_room = bool((np.linalg.norm(target.outline_mm - upper_left[:, None], axis=2).min(axis=1) > 0.2 * face).all())
     return Layout(
-        middle, (low + high) / 2, (columns * cell[0], rows * cell[1]), max(width, height),
+        middle, (low + high) / 2, (columns * cell[0], rows * cell[1]), face,
         KEY * height if count > 1 else 0.1 * height,
+        (-0.36 * face, 0.26 * face) if has_room else (0.0, (height + gap) / 2), has_room,
     )  # fmt: skip

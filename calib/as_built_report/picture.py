@@ -285,7 +285,15 @@ def face_label(face: int, verdict: Verdict) -> str:
 
 def _name(axes: "Axes", layout: Layout, face: int, text: str) -> None:
     x, y = layout.label_mm(face)
-    axes.text(x, y, text, fontsize=11, ha="center", va="center", color=INK)
+    axes.text(
+        x,
+        y,
+        text if layout.has_room_inside else text.replace("\n", ": "),
+        fontsize=11,
+        ha="center",
+        va="center",
+        color=INK,
+    )
 
 
 def _key(axes: "Axes", layout: Layout, times: float, longest_mm: float) -> None:

@@ -5,13 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.faces import corners_mm
+from designer.faces import corners_mm, face_down, is_turned
 from designer.skew import NO_SKEW, skew_matrix
 from designer.spec import PrintSpec
 from designer.target import TargetGeometry
 
-_FACE_DOWN = np.diag([1.0, -1.0, -1.0])
-_ALIKE_MM = 1e-6
 _ALIKE = 1e-6
 """Normals differ by more."""
 _QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -91,10 +89,8 @@ def printed_corners_mm(target: TargetGeometry, printing: PrintSpec) -> NDArray[n
 def _bed_axes(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64]:
     """Rotation from the target's axes to the bed's, from the part before it is sheared.  # (3, 3)"""
     bed_x, bed_y, _ = printing.printer.bed_mm
-    rotation: NDArray[np.float64] = _FACE_DOWN @ target.target_from_face[-1, :3, :3].T
-    size = np.ptp(_straight_corners_mm(target, printing) @ rotation.T, axis=0)
-    is_deeper = size[1] > size[0] + _ALIKE_MM  # of sides alike, the last bit must not decide
-    return _QUARTER_TURN @ rotation if is_deeper != (bed_y > bed_x) else rotation
+    rotation = face_down(target)
+    return _QUARTER_TURN @ rotation if is_turned(target, is_bed_deep=bed_y > bed_x) else rotation
 
 
 def _straight_corners_mm(target: TargetGeometry, printing: PrintSpec) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from designer.errors import InputError
 from designer.make.pattern import Contour, FacePattern, Pattern, Stamp
-from designer.solid import Solid
+from designer.solid import INLAY_SHARE, Solid
 from designer.units import round_down
 
 Ids = NDArray[np.int32]
@@ -76,7 +76,7 @@ def solid_hull(pattern: Pattern, solid: Solid, inlay_mm: float, *, scale: float 
         if border <= inset:
             raise InputError(
                 f"border {border:.3g}mm is too narrow for an inlay {inlay_mm:g}mm deep, whose floor moves in by "
-                f"{inset:.3g}mm; use an inlay of at most {round_down(0.9 * border / inset_per_depth):g}mm "
+                f"{inset:.3g}mm; use an inlay of at most {round_down(INLAY_SHARE * border / inset_per_depth):g}mm "
                 "or a wider border"
             )
     outer, inner = solid.corners_mm(scale=scale), solid.corners_mm(below_mm=inlay_mm, scale=scale)

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from designer.faces import face_down
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
 
 LEAST_STRETCH, MOST_STRETCH = 0.5, 2.0
 """A print whose axes are off by more than this is none: the number was meant to be another."""
-_FACE_DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,12 +72,6 @@ class Shape:
     def with_rings_moved(self, step_mm: Array) -> "Shape":
         """Each ring moved by a step (R, 3) in its face's frame."""
         return replace(self, in_face_mm=self.in_face_mm + step_mm)
-
-
-def face_down(target: TargetGeometry) -> Array:
-    """Axes of a bed on which the target lies on its last face, x along that face's x.  # (3, 3)"""
-    axes: Array = _FACE_DOWN @ target.target_from_face[-1, :3, :3].T
-    return axes
 
 
 def shape_of(
