@@ -10,12 +10,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from calib.api.converting import Conversion, convert
     from calib.api.detecting import Detector, detect
+    from calib.api.evaluating import EvaluationResult, evaluate
     from calib.api.loading import load_camera, load_observations
     from calib.api.posing import PoseResult, pose
     from calib.api.run_result import RunResult
     from calib.api.running import NothingFoundError, run, solve
+    from calib.api.undistorting import UndistortedFiles, Undistorter, undistort
     from calib.cameras.camera import Camera
+    from calib.cameras.undistortion import Undistorted
     from calib.core.types import Detections, Observations
     from calib.solver.calibration import Calibration
     from designer.errors import InputError
@@ -23,29 +27,67 @@ if TYPE_CHECKING:
 __all__ = [
     "Calibration",
     "Camera",
+    "Conversion",
     "Detections",
     "Detector",
+    "EvaluationResult",
     "InputError",
     "NothingFoundError",
     "Observations",
     "PoseResult",
     "RunResult",
+    "Undistorted",
+    "UndistortedFiles",
+    "Undistorter",
+    "convert",
     "detect",
+    "evaluate",
     "load_camera",
     "load_observations",
     "pose",
     "run",
     "solve",
+    "undistort",
 ]
 
 _HOMES = {
-    "calib.api.detecting": ("Detector", "detect"),
-    "calib.api.loading": ("load_camera", "load_observations"),
-    "calib.api.posing": ("PoseResult", "pose"),
+    "calib.api.converting": (
+        "Conversion",
+        "convert",
+    ),
+    "calib.api.detecting": (
+        "Detector",
+        "detect",
+    ),
+    "calib.api.evaluating": (
+        "EvaluationResult",
+        "evaluate",
+    ),
+    "calib.api.loading": (
+        "load_camera",
+        "load_observations",
+    ),
+    "calib.api.posing": (
+        "PoseResult",
+        "pose",
+    ),
     "calib.api.run_result": ("RunResult",),
-    "calib.api.running": ("NothingFoundError", "run", "solve"),
+    "calib.api.running": (
+        "NothingFoundError",
+        "run",
+        "solve",
+    ),
+    "calib.api.undistorting": (
+        "UndistortedFiles",
+        "Undistorter",
+        "undistort",
+    ),
     "calib.cameras.camera": ("Camera",),
-    "calib.core.types": ("Detections", "Observations"),
+    "calib.cameras.undistortion": ("Undistorted",),
+    "calib.core.types": (
+        "Detections",
+        "Observations",
+    ),
     "calib.solver.calibration": ("Calibration",),
     "designer.errors": ("InputError",),
 }

@@ -129,7 +129,7 @@ def test_a_degenerate_calibration_ends_with_1(tmp_path: Path, capsys: pytest.Cap
 
 
 def test_bad_input_is_one_line(tmp_path: Path) -> None:
-    """No such file, a truth of other photos, an output that is a file."""
+    """No such file, a folder of several cameras, a truth of other photos, an output that is a file."""
     folder = folder_of(SOLVED, tmp_path / "cal")
     other = tmp_path / "other"
     other.mkdir()
@@ -137,7 +137,7 @@ def test_bad_input_is_one_line(tmp_path: Path) -> None:
     truth.write_text(truth.read_text().replace("view_", "photo_"))
     for arguments, words in (
         ([tmp_path / "nothing.json"], "cannot be read"),
-        ([tmp_path], "cannot be read"),
+        ([tmp_path], f"name the folder of one: {folder}"),
         ([folder, "--truth", truth], "none of which was calibrated with"),
         ([folder, "-o", truth], "is a file, not a folder"),
     ):

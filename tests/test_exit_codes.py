@@ -173,7 +173,7 @@ def test_the_table_is_of_all_commands_and_each_has_the_option(
         (("study", "paper", "--quick", "-o", "out"), "calib.studies.paper_study.missing_targets"),
         (("study", "compare", "--quick", "-o", "out"), "calib.studies.compare.cases.comparison"),
         (BOOTSTRAP, "calib.studies.pool.make_pool"),
-        (("convert", "camera.json", "--to", "ros", "-o", "c.yaml"), "calib.interop.converting.fit_to_format"),
+        (("convert", "camera.json", "--to", "ros", "-o", "c.yaml"), "calib.api.converting.fit_to_format"),
     ],
 )
 def test_a_stopped_command_ends_with_130(words: tuple[str, ...], patched: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -104,10 +104,19 @@ def grey_pixels(image: Pixels | Place) -> Grey:
     """
     if isinstance(image, str | PathLike):
         return read_image(Path(image)).pixels
+    return grey_of(require_image(image))
+
+
+def require_image(image: Pixels) -> Grey:
+    """The array, if it is an image.
+
+    Raises:
+        InputError: it is none.
+    """
     if not isinstance(image, np.ndarray):
         raise InputError(f"{type(image).__name__}: is no image; give a numpy array (H, W) or (H, W, 3), or a file")
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (1, 3, 4)) or not image.size:
         raise InputError(f"an array of shape {image.shape} is no image; give (H, W), or (H, W, 3) in blue, green, red")
     if image.dtype not in DEPTHS:
         raise InputError(f"an image of {image.dtype}: give uint8, uint16 or float32")
-    return grey_of(cast("Grey", image))  # of a depth that OpenCV converts too
+    return cast("Grey", image)  # or of float32, a depth that OpenCV converts too

@@ -23,7 +23,7 @@ _INNER_POINTS = 48
 
 @dataclass(frozen=True, eq=False)
 class Undistorted:
-    """A photo without distortion."""
+    """A photo without distortion: `straight.pixels`."""
 
     pixels: Pixels  # (H, W) or (H, W, C) as the photo's
     share_filled: float  # of the pixels, the others are black

@@ -1,0 +1,141 @@
+"""A camera as a file of another tool."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from os import fspath
+from pathlib import Path
+
+import numpy as np
+
+from calib.api.loading import Place
+from calib.cameras import parameter_names
+from calib.cameras.camera import Camera
+from calib.cameras.refit import FAMILIES, FOCAL_AND_CENTRE, Refit
+from calib.core.files import write_files
+from calib.interop.converting import fit_to_format
+from calib.interop.format import CameraFormat, ReadCamera
+from calib.interop.own_json import JSON
+from calib.interop.reading import OpenedCamera, find_format, open_camera
+from designer.errors import InputError
+from designer.own_files import require_ours, signed
+from designer.spec_file import shown
+
+LARGE_PX = 0.05
+"""A larger residual is worth a warning: calibrations are good to some hundredths of a pixel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Conversion:
+    """A camera as another tool's file has it: `converted.text`, `converted.max_px`, `converted.save("camera.yaml")`."""
+
+    opened: OpenedCamera  # as it was
+    camera: Camera  # as the file holds it
+    format: CameraFormat  # of the file
+    fits: tuple[Refit, ...]  # that it took, of reading and of writing; none: it is exact
+
+    @property
+    def text(self) -> str:
+        """What the file holds."""
+        return self.format.write(self.camera)
+
+    @property
+    def max_px(self) -> float:
+        """The largest difference anywhere in the image that a fit left; 0: exact."""
+        return max((one.max_px for one in self.fits), default=0.0)
+
+    @property
+    def rms_px(self) -> float:
+        """The root mean square difference likewise."""
+        return max((one.rms_px for one in self.fits), default=0.0)
+
+    @property
+    def is_far(self) -> bool:
+        """Whether the difference is worth a warning."""
+        return self.max_px > LARGE_PX
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """What the file does not say that the camera knew, a line each."""
+        camera, lost = self.opened.read.camera, []
+        values = dict(zip(parameter_names(camera.model), camera.params.tolist(), strict=True))
+        gone = [name for name in self.format.cannot_hold if values.get(name)]
+        if gone:
+            others = "the others make up for what they can"
+            lost.append(f"{' '.join(gone)}, for which {self.format.title} has no place; {others}")
+        if camera.learned is not None and self.camera.learned is None:
+            lost.append("where the map is known; the file's lens goes on to the edges of the image, untried")
+        elif self.camera.model == "pinhole" and np.any(camera.params[FOCAL_AND_CENTRE:]):
+            lost.append("the lens's distortion")
+        return tuple(lost)
+
+    def save(self, path: Place) -> Path:
+        """Write the file, signed as one of its kind, whatever its name; return its place.
+
+        Raises:
+            InputError: a folder, the file that was read, or somebody else's.
+        """
+        place = Path(path)
+        check_converted(place, self.format, self.opened)
+        write_files({place: signed(self.format.file_name, self.text.encode(), self.format.name)})
+        return place
+
+
+def convert(
+    camera: Camera | Place,
+    to: str,
+    *,
+    source: str | None = None,
+    model: str | None = None,
+    without: Iterable[str] = (),
+    out: Place | None = None,
+) -> Conversion:
+    """Express a camera as a file of another tool does: `convert("camera.json", "opencv").save("camera.yaml")`.
+
+    What the file cannot hold is fitted over the whole image by what it can; the residual is told in pixels.
+
+    Args:
+        camera: a camera, a file of any kind, a folder with one, or a template.
+        to: the kind of file.
+        source: the kind of the file to read; None: found out.
+        model: the camera model to write; None: what the file can hold.
+        without: lens parameters to leave out, such as `k3`.
+        out: where it is to go, refused before any work is done if it cannot; `save` writes it.
+
+    Raises:
+        InputError: a file that cannot be read, or a format, model or parameter that is none.
+    """
+    target = find_format(to)
+    opened = (
+        OpenedCamera(JSON, ReadCamera(camera)) if isinstance(camera, Camera) else open_camera(fspath(camera), source)
+    )
+    if out is not None:
+        check_converted(Path(out), target, opened)
+    zero = _lens_parameters(tuple(without))
+    try:
+        written, refit = fit_to_format(opened.read.camera, target, model, zero)
+    except InputError as error:
+        name = "the camera" if isinstance(camera, Camera) else camera
+        raise InputError(f"{name}: {error}") from None
+    return Conversion(opened, written, target, tuple(one for one in (opened.read.refit, refit) if one is not None))
+
+
+def check_converted(out: Path, target: CameraFormat, source: OpenedCamera) -> None:
+    """Refuse a place that is a folder, the input, or somebody else's.
+
+    Raises:
+        InputError: the message names it.
+    """
+    if out.is_dir():
+        raise InputError(f"{out}: is a folder; name the file with -o, such as {out / target.file_name}")
+    if source.is_file(out):
+        raise InputError(f"{out}: is the file to read; choose another name with -o")
+    require_ours(out)
+
+
+def _lens_parameters(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of lens parameters, checked."""
+    known = sorted({name for model in FAMILIES for name in parameter_names(model)[FOCAL_AND_CENTRE:]})
+    for name in names:
+        if name not in known:
+            raise InputError(f"--without {shown(name)}: no lens parameter; there are {', '.join(known)}")
+    return names

@@ -1,0 +1,128 @@
+"""How large a camera's errors are, on the photos it was solved from or on others."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib.api.loading import Place
+from calib.api.run_result import RunResult
+from calib.core.files import check_folder, write_files
+from calib.core.types import Observations
+from calib.metrics.evaluation import Evaluation
+from calib.metrics.evaluation import evaluate as evaluate_all
+from calib.metrics.held_out import LEAST_FOLDS, evaluate_held_out
+from calib.observe.truth import Truth, read_truth
+from calib.pipeline.calibrate import calibrate
+from calib.records.calibration_file import CALIBRATION_FILE, read_calibration
+from calib.records.evaluation_files import FORMAT, METRICS_FILE, evaluation_files
+from calib.solver.calibration import Calibration
+from calib.solver.options import SolveOptions
+from designer.errors import InputError
+from designer.own_files import require_ours
+
+REFERENCE = "reference"
+"""The setting that names the photo a map is learned from."""
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluationResult:
+    """The errors of a camera by all metrics that apply: `found.of("reprojection")`, `found.save("camera")`."""
+
+    solved_from: Evaluation  # on the photos that the camera was solved from
+    held_out: Evaluation | None  # on each photo with a camera solved from others; None: that was not asked for
+
+    @property
+    def asked(self) -> Evaluation:
+        """The errors that were asked for: on photos held out, or else on those it was solved from."""
+        return self.solved_from if self.held_out is None else self.held_out
+
+    @property
+    def calibration(self) -> Calibration:
+        """What was evaluated."""
+        return self.solved_from.calibration
+
+    def save(self, folder: Place, *, figures: bool = True) -> tuple[Path, ...]:
+        """Write `metrics.json`, its tables and the picture of the camera; return the files.
+
+        Raises:
+            InputError: the folder takes no files, or holds somebody else's.
+        """
+        place = Path(folder)
+        check_metrics_folder(place)
+        files = evaluation_files(self.asked, place)
+        if figures:
+            from calib.figures import calibration_figures
+
+            files |= calibration_figures(self.solved_from, place)
+        write_files(files)
+        return tuple(files)
+
+
+def check_metrics_folder(folder: Path) -> None:
+    """Refuse a folder that takes no files or holds somebody else's.
+
+    Raises:
+        InputError: the message names it.
+    """
+    check_folder(folder)
+    require_ours(folder / METRICS_FILE, kind=FORMAT)
+
+
+def evaluate(
+    calibration: RunResult | Place, *, truth: Truth | Place | None = None, held_out: int = 0
+) -> EvaluationResult:
+    """Measure a camera's reprojection, intersection, reconstruction and pose errors: `evaluate("camera", held_out=5)`.
+
+    Args:
+        calibration: a run, whose best camera is meant, a `calibration.json`, or the folder it lies in.
+        truth: of rendered photos, which adds the errors of poses; None: what a run knows.
+        held_out: hold every N-th photo out in turn, solve from the others, and evaluate those; 0: do not.
+
+    Raises:
+        InputError: a file that cannot be read, a truth of other photos, or photos too few to hold some out.
+    """
+    known = truth if truth is None or isinstance(truth, Truth) else read_truth(Path(truth))
+    if isinstance(calibration, RunResult):
+        best = calibration.best
+        solved, options = best.calibration, calibration.task.plan.options_of(best.model)
+        has_reference, known = calibration.task.reference is not None, known or calibration.task.truth
+    else:
+        solved, provenance = read_calibration(calibration_in(Path(calibration)))
+        options, has_reference = provenance.options, bool(dict(provenance.settings).get(REFERENCE))
+    every = evaluate_all(solved, known)
+    held = _held_out(solved, options, held_out, known, has_reference=has_reference) if held_out else None
+    return EvaluationResult(every, held)
+
+
+def calibration_in(place: Path) -> Path:
+    """The calibration's file, of itself or of its folder.
+
+    Raises:
+        InputError: the folder holds those of several models, one of which is to be named.
+    """
+    if not place.is_dir():
+        return place
+    inside = [] if (place / CALIBRATION_FILE).exists() else sorted(place.glob(f"*/{CALIBRATION_FILE}"))
+    if inside:
+        models = ", ".join(str(path.parent) for path in inside)
+        raise InputError(f"{place}: holds a calibration in a folder of each model; name the folder of one: {models}")
+    return place / CALIBRATION_FILE
+
+
+def _held_out(
+    calibration: Calibration, options: SolveOptions, folds: int, truth: Truth | None, *, has_reference: bool
+) -> Evaluation:
+    views = calibration.observations.view_count
+    if not LEAST_FOLDS <= folds <= views:
+        raise InputError(
+            f"--held-out {folds}: {views} photos fall into {LEAST_FOLDS} to {views} parts; give one of these"
+        )
+    if has_reference:
+        raise InputError(
+            "--held-out: the map was learned from a photo of your choice, which the parts would need too; "
+            "leave --held-out away, or solve without a reference"
+        )
+
+    def solve_again(seen: Observations) -> Calibration:
+        return calibrate(seen, calibration.camera.model, options)
+
+    return evaluate_held_out(calibration, solve_again, folds, truth)

@@ -1,0 +1,238 @@
+"""Photos as a pinhole camera would have taken them: an array, or files into a folder."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from calib.api.detecting import Pixels, require_image
+from calib.api.loading import Place, camera_of, photos_of
+from calib.api.progress import Progress, unheard
+from calib.api.searching import refuse_nothing
+from calib.cameras import undistortion
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import FORMAT, camera_to_json
+from calib.cameras.camera_file import load_camera as load_own_camera
+from calib.cameras.undistortion import Undistorted, pinhole_of
+from calib.core.files import distinct_stems, write_files
+from calib.observe.images import Grey, read_colour
+from calib.observe.photos import PhotoFile, named_photos
+from designer.errors import InputError
+from designer.own_files import require_ours
+
+MARK = ".undistorted"
+"""Stands in the name of each undistorted photo, so that one is not taken for a photo of the camera."""
+CAMERA_FILE = "camera.json"
+FOCAL_RANGE_PX = (1.0, 1e7)
+
+
+@dataclass(frozen=True)
+class UndistortedFile:
+    """What came of one photo."""
+
+    photo: PhotoFile
+    place: Path | None = None  # of the undistorted photo; None: there is none
+    share_filled: float = 0.0
+    remarks: tuple[str, ...] = ()
+    failure: str = ""  # one line that names the file
+
+
+class Undistorter:
+    """Straightens many photos of one camera: `Undistorter("camera.json").undistort(image)`.
+
+    >>> straight = calib.Undistorter("camera.json", alpha=0)
+    >>> straight.undistort(frame).pixels, straight.pinhole.matrix
+    >>> straight.write("photos/*.jpg", "undistorted")
+
+    Args:
+        camera: that took the photos: a camera, a file, or a template.
+        alpha: 0: no black regions; 1: all that the photos show; None: the focal length is kept.
+        focal_px: of the new camera; None: as `alpha` says.
+
+    Raises:
+        InputError: a file that cannot be read, or a focal length that is none.
+    """
+
+    def __init__(self, camera: Camera | Place, *, alpha: float | None = None, focal_px: float | None = None) -> None:
+        if alpha is not None and focal_px is not None:
+            raise InputError("--alpha and --focal-px both set the focal length; give one of them")
+        if alpha is not None and not 0 <= alpha <= 1:
+            raise InputError(f"--alpha {alpha:g}: must be from 0 to 1")
+        if focal_px is not None and not FOCAL_RANGE_PX[0] <= focal_px <= FOCAL_RANGE_PX[1]:
+            raise InputError(f"--focal-px {focal_px:g}: must be from {FOCAL_RANGE_PX[0]:g} to {FOCAL_RANGE_PX[1]:g}")
+        self.camera = camera_of(camera)
+        self.pinhole = pinhole_of(self.camera, alpha=alpha, focal_px=focal_px)
+
+    def undistort(self, image: Pixels | Place, progress: Progress = unheard) -> Undistorted:
+        """A photo as the pinhole would have taken it, with the bit depth and channels of the photo.
+
+        Args:
+            image: (H, W), or (H, W, C), of 8 or 16 bits; or a file.
+            progress: is told the share that is done.
+
+        Raises:
+            InputError: no such file, no image, one of another size than the camera's, or nothing would be seen in it.
+        """
+        return self._made(fspath(image) if isinstance(image, str | PathLike) else "the image", image, progress)
+
+    def write(
+        self, photos: Place | Iterable[Place], folder: Place, *, progress: Progress = unheard
+    ) -> "UndistortedFiles":
+        """Write each photo as `NAME.undistorted.png` into a folder, with the `camera.json` that belongs to them.
+
+        Args:
+            photos: images, folders of images, or patterns.
+            folder: for the files; an earlier run's may be there.
+            progress: is told how many are done.
+
+        Raises:
+            InputError: a folder of somebody else's or of another camera, or not one photo that can be undistorted.
+            UndistortionStoppedError: by a person; it says what is finished and stays.
+        """
+        place = Path(folder)
+        _check_out(place)
+        asked = photos_of(photos)
+        named = named_photos(asked.paths)
+        mine = [photo for photo in named if not Path(photo.name).stem.endswith(MARK)]
+        done: list[UndistortedFile] = []
+        try:
+            for one in self._written(mine, place, progress):
+                done.append(one)
+        except KeyboardInterrupt:
+            so_far = UndistortedFiles(place, self.camera, self.pinhole, tuple(done), asked.failures, 0)
+            raise UndistortionStoppedError(so_far, len(mine)) from None
+        made = UndistortedFiles(place, self.camera, self.pinhole, tuple(done), asked.failures, len(named) - len(mine))
+        if not made.good:
+            refuse_nothing(made.failures, "no photos to undistort")
+        return made
+
+    def _written(self, photos: list[PhotoFile], folder: Path, progress: Progress) -> Iterator[UndistortedFile]:
+        """One photo after the other; the new camera's file comes with the first that succeeds."""
+        total, has_camera = len(photos), False
+        for number, (photo, stem) in enumerate(zip(photos, distinct_stems([one.name for one in photos]), strict=True)):
+
+            def tell(_: str, share: float, __: int, before: int = number) -> None:
+                progress("undistorting", before + 0.9 * share, total)
+
+            made = self._file(photo, folder / f"{stem}{MARK}.png", tell)
+            if not made.failure and not has_camera:
+                write_files({folder / CAMERA_FILE: camera_to_json(self.pinhole).encode()})
+                has_camera = True
+            yield made
+            progress("undistorting", number + 1, total)
+
+    def _file(self, photo: PhotoFile, result: Path, progress: Progress) -> UndistortedFile:
+        """One photo from file to file. No fault of a photo ends the run."""
+        try:
+            image = read_colour(photo.path)
+            undistorted = self._made(str(photo.path), image.pixels, progress)
+            write_files({result: _png(undistorted.pixels)})
+        except InputError as error:
+            return UndistortedFile(photo, failure=str(error))
+        except Exception as error:
+            return UndistortedFile(
+                photo, failure=f"{photo.path}: cannot be undistorted: {type(error).__name__}: {error}"
+            )
+        return UndistortedFile(photo, result, undistorted.share_filled, image.remarks)
+
+    def _made(self, name: str, image: Pixels | Place, progress: Progress) -> Undistorted:
+        pixels = read_colour(Path(image)).pixels if isinstance(image, str | PathLike) else require_image(image)
+        if pixels.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
+            raise InputError(f"an image of {pixels.dtype}: give uint8 or uint16")
+        size = pixels.shape[1], pixels.shape[0]
+        if size != self.camera.image_size:
+            raise InputError(
+                f"{name}: has {size[0]} x {size[1]} px, but the camera file is of one with "
+                f"{self.camera.image_size[0]} x {self.camera.image_size[1]} px; give photos and camera of one size"
+            )
+        made = undistortion.undistort(
+            pixels, self.camera, self.pinhole, progress=lambda share: progress("undistorting", share, 1)
+        )
+        if not made.share_filled:
+            raise InputError(
+                f"{name}: all of the undistorted photo would be black: the camera knows no light there; "
+                "check the camera file"
+            )
+        return made
+
+
+@dataclass(frozen=True, eq=False)
+class UndistortedFiles:
+    """What came of many photos: `made.pinhole`, `made.failures`."""
+
+    folder: Path
+    camera: Camera  # that took the photos
+    pinhole: Camera  # that the undistorted ones are of, in `camera_file`
+    photos: tuple[UndistortedFile, ...]
+    missing: tuple[str, ...]  # arguments that stood for no photo, one line each
+    left_out: int  # undistorted photos of an earlier run among them
+
+    @property
+    def good(self) -> tuple[tuple[UndistortedFile, Path], ...]:
+        """The photos that were undistorted, and where they are."""
+        return tuple((one, one.place) for one in self.photos if one.place is not None)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Why others were not, one line each."""
+        return (*self.missing, *(one.failure for one in self.photos if one.failure))
+
+    @property
+    def share_filled(self) -> float:
+        """Of the pixels of the worst photo; the others are black."""
+        return min(one.share_filled for one, _ in self.good)
+
+    @property
+    def camera_file(self) -> Path:
+        """Of the camera that belongs to them."""
+        return self.folder / CAMERA_FILE
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All that was written."""
+        return (*(place for _, place in self.good), *((self.camera_file,) if self.good else ()))
+
+
+class UndistortionStoppedError(KeyboardInterrupt):
+    """A person stopped it: what is finished is `error.so_far`."""
+
+    def __init__(self, so_far: UndistortedFiles, asked: int) -> None:
+        super().__init__(f"stopped; {len(so_far.good)} of {asked} photos are in {so_far.folder}")
+        self.so_far = so_far
+
+
+def undistort(
+    image: Pixels | Place, camera: Camera | Place, *, alpha: float | None = None, focal_px: float | None = None
+) -> Undistorted:
+    """Resample a photo to what a pinhole camera would have taken: `undistort(image, "camera.json").pixels`.
+
+    Args:
+        image: as `Undistorter.undistort` has it, which is for many photos and tells the pinhole.
+        camera: that took it: a camera, a file, or a template.
+        alpha: 0: no black regions; 1: all that the photo shows; None: the focal length is kept.
+        focal_px: of the pinhole.
+
+    Raises:
+        InputError: a file that cannot be read, an image of another size, or a focal length that is none.
+    """
+    return Undistorter(camera, alpha=alpha, focal_px=focal_px).undistort(image)
+
+
+def _check_out(folder: Path) -> None:
+    """Refuse a folder that is none, or holds another camera, before any work is done."""
+    place = folder / CAMERA_FILE
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file, not a folder; choose another with -o")
+    require_ours(place, kind=FORMAT)
+    if place.exists() and place.stat().st_size and load_own_camera(place).model != "pinhole":
+        raise InputError(f"{place}: exists and is no pinhole camera of an earlier run; choose another folder with -o")
+
+
+def _png(pixels: Grey) -> bytes:
+    done, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    if not done:
+        raise InputError(f"{pixels.shape[1]} x {pixels.shape[0]} px are more than an image file holds")
+    return data.tobytes()
