@@ -9,9 +9,11 @@ import pytest
 from calib.detector.pipeline import detect
 from calib.renderer import RenderOptions
 from calib.report.why_nothing import explained
+from designer.kind import KINDS
 from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
 from tests.benchmarks.bench_foreign_names import drawn
+from tests.designs import small
 from tests.foreign_views import PLAIN, Photo, false_names, photo_of, random_target, template_targets
 
 DIRTY = RenderOptions(
@@ -22,6 +24,7 @@ TARGETS = {
     **template_targets(),
     **{f"random {seed}": random_target(np.random.default_rng(seed)) for seed in (100, 101, 103, 112)},
 }
+TARGETS |= {name: small(name).target for name in set(KINDS) - {t.spec.kind for t in TARGETS.values() if t.spec}}
 ASKED = TARGETS
 """Files held against every photo."""
 SHOWN = [*((name, False) for name in TARGETS), ("3d-board", True), ("shiny-ico", True), ("random 101", True)]
