@@ -19,8 +19,6 @@ ALLOWED = {
     "calib/as_built/ring_spread.py with_seen_spread": "a normal matrix with a prior on each unknown",
     "calib/as_built/solve.py _about_effective": "a normal matrix with a prior on each unknown",
     "calib/cameras/learned.py exact_variance": "a Gram matrix with the knots' noise on its diagonal",
-    "calib/detector/alignment.py Alignment.on_grid": "turns of a lattice, and its basis by steps that span it",
-    "calib/detector/alignment.py GridReader._ellipse_at": "a shortest solution, which any number of steps has",
     "calib/detector/lines.py fit_lines": "a covariance plus a floor",
     "calib/detector/name_board.py _uprightness": "a shortest solution, which two columns always have",
     "calib/detector/where_expected.py _plane_map": "shortest solutions, whose points were found to span a plane",

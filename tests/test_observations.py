@@ -17,6 +17,7 @@ from calib.observe.observations import (
     observations_for_poses,
     observations_from_detections,
 )
+from calib.observe.records import records_path, records_to_json
 from calib.solver.solve import solve
 from designer.errors import InputError
 from designer.target import TargetGeometry
@@ -184,6 +185,22 @@ def test_what_many_photos_say_stands_with_what_is_solved_from_them() -> None:
     doubted = [replace(one, remarks=("is it this target?",) if n < 3 else ()) for n, one in enumerate(seen)]
     doubted[5] = replace(doubted[5], remarks=("mirrored",))
     assert prepared(doubted).remarks == ("3 of 6 photos: is it this target?",)
+
+
+def test_what_many_photos_say_is_not_lost_in_files(tmp_path: Path) -> None:
+    """The records beside a table hold it; without them, or beside those of another target, nothing is said."""
+    doubted = [replace(one, remarks=("is it this target?",)) for one in photos(3)]
+    path = tmp_path / "d.csv"
+    records = write_detections(path, doubted, BOARD, detector="test 1")
+
+    def said() -> tuple[str, ...]:
+        return prepared(list(read_detections(path, BOARD, target_path=Path("t")))).remarks
+
+    assert said() == prepared(doubted).remarks == ("3 of 3 photos: is it this target?",)
+    records_path(path).write_bytes(records_to_json(replace(records, geometry_id="another")))
+    assert said() == ()
+    records_path(path).unlink()
+    assert said() == ()
 
 
 def test_a_measured_target_takes_the_detections_of_the_nominal_one() -> None:

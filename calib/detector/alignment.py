@@ -8,6 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.linear_algebra import least_squares
 from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid
 from calib.detector.marks import DOT, RING, UNREADABLE, read_marks
@@ -52,7 +53,7 @@ class GridReader:
         self._row = {(int(i), int(j)): k for k, (i, j) in enumerate(grid.index)}
         self._mark: dict[tuple[int, int], int] = {}
         steps = plan.lattice
-        self._basis = np.linalg.lstsq(steps.move.astype(np.float64), steps.move_in_radii, rcond=None)[0]
+        self._basis = least_squares(steps.move.astype(np.float64), steps.move_in_radii)
 
     def marks(self, index: Integers) -> Integers:
         """RING, DOT or UNREADABLE at grid indices.  # (N, 2) -> (N,)"""

@@ -13,6 +13,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.linear_algebra import least_squares
 from calib.detector.candidates import semi_axes_px
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -95,7 +96,7 @@ def _fitted(terms: Floats, values: Floats) -> Floats:
     """Coefficients by iterated reweighting."""
     weight = np.ones(len(values))
     for _ in range(ROUNDS):
-        found = np.linalg.lstsq(terms * weight[:, None], values * weight, rcond=None)[0]
+        found = least_squares(terms * weight[:, None], values * weight)
         off = np.abs(values - terms @ found)
         usual = 1.4826 * float(np.median(off)) + 1e-9
         weight = np.sqrt(1 / np.maximum(off / (FAR_OFF * usual), 1.0))

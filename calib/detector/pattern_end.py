@@ -40,9 +40,11 @@ BARE_ODDS = 6.0
 PART_ODDS = 8.0
 """The same of part of a ring, that it is one; more, since nothing else makes rings."""
 WHITE_BAND = 0.25
-"""White is as bright as around the nearest rings, within this share of their contrast: blur takes as much of theirs."""
+"""White is as bright as around the nearest rings, within this share of their contrast. Blur takes more of the white
+between rings than of a margin, and more still of what they enclose: so much brighter than theirs it may be."""
 GLARE_BAND = 0.1
-"""White within this share of the contrast of full pixels is washed out: rings may be there."""
+"""White within this share of the contrast of full pixels may be washed out, so that rings may be there, unless it is no
+brighter than white around the nearest rings, which are seen, and not full itself."""
 NEAREST = 4
 """So many rings tell how bright white is beside them."""
 ARC = 16
@@ -141,19 +143,23 @@ def _sight(
         rings: that were found.
     """
     white_around = 0.4 + 0.6 * plan.limit
-    known = zone_levels(image, np.hstack([rings.center_px, rings.shape]), ratio=plan.ratio, around=white_around)[:, 1:3]
+    known = zone_levels(image, np.hstack([rings.center_px, rings.shape]), ratio=plan.ratio, around=white_around)[:, :3]
     is_known = np.isfinite(known).all(axis=1)
     if not (is_known.any() and len(places.ring) and len(last_row_px)):
         return np.zeros(len(places.ring), dtype=np.bool_), np.zeros(len(places.ring), dtype=np.bool_)
-    near = known[is_known][_nearest(places.center_px, rings.center_px[is_known], NEAREST)]  # (N, NEAREST, 2)
-    ink, white = np.median(near, axis=1).T[:, :, None]
+    near = known[is_known][_nearest(places.center_px, rings.center_px[is_known], NEAREST)]  # (N, NEAREST, 3)
+    enclosed, ink, white = np.median(near, axis=1).T[:, :, None]
     contrast = np.maximum(white - ink, 1e-9)
     further_in_px = last_row_px[_nearest(places.center_px, last_row_px, 1)[:, 0]]
     radii = (0.45 * plan.ratio, 0.5 * (1 + plan.ratio), 0.25 * plan.ratio + 0.75, white_around)
     hole, middle, outer, around = (_arc_levels(image, places, further_in_px, rho) for rho in radii)
     half = np.stack([np.median(level[:, NEAR_HALF], axis=1) for level in (middle, around)])  # (2, N)
-    is_white = np.abs(half - white[:, 0]) < WHITE_BAND * contrast[:, 0]
-    is_full = half > _full_scale(image) - GLARE_BAND * contrast[:, 0]
+    brighter = half - white[:, 0]
+    band = WHITE_BAND * contrast[:, 0]
+    is_white = (brighter > -band) & (brighter < band + np.maximum(white - enclosed, 0)[:, 0])
+    full = _full_scale(image)
+    not_washed_out = np.maximum(full - GLARE_BAND * contrast[:, 0], near[:, :, 2].max(axis=1))
+    is_full = half > np.minimum(not_washed_out, full - 1)
     is_ink = np.minimum(middle, outer) < 0.5 * (ink + white)
     is_ring = is_ink & (np.abs(np.stack([hole, around]) - white) < WHITE_BAND * contrast).all(axis=0)
     in_a_row = np.all([np.roll(is_ring, step, axis=1) for step in range(RING_SEEN)], axis=0)

@@ -12,6 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.types import LEAST_RADIUS_PX
 from calib.detector.alignment import largest_overlap
 from calib.detector.candidates import Candidates, nearest_candidates, semi_axes_px
 from calib.detector.face_spacing import lattice_over_spacing
@@ -67,6 +68,7 @@ class Evidence:
     is_board: bool  # the target has one face
     is_lone: bool  # one face of a solid, so that no other face tells how large it is
     is_bounded: bool  # of a face, rings were found along every side
+    radius_px: float  # semi-minor axis of the features, in the median
     skew: float  # logarithm of how much more circles are stretched one way than the other, in the median
     proportion: float  # logarithm of ring size over pitch, seen over the target's, in the median
     spacing: float  # logarithm of pitch over the distance of a solid's faces, seen over the target's; 0: not seen
@@ -96,7 +98,8 @@ def refusal(evidence: Evidence) -> str:
     """Why this cannot be the target, in a few words; "": it can.
 
     Somewhat other proportions do not refuse what is seen to all its sides: of targets made by others they may be known
-    in part only. Where a part of the target shows, they are all that tells it from a larger one.
+    in part only. Where a part of the target shows, they are all that tells it from a larger one; and a lone face of a
+    solid from another's, so that its rings must be large enough to tell them: of 4 px, blurred, they are up to 9 % off.
     """
     if evidence.skew > MAX_SKEW:
         return "rings lie on another lattice"
@@ -111,6 +114,8 @@ def refusal(evidence: Evidence) -> str:
         return "the pattern ends before the target does"
     if evidence.is_lone and (not evidence.is_bounded or evidence.strange >= LEAST_BEYOND):
         return "only one face is seen, and not to all its sides, or beside rings that no face of it can hold"
+    if evidence.is_lone and evidence.radius_px < LEAST_RADIUS_PX:
+        return "only one face could be named, and its rings are too small to tell whether it is one of this target"
     if abs(evidence.proportion) > (OTHER_PROPORTION if evidence.is_bounded else MAX_PROPORTION):
         return f"its rings are {math.exp(evidence.proportion):.2f} times as large for their pitch as the file says"
     if abs(evidence.spacing) > OTHER_SPACING:
@@ -183,6 +188,7 @@ def gather(
         is_board=plan.target.is_planar,
         is_lone=len(faces) == 1 < plan.target.face_count,
         is_bounded=any(end.is_bounded for end in ends),
+        radius_px=float(np.median(semi_axes_px(measured.shape)[1])) if len(measured.ring) else 0.0,
         skew=skew,
         proportion=proportion,
         spacing=lattice_over_spacing(plan, placement.lens, measured.ring, measured.center_px),

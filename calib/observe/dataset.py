@@ -20,7 +20,7 @@ from calib.core.files import write_files
 from calib.core.types import Detections
 from calib.observe.csv_table import ANY_NAME, CsvTable, read_table, read_text
 from calib.observe.records import FORMAT as RECORDS
-from calib.observe.records import ImageRecord, Records, image_record, records_path, records_to_json
+from calib.observe.records import ImageRecord, Records, image_record, read_records, records_path, records_to_json
 from designer.errors import InputError
 from designer.own_files import require_ours
 from designer.target import TargetGeometry
@@ -146,9 +146,9 @@ def is_covariance(cov: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) -> tuple[Detections, ...]:
-    """Read `detections.csv` for a target with the same layout: each photo's, without contours and records.
+    """Read `detections.csv` for a target with the same layout: each photo's, without contours and faces.
 
-    X, Y, Z come from the target, not from this file.
+    X, Y, Z come from the target, not from this file; what is remarked of a photo, from the records beside it.
 
     Raises:
         InputError: not a detections file, of another version or layout, or a line that breaks a rule; it names the
@@ -176,13 +176,25 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
     again[order[1:]] = (np.diff(view[order]) == 0) & (np.diff(ring[order]) == 0)
     table.require(~again, "the same ring of the same image a second time; keep one")
     start = np.searchsorted(view[order], np.arange(len(header.sizes) + 1))
+    remarks = _remarks_beside(path, header)
     return tuple(
         Detections(
             name, size, header.layout_id, header.geometry_id, ring[rows], target.center_mm[ring[rows]],
-            center[rows], cov[rows], np.full((len(rows), 5), np.nan), (),
+            center[rows], cov[rows], np.full((len(rows), 5), np.nan), (), remarks.get(name, ()),
         )
         for (name, size), rows in zip(header.sizes.items(), (order[a:b] for a, b in pairwise(start)), strict=True)
     )  # fmt: skip
+
+
+def _remarks_beside(path: Path, header: _Header) -> dict[str, tuple[str, ...]]:
+    """What the records beside a table remark of each photo; nothing if there are none, or they are of another one."""
+    try:
+        records = read_records(records_path(path))
+    except InputError:
+        return {}
+    if (records.layout_id, records.geometry_id) != (header.layout_id, header.geometry_id):
+        return {}
+    return {image.image: image.remarks for image in records.images}
 
 
 def _checked_rings(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]:
