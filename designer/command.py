@@ -18,6 +18,7 @@ from typer.core import TyperGroup
 from designer.answer import NegativeError, StoppedError, Summary, document, program
 from designer.errors import InputError
 from designer.streams import forgive_readers, not_heard, people_on_stderr
+from designer.words import printable
 
 if TYPE_CHECKING:
     from typer._click import Context, HelpFormatter
@@ -206,9 +207,3 @@ def _command_of(app: typer.Typer, name: str, words: Sequence[str]) -> str:
         place = place.commands[word]
         names.append(word)
     return " ".join(names)
-
-
-def printable(text: str) -> str:
-    """Text as one line, with characters that would steer a terminal escaped: file names may hold any."""
-    line = " ".join(text.split())
-    return "".join(c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in line)

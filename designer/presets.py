@@ -7,7 +7,8 @@ from typing import Literal
 
 from designer.errors import InputError
 from designer.spec import PrinterProfile
-from designer.spec_file import PrinterFile, read_printer_file, shown, suggestion
+from designer.spec_file import PrinterFile, read_printer_file
+from designer.words import shown, suggestion
 
 PresetKind = Literal["targets", "printers", "cameras", "errors", "criteria"]
 DEFAULT_PRINTER = "bambu-p1s"

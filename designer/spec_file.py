@@ -3,7 +3,6 @@
 The command line's options are read by the same rules, so a key of a file and an option are one (`designer.options`).
 """
 
-import difflib
 import json
 import re
 import tomllib
@@ -21,6 +20,7 @@ from designer.skew import format_skew, parse_skew_rad
 from designer.small_file import read_small_text
 from designer.spec import Build, Format, Job, Lattice
 from designer.units import format_mm, parse_length_mm, parse_lengths_mm, parse_percent
+from designer.words import shown, suggestion
 
 MAX_FILE_BYTES = 2**14
 LEAST_LENGTH_MM = 0.0005
@@ -305,23 +305,8 @@ def _explain(model: type[_SpecFile], location: tuple[int | str, ...], kind: str,
     return f"{key} {shown(value)}: {rule[:1].lower()}{rule[1:]}"
 
 
-def shown(value: object) -> str:
-    """A value as a message shows it."""
-    try:
-        text = repr(value)
-    except (RecursionError, ValueError):  # nested too deep, or an integer of thousands of digits
-        return f"({type(value).__name__})"
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
 def _prefix(origin: str) -> str:
     return f"{origin}: " if origin else ""
-
-
-def suggestion(word: str, known: list[str]) -> str:
-    """`; did you mean 'x'?` for the known word nearest to a misspelt one, or nothing."""
-    match = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    return f"; did you mean {match[0]!r}?" if match else ""
 
 
 def spec_to_toml(job: Job) -> str:

@@ -9,3 +9,26 @@ def capital(text: str) -> str:
 def with_article(text: str) -> str:
     """As in `an icosahedron`: with the article that goes before its first letter."""
     return f"{'an' if text[:1].lower() in 'aeio' else 'a'} {text}"
+
+
+def printable(text: str) -> str:
+    """Text as one line, with characters that would steer a terminal escaped: file names may hold any."""
+    line = " ".join(text.split())
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in line)
+
+
+def shown(value: object) -> str:
+    """A value as a message shows it."""
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):  # nested too deep, or an integer of thousands of digits
+        return f"({type(value).__name__})"
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def suggestion(word: str, known: list[str]) -> str:
+    """`; did you mean 'x'?` for the known word nearest to a misspelt one, or nothing."""
+    import difflib
+
+    match = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    return f"; did you mean {match[0]!r}?" if match else ""

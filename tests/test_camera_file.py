@@ -56,9 +56,9 @@ def shortened(values: list[object]) -> list[object]:
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("knot_px", shortened, "440 of knot_px, 441 of weight, 441 of noise_variance; there must be as many of each"),
-        ("noise_variance", shortened, "440 of noise_variance"),
-        ("knot_px", [[1.0, 2.0, 3.0]], "learned_map.knot_px.0"),
+        ("knot_px", shortened, "learned_map.weight has 441 items where it must have 440"),
+        ("noise_variance", shortened, "learned_map.noise_variance has 440 items where it must have 441"),
+        ("knot_px", [[1.0, 2.0, 3.0]], "learned_map.knot_px must be some rows of 2 numbers"),
         ("knot_px", [[0.0, 0.0]] * 1001, "learned_map.knot_px"),
         ("weight", [[0.0, 0.0]] * 1001, "learned_map.weight"),
         ("noise_variance", [1.0] * 1001, "learned_map.noise_variance"),

@@ -23,11 +23,11 @@ from calib.detector.overlay import draw_overlay
 from calib.observe.dataset import read_detections
 from calib.observe.photos import Detect, PhotoFile, detect_photos, find_photos, named_photos, reading_once
 from calib.observe.records import read_records
-from designer.command import printable
 from designer.errors import InputError
 from designer.layout import lay_out
 from designer.sizing import size_job
 from designer.target import TargetGeometry, target_to_json
+from designer.words import printable
 from tests.designs import asked_for
 
 BOARD = lay_out(size_job(asked_for("board", {"columns": 5, "rows": 4, "pitch": "20mm"})).job.target)

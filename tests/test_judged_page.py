@@ -13,7 +13,7 @@ import pytest
 
 from calib.report.origin import read_origin
 from calib.verdict.criteria import read_criteria
-from calib.verdict.verdict_file import read_verdict
+from calib.verdict.of_run import VERDICT, VERDICT_FILE
 from designer.spec_file import read_spec_file
 from designer.target import load_target, target_to_json
 from tests.calibrations import board
@@ -68,7 +68,7 @@ def test_a_run_ends_with_its_verdict_and_page(words: tuple[str, ...], folder: Pa
     written = files_in(folder / "out")
     assert written >= PAGE | JUDGED | MODEL_FILES | {"target.json"}
     assert {Path(path).relative_to("out").as_posix() for path in summary["wrote"]} == written
-    stored = read_verdict(Path("out")).verdict
+    stored = VERDICT.read(Path("out") / VERDICT_FILE).verdict
     said = summary["answer"]["verdict"]
     assert (said["grade"], said["model"], said["sentence"]) == (stored.grade, "opencv", stored.sentence)
     assert [(one["name"], one["grade"], one["value"]) for one in said["checks"]] == [
@@ -92,7 +92,7 @@ def test_the_exit_code_follows_the_verdict(grade: str, code: int) -> None:
     assert f"limits: {grade} (" in answer.out
     assert "next     open out/index.html" in answer.out
     assert ("calib convert" in answer.out) == (code == 0)  # a camera that is not to be used is not handed on
-    assert read_verdict(Path("out")).verdict.grade == grade
+    assert VERDICT.read(Path("out") / VERDICT_FILE).verdict.grade == grade
     assert calib_report() == (code, WORDS[grade])
 
 
@@ -100,7 +100,7 @@ def test_a_camera_that_is_not_determined_is_never_good() -> None:
     """Limits of one's own do not help it."""
     answer = calib("solve", "frontal.csv", *SOLVE[2:], *LENIENT)
     assert answer.code == 1
-    assert read_verdict(Path("out")).verdict.grade == "bad"
+    assert VERDICT.read(Path("out") / VERDICT_FILE).verdict.grade == "bad"
 
 
 def test_the_limits_are_the_standard_ones_if_nobody_asks(folder: Path) -> None:
@@ -108,7 +108,7 @@ def test_the_limits_are_the_standard_ones_if_nobody_asks(folder: Path) -> None:
     for name, asked in (("out", ()), ("named", ("standard",)), ("other", ("metrology",))):
         calib(*SOLVE[:-1], name, "--no-page", *(word for one in asked for word in ("--criteria", one)))
     stored = {name: Path(name, "verdict.json").read_bytes() for name in ("out", "named", "other")}
-    assert read_verdict(Path("out")).criteria == read_criteria("standard")
+    assert VERDICT.read(Path("out") / VERDICT_FILE).criteria == read_criteria("standard")
     assert stored["out"] == stored["named"] != stored["other"]
 
 
@@ -124,7 +124,7 @@ def test_without_a_page_the_verdict_is_there(words: tuple[str, ...], folder: Pat
     assert answer.out.startswith("good: ")
     assert calib("report", "out").code == 0
     assert files_in(folder / "out") == before | PAGE
-    sentence = read_verdict(Path("out")).verdict.sentence
+    sentence = VERDICT.read(Path("out") / VERDICT_FILE).verdict.sentence
     assert sentence[1:40] in page_text()
 
 

@@ -13,7 +13,7 @@ from PIL import Image
 from calib.report.origin import LONGEST_COMMAND, ORIGIN_FILE, Origin, origin_of, origin_to_json, read_origin
 from calib.report.registry import KINDS
 from calib.report.write import write_report
-from calib.verdict.verdict_file import read_verdict
+from calib.verdict.of_run import VERDICT, VERDICT_FILE
 from designer.errors import InputError
 from designer.target import target_to_json
 from tests.calibrations import board
@@ -70,7 +70,7 @@ def test_a_calibration_without_an_origin_gets_one(run: Path) -> None:
 def test_criteria_judge_it(run: Path) -> None:
     """The verdict is stored by the limits asked for, and headline, screen and JSON say it."""
     answer = calib("report", run, "--criteria", "robotics")
-    judged = read_verdict(run)
+    judged = VERDICT.read(run / VERDICT_FILE)
     assert judged.criteria.name == "robotics"
     word = {"good": "good", "usable": "usable", "bad": "do not use"}[judged.verdict.grade]
     assert f"  {word}: " in answer.out
@@ -78,7 +78,7 @@ def test_criteria_judge_it(run: Path) -> None:
     document = json.loads(again.out)
     assert document["answer"]["word"] == word
     assert document["answer"]["kind"] == "calibration"
-    assert read_verdict(run).criteria.name == "robotics"
+    assert VERDICT.read(run / VERDICT_FILE).criteria.name == "robotics"
 
 
 def test_halves_are_not_solved_again_for_other_limits(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,7 @@ from calib.interop.own_json import JSON
 from calib.interop.reading import OpenedCamera, find_format, open_camera
 from designer.errors import InputError
 from designer.own_files import require_ours, signed
-from designer.spec_file import shown
+from designer.words import shown
 
 LARGE_PX = 0.05
 """A larger residual is worth a warning: calibrations are good to some hundredths of a pixel."""

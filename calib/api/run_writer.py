@@ -30,10 +30,8 @@ from calib.report.folder_page import write_folder_page
 from calib.report.kept_target import keep_target
 from calib.report.run_folder import RECORDS_FILE, RunFolder, Solved, solved_of
 from calib.report.write import PAGE_FILE
-from calib.verdict.next_views_file import FORMAT as NEXT_VIEWS
-from calib.verdict.next_views_file import NEXT_VIEWS_FILE, next_views_file
-from calib.verdict.verdict_file import FORMAT as VERDICT
-from calib.verdict.verdict_file import VERDICT_FILE, verdict_to_json
+from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextViews
+from calib.verdict.of_run import VERDICT, VERDICT_FILE
 from designer.answer import program
 from designer.errors import InputError, NotWrittenError
 from designer.own_files import require_ours
@@ -61,8 +59,8 @@ class RunWriter:
         for place in (folder, *(self.place_of(model) for model in models)):
             for name in (CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE, CALIBRATION_PICTURE, COMPARISON_PICTURE):
                 require_ours(place / name)
-        require_ours(folder / VERDICT_FILE, kind=VERDICT)
-        require_ours(folder / NEXT_VIEWS_FILE, kind=NEXT_VIEWS)
+        require_ours(folder / VERDICT_FILE, kind=VERDICT.format)
+        require_ours(folder / NEXT_VIEWS_FILE, kind=NEXT_VIEWS.format)
 
     @property
     def finished(self) -> list[Solution]:
@@ -151,8 +149,8 @@ class RunWriter:
             self.files += keep_target(self.folder, run.target, is_again=is_again)
         judged = replace(run.judged, observations_sha256=self._provenance[run.best.model].observations_sha256)
         self._write({
-            self.folder / VERDICT_FILE: verdict_to_json(judged),
-            self.folder / NEXT_VIEWS_FILE: next_views_file(run.next_views),
+            self.folder / VERDICT_FILE: VERDICT.text(judged),
+            self.folder / NEXT_VIEWS_FILE: NEXT_VIEWS.text(NextViews(run.next_views)),
         })  # fmt: skip
 
     def write_page(self, run: RunResult, command: str) -> str:

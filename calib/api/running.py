@@ -22,9 +22,9 @@ from calib.solver.degeneracy import UndeterminedError
 from calib.verdict.criteria import STANDARD, Criteria, read_criteria
 from calib.virtual.solve_virtual import Reference
 from designer.errors import InputError
-from designer.spec_file import suggestion
 from designer.target import TargetGeometry
 from designer.tolerance.made import how_made
+from designer.words import suggestion
 
 
 class NothingFoundError(InputError):

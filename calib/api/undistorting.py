@@ -14,7 +14,7 @@ from calib.api.progress import Progress, unheard
 from calib.api.searching import refuse_nothing
 from calib.cameras import undistortion
 from calib.cameras.camera import Camera
-from calib.cameras.camera_file import FORMAT, camera_to_json
+from calib.cameras.camera_file import CAMERA, camera_to_json
 from calib.cameras.camera_file import load_camera as load_own_camera
 from calib.cameras.undistortion import Undistorted, pinhole_of
 from calib.core.files import distinct_stems, write_files
@@ -226,7 +226,7 @@ def _check_out(folder: Path) -> None:
     place = folder / CAMERA_FILE
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, not a folder; choose another with -o")
-    require_ours(place, kind=FORMAT)
+    require_ours(place, kind=CAMERA.format)
     if place.exists() and place.stat().st_size and load_own_camera(place).model != "pinhole":
         raise InputError(f"{place}: exists and is no pinhole camera of an earlier run; choose another folder with -o")
 

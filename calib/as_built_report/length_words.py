@@ -8,10 +8,10 @@ import numpy as np
 
 from calib.as_built.lengths import FAR, NAMES, Length, length_in
 from designer.errors import InputError
-from designer.spec_file import shown, suggestion
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, perturb
 from designer.units import format_mm, parse_length_mm
+from designer.words import shown, suggestion
 
 CALIPER_SIGMA_MM = 0.02
 """What most makers of calipers state for 150 mm; an assumption where no sigma is given."""

@@ -4,12 +4,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.types import frozen_array
+from designer.base.marks import Above, AtLeast, AtMost, Length, Shape
 from designer.errors import InputError
+from designer.small_file import JsonValue
+
+MAX_KNOTS = 1000
+LARGEST = 1e15
+LEAST_NOISE = 1e-12
+"""Less leaves the equations of the process singular in floating point."""
+_Bounded = Annotated[NDArray[np.float64], AtLeast(-LARGEST), AtMost(LARGEST)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,12 +29,12 @@ class LearnedMap:
     exponential kernel `k(u, v) = exp(-|u - v|^2 / (2 length_px^2))`; see `calib.cameras.learned`.
     """
 
-    knot_px: NDArray[np.float64]  # (N, 2) where measured
-    weight: NDArray[np.float64]  # (N, 2) in units of the sensor
-    noise_variance: NDArray[np.float64]  # (N,) of a knot, in units of the kernel's variance
-    trend: NDArray[np.float64]  # (3, 3) homography from pixels to the sensor
-    length_px: float
-    limit: float  # beyond this standard deviation, in units of the kernel's, the map is not known
+    knot_px: Annotated[_Bounded, Shape("N", 2), Length(1, MAX_KNOTS)]  # where measured
+    weight: Annotated[_Bounded, Shape("N", 2)]  # in units of the sensor
+    noise_variance: Annotated[_Bounded, Shape("N"), AtLeast(LEAST_NOISE)]  # of a knot, in units of the kernel's
+    trend: Annotated[_Bounded, Shape(3, 3)]  # homography from pixels to the sensor
+    length_px: Annotated[float, Above(0), AtMost(LARGEST)]
+    limit: Annotated[float, Above(0), AtMost(1)]  # beyond this standard deviation, in the kernel's, nothing is known
 
     def __post_init__(self) -> None:
         for name in ("knot_px", "weight", "noise_variance", "trend"):
@@ -84,6 +93,23 @@ class Camera:
         ray = rays(self, np.asarray(pixel, dtype=np.float64))
         unit: NDArray[np.float64] = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
         return unit
+
+    def to_json(self) -> JsonValue:
+        """The content of `camera.json`, which also stands in other files."""
+        from calib.cameras.camera_file import camera_document
+
+        return camera_document(self)
+
+    @classmethod
+    def from_json(cls, value: JsonValue, place: str) -> "Camera":
+        """The camera in a document.
+
+        Raises:
+            InputError: it is none, or a value breaks a rule.
+        """
+        from calib.cameras.camera_file import camera_from_mapping
+
+        return camera_from_mapping(value, place)
 
     def save(self, path: str | Path) -> Path:
         """Write `camera.json`, which reads back bit for bit: `camera.save("camera.json")`; return its place.

@@ -1,24 +1,24 @@
 """Camera files: `camera.json`, and templates or a person's own TOML with the same keys."""
 
-import json
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from calib.cameras import MODELS, CameraModel, parameter_names, rays
 from calib.cameras.camera import Camera, LearnedMap
-from calib.cameras.learned_map_file import LearnedMapFile, learned_map_from_file, learned_map_lines
+from calib.cameras.learned import MAX_LENGTHS
+from designer.base.file_kind import FileKind, laid_out
+from designer.base.marks import AtLeast, AtMost
 from designer.errors import InputError
 from designer.presets import preset_or_file
-from designer.small_file import parse_json, read_small_text
-from designer.spec_file import RawValue, read_spec_file, shown, suggestion
+from designer.small_file import JsonValue, parse_json, read_small_text
+from designer.spec_file import RawValue, read_spec_file
+from designer.words import shown, suggestion
 
-FORMAT = "ringsolid.camera"
-VERSION = 1
-MAX_FILE_BYTES = 2**20
 MAX_SIDE_PX = 100_000
 REQUIRED = ("fx_px", "fy_px", "cx_px", "cy_px")
 """What every model has; in a TOML file the lens's other parameters are 0 if left out."""
@@ -31,37 +31,31 @@ LARGEST = {"px": 1e9, "1": 1e30}
 GRID, LEAST_SEEN, STEEPEST = 41, 0.01, 1e3
 """Of pixels that are tried, the least share with a ray less than 89.9 degrees off the axis."""
 
-Side = Annotated[int, Field(ge=1, le=MAX_SIDE_PX, strict=True)]
+Side = Annotated[int, AtLeast(1), AtMost(MAX_SIDE_PX)]
 
 
-class _CameraFile(BaseModel):
+@dataclass(frozen=True)
+class CameraDocument:
     """The keys of a camera file; the parameters' names depend on the model."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    format: Literal["ringsolid.camera"]
-    version: Annotated[int, Field(strict=True)]
     model: str
     image_size: tuple[Side, Side]
-    parameters: dict[str, Annotated[float, Field(strict=True, allow_inf_nan=False)]]
-    learned_map: LearnedMapFile | None = None
+    parameters: Mapping[str, float]
+    learned_map: LearnedMap | None = None
+
+
+CAMERA = FileKind(CameraDocument, "camera", "a camera file", "check the file", largest_bytes=2**20)
+
+
+def camera_document(camera: Camera) -> dict[str, JsonValue]:
+    """The keys of `camera.json`; a map only of models that learn one."""
+    document = CAMERA.document(CameraDocument(camera.model, camera.image_size, camera.parameters, camera.learned))
+    return {key: value for key, value in document.items() if value is not None}
 
 
 def camera_to_json(camera: Camera) -> str:
     """The text of `camera.json`; it reads back bit for bit."""
-    names = parameter_names(camera.model)
-    document = {
-        "format": FORMAT,
-        "version": VERSION,
-        "model": camera.model,
-        "image_size": list(camera.image_size),
-        "parameters": dict(zip(names, camera.params.tolist(), strict=True)),
-    }
-    text = json.dumps(document, indent=2, allow_nan=False)
-    if camera.learned is not None:
-        lines = ",\n    ".join(learned_map_lines(camera.learned))
-        text = text.removesuffix("\n}") + f',\n  "learned_map": {{\n    {lines}\n  }}\n}}'
-    return text + "\n"
+    return laid_out(camera_document(camera)) + "\n"
 
 
 def camera_from_mapping(values: RawValue, origin: str, *, is_written_by_hand: bool = False) -> Camera:
@@ -75,18 +69,10 @@ def camera_from_mapping(values: RawValue, origin: str, *, is_written_by_hand: bo
     Raises:
         InputError: another format or version, an unknown or missing key, or a value that breaks a rule.
     """
-    if not isinstance(values, dict) or values.get("format") != FORMAT:
-        raise InputError(f'{origin}: not a camera file: it must hold "format": "{FORMAT}"')
-    if type(values.get("version")) is not int or values["version"] != VERSION:
-        raise InputError(f"{origin}: camera file version {shown(values.get('version'))}; this program reads {VERSION}")
-    try:
-        file = _CameraFile.model_validate(values)
-    except ValidationError as error:
-        raise InputError(f"{origin}: {_explain(error)}") from None
-    return _camera(file, origin, REQUIRED if is_written_by_hand else None)
+    return _camera(CAMERA.of(cast(JsonValue, values), origin), origin, REQUIRED if is_written_by_hand else None)
 
 
-def _camera(file: _CameraFile, origin: str, required: tuple[str, ...] | None) -> Camera:
+def _camera(file: CameraDocument, origin: str, required: tuple[str, ...] | None) -> Camera:
     """Hold a file's parameters to the rules of its model."""
     model = MODELS.get(file.model)
     if model is None:
@@ -113,7 +99,9 @@ def _require_plausible(camera: Camera, origin: str) -> None:
         )
 
 
-def _parameters(file: _CameraFile, model: CameraModel, origin: str, required: tuple[str, ...]) -> NDArray[np.float64]:
+def _parameters(
+    file: CameraDocument, model: CameraModel, origin: str, required: tuple[str, ...]
+) -> NDArray[np.float64]:
     """The parameters in the model's order, each within its bounds."""
     given = file.parameters
     names = parameter_names(model.name)
@@ -144,29 +132,22 @@ def _parameters(file: _CameraFile, model: CameraModel, origin: str, required: tu
     return np.array([given.get(name, 0.0) for name in names])
 
 
-def _learned_map(file: _CameraFile, origin: str) -> LearnedMap | None:
+def _learned_map(file: CameraDocument, origin: str) -> LearnedMap | None:
     """The learned map of a model that needs one."""
-    if (file.learned_map is not None) == (file.model in LEARNING):
-        return None if file.learned_map is None else learned_map_from_file(file.learned_map, file.image_size, origin)
-    if file.learned_map is None:
+    learned = file.learned_map
+    if (learned is not None) != (file.model in LEARNING):
+        if learned is None:
+            raise InputError(
+                f"{origin}: model {file.model!r} needs a learned_map, and there is none; solve the camera again"
+            )
+        raise InputError(f"{origin}: model {file.model!r} has no learned_map; leave it out")
+    if learned is not None and learned.length_px < (least := max(file.image_size) / MAX_LENGTHS):
         raise InputError(
-            f"{origin}: model {file.model!r} needs a learned_map, and there is none; solve the camera again"
+            f"{origin}: learned_map.length_px {learned.length_px:g}: must be at least {least:g} in this image"
         )
-    raise InputError(f"{origin}: model {file.model!r} has no learned_map; leave it out")
-
-
-def _explain(error: ValidationError) -> str:
-    """One line on the first thing wrong; an unknown key comes first, being likely the missing one misspelt."""
-    first = min(error.errors(), key=lambda wrong: wrong["type"] != "extra_forbidden")
-    key = ".".join(str(part) for part in first["loc"])
-    if first["type"] == "extra_forbidden":
-        return f"unknown key {shown(key)}{suggestion(key, list(_CameraFile.model_fields))}"
-    if first["type"] == "missing":
-        return f"{key} is missing"
-    if first["loc"][0] == "image_size":
-        size = f"two whole numbers from 1 to {MAX_SIDE_PX}"
-        return f"image_size: {shown(first['input'])} does not fit; it must be {size}, width and height in pixels"
-    return f"{key} {shown(first['input'])}: {first['msg'][:1].lower()}{first['msg'][1:]}"
+    if learned is not None and not abs(np.linalg.det(learned.trend)) > 0:
+        raise InputError(f"{origin}: learned_map.trend must be a homography, which is invertible")
+    return learned
 
 
 def load_camera(path: Path) -> Camera:
@@ -177,8 +158,8 @@ def load_camera(path: Path) -> Camera:
     """
     if path.suffix.lower() == ".toml":
         return camera_from_mapping(read_spec_file(path), str(path), is_written_by_hand=True)
-    values = parse_json(read_small_text(path, MAX_FILE_BYTES, "a camera file"), path, "a camera file")
-    return camera_from_mapping(values, str(path))
+    document = parse_json(read_small_text(path, CAMERA.largest_bytes, CAMERA.what), path, CAMERA.what)
+    return camera_from_mapping(document, str(path))
 
 
 def camera_or_preset(name: str) -> Camera:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from designer.command import printable
 from designer.completion import camera_templates
+from designer.words import printable
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera

@@ -12,9 +12,9 @@ from calib.commands.study import KEPT, JobsOption, OutOption, ResumeOption, Seed
 from calib.core.files import check_folder
 from calib.show.screen import progress_bar, quoted, shown, table_console, waiting
 from designer.answer import StoppedError, Summary
-from designer.command import printable
 from designer.completion import camera_templates
 from designer.errors import InputError
+from designer.words import printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,8 +10,8 @@ import typer
 from calib.commands.answers.cameras import camera_answer
 from calib.show.screen import table_console
 from designer.answer import Summary, Value
-from designer.command import printable
 from designer.errors import InputError
+from designer.words import printable
 
 if TYPE_CHECKING:
     import numpy as np

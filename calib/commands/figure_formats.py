@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from designer.errors import InputError
-from designer.spec_file import shown
+from designer.words import shown
 
 FORMATS = ("pdf", "svg")
 

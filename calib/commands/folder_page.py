@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from calib.show.screen import shown, waiting
 from designer.answer import Summary
-from designer.command import command_line, printable
+from designer.command import command_line
 from designer.errors import InputError, NotWrittenError
+from designer.words import printable
 
 if TYPE_CHECKING:
     from calib.report.origin import Origin

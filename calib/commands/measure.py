@@ -21,9 +21,9 @@ from calib.commands.solve import (
 )
 from calib.show.screen import progress_bar, quoted, shown, waiting
 from designer.answer import Summary, Value, program
-from designer.command import printable
 from designer.completion import error_templates, one_of
 from designer.errors import InputError
+from designer.words import printable
 
 if TYPE_CHECKING:
     from calib.as_built.options import AsBuiltOptions
@@ -278,7 +278,7 @@ def _options(
     """The options of the command line."""
     from calib.as_built.options import AsBuiltOptions
     from calib.pipeline.settings import plan_from_words
-    from designer.spec_file import suggestion
+    from designer.words import suggestion
 
     if model == "virtual":
         raise InputError(

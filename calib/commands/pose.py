@@ -14,8 +14,8 @@ from calib.commands.solve import WeightedOption
 from calib.core.number_text import with_digits
 from calib.show.screen import progress_bars, table_console
 from designer.answer import Summary
-from designer.command import printable
 from designer.errors import InputError
+from designer.words import printable
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -8,8 +8,8 @@ import typer
 from calib.commands.judged_page import criteria_templates
 from calib.show.screen import quoted, shown, waiting
 from designer.answer import Summary, Value
-from designer.command import printable
 from designer.errors import InputError
+from designer.words import printable
 
 if TYPE_CHECKING:
     from designer.page.blocks import Headline, Page
@@ -75,7 +75,7 @@ def _judge(folder: Path, kind: str, criteria: str) -> tuple[Path, ...]:
     """Judge a calibration by other limits; the file with the verdict."""
     from calib.report.judging import judge_folder
     from calib.verdict.criteria import read_criteria
-    from calib.verdict.verdict_file import VERDICT_FILE
+    from calib.verdict.of_run import VERDICT_FILE
 
     if kind != CALIBRATION:
         raise InputError(f"--criteria: limits are for calibrations, and {folder} holds another kind: {printable(kind)}")
@@ -84,7 +84,7 @@ def _judge(folder: Path, kind: str, criteria: str) -> tuple[Path, ...]:
 
 
 def _is_not_judged(folder: Path, kind: str) -> bool:
-    from calib.verdict.verdict_file import VERDICT_FILE
+    from calib.verdict.of_run import VERDICT_FILE
 
     return kind == CALIBRATION and not (folder / VERDICT_FILE).exists()
 

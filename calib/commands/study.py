@@ -27,9 +27,10 @@ from calib.commands.solve import (
 from calib.core.files import check_folder
 from calib.show.screen import progress_bar, quoted, shown, table_console, waiting
 from designer.answer import StoppedError, Summary, Value, program
-from designer.command import command, printable
+from designer.command import command
 from designer.completion import one_of
 from designer.errors import InputError
+from designer.words import printable
 
 if TYPE_CHECKING:
     from calib.pipeline.settings import SolvePlan

@@ -18,9 +18,9 @@ from calib.commands.tolerance_screen import say_files, say_report
 from calib.core.files import check_folder
 from calib.show.screen import progress_bar, quoted, waiting
 from designer.answer import Summary
-from designer.command import printable
 from designer.completion import camera_templates, error_templates, one_of
 from designer.errors import InputError
+from designer.words import printable
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera

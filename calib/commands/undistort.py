@@ -11,7 +11,7 @@ from calib.commands.camera_argument import CameraArgument, read_camera
 from calib.commands.folder_page import folder_page
 from calib.show.screen import progress_bars, quoted
 from designer.answer import StoppedError, Summary
-from designer.command import printable
+from designer.words import printable
 
 if TYPE_CHECKING:
     from calib.api.undistorting import UndistortedFiles

@@ -7,7 +7,7 @@ from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
 from calib.interop.values import image_size, make_camera, number, pick, real
 from designer.errors import InputError
-from designer.spec_file import shown
+from designer.words import shown
 
 CORNER = 0.5
 """A position counted from the image's corner, of a pixel whose centre is 0."""

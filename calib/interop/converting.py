@@ -6,7 +6,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import FAMILIES, Refit, refit
 from calib.interop.format import CameraFormat
 from designer.errors import InputError
-from designer.spec_file import shown, suggestion
+from designer.words import shown, suggestion
 
 WITHOUT_LENS = "pinhole"
 """Every format holds it."""

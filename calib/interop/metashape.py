@@ -17,7 +17,7 @@ from calib.interop.lens import Complex, brown_camera, fit_lens
 from calib.interop.values import image_size, number, pick, real
 from calib.interop.xml_text import parse_xml
 from designer.errors import InputError
-from designer.spec_file import shown
+from designer.words import shown
 
 CORNER = 0.5
 """A position counted from the image's corner, of a pixel whose centre is 0."""

@@ -8,7 +8,7 @@ from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
 from calib.interop.values import image_size, make_camera, mapping, numbers, real, required, shown_plain
 from designer.errors import InputError
-from designer.spec_file import shown
+from designer.words import shown
 
 MODELS = {
     "LENSMODEL_PINHOLE": 0,

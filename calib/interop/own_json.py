@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from calib.cameras.camera_file import FORMAT, MAX_FILE_BYTES, camera_from_mapping, camera_to_json
+from calib.cameras.camera_file import CAMERA, camera_from_mapping, camera_to_json
 from calib.interop.format import CameraFormat, ReadCamera
 from designer.small_file import parse_json
 
 
 def _recognises(head: str) -> bool:
-    return head.lstrip().startswith("{") and f'"{FORMAT}"' in head
+    return head.lstrip().startswith("{") and f'"{CAMERA.format}"' in head
 
 
 def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
@@ -29,5 +29,5 @@ JSON = CameraFormat(
     write=camera_to_json,
     read=read,
     model=None,
-    max_bytes=MAX_FILE_BYTES,
+    max_bytes=CAMERA.largest_bytes,
 )

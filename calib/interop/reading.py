@@ -11,7 +11,7 @@ from calib.interop.own_json import JSON
 from designer.errors import InputError
 from designer.presets import preset_names
 from designer.small_file import read_small_text
-from designer.spec_file import shown, suggestion
+from designer.words import shown, suggestion
 
 HEAD = 2**16
 """Characters from which a file's kind is told."""

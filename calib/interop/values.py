@@ -7,9 +7,9 @@ from typing import TypeVar
 
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
-from calib.cameras.camera_file import FORMAT, VERSION, camera_from_mapping
+from calib.cameras.camera_file import CAMERA, camera_from_mapping
 from designer.errors import InputError
-from designer.spec_file import shown
+from designer.words import shown
 
 Item = TypeVar("Item")
 
@@ -93,7 +93,13 @@ def make_camera(model: str, params: Sequence[float], size: tuple[int, int], orig
         InputError: a value breaks a rule.
     """
     values = dict(zip(parameter_names(model), params, strict=True))
-    document = {"format": FORMAT, "version": VERSION, "model": model, "image_size": list(size), "parameters": values}
+    document = {
+        "format": CAMERA.format,
+        "version": CAMERA.version,
+        "model": model,
+        "image_size": list(size),
+        "parameters": values,
+    }
     return camera_from_mapping(document, origin)
 
 

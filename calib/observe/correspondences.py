@@ -24,8 +24,8 @@ from calib.observe.observations import known_points, observations_from_detection
 from calib.observe.point_target import ids_of
 from designer.errors import InputError
 from designer.names import as_written_today
-from designer.spec_file import shown, suggestion
 from designer.target import TargetGeometry, load_target
+from designer.words import shown, suggestion
 
 Array = NDArray[np.float64]
 Size = tuple[int, int]

@@ -13,7 +13,7 @@ from calib.core.rigid import rigid_fault
 from calib.core.types import frozen_array
 from designer.errors import InputError
 from designer.small_file import JsonValue, parse_json, read_small_text
-from designer.spec_file import shown
+from designer.words import shown
 
 FORMAT = "ringsolid.truth"
 VERSION = 1

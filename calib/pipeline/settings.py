@@ -10,7 +10,7 @@ from calib.pipeline.calibrate import MODELS_TO_SOLVE
 from calib.solver.options import SolveOptions
 from calib.solver.tie import tie_parameters
 from designer.errors import InputError
-from designer.spec_file import suggestion
+from designer.words import suggestion
 
 ALL = "all"
 MAX_FOCAL_PX = 1e7

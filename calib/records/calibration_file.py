@@ -27,10 +27,10 @@ from calib.solver.calibration import Calibration, ImageField, Status, TargetErro
 from calib.solver.options import SolveOptions
 from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
-from designer.spec_file import shown
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.source import Amount, Kind
+from designer.words import shown
 
 Array = NDArray[np.float64]
 

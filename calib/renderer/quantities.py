@@ -5,8 +5,8 @@ import re
 from collections.abc import Callable
 
 from designer.errors import InputError
-from designer.spec_file import shown, suggestion
 from designer.units import parse_length_mm, parse_percent
+from designer.words import shown, suggestion
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 

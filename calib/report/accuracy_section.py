@@ -21,8 +21,8 @@ from calib.report.stored_metrics import of_views
 from calib.verdict.halves import HalvesApart, NoHalves, half_split, halves_apart
 from calib.verdict.of_run import Judged
 from calib.verdict.verdict import Verdict
-from designer.command import printable
 from designer.page.blocks import Block, Figure, Paragraph, Section
+from designer.words import printable
 
 
 def halves_of(best: Solved, judged: Judged | None) -> HalvesApart | NoHalves:

@@ -17,13 +17,11 @@ from calib.report.run_folder import RunFolder, Solved, read_run
 from calib.report.run_tables import faces_table, faces_words
 from calib.report.titles import title_of
 from calib.report.verdict_section import headline_of, next_section, not_judged, verdict_section
-from calib.verdict.next_views import NextView, next_views
-from calib.verdict.next_views_file import NEXT_VIEWS_FILE, read_next_views
-from calib.verdict.of_run import Judged
-from calib.verdict.verdict_file import VERDICT_FILE, read_verdict
-from designer.command import printable
+from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, next_views
+from calib.verdict.of_run import VERDICT, VERDICT_FILE, Judged
 from designer.errors import InputError
 from designer.page.blocks import Page, Section
+from designer.words import printable
 
 
 def calibration_page(folder: Path, origin: Origin) -> Page:
@@ -77,7 +75,7 @@ def _judged(folder: Path, faults: list[str]) -> Judged | None:
     if not (folder / VERDICT_FILE).exists():
         return None
     try:
-        return read_verdict(folder)
+        return VERDICT.read(folder / VERDICT_FILE)
     except InputError as error:
         faults.append(printable(str(error).replace(f"{folder}/", "")))
         return None
@@ -87,7 +85,7 @@ def _proposed(folder: Path, best: Solved, faults: list[str]) -> tuple[NextView, 
     """The photos to take next, as they are stored or as the camera tells."""
     if (folder / NEXT_VIEWS_FILE).exists():
         try:
-            return read_next_views(folder)
+            return NEXT_VIEWS.read(folder / NEXT_VIEWS_FILE).views
         except InputError as error:
             faults.append(printable(str(error).replace(f"{folder}/", "")))
     return next_views(best.calibration)

@@ -12,11 +12,11 @@ from calib.metrics.prediction import centers_mm
 from calib.report.run_folder import Solved
 from calib.verdict.next_views import NextView
 from calib.verdict.view_facts import view_facts
-from designer.command import printable
 from designer.page.blocks import View3d
 from designer.page.scene import Layer, Rings, Scene, Segments, Surface
 from designer.target import TargetGeometry
 from designer.target_scene import camera_layer, camera_size_mm, target_layers
+from designer.words import printable
 
 Array = NDArray[np.float64]
 

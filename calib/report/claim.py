@@ -4,8 +4,8 @@ from pathlib import Path
 
 from calib.report.origin import ORIGIN_FILE, read_origin
 from calib.report.write import PAGE_FILE
-from designer.command import printable
 from designer.errors import InputError
+from designer.words import printable
 
 REPLACED = (("detections", "calibration"),)
 """Kinds that give way to another in the same folder: a run that found nothing, to one that found a camera."""

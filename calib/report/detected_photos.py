@@ -17,7 +17,6 @@ from calib.report.folder_blocks import some_of
 from calib.report.gallery import shortened
 from calib.report.levels import SHARE_RULE, level_of_share, worst_level
 from calib.report.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
-from designer.command import printable
 from designer.page.blocks import (
     Cell,
     Column,
@@ -30,7 +29,7 @@ from designer.page.blocks import (
     Table,
 )
 from designer.page.links import is_linkable
-from designer.words import capital
+from designer.words import capital, printable
 
 if TYPE_CHECKING:
     from calib.observe.photos import PhotoResult

@@ -12,7 +12,7 @@ from calib.core.number_text import figure, with_digits
 from calib.metrics.errors import Errors, ErrorSummary, summarise
 from calib.metrics.evaluation import Evaluation, by_face, by_point, by_view
 from calib.solver.calibration import Calibration
-from designer.command import printable
+from designer.words import printable
 
 WORST = 5
 OF_ITS_OWN_SENSOR = (

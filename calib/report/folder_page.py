@@ -6,9 +6,9 @@ from pathlib import Path
 from calib.report.claim import why_no_page
 from calib.report.origin import ORIGIN_FILE, Origin
 from calib.report.write import write_report
-from designer.command import printable
 from designer.errors import InputError, NotWrittenError
 from designer.page.blocks import Page
+from designer.words import printable
 
 
 def write_folder_page(

@@ -8,9 +8,9 @@ from pathlib import Path
 from calib.report.folder_blocks import size_bytes
 from calib.report.small_picture import small_picture
 from calib.report.titles import title_of
-from designer.command import printable
 from designer.page.blocks import Finding, Findings, Gallery, Leaf, Level, Picture, Raster
 from designer.page.links import is_linkable
+from designer.words import printable
 
 OVERLAYS = "overlays"
 """The folder in which `calib run` puts pictures of what it found."""

@@ -13,10 +13,8 @@ from calib.verdict.advice import DETECTED, Inputs
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import noise_factor
 from calib.verdict.halves import HalfSplit, Halves, half_split
-from calib.verdict.next_views import NextView, next_views
-from calib.verdict.next_views_file import NEXT_VIEWS_FILE, next_views_file
-from calib.verdict.of_run import Judged, judge_run
-from calib.verdict.verdict_file import VERDICT_FILE, read_verdict, verdict_to_json
+from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, NextViews, next_views
+from calib.verdict.of_run import VERDICT, VERDICT_FILE, Judged, judge_run
 from designer.errors import InputError
 from designer.target import TargetGeometry
 
@@ -38,7 +36,7 @@ def judge_folder(folder: Path, criteria: Criteria) -> Judged:
     )  # fmt: skip
     judged = replace(judged, observations_sha256=best.provenance.observations_sha256)
     write_files({
-        folder / VERDICT_FILE: verdict_to_json(judged), folder / NEXT_VIEWS_FILE: next_views_file(proposed)
+        folder / VERDICT_FILE: VERDICT.text(judged), folder / NEXT_VIEWS_FILE: NEXT_VIEWS.text(NextViews(proposed))
     })  # fmt: skip
     return judged
 
@@ -82,7 +80,7 @@ def inputs_of(settings: Sequence[tuple[str, str]]) -> Inputs:
 def _stored_halves(folder: Path, best: Solved) -> HalfSplit | None:
     """The half solutions of an earlier verdict, if that is on this camera."""
     try:
-        judged = read_verdict(folder)
+        judged = VERDICT.read(folder / VERDICT_FILE)
     except InputError:
         return None
     return judged.halves if isinstance(judged.halves, Halves) and is_verdict_on(judged, best) else None

@@ -3,11 +3,10 @@
 from pathlib import Path
 
 from calib.core.files import write_files
-from designer.command import printable
 from designer.errors import InputError
 from designer.own_files import is_ours
 from designer.target import FORMAT, TargetGeometry, load_target, target_to_json
-from designer.words import with_article
+from designer.words import printable, with_article
 
 TARGET_FILE = "target.json"
 

@@ -19,7 +19,6 @@ from calib.report.measure_words import (
     next_print,
 )
 from calib.report.origin import Origin
-from designer.command import printable
 from designer.errors import InputError
 from designer.page.blocks import (
     Block,
@@ -37,7 +36,7 @@ from designer.page.blocks import (
 )
 from designer.page.links import is_linkable
 from designer.target import TargetGeometry, load_target
-from designer.words import capital
+from designer.words import capital, printable
 
 QUESTION = (
     "How does the printed target differ from its design, and is a calibration with the target as it was measured "

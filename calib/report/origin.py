@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from designer.command import printable
 from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
+from designer.words import printable
 
 ORIGIN_FILE = "report.json"
 FORMAT = "ringsolid.report"

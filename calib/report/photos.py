@@ -12,8 +12,8 @@ from calib.observe.photos import OVERLAY_MARK
 from calib.report.cells import number, whole
 from calib.report.gallery import OVERLAYS, Shot, gallery, shortened
 from calib.report.photo_rows import PhotoRow
-from designer.command import printable
 from designer.page.blocks import Cell, Column, Finding, Findings, Leaf, Section, Table
+from designer.words import printable
 
 SUFFIXES = (".jpg", ".png")
 

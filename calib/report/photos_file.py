@@ -18,10 +18,10 @@ from calib.cameras.camera import Camera
 from calib.cameras.camera_file import camera_from_mapping, camera_to_json
 from calib.core.files import write_files
 from calib.core.rigid import rigid_fault
-from designer.command import printable
 from designer.errors import InputError
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph, Steps, Table
 from designer.small_file import JsonValue, parse_json, read_small_text
+from designer.words import printable
 
 PHOTOS_FILE = "photos.json"
 MAX_FILE_BYTES = 256 * 2**20

@@ -17,9 +17,9 @@ from calib.records.evaluation_files import METRICS_FILE
 from calib.report.stored_metrics import StoredMetrics, read_metrics
 from calib.solver.calibration import Calibration
 from calib.verdict.coverage import Coverage, coverage_of
-from designer.command import printable
 from designer.errors import InputError
 from designer.target import TargetGeometry, load_target
+from designer.words import printable
 
 RECORDS_FILE, TARGET_FILE = "detections.records.json", "target.json"
 

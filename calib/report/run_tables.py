@@ -18,8 +18,8 @@ from calib.report.evaluation_table import OF_ITS_OWN_SENSOR, focal_length
 from calib.report.run_folder import Solved
 from calib.report.stored_metrics import StoredMetric, StoredMetrics
 from calib.solver.calibration import Calibration
-from designer.command import printable
 from designer.page.blocks import Cell, Column, Table
+from designer.words import printable
 
 METRIC_COLUMNS = (
     Column("error", is_number=False),

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.observe.images import read_preview
-from designer.command import printable
 from designer.errors import InputError
 from designer.page.blocks import Raster
+from designer.words import printable
 
 WIDTHS = (1200, 1000, 800, 640, 520, 420, 320, 200, 100)
 BYTES_A_PIXEL = 0.09

@@ -14,9 +14,9 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from calib.observe.csv_table import is_real, read_text
 from calib.records.evaluation_files import METRICS_FILE, VIEWS_FILE
-from designer.command import printable
 from designer.errors import InputError
 from designer.small_file import parse_json, read_small_text
+from designer.words import printable
 
 MAX_FILE_BYTES, MAX_TABLE_BYTES = 2**20, 64 * 2**20
 WHAT = "a metrics file"

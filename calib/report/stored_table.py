@@ -5,9 +5,9 @@ from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from designer.command import printable
 from designer.errors import InputError
 from designer.small_file import JsonValue, parse_json, read_small_text
+from designer.words import printable
 
 MAX_FILE_BYTES = 64 * 2**20
 LONGEST_TEXT = 4000

@@ -7,7 +7,6 @@ from pathlib import Path
 from calib.report.folder_blocks import read_small_bytes, size_bytes
 from calib.studies.identity import StudyIdentity
 from calib.studies.outputs import FIGURES_FOLDER, STUDY_FILE
-from designer.command import printable
 from designer.errors import InputError
 from designer.page.blocks import (
     Block,
@@ -19,6 +18,7 @@ from designer.page.blocks import (
     Svg,
 )
 from designer.page.drawing import drawing_of_svg
+from designer.words import printable
 
 MAX_DRAWING_BYTES = 500_000
 """Of a drawing within a page: a larger one is shown as pixels."""

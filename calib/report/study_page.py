@@ -28,7 +28,6 @@ from calib.report.study_words import (
 from calib.studies.figures import slug
 from calib.studies.outputs import STUDY_FILE
 from calib.studies.table import setting_in_words
-from designer.command import printable
 from designer.page.blocks import (
     Block,
     Command,
@@ -43,6 +42,7 @@ from designer.page.blocks import (
     Section,
     Steps,
 )
+from designer.words import printable
 
 BOOTSTRAP_QUESTION = (
     "How much would the camera and its errors change, had other photos been taken? Views are drawn with replacement "

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from designer.command import printable
+from designer.words import printable
 
 DEFAULT_NAME = "calibration"
 """How `calib run` calls its folder: it says nothing, so the folder around it is named too."""

@@ -34,9 +34,8 @@ from calib.report.tolerance_words import (
 from calib.studies.outputs import STUDY_FILE
 from calib.studies.tolerance.explore import AGAINST_FILE
 from calib.studies.tolerance.report import FEWEST_TO_CHECK, of_name
-from designer.command import printable
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Fold, Page, Section, Steps
-from designer.words import capital
+from designer.words import capital, printable
 
 QUESTION = (
     "What do errors of manufacturing cost a calibration that takes the drawing for true? Targets are made with errors "

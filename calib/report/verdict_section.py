@@ -10,9 +10,8 @@ from calib.verdict.figure_next_views import draw_next_views
 from calib.verdict.next_views import NextView, why_no_next_views
 from calib.verdict.verdict import Check, Grade, Verdict
 from calib.verdict.words import measured
-from designer.command import printable
 from designer.page.blocks import Block, Figure, Finding, Findings, Headline, Level, Paragraph, Section, Steps
-from designer.words import capital
+from designer.words import capital, printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,7 @@ from calib.report.evaluation_table import (
     worst_views_table,
 )
 from calib.show.screen import table_console
-from designer.command import printable
+from designer.words import printable
 
 
 def say_evaluation(path: Path, evaluation: Evaluation) -> None:

@@ -23,7 +23,7 @@ from calib.studies.workers import (
     in_one_line,
 )
 from designer.errors import InputError
-from designer.spec_file import shown
+from designer.words import shown
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from designer.errors import InputError
-from designer.spec_file import shown
+from designer.words import shown
 
 PROGRAMS = ("ringsolid", "numpy", "numba", "scipy")
 """Whose versions decide the last bits of a sample."""

@@ -11,7 +11,7 @@ from calib.studies.statistics import CaseSummary, summarise
 from calib.studies.store import Study
 from calib.studies.table_files import table_files
 from designer.errors import InputError
-from designer.spec_file import shown
+from designer.words import shown
 
 STUDY_FILE = "study.sqlite"
 FIGURES_FOLDER = "figures"

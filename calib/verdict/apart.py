@@ -5,6 +5,7 @@ rotation is the best one of the pixels looked at, so that corners where nothing 
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from calib.cameras.camera_difference import camera_difference
 from calib.core.linear_algebra import least_squares
 from calib.core.types import frozen_array
 from calib.verdict.coverage import Coverage
+from designer.base.marks import Shape
 
 Array = NDArray[np.float64]
 
@@ -30,7 +32,7 @@ class Known:
     """A camera with the covariance of its parameters."""
 
     camera: Camera
-    param_covariance: Array  # (P, P)
+    param_covariance: Annotated[Array, Shape("P", "P")]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "param_covariance", frozen_array(self.param_covariance))

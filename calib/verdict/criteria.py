@@ -11,9 +11,11 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from designer.base.marks import AtLeast, Line, Word
 from designer.errors import InputError
 from designer.presets import preset_or_file
-from designer.spec_file import RawValue, read_spec_file, shown, suggestion
+from designer.spec_file import RawValue, read_spec_file
+from designer.words import shown, suggestion
 
 STANDARD = "standard"
 _NUMBER = re.compile(r"\s*(\d{1,9}\.?\d{0,9}|\.\d{1,9})\s*([A-Za-z%]{0,8})\s*")
@@ -23,17 +25,17 @@ _NUMBER = re.compile(r"\s*(\d{1,9}\.?\d{0,9}|\.\d{1,9})\s*([A-Za-z%]{0,8})\s*")
 class Limits:
     """Within which value a check is good, and within which usable."""
 
-    good: float
-    usable: float
-    source: str = ""  # where the numbers come from
+    good: Annotated[float, AtLeast(0)]
+    usable: Annotated[float, AtLeast(0)]
+    source: Line = ""  # where the numbers come from
 
 
 @dataclass(frozen=True)
 class Criteria:
     """The limits of all checks."""
 
-    name: str  # of the template, or of the file
-    title: str
+    name: Word  # of the template, or of the file
+    title: Word
     uncertainty_px: Limits  # 95 % of the image: standard deviation of the camera
     coverage_percent: Limits  # at least so much of the image is covered by sightings
     halves_sigma: Limits  # difference of two half solutions in stated standard deviations

@@ -8,6 +8,7 @@ made.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,20 +22,36 @@ from calib.solver.options import SolveOptions
 from calib.verdict.apart import Apart, Known, apart
 from calib.verdict.coverage import Coverage
 from calib.verdict.split import splits
+from designer.base.marks import INLINE, Key, Length
 from designer.errors import InputError
 
 Array = NDArray[np.float64]
 
 LEAST_VIEWS = 4
 QUANTILE = 95
+MOST_VIEWS = 100_000
+LARGEST_COVARIANCE = 1e100
+"""Squares of what is larger overflow further on."""
+ASYMMETRY = 1e-6
+FileName = Annotated[str, Length(0, 4000)]
 
 
 @dataclass(frozen=True, eq=False)
 class Half:
     """What one half of the views gives."""
 
-    known: Known
-    view_names: tuple[str, ...]
+    known: Annotated[Known, INLINE]
+    view_names: Annotated[tuple[FileName, ...], Length(0, MOST_VIEWS), Key("views")]
+
+    def __post_init__(self) -> None:
+        covariance, largest = self.known.param_covariance, float(np.abs(self.known.param_covariance).max())
+        if len(covariance) != len(self.known.camera.params):
+            raise ValueError(f"param_covariance must be of {len(self.known.camera.params)} parameters")
+        if not largest <= LARGEST_COVARIANCE or (np.diagonal(covariance) < 0).any():
+            rule = f"variances of 0 or more, and no number beyond {LARGEST_COVARIANCE:g}"
+            raise ValueError(f"param_covariance must have {rule}")
+        if np.abs(covariance - covariance.T).max() > ASYMMETRY * largest:
+            raise ValueError("param_covariance must be symmetric")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +59,11 @@ class Halves:
     """Pairs of solutions of the same model and options, each of two halves of the views."""
 
     pairs: tuple[tuple[Half, Half], ...]  # one or more
+
+    def __post_init__(self) -> None:
+        cameras = [half.known.camera for pair in self.pairs for half in pair]
+        if len({(camera.image_size, camera.model) for camera in cameras}) != 1:
+            raise ValueError("halves must have cameras of one model and image size")
 
 
 @dataclass(frozen=True)

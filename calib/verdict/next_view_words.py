@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.number_text import figure
-from designer.command import printable
+from designer.words import printable
 
 Array = NDArray[np.float64]
 LongSide = Literal["", "level", "upright"]

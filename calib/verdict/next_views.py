@@ -7,6 +7,7 @@ design; as guidance in Richardson et al. 2013, "AprilCal"); then the one that sh
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import covariance_with_prior
+from calib.core.rigid import rigid_fault
 from calib.core.se3 import transform
 from calib.core.types import frozen_array
 from calib.solver.calibration import Calibration
@@ -35,6 +37,8 @@ from calib.verdict.choose_views import (
 from calib.verdict.information import grid_count, has_information, image_change, sigma_px
 from calib.verdict.next_view_target import TargetShape, shape_of
 from calib.verdict.next_view_words import Hold, ViewGain, place_of, sentence_of
+from designer.base.file_kind import FileKind
+from designer.base.marks import ONE_LINE, AtLeast, AtMost, Length, NullIs, Shape
 from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
@@ -52,21 +56,41 @@ SAME_FROM_ANY_SIDE = 1.15
 STEPS_ALONG_EDGE = 8
 
 
+MAX_PX = 1e7
+"""Of a place in the image or a deviation."""
+_Sigma = Annotated[float, AtLeast(0), AtMost(MAX_PX)]
+_Share = Annotated[float, AtLeast(0), AtMost(1)]
+_Line = Annotated[Array, Shape(None, 2), Length(2, 5000), AtLeast(-MAX_PX), AtMost(MAX_PX)]
+
+
 @dataclass(frozen=True, eq=False)
 class NextView:
     """A photo to take, and what it would do."""
 
-    cam_from_target: Array  # (4, 4)
-    sentence: str
-    sigma_px_before: float  # what 95 % of the image stays within; infinite: not determined
-    sigma_px_after: float  # with this photo and those proposed before it
-    covered_before: float  # of the image, 0 to 1
-    covered_after: float  # with this photo and those proposed before it
-    outline_px: tuple[Array, ...]  # (K, 2) closed lines around the faces that look at the camera, as they would appear
+    cam_from_target: Annotated[Array, Shape(4, 4)]
+    sentence: Annotated[str, Length(1, 500), ONE_LINE]
+    sigma_px_before: Annotated[_Sigma, NullIs(math.inf)]  # what 95 % of the image stays within
+    sigma_px_after: _Sigma  # with this photo and those proposed before it
+    covered_before: _Share = 0.0  # of the image
+    covered_after: _Share = 0.0  # with this photo and those proposed before it
+    outline_px: Annotated[tuple[_Line, ...], Length(0, 1000)] = ()  # of the faces that look at the camera, closed
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cam_from_target", frozen_array(self.cam_from_target))
         object.__setattr__(self, "outline_px", tuple(frozen_array(line) for line in self.outline_px))
+        if fault := rigid_fault(self.cam_from_target[None]):
+            raise ValueError(f"cam_from_target {fault[1]}")
+
+
+@dataclass(frozen=True)
+class NextViews:
+    """What a folder keeps of them."""
+
+    views: Annotated[tuple[NextView, ...], Length(0, 16)]
+
+
+NEXT_VIEWS_FILE = "next_views.json"
+NEXT_VIEWS = FileKind(NextViews, "next_views", "a next_views.json", "run again", largest_bytes=8 * 2**20)
 
 
 def why_no_next_views(calibration: Calibration) -> str:
@@ -168,9 +192,9 @@ def _view(scene: ViewChoice, calibration: Calibration, photo: CandidatePhoto, ga
     pose = one.cam_from_target[0]
     outline = outline_px(calibration.camera, scene.shape, pose)
     sentence = sentence_of(_hold(scene, one, calibration, outline), gain)
-    return NextView(
-        pose, sentence, gain.before_px, gain.after_px, gain.covered_before, gain.covered_after, outline
-    )  # fmt: skip
+    before, after = round(gain.covered_before, 6), round(gain.covered_after, 6)
+    lines = tuple(np.array([[round(u, 2), round(v, 2)] for u, v in line.tolist()]) for line in outline)
+    return NextView(pose, sentence, gain.before_px, gain.after_px, before, after, lines)
 
 
 def share_px(sigma: Array, pixels: int = 0) -> float:

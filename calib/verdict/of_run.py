@@ -2,16 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 from calib.core.one_thread import one_thread
 from calib.solver.calibration import Calibration
 from calib.verdict.advice import DETECTED, Inputs, advice_of
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import evidence_of
-from calib.verdict.halves import HalfSplit
+from calib.verdict.halves import Half, HalfSplit, Halves, NoHalves
 from calib.verdict.judge import judge
 from calib.verdict.next_views import NextView
 from calib.verdict.verdict import Verdict
+from designer.base.file_kind import FileKind
+from designer.base.marks import Key, Line, Word
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +23,31 @@ class Judged:
 
     verdict: Verdict
     criteria: Criteria
-    halves: HalfSplit
-    observations_sha256: str = ""  # of the judged camera, as its calibration states it; "" before that is written
+    pairs: Annotated[tuple[tuple[Half, Half], ...] | None, Key("halves")]
+    no_halves: Line | None  # why there are none
+    observations_sha256: Word = ""  # of the judged camera, as its calibration states it; "" before that is written
+
+    def __post_init__(self) -> None:
+        if self.pairs is not None:
+            Halves(self.pairs)
+
+    @staticmethod
+    def by(verdict: Verdict, criteria: Criteria, halves: HalfSplit) -> "Judged":
+        """A verdict that rests on half solutions, or on none."""
+        reason, pairs = (halves.reason, None) if isinstance(halves, NoHalves) else (None, halves.pairs)
+        return Judged(verdict, criteria, pairs, reason)
+
+    @property
+    def halves(self) -> HalfSplit:
+        """The half solutions, or why there are none."""
+        if self.pairs is None:
+            return NoHalves(self.no_halves or "no half solutions are stored")
+        return Halves(self.pairs)
+
+
+VERDICT_FILE = "verdict.json"
+VERDICT = FileKind(Judged, "verdict", "a verdict.json", "solve again", largest_bytes=16 * 2**20)
+"""With the calibrations beside it the halves suffice to judge again by other limits without solving anything."""
 
 
 @one_thread
@@ -45,4 +71,4 @@ def judge_run(
     """
     evidence = evidence_of(calibrations, best, halves)
     advice = advice_of(calibrations[best], evidence, criteria, views, inputs)
-    return Judged(judge(evidence, criteria, advice), criteria, halves)
+    return Judged.by(judge(evidence, criteria, advice), criteria, halves)

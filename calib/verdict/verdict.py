@@ -2,14 +2,16 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 from calib.core.number_text import figure
+from designer.base.marks import AtLeast, AtMost, Length, Line, Word
 
 Grade = Literal["good", "usable", "bad", "unknown"]
 """`bad`: do not use; `unknown`: could not be checked, which is said and worsens nothing but leaves no praise."""
 
 MOST_DIGITS = 9
+Number = Annotated[float, AtLeast(-1e15), AtMost(1e15)]
 
 
 def measured_text(value: float, unit: str, limits: tuple[float, ...]) -> str:
@@ -26,15 +28,15 @@ def measured_text(value: float, unit: str, limits: tuple[float, ...]) -> str:
 class Check:
     """One thing that was checked of a calibration."""
 
-    name: str  # a key of `calib.verdict.checks.TITLES`
-    title: str  # "Uncertainty of the camera over the image"
+    name: Word  # a key of `calib.verdict.checks.TITLES`
+    title: Word  # "Uncertainty of the camera over the image"
     grade: Grade
-    value: float | None  # None: not known
-    unit: str  # "px", "%", "sigma", "" for ratios
-    good: float  # the limit within which it is good
-    usable: float  # the limit within which it is usable
+    value: Number | None  # None: not known
+    unit: Word  # "px", "%", "sigma", "" for ratios
+    good: Number  # the limit within which it is good
+    usable: Number  # the limit within which it is usable
     is_at_least: bool  # the value must be at least the limits, not at most
-    sentence: str  # what was found and what it means, in one sentence
+    sentence: Line  # what was found and what it means, in one sentence
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Verdict:
     """Whether to use the camera of a run."""
 
     grade: Grade  # the worst of the checks that are known
-    model: str  # of the camera it is about
-    sentence: str  # the main reason of the grade
-    checks: tuple[Check, ...]  # in order of reading
-    advice: tuple[str, ...]  # what to do better next time, the most useful first
+    model: Word  # of the camera it is about
+    sentence: Line  # the main reason of the grade
+    checks: Annotated[tuple[Check, ...], Length(0, 50)]  # in order of reading
+    advice: Annotated[tuple[Line, ...], Length(0, 50)]  # what to do better next time, the most useful first

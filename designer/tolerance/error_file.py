@@ -9,12 +9,13 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from designer.errors import InputError
 from designer.presets import preset_or_file
-from designer.spec_file import RawValue, read_spec_file, shown, suggestion
+from designer.spec_file import RawValue, read_spec_file
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.quantity import parse_amount, parse_expansion
 from designer.tolerance.registry import SOURCES, source_named
 from designer.tolerance.source import Amount
 from designer.units import parse_length_mm
+from designer.words import shown, suggestion
 
 NEEDED_BY: Mapping[str, str] = {"stair_steps": "layer_height", "thermal": "expansion"}
 """What the model must tell of a print for a source to have an effect."""

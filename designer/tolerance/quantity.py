@@ -5,9 +5,9 @@ import re
 from collections.abc import Callable, Mapping
 
 from designer.errors import InputError
-from designer.spec_file import shown, suggestion
 from designer.tolerance.source import KINDS, Amount, ErrorSource, Unit
 from designer.units import parse_angle_rad, parse_length_mm, parse_percent
+from designer.words import shown, suggestion
 
 MAX_KELVIN = 1000.0
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?|[-+]?(?:nan|inf(?:inity)?)"

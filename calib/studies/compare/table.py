@@ -14,7 +14,7 @@ from calib.studies.compare.objects import OBJECTS, PaperObject
 from calib.studies.compare.results import METRICS, CaseResult, Explanation, Middle, Results, short
 from calib.studies.compare.words import sentences
 from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
-from designer.command import printable
+from designer.words import printable
 
 FORMAT, VERSION = "ringsolid.comparison", 1
 HEAD = ("object", "made as", "model", "intersection mm", "paper", "reconstruction mm", "paper", "reprojection px")

@@ -16,8 +16,8 @@ from calib.studies.tolerance.quantities import NAMES, QUANTITIES, quantity_row
 from calib.studies.tolerance.result import ToleranceTable
 from calib.studies.tolerance.setting import Setting
 from designer.errors import InputError
-from designer.spec_file import suggestion
 from designer.tolerance.model import ErrorModel
+from designer.words import suggestion
 
 Array = NDArray[np.float64]
 

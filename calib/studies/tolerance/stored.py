@@ -1,6 +1,7 @@
 """Draws of a what-if study kept in `study.sqlite`, as the samples of other studies are: resumable and in parallel."""
 
 import hashlib
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.camera_file import camera_to_json
 from calib.studies.identity import identity_of
 from calib.studies.runner import run_cases
 from calib.studies.sample import SampleResult
@@ -126,7 +126,7 @@ def _settings(setting: Setting, errors: ErrorModel, *, full: bool) -> dict[str, 
         "model": setting.model,
         "options": repr(setting.options),
         "views": str(setting.view_count),
-        "camera": _digest(camera_to_json(setting.camera).encode()),
+        "camera": _digest((json.dumps(setting.camera.to_json(), indent=2) + "\n").encode()),
         "poses": _digest(setting.cam_from_target.tobytes()),
         "noise": _digest(setting.noise_root.tobytes()),
         "bed": "" if setting.bed_from_target is None else _digest(np.asarray(setting.bed_from_target).tobytes()),

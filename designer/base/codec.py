@@ -1,0 +1,369 @@
+"""Values as JSON, and back bit for bit, by the types of a dataclass' fields: `decode(Judged, encode(Judged, judged))`.
+
+Numbers are finite and of their own type: `float` takes whole numbers, `int` no 1.0, and neither takes `true`.
+`Annotated` says more, see `designer.base.marks`. What ties fields together stands in the class' `__post_init__`, which
+raises ValueError. A class with methods `to_json` and `from_json` has a form of its own. Keys that nobody knows are
+refused; so is what is missing and has no default.
+"""
+
+import dataclasses
+import math
+import types
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
+from typing import (
+    Annotated,
+    Literal,
+    Protocol,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+    runtime_checkable,
+)  # fmt: skip
+
+from designer.base.marks import INLINE, ONE_LINE, OR_NULL, Bound, Key, Mark, NullIs, Shape
+from designer.errors import InputError
+from designer.small_file import JsonValue
+from designer.words import printable, shown, suggestion
+
+T = TypeVar("T")
+LARGEST_INT = 2**63
+
+
+class BadValueError(ValueError):
+    """A value of a file breaks a rule: its place and the rule; the file's kind adds the remedy."""
+
+
+@runtime_checkable
+class OwnForm(Protocol):
+    """A class with a form of its own in files."""
+
+    def to_json(self) -> JsonValue:
+        """The form."""
+
+    @classmethod
+    def from_json(cls, value: JsonValue, place: str) -> "OwnForm":
+        """What a form holds; InputError or BadValueError, which name the place, if it is none."""
+
+
+def encode(kind: type[T], value: T) -> JsonValue:
+    """A dataclass as JSON values; of a subclass, of which a file would not hold all, TypeError."""
+    return _encode(kind, value)
+
+
+def decode(kind: type[T], value: JsonValue, place: str = "") -> T:
+    """A dataclass from JSON values.
+
+    Args:
+        kind: the class.
+        value: what a file holds.
+        place: where it stands in the file, for messages.
+
+    Raises:
+        BadValueError: a value breaks a rule; the message, one line, names its place.
+        InputError: so says a class that has a form of its own.
+    """
+    return cast(T, _decode(kind, value, place, {}))
+
+
+@cache
+def _split(hint: object) -> tuple[object, tuple[object, ...]]:
+    """A type and its marks."""
+    return (get_args(hint)[0], get_args(hint)[1:]) if get_origin(hint) is Annotated else (hint, ())
+
+
+@cache
+def _own_form(kind: type) -> type[OwnForm] | None:
+    return kind if issubclass(kind, OwnForm) else None
+
+
+def _find(marks: Sequence[object], kind: type[T]) -> T | None:
+    return next((mark for mark in marks if isinstance(mark, kind)), None)
+
+
+def _encode(hint: object, value: object) -> JsonValue:
+    base, marks = _split(hint)
+    origin, inner = get_origin(base), get_args(base)
+    if value is None:
+        return None
+    if origin in (Union, types.UnionType):
+        members = [one for one in inner if one is not types.NoneType]
+        return _encode(members[0] if len(members) == 1 else type(value), value)
+    if origin is Literal or base in (str, bool):
+        return cast("str | bool", value)
+    if base is int:
+        return int(cast(int, value))
+    if base is float:
+        number = float(cast(float, value))
+        return None if _find(marks, NullIs) is not None and not math.isfinite(number) else number
+    if origin is tuple:
+        items = tuple(cast("Sequence[object]", value))
+        kinds = inner[:1] * len(items) if inner[1:] == (...,) else inner
+        return [_encode(kind, item) for kind, item in zip(kinds, items, strict=True)]
+    if origin is not None and isinstance(value, Mapping):
+        return {key: _encode(inner[1], item) for key, item in value.items()}
+    if isinstance(base, type) and dataclasses.is_dataclass(base):
+        return _encode_fields(base, value) if _own_form(base) is None else cast(OwnForm, value).to_json()
+    return _encode_array(value, has_gaps=OR_NULL in marks)
+
+
+def _encode_fields(kind: type, value: object) -> dict[str, JsonValue]:
+    document, fields = dict[str, JsonValue](), _fields(kind)
+    if type(value) is not kind:
+        raise TypeError(f"a {type(value).__name__} where files hold a {kind.__name__}")
+    for name, key, hint in fields:
+        encoded = _encode(hint, getattr(value, name))
+        document |= cast("dict[str, JsonValue]", encoded) if INLINE in _split(hint)[1] else {key: encoded}
+    return document
+
+
+def _encode_array(value: object, *, has_gaps: bool) -> JsonValue:
+    import numpy as np
+
+    array = np.asarray(value)
+    if has_gaps:
+        array = np.where(np.isfinite(array), array.astype(object), np.array(None))
+    return cast("JsonValue", array.tolist())
+
+
+@cache
+def _fields(kind: type) -> tuple[tuple[str, str, object], ...]:
+    """Name, key and type of each field."""
+    hints = get_type_hints(kind, include_extras=True)
+    named = [(one.name, hints[one.name]) for one in dataclasses.fields(kind) if one.init]
+    keys = (_find(_split(hint)[1], Key) for _, hint in named)
+    return tuple((name, name if key is None else key.name, hint) for (name, hint), key in zip(named, keys, strict=True))
+
+
+@cache
+def _keys(kind: type) -> tuple[str, ...]:
+    """All keys that an object may have."""
+    found: list[str] = []
+    for _, key, hint in _fields(kind):
+        base, marks = _split(hint)
+        found += _keys(cast(type, base)) if INLINE in marks else (key,)
+    return tuple(found)
+
+
+@cache
+def _needed(kind: type) -> frozenset[str]:
+    """Names of the fields without a default."""
+    none = dataclasses.MISSING
+    return frozenset(
+        one.name for one in dataclasses.fields(kind) if one.default is none and one.default_factory is none
+    )
+
+
+def _refuse(place: str, value: JsonValue, rule: str) -> BadValueError:
+    """One line on a value; of a long one only where it stands."""
+    told = place if isinstance(value, list | dict) else f"{place} {shown(value)}:"
+    return BadValueError(f"{told} {rule}".strip())
+
+
+def _decode(hint: object, value: JsonValue, place: str, sizes: dict[str, int]) -> object:
+    """A value of a type; `sizes`: of the named axes of the object it belongs to."""
+    base, marks = _split(hint)
+    null = _find(marks, NullIs)
+    origin, inner = get_origin(base), get_args(base)
+    decoded: object
+    if value is None and null is not None:
+        return null.value
+    if origin in (Union, types.UnionType):
+        return _decode_union(inner, value, place, sizes)
+    if origin is Literal:
+        decoded = _decode_literal(inner, value, place)
+    elif base in _SCALARS:
+        decoded = _SCALARS[base](value, place)
+    elif origin is tuple:
+        decoded = _decode_tuple(inner, value, place, _find(marks, Shape), sizes)
+    elif isinstance(base, type) and dataclasses.is_dataclass(base):
+        own = _own_form(base)
+        decoded = _decode_object(base, value, place) if own is None else own.from_json(value, place)
+    elif origin is not None and issubclass(origin, Mapping):
+        decoded = _decode_mapping(inner, value, place)
+    else:
+        decoded = _decode_array(base, marks, value, place, sizes)
+    if ONE_LINE in marks:
+        decoded = printable(cast(str, decoded))
+    for mark in marks:
+        if isinstance(mark, Mark) and (fault := mark.fault(decoded)):
+            raise _refuse(place, value, fault)
+    return decoded
+
+
+def _decode_union(inner: tuple[object, ...], value: JsonValue, place: str, sizes: dict[str, int]) -> object:
+    """Null, or the member whose keys an object has: that of most keys, as the others may have defaults."""
+    members = [one for one in inner if one is not types.NoneType]
+    if value is None and len(members) < len(inner):
+        return None
+    if len(members) == 1:
+        return _decode(members[0], value, place, sizes)
+    given = set(value) if isinstance(value, dict) else set()
+    kinds = cast("list[type]", members)
+    for kind in kinds:
+        needed = {key for name, key, _ in _fields(kind) if name in _needed(kind)}
+        if needed <= given <= set(_keys(kind)):
+            return _decode(kind, value, place, sizes)
+    raise _refuse(place, value, f"must be one of {', '.join(kind.__name__ for kind in kinds)}")
+
+
+def _decode_literal(inner: tuple[object, ...], value: JsonValue, place: str) -> object:
+    if not any(type(value) is type(one) and value == one for one in inner):
+        raise _refuse(place, value, f"must be {' or '.join(map(repr, inner))}")
+    return value
+
+
+def _decode_scalar(kind: type, words: str, value: JsonValue, place: str) -> object:
+    if type(value) is not kind:
+        raise _refuse(place, value, f"must be {words}")
+    return value
+
+
+def _decode_int(value: JsonValue, place: str) -> object:
+    if type(value) is not int or abs(value) >= LARGEST_INT:
+        raise _refuse(place, value, "must be a whole number")
+    return value
+
+
+def _decode_float(value: JsonValue, place: str) -> object:
+    if type(value) is int and abs(value) < LARGEST_INT:
+        return float(value)
+    if type(value) is not float or not math.isfinite(value):
+        raise _refuse(place, value, "must be a finite number")
+    return value
+
+
+_SCALARS: Mapping[object, Callable[[JsonValue, str], object]] = {
+    str: partial(_decode_scalar, str, "text"),
+    bool: partial(_decode_scalar, bool, "true or false"),
+    int: _decode_int,
+    float: _decode_float,
+}
+
+
+def _decode_tuple(
+    inner: tuple[object, ...], value: JsonValue, place: str, shape: Shape | None, sizes: dict[str, int]
+) -> object:
+    if not isinstance(value, list):
+        raise _refuse(place, value, "must be a list")
+    kinds = inner[:1] * len(value) if inner[1:] == (...,) else inner
+    if len(value) != len(kinds):
+        raise BadValueError(f"{place} has {len(value)} items; it must be {len(kinds)}")
+    if shape is not None:
+        _bind(shape.sizes[0], len(value), place, sizes)
+    return tuple(
+        _decode(kind, item, _at(place, number), {})
+        for number, (kind, item) in enumerate(zip(kinds, value, strict=True))
+    )
+
+
+def _decode_mapping(inner: tuple[object, ...], value: JsonValue, place: str) -> object:
+    if not isinstance(value, dict):
+        raise _refuse(place, value, "must be an object with keys")
+    return {
+        cast(str, _decode(inner[0], key, place, {})): _decode(inner[1], item, _at(place, printable(key)[:60]), {})
+        for key, item in value.items()
+    }
+
+
+def _decode_object(kind: type, value: JsonValue, place: str) -> object:
+    if not isinstance(value, dict):
+        raise _refuse(place, value, "must be an object with keys")
+    known = _keys(kind)
+    for key in value:
+        if key not in known:
+            raise BadValueError(f"unknown key {shown(_at(place, key))}{suggestion(key, list(known))}")
+    sizes: dict[str, int] = {}
+    arguments: dict[str, object] = {}
+    for name, key, hint in _fields(kind):
+        base, marks = _split(hint)
+        if INLINE in marks:
+            own = _keys(cast(type, base))
+            arguments[name] = _decode_object(cast(type, base), {k: v for k, v in value.items() if k in own}, place)
+        elif key in value:
+            arguments[name] = _decode(hint, value[key], _at(place, key), sizes)
+        elif name in _needed(kind):
+            raise BadValueError(f"{_at(place, key)} is missing")
+    try:
+        return kind(**arguments)
+    except InputError:
+        raise
+    except ValueError as error:
+        raise BadValueError(f"{place}: {error}" if place else str(error)) from None
+
+
+def _at(place: str, inner: object) -> str:
+    return f"{place}.{inner}" if place else str(inner)
+
+
+def _bind(wanted: int | str | None, count: int, place: str, sizes: dict[str, int]) -> None:
+    """Hold an axis to its size; a name is bound where it stands first."""
+    size = sizes.setdefault(wanted, count) if isinstance(wanted, str) else wanted
+    if size is not None and size != count:
+        raise BadValueError(f"{place} has {count} items where it must have {size}")
+
+
+def _decode_array(
+    base: object, marks: tuple[object, ...], value: JsonValue, place: str, sizes: dict[str, int]
+) -> object:
+    """An array, from lists of its shape and of numbers of its type; null is nan where gaps are allowed."""
+    import numpy as np
+
+    dtype = get_args(get_args(base)[1])[0]
+    shape, has_gaps = _find(marks, Shape), OR_NULL in marks
+    if shape is None:
+        raise TypeError(f"{place}: an array without a shape")
+    flat, counts = _flattened(value, shape, place, sizes)
+    words, allowed = _LEAVES[np.dtype(dtype).kind]
+    is_fine = [
+        (type(one) in allowed and (type(one) is bool or abs(cast(float, one)) < math.inf)) or (one is None and has_gaps)
+        for one in flat
+    ]
+    if not all(is_fine):
+        first = is_fine.index(False)
+        raise _refuse(_leaf(place, counts, first), flat[first], f"must be {words}")
+    try:
+        numbers = np.array([math.nan if one is None else one for one in flat], dtype=dtype)
+    except OverflowError:
+        raise BadValueError(f"{place}: a number is too long") from None
+    for mark in marks:
+        if isinstance(mark, Bound) and mark.fault(numbers):
+            first, fault = next((n, why) for n, one in enumerate(numbers.tolist()) if (why := mark.fault(one)))
+            raise _refuse(_leaf(place, counts, first), flat[first], fault)
+    for wanted, count in zip(shape.sizes, counts, strict=True):
+        _bind(wanted, count, place, sizes)
+    return numbers.reshape(counts)
+
+
+_LEAVES: Mapping[str, tuple[str, tuple[type, ...]]] = {
+    "b": ("true or false", (bool,)), "i": ("a whole number", (int,)), "f": ("a finite number", (int, float)),
+}  # fmt: skip
+"""What arrays of a kind of number may hold, in words and as types."""
+
+
+def _flattened(
+    value: JsonValue, shape: Shape, place: str, sizes: dict[str, int]
+) -> tuple[list[JsonValue], tuple[int, ...]]:
+    """The numbers of nested lists, and how many there are along each axis."""
+    level: list[JsonValue] = [value]
+    counts: list[int] = []
+    for wanted in shape.sizes:
+        lists = [one for one in level if isinstance(one, list)]
+        lengths = {len(one) for one in lists}
+        if len(lists) < len(level) or len(lengths) > 1 or (isinstance(wanted, int) and lengths - {wanted}):
+            words = " rows of ".join("some" if isinstance(one, str | None) else str(one) for one in shape.sizes)
+            raise _refuse(place, value, f"must be {words} numbers")
+        declared = sizes.get(wanted, 0) if isinstance(wanted, str) else wanted or 0
+        counts.append(lengths.pop() if lengths else declared)
+        level = [item for one in lists for item in one]
+    return level, tuple(counts)
+
+
+def _leaf(place: str, counts: tuple[int, ...], number: int) -> str:
+    """The place of one number of an array."""
+    import numpy as np
+
+    return ".".join([place, *map(str, np.unravel_index(number, counts))])
