@@ -20,12 +20,6 @@ from designer.target import TargetGeometry
 BLEED_MM = 0.5
 """How far a border's ink goes on beyond the nominal outline, so that a cut a little outside leaves no white."""
 
-STICKER_HINTS: tuple[str, ...] = (
-    "Cut along the thin line. A triangle marks the code corner.",
-    "An edge marked 'joins 7' meets the sticker of face 7.",
-)
-BOARD_HINTS: tuple[str, ...] = ("Cut along the thin line.",)
-
 _CLEAR_MM = 0.6  # between ink, labels and marks
 _TRIM_MARK_MM = 2.0
 _TEXT_MM = 3.0
@@ -50,10 +44,14 @@ def lay_out_sheets(
     """
     if target.is_planar:
         pieces, grid, what = _board(pattern, printing)
-        hints = BOARD_HINTS
+        hints = ("Cut along the thin line.",)
     else:
         pieces, grid, what = _stickers(target, pattern, printing)
-        hints = STICKER_HINTS
+        example = min(7, target.face_count - 1)
+        hints = (
+            "Cut along the thin line. A triangle marks the code corner.",
+            f"An edge marked 'joins {example}' meets the sticker of face {example}.",
+        )
     offset = f", ink offset {printing.ink_offset_mm:+g} mm" if printing.ink_offset_mm else ""
     about = (*hints, f"target {target.geometry_id}{offset}", what)
     return lay_out_pages(pieces, grid, page, name=name, what=what, about=about)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from designer.faces import adjacent_faces
 from designer.make.bed import overhang
 from designer.make.printability import COUNT
 from designer.page.blocks import Block, Cell, Column, Fold, Leaf, Paragraph, Steps, Table
@@ -192,9 +193,7 @@ def sticker_blocks(design: Design, sheets: tuple[Leaf, ...]) -> tuple[Block, ...
     if printing.skew_compensation_rad != NO_SKEW:
         lay = f"{_turn_words(printing)}."
     else:
-        lay = (
-            "It stands on a corner: lay it on any face ('place on face', 'lay flat'); without ink all faces are alike."
-        )
+        lay = "Lay it on any of its faces ('place on face', 'lay flat'); without ink all of them are alike."
     body = Steps((
         f"Open {job.name}.body.stl in your slicer; any one filament, matt. It is {inside:g} mm smaller on every face "
         "than the finished target, the thickness of a sticker.",
@@ -203,11 +202,12 @@ def sticker_blocks(design: Design, sheets: tuple[Leaf, ...]) -> tuple[Block, ...
         f"Layer height {printing.printer.layer_height_mm:g} mm, {Shells().text}; ironing off. Remove blobs and seams: "
         "a sticker over them is not flat.",
     ))  # fmt: skip
+    beside = adjacent_faces(design.target)[0].tolist()
     glue = (
-        "A triangle outside a sticker points at its code corner; 'FACE 7' is its number, 'joins 12' names the face "
-        "across that edge.",
-        "Glue face 0 on any face, its border along the three edges. Then go on with those that it joins: an edge "
-        "marked 'joins 7' of face 0 meets the edge marked 'joins 0' of face 7.",
+        f"A triangle outside a sticker points at its code corner; 'FACE 0' is its number, 'joins {beside[0]}' names "
+        "the face across that edge.",
+        f"Glue face 0 on any face, its border along the {COUNT[len(beside)]} edges. Then go on with those that it "
+        f"joins: the edge marked 'joins {beside[0]}' of face 0 meets the edge marked 'joins 0' of face {beside[0]}.",
         "Rub each down from the middle outwards: bubbles and folds are errors of the target.",
         "Compare with the picture of the net before the glue sets: a face in another's place, or turned, does not fit "
         "the target file, and calib leaves it out.",
