@@ -44,7 +44,7 @@ def lay_out_sheets(
     """
     if target.is_planar:
         pieces, grid, what = _board(pattern, printing)
-        hints = ("Cut along the thin line.",)
+        hints: tuple[str, ...] = ("Cut along the thin line.",)
     else:
         pieces, grid, what = _stickers(target, pattern, printing)
         example = min(7, target.face_count - 1)
