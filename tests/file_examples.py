@@ -2,11 +2,19 @@
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from calib.cameras.camera import Camera, LearnedMap
 from calib.cameras.camera_file import CameraDocument
+from calib.core.types import FaceRecord
+from calib.metrics.errors import ErrorSummary
+from calib.observe.records import ImageRecord, Records
+from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
+from calib.renderer.job import FileOptions, RenderRecord, TrueView
+from calib.renderer.options import RenderOptions
+from calib.report.origin import Origin
 from calib.verdict.apart import Known
 from calib.verdict.criteria import Criteria, Limits
 from calib.verdict.halves import Half
@@ -38,8 +46,32 @@ def _next_views() -> NextViews:
     return NextViews((NextView(POSE, "hold it closer", math.inf, 0.2, 0.1, 0.3, outline),))
 
 
+def _records() -> Records:
+    faces = (FaceRecord(None, (), 0, 3, 5, (("outside the image", 2),), "no name fits"),)
+    photo = ImageRecord("a b.png", (1000, 800), 3, 1, faces, ("mirrored",))
+    return Records("test 1", "l1", "g1", (photo, replace(photo, image_size=None, faces=(), failure="no image")), "g2")
+
+
+def _truth() -> RenderRecord:
+    views = (TrueView("view_0000.png", POSE), TrueView("view_0001.png", np.eye(4)))
+    return RenderRecord("g1", PINHOLE, views, 7, "l1", RenderOptions(blur_px=0.7), FileOptions("png", 95))
+
+
+def _metrics() -> Metrics:
+    parameters = {"fx_px": FoundParameter(900.0, 0.1, "px", False, 901.0), "k1": FoundParameter(0.0, 0.0, "1", True)}
+    summaries = {
+        "pose": MetricSummary("mm", ErrorSummary(3, 1.0, 1 / 3, 0.5, 2.0, 1e-300), {"no pose": 2}),
+        "rotation": MetricSummary("mrad", ErrorSummary(0, *[math.nan] * 5)),
+    }
+    return Metrics("opencv", "converged", 3, 100, 2, "the views", 0, ("a remark",), parameters, summaries)
+
+
 EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.camera": _camera,
     "ringsolid.verdict": _verdict,
     "ringsolid.next_views": _next_views,
+    "ringsolid.records": _records,
+    "ringsolid.truth": _truth,
+    "ringsolid.metrics": _metrics,
+    "ringsolid.report": lambda: Origin("calibration", "calib run target.json photos/*.jpg", "ringsolid 1.0"),
 }

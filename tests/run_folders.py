@@ -11,7 +11,7 @@ from PIL import Image
 from calib.core.files import distinct_stems, write_files
 from calib.core.types import FaceRecord
 from calib.metrics.evaluation import evaluate
-from calib.observe.records import ImageRecord, Records, records_to_json
+from calib.observe.records import RECORDS, ImageRecord, Records
 from calib.observe.truth import Truth
 from calib.records.calibration_file import Provenance, write_calibration
 from calib.records.evaluation_files import evaluation_files
@@ -52,7 +52,7 @@ def write_run(folder: Path, calibrations: Sequence[Calibration], *, truth: Truth
         for view, name in enumerate(seen.view_names)
     )  # fmt: skip
     records = Records("test 1.0", "", seen.points.geometry_id, images)
-    write_files({folder / "detections.records.json": records_to_json(records)})
+    write_files({folder / "detections.records.json": RECORDS.text(records)})
 
 
 def write_overlays(folder: Path, names: Sequence[str], size: tuple[int, int] = (320, 240)) -> None:

@@ -10,9 +10,9 @@ import pytest
 
 from calib.cameras.camera_file import load_camera
 from calib.observe.dataset import FIRST_LINE, KIND, check_output, read_detections
-from calib.observe.records import FORMAT as RECORDS
+from calib.observe.records import RECORDS
 from calib.records.calibration_file import read_calibration
-from calib.report.origin import ORIGIN_FILE, Origin, origin_to_json, read_origin
+from calib.report.origin import ORIGIN, ORIGIN_FILE, Origin, read_origin
 from designer.errors import InputError
 from designer.names import NAME, as_written_today
 from designer.own_files import require_ours
@@ -60,7 +60,7 @@ def test_only_marks_change() -> None:
     assert as_written_today("# a\n# ringforge detections") == "# a\n# ringforge detections"
 
 
-@pytest.mark.parametrize(("kind", "start"), [(KIND, FIRST_LINE), (RECORDS, f'{{\n"format": "{RECORDS}"')])
+@pytest.mark.parametrize(("kind", "start"), [(KIND, FIRST_LINE), (RECORDS.format, f'{{\n "format": "{RECORDS.format}"')])
 def test_former_files_may_be_replaced(tmp_path: Path, kind: str, start: str) -> None:
     """An older file of the same kind is ours."""
     path = tmp_path / "file"
@@ -73,7 +73,7 @@ def test_former_files_may_be_replaced(tmp_path: Path, kind: str, start: str) -> 
 def test_a_former_origin_is_read(tmp_path: Path) -> None:
     """The page of an older folder can be built again."""
     made = Origin("calibration", "calib run", f"{FORMER} 0.1.0")
-    (tmp_path / ORIGIN_FILE).write_bytes(origin_to_json(made).replace(b"ringsolid.report", b"ringforge.report"))
+    (tmp_path / ORIGIN_FILE).write_bytes(ORIGIN.text(made).replace(b"ringsolid.report", b"ringforge.report"))
     assert read_origin(tmp_path) == made
 
 

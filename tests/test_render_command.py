@@ -126,7 +126,7 @@ def test_truth_is_written_line_by_line() -> None:
     """truth.json is valid JSON with one line a view."""
     text = truth_text(job(7))
     assert (
-        len([line for line in text.splitlines() if line.startswith('{"file"')]) == len(json.loads(text)["views"]) == 7
+        len([line for line in text.splitlines() if line.startswith('  {"file"')]) == len(json.loads(text)["views"]) == 7
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from calib.report.origin import LONGEST_COMMAND, ORIGIN_FILE, Origin, origin_of, origin_to_json, read_origin
+from calib.report.origin import LONGEST_COMMAND, ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
 from calib.report.registry import KINDS
 from calib.report.write import write_report
 from calib.verdict.of_run import VERDICT, VERDICT_FILE
@@ -155,7 +155,7 @@ def test_where_there_is_nothing_to_report(tmp_path: Path) -> None:
 
 def test_limits_are_for_calibrations(tmp_path: Path) -> None:
     """Of a study nothing is judged."""
-    (tmp_path / ORIGIN_FILE).write_bytes(origin_to_json(Origin("paper", "", "test")))
+    (tmp_path / ORIGIN_FILE).write_bytes(ORIGIN.text(Origin("paper", "", "test")))
     assert "--criteria" in refused("report", tmp_path, "--criteria", "standard")
 
 
@@ -169,7 +169,7 @@ def test_an_origin_reads_back(tmp_path: Path) -> None:
     """Even of a command with names that are no text, or far too long."""
     for command in ("calib run a b", "calib run 'a\nb\udc80'", "x" * 10_000):
         origin = origin_of("calibration", command, "ringsolid 0.1.0")
-        (tmp_path / ORIGIN_FILE).write_bytes(origin_to_json(origin))
+        (tmp_path / ORIGIN_FILE).write_bytes(ORIGIN.text(origin))
         assert read_origin(tmp_path) == origin
         assert len(origin.command) <= LONGEST_COMMAND
         assert origin.command.isprintable()

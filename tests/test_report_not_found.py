@@ -14,7 +14,7 @@ from calib.observe.records import Records, image_record
 from calib.report.claim import why_no_page
 from calib.report.detected_photos import detected, told_detected
 from calib.report.guess import origin_in
-from calib.report.origin import Origin, origin_of, origin_to_json
+from calib.report.origin import ORIGIN, Origin, origin_of
 from calib.report.photo_rows import photo_rows
 from calib.report.photos_file import read_photos, write_photos
 from calib.report.run_folder import read_run
@@ -94,7 +94,7 @@ def test_a_page_without_any_target_gives_the_reason(tmp_path: Path) -> None:
 def test_a_camera_takes_the_place_of_nothing_found(tmp_path: Path) -> None:
     """The page of a run that found nothing gives way to a calibration's, and not the other way round."""
     for there, kind, is_free in (("detections", "calibration", True), ("calibration", "detections", False)):
-        (tmp_path / "report.json").write_bytes(origin_to_json(origin_of(there, "", "x")))
+        (tmp_path / "report.json").write_bytes(ORIGIN.text(origin_of(there, "", "x")))
         assert (not why_no_page(tmp_path, kind)) == is_free
 
 

@@ -22,7 +22,7 @@ from calib.renderer.scene import scene_from_target
 from calib.report.claim import why_no_page
 from calib.report.gallery import MOST_PICTURES, Shot, spread
 from calib.report.kept_target import keep_target, kept_target
-from calib.report.origin import Origin, origin_to_json
+from calib.report.origin import ORIGIN, Origin
 from calib.report.photos_file import PHOTOS_FILE
 from calib.report.place_scene import MOST_VIEWS, place_view
 from calib.report.rendered_photos import option_words
@@ -105,7 +105,7 @@ def test_a_folder_that_was_copied_has_the_same_page(kind: str, tmp_path: Path) -
     other = tmp_path / "there" / "set"
     shutil.copytree(place, other)
     (other / "index.html").write_bytes(first)
-    (other / "report.json").write_bytes(origin_to_json(Origin(kind, "", "")))
+    (other / "report.json").write_bytes(ORIGIN.text(Origin(kind, "", "")))
     assert page_html(page_of(kind, other)) == first
 
 
@@ -201,7 +201,7 @@ def test_a_page_does_not_disturb_other_commands(tmp_path: Path) -> None:
     """A finished set with its page is kept by the next run, and only its photos are photos."""
     job = rendered(tmp_path)
     (tmp_path / "index.html").write_bytes(page_html(page_of("photos", tmp_path)))
-    (tmp_path / "report.json").write_bytes(origin_to_json(Origin("photos", "", "")))
+    (tmp_path / "report.json").write_bytes(ORIGIN.text(Origin("photos", "", "")))
     again = run_job(job, tmp_path, processes=1, overwrite=False, on_view=lambda *_: None)
     assert (again.written, again.kept) == (0, 4)
     assert [path.name for path in find_photos([str(tmp_path)]).paths] == job.file_names
@@ -415,9 +415,9 @@ def test_a_page_replaces_none_of_another_kind(tmp_path: Path) -> None:
     assert why_no_page(tmp_path, "photos") == ""
     (tmp_path / "index.html").write_text("mine")
     assert "stays as it is" in why_no_page(tmp_path, "photos")
-    (tmp_path / "report.json").write_bytes(origin_to_json(Origin("calibration", "", "")))
+    (tmp_path / "report.json").write_bytes(ORIGIN.text(Origin("calibration", "", "")))
     assert "calibration" in why_no_page(tmp_path, "photos")
-    (tmp_path / "report.json").write_bytes(origin_to_json(Origin("photos", "", "")))
+    (tmp_path / "report.json").write_bytes(ORIGIN.text(Origin("photos", "", "")))
     assert why_no_page(tmp_path, "photos") == ""
     (tmp_path / "report.json").write_text("{}")
     assert "report.json" in why_no_page(tmp_path, "photos")

@@ -13,7 +13,7 @@ from calib.metrics.held_out import LEAST_FOLDS, evaluate_held_out
 from calib.observe.truth import Truth, read_truth
 from calib.pipeline.calibrate import calibrate
 from calib.records.calibration_file import CALIBRATION_FILE, read_calibration
-from calib.records.evaluation_files import FORMAT, METRICS_FILE, evaluation_files
+from calib.records.evaluation_files import METRICS, METRICS_FILE, evaluation_files
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from designer.errors import InputError
@@ -64,7 +64,7 @@ def check_metrics_folder(folder: Path) -> None:
         InputError: the message names it.
     """
     check_folder(folder)
-    require_ours(folder / METRICS_FILE, kind=FORMAT)
+    require_ours(folder / METRICS_FILE, kind=METRICS.format)
 
 
 def evaluate(

@@ -12,7 +12,7 @@ from calib.cameras import MODELS, CameraModel, parameter_names, rays
 from calib.cameras.camera import Camera, LearnedMap
 from calib.cameras.learned import MAX_LENGTHS
 from designer.base.file_kind import FileKind, laid_out
-from designer.base.marks import AtLeast, AtMost
+from designer.base.marks import LEFT_OUT, AtLeast, AtMost
 from designer.errors import InputError
 from designer.presets import preset_or_file
 from designer.small_file import JsonValue, parse_json, read_small_text
@@ -41,16 +41,15 @@ class CameraDocument:
     model: str
     image_size: tuple[Side, Side]
     parameters: Mapping[str, float]
-    learned_map: LearnedMap | None = None
+    learned_map: Annotated[LearnedMap | None, LEFT_OUT] = None
 
 
 CAMERA = FileKind(CameraDocument, "camera", "a camera file", "check the file", largest_bytes=2**20)
 
 
 def camera_document(camera: Camera) -> dict[str, JsonValue]:
-    """The keys of `camera.json`; a map only of models that learn one."""
-    document = CAMERA.document(CameraDocument(camera.model, camera.image_size, camera.parameters, camera.learned))
-    return {key: value for key, value in document.items() if value is not None}
+    """The keys of `camera.json`."""
+    return CAMERA.document(CameraDocument(camera.model, camera.image_size, camera.parameters, camera.learned))
 
 
 def camera_to_json(camera: Camera) -> str:

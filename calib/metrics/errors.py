@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.types import frozen_array
+from designer.base.marks import Count, Gap
 
 COUNTED = ""
 """The reason of an error that is not left out."""
@@ -72,13 +73,13 @@ def first_reason(count: int, *faults: tuple[str, NDArray[np.bool_]]) -> tuple[ND
 class ErrorSummary:
     """What is said of `count` errors; nan if there are none."""
 
-    count: int
-    rmse: float
+    count: Count
+    rmse: Gap
     """Root of the mean squared Euclidean norm, as in the paper."""
-    mean: float  # of the norms, as the others
-    median: float
-    percentile_95: float
-    largest: float
+    mean: Gap  # of the norms, as the others
+    median: Gap
+    percentile_95: Gap
+    largest: Gap
 
 
 def summarise(errors: Errors) -> ErrorSummary:

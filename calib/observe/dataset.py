@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from calib.core.files import write_files
 from calib.core.types import Detections
 from calib.observe.csv_table import ANY_NAME, CsvTable, read_table, read_text
-from calib.observe.records import FORMAT as RECORDS
-from calib.observe.records import ImageRecord, Records, image_record, read_records, records_path, records_to_json
+from calib.observe.records import RECORDS, ImageRecord, Records, image_record, read_records, records_path
 from designer.errors import InputError
 from designer.own_files import require_ours
 from designer.target import TargetGeometry
@@ -57,7 +56,7 @@ def check_output(path: Path) -> None:
     if path.suffix.lower() != ".csv":
         raise InputError(f"{path}: detections are a .csv file; name it so, such as {path.with_suffix('.csv').name}")
     require_ours(path, kind=KIND)
-    require_ours(records_path(path), kind=RECORDS)
+    require_ours(records_path(path), kind=RECORDS.format)
     try:
         folder = next(parent for parent in path.absolute().parents if parent.exists())
         with tempfile.TemporaryFile(dir=folder):
@@ -88,7 +87,7 @@ def write_detections(
     images = (*map(image_record, seen), *failed)
     records = Records(detector, target.layout_id, target.geometry_id, images, rendered_id=rendered_id)
     text = detections_to_csv(seen, target, detector=detector)
-    write_files({records_path(path): records_to_json(records), path: text.encode("utf-8", ANY_NAME)})
+    write_files({records_path(path): RECORDS.text(records), path: text.encode("utf-8", ANY_NAME)})
     return records
 
 

@@ -1,17 +1,11 @@
 """The records of a detection run: what happened to each photo, and why rings are missing."""
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from calib.core.types import Detections, FaceRecord
-from designer.errors import InputError
-from designer.small_file import parse_json, read_small_text
-
-MAX_FILE_BYTES = 256 * 2**20
-FORMAT = "ringsolid.records"
+from designer.base.file_kind import FileKind
 
 
 @dataclass(frozen=True)
@@ -35,9 +29,10 @@ class Records:
     layout_id: str
     geometry_id: str
     images: tuple[ImageRecord, ...]
-    format: Literal["ringsolid.records"] = "ringsolid.records"
-    version: Literal[1] = 1
     rendered_id: str = ""  # of the geometry that the photos were rendered of; "": real photos
+
+
+RECORDS = FileKind(Records, "records", "a records file", "detect again", largest_bytes=256 * 2**20)
 
 
 def image_record(seen: Detections) -> ImageRecord:
@@ -58,28 +53,10 @@ def records_path(detections: Path) -> Path:
     return detections.with_suffix(".records.json")
 
 
-def records_to_json(records: Records) -> bytes:
-    """The text of `NAME.records.json`: one line a photo."""
-    document = asdict(records)
-    images = document.pop("images")
-    first = {name: document.pop(name) for name in ("format", "version")}
-    head = ",\n".join(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in (first | document).items())
-    body = ",\n".join(json.dumps(image) for image in images)
-    return f'{{\n{head},\n"images": [\n{body}\n]\n}}\n'.encode()
-
-
 def read_records(path: Path) -> Records:
     """Read `NAME.records.json`.
 
     Raises:
         InputError: it cannot be read, or holds no records of this version; the message names it.
     """
-    from pydantic import TypeAdapter, ValidationError
-
-    document = parse_json(read_small_text(path, MAX_FILE_BYTES, "a records file"), path, "a records file")
-    try:
-        return TypeAdapter(Records).validate_python(document)
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "the document"
-        raise InputError(f"{path}: {place}: {first['msg']}; detect again") from None
+    return RECORDS.read(path)

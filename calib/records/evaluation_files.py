@@ -1,10 +1,12 @@
 """`metrics.json` and CSV files of an evaluation: for other programs, and for looking closer."""
 
-import json
+import csv
+import io
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +14,54 @@ from numpy.typing import NDArray
 from calib.cameras import MODELS
 from calib.metrics.errors import Errors, ErrorSummary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation
-from calib.observe.csv_table import ANY_NAME
+from calib.observe.csv_table import ANY_NAME, is_real, read_text
 from calib.records.observation_table import quoted
+from designer.base.file_kind import FileKind
+from designer.base.marks import INLINE, LEFT_OUT, Count, Gap
+from designer.errors import InputError
 
-FORMAT = "ringsolid.metrics"
-VERSION = 1
 METRICS_FILE = "metrics.json"
 VIEWS_FILE, POINTS_FILE, FACES_FILE = "metrics_views.csv", "metrics_points.csv", "metrics_faces.csv"
 OBSERVATIONS_FILE = "metrics_observations.csv"
+
+
+@dataclass(frozen=True)
+class FoundParameter:
+    """One parameter of the camera."""
+
+    value: float
+    sigma: Gap
+    unit: str
+    fixed: bool
+    true: Annotated[float | None, LEFT_OUT] = None  # of rendered photos
+
+
+@dataclass(frozen=True)
+class MetricSummary:
+    """The summary of one metric's errors, and why others do not count."""
+
+    unit: str
+    errors: Annotated[ErrorSummary, INLINE]
+    left_out: Mapping[str, Count] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """What `metrics.json` says beyond what a calibration tells: true values, and errors of poses."""
+
+    model: str
+    status: str
+    views: Count
+    observations: Count
+    outliers: Count
+    of: str
+    parts: Count  # in how many the views were held out in turn; 0: the errors are of the views solved from
+    remarks: tuple[str, ...]
+    parameters: Mapping[str, FoundParameter]
+    metrics: Mapping[str, MetricSummary]
+
+
+METRICS = FileKind(Metrics, "metrics", "a metrics file", "calib evaluate writes it again", largest_bytes=2**20)
 
 _STATISTICS = (
     ("rmse", "rmse"), ("mean", "mean"), ("median", "median"), ("percentile_95", "p95"), ("largest", "largest"),
@@ -42,7 +84,7 @@ def evaluation_files(evaluation: Evaluation, folder: Path) -> dict[Path, bytes]:
         evaluation, len(faces), lambda errors: None if errors.point is None else points.face[errors.point]
     )
     return {
-        folder / METRICS_FILE: metrics_to_json(evaluation),
+        folder / METRICS_FILE: METRICS.text(metrics_of(evaluation)),
         folder / VIEWS_FILE: _csv(["image", *views], images, by_view),
         folder / POINTS_FILE: _csv(["point", "face", "X", "Y", "Z", *rings], places, by_point),
         folder / FACES_FILE: _csv(["face", *planes], faces, by_face),
@@ -50,47 +92,35 @@ def evaluation_files(evaluation: Evaluation, folder: Path) -> dict[Path, bytes]:
     }
 
 
-def metrics_to_json(evaluation: Evaluation) -> bytes:
+def metrics_of(evaluation: Evaluation) -> Metrics:
     """The summaries over everything, and the camera's parameters with their standard deviations."""
     calibration = evaluation.calibration
-    document = {
-        "format": FORMAT,
-        "version": VERSION,
-        "model": calibration.camera.model,
-        "status": calibration.status,
-        "views": calibration.observations.view_count,
-        "observations": len(calibration.observations.view),
-        "outliers": int(calibration.is_outlier.sum()),
-        "of": "the views the camera was solved from" if not evaluation.folds else "views held out of the solution",
-        "parts": evaluation.folds,
-        "remarks": [*calibration.remarks, *evaluation.remarks],
-        "parameters": _parameters(evaluation),
-        "metrics": {errors.metric: _summary(errors) for errors in evaluation.errors},
-    }
-    return (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()
+    return Metrics(
+        model=calibration.camera.model,
+        status=calibration.status,
+        views=calibration.observations.view_count,
+        observations=len(calibration.observations.view),
+        outliers=int(calibration.is_outlier.sum()),
+        of="the views the camera was solved from" if not evaluation.folds else "views held out of the solution",
+        parts=evaluation.folds,
+        remarks=(*calibration.remarks, *evaluation.remarks),
+        parameters=_parameters(evaluation),
+        metrics={one.metric: MetricSummary(one.unit, summarise(one), dict(one.left_out)) for one in evaluation.errors},
+    )
 
 
-def _parameters(evaluation: Evaluation) -> dict[str, object]:
+def _parameters(evaluation: Evaluation) -> dict[str, FoundParameter]:
     """Value and standard deviation of each parameter; the true value too if the true camera is of the same model."""
     calibration = evaluation.calibration
     camera, truth = calibration.camera, evaluation.truth
-    known = truth.camera.params if truth is not None and truth.camera.model == camera.model else None
+    known = truth.camera.parameters if truth is not None and truth.camera.model == camera.model else {}
     sigmas = np.sqrt(np.diagonal(calibration.stated_covariance)).tolist()
-    described: dict[str, object] = {}
-    for n, parameter in enumerate(MODELS[camera.model].parameters):
-        entry: dict[str, object] = {"value": float(camera.params[n]), "sigma": _or_null(sigmas[n])}
-        entry |= {"unit": parameter.unit, "fixed": parameter.name in calibration.fixed}
-        described[parameter.name] = entry if known is None else {**entry, "true": float(known[n])}
-    return described
-
-
-def _summary(errors: Errors) -> dict[str, object]:
-    numbers = {name: _or_null(value) for name, value in asdict(summarise(errors)).items()}
-    return {"unit": errors.unit, **numbers, "left_out": dict(errors.left_out)}
-
-
-def _or_null(number: float) -> float | None:
-    return number if math.isfinite(number) else None
+    return {
+        one.name: FoundParameter(
+            camera.parameters[one.name], sigma, one.unit, one.name in calibration.fixed, known.get(one.name)
+        )
+        for one, sigma in zip(MODELS[camera.model].parameters, sigmas, strict=True)
+    }
 
 
 def _groups(
@@ -106,17 +136,17 @@ def _groups(
         summaries = summarise_groups(errors, group, count)
         names.append(f"{errors.metric}_count")
         columns.append(str(summary.count) for summary in summaries)
-        for field, name in _STATISTICS:
+        for statistic, name in _STATISTICS:
             names.append(f"{errors.metric}_{name}_{errors.unit}")
-            columns.append(_cells(summaries, field))
+            columns.append(_cells(summaries, statistic))
         for axis, values in zip(errors.axes, _mean_vectors(errors, group, count).T, strict=True):
             names.append(f"{errors.metric}_mean_{axis}_{errors.unit}")
             columns.append(map(_cell, values.tolist()))
     return names, [",".join(cells) for cells in zip(*columns, strict=True)] if columns else [""] * count
 
 
-def _cells(summaries: Sequence[ErrorSummary], field: str) -> list[str]:
-    return [_cell(getattr(summary, field)) for summary in summaries]
+def _cells(summaries: Sequence[ErrorSummary], statistic: str) -> list[str]:
+    return [_cell(getattr(summary, statistic)) for summary in summaries]
 
 
 def _cell(number: float) -> str:
@@ -165,3 +195,17 @@ def _of_all(errors: Errors, count: int) -> tuple[NDArray[np.float64], list[str]]
     vector, row = np.full((count, len(errors.axes)), np.nan), np.full(count, len(errors.reasons))
     vector[errors.sighting], row[errors.sighting] = errors.vector, errors.reason
     return vector, [(*errors.reasons, "its view has no pose")[n] for n in row.tolist()]
+
+
+def of_views(folder: Path, column: str) -> NDArray[np.float64]:
+    """A column of `metrics_views.csv`, without gaps; empty if there is no such column, or no such table."""
+    try:
+        rows = csv.reader(io.StringIO(read_text(folder / VIEWS_FILE, "a table of photos", 64 * 2**20)))
+        head = next(rows, [])
+        if column not in head:
+            return np.zeros(0)
+        place = head.index(column)
+        found = [float(row[place]) for row in rows if len(row) == len(head) and is_real(row[place])]
+    except (InputError, csv.Error):
+        return np.zeros(0)
+    return np.array([number for number in found if math.isfinite(number)])

@@ -4,28 +4,31 @@ import json
 import multiprocessing
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_to_json
 from calib.core.child_process import interrupts_held, serve
+from calib.core.rigid import rigid_fault
+from calib.core.types import frozen_array
 from calib.renderer.options import RenderOptions
 from calib.renderer.sensor import Levels
 from calib.renderer.view import render_view
+from designer.base.file_kind import FileKind
+from designer.base.marks import Length, Shape
 from designer.errors import InputError
 from designer.own_files import require_ours, signed
 from designer.target import TargetGeometry
+from designer.words import shown
 
-FORMAT = "ringsolid.truth"
-VERSION = 1
 TRUTH_FILE = "truth.json"
 FileFormat = Literal["png", "tiff", "jpeg"]
 SUFFIX: dict[FileFormat, str] = {"png": ".png", "tiff": ".tiff", "jpeg": ".jpg"}
@@ -60,22 +63,56 @@ class Rendered:
     processes: int
 
 
+@dataclass(frozen=True)
+class FileOptions:
+    """How photos are stored."""
+
+    format: FileFormat
+    quality: int  # of JPEG
+
+
+@dataclass(frozen=True, eq=False)
+class TrueView:
+    """A photo, and where the camera stood."""
+
+    file: str
+    cam_from_target: Annotated[NDArray[np.float64], Shape(4, 4)]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cam_from_target", frozen_array(self.cam_from_target))
+        if fault := rigid_fault(self.cam_from_target[None]):
+            raise ValueError(f"cam_from_target {fault[1]}; it must be a rigid motion")
+
+
+@dataclass(frozen=True, eq=False)
+class RenderRecord:
+    """What `truth.json` says of rendered photos."""
+
+    geometry_id: str  # of the target that was rendered
+    camera: Camera
+    views: Annotated[tuple[TrueView, ...], Length(1, 100_000)]
+    seed: int | None = None
+    layout_id: str = ""  # of the target; "" if it is not known
+    options: RenderOptions | None = None
+    file: FileOptions | None = None
+
+    def __post_init__(self) -> None:
+        names = [view.file for view in self.views]
+        if len(set(names)) < len(names):
+            raise ValueError(f"views name {shown(Counter(names).most_common(1)[0][0])} twice; names must differ")
+
+
+TRUTH = FileKind(RenderRecord, "truth", "the truth of rendered photos", "render again")
+
+
 def truth_text(job: RenderJob) -> str:
     """The text of `truth.json`: one line a view."""
-    document = {
-        "format": FORMAT,
-        "version": VERSION,
-        "seed": job.seed,
-        "layout_id": job.target.layout_id,
-        "geometry_id": job.target.geometry_id,
-        "camera": json.loads(camera_to_json(job.camera)),
-        "options": asdict(job.options),
-        "file": {"format": job.file_format, "quality": job.quality},
-    }
-    lines = [f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in document.items()]
-    poses = zip(job.file_names, job.cam_from_target.tolist(), strict=True)
-    views = [json.dumps({"file": name, "cam_from_target": pose}, allow_nan=False) for name, pose in poses]
-    return "{\n" + ",\n".join(lines) + ',\n"views": [\n' + ",\n".join(views) + "\n]\n}\n"
+    views = tuple(TrueView(*view) for view in zip(job.file_names, job.cam_from_target, strict=True))
+    record = RenderRecord(
+        job.target.geometry_id, job.camera, views, job.seed, job.target.layout_id, job.options,
+        FileOptions(job.file_format, job.quality),
+    )  # fmt: skip
+    return TRUTH.text(record).decode()
 
 
 def run_job(
@@ -110,7 +147,7 @@ def _claim(job: RenderJob, folder: Path, overwrite: bool) -> list[int]:
     truth, path = truth_text(job), folder / TRUTH_FILE
     old = path.read_text(encoding="utf-8", errors="replace") if path.exists() else None
     paths = [folder / name for name in job.file_names]
-    if old == truth and not overwrite:
+    if old is not None and _is_same(old, truth) and not overwrite:
         return [n for n, image in enumerate(paths) if not image.exists()]
     if old is not None and not overwrite:
         raise InputError(f"{path}: holds another set of photos; choose another folder with -o, or add --overwrite")
@@ -124,6 +161,14 @@ def _claim(job: RenderJob, folder: Path, overwrite: bool) -> list[int]:
         image.unlink(missing_ok=True)
     _replace(path, truth.encode())
     return list(range(len(paths)))
+
+
+def _is_same(old: str, truth: str) -> bool:
+    """Whether two truths say the same, however they are laid out."""
+    try:
+        return bool(json.loads(old) == json.loads(truth))
+    except (ValueError, RecursionError):
+        return False
 
 
 def _named_in(truth: str | None) -> list[str]:

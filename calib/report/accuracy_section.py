@@ -4,6 +4,7 @@ from calib.core.number_text import figure as digits
 from calib.figures.sigma_map import SigmaMap
 from calib.metrics import OF_TRUTH
 from calib.metrics.residual_cells import cells_of_residuals, residuals_of
+from calib.records.evaluation_files import of_views
 from calib.report.accuracy_figures import (
     apart_figure,
     apart_words,
@@ -17,7 +18,6 @@ from calib.report.accuracy_figures import (
 )
 from calib.report.run_folder import Solved
 from calib.report.run_tables import held_out_table, metrics_table
-from calib.report.stored_metrics import of_views
 from calib.verdict.halves import HalvesApart, NoHalves, half_split, halves_apart
 from calib.verdict.of_run import Judged
 from calib.verdict.verdict import Verdict

@@ -13,8 +13,7 @@ from calib.metrics.evaluation import Evaluation, evaluate
 from calib.observe.records import Records, read_records
 from calib.pipeline.solutions import preference
 from calib.records.calibration_file import CALIBRATION_FILE, Provenance, read_calibration
-from calib.records.evaluation_files import METRICS_FILE
-from calib.report.stored_metrics import StoredMetrics, read_metrics
+from calib.records.evaluation_files import METRICS, METRICS_FILE, Metrics
 from calib.solver.calibration import Calibration
 from calib.verdict.coverage import Coverage, coverage_of
 from designer.errors import InputError
@@ -32,7 +31,7 @@ class Solved:
     path: str  # of that folder from the page, "" or with a "/" at its end
     evaluation: Evaluation
     provenance: Provenance
-    stored: StoredMetrics | None
+    stored: Metrics | None
 
     @property
     def calibration(self) -> Calibration:
@@ -143,11 +142,11 @@ def solved_of(
     return Solved(place, path, evaluation, provenance, _read_metrics(place, folder, faults))
 
 
-def _read_metrics(place: Path, folder: Path, faults: list[str]) -> StoredMetrics | None:
+def _read_metrics(place: Path, folder: Path, faults: list[str]) -> Metrics | None:
     if not (place / METRICS_FILE).exists():
         return None
     try:
-        return read_metrics(place)
+        return METRICS.read(place / METRICS_FILE)
     except InputError as error:
         faults.append(_within(folder, error))
         return None

@@ -13,10 +13,10 @@ from calib.metrics import OF_TRUTH
 from calib.metrics.errors import ErrorSummary, summarise
 from calib.metrics.evaluation import by_face
 from calib.observe.records import Records
+from calib.records.evaluation_files import Metrics, MetricSummary
 from calib.report.cells import number, whole
 from calib.report.evaluation_table import OF_ITS_OWN_SENSOR, focal_length
 from calib.report.run_folder import Solved
-from calib.report.stored_metrics import StoredMetric, StoredMetrics
 from calib.solver.calibration import Calibration
 from designer.page.blocks import Cell, Column, Table
 from designer.words import printable
@@ -78,23 +78,18 @@ def metrics_table(one: Solved) -> Table:
     rows = [_metric_row(e.metric, e.unit, summarise(e)) for e in one.evaluation.errors]
     if one.stored is not None and not one.stored.parts:
         rows += [
-            _metric_row(printable(name), printable(metric.unit), _summary(metric))
+            _metric_row(printable(name), printable(metric.unit), metric.errors)
             for name, metric in one.stored.metrics.items()
             if name in OF_TRUTH
         ]
     return Table("Errors, of the photos that the camera was solved from", METRIC_COLUMNS, tuple(rows))
 
 
-def held_out_table(stored: StoredMetrics) -> Table:
+def held_out_table(stored: Metrics) -> Table:
     """The same of photos that were held out, as `calib evaluate --held-out` left it."""
-    rows = [_metric_row(printable(k), printable(metric.unit), _summary(metric)) for k, metric in stored.metrics.items()]
+    rows = [_metric_row(printable(k), printable(metric.unit), metric.errors) for k, metric in stored.metrics.items()]
     title = f"Errors of photos that were held out of the solution in turn, in {stored.parts} parts"
     return Table(title, METRIC_COLUMNS, tuple(rows))
-
-
-def _summary(stored: StoredMetric) -> ErrorSummary:
-    numbers = (stored.rmse, stored.mean, stored.median, stored.percentile_95, stored.largest)
-    return ErrorSummary(stored.count, *(math.nan if one is None else one for one in numbers))
 
 
 def _metric_row(name: str, unit: str, found: ErrorSummary) -> tuple[Cell, ...]:
@@ -124,7 +119,10 @@ def _model_row(one: Solved, names: Iterable[str], poses: Iterable[str]) -> tuple
     return (
         Cell(one.model), whole(int((~calibration.is_outlier).sum())),
         *(Cell("") if errors is None else number(summarise(errors).rmse, 4) for errors in found),
-        *(Cell("") if metric is None or metric.rmse is None else number(metric.rmse, 4) for metric in stored),
+        *(
+            number(metric.errors.rmse, 4) if metric is not None and math.isfinite(metric.errors.rmse) else Cell("")
+            for metric in stored
+        ),
         _focal_cell(calibration),
         Cell(calibration.status, level=None if calibration.status == "converged" else "bad"),
     )  # fmt: skip
@@ -137,7 +135,7 @@ def _focal_cell(calibration: Calibration) -> Cell:
     return Cell(focal_length(calibration).replace("+-", "±"), float(calibration.camera.params[0]))
 
 
-def _stored(one: Solved, name: str) -> StoredMetric | None:
+def _stored(one: Solved, name: str) -> MetricSummary | None:
     """A metric that only `metrics.json` holds."""
     return None if one.stored is None or one.stored.parts else one.stored.metrics.get(name)
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from calib.core.files import write_files
-from calib.report.origin import ORIGIN_FILE, Origin, origin_of, origin_to_json
+from calib.report.origin import ORIGIN, ORIGIN_FILE, Origin, origin_of
 from calib.report.registry import KINDS
 from designer.answer import program
 from designer.errors import InputError
@@ -50,5 +50,5 @@ def write_page(folder: Path, origin: Origin, page: Page) -> Path:
     from designer.page.shell import page_html
 
     place = folder / PAGE_FILE
-    write_files({folder / ORIGIN_FILE: origin_to_json(origin), place: page_html(page)})
+    write_files({folder / ORIGIN_FILE: ORIGIN.text(origin), place: page_html(page)})
     return place

@@ -24,7 +24,7 @@ from typing import (
     runtime_checkable,
 )  # fmt: skip
 
-from designer.base.marks import INLINE, ONE_LINE, OR_NULL, Bound, Key, Mark, NullIs, Shape
+from designer.base.marks import INLINE, LEFT_OUT, ONE_LINE, OR_NULL, Bound, Key, Mark, NullIs, Shape
 from designer.errors import InputError
 from designer.small_file import JsonValue
 from designer.words import printable, shown, suggestion
@@ -115,8 +115,10 @@ def _encode_fields(kind: type, value: object) -> dict[str, JsonValue]:
     if type(value) is not kind:
         raise TypeError(f"a {type(value).__name__} where files hold a {kind.__name__}")
     for name, key, hint in fields:
-        encoded = _encode(hint, getattr(value, name))
-        document |= cast("dict[str, JsonValue]", encoded) if INLINE in _split(hint)[1] else {key: encoded}
+        encoded, marks = _encode(hint, getattr(value, name)), _split(hint)[1]
+        if encoded is None and LEFT_OUT in marks:
+            continue
+        document |= cast("dict[str, JsonValue]", encoded) if INLINE in marks else {key: encoded}
     return document
 
 
