@@ -60,7 +60,9 @@ def test_only_marks_change() -> None:
     assert as_written_today("# a\n# ringforge detections") == "# a\n# ringforge detections"
 
 
-@pytest.mark.parametrize(("kind", "start"), [(KIND, FIRST_LINE), (RECORDS.format, f'{{\n "format": "{RECORDS.format}"')])
+@pytest.mark.parametrize(
+    ("kind", "start"), [(KIND, FIRST_LINE), (RECORDS.format, f'{{\n "format": "{RECORDS.format}"')]
+)
 def test_former_files_may_be_replaced(tmp_path: Path, kind: str, start: str) -> None:
     """An older file of the same kind is ours."""
     path = tmp_path / "file"
