@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from calib.api.detecting import Detector, detect
     from calib.api.evaluating import EvaluationResult, evaluate
     from calib.api.loading import load_camera, load_observations
+    from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
     from calib.api.posing import PoseResult, pose
     from calib.api.run_result import RunResult
     from calib.api.running import NothingFoundError, run, solve
@@ -32,9 +33,11 @@ __all__ = [
     "Detector",
     "EvaluationResult",
     "InputError",
+    "MeasureResult",
     "NothingFoundError",
     "Observations",
     "PoseResult",
+    "RescaledTarget",
     "RunResult",
     "Undistorted",
     "UndistortedFiles",
@@ -44,7 +47,9 @@ __all__ = [
     "evaluate",
     "load_camera",
     "load_observations",
+    "measure",
     "pose",
+    "rescale",
     "run",
     "solve",
     "undistort",
@@ -66,6 +71,12 @@ _HOMES = {
     "calib.api.loading": (
         "load_camera",
         "load_observations",
+    ),
+    "calib.api.measuring": (
+        "MeasureResult",
+        "RescaledTarget",
+        "measure",
+        "rescale",
     ),
     "calib.api.posing": (
         "PoseResult",

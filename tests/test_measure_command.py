@@ -14,6 +14,8 @@ import pytest
 import typer
 from numpy.typing import NDArray
 
+from calib.api.measuring import measure as measure_from_python
+from calib.api.measuring import rescale
 from calib.as_built.lengths import length_in
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.solve import measure as measure_print
@@ -100,6 +102,25 @@ def largest_distance_mm(one: TargetGeometry, other: TargetGeometry) -> float:
     rings = np.arange(one.ring_count)
     laid = laid_over(one, other, rings)
     return float(np.linalg.norm(laid.center_mm - other.center_mm, axis=1).max())
+
+
+def test_python_measures_as_the_command_does(capfd: pytest.CaptureFixture[str]) -> None:
+    """`calib.measure` takes values or files, prints nothing, and writes the same numbers when it is saved."""
+    assert command(*PLAIN, "--rings", "rigid").code == 0
+    capfd.readouterr()
+    measured = measure_from_python(solid(), detections_of(seen(), solid()), rings="rigid", held_out=0)
+    assert {path.name for path in measured.save("out/measured.target.json")} == set(MEASURED)
+    ours, theirs = (json.loads(Path(place, MEASURED[1]).read_text()) for place in ("out", "."))
+    assert ours["settings"].keys() == theirs["settings"].keys()
+    assert ours["face_verdict"] == theirs["face_verdict"]
+    assert np.array(ours["face_motion"]) == pytest.approx(np.array(theirs["face_motion"]), abs=1e-6)
+    assert (Path("out") / MEASURED[2]).read_text().splitlines()[2] == Path(MEASURED[2]).read_text().splitlines()[2]
+    assert "srcdoc" in measured._repr_html_()
+    assert capfd.readouterr() == ("", "")
+    with pytest.raises(InputError, match="is the target it is measured against"):
+        measure_from_python("ico.target.json", "seen.csv", rings="rigid", held_out=0).save("ico.target.json")
+    quick = rescale(solid(), "edge:10.05cm")
+    assert length_in(quick.target, "edge") == pytest.approx(100.5)
 
 
 @pytest.mark.filterwarnings("error")  # of a picture whose parts have no room

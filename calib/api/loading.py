@@ -52,8 +52,12 @@ def load_observations(
     Raises:
         InputError: the file cannot be read, something else is needed, or nothing is left to solve from.
     """
+    place = Path(path)
+    if not place.is_file():
+        why = "is a folder" if place.is_dir() else "no such file"
+        raise InputError(f"{place}: {why}; give a detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl")
     geometry = target if target is None or isinstance(target, TargetGeometry) else Path(target)
-    return read_observations(Path(path), geometry, image_size=image_size, grid=grid)
+    return read_observations(place, geometry, image_size=image_size, grid=grid)
 
 
 def observations_of(observed: Observed, target: TargetGeometry | Place | None) -> Observations:

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
+from calib.api.page_shown import ShownAsPage
 from calib.api.searching import Search
 from calib.core.types import Observations
 from calib.pipeline.solutions import Solution, SolveTask, preference
@@ -16,7 +16,7 @@ from designer.target import TargetGeometry
 
 
 @dataclass(frozen=True, eq=False)
-class RunResult:
+class RunResult(ShownAsPage):
     """Cameras of one or several models from the same photos, judged: `run.best.camera`, `run.verdict.grade`.
 
     In a notebook the result shows its report.
@@ -64,13 +64,8 @@ class RunResult:
         writer.write_all(self)
         return tuple(writer.files)
 
-    def _repr_html_(self) -> str:
-        """The report, as `index.html` has it."""
-        from html import escape
-
-        with TemporaryDirectory() as place:
-            page = next(path for path in self.save(place) if path.suffix == ".html").read_text(encoding="utf-8")
-        return f'<iframe srcdoc="{escape(page)}" width="100%" height="800" style="border:0"></iframe>'
+    def _write_all(self, folder: Path) -> tuple[Path, ...]:
+        return self.save(folder)
 
 
 def best_of(solutions: Sequence[Solution]) -> Solution:

@@ -104,7 +104,7 @@ def places_of(target: Path) -> FilePlaces:
     return FilePlaces(target, report, table, picture)
 
 
-def check_places(places: FilePlaces, nominal: Path) -> None:
+def check_places(places: FilePlaces, nominal: Path | None) -> None:
     """Refuse places that hold something else, before any work is done.
 
     Raises:
@@ -112,7 +112,7 @@ def check_places(places: FilePlaces, nominal: Path) -> None:
     """
     out = places.target
     check_folder(out.parent)
-    if out.exists() and nominal.exists() and out.samefile(nominal):
+    if out.exists() and nominal is not None and nominal.exists() and out.samefile(nominal):
         raise InputError(f"-o {out}: is the target it is measured against; choose another name")
     require_ours(out, kind=TARGET_FORMAT)
     if out.exists() and out.stat().st_size and (source := load_target(out).source) != "measured":

@@ -135,19 +135,17 @@ def read_input(
     detections: Path, target: Path | None, image_size: str | None, grid: str | None, pitch: str | None
 ) -> "Observations":
     """What a camera is solved from, of a file of any kind, with the options that some kinds need."""
-    from calib.observe.correspondences import parse_pair, read_observations
+    from calib.api.loading import load_observations
+
+    return load_observations(detections, target, image_size=image_size_of(image_size), grid=_grid(grid, pitch))
+
+
+def image_size_of(text: str | None) -> tuple[int, int] | None:
+    """Width and height of photos."""
+    from calib.observe.correspondences import parse_pair
     from calib.observe.dataset import MAX_SIDE_PX
 
-    size = None if image_size is None else parse_pair("--image-size", image_size, MAX_SIDE_PX)
-    _require_file(detections)
-    return read_observations(detections, target, image_size=size, grid=_grid(grid, pitch))
-
-
-def _require_file(path: Path) -> None:
-    """Say that a file is missing before anything is said of its kind."""
-    if not path.is_file():
-        why = "is a folder" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: {why}; give a detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl")
+    return None if text is None else parse_pair("--image-size", text, MAX_SIDE_PX)
 
 
 def plan_of(
