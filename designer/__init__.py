@@ -1,1 +1,53 @@
-"""Design and fabrication of camera-calibration targets (kept free of imports: `calib` loads it)."""
+"""Design of camera-calibration targets: from one size to files that print in two filaments.
+
+>>> target = designer.ico(edge_mm=100)
+>>> target.save("exports/ico")
+>>> geometry = target.geometry
+
+There is a function for each kind of target. Names are loaded when they are used: `calib` needs a few light ones only.
+"""
+
+from functools import partial
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from designer.designing import DesignedTarget, design, load
+    from designer.errors import InputError
+    from designer.target import TargetGeometry, load_target
+
+    ico: Callable[..., DesignedTarget]
+    board: Callable[..., DesignedTarget]
+    cube: Callable[..., DesignedTarget]
+
+__all__ = ["DesignedTarget", "InputError", "TargetGeometry", "design", "load", "load_target"]
+"""Besides a function for each kind of target, by its name."""
+
+_HOMES = {
+    "designer.designing": ("DesignedTarget", "design", "load"),
+    "designer.errors": ("InputError",),
+    "designer.target": ("TargetGeometry", "load_target"),
+}
+
+
+def __getattr__(name: str) -> object:
+    for home, names in _HOMES.items():
+        if name in names:
+            globals()[name] = found = getattr(import_module(home), name)
+            return found
+    from designer.kind import KINDS
+
+    if name in KINDS:
+        from designer.designing import design
+
+        globals()[name] = made = partial(design, name)
+        return made
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    from designer.kind import KINDS
+
+    return sorted({*globals(), *__all__, *KINDS})

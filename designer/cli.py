@@ -12,7 +12,6 @@ from calib.commands.tolerance import tolerance
 from designer.answer import Summary
 from designer.command import command, new_app, run
 from designer.completion import for_option, target_templates
-from designer.errors import InputError
 from designer.kind import Kind, kinds
 from designer.options import Asked, AskedPrinting, options_of
 from designer.options import Option as SpecOption
@@ -121,31 +120,15 @@ def make(
 
 
 def _design(values: Given, origin: str, out: Path | None, must_fit: bool) -> Summary:
-    """Size, check, make and write a target, and say what was done."""
-    from designer.formats.folder import Written, files_left, replaced_target, write_folder
-    from designer.make.printability import check_printability
-    from designer.produce import Design, make_files
-    from designer.report.design_page import design_report
-    from designer.sizing import size_job
-    from designer.spec_file import parse_spec
+    """Design, write, and say what was done."""
+    from designer.designing import designed
     from designer.summary import design_summary, print_design, progress
 
-    sized = size_job(parse_spec(values, origin))
-    design = Design(sized.job)
-    _ = design.printed_pattern  # an ink offset that closes rings is refused with its limits, before the rules
-    check = check_printability(design.target, sized.job.printing, bed_is_rule=must_fit)
-    if check.violations:
-        raise InputError(check.violations[0].text)
-    folder = out if out is not None else Path("exports") / sized.job.name
-    replaced_lines = replaced_target(folder, sized.job.name, design.target)
+    target = designed(values, origin, must_fit=must_fit)
     with progress() as on_stage:
-        files = make_files(design, on_stage)
-        on_stage("page")
-        files = (*files, design_report(design, check, files))
-        write_folder(folder, files)
-    written = Written(folder, files, files_left(folder, sized.job.name, files), replaced_lines)
-    print_design(design, sized.remarks, check, written)
-    return design_summary(design, sized.remarks, check, written)
+        written = target.save(out, on_stage)
+    print_design(target.design, target.remarks, target.check, written)
+    return design_summary(target.design, target.remarks, target.check, written)
 
 
 @command(app)

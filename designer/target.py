@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
+from os import PathLike
 from pathlib import Path
 from typing import Literal, cast, get_args
 
@@ -307,8 +308,8 @@ def _refuse_constant(name: str) -> float:
     raise ValueError(f"the number {name} is not finite")
 
 
-def load_target(path: Path, needs: Needs = "points") -> TargetGeometry:
-    """Read a target file.
+def load_target(path: str | PathLike[str], needs: Needs = "points") -> TargetGeometry:
+    """Read a target file: `load_target("ico.target.json")`.
 
     Args:
         path: the file.
@@ -317,6 +318,7 @@ def load_target(path: Path, needs: Needs = "points") -> TargetGeometry:
     Raises:
         InputError: the file cannot be read or is no valid target file; the message names it.
     """
+    path = Path(path)
     text = read_small_text(path, MAX_FILE_BYTES, "a target file (NAME.target.json)")
     try:
         target = target_from_json(text)

@@ -1,0 +1,143 @@
+"""What a person calls from Python to design a target; `design` on the command line stands on it."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TypeAlias
+
+from designer.errors import InputError
+from designer.formats.folder import OutputFile, Written, files_left, replaced_target, write_folder
+from designer.kind import KINDS
+from designer.make.printability import PrintCheck, check_printability
+from designer.presets import preset_or_file
+from designer.produce import Design, make_files
+from designer.sizing import size_job
+from designer.spec_file import RawValue, parse_spec, read_spec_file, replaced
+from designer.target import TargetGeometry
+
+Place: TypeAlias = str | PathLike[str]
+Wish: TypeAlias = str | float | bool | tuple[float, ...] | tuple[str, ...] | None
+"""The value of an option: as the command line has it, or as numbers; None: chosen as usual."""
+
+
+def unheard(stage: str) -> None:
+    """Nobody is told."""
+
+
+@dataclass(frozen=True)
+class DesignedTarget:
+    """A target that can be made: its geometry, what the design rules say of it, and its files.
+
+    >>> target = designer.ico(edge_mm=100)
+    >>> target.geometry.ring_count, target.save("exports/ico")
+    """
+
+    design: Design
+    check: PrintCheck
+    remarks: tuple[str, ...]  # what was chosen, one line each
+
+    @property
+    def name(self) -> str:
+        """What its files are called."""
+        return self.design.job.name
+
+    @property
+    def geometry(self) -> TargetGeometry:
+        """Where its rings are: what detector, solver and studies read."""
+        return self.design.target
+
+    def files(self, on_stage: Callable[[str], None] = unheard) -> tuple[OutputFile, ...]:
+        """All files of the folder, in memory, the page last.
+
+        Raises:
+            InputError: one cannot be made as asked.
+        """
+        from designer.report.design_page import design_report
+
+        files = make_files(self.design, on_stage)
+        on_stage("page")
+        return (*files, design_report(self.design, self.check, files))
+
+    def save(self, folder: Place | None = None, on_stage: Callable[[str], None] = unheard) -> Written:
+        """Write the files that `design` writes: `target.save("exports/ico")`; what was written.
+
+        Args:
+            folder: None: `exports/NAME`.
+            on_stage: is told what is made.
+
+        Raises:
+            InputError: the folder takes no files, or holds somebody else's.
+        """
+        place = Path("exports") / self.name if folder is None else Path(folder)
+        replaced_lines = replaced_target(place, self.name, self.geometry)
+        files = self.files(on_stage)
+        write_folder(place, files)
+        return Written(place, files, files_left(place, self.name, files), replaced_lines)
+
+
+def design(kind: str, *, must_fit: bool = False, **wishes: Wish) -> DesignedTarget:
+    """Design a target of a kind: `design("ico", edge_mm=100)`; the kinds are functions of their own, too.
+
+    Args:
+        kind: one of `designer.kind.KINDS`.
+        must_fit: refuse a part that is larger than the printer's bed.
+        wishes: options of the command line with underscores: `ring_diameter="7mm"`, or with the unit in the name and
+            a number: `ring_diameter_mm=7`, `size_mm=(220, 220)`.
+
+    Raises:
+        InputError: a value that breaks a rule, or a target that cannot be made; the nearest that can be is named.
+    """
+    if kind not in KINDS:
+        raise InputError(f"kind {kind!r}: there is none; there are {', '.join(KINDS)}")
+    return designed({"kind": kind, **_values(wishes)}, "", must_fit=must_fit)
+
+
+def load(spec: Place, *, must_fit: bool = False, **wishes: Wish) -> DesignedTarget:
+    """Design a template's or a TOML file's target: `load("matt-ico")`; wishes replace the file's values.
+
+    Raises:
+        InputError: no such template or file, or a value that breaks a rule.
+    """
+    path = preset_or_file("targets", fspath(spec))
+    name = re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-._")[:64] or None
+    values = {"name": name, **replaced(read_spec_file(path), _values(wishes))}
+    return designed(values, str(path) if path == Path(spec) else fspath(spec), must_fit=must_fit)
+
+
+def designed(values: dict[str, RawValue], origin: str, *, must_fit: bool) -> DesignedTarget:
+    """Size a target and hold it to the design rules.
+
+    Args:
+        values: of its spec, as a TOML file has them.
+        origin: what messages name; "" for options.
+        must_fit: refuse a part that is larger than the printer's bed.
+
+    Raises:
+        InputError: a value, or a design rule, that is broken.
+    """
+    sized = size_job(parse_spec(values, origin))
+    made = Design(sized.job)
+    _ = made.printed_pattern  # an ink offset that closes rings is refused with its limits, before the rules
+    check = check_printability(made.target, sized.job.printing, bed_is_rule=must_fit)
+    if check.violations:
+        raise InputError(check.violations[0].text)
+    return DesignedTarget(made, check, tuple(sized.remarks))
+
+
+def _values(wishes: dict[str, Wish]) -> dict[str, RawValue]:
+    """Wishes as a file has them: the unit in a name goes to its numbers."""
+    values: dict[str, RawValue] = {}
+    for key, wish in wishes.items():
+        name = key.removesuffix("_mm")
+        if wish is None:
+            continue
+        if name != key:
+            lengths = wish if isinstance(wish, tuple) else (wish,)
+            if not all(isinstance(one, int | float) and not isinstance(one, bool) for one in lengths):
+                raise InputError(f"{key} {wish!r}: give a number of millimetres")
+            values[name] = "x".join(f"{one!r}" for one in lengths) + "mm"
+        else:
+            values[name] = list(wish) if isinstance(wish, tuple) else wish
+    return values
