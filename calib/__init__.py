@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from calib.api.posing import PoseResult, pose
     from calib.api.run_result import RunResult
     from calib.api.running import NothingFoundError, run, solve
+    from calib.api.tolerancing import ToleranceResult, tolerance
     from calib.api.undistorting import UndistortedFiles, Undistorter, undistort
     from calib.cameras.camera import Camera
     from calib.cameras.undistortion import Undistorted
@@ -39,6 +40,7 @@ __all__ = [
     "PoseResult",
     "RescaledTarget",
     "RunResult",
+    "ToleranceResult",
     "Undistorted",
     "UndistortedFiles",
     "Undistorter",
@@ -52,6 +54,7 @@ __all__ = [
     "rescale",
     "run",
     "solve",
+    "tolerance",
     "undistort",
 ]
 
@@ -87,6 +90,10 @@ _HOMES = {
         "NothingFoundError",
         "run",
         "solve",
+    ),
+    "calib.api.tolerancing": (
+        "ToleranceResult",
+        "tolerance",
     ),
     "calib.api.undistorting": (
         "UndistortedFiles",

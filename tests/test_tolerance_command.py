@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 import typer
 
+from calib.api.tolerancing import tolerance as tolerance_from_python
 from calib.commands.tolerance import tolerance
 from calib.studies.tolerance.report import MAIN
 from designer.command import run
@@ -90,6 +91,23 @@ def test_a_prediction_answers_all_three_questions(folder: Path) -> None:
     for quantity in MAIN:
         assert twice["face_tilt", quantity] == pytest.approx(2 * once["face_tilt", quantity], rel=1e-6)
         assert twice["skew", quantity] == pytest.approx(once["skew", quantity], rel=1e-6)
+
+
+def test_python_finds_what_the_command_finds(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """`calib.tolerance` takes a value, prints nothing, keeps no draws unless told where, and writes the same table."""
+    done("ico.target.json", *TAKEN, "--linear", "-o", "out")
+    before = files_in(folder)
+    capfd.readouterr()
+    found = tolerance_from_python(ico(), "fdm-dual", views=16, distance_mm=260.0, linear=True)
+    drawn = tolerance_from_python(
+        ico(), "fdm-dual", views=16, distance_mm=260.0, draws=2, jobs=1, require=["pose=10mm"]
+    )
+    assert (drawn.drawn.new, drawn.drawn.before, drawn.is_kept) == (2, 0, True)
+    assert files_in(folder) == before
+    assert "srcdoc" in found._repr_html_()
+    found.save("again")
+    assert costs("again/table.csv") == costs("out/table.csv")
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_study_is_kept_and_gone_on_with(folder: Path) -> None:
