@@ -28,7 +28,7 @@ def unheard(stage: str) -> None:
 
 @dataclass(frozen=True)
 class DesignedTarget:
-    """A target that can be made: its geometry, what the design rules say of it, and its files.
+    """A target with what the design rules say of it: `made.geometry`, `made.save("exports/ico")`.
 
     >>> target = designer.ico(edge_mm=100)
     >>> target.geometry.ring_count, target.save("exports/ico")
@@ -78,7 +78,9 @@ class DesignedTarget:
 
 
 def design(kind: str, *, must_fit: bool = False, **wishes: Wish) -> DesignedTarget:
-    """Design a target of a kind: `design("ico", edge_mm=100)`; the kinds are functions of their own, too.
+    """Design a target of a kind: `design("ico", edge_mm=100)`.
+
+    The kinds are functions of their own, too.
 
     Args:
         kind: one of `designer.kind.KINDS`.
@@ -95,7 +97,9 @@ def design(kind: str, *, must_fit: bool = False, **wishes: Wish) -> DesignedTarg
 
 
 def load(spec: Place, *, must_fit: bool = False, **wishes: Wish) -> DesignedTarget:
-    """Design a template's or a TOML file's target: `load("matt-ico")`; wishes replace the file's values.
+    """Design a template's or a TOML file's target: `load("matt-ico")`.
+
+    Wishes replace the file's values.
 
     Raises:
         InputError: no such template or file, or a value that breaks a rule.

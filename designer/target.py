@@ -62,7 +62,9 @@ _REQUIRED = tuple(name for name in _ARRAYS if name not in _OPTIONAL)
 
 @dataclass(frozen=True, eq=False)
 class TargetGeometry:
-    """R features on F faces, in millimetres, in the target frame. Two are equal if their ids are.
+    """R features on F faces, in mm in the target frame: `target.center_mm`, `target.face_count`.
+
+    Two are equal if their ids are.
 
     Arrays are copied, made C-contiguous and read-only.
 
