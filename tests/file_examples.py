@@ -15,6 +15,26 @@ from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummar
 from calib.renderer.job import FileOptions, RenderRecord, TrueView
 from calib.renderer.options import RenderOptions
 from calib.report.origin import Origin
+from calib.studies.compare.comparison_file import AloneRow, CaseRow, ComparisonFile, ComparisonPlan
+from calib.studies.study_table_file import (
+    StudyCase,
+    StudyExponent,
+    StudyFinding,
+    StudyMetric,
+    StudyRatio,
+    StudyTable,
+)  # fmt: skip
+from calib.studies.tolerance.table_file import (
+    AllowedRow,
+    BudgetRow,
+    CostRow,
+    CrossoverRow,
+    Crossovers,
+    SweepCosts,
+    SweepRow,
+    Together,
+    ToleranceFile,
+)  # fmt: skip
 from calib.verdict.apart import Known
 from calib.verdict.criteria import Criteria, Limits
 from calib.verdict.halves import Half
@@ -66,6 +86,34 @@ def _metrics() -> Metrics:
     return Metrics("opencv", "converged", 3, 100, 2, "the views", 0, ("a remark",), parameters, summaries)
 
 
+def _study() -> StudyTable:
+    numbers = (1 / 3, None, 1e-9)
+    metric = StudyMetric("all", "pose", "mm", 20, 1, "normal", *numbers, *[0.5] * 14)
+    case = StudyCase("ico", "area", "all", 10, 100, 21, 20, 1, 0, 0, (metric,))
+    ratios, exponents = (StudyRatio(10, *numbers),), (StudyExponent("pose", -0.5, None, -0.48),)
+    finding = StudyFinding("it holds", "area", "all", "holds", "holds", "", "as seen", ratios, exponents)
+    return StudyTable((case,), ("a note",), (finding,), ())
+
+
+def _comparison() -> ComparisonFile:
+    case = CaseRow("ico", "figure", "opencv", "pose", "mm", 0.5, None, 0.7, 3, 30, 0, 1, None)
+    alone = AloneRow("ico", "scale", 2.0, None, None, "0.1%", 0.2, 0.3, None, 3, 0, "")
+    plan = ComparisonPlan("a camera", 3, 10, 2, 0)
+    return ComparisonFile(plan, {"ico": 500.0}, (case,), (alone,), ("a note",), ("in words",))
+
+
+def _tolerance() -> ToleranceFile:
+    cost = CostRow("scale", "normal", 0.1, 0.1, "1", "pose", "mm", 0.5, 0.4, 0.6, None, 1.0, 5.0, 4.0, 6.0, None)
+    allowed, together = AllowedRow("scale", "1", 0.2, None, None, True), Together(1.5, 1.4, 1.6, False)
+    sweep = SweepRow("scale", (0.1, 0.2), (SweepCosts("pose", (0.5, None), (0.4, 0.8), (0.6, 1.2), (0.5, 1.0)),))
+    crossed = CrossoverRow("scale", "1", "pose", "crosses", 0.1, None, None, 0.2, 0.3, 0.5)
+    return ToleranceFile(
+        "ico", ("30 views",), "draws", 100, (0, 1), "pose", (cost,),
+        (BudgetRow("pose", 1.0, "mm", True, False, (allowed,), together),), (sweep,),
+        Crossovers("board", ("30 views",), "pla", (crossed,)), {"scale": "a book"}, ("a note",),
+    )  # fmt: skip
+
+
 EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.camera": _camera,
     "ringsolid.verdict": _verdict,
@@ -73,5 +121,8 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.records": _records,
     "ringsolid.truth": _truth,
     "ringsolid.metrics": _metrics,
+    "ringsolid.study_table": _study,
+    "ringsolid.comparison": _comparison,
+    "ringsolid.tolerance_table": _tolerance,
     "ringsolid.report": lambda: Origin("calibration", "calib run target.json photos/*.jpg", "ringsolid 1.0"),
 }

@@ -29,12 +29,13 @@ from calib.studies.stored_samples import StoredCase
 from calib.studies.table_files import table_files
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.explore import budgets_of, reaches
-from calib.studies.tolerance.files import to_json
+from calib.studies.tolerance.files import tolerance_file
 from calib.studies.tolerance.first_order import first_order
 from calib.studies.tolerance.linear import linear_table
 from calib.studies.tolerance.report import Against, Requirement, ToleranceReport, all_crossovers, sweeps_from
 from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.sweep import FACTORS
+from calib.studies.tolerance.table_file import TOLERANCE_TABLE
 from designer.page.blocks import Block, Figure, Finding, Findings, Fold, Page, Table
 from designer.tolerance.error_file import error_model
 from tests.as_built_scenes import photos, printed, random_shape, solid
@@ -160,7 +161,10 @@ def tolerance_report() -> ToleranceReport:
 def tolerance_files() -> Files:
     """Its folder, without the draws."""
     stems = ("ranking", "budget", "crossover", "sweep_intersection", "sweep_reprojection")
-    return {"table.json": to_json(tolerance_report()), **{f"figures/{stem}.svg": SVG for stem in stems}}
+    return {
+        "table.json": TOLERANCE_TABLE.text(tolerance_file(tolerance_report())),
+        **{f"figures/{stem}.svg": SVG for stem in stems},
+    }
 
 
 @cache

@@ -17,7 +17,7 @@ from calib.observe.observations import (
     observations_for_poses,
     observations_from_detections,
 )
-from calib.observe.records import records_path, records_to_json
+from calib.observe.records import RECORDS, records_path
 from calib.solver.solve import solve
 from designer.errors import InputError
 from designer.target import TargetGeometry
@@ -197,7 +197,7 @@ def test_what_many_photos_say_is_not_lost_in_files(tmp_path: Path) -> None:
         return prepared(list(read_detections(path, BOARD, target_path=Path("t")))).remarks
 
     assert said() == prepared(doubted).remarks == ("3 of 3 photos: is it this target?",)
-    records_path(path).write_bytes(records_to_json(replace(records, geometry_id="another")))
+    records_path(path).write_bytes(RECORDS.text(replace(records, geometry_id="another")))
     assert said() == ()
     records_path(path).unlink()
     assert said() == ()

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from calib.report.tolerance_table_file import ToleranceFile, read_tolerance_table
-from calib.studies.tolerance.files import to_json
+from calib.studies.table_files import JSON_FILE
+from calib.studies.tolerance.files import tolerance_file
 from calib.studies.tolerance.quantities import quantity_row
 from calib.studies.tolerance.report import MAIN
+from calib.studies.tolerance.table_file import TOLERANCE_TABLE, ToleranceFile
 from calib.studies.tolerance.tables import budget_table, crossover_table
 from designer.page.blocks import Page
 from tests.report_folders import findings_of, page_of, table_of, tolerance_files, tolerance_report, written
@@ -30,7 +31,7 @@ def page(folder: Path) -> Page:
 
 def test_the_order_is_that_of_the_study(folder: Path) -> None:
     """Errors are ranked as the study ranks them; what does nothing is left out."""
-    table = read_tolerance_table(folder)
+    table = TOLERANCE_TABLE.read_if_there(folder / JSON_FILE)
     assert isinstance(table, ToleranceFile)
     assert [one.error for one in table.ranking] == list(tolerance_report().ranking)
 
@@ -76,7 +77,9 @@ def test_a_missed_limit_comes_first(page: Page, tmp_path: Path) -> None:
     assert levels == {"Intersection error against the drawing": "bad", "Reprojection error": "good"}
     for budgets, level in ((tolerance_report().budgets[1:], "good"), ((), "note")):
         other = tmp_path / level
-        written({"table.json": to_json(replace(tolerance_report(), budgets=budgets))}, other)
+        written(
+            {"table.json": TOLERANCE_TABLE.text(tolerance_file(replace(tolerance_report(), budgets=budgets)))}, other
+        )
         headline = page_of("tolerance", other).headline
         assert headline is not None
         assert headline.level == level
@@ -105,7 +108,7 @@ def test_a_prediction_needs_no_draws(tmp_path: Path) -> None:
     """A study without draws says that nothing checked it, and has no intervals."""
     report = tolerance_report()
     linear = replace(report, table=report.linear, sweeps=(), reaches=(), against=None)
-    page = page_of("tolerance", written({"table.json": to_json(linear)}, tmp_path))
+    page = page_of("tolerance", written({"table.json": TOLERANCE_TABLE.text(tolerance_file(linear))}, tmp_path))
     prediction = next(one for one in page.sections if one.title == "Prediction")
     assert "without --linear" in prediction.lead
     assert "without a single draw" in page.sections[0].lead

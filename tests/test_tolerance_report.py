@@ -18,11 +18,12 @@ from PIL import Image
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.renderer.rings import target_fits
+from calib.studies.table_files import rows_to_csv
 from calib.studies.tolerance.budget import Allowed
 from calib.studies.tolerance.control import control_of
 from calib.studies.tolerance.draw import TOGETHER, run_draws
 from calib.studies.tolerance.explore import budgets_of, reaches, searched
-from calib.studies.tolerance.files import number, report_files, to_csv, to_json
+from calib.studies.tolerance.files import number, report_files, tolerance_file
 from calib.studies.tolerance.first_order import first_order
 from calib.studies.tolerance.linear import linear_table
 from calib.studies.tolerance.notes import budget_notes, crossover_notes, notes
@@ -42,6 +43,7 @@ from calib.studies.tolerance.requirement import parse_requirements
 from calib.studies.tolerance.result import Cost, table_of_draws
 from calib.studies.tolerance.setting import CAP_RAD
 from calib.studies.tolerance.sweep import FACTORS, sweep
+from calib.studies.tolerance.table_file import TOLERANCE_TABLE, CostRow
 from calib.studies.tolerance.tables import budget_table, cost_cell, cost_table, crossover_table, size_in_words
 from calib.studies.tolerance.view_fit import view_fit
 from designer.errors import InputError
@@ -217,7 +219,7 @@ def test_crossover_in_words_agrees_with_the_table() -> None:
 
 def test_files_hold_the_numbers_of_the_tables() -> None:
     """CSV and JSON have every cost of every quantity to nine digits; a sensitivity times the size is the cost."""
-    lines = list(csv.DictReader(io.StringIO(to_csv(report()).decode())))
+    lines = list(csv.DictReader(io.StringIO(rows_to_csv(CostRow, tolerance_file(report()).costs).decode())))
     assert len(lines) == len(NAMES) * (len(model().sources) + 2)
     table = report().table
     for line in lines:
@@ -228,7 +230,7 @@ def test_files_hold_the_numbers_of_the_tables() -> None:
         else:
             cost = (table.baseline if line["error"] == "none" else table.together).value[row]
         assert float(line["cost"]) == pytest.approx(cost, rel=1e-8)
-    document = json.loads(to_json(report()))
+    document = json.loads(TOLERANCE_TABLE.text(tolerance_file(report())))
     assert len(document["costs"]) == len(lines)
     assert [one["error"] for one in document["sweeps"]] == ["scale", "face_tilt", "ring_jitter"]
     assert document["budgets"][0]["together"]["factor"] == number(report().budgets[0].budget.together.factor)

@@ -12,12 +12,13 @@ from calib.report.compare_words import (
     objects_alt,
     split_sentences,
 )
-from calib.report.comparison_file import ComparisonFile, read_comparison
 from calib.report.folder_blocks import files_section, notes, question_section, warnings
 from calib.report.origin import Origin
 from calib.report.study_folder import NO_TABLE, FigureText, figures, read_identity
+from calib.studies.compare.comparison_file import COMPARISON, ComparisonFile
 from calib.studies.compare.outputs import FIGURES
 from calib.studies.outputs import STUDY_FILE
+from calib.studies.table_files import JSON_FILE
 from designer.page.blocks import Block, Command, Finding, Findings, Page, Section, Steps
 
 QUESTION = (
@@ -39,7 +40,7 @@ def compare_page(folder: Path, origin: Origin) -> Page:
     Raises:
         InputError: `table.json` is damaged.
     """
-    table = read_comparison(folder)
+    table = COMPARISON.read_if_there(folder / JSON_FILE)
     again = Command("calib report .", "in this folder: makes this page again")
     if table is None:
         missing = Findings((Finding("usable", "No tables", NO_TABLE),))

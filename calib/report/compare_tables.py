@@ -1,8 +1,8 @@
 """The tables of the page of a comparison."""
 
 from calib.core.number_text import figure
-from calib.report.comparison_file import AloneRow, CaseRow, ComparisonFile
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, PLAIN_DRAWN
+from calib.studies.compare.comparison_file import AloneRow, CaseRow, ComparisonFile
 from calib.studies.compare.objects import OBJECTS
 from calib.studies.compare.results import NEAR, REACH, short
 from designer.page.blocks import Cell, Column, Level, Table

@@ -2,8 +2,8 @@
 
 from calib.core.number_text import figure
 from calib.report.compare_tables import explains
-from calib.report.comparison_file import AloneRow, ComparisonFile
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJECTS
+from calib.studies.compare.comparison_file import AloneRow, ComparisonFile
 from calib.studies.compare.objects import MODELS
 from calib.studies.compare.results import short
 from calib.studies.compare.words import ALIKE, REFERENCE

@@ -7,7 +7,6 @@ from calib.report.folder_blocks import files_section, notes, question_section, w
 from calib.report.origin import Origin
 from calib.report.parameter_spread import Spread, spreads
 from calib.report.study_folder import NO_TABLE, FigureText, figures, identity_facts, read_identity
-from calib.report.study_table_file import StudyFinding, StudyTable, read_study_table
 from calib.report.study_tables import (
     LEVEL_OF_VERDICT,
     errors_table,
@@ -27,7 +26,9 @@ from calib.report.study_words import (
 )
 from calib.studies.figures import slug
 from calib.studies.outputs import STUDY_FILE
+from calib.studies.study_table_file import STUDY_TABLE, StudyFinding, StudyTable
 from calib.studies.table import setting_in_words
+from calib.studies.table_files import JSON_FILE
 from designer.page.blocks import (
     Block,
     Command,
@@ -73,7 +74,7 @@ def bootstrap_page(folder: Path, origin: Origin) -> Page:
     Raises:
         InputError: `table.json` is damaged.
     """
-    table, found = read_study_table(folder), spreads(folder)
+    table, found = STUDY_TABLE.read_if_there(folder / JSON_FILE), spreads(folder)
     sections: list[Section] = [_setting(folder, table, BOOTSTRAP_QUESTION)]
     headline: Headline | None = None
     if table is not None:
@@ -93,7 +94,7 @@ def paper_page(folder: Path, origin: Origin) -> Page:
     Raises:
         InputError: `table.json` is damaged.
     """
-    table, found = read_study_table(folder), spreads(folder)
+    table, found = STUDY_TABLE.read_if_there(folder / JSON_FILE), spreads(folder)
     sections: list[Section] = [_setting(folder, table, PAPER_QUESTION)]
     headline: Headline | None = None
     if table is not None:

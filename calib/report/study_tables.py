@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 from calib.core.number_text import figure, with_digits
 from calib.report.parameter_spread import Spread
-from calib.report.study_table_file import MOST_SETTINGS, StudyCase, StudyFinding, StudyMetric, StudyTable
 from calib.report.study_words import fall_in_words
 from calib.studies.findings import ABOUT, ROOT, SIGNIFICANT
 from calib.studies.statistics import Metric
+from calib.studies.study_table_file import MOST_SETTINGS, StudyCase, StudyFinding, StudyMetric, StudyTable
 from calib.studies.table import LARGEST, setting_in_words
 from designer.page.blocks import Cell, Column, Level, Table
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from calib.core.number_text import figure, with_digits
 from calib.report.parameter_spread import Spread
-from calib.report.study_table_file import StudyCase, StudyFinding, StudyTable
 from calib.studies.findings import ABOUT, ROOT, SIGNIFICANT
 from calib.studies.statistics import METRICS, Metric
+from calib.studies.study_table_file import StudyCase, StudyFinding, StudyTable
 from calib.studies.table import setting_in_words
 from designer.page.blocks import Headline, Level
 

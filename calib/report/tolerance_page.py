@@ -6,7 +6,6 @@ from pathlib import Path
 from calib.report.folder_blocks import files_section, notes, question_section, warnings
 from calib.report.origin import Origin
 from calib.report.study_folder import NO_TABLE, FigureText, figures, identity_facts, read_identity
-from calib.report.tolerance_table_file import BudgetRow, Crossovers, ToleranceFile, read_tolerance_table
 from calib.report.tolerance_tables import (
     amounts_table,
     assumed,
@@ -32,8 +31,10 @@ from calib.report.tolerance_words import (
     tolerance_headline,
 )
 from calib.studies.outputs import STUDY_FILE
+from calib.studies.table_files import JSON_FILE
 from calib.studies.tolerance.explore import AGAINST_FILE
 from calib.studies.tolerance.report import FEWEST_TO_CHECK, of_name
+from calib.studies.tolerance.table_file import TOLERANCE_TABLE, BudgetRow, Crossovers, ToleranceFile
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Fold, Page, Section, Steps
 from designer.words import capital, printable
 
@@ -65,7 +66,7 @@ def tolerance_page(folder: Path, origin: Origin) -> Page:
     Raises:
         InputError: `table.json` is damaged.
     """
-    table = read_tolerance_table(folder)
+    table = TOLERANCE_TABLE.read_if_there(folder / JSON_FILE)
     if table is None:
         missing = Findings((Finding("usable", "No tables", NO_TABLE),))
         sections = [question_section(QUESTION, (), missing), files_section(folder, FILES, AGAIN)]

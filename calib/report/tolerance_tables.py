@@ -6,7 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.core.number_text import figure
-from calib.report.tolerance_table_file import (
+from calib.studies.tolerance.draw import TOGETHER
+from calib.studies.tolerance.report import MAIN, NEVER, of_name
+from calib.studies.tolerance.result import Cost
+from calib.studies.tolerance.table_file import (
     AllowedRow,
     BudgetRow,
     CostRow,
@@ -16,9 +19,6 @@ from calib.report.tolerance_table_file import (
     Together,
     ToleranceFile,
 )
-from calib.studies.tolerance.draw import TOGETHER
-from calib.studies.tolerance.report import MAIN, NEVER, of_name
-from calib.studies.tolerance.result import Cost
 from calib.studies.tolerance.tables import HEADS, cost_cell, short, size_words
 from designer.page.blocks import Cell, Column, Level, Table
 from designer.tolerance.registry import SOURCES

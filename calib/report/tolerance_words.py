@@ -3,9 +3,9 @@
 import math
 
 from calib.core.number_text import figure
-from calib.report.tolerance_table_file import BudgetRow, CostRow, Crossovers, ToleranceFile
 from calib.report.tolerance_tables import amount_of, assumed, other_totals, source_title
 from calib.studies.tolerance.report import MAIN, NEVER, of_name
+from calib.studies.tolerance.table_file import BudgetRow, CostRow, Crossovers, ToleranceFile
 from calib.studies.tolerance.tables import short
 from designer.page.blocks import Finding, Headline
 from designer.words import capital

@@ -2,22 +2,32 @@
 
 import csv
 import io
-import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar, cast
 
 from calib.observe.csv_table import ANY_NAME
 from calib.studies.findings import HeldClaim, findings
 from calib.studies.paper_table import paper_value
 from calib.studies.statistics import CaseSummary, Distribution, Over
+from calib.studies.study_table_file import (
+    STUDY_TABLE,
+    StudyCase,
+    StudyExponent,
+    StudyFinding,
+    StudyMetric,
+    StudyRatio,
+    StudyTable,
+)  # fmt: skip
 from calib.studies.table import markdown, notes
+from designer.base.codec import encode
+from designer.small_file import JsonValue
 
-FORMAT, VERSION = "ringsolid.study_table", 1
+Row = TypeVar("Row")
+
 MARKDOWN_FILE, CSV_FILE, JSON_FILE = "table.md", "table.csv", "table.json"
 OVER: tuple[Over, ...] = ("all", "converged")
-
-Value = str | int | float | None
 
 
 def table_files(summaries: Sequence[CaseSummary], folder: Path, reasons: Sequence[str] = ()) -> dict[Path, bytes]:
@@ -28,74 +38,54 @@ def table_files(summaries: Sequence[CaseSummary], folder: Path, reasons: Sequenc
         folder: where they are to lie.
         reasons: why findings do not hold, in lines.
     """
+    told = study_table(summaries, reasons)
     return {
         folder / MARKDOWN_FILE: markdown(summaries, reasons).encode("utf-8", ANY_NAME),
-        folder / CSV_FILE: table_to_csv(summaries),
-        folder / JSON_FILE: table_to_json(summaries, reasons),
+        folder / CSV_FILE: table_to_csv(told.cases),
+        folder / JSON_FILE: STUDY_TABLE.text(told),
     }
 
 
-def table_to_csv(summaries: Sequence[CaseSummary]) -> bytes:
+def table_to_csv(cases: Sequence[StudyCase]) -> bytes:
     """A line for each case, metric, and set of samples that the statistics are over."""
-    lines = [
-        {**_case(one), **_distribution(one, found, over)}
-        for one in summaries
-        for over in OVER
-        for found in (one.all if over == "all" else one.converged)
+    heads = [
+        {key: value for key, value in cast("dict[str, JsonValue]", encode(StudyCase, case)).items() if key != "metrics"}
+        for case in cases
+        for _ in case.metrics
     ]
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(lines[0]) if lines else [], lineterminator="\n")
-    writer.writeheader()
-    for line in lines:
-        writer.writerow({name: "" if value is None else value for name, value in line.items()})
-    return stream.getvalue().encode("utf-8", ANY_NAME)
+    return rows_to_csv(StudyMetric, [metric for case in cases for metric in case.metrics], heads)
 
 
-def table_to_json(summaries: Sequence[CaseSummary], reasons: Sequence[str] = ()) -> bytes:
+def study_table(summaries: Sequence[CaseSummary], reasons: Sequence[str] = ()) -> StudyTable:
     """The cases with their statistics, the notes, the findings, and why some do not hold."""
-    cases = []
-    for one in summaries:
-        metrics = [
-            _distribution(one, found, over) for over in OVER for found in (one.all if over == "all" else one.converged)
-        ]
-        cases.append({**_case(one), "metrics": metrics})
-    document = {
-        "format": FORMAT,
-        "version": VERSION,
-        "cases": cases,
-        "notes": list(notes(summaries)),
-        "findings": [_finding(one) for one in findings(summaries)],
-        "reasons": list(reasons),
-    }
-    return (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()
+    return StudyTable(
+        tuple(map(_case, summaries)), notes(summaries), tuple(map(_finding, findings(summaries))), tuple(reasons)
+    )
 
 
-def _case(one: CaseSummary) -> dict[str, Value]:
-    case = one.case
-    return {
-        "target": case.target, "sampling": case.sampling, "sightings": case.sightings, "size": case.size,
-        "pool": case.pool, "samples": one.samples, **dict(one.statuses),
-    }  # fmt: skip
+def _case(one: CaseSummary) -> StudyCase:
+    case, counts = one.case, dict(one.statuses)
+    metrics = tuple(
+        _distribution(one, found, over) for over in OVER for found in (one.all if over == "all" else one.converged)
+    )
+    return StudyCase(
+        case.target, case.sampling, case.sightings, case.size, case.pool, one.samples, counts["converged"],
+        counts["stopped"], counts["degenerate"], counts["failed"], metrics,
+    )  # fmt: skip
 
 
-def _distribution(one: CaseSummary, found: Distribution, over: Over) -> dict[str, Value]:
+def _distribution(one: CaseSummary, found: Distribution, over: Over) -> StudyMetric:
     """The statistics of a metric, and the paper's in the same units."""
     metric = found.metric
     paper = paper_value(one.case.target, metric.name, one.case.size)
     unit = 10.0**metric.power
     theirs = (math.nan,) * 4 if paper is None else (paper.mu, paper.sigma, paper.low, paper.high)
-    numbers = {
-        "mu": found.mu, "mu_error": found.mu_error, "sigma": found.sigma, "sigma_error": found.sigma_error,
-        "fit_low": found.fit[0], "fit_high": found.fit[1],
-        "percentile_low": found.percentiles[0], "percentile_high": found.percentiles[1],
-        "skewness": found.skewness, "excess_kurtosis": found.excess_kurtosis, "p_value": found.p_value,
-        **dict(zip(("paper_mu", "paper_sigma", "paper_low", "paper_high"), (n * unit for n in theirs), strict=True)),
-        "mu_by_paper": found.mu / (theirs[0] * unit), "sigma_by_paper": found.sigma / (theirs[1] * unit),
-    }  # fmt: skip
-    return {
-        "over": over, "metric": metric.name, "unit": metric.unit, "count": found.count, "without": found.without,
-        "shape": found.shape, **{name: _or_none(number) for name, number in numbers.items()},
-    }  # fmt: skip
+    numbers = (
+        found.mu, found.mu_error, found.sigma, found.sigma_error, *found.fit, *found.percentiles, found.skewness,
+        found.excess_kurtosis, found.p_value, *(n * unit for n in theirs),
+        found.mu / (theirs[0] * unit), found.sigma / (theirs[1] * unit),
+    )  # fmt: skip
+    return StudyMetric(over, metric.name, metric.unit, found.count, found.without, found.shape, *map(_or_none, numbers))
 
 
 def _or_none(number: float) -> float | None:
@@ -103,19 +93,28 @@ def _or_none(number: float) -> float | None:
     return float(f"{number:.9g}") if math.isfinite(number) else None
 
 
-def _finding(one: HeldClaim) -> dict[str, object]:
-    return {
-        "claim": one.claim, "sampling": one.sampling, "sightings": one.sightings, "verdict": one.verdict,
-        "verdict_of_converged": one.of_converged, "elsewhere": one.elsewhere,
-        "evidence": one.evidence,
-        "ratios": [
-            {"size": ratio.size, "ratio": _or_none(ratio.value), "standard_errors": _or_none(ratio.deviation),
-             "paper": _or_none(ratio.paper)}
-            for ratio in one.ratios
-        ],
-        "exponents": [
-            {"metric": fall.metric, "exponent": _or_none(fall.exponent), "error": _or_none(fall.error),
-             "paper": _or_none(fall.paper)}
-            for fall in one.falls
-        ],
-    }  # fmt: skip
+def _finding(one: HeldClaim) -> StudyFinding:
+    return StudyFinding(
+        one.claim, one.sampling, one.sightings, one.verdict, one.of_converged, one.elsewhere, one.evidence,
+        tuple(
+            StudyRatio(ratio.size, *map(_or_none, (ratio.value, ratio.deviation, ratio.paper))) for ratio in one.ratios
+        ),
+        tuple(
+            StudyExponent(fall.metric, *map(_or_none, (fall.exponent, fall.error, fall.paper))) for fall in one.falls
+        ),
+    )  # fmt: skip
+
+
+def rows_to_csv(kind: type[Row], rows: Sequence[Row], heads: Sequence[Mapping[str, JsonValue]] = ()) -> bytes:
+    """A line a row, its fields as columns; a head, if there are any, stands before each."""
+    values = [encode(kind, row) for row in rows]
+    lines = [
+        {**head, **cast("dict[str, JsonValue]", row)}
+        for head, row in zip(heads or [{}] * len(rows), values, strict=True)
+    ]
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(lines[0]) if lines else ["none"], lineterminator="\n")
+    writer.writeheader()
+    for line in lines:
+        writer.writerow({name: "" if value is None else value for name, value in line.items()})
+    return stream.getvalue().encode("utf-8", ANY_NAME)

@@ -59,6 +59,17 @@ class Length(Mark):
 
 
 @dataclass(frozen=True)
+class OneOf(Mark):
+    """A name of a registry."""
+
+    names: tuple[str, ...]
+
+    def fault(self, value: object) -> str:
+        """As `Mark`."""
+        return "" if value in self.names else f"must be one of {', '.join(self.names)}"
+
+
+@dataclass(frozen=True)
 class NullIs:
     """What null stands for; whatever is not finite is written so."""
 
@@ -101,6 +112,9 @@ Word = Annotated[str, Length(0, 200), ONE_LINE]
 """A name."""
 Line = Annotated[str, Length(0, 4000), ONE_LINE]
 """A sentence or two."""
+AGAIN = "run the study again with --resume"
+MOST_ROWS = 20_000
+Number = Annotated[float, AtLeast(-1e100), AtMost(1e100)]
 FewLines = Annotated[tuple[Line, ...], Length(0, 1000)]
 
 

@@ -1,22 +1,19 @@
 """The table of a comparison, as Markdown, CSV and JSON."""
 
-import csv
-import io
-import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from calib.core.number_text import figure
 from calib.observe.csv_table import ANY_NAME
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, PLAIN_DRAWN
+from calib.studies.compare.comparison_file import COMPARISON, AloneRow, CaseRow, ComparisonFile, ComparisonPlan
 from calib.studies.compare.objects import OBJECTS, PaperObject
 from calib.studies.compare.results import METRICS, CaseResult, Explanation, Middle, Results, short
 from calib.studies.compare.words import sentences
-from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
+from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE, rows_to_csv
 from designer.words import printable
 
-FORMAT, VERSION = "ringsolid.comparison", 1
 HEAD = ("object", "made as", "model", "intersection mm", "paper", "reconstruction mm", "paper", "reprojection px")
 LENS_HEAD = (
     "lens",
@@ -38,15 +35,15 @@ ALONE_HEAD = (
     "reprojection px",
     "explains both",
 )
-Value = str | int | float | None
 
 
 def files_of_table(results: Results, folder: Path) -> dict[Path, bytes]:
     """The files and their contents."""
+    told = comparison_of(results)
     return {
         folder / MARKDOWN_FILE: markdown(results).encode("utf-8", ANY_NAME),
-        folder / CSV_FILE: _csv(results),
-        folder / JSON_FILE: _json(results),
+        folder / CSV_FILE: rows_to_csv(CaseRow, told.cases),
+        folder / JSON_FILE: COMPARISON.text(told),
     }
 
 
@@ -150,55 +147,36 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in line) + " |" for line in lines)
 
 
-def _case_values(one: CaseResult) -> list[dict[str, Value]]:
+def comparison_of(results: Results) -> ComparisonFile:
+    """All that a comparison says, as its file has it."""
+    plan = results.comparison.plan
+    return ComparisonFile(
+        ComparisonPlan(printable(plan.camera), plan.prints, plan.sets, plan.slow_sets, plan.seed),
+        {name: scene.distance_mm for name, scene in results.comparison.scenes.items()},
+        tuple(row for one in results.cases for row in _case_rows(one)),
+        tuple(_alone_values(one) for one in results.explanations),
+        notes(results),
+        tuple(sentences(results)),
+    )
+
+
+def _case_rows(one: CaseResult) -> Iterator[CaseRow]:
     paper = {entry.name: entry for entry in OBJECTS}[one.name]
-    rows: list[dict[str, Value]] = []
     for metric, unit in METRICS.items():
         middle = one.middle(metric)
         theirs = paper.median(metric) if one.part == FIGURE else math.nan
-        rows.append({
-            "object": one.name, "part": one.part, "model": one.model, "metric": metric, "unit": unit,
-            "median": _number(middle.median), "low": _number(middle.low), "high": _number(middle.high),
-            "prints": middle.prints, "samples": len(one.flat(metric)), "without_camera": one.without,
-            "not_converged": one.unsure, "paper": _number(theirs),
-        })  # fmt: skip
-    return rows
+        yield CaseRow(
+            one.name, one.part, one.model, metric, unit, _number(middle.median), _number(middle.low),
+            _number(middle.high), middle.prints, len(one.flat(metric)), one.without, one.unsure, _number(theirs),
+        )  # fmt: skip
 
 
-def _csv(results: Results) -> bytes:
-    rows = [row for one in results.cases for row in _case_values(one)]
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(rows[0]) if rows else ["object"], lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        writer.writerow({name: "" if value is None else value for name, value in row.items()})
-    return stream.getvalue().encode("utf-8", ANY_NAME)
-
-
-def _json(results: Results) -> bytes:
-    plan = results.comparison.plan
-    document = {
-        "format": FORMAT, "version": VERSION,
-        "plan": {
-            "camera": printable(plan.camera), "prints": plan.prints, "sets": plan.sets,
-            "virtual_sets": plan.slow_sets, "seed": plan.seed,
-        },
-        "distance_mm": {name: scene.distance_mm for name, scene in results.comparison.scenes.items()},
-        "cases": [row for one in results.cases for row in _case_values(one)],
-        "alone": [_alone_values(one) for one in results.explanations],
-        "notes": list(notes(results)),
-        "sentences": list(sentences(results)),
-    }  # fmt: skip
-    return (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()
-
-
-def _alone_values(one: Explanation) -> dict[str, Value]:
-    return {
-        "object": one.name, "source": one.source, "multiple": _number(one.multiple),
-        "multiple_low": _number(one.multiple_low), "multiple_high": _number(one.multiple_high), "amount": one.amount,
-        "reconstruction_mm": _number(one.reconstruction_mm), "paper_reconstruction_mm": one.paper_reconstruction_mm,
-        "reprojection_px": _number(one.reprojection_px), "prints": one.prints, "without": one.without, "why": one.why,
-    }  # fmt: skip
+def _alone_values(one: Explanation) -> AloneRow:
+    return AloneRow(
+        one.name, one.source, _number(one.multiple), _number(one.multiple_low), _number(one.multiple_high), one.amount,
+        _number(one.reconstruction_mm), one.paper_reconstruction_mm, _number(one.reprojection_px), one.prints,
+        one.without, one.why,
+    )  # fmt: skip
 
 
 def _number(value: float) -> float | None:

@@ -1,8 +1,5 @@
 """The files of a tolerance study: its tables as Markdown, CSV and JSON, and its figures."""
 
-import csv
-import io
-import json
 import math
 from collections.abc import Collection, Iterator
 from functools import partial
@@ -15,7 +12,7 @@ from calib.observe.csv_table import ANY_NAME
 from calib.studies import figures
 from calib.studies.markdown import markdown_table, plain
 from calib.studies.outputs import FIGURES_FOLDER
-from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
+from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE, rows_to_csv
 from calib.studies.tolerance.budget import Allowed
 from calib.studies.tolerance.draw import BARE, TOGETHER
 from calib.studies.tolerance.figure_budget import budget_height_px, draw_budget
@@ -26,6 +23,19 @@ from calib.studies.tolerance.notes import budget_notes, crossover_notes, notes
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.report import CheckedBudget, ToleranceReport, of_name
 from calib.studies.tolerance.result import Cost
+from calib.studies.tolerance.sweep import Sweep
+from calib.studies.tolerance.table_file import (
+    TOLERANCE_TABLE,
+    AllowedRow,
+    BudgetRow,
+    CostRow,
+    CrossoverRow,
+    Crossovers,
+    SweepCosts,
+    SweepRow,
+    Together,
+    ToleranceFile,
+)  # fmt: skip
 from calib.studies.tolerance.tables import (
     TextTable,
     budget_table,
@@ -41,10 +51,6 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-FORMAT, VERSION = "ringsolid.tolerance_table", 1
-
-Value = str | int | float | None
-
 
 def report_files(report: ToleranceReport, folder: Path, formats: Collection[str] = ()) -> dict[Path, bytes]:
     """All files and their contents.
@@ -54,10 +60,11 @@ def report_files(report: ToleranceReport, folder: Path, formats: Collection[str]
         folder: where they are to lie.
         formats: of the figures besides PNG: "pdf", "svg".
     """
+    told = tolerance_file(report)
     return {
         folder / MARKDOWN_FILE: markdown(report).encode("utf-8", ANY_NAME),
-        folder / CSV_FILE: to_csv(report),
-        folder / JSON_FILE: to_json(report),
+        folder / CSV_FILE: rows_to_csv(CostRow, told.costs),
+        folder / JSON_FILE: TOLERANCE_TABLE.text(told),
         **figure_files(report, folder / FIGURES_FOLDER, formats),
     }
 
@@ -113,18 +120,8 @@ def _bullets(lines: tuple[str, ...]) -> list[str]:
     return [f"- {plain(line)}" for line in lines]
 
 
-def to_csv(report: ToleranceReport) -> bytes:
-    """A line for each source and quantity, and for no error and all together."""
-    lines = list(_lines(report))
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(lines[0]), lineterminator="\n")
-    writer.writeheader()
-    for line in lines:
-        writer.writerow({name: "" if value is None else value for name, value in line.items()})
-    return stream.getvalue().encode("utf-8", ANY_NAME)
-
-
-def _lines(report: ToleranceReport) -> Iterator[dict[str, Value]]:
+def _lines(report: ToleranceReport) -> Iterator[CostRow]:
+    """A row for each source and quantity, and for no error and all together."""
     table, linear = report.table, report.linear
     for row in range(len(QUANTITIES)):
         yield _line(report, BARE, row, _at(table.baseline, (row,)), float(linear.baseline.value[row]))
@@ -133,9 +130,7 @@ def _lines(report: ToleranceReport) -> Iterator[dict[str, Value]]:
         yield _line(report, TOGETHER, row, _at(table.together, (row,)), float(linear.together.value[row]))
 
 
-def _line(
-    report: ToleranceReport, name: str, row: int, cost: tuple[float, float, float], linear: float
-) -> dict[str, Value]:
+def _line(report: ToleranceReport, name: str, row: int, cost: tuple[float, float, float], linear: float) -> CostRow:
     """One cost, in the quantity's unit, and by the source's unit."""
     table, one = report.table, QUANTITIES[row]
     is_source = name in table.sources
@@ -145,17 +140,13 @@ def _line(
         share, sigma = float(table.share[place, row]), float(table.sigma[place])
         reach = sigma * report.reach(name, one.name)
     amount = table.errors.amount(name) if is_source else None
-    return {
-        "error": name, "distribution": "" if amount is None else amount.kind,
-        "size": None if amount is None else number(amount.size), "rms": number(sigma),
-        "unit": SOURCES[name].unit if is_source else "", "quantity": one.name, "quantity_unit": one.unit,
-        "cost": number(cost[0]), "cost_low": number(cost[1]), "cost_high": number(cost[2]),
-        "predicted": number(linear), "share": number(share),
-        "by_unit": number(cost[0] / sigma) if sigma > 0 else None,
-        "by_unit_low": number(cost[1] / sigma) if sigma > 0 else None,
-        "by_unit_high": number(cost[2] / sigma) if sigma > 0 else None,
-        "prediction_holds_to_rms": number(reach),
-    }  # fmt: skip
+    value, low, high = map(number, cost)
+    low_by, by, high_by = (number(cost[n] / sigma) if sigma > 0 else None for n in (1, 0, 2))
+    return CostRow(
+        name, "" if amount is None else amount.kind, None if amount is None else number(amount.size), number(sigma),
+        SOURCES[name].unit if is_source else "", one.name, one.unit, value, low, high, number(linear), number(share),
+        by, low_by, high_by, number(reach),
+    )  # fmt: skip
 
 
 def _at(cost: Cost, place: tuple[int, ...]) -> tuple[float, float, float]:
@@ -167,74 +158,57 @@ def number(value: float) -> float | None:
     return float(f"{value:.9g}") if math.isfinite(value) else None
 
 
-def to_json(report: ToleranceReport) -> bytes:
-    """Costs, budgets, sweeps, crossovers and notes."""
-    document = {
-        "format": FORMAT,
-        "version": VERSION,
-        "target": report.name,
-        "setting": list(report.lines),
-        "kind": report.table.kind,
-        "draws": report.table.draws,
-        "failed": list(report.table.failed),
-        "ranked_by": report.by,
-        "costs": list(_lines(report)),
-        "budgets": [_budget(report, one) for one in report.budgets],
-        "sweeps": [
-            {"error": one.source, "rms": one.amount.tolist(), "quantities": [
-                {"quantity": name.name, **_rows(one.cost, row), "predicted": [number(v) for v in one.linear[:, row]]}
-                for row, name in enumerate(QUANTITIES)
-            ]}
-            for one in report.sweeps
-        ],
-        "crossovers": _crossovers(report),
-        "sources_of_amounts": dict(report.table.errors.notes),
-        "notes": list(notes(report)),
-    }  # fmt: skip
-    return (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()
+def tolerance_file(report: ToleranceReport) -> ToleranceFile:
+    """Costs, budgets, sweeps, crossovers and notes, as the file has them."""
+    table = report.table
+    return ToleranceFile(
+        report.name, tuple(report.lines), table.kind, table.draws, table.failed, report.by, tuple(_lines(report)),
+        tuple(_budget(report, one) for one in report.budgets), tuple(map(_sweep, report.sweeps)), _crossovers(report),
+        dict(table.errors.notes), tuple(notes(report)),
+    )  # fmt: skip
 
 
-def _rows(cost: Cost, row: int) -> dict[str, list[float | None]]:
-    names = {"cost": cost.value, "cost_low": cost.low, "cost_high": cost.high}
-    return {name: [number(float(value)) for value in np.asarray(values)[:, row]] for name, values in names.items()}
+def _sweep(one: Sweep) -> SweepRow:
+    """An error at several amounts."""
+    costs = (one.cost.value, one.cost.low, one.cost.high, one.linear)
+    quantities = (
+        SweepCosts(name.name, *(tuple(number(float(v)) for v in np.asarray(cost)[:, row]) for cost in costs))
+        for row, name in enumerate(QUANTITIES)
+    )
+    return SweepRow(one.source, tuple(one.amount.tolist()), tuple(quantities))
 
 
-def _budget(report: ToleranceReport, checked: CheckedBudget) -> dict[str, object]:
+def _budget(report: ToleranceReport, checked: CheckedBudget) -> BudgetRow:
     budget = checked.budget
     sigma = dict(zip(report.table.sources, report.table.sigma.tolist(), strict=True))
-    return {
-        "quantity": budget.quantity, "limit": budget.limit, "unit": of_name(budget.quantity).unit,
-        "met_by_noise_alone": budget.is_met_without,
-        "met_as_assumed": report.is_kept(budget),
-        "alone": [
-            {"error": name, "unit": SOURCES[name].unit, **_allowed("largest_rms", allowed, sigma[name]),
-             "by_draws": name in checked.by_draws}
-            for name, allowed in budget.alone
-        ],
-        "together": {**_allowed("factor", budget.together, 1.0), "by_draws": TOGETHER in checked.by_draws},
-    }  # fmt: skip
+    alone = (
+        AllowedRow(name, SOURCES[name].unit, *_allowed(allowed, sigma[name]), name in checked.by_draws)
+        for name, allowed in budget.alone
+    )
+    return BudgetRow(
+        budget.quantity, budget.limit, of_name(budget.quantity).unit, budget.is_met_without, report.is_kept(budget),
+        tuple(alone), Together(*_allowed(budget.together, 1.0), TOGETHER in checked.by_draws),
+    )  # fmt: skip
 
 
-def _allowed(name: str, allowed: Allowed, unit: float) -> dict[str, float | None]:
-    """None where there is no limit."""
-    bounds = {name: allowed.factor, f"{name}_low": allowed.low, f"{name}_high": allowed.high}
-    return {key: number(unit * value) for key, value in bounds.items()}
+def _allowed(allowed: Allowed, unit: float) -> tuple[float | None, float | None, float | None]:
+    """The largest amount with its interval; None where there is no limit."""
+    return number(unit * allowed.factor), number(unit * allowed.low), number(unit * allowed.high)
 
 
-def _crossovers(report: ToleranceReport) -> dict[str, object] | None:
+def _crossovers(report: ToleranceReport) -> Crossovers | None:
     against = report.against
     if against is None:
         return None
-    return {
-        "target": against.name, "setting": list(against.lines), "errors": against.table.errors.name,
-        "found": [
-            {"error": name, "unit": SOURCES[name].unit, "quantity": one.quantity, "verdict": one.verdict,
-             "rms": number(one.amount), "rms_low": number(one.low), "rms_high": number(one.high),
-             "own_without": number(one.own), "other": number(one.other), "noise_share": number(one.noise_share)}
-            for name, found in against.crossovers
-            for one in found
-        ],
-    }  # fmt: skip
+    found = tuple(
+        CrossoverRow(
+            name, SOURCES[name].unit, one.quantity, one.verdict,
+            *map(number, (one.amount, one.low, one.high, one.own, one.other, one.noise_share)),
+        )
+        for name, found in against.crossovers
+        for one in found
+    )  # fmt: skip
+    return Crossovers(against.name, tuple(against.lines), against.table.errors.name, found)
 
 
 def _as_markdown(cells: TextTable) -> str:

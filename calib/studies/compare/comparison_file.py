@@ -1,17 +1,15 @@
-"""`table.json` of a comparison of the paper's objects, as its page reads it."""
+"""`table.json` of a comparison of the paper's objects, for its page and other programs."""
 
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field
-
-from calib.report.stored_table import MOST_ROWS, Count, FewLines, Line, Number, Stored, Word, read_table
-from calib.studies.compare.table import FORMAT, VERSION
-from calib.studies.table_files import JSON_FILE
+from designer.base.file_kind import FileKind
+from designer.base.marks import AGAIN, MOST_ROWS, Count, FewLines, Length, Line, Number, Word
 
 
-class ComparisonPlan(Stored):
+@dataclass(frozen=True)
+class ComparisonPlan:
     """How much was simulated."""
 
     camera: Line
@@ -21,7 +19,8 @@ class ComparisonPlan(Stored):
     seed: Count
 
 
-class CaseRow(Stored):
+@dataclass(frozen=True)
+class CaseRow:
     """One error of an object, part and camera model; medians over prints."""
 
     object: Word
@@ -39,7 +38,8 @@ class CaseRow(Stored):
     paper: Number | None
 
 
-class AloneRow(Stored):
+@dataclass(frozen=True)
+class AloneRow:
     """One error source scaled until it gives the paper's intersection error alone."""
 
     object: Word
@@ -52,16 +52,18 @@ class AloneRow(Stored):
     paper_reconstruction_mm: Number | None
     reprojection_px: Number | None
     prints: Count
+    without: Count  # prints that no multiple does it for
     why: Line
 
 
-class ComparisonFile(Stored):
+@dataclass(frozen=True)
+class ComparisonFile:
     """All of it."""
 
     plan: ComparisonPlan
-    distance_mm: Annotated[dict[Word, Number], Field(max_length=100)]
-    cases: Annotated[tuple[CaseRow, ...], Field(max_length=MOST_ROWS)]
-    alone: Annotated[tuple[AloneRow, ...], Field(max_length=1000)]
+    distance_mm: Annotated[dict[Word, Number], Length(0, 100)]
+    cases: Annotated[tuple[CaseRow, ...], Length(0, MOST_ROWS)]
+    alone: Annotated[tuple[AloneRow, ...], Length(0, 1000)]
     notes: FewLines
     sentences: FewLines
 
@@ -86,10 +88,4 @@ class ComparisonFile(Stored):
         return tuple((name, part, model) for wanted in parts for part, name, model in found if part == wanted)
 
 
-def read_comparison(folder: Path) -> ComparisonFile | None:
-    """The table of a folder; None if it has none.
-
-    Raises:
-        InputError: as `read_table`.
-    """
-    return read_table(folder / JSON_FILE, ComparisonFile, FORMAT, VERSION)
+COMPARISON = FileKind(ComparisonFile, "comparison", "the table of a comparison", AGAIN)

@@ -1,28 +1,23 @@
-"""`table.json` of a tolerance study, as its page reads it."""
+"""`table.json` of a tolerance study, for its page and other programs."""
 
 import math
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
-
-from calib.report.stored_table import MOST_ROWS, Count, FewLines, Flag, Line, Number, Stored, Word, read_table
-from calib.studies.table_files import JSON_FILE
 from calib.studies.tolerance.draw import BARE, TOGETHER
-from calib.studies.tolerance.files import FORMAT, VERSION
 from calib.studies.tolerance.quantities import NAMES
+from designer.base.file_kind import FileKind
+from designer.base.marks import AGAIN, MOST_ROWS, Count, FewLines, Length, Line, Number, OneOf, Word
 
 MOST_SOURCES = 100
 
-QuantityName = Literal[
-    "reprojection", "intersection", "reconstruction", "intersection_true", "reconstruction_true", "pose", "rotation",
-    "focal_length", "principal_point", "distortion_map",
-]  # fmt: skip
+QuantityName = Annotated[str, OneOf(NAMES)]
 ErrorUnit = Literal["mm", "rad", "1", "K", ""]
 
 
-class CostRow(Stored):
+@dataclass(frozen=True)
+class CostRow:
     """What one error costs one quantity; `none`: what noise alone gives; `all`: all errors together."""
 
     error: Word
@@ -31,6 +26,7 @@ class CostRow(Stored):
     rms: Number | None
     unit: ErrorUnit
     quantity: QuantityName
+    quantity_unit: Word
     cost: Number | None
     cost_low: Number | None
     cost_high: Number | None
@@ -42,7 +38,8 @@ class CostRow(Stored):
     prediction_holds_to_rms: Number | None
 
 
-class AllowedRow(Stored):
+@dataclass(frozen=True)
+class AllowedRow:
     """The largest amount of one error alone; None: it does not matter."""
 
     error: Word
@@ -50,50 +47,58 @@ class AllowedRow(Stored):
     largest_rms: Number | None
     largest_rms_low: Number | None
     largest_rms_high: Number | None
-    by_draws: Flag
+    by_draws: bool
 
 
-class Together(Stored):
+@dataclass(frozen=True)
+class Together:
     """By what factor all errors may be larger; None: whatever they are."""
 
     factor: Number | None
     factor_low: Number | None
     factor_high: Number | None
+    by_draws: bool
 
 
-class BudgetRow(Stored):
+@dataclass(frozen=True)
+class BudgetRow:
     """A limit, and what keeps it."""
 
     quantity: QuantityName
     limit: Number
     unit: Word
-    met_by_noise_alone: Flag
-    met_as_assumed: Flag
-    alone: Annotated[tuple[AllowedRow, ...], Field(max_length=MOST_SOURCES)]
+    met_by_noise_alone: bool
+    met_as_assumed: bool
+    alone: Annotated[tuple[AllowedRow, ...], Length(0, MOST_SOURCES)]
     together: Together
 
 
-class SweepCosts(Stored):
+@dataclass(frozen=True)
+class SweepCosts:
     """What an error costs a quantity at each of its amounts."""
 
     quantity: QuantityName
-    cost: Annotated[tuple[Number | None, ...], Field(max_length=100)]
-    predicted: Annotated[tuple[Number | None, ...], Field(max_length=100)]
+    cost: Annotated[tuple[Number | None, ...], Length(0, 100)]
+    cost_low: Annotated[tuple[Number | None, ...], Length(0, 100)]
+    cost_high: Annotated[tuple[Number | None, ...], Length(0, 100)]
+    predicted: Annotated[tuple[Number | None, ...], Length(0, 100)]
 
 
-class SweepRow(Stored):
+@dataclass(frozen=True)
+class SweepRow:
     """An error at several amounts."""
 
     error: Word
-    rms: Annotated[tuple[Number, ...], Field(max_length=100)]
-    quantities: Annotated[tuple[SweepCosts, ...], Field(max_length=20)]
+    rms: Annotated[tuple[Number, ...], Length(0, 100)]
+    quantities: Annotated[tuple[SweepCosts, ...], Length(0, 20)]
 
     def of(self, quantity: str) -> SweepCosts | None:
         """The costs of a quantity."""
         return next((one for one in self.quantities if one.quantity == quantity), None)
 
 
-class CrossoverRow(Stored):
+@dataclass(frozen=True)
+class CrossoverRow:
     """From which amount of an error on a target loses to the other."""
 
     error: Word
@@ -101,31 +106,38 @@ class CrossoverRow(Stored):
     quantity: QuantityName
     verdict: Literal["loses at zero", "crosses", "never loses"]
     rms: Number | None
+    rms_low: Number | None
+    rms_high: Number | None
+    own_without: Number | None
     other: Number | None
+    noise_share: Number | None
 
 
-class Crossovers(Stored):
+@dataclass(frozen=True)
+class Crossovers:
     """The other target."""
 
     target: Line
     setting: FewLines
     errors: Word
-    found: Annotated[tuple[CrossoverRow, ...], Field(max_length=MOST_ROWS)]
+    found: Annotated[tuple[CrossoverRow, ...], Length(0, MOST_ROWS)]
 
 
-class ToleranceFile(Stored):
+@dataclass(frozen=True)
+class ToleranceFile:
     """All of it."""
 
     target: Line
     setting: FewLines
     kind: Literal["draws", "linear"]
     draws: Count
+    failed: Annotated[tuple[Count, ...], Length(0, 200)]  # of each case
     ranked_by: QuantityName
-    costs: Annotated[tuple[CostRow, ...], Field(min_length=1, max_length=MOST_SOURCES * len(NAMES))]
-    budgets: Annotated[tuple[BudgetRow, ...], Field(max_length=len(NAMES))]
-    sweeps: Annotated[tuple[SweepRow, ...], Field(max_length=MOST_SOURCES)]
+    costs: Annotated[tuple[CostRow, ...], Length(1, MOST_SOURCES * len(NAMES))]
+    budgets: Annotated[tuple[BudgetRow, ...], Length(0, len(NAMES))]
+    sweeps: Annotated[tuple[SweepRow, ...], Length(0, MOST_SOURCES)]
     crossovers: Crossovers | None
-    sources_of_amounts: Annotated[dict[Word, Line], Field(max_length=MOST_SOURCES)]
+    sources_of_amounts: Annotated[dict[Word, Line], Length(0, MOST_SOURCES)]
     notes: FewLines
 
     @cached_property
@@ -165,10 +177,4 @@ class ToleranceFile(Stored):
         return tuple(sorted(rows, key=lambda one: (-round(one.share or 0.0, 6), -largest[one.error])))
 
 
-def read_tolerance_table(folder: Path) -> ToleranceFile | None:
-    """The table of a folder; None if it has none.
-
-    Raises:
-        InputError: as `read_table`.
-    """
-    return read_table(folder / JSON_FILE, ToleranceFile, FORMAT, VERSION)
+TOLERANCE_TABLE = FileKind(ToleranceFile, "tolerance_table", "the table of a tolerance study", AGAIN)

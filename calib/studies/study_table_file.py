@@ -1,20 +1,19 @@
-"""`table.json` of a bootstrap study, as its page reads it."""
+"""`table.json` of a bootstrap study, for its page and other programs."""
 
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Annotated
 
-from pydantic import Field
-
-from calib.report.stored_table import Count, FewLines, Line, Number, Stored, Word, read_table
 from calib.studies.statistics import METRICS, Metric
-from calib.studies.table_files import FORMAT, JSON_FILE, VERSION
+from designer.base.file_kind import FileKind
+from designer.base.marks import AGAIN, Count, FewLines, Length, Line, Number, Word
 
 MOST_CASES, MOST_FINDINGS = 1000, 1000
 MOST_TARGETS, MOST_SETTINGS = 8, 8
 """That a page shows; no study of ours has more."""
 
 
-class StudyMetric(Stored):
+@dataclass(frozen=True)
+class StudyMetric:
     """One error in the samples of a case; None: not defined."""
 
     over: Word
@@ -27,9 +26,13 @@ class StudyMetric(Stored):
     mu_error: Number | None
     sigma: Number | None
     sigma_error: Number | None
+    fit_low: Number | None
+    fit_high: Number | None
     percentile_low: Number | None
     percentile_high: Number | None
     skewness: Number | None
+    excess_kurtosis: Number | None
+    p_value: Number | None
     paper_mu: Number | None
     paper_sigma: Number | None
     paper_low: Number | None
@@ -38,7 +41,8 @@ class StudyMetric(Stored):
     sigma_by_paper: Number | None
 
 
-class StudyCase(Stored):
+@dataclass(frozen=True)
+class StudyCase:
     """The samples of a target, a number of views, and a way of sampling and counting."""
 
     target: Word
@@ -51,7 +55,7 @@ class StudyCase(Stored):
     stopped: Count
     degenerate: Count
     failed: Count
-    metrics: Annotated[tuple[StudyMetric, ...], Field(max_length=16)]
+    metrics: Annotated[tuple[StudyMetric, ...], Length(0, 16)]
 
     @property
     def setting(self) -> tuple[str, str]:
@@ -63,7 +67,8 @@ class StudyCase(Stored):
         return next((one for one in self.metrics if (one.metric, one.over) == (metric.name, over)), None)
 
 
-class StudyRatio(Stored):
+@dataclass(frozen=True)
+class StudyRatio:
     """A statistic of one target over the other's, at a number of views."""
 
     size: Count
@@ -72,7 +77,8 @@ class StudyRatio(Stored):
     paper: Number | None
 
 
-class StudyExponent(Stored):
+@dataclass(frozen=True)
+class StudyExponent:
     """How the sigma of an error goes with the number of views."""
 
     metric: Word
@@ -81,17 +87,19 @@ class StudyExponent(Stored):
     paper: Number | None
 
 
-class StudyFinding(Stored):
+@dataclass(frozen=True)
+class StudyFinding:
     """A claim, and whether it holds."""
 
     claim: Line
     sampling: Word
     sightings: Word
     verdict: Word
+    verdict_of_converged: Word | None
     elsewhere: Line
     evidence: Line
-    ratios: Annotated[tuple[StudyRatio, ...], Field(max_length=100)]
-    exponents: Annotated[tuple[StudyExponent, ...], Field(max_length=100)]
+    ratios: Annotated[tuple[StudyRatio, ...], Length(0, 100)]
+    exponents: Annotated[tuple[StudyExponent, ...], Length(0, 100)]
 
     @property
     def setting(self) -> tuple[str, str]:
@@ -105,12 +113,13 @@ class StudyFinding(Stored):
         return ", ".join("-" if number is None else f"{number:.2f}" for number in found)
 
 
-class StudyTable(Stored):
+@dataclass(frozen=True)
+class StudyTable:
     """All of it."""
 
-    cases: Annotated[tuple[StudyCase, ...], Field(min_length=1, max_length=MOST_CASES)]
+    cases: Annotated[tuple[StudyCase, ...], Length(1, MOST_CASES)]
     notes: FewLines
-    findings: Annotated[tuple[StudyFinding, ...], Field(max_length=MOST_FINDINGS)]
+    findings: Annotated[tuple[StudyFinding, ...], Length(0, MOST_FINDINGS)]
     reasons: FewLines
 
     @property
@@ -142,10 +151,4 @@ class StudyTable(Stored):
         )
 
 
-def read_study_table(folder: Path) -> StudyTable | None:
-    """The table of a folder; None if it has none.
-
-    Raises:
-        InputError: as `read_table`.
-    """
-    return read_table(folder / JSON_FILE, StudyTable, FORMAT, VERSION)
+STUDY_TABLE = FileKind(StudyTable, "study_table", "the table of a study", AGAIN)
