@@ -6,6 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib.as_built_report.as_built_file import AsBuiltRecord, HeldOutRecord, LengthRecord, SolvedCamera
+from calib.as_built_report.deviations import Estimate
+from calib.as_built_report.held_out import Gain
 from calib.cameras.camera import Camera, LearnedMap
 from calib.cameras.camera_file import CameraDocument
 from calib.core.types import FaceRecord
@@ -114,6 +117,22 @@ def _tolerance() -> ToleranceFile:
     )  # fmt: skip
 
 
+def _as_built() -> AsBuiltRecord:
+    gap, eye = np.array([[math.nan, 1.0, 2.0]]), np.eye(3)
+    gain = Gain("intersection", "mm", 10, 0.2, 0.1, None)
+    camera = SolvedCamera(
+        "pinhole", (1000, 800), dict(PINHOLE.parameters), np.diag([1.0, 2, math.nan, 4]), 3, 100, 1, None
+    )
+    estimate = Estimate(1 / 3, math.inf)
+    return AsBuiltRecord(
+        "ringsolid 1.0", {"seed": "0"}, "l1", "g1", "g2", "converged", ("a remark",), 7, 0.1, True, None, estimate,
+        {"x": estimate}, {"xy": Estimate(math.nan, 0.1)}, eye, 0.1, None, (0.0, 0.1, 0.2), (0.0, 0.0, 0.0), eye / 7,
+        np.eye(6), (LengthRecord("a", 10.0, 0.1, None),), np.array([3]), np.array([True]), np.zeros((1, 6)),
+        np.full((6, 6), math.nan), (), gap, gap[:, None] * eye, (0.1, 0.2), np.array([True, False]),
+        np.zeros((2, 3)), np.full((2, 3), math.nan), (camera,), HeldOutRecord(5, (gain,), (), (), True),
+    )  # fmt: skip
+
+
 EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.camera": _camera,
     "ringsolid.verdict": _verdict,
@@ -124,5 +143,6 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.study_table": _study,
     "ringsolid.comparison": _comparison,
     "ringsolid.tolerance_table": _tolerance,
+    "ringsolid.as_built": _as_built,
     "ringsolid.report": lambda: Origin("calibration", "calib run target.json photos/*.jpg", "ringsolid 1.0"),
 }

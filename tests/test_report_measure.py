@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib.as_built_report.as_built_file import AS_BUILT, AsBuiltRecord
 from calib.as_built_report.words import next_print_lines
-from calib.report.as_built_file import AsBuiltRecord, read_as_built
 from calib.report.measure_page import measured_stem
 from calib.report.measure_scene import COLOURS, colour, deviations_of, nice
 from calib.report.measure_words import face_sentence
@@ -35,7 +35,7 @@ def page(folder: Path) -> Page:
 
 def stored(folder: Path) -> AsBuiltRecord:
     """What was measured."""
-    record = read_as_built(folder / REPORT)
+    record = AS_BUILT.read_if_there(folder / REPORT)
     assert record is not None
     return record
 
@@ -106,7 +106,7 @@ def test_the_scene_shows_where_rings_lie(folder: Path) -> None:
     shift = record.motion[face, 2]
     lever = target.center_in_face_mm[:, :2]
     tilt = record.motion[face, 3:5]
-    expected = shift + tilt[:, 0] * lever[:, 1] - tilt[:, 1] * lever[:, 0] + record.offset_mm[:, 2]
+    expected = shift + tilt[:, 0] * lever[:, 1] - tilt[:, 1] * lever[:, 0] + record.ring_offset_mm[:, 2]
     known = found.known
     assert len(known) > 200
     assert np.abs(found.in_face_mm[known, 2] - expected[known]).max() < 2e-3
@@ -120,7 +120,7 @@ def test_what_to_dial_in_is_a_command(folder: Path, page: Page) -> None:
     lines = [one.line for one in blocks_of(page) if isinstance(one, Command)]
     dialled = [line for line in lines if line.startswith("design ...")]
     assert len(dialled) == 1
-    head = stored(folder).head
+    head = stored(folder)
     said = "\n".join(next_print_lines(head.whole, 0.0))
     assert f"{dialled[0]}   # printed plastic" in said
     assert "--s" in dialled[0]

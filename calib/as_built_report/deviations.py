@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from calib.as_built.result import AsBuilt, face_shift_mm
 from calib.as_built.unknowns import STRAIN_INDEX, strain_matrix, strain_numbers
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import exp_rotation
+from designer.base.marks import Gap, NullIs
 from designer.faces import face_down, is_turned
 from designer.skew import NO_SKEW, SKEW_NAMES, Skew, skew_matrix
 from designer.target import TargetGeometry
@@ -24,7 +25,7 @@ CHANCE = 1e-3
 """Probability below which a face that lies as designed does not look as it does."""
 FREE_PARAMETERS = ("shift x", "shift y", "shift z", "tilt x", "tilt y", "turn z")
 """Of a face, in its own axes: z is its outward normal."""
-_ORDER = [3, 4, 5, 0, 1, 2]
+ORDER = [3, 4, 5, 0, 1, 2]
 """Of these in the motions of faces, which have rotations first."""
 
 NOTICED = 1 / 3
@@ -38,8 +39,13 @@ JUDGED: tuple[Verdict, ...] = ("moved", "as designed")
 class Estimate:
     """A number with its standard deviation."""
 
-    value: float
-    sigma: float
+    value: Gap
+    sigma: Annotated[float, NullIs(math.inf)]
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there is a number."""
+        return math.isfinite(self.value)
 
     @property
     def significance(self) -> float:
@@ -180,7 +186,7 @@ def face_deviations(found: AsBuilt) -> FaceDeviations | None:
     verdict = tuple(
         map(_verdict, found.is_determined.tolist(), few.tolist(), ((chance < CHANCE) & is_noticed).tolist())
     )
-    return FaceDeviations(found.motion[:, _ORDER], sigma[:, _ORDER], chance, verdict)
+    return FaceDeviations(found.motion[:, ORDER], sigma[:, ORDER], chance, verdict)
 
 
 def _verdict(is_determined: bool, has_few_views: bool, has_moved: bool) -> Verdict:

@@ -2,16 +2,15 @@
 
 import csv
 import io
-import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.as_built.result import AsBuilt
+from calib.as_built_report.as_built_file import AS_BUILT, AsBuiltRecord, HeldOutRecord, LengthRecord, SolvedCamera
 from calib.as_built_report.deviations import (
     FREE_PARAMETERS,
     Estimate,
@@ -27,16 +26,13 @@ from calib.as_built_report.deviations import (
 )
 from calib.as_built_report.held_out import HeldOut
 from calib.as_built_report.length_words import AskedLength
-from calib.cameras import parameter_names
 from calib.core.files import check_folder
 from designer.errors import InputError
 from designer.own_files import require_ours
 from designer.skew import Skew
-from designer.small_file import JsonValue
 from designer.target import FORMAT as TARGET_FORMAT
 from designer.target import load_target, target_to_json
 
-FORMAT, VERSION = "ringsolid.as_built", 1
 TARGET_SUFFIX = ".target.json"
 COLUMNS = ("part", "number", "face", "i", "j", "quantity", "value", "sigma", "significance", "unit", "is_known")
 _TABLE, _KIND_LINE = "ringsolid.as-built", "# ringsolid as-built deviations, version 1\n"
@@ -117,7 +113,7 @@ def check_places(places: FilePlaces, nominal: Path | None) -> None:
     require_ours(out, kind=TARGET_FORMAT)
     if out.exists() and out.stat().st_size and (source := load_target(out).source) != "measured":
         raise InputError(f"-o {out}: exists and holds a {source} target, not a measured one; choose another name")
-    for place, kind in ((places.report, FORMAT), (places.table, _TABLE), (places.picture, "")):
+    for place, kind in ((places.report, AS_BUILT.format), (places.table, _TABLE), (places.picture, "")):
         require_ours(place, kind=kind)
 
 
@@ -125,7 +121,7 @@ def report_files(report: MeasureReport, places: FilePlaces) -> dict[Path, bytes]
     """The target, the numbers and the table."""
     return {
         places.target: target_to_json(report.found.target).encode(),
-        places.report: report_to_json(report).encode(),
+        places.report: AS_BUILT.text(record_of(report)),
         places.table: table_to_csv(report).encode(),
     }
 
@@ -179,98 +175,70 @@ def _ring_rows(found: AsBuilt, rings: RingDeviations) -> Iterator[_Row]:
             yield "ring", ring, int(target.ring_face[ring]), i, j, f"offset {'xyz'[axis]}", *_numbers(one, "mm")
 
 
-def report_to_json(report: MeasureReport) -> str:
-    """The text of NAME.as_built.json: a field a line."""
-    document = dict(_fields(report))
-    lines = (f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in document.items())
-    return "{\n" + ",\n".join(lines) + "\n}\n"
-
-
-def _fields(report: MeasureReport) -> Iterator[tuple[str, JsonValue]]:
+def record_of(report: MeasureReport) -> AsBuiltRecord:
+    """What NAME.as_built.json says."""
     found, whole = report.found, report.whole
-    yield "format", FORMAT
-    yield "version", VERSION
-    yield "program", report.program
-    yield "settings", dict(report.settings)
-    yield "layout_id", found.nominal.layout_id
-    yield "nominal_geometry_id", found.nominal.geometry_id
-    yield "measured_geometry_id", found.target.geometry_id
-    yield "status", found.status
-    yield "remarks", list(found.remarks)
-    yield "iterations", found.iterations
-    yield "observation_sigma", _number(found.scale)
-    yield "size_is_known", found.scale_known
-    yield "size_sigma", _number(found.scale_sigma)
-    yield "size", None if whole.size is None else _estimate(whole.size)
-    yield "axes", {name: _estimate(one) for name, one in whole.axes}
-    yield "skews_rad", {name: _estimate(one) for name, one in whole.skews}
-    yield "bed_axes_from_target", _nested(bed_axes(found.nominal, report.bed_turn_rad))
-    yield "made_with_shrink_compensation_percent", report.made_with_percent
-    dialled = None if whole.size is None else compensation_percent(whole.size.value, report.made_with_percent)
-    yield "next_shrink_compensation_percent", dialled
-    yield "made_with_skew_compensation_rad", list(report.made_with_skew_rad)  # xy, xz, yz
-    yield "next_skew_compensation_rad", list(next_skew_rad(whole, report.made_with_skew_rad))
-    yield "strain", _nested(found.strain)
-    yield "strain_covariance", _nested(found.strain_covariance)
-    left = [residual for _, residual in found.lengths]
-    yield "lengths", [
-        {"name": asked.length.name, "value_mm": asked.length.value_mm, "sigma_mm": asked.length.sigma_mm,
-         "left_over_sigma": _number(residual)}
-        for asked, residual in zip(report.lengths, left, strict=True)
-    ]  # fmt: skip
-    yield "face_views", found.face_views.tolist()
-    yield "face_is_determined", found.is_determined.tolist()
-    yield "face_motion", _nested(found.motion)  # rotation vector (rad), shift (mm), in the face's frame
-    yield "face_motion_covariance", _nested(found.motion_covariance)
-    yield "face_verdict", [] if report.faces is None else list(report.faces.verdict)
-    yield "face_bow_mm", _nested(found.bow_mm)
-    yield "face_bow_covariance", _nested(found.bow_covariance)
-    yield "ring_sigma_mm", None if found.ring_sigma_mm is None else list(found.ring_sigma_mm)
-    yield "ring_is_seen", found.is_ring_seen.tolist()
-    yield "ring_offset_mm", _nested(found.offset_mm)
-    yield "ring_offset_sigma_mm", _nested(found.offset_sigma_mm)
-    yield "cameras", _cameras(found)
-    yield "held_out", None if report.held_out is None else _held_out(report.held_out)
+    size = whole.size
+    return AsBuiltRecord(
+        program=report.program,
+        settings=dict(report.settings),
+        layout_id=found.nominal.layout_id,
+        nominal_geometry_id=found.nominal.geometry_id,
+        measured_geometry_id=found.target.geometry_id,
+        status=found.status,
+        remarks=tuple(found.remarks),
+        iterations=found.iterations,
+        observation_sigma=_number(found.scale),
+        size_is_known=found.scale_known,
+        size_sigma=_number(found.scale_sigma),
+        size=size,
+        axes=dict(whole.axes),
+        skews_rad=dict(whole.skews),
+        bed_axes_from_target=bed_axes(found.nominal, report.bed_turn_rad),
+        made_with_shrink_compensation_percent=report.made_with_percent,
+        next_shrink_compensation_percent=(
+            None if size is None else compensation_percent(size.value, report.made_with_percent)
+        ),
+        made_with_skew_compensation_rad=report.made_with_skew_rad,
+        next_skew_compensation_rad=next_skew_rad(whole, report.made_with_skew_rad),
+        strain=found.strain,
+        strain_covariance=found.strain_covariance,
+        lengths=tuple(
+            LengthRecord(asked.length.name, asked.length.value_mm, asked.length.sigma_mm, _number(left))
+            for asked, (_, left) in zip(report.lengths, found.lengths, strict=True)
+        ),
+        face_views=found.face_views,
+        face_is_determined=found.is_determined,
+        face_motion=found.motion,
+        face_motion_covariance=found.motion_covariance,
+        face_verdict=() if report.faces is None else tuple(report.faces.verdict),
+        face_bow_mm=found.bow_mm,
+        face_bow_covariance=found.bow_covariance,
+        ring_sigma_mm=found.ring_sigma_mm,
+        ring_is_seen=found.is_ring_seen,
+        ring_offset_mm=found.offset_mm,
+        ring_offset_sigma_mm=found.offset_sigma_mm,
+        cameras=tuple(_cameras(found)),
+        held_out=None if report.held_out is None else _held_out(report.held_out),
+    )
 
 
-def _cameras(found: AsBuilt) -> JsonValue:
-    cameras: list[JsonValue] = []
+def _cameras(found: AsBuilt) -> Iterator[SolvedCamera]:
     for camera, covariance, seen, residual, is_outlier in zip(
         found.cameras, found.param_covariance, found.observations, found.residual_px, found.is_outlier, strict=True
     ):
         used = residual[~is_outlier]
-        cameras.append({
-            "model": camera.model,
-            "image_size": list(camera.image_size),
-            "params": dict(zip(parameter_names(camera.model), camera.params.tolist(), strict=True)),
-            "param_covariance": _nested(covariance),
-            "views": seen.view_count,
-            "observations": len(seen.view),
-            "left_out": int(is_outlier.sum()),
-            "rms_px": _number(float(np.sqrt((used**2).sum(axis=1).mean())) if len(used) else math.nan),
-        })  # fmt: skip
-    return cameras
+        rms_px = float(np.sqrt((used**2).sum(axis=1).mean())) if len(used) else math.nan
+        yield SolvedCamera(
+            camera.model, camera.image_size, camera.parameters, covariance, seen.view_count, len(seen.view),
+            int(is_outlier.sum()), _number(rms_px),
+        )  # fmt: skip
 
 
-def _held_out(held: HeldOut) -> JsonValue:
-    return {
-        "parts": held.folds,
-        "is_better": None if held.judged_by is None else held.judged_by.is_better,
-        "gains": [asdict(gain) for gain in held.gains],
-        "against_truth": [asdict(gain) for gain in held.against_truth],
-        "remarks": list(held.remarks),
-    }
-
-
-def _estimate(one: Estimate) -> JsonValue:
-    return {"value": _number(one.value), "sigma": _number(one.sigma)}
+def _held_out(held: HeldOut) -> HeldOutRecord:
+    is_better = None if held.judged_by is None else held.judged_by.is_better
+    return HeldOutRecord(held.folds, held.gains, held.against_truth, held.remarks, is_better)
 
 
 def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _nested(array: NDArray[np.float64]) -> JsonValue:
-    """Rows of numbers; what is not finite is null."""
-    values: JsonValue = np.where(np.isfinite(array), array.astype(object), np.array(None)).tolist()
-    return values

@@ -24,6 +24,7 @@ from calib.observe.observations import known_points
 from calib.solver.calibration import Calibration
 from calib.solver.pose import solve_poses
 from calib.solver.solve import solve
+from designer.base.marks import Count, Number, Word
 from designer.errors import InputError
 from designer.target import TargetGeometry
 
@@ -43,12 +44,12 @@ SURE = 0.975
 class Gain:
     """Root mean square errors of one metric, with the nominal and with the measured target."""
 
-    metric: str
-    unit: str
-    count: int
-    nominal: float
-    measured: float
-    least_factor: float | None
+    metric: Word
+    unit: Word
+    count: Count
+    nominal: Number
+    measured: Number
+    least_factor: Number | None = None
     """What the factor is at least, by how it differs from photo to photo; None: one photo does not tell."""
 
     @property

@@ -3,9 +3,9 @@
 import shlex
 from pathlib import Path
 
+from calib.as_built_report.as_built_file import AS_BUILT, AsBuiltRecord, settings_of
 from calib.as_built_report.files import TARGET_SUFFIX
 from calib.as_built_report.words import is_plastic
-from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord, read_as_built, settings_of
 from calib.report.folder_blocks import notes, question_section, read_small_bytes, size_bytes, warnings
 from calib.report.measure_scene import measure_view
 from calib.report.measure_tables import cameras_table, faces_table, lengths_table, rings_table, whole_table
@@ -62,7 +62,7 @@ def measure_page(folder: Path, origin: Origin) -> Page:
         InputError: NAME.as_built.json is damaged.
     """
     stem, others = measured_stem(folder, origin.command)
-    record = read_as_built(folder / f"{stem}{REPORT_SUFFIX}") if stem else None
+    record = AS_BUILT.read_if_there(folder / f"{stem}{REPORT_SUFFIX}") if stem else None
     target, wrong = _target(folder / f"{stem}{TARGET_SUFFIX}", record)
     lines = [*wrong, *(f"{name}: another print in this folder, which this page is not of" for name in others)]
     careful = warnings("File", lines)
@@ -76,9 +76,9 @@ def measure_page(folder: Path, origin: Origin) -> Page:
     return Page(
         title, "Measured print", measure_headline(record),
         (
-            question_section(QUESTION, _setting(record.head), *warnings("Remark", record.head.remarks), *careful),
-            _whole(record, target), _faces(folder, stem, record, target), _gain(record.head),
-            _next(stem, record.head, target), _files(folder, stem),
+            question_section(QUESTION, _setting(record), *warnings("Remark", record.remarks), *careful),
+            _whole(record, target), _faces(folder, stem, record, target), _gain(record),
+            _next(stem, record, target), _files(folder, stem),
         ),
         lead=() if view is None else (view,), made_by=origin.command, program=origin.program,
     )  # fmt: skip
@@ -118,29 +118,29 @@ def _target(path: Path, record: AsBuiltRecord | None) -> tuple[TargetGeometry | 
         target = load_target(path)
     except InputError as error:
         return None, (printable(str(error).replace(str(path), path.name)),)
-    fits = (target.face_count, target.ring_count) == (record.face_count, len(record.offset_mm))
-    if not fits or target.geometry_id != record.head.measured_geometry_id:
+    fits = (target.face_count, target.ring_count) == (record.face_count, len(record.ring_offset_mm))
+    if not fits or target.geometry_id != record.measured_geometry_id:
         return None, (f"{printable(path.name)}: not the target of this measurement: measure the print again",)
     return target, ()
 
 
-def _setting(head: AsBuiltHead) -> list[tuple[str, str]]:
-    views, seen = (sum(getattr(one, name) for one in head.cameras) for name in ("views", "observations"))
-    facts = [("photos", f"{views} of {len(head.cameras)} camera{'s' * (len(head.cameras) != 1)}, {seen} sightings")]
-    for name, value in settings_of(head).items():
+def _setting(record: AsBuiltRecord) -> list[tuple[str, str]]:
+    views, seen = (sum(getattr(one, name) for one in record.cameras) for name in ("views", "observations"))
+    facts = [("photos", f"{views} of {len(record.cameras)} camera{'s' * (len(record.cameras) != 1)}, {seen} sightings")]
+    for name, value in settings_of(record).items():
         text = printable(value)
         short = text if len(text) <= LONGEST_SETTING else f"{text[: LONGEST_SETTING - 3]}..."
         facts.append((NAMES.get(name, name), {"True": "yes", "False": "no"}.get(short, short)))
-    if head.observation_sigma is not None:
-        unit = "times the stated sigma" if head.settings.get("weighted") == "True" else "px"
-        facts.append(("standard deviation of a sighting", f"{head.observation_sigma:.4f} {unit}"))
-    return [*facts, ("solution", head.status), ("measured by", head.program)]
+    if record.observation_sigma is not None:
+        unit = "times the stated sigma" if record.settings.get("weighted") == "True" else "px"
+        facts.append(("standard deviation of a sighting", f"{record.observation_sigma:.4f} {unit}"))
+    return [*facts, ("solution", record.status), ("measured by", record.program)]
 
 
 def _whole(record: AsBuiltRecord, target: TargetGeometry | None) -> Section:
-    lengths = lengths_table(record.head)
-    blocks: tuple[Block, ...] = (whole_table(record.head, target), *(() if lengths is None else (lengths,)))
-    if record.head.size is None:
+    lengths = lengths_table(record)
+    blocks: tuple[Block, ...] = (whole_table(record, target), *(() if lengths is None else (lengths,)))
+    if record.size is None:
         blocks = (
             Paragraph(
                 "The size is not known: photos do not tell it. The measured target is as large as the design; measure "
@@ -185,10 +185,10 @@ def _picture(folder: Path, stem: str, record: AsBuiltRecord) -> Figure | None:
     )  # fmt: skip
 
 
-def _gain(head: AsBuiltHead) -> Section:
+def _gain(record: AsBuiltRecord) -> Section:
     """Whether the measured target is better."""
-    rows = tuple(gain_findings(head))
-    held = head.held_out
+    rows = tuple(gain_findings(record))
+    held = record.held_out
     blocks: tuple[Block, ...] = (Findings(rows),) if rows else ()
     blocks += () if held is None else notes(held.remarks)
     title = "Gain"
@@ -202,16 +202,16 @@ def _gain(head: AsBuiltHead) -> Section:
                 "the other parts, only a photo's own pose from itself."
             ),
         )
-    return Section(title, (*blocks, cameras_table(head)), lead=gain_sentence(head))
+    return Section(title, (*blocks, cameras_table(record)), lead=gain_sentence(record))
 
 
-def _next(stem: str, head: AsBuiltHead, target: TargetGeometry | None) -> Section:
+def _next(stem: str, record: AsBuiltRecord, target: TargetGeometry | None) -> Section:
     """The next print, and the next calibration with what was judged better."""
-    commands, lines = next_print(head, plastic=target is None or is_plastic(target))
+    commands, lines = next_print(record, plastic=target is None or is_plastic(target))
     name = printable(f"{stem}{TARGET_SUFFIX}")
     blocks: list[Block] = []
-    gain = judged_gain(head)
-    is_better = head.status != "degenerate" and gain is not None and bool(gain.is_better)
+    gain = judged_gain(record)
+    is_better = record.status != "degenerate" and gain is not None and bool(gain.is_better)
     if is_better:
         command = f"calib run {shlex.quote(name)} PHOTOS -o DIR"
         blocks.append(Command(command, "calibrates with the target as it was printed"))

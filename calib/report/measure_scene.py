@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.unknowns import bow_basis
+from calib.as_built_report.as_built_file import AsBuiltRecord
 from calib.core.number_text import figure
 from calib.core.se3 import exp_rotation
-from calib.report.as_built_file import AsBuiltRecord
 from designer.page.blocks import View3d
 from designer.page.scene import Layer, Segments, Surface
 from designer.target import TargetGeometry
@@ -50,14 +50,14 @@ def deviations_of(record: AsBuiltRecord, target: TargetGeometry) -> Deviations:
     measured, less offset and bow: what that changes is a product of two deviations.
     """
     face = target.ring_face
-    bent = np.array(record.offset_mm)
-    bent[:, 2] += (bow_basis(target) * record.bow_mm[face]).sum(axis=1)
+    bent = np.array(record.ring_offset_mm)
+    bent[:, 2] += (bow_basis(target) * record.face_bow_mm[face]).sum(axis=1)
     design = target.center_in_face_mm - bent
     design[:, 2] = 0.0
     turn = np.stack([exp_rotation(vector) for vector in np.nan_to_num(record.motion[:, 3:])])
     moved = np.einsum("rij,rj->ri", turn[face], design + bent) + record.motion[face, :3]
     in_face = moved - design
-    in_face[~(record.is_ring_seen & record.is_known[face])] = np.nan
+    in_face[~(record.ring_is_seen & record.face_is_determined[face])] = np.nan
     return Deviations(in_face, np.linalg.norm(in_face, axis=1))
 
 
@@ -162,7 +162,7 @@ def _arrows(found: Deviations, target: TargetGeometry, factor: float) -> Surface
 def _faces(record: AsBuiltRecord, target: TargetGeometry, factor: float) -> Segments:
     """The outlines of the faces, moved by a multiple of their motions."""
     ends = []
-    for face in np.flatnonzero(record.is_known & np.isfinite(record.motion).all(axis=1)).tolist():
+    for face in np.flatnonzero(record.face_is_determined & np.isfinite(record.motion).all(axis=1)).tolist():
         frame, outline = target.target_from_face[face], target.outline_mm[face]
         corners = np.column_stack([outline, np.zeros(len(outline))])
         turn = exp_rotation(factor * record.motion[face, 3:])

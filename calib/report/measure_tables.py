@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
+from calib.as_built_report.as_built_file import AsBuiltRecord
 from calib.as_built_report.deviations import FREE_PARAMETERS, Estimate
 from calib.as_built_report.words import FINEST, axes_words, degrees, percent
 from calib.core.number_text import figure, with_digits
-from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord
 from calib.report.measure_scene import deviations_of
 from designer.page.blocks import Cell, Column, Level, Table
 from designer.target import TargetGeometry
@@ -28,9 +28,9 @@ def estimate_cell(one: Estimate, unit: float = 1.0, *, is_starred: bool = True) 
     return Cell(f"{sign}{text} ± {figure(sigma, 2)}{' *' if is_starred and one.is_significant else ''}", value)
 
 
-def whole_table(head: AsBuiltHead, target: TargetGeometry | None) -> Table:
+def whole_table(record: AsBuiltRecord, target: TargetGeometry | None) -> Table:
     """Size and shape of the whole print."""
-    whole = head.whole
+    whole = record.whole
     rows = []
     if whole.size is not None:
         rows.append(_whole_row("size, + is too large", whole.size, percent(whole.size)))
@@ -87,10 +87,10 @@ def faces_table(record: AsBuiltRecord) -> Table | None:
 
 def rings_table(record: AsBuiltRecord, target: TargetGeometry | None) -> Table | None:
     """How the rings lie on their faces, those off most first; None if rings were held rigid."""
-    if record.head.ring_sigma_mm is None:
+    if record.ring_sigma_mm is None:
         return None
-    size = np.linalg.norm(record.offset_mm, axis=1)
-    size[~record.is_ring_seen] = np.nan
+    size = np.linalg.norm(record.ring_offset_mm, axis=1)
+    size[~record.ring_is_seen] = np.nan
     order = np.argsort(-np.nan_to_num(size, nan=-1.0), kind="stable")
     order = order[np.isfinite(size[order])][:MOST_RINGS]
     total = None if target is None else deviations_of(record, target).size_mm
@@ -115,7 +115,9 @@ def _ring_row(
         i, j = target.ring_index[ring].tolist()
         cells += [Cell(str(face), face), Cell(f"{i}, {j}")]
     cells += [
-        estimate_cell(Estimate(float(record.offset_mm[ring, axis]), float(record.offset_sigma_mm[ring, axis])))
+        estimate_cell(
+            Estimate(float(record.ring_offset_mm[ring, axis]), float(record.ring_offset_sigma_mm[ring, axis]))
+        )
         for axis in range(3)
     ]
     cells.append(Cell(figure(size, 3), size))
@@ -124,7 +126,7 @@ def _ring_row(
     return tuple(cells)
 
 
-def cameras_table(head: AsBuiltHead) -> Table:
+def cameras_table(record: AsBuiltRecord) -> Table:
     """The cameras that were solved beside the target."""
     columns = (
         Column("camera"), Column("model", is_number=False), Column("photos"), Column("sightings"), Column("left out"),
@@ -134,19 +136,19 @@ def cameras_table(head: AsBuiltHead) -> Table:
         (Cell(str(number), number), Cell(one.model), Cell(str(one.views), one.views),
          Cell(str(one.observations), one.observations), Cell(str(one.left_out), one.left_out),
          Cell("-") if one.rms_px is None else Cell(figure(one.rms_px, 3), one.rms_px))
-        for number, one in enumerate(head.cameras, start=1)
+        for number, one in enumerate(record.cameras, start=1)
     )  # fmt: skip
     return Table("Cameras, solved together with the target", columns, rows)
 
 
-def lengths_table(head: AsBuiltHead) -> Table | None:
+def lengths_table(record: AsBuiltRecord) -> Table | None:
     """The lengths that were given; None if there were none."""
-    if not head.lengths:
+    if not record.lengths:
         return None
     rows = tuple(
         (Cell(one.name), Cell(f"{one.value_mm:g} ± {one.sigma_mm:g}", one.value_mm),
          Cell("-") if one.left_over_sigma is None else Cell(f"{one.left_over_sigma:+.1f}", one.left_over_sigma))
-        for one in head.lengths
+        for one in record.lengths
     )  # fmt: skip
     columns = (Column("length", is_number=False), Column("measured [mm]"), Column("left over [sigma]"))
     return Table("Lengths by caliper", columns, rows)

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from calib.as_built_report.as_built_file import AsBuiltRecord
 from calib.as_built_report.deviations import JUDGED
 from calib.as_built_report.held_out import Gain, judged_by
 from calib.as_built_report.words import degrees, next_print_lines, percent, spread_mm
 from calib.core.number_text import figure
-from calib.report.as_built_file import AsBuiltHead, AsBuiltRecord
 from designer.page.blocks import Command, Finding, Headline, Level
 from designer.words import capital
 
@@ -19,13 +19,12 @@ LEVEL_OF_BETTER: dict[bool | None, Level] = {True: "good", False: "usable", None
 
 def measure_headline(record: AsBuiltRecord) -> Headline:
     """How far the print is off, and whether the measured target is better."""
-    head = record.head
-    sentence = f"{deviation_sentence(record)} {gain_sentence(head)}".strip()
-    if head.status == "degenerate":
-        reason = head.remarks[0] if head.remarks else "the photos do not determine camera and target"
+    sentence = f"{deviation_sentence(record)} {gain_sentence(record)}".strip()
+    if record.status == "degenerate":
+        reason = record.remarks[0] if record.remarks else "the photos do not determine camera and target"
         return Headline("bad", "do not use", f"Not measured: {reason}.")
-    gain = judged_gain(head)
-    if head.status != "converged":
+    gain = judged_gain(record)
+    if record.status != "converged":
         return Headline("usable", "not finished", f"The solution was stopped before it converged. {sentence}")
     if gain is None:
         return Headline("note", "measured, not judged", sentence)
@@ -34,31 +33,30 @@ def measure_headline(record: AsBuiltRecord) -> Headline:
     return Headline("good", "measured target is better", sentence)
 
 
-def judged_gain(head: AsBuiltHead) -> Gain | None:
+def judged_gain(record: AsBuiltRecord) -> Gain | None:
     """The error of photos held out that says most."""
-    gains = () if head.held_out is None else head.held_out.gains
-    return judged_by([one.gain for one in gains])
+    gains = () if record.held_out is None else record.held_out.gains
+    return judged_by(gains)
 
 
 def deviation_sentence(record: AsBuiltRecord) -> str:
     """How far the print is off its design."""
-    head = record.head
-    parts = [_size_words(head)]
-    whole = head.whole
+    parts = [_size_words(record)]
+    whole = record.whole
     parts += [f"axis {name} is {percent(one)} beyond the mean" for name, one in whole.axes if one.is_significant]
     parts += [f"skew {name} is {degrees(one)}" for name, one in whole.skews if one.is_significant]
     if (moved := face_sentence(record)) and record.verdicts:
         parts.append(moved)
-    if head.ring_sigma_mm is not None:
-        plane = head.ring_sigma_mm[0]
+    if record.ring_sigma_mm is not None:
+        plane = record.ring_sigma_mm[0]
         parts.append(f"rings are off by {spread_mm(plane)} (1 sigma) in their plane")
     if (bow := largest_bow_mm(record)) is not None:
         parts.append(f"its face is bent by up to {figure(bow, 2)} mm")
     return f"{'; '.join(parts)}.".replace("+-", "±")
 
 
-def _size_words(head: AsBuiltHead) -> str:
-    size = head.whole.size
+def _size_words(record: AsBuiltRecord) -> str:
+    size = record.whole.size
     if size is None:
         return "The size of the print is not known, as no length was given"
     larger = "larger" if size.value >= 0 else "smaller"
@@ -86,16 +84,16 @@ def face_sentence(record: AsBuiltRecord) -> str:
 
 def largest_bow_mm(record: AsBuiltRecord) -> float | None:
     """The largest number of a face's bow, at its rim; None if faces are flat."""
-    known = record.bow_mm[np.isfinite(record.bow_mm).all(axis=1)]
+    known = record.face_bow_mm[np.isfinite(record.face_bow_mm).all(axis=1)]
     largest = float(np.abs(known).max()) if len(known) else 0.0
     return largest if largest > 0 else None
 
 
-def gain_sentence(head: AsBuiltHead) -> str:
+def gain_sentence(record: AsBuiltRecord) -> str:
     """What the measured target is worth."""
-    gain = judged_gain(head)
+    gain = judged_gain(record)
     if gain is None:
-        few = head.held_out is not None and head.held_out.gains
+        few = record.held_out is not None and record.held_out.gains
         return "Too few photos were held out to judge it." if few else "No photos were held out to judge it."
     numbers = f"{figure(gain.nominal, 3)} {gain.unit} with the drawing, {figure(gain.measured, 3)} {gain.unit} measured"
     if not gain.is_better:
@@ -104,12 +102,12 @@ def gain_sentence(head: AsBuiltHead) -> str:
     return f"In photos held out the {gain.metric} error is {times} times smaller: {numbers}."
 
 
-def gain_findings(head: AsBuiltHead) -> Iterator[Finding]:
+def gain_findings(record: AsBuiltRecord) -> Iterator[Finding]:
     """Each error of photos held out, with the drawing and with the measured target."""
-    if head.held_out is None:
+    if record.held_out is None:
         return
-    for gains, against in ((head.held_out.gains, ""), (head.held_out.against_truth, " against the truth")):
-        for one in (stored.gain for stored in gains):
+    for gains, against in ((record.held_out.gains, ""), (record.held_out.against_truth, " against the truth")):
+        for one in gains:
             times = f"{figure(one.factor, 3)} times less" if math.isfinite(one.factor) else "gone"
             yield Finding(
                 LEVEL_OF_BETTER[one.is_better], f"{one.metric} error{against}",
@@ -118,12 +116,12 @@ def gain_findings(head: AsBuiltHead) -> Iterator[Finding]:
             )  # fmt: skip
 
 
-def next_print(head: AsBuiltHead, *, plastic: bool) -> tuple[tuple[Command, ...], tuple[str, ...]]:
+def next_print(record: AsBuiltRecord, *, plastic: bool) -> tuple[tuple[Command, ...], tuple[str, ...]]:
     """What to dial into the next print: commands, and other lines."""
-    if not head.can_be_corrected:
+    if not record.can_be_corrected:
         return (), ("Size or shape is off by more than a printer can be: nothing to dial in against it.",)
     lines = next_print_lines(
-        head.whole, head.made_with_shrink_compensation_percent, head.made_with_skew, plastic=plastic
+        record.whole, record.made_with_shrink_compensation_percent, record.made_with_skew, plastic=plastic
     )
     commands, others = [], []
     for line in lines:

@@ -52,7 +52,11 @@ class FileKind(Generic[T]):
             InputError: it cannot be read, is of another format or version, or breaks a rule: one line that names the
                 file, the place, and what to do.
         """
-        return self.of(parse_json(read_small_text(path, self.largest_bytes, self.what), path, self.what), str(path))
+        try:
+            document = parse_json(read_small_text(path, self.largest_bytes, self.what), path, self.what)
+        except InputError as error:
+            raise InputError(f"{error}; {self.remedy}" if path.is_file() else str(error)) from None
+        return self.of(document, str(path))
 
     def read_if_there(self, path: Path) -> T | None:
         """What a file holds; None if there is none.

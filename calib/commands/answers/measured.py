@@ -42,7 +42,7 @@ def measured_answer(report: "MeasureReport") -> "dict[str, Value]":
         "next_skew_compensation_rad": next_skew_rad(whole, report.made_with_skew_rad),
         "lengths": [
             {"name": asked.length.name, "value_mm": asked.length.value_mm, "sigma_mm": asked.length.sigma_mm,
-             "left_over_sigmas": left}
+             "left_over_sigma": left}
             for asked, (_, left) in zip(report.lengths, found.lengths, strict=True)
         ],
         "faces": list(_faces(report)),
