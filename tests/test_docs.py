@@ -14,6 +14,7 @@ import pytest
 from typer.core import TyperGroup
 from typer.main import get_command
 
+import calib
 import designer.kind
 import designer.spec_file
 from calib.cameras.camera import Camera
@@ -81,6 +82,7 @@ def test_camera_model_has_the_derivatives_of_its_projection() -> None:
 SOLVE = """
 from types import MappingProxyType
 import numpy as np
+import calib
 import calib.cameras
 {code}
 calib.cameras.MODELS = MappingProxyType({{**calib.cameras.MODELS, "division": Division()}})
@@ -213,3 +215,15 @@ def test_commands_and_options_in_the_pages_exist() -> None:
         known = {flag for one in command.params for flag in (*one.opts, *one.secondary_opts)} | {"--help"}
         used = {word.split("=")[0] for word in rest if re.match(r"--?[a-z]", word)}
         assert used <= known, (words, used - known)
+
+
+def test_the_reference_has_every_public_name(tmp_path: Path) -> None:
+    """What pdoc makes of the two packages: their public names, and no room behind them."""
+    import pdoc
+
+    pdoc.pdoc("calib", "designer", output_directory=tmp_path)
+    for package in (calib, designer):
+        text = (tmp_path / f"{package.__name__}.html").read_text()
+        missing = [name for name in package.__all__ if f'id="{name}"' not in text]
+        assert not missing
+    assert {path.name for path in tmp_path.glob("*.html")} == {"calib.html", "designer.html", "index.html"}
