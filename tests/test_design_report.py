@@ -25,7 +25,7 @@ from calib.commands.render import render
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.renderer.rings import ring_truth
 from calib.renderer.scene import scene_from_target
-from designer.code import CODE_POSITIONS, CODES
+from designer.code import CODES, TRIANGLE_POSITIONS
 from designer.errors import InputError
 from designer.faces import opposite_faces
 from designer.formats.folder import OutputFile, write_folder
@@ -397,7 +397,7 @@ def test_code_table_shows_the_dots_of_the_target() -> None:
         dots = {(int(i), int(j)) for i, j in target.ring_index[mine & target.is_dot]}
         assert dots == CODES[int(target.face_code[face])]
         drawn = row[1].text.replace(" ", "")
-        assert {CODE_POSITIONS[k] for k, mark in enumerate(drawn) if mark == DOT} == dots
+        assert {TRIANGLE_POSITIONS[k] for k, mark in enumerate(drawn) if mark == DOT} == dots
 
 
 @pytest.mark.parametrize("build", BUILDS)

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 # Which code each face carries, and at which of its four corners.
 # Found by simulated annealing to set a target apart from itself turned by any of the 23 other rotations and seen in a
 # mirror by any of the 24 mirror symmetries: every face then disagrees in 2 marks or more, any two faces that share an
-# edge in 6 or more, and all six in 20 or more of 36. Codes of faces that share an edge differ in 4 marks or more.
-FACE_CODE = (3, 10, 5, 17, 7, 15)
-CODE_CORNER = (3, 2, 0, 3, 1, 0)
+# edge in 8 or more, and all six in 28 or more of 42 (`tests/test_code.py`).
+FACE_CODE = (21, 25, 23, 20, 24, 22)
+CODE_CORNER = (3, 3, 0, 1, 2, 2)
 
 
 @cache

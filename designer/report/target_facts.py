@@ -1,6 +1,6 @@
 """Dimensions and codes of a target, as names and values for its page."""
 
-from designer.code import CODE_POSITIONS, CODES
+from designer.code import CODES, code_positions
 from designer.faces import adjacent_faces, opposite_faces
 from designer.make.bed import printed_size_mm
 from designer.make.clearance import narrowest_widths
@@ -10,8 +10,6 @@ from designer.report.filament import Filament, two_digits
 from designer.skew import NO_SKEW, format_skew
 from designer.target import TargetGeometry
 
-_CODE_ROWS = ((0,), (1, 2), (3, 4, 5))
-"""The candidate positions row by row from the code corner, as rows of `CODE_POSITIONS`."""
 DOT, RING = "●", "○"
 
 
@@ -84,7 +82,7 @@ def _face_codes(target: TargetGeometry) -> tuple[Leaf, ...]:
     opposite = {a: b for pair in opposite_faces(target) for a, b in (pair, pair[::-1])}
     columns = (
         Column("face"),
-        Column("marks", is_number=False, note="rows of 1, 2 and 3 positions from the code corner; ● dot, ○ ring"),
+        Column("marks", is_number=False, note="positions row by row from the code corner; ● dot, ○ ring"),
         Column("dots at (i, j)", is_number=False, note="index in the face's lattice, as in the target file"),
         Column("beside it", is_number=False, note="the faces across its edges, counter-clockwise from the code corner"),
         Column("opposite"),
@@ -100,19 +98,20 @@ def _face_codes(target: TargetGeometry) -> tuple[Leaf, ...]:
         )
         for face, code in enumerate(target.face_code.tolist())
     )
+    positions = len(code_positions(int(target.face_code[0])))
     note = (
-        f"Three of the six positions in the corner of a face carry dots, in {target.face_count} different ways: so one "
-        "face tells which it is and how it is turned. i counts from the code corner down the left side, j down the "
-        "right side, the face seen from outside with its code corner up."
+        f"Three of the {positions} positions in the corner of a face carry dots, in {target.face_count} different ways:"
+        " so one face tells which it is and how it is turned. i counts from the code corner down the left side, j down "
+        "the right side, the face seen from outside with its code corner up."
     )
     return (Table("Codes of the faces", columns, rows, note=note, visible_rows=20),)
 
 
 def _code_marks(code: int) -> str:
-    """`● ○○ ●○●`: the corner block, row by row."""
-    dots = CODES[code]
-    rows = ("".join(DOT if CODE_POSITIONS[k] in dots else RING for k in row) for row in _CODE_ROWS)
-    return " ".join(rows)
+    """`● ○○ ●○●`: the corner block, row by row from the code corner."""
+    dots, place = CODES[code], code_positions(code)
+    rows = sorted({i + j for i, j in place})
+    return " ".join("".join(DOT if at in dots else RING for at in place if sum(at) == row) for row in rows)
 
 
 def _origin_mark(target: TargetGeometry) -> tuple[Leaf, ...]:

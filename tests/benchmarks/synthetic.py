@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from calib.core.types import Detections
 from calib.renderer import View
-from designer.code import CODE_POSITIONS
+from designer.code import code_positions
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.layout import lay_out
@@ -243,9 +243,10 @@ def readable_faces(view: View, target: TargetGeometry) -> int:
     """How many faces have all marks of their code well in view; of a board, its dots."""
     if target.is_planar:
         return int(due_rings(view)[target.is_dot].all())
-    mark = np.isin(target.ring_index @ [MAX_INDEX, 1], [MAX_INDEX * i + j for i, j in CODE_POSITIONS])
+    positions = code_positions(int(target.face_code[0]))
+    mark = np.isin(target.ring_index @ [MAX_INDEX, 1], [MAX_INDEX * i + j for i, j in positions])
     seen = np.bincount(target.ring_face[mark], due_rings(view)[mark], minlength=target.face_count)
-    return int((seen == len(CODE_POSITIONS)).sum())
+    return int((seen == len(positions)).sum())
 
 
 def crashed(view: View, target: TargetGeometry, why: str) -> Detections:
