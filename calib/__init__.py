@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from calib.api.loading import load_camera, load_observations
     from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
     from calib.api.posing import PoseResult, pose
+    from calib.api.rendering import RenderedPhotos, render
     from calib.api.run_result import RunResult
     from calib.api.running import NothingFoundError, run, solve
     from calib.api.tolerancing import ToleranceResult, tolerance
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from calib.cameras.camera import Camera
     from calib.cameras.undistortion import Undistorted
     from calib.core.types import Detections, Observations
+    from calib.renderer.options import RenderOptions
     from calib.solver.calibration import Calibration
     from designer.errors import InputError
 
@@ -38,6 +40,8 @@ __all__ = [
     "NothingFoundError",
     "Observations",
     "PoseResult",
+    "RenderOptions",
+    "RenderedPhotos",
     "RescaledTarget",
     "RunResult",
     "ToleranceResult",
@@ -51,6 +55,7 @@ __all__ = [
     "load_observations",
     "measure",
     "pose",
+    "render",
     "rescale",
     "run",
     "solve",
@@ -85,6 +90,10 @@ _HOMES = {
         "PoseResult",
         "pose",
     ),
+    "calib.api.rendering": (
+        "RenderedPhotos",
+        "render",
+    ),
     "calib.api.run_result": ("RunResult",),
     "calib.api.running": (
         "NothingFoundError",
@@ -106,6 +115,7 @@ _HOMES = {
         "Detections",
         "Observations",
     ),
+    "calib.renderer.options": ("RenderOptions",),
     "calib.solver.calibration": ("Calibration",),
     "designer.errors": ("InputError",),
 }

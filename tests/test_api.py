@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -65,3 +66,20 @@ def test_undistort_takes_an_array(shape: tuple[int, ...]) -> None:
         straight.undistort(image[:, 1:])
     with pytest.raises(calib.InputError, match="give uint8 or uint16"):
         straight.undistort(image.astype(np.float32))
+
+
+def test_render_gives_a_view_as_an_array_and_a_set_as_files() -> None:
+    """A photo is the same as an array and as a file; poses may be given, and bad ones are refused."""
+    options = calib.RenderOptions(contrast_to_noise=40)
+    photos = calib.render(BOARD, CAMERA, views=2, distance_mm=120.0, options=options, seed=3)
+    image = photos.image(1)
+    assert (image.shape, image.dtype) == ((120, 160), np.uint8)
+    assert photos.save("photos", jobs=1).written == 2
+    assert np.array_equal(cv2.imread("photos/view_0001.png", cv2.IMREAD_UNCHANGED), image)
+    assert [path.name for path in photos.files_in("photos")] == ["view_0000.png", "view_0001.png", "truth.json"]
+    one = calib.render(BOARD, CAMERA, poses=photos.cam_from_target[1])
+    assert one.cam_from_target.shape == (1, 4, 4)
+    with pytest.raises(calib.InputError, match="must be a rigid motion"):
+        calib.render(BOARD, CAMERA, poses=2 * np.eye(4))
+    with pytest.raises(calib.InputError, match="stay farther away"):
+        calib.render(BOARD, CAMERA, distance_mm=10.0)

@@ -1,8 +1,6 @@
 """The command `calib render`."""
 
 import math
-import os
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, cast, get_args
@@ -10,19 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast, get_args
 import typer
 
 from calib.commands.folder_page import folder_page
-from calib.show.screen import progress_bar, quoted
+from calib.show.screen import progress_bars, quoted
 from designer.answer import StoppedError, Summary
 from designer.completion import camera_templates, one_of
 from designer.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from calib.api.rendering import RenderedPhotos
     from calib.renderer.job import Rendered, RenderJob
-    from designer.target import TargetGeometry
 
-CHECKED_VIEWS = 50
 PHOTOS = "photos"
 """The kind of a folder's page."""
 REGIONS = ("hemisphere", "sphere", "cap")
@@ -80,14 +74,23 @@ def render(
     Photos that a camera can be calibrated with come from several distances, with --random-roll, and with an
     --aim-offset that brings rings into the corners of the image; the page of a design has the line for its target.
     """
+    from calib.api.rendering import render as photos_of
     from calib.commands.camera_argument import read_camera
-    from calib.renderer.job import FileFormat, RenderJob
+    from calib.renderer.job import FileFormat
     from calib.renderer.options import RenderOptions, Sampling
-    from calib.renderer.poses import load_poses
-    from calib.renderer.quantities import bounded, choice, length, parse_number, parse_pixels, share, whole
-    from designer.target import load_target
+    from calib.renderer.poses import Region
+    from calib.renderer.quantities import (
+        bounded,
+        choice,
+        length,
+        length_range,
+        parse_degrees,
+        parse_number,
+        parse_pixels,
+        share,
+        whole,
+    )
 
-    geometry, named = load_target(target, "marks"), read_camera(camera)
     options = RenderOptions(
         sampling=cast("Sampling", choice("--sampling", sampling, get_args(Sampling))),
         black=share("--black", black, 0, 100),
@@ -108,33 +111,20 @@ def render(
         gamma=bounded("--gamma", gamma, parse_number, 0.2, 5, ""),
         bits=_bits(bits),
     )
-    if options.white <= options.black:
-        raise InputError(f"--white {white} is not lighter than --black {black}; the target would not show")
-    if focus and not options.aperture_mm:
-        raise InputError("--focus says nothing without --aperture; add an --aperture such as 5mm")
-    if file_format == "jpeg" and bits == 16:
-        raise InputError("--bits 16 does not fit --format jpeg, which holds 8; use png or tiff")
-    seed = whole("--seed", seed, 0, 2**63 - 1)
-    if poses is not None:
-        cam_from_target, looks_aside = load_poses(poses), False
-    else:
-        looks_aside = length("--aim-offset", aim_offset, 0, 10_000) > 0
-        cam_from_target = _grid(geometry, views, distance, region, cap_angle, random_roll, aim_offset, seed)
-    job = RenderJob(
-        target=geometry,
-        camera=named.camera,
-        cam_from_target=cam_from_target,
-        options=options,
-        seed=seed,
-        file_format=cast("FileFormat", choice("--format", file_format, get_args(FileFormat))),
-        quality=whole("--quality", quality, 1, 100),
-    )
-    processes = _processes(jobs)
-    warnings = tuple(_warnings(job, looks_aside=looks_aside))
-    for warning in warnings:
+    named = read_camera(camera)
+    photos = photos_of(
+        target, named.camera, views=views, distance_mm=length_range("--distance", distance, 1, 10_000),
+        region=cast("Region", choice("--region", region, REGIONS)) if region else None,
+        cap_rad=math.radians(bounded("--cap-angle", cap_angle, parse_degrees, 0, 180, "deg")),
+        random_roll=random_roll, aim_offset_mm=length("--aim-offset", aim_offset, 0, 10_000), poses=poses,
+        options=options, seed=seed, file_format=cast("FileFormat", file_format), quality=quality,
+    )  # fmt: skip
+    if jobs is not None:
+        whole("--jobs", jobs, 1, 1024)
+    for warning in photos.warnings:
         typer.echo(f"warning: {warning}", err=True)
-    done = _run(job, target, out, processes, overwrite)
-    return replace(done, remarks=(*named.remarks, *warnings, *done.remarks))
+    done = _run(photos, target, out, jobs, overwrite)
+    return replace(done, remarks=(*named.remarks, *photos.warnings, *done.remarks))
 
 
 def _bits(bits: int) -> Literal[8, 16]:
@@ -145,100 +135,19 @@ def _bits(bits: int) -> Literal[8, 16]:
     raise InputError(f"--bits {bits}: must be 8 or 16")
 
 
-def _grid(
-    target: "TargetGeometry",
-    views: int,
-    distance: str,
-    region: str,
-    cap_angle: str,
-    random_roll: bool,
-    aim_offset: str,
-    seed: int,
-) -> "NDArray[np.float64]":
-    """Poses on a Fibonacci grid."""
-    import numpy as np
-
-    from calib.renderer.poses import MAX_VIEWS, PoseGrid, grid_poses
-    from calib.renderer.quantities import bounded, choice, length, length_range, parse_degrees, whole
-    from designer.target import bounding_radius_mm
-
-    near, far = length_range("--distance", distance, 1, 10_000)
-    offset = length("--aim-offset", aim_offset, 0, 10_000)
-    inside = bounding_radius_mm(target)
-    if near <= inside + offset:
-        raise InputError(
-            f"--distance {near:g}mm: the target reaches {inside:.0f}mm from its origin, "
-            f"and the aim {offset:g}mm; stay farther away"
-        )
-    cap = math.radians(bounded("--cap-angle", cap_angle, parse_degrees, 0, 180, "deg"))
-    where = choice("--region", region or ("cap" if target.is_planar else "sphere"), REGIONS)
-    grid = PoseGrid(
-        views=whole("--views", views, 1, MAX_VIEWS),
-        half_angle_rad={"hemisphere": math.pi / 2, "sphere": math.pi, "cap": cap}[where],
-        distance_mm=(near, far),
-        random_roll=random_roll,
-        aim_offset_mm=offset,
-    )
-    return grid_poses(grid, np.random.default_rng(seed))
-
-
-def _processes(jobs: int | None) -> int:
-    from calib.renderer.quantities import whole
-
-    return os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, 1024)
-
-
-def _warnings(job: "RenderJob", *, looks_aside: bool) -> Iterator[str]:
-    """What will make detection hard, from a sample of the views.
-
-    Args:
-        job: what is to be rendered.
-        looks_aside: whether a target that reaches beyond the image was asked for.
-    """
-    import numpy as np
-
-    from calib.core.types import LEAST_RADIUS_PX
-    from calib.renderer.rings import ring_truth, target_fits
-    from calib.renderer.scene import scene_from_target
-
-    if job.options.white * (1 + job.options.light_gradient / 2) > 1.001:
-        yield "the light gradient takes the white beyond full scale; lower --white"
-    scene = scene_from_target(job.target)
-    count = len(job.cam_from_target)
-    sample = np.unique(np.linspace(0, count - 1, min(count, CHECKED_VIEWS)).round().astype(int))
-    poses = job.cam_from_target[sample]
-    fitting = sum(target_fits(job.target, job.camera, pose) for pose in poses)
-    if fitting < len(poses) and not looks_aside:
-        yield (
-            f"the target reaches beyond the image in {1 - fitting / len(poses):.0%} of the views; "
-            "stand farther away to see all of it"
-        )
-    truths = [ring_truth(scene, job.camera, pose) for pose in poses]
-    radius = np.concatenate([truth.minor_radius_px[truth.visible] for truth in truths])
-    if not len(radius):
-        yield "no ring faces the camera in any view; check the poses"
-    elif (largest := float(radius.max())) < LEAST_RADIUS_PX:
-        yield (
-            f"the largest ring has a radius of {largest:.1f}px; the detector wants {LEAST_RADIUS_PX:g}px: "
-            "come nearer, or use a longer lens"
-        )
-
-
-def _run(job: "RenderJob", target: Path, out: Path, processes: int, overwrite: bool) -> Summary:
+def _run(photos: "RenderedPhotos", target: Path, out: Path, jobs: int | None, overwrite: bool) -> Summary:
     """Render the set, and say what was done and what to do next."""
-    from calib.renderer.job import run_job
     from calib.report.kept_target import keep_target
     from calib.report.origin import is_of_kind
     from calib.report.photos_file import write_photos
     from calib.report.rendered_photos import told_rendered
 
+    job = photos.job
     try:
-        with progress_bar("rendering", len(job.file_names)) as tell:
-            rendered = run_job(
-                job, out, processes=processes, overwrite=overwrite, on_view=lambda finished, total: tell(finished)
-            )
+        with progress_bars() as progress:
+            rendered = photos.save(out, jobs=jobs, overwrite=overwrite, progress=progress)
     except KeyboardInterrupt:
-        done = tuple(out / name for name in job.file_names if (out / name).exists())
+        done = tuple(path for path in photos.files_in(out) if path.name in job.file_names)
         raise StoppedError(
             f"stopped; {len(done)} of {len(job.file_names)} images are in {out}; the same command renders the others",
             Summary({"images": len(done), "asked": len(job.file_names)}, done),

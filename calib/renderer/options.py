@@ -9,7 +9,10 @@ Bits = Literal[8, 16, 32]
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """Light is linear, 0 to 1 = full scale. What is zero, or 1 for `gamma`, is off."""
+    """How photos are lit, seen and stored: `RenderOptions(blur_px=0.7, contrast_to_noise=50)`.
+
+    Light is linear, 0 to 1 = full scale. What is zero, or 1 for `gamma`, is off.
+    """
 
     sampling: Sampling = "area"  # binary: one ray a pixel, black or white
     black: float = 0.1  # light of the ink

@@ -1,0 +1,217 @@
+"""Synthetic photos of a target from known poses: one as an array, or a set in a folder."""
+
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.api.loading import Place, camera_of, target_of
+from calib.api.progress import Progress, unheard
+from calib.cameras.camera import Camera
+from calib.core.types import LEAST_RADIUS_PX
+from calib.renderer.job import TRUTH_FILE, FileFormat, Rendered, RenderJob, run_job
+from calib.renderer.options import RenderOptions
+from calib.renderer.poses import MAX_VIEWS, PoseGrid, Region, grid_poses, load_poses
+from calib.renderer.quantities import choice, whole
+from calib.renderer.rings import ring_truth, target_fits
+from calib.renderer.scene import RenderScene, scene_from_target
+from calib.renderer.sensor import Levels
+from calib.renderer.view import render_view
+from designer.errors import InputError
+from designer.target import TargetGeometry, bounding_radius_mm
+
+CHECKED_VIEWS = 50
+MAX_SEED = 2**63 - 1
+HALF_ANGLE_RAD = {"hemisphere": math.pi / 2, "sphere": math.pi}
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedPhotos:
+    """Photos that are rendered when they are asked for: `photos.image(0)`, `photos.save("photos")`."""
+
+    job: RenderJob  # all that determines them
+    looks_aside: bool = False  # a target that reaches beyond the image was asked for
+
+    @property
+    def cam_from_target(self) -> NDArray[np.float64]:
+        """Where the camera stands in each.  # (V, 4, 4)"""
+        return self.job.cam_from_target
+
+    @cached_property
+    def scene(self) -> RenderScene:
+        """The target as rays meet it."""
+        return scene_from_target(self.job.target)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What will make detection hard, from a sample of the views, one line each."""
+        return tuple(_warnings(self))
+
+    def image(self, number: int) -> Levels:
+        """A photo, the same as the file that `save` writes of it.  # (H, W)"""
+        rng = np.random.default_rng([self.job.seed, number])
+        job = self.job
+        return render_view(self.scene, job.camera, job.cam_from_target[number], job.options, rng).image
+
+    def save(
+        self, folder: Place, *, jobs: int | None = None, overwrite: bool = False, progress: Progress = unheard
+    ) -> Rendered:
+        """Render what is missing in a folder, with the `truth.json` of all.
+
+        Args:
+            folder: for them; made if need be.
+            jobs: processes; None: one per core.
+            overwrite: replace another set that is there.
+            progress: is told how many are done.
+
+        Raises:
+            InputError: the folder holds another set, or images of unknown origin.
+        """
+        processes = os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, 1024)
+        return run_job(
+            self.job, Path(folder), processes=processes, overwrite=overwrite,
+            on_view=lambda done, total: progress("rendering", done, total),
+        )  # fmt: skip
+
+    def files_in(self, folder: Place) -> tuple[Path, ...]:
+        """Those of the set that are there."""
+        names = (*self.job.file_names, TRUTH_FILE)
+        return tuple(path for path in (Path(folder) / name for name in names) if path.exists())
+
+
+def render(
+    target: TargetGeometry | Place,
+    camera: Camera | Place = "machine-vision",
+    *,
+    views: int = 20,
+    distance_mm: float | tuple[float, float] = 400.0,
+    region: Region | None = None,
+    cap_rad: float = math.pi / 3,
+    random_roll: bool = False,
+    aim_offset_mm: float = 0.0,
+    poses: NDArray[np.float64] | Place | None = None,
+    options: RenderOptions | None = None,
+    seed: int = 0,
+    file_format: FileFormat = "png",
+    quality: int = 95,
+) -> RenderedPhotos:
+    """Photos of a target as a camera would take them: `render("ico.target.json", views=30).save("photos")`.
+
+    >>> image = calib.render(geometry, camera, poses=cam_from_target).image(0)
+
+    Args:
+        target: a geometry, or its file.
+        camera: a camera, a file, or a template.
+        views: how many, on a Fibonacci grid.
+        distance_mm: from the target's origin, or the nearest and farthest.
+        region: of the grid; None: a cap for a flat target, else the sphere.
+        cap_rad: half angle of a cap.
+        random_roll: turn the camera about its axis at random.
+        aim_offset_mm: look past the origin, by up to this.
+        poses: `cam_from_target` (V, 4, 4) or one (4, 4), or a JSON or CSV file of them, instead of a grid.
+        options: light, lens and sensor; None: plain ones, without noise.
+        seed: of all that is random.
+        file_format: of the files that are saved.
+        quality: of JPEG.
+
+    Raises:
+        InputError: a file that cannot be read, or a value that breaks a rule.
+    """
+    geometry, taken = target_of(target, "marks"), camera_of(camera)
+    light = RenderOptions() if options is None else options
+    _check(light, file_format)
+    seed = whole("--seed", seed, 0, MAX_SEED)
+    if poses is None:
+        grid = _grid(geometry, views, distance_mm, region, cap_rad, aim_offset_mm, random_roll=random_roll)
+        where = grid_poses(grid, np.random.default_rng(seed))
+    elif isinstance(poses, str | PathLike):
+        where = load_poses(Path(poses))
+    else:
+        where = _checked_poses(poses)
+    job = RenderJob(geometry, taken, where, light, seed, file_format, whole("--quality", quality, 1, 100))
+    return RenderedPhotos(job, looks_aside=poses is None and aim_offset_mm > 0)
+
+
+def _check(options: RenderOptions, file_format: FileFormat) -> None:
+    """Refuse what does not go together."""
+    if options.white <= options.black:
+        raise InputError(
+            f"--white {100 * options.white:g}% is not lighter than --black {100 * options.black:g}%; the target would "
+            "not show"
+        )
+    if options.focus_mm is not None and not options.aperture_mm:
+        raise InputError("--focus says nothing without --aperture; add an --aperture such as 5mm")
+    choice("--format", file_format, get_args(FileFormat))
+    if file_format == "jpeg" and options.bits == 16:
+        raise InputError("--bits 16 does not fit --format jpeg, which holds 8; use png or tiff")
+
+
+def _grid(
+    target: TargetGeometry,
+    views: int,
+    distance_mm: float | tuple[float, float],
+    region: Region | None,
+    cap_rad: float,
+    aim_offset_mm: float,
+    *,
+    random_roll: bool,
+) -> PoseGrid:
+    """Poses on a Fibonacci grid."""
+    near, far = distance_mm if isinstance(distance_mm, tuple) else (distance_mm, distance_mm)
+    inside = bounding_radius_mm(target)
+    if not inside + aim_offset_mm < near <= far:
+        raise InputError(
+            f"--distance {near:g}mm: the target reaches {inside:.0f}mm from its origin, "
+            f"and the aim {aim_offset_mm:g}mm; stay farther away"
+        )
+    where = choice("--region", region or ("cap" if target.is_planar else "sphere"), get_args(Region))
+    half_angle = {**HALF_ANGLE_RAD, "cap": cap_rad}[where]
+    return PoseGrid(whole("--views", views, 1, MAX_VIEWS), half_angle, (near, far), random_roll, aim_offset_mm)
+
+
+def _checked_poses(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Poses (V, 4, 4) of an array.
+
+    Raises:
+        InputError: another shape, or no rigid motions.
+    """
+    from calib.core.rigid import rigid_fault
+
+    where = np.asarray(poses, dtype=np.float64)
+    where = where[None] if where.ndim == 2 else where
+    if where.shape[1:] != (4, 4) or not len(where):
+        raise InputError(f"poses of shape {where.shape}: give cam_from_target (V, 4, 4)")
+    if fault := rigid_fault(where):
+        raise InputError(f"pose {fault[0]}: {fault[1]}; it must be a rigid motion")
+    return where
+
+
+def _warnings(photos: RenderedPhotos) -> Iterator[str]:
+    job = photos.job
+    if job.options.white * (1 + job.options.light_gradient / 2) > 1.001:
+        yield "the light gradient takes the white beyond full scale; lower --white"
+    count = len(job.cam_from_target)
+    sample = np.unique(np.linspace(0, count - 1, min(count, CHECKED_VIEWS)).round().astype(int))
+    poses = job.cam_from_target[sample]
+    fitting = sum(target_fits(job.target, job.camera, pose) for pose in poses)
+    if fitting < len(poses) and not photos.looks_aside:
+        yield (
+            f"the target reaches beyond the image in {1 - fitting / len(poses):.0%} of the views; "
+            "stand farther away to see all of it"
+        )
+    truths = [ring_truth(photos.scene, job.camera, pose) for pose in poses]
+    radius = np.concatenate([truth.minor_radius_px[truth.visible] for truth in truths])
+    if not len(radius):
+        yield "no ring faces the camera in any view; check the poses"
+    elif (largest := float(radius.max())) < LEAST_RADIUS_PX:
+        yield (
+            f"the largest ring has a radius of {largest:.1f}px; the detector wants {LEAST_RADIUS_PX:g}px: "
+            "come nearer, or use a longer lens"
+        )
