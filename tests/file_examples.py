@@ -14,10 +14,13 @@ from calib.cameras.camera_file import CameraDocument
 from calib.core.types import FaceRecord
 from calib.metrics.errors import ErrorSummary
 from calib.observe.records import ImageRecord, Records
+from calib.records.calibration_file import CalibrationRecord, MadeWith, Provenance, SolvedView, TargetPart
 from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.renderer.job import FileOptions, RenderRecord, TrueView
 from calib.renderer.options import RenderOptions
 from calib.report.origin import Origin
+from calib.solver.calibration import ImageField
+from calib.solver.options import SolveOptions
 from calib.studies.compare.comparison_file import AloneRow, CaseRow, ComparisonFile, ComparisonPlan
 from calib.studies.study_table_file import (
     StudyCase,
@@ -133,6 +136,20 @@ def _as_built() -> AsBuiltRecord:
     )  # fmt: skip
 
 
+def _calibration() -> CalibrationRecord:
+    gaps = np.diag([1.0, math.nan, 3.0, 1 / 3])
+    made = MadeWith((("scale", "normal", 0.1),), 1e-5, 0.2)
+    plane = np.array([[0.0, 0, 1, 2.5]])
+    return CalibrationRecord(
+        provenance=Provenance("ringsolid 1.0", "l1", "g1", 3, SolveOptions(fixed=(("k1", None),)), (("model", "all"),)),
+        status="converged", remarks=("a remark",), iterations=5, seconds=0.1, scale=math.nan, weighted=True,
+        fixed=("cx_px",), camera=PINHOLE, param_covariance=gaps,
+        target_error=TargetPart("pla", "", np.eye(4), made), image_field=ImageField(0.1, np.eye(4) / 3),
+        geometry_id="g1", observations_sha256="abc", planes=plane, points=((0.1, 1e-300, -0.0, 0), (1.0, 2.0, 3.0, -1)),
+        views=(SolvedView("a b.png", POSE, np.full((6, 6), math.nan)),),
+    )  # fmt: skip
+
+
 EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.camera": _camera,
     "ringsolid.verdict": _verdict,
@@ -144,5 +161,6 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.comparison": _comparison,
     "ringsolid.tolerance_table": _tolerance,
     "ringsolid.as_built": _as_built,
+    "ringsolid.calibration": _calibration,
     "ringsolid.report": lambda: Origin("calibration", "calib run target.json photos/*.jpg", "ringsolid 1.0"),
 }

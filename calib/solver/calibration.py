@@ -1,13 +1,14 @@
 """A solved camera, with what is known of its accuracy."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import Observations, frozen_array
+from designer.base.marks import AtLeast, Shape
 from designer.tolerance.model import ErrorModel
 
 Status = Literal["converged", "stopped", "degenerate"]
@@ -31,8 +32,8 @@ class TargetError:
 class ImageField:
     """Errors that are fixed in the image and that the lens model does not follow, as the residuals show them."""
 
-    left_px: float  # root mean square that it leaves in a coordinate of the residuals
-    param_covariance: NDArray[np.float64]  # (P, P) of what the parameters took of it, to be added to that of the noise
+    left_px: Annotated[float, AtLeast(0)]  # root mean square that it leaves in a coordinate of the residuals
+    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P")]  # of what the parameters took of it, to be added
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "param_covariance", frozen_array(self.param_covariance))

@@ -116,7 +116,7 @@ def _encode_fields(kind: type, value: object) -> dict[str, JsonValue]:
         raise TypeError(f"a {type(value).__name__} where files hold a {kind.__name__}")
     for name, key, hint in fields:
         encoded, marks = _encode(hint, getattr(value, name)), _split(hint)[1]
-        if encoded is None and LEFT_OUT in marks:
+        if LEFT_OUT in marks and encoded in (None, ""):
             continue
         document |= cast("dict[str, JsonValue]", encoded) if INLINE in marks else {key: encoded}
     return document
@@ -356,7 +356,8 @@ def _flattened(
         lists = [one for one in level if isinstance(one, list)]
         lengths = {len(one) for one in lists}
         if len(lists) < len(level) or len(lengths) > 1 or (isinstance(wanted, int) and lengths - {wanted}):
-            words = " rows of ".join("some" if isinstance(one, str | None) else str(one) for one in shape.sizes)
+            *outer, last = ("" if isinstance(one, str | None) else str(one) for one in shape.sizes)
+            words = " rows of ".join([*(one or "some" for one in outer), last or "equally many"])
             raise _refuse(place, value, f"must be {words} numbers")
         declared = sizes.get(wanted, 0) if isinstance(wanted, str) else wanted or 0
         counts.append(lengths.pop() if lengths else declared)

@@ -101,7 +101,7 @@ OR_NULL: Final = NullIs(math.nan)
 ONE_LINE: Final = Sign()
 """Text of which a page or a terminal shows one line, whatever a file holds."""
 LEFT_OUT: Final = Sign()
-"""None is not written."""
+"""None and "" are not written."""
 INLINE: Final = Sign()
 """A dataclass whose fields stand among those of the one around it."""
 
