@@ -51,3 +51,14 @@ def test_sound_photos_are_not_blamed(photos: int, model: str) -> None:
 def test_few_photos_of_a_lens_that_is_left_over_blame_nobody(photos: int, seed: int) -> None:
     """A photo may stand far out of so few where a model without a lens is fitted; none of them is called shifted."""
     assert not [line for line in solved(photos, (0, 0), "pinhole", (seed, 0.3)).remarks if "shifted" in line]
+
+
+@pytest.mark.parametrize(("photos", "seed"), [(5, 3), (5, 5), (6, 2), (8, 0), (8, 1)])
+@pytest.mark.parametrize("shift_px", [(24.0, 0.0), (0.0, 60.0)])
+def test_a_shift_is_put_on_its_own_photo_where_the_lens_is_left_over(
+    photos: int, seed: int, shift_px: tuple[float, float]
+) -> None:
+    """Or on none: what the model leaves over hides shifts, it does not move them to another photo."""
+    one = solved(photos, shift_px, "pinhole", (seed, 0.03))
+    blamed = [line.split(":")[0] for line in one.remarks if "shifted" in line]
+    assert blamed in ([], [one.observations.view_names[2]])

@@ -29,7 +29,8 @@ SURE, CLEAR = 15.0, 5.0
 """Times what the others scatter, and times the most of them. Measured, of 5 to 20 photos: by a block's 16 px at .03 px
 of noise 23 to 109 and 11 to 45, by 8 px 11 to 54 and 5.5 to 23; of sound photos at most 5 and 3.3, and where a model
 leaves pixels over of a real wide lens 12 and 3.2. A few tenths of a pixel of noise, or a model that does not fit, hide
-a shift: then nothing is said."""
+a shift: then nothing is said. In 800 random calibrations by models that lack the lens or a part
+of it, one photo shifted by 4 to 100 px, no other was named."""
 LEAST_PX = 0.2
 
 
