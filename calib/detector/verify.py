@@ -42,6 +42,8 @@ LEAST_BEYOND, BEYOND_SHARE = 3, 0.1
 """So many rings, and so large a share of the places one step outside the target, are no chance ..."""
 BEYOND_A_BOARD = 2
 """... of a solid, where the rings of the next face lie; beside a board lie none."""
+EXACTLY = 0.12
+"""In radii and as logarithms: a ring so near its place, its size and its shape is not there by chance."""
 MAX_SKEW = 0.25
 """How much more, as a logarithm, circles may be stretched one way than the other: more is another lattice."""
 MAX_PROPORTION = 0.07
@@ -62,6 +64,9 @@ class Evidence:
     strange: int  # rings where the target has none: within its faces, or in grids that no face can hold
     beyond: int  # rings one step outside the target, on its lattice
     beyond_in_view: int  # such places
+    beyond_exactly: (
+        int  # of the rings one step outside, those that lie as this target's would, in place, size and shape
+    )
     end_odds: float  # logarithm of the odds that the pattern ends, and is not hidden, before the target does
     ended_faces: int  # on which it does so
     cut_off: int  # features outside the image, of a target without marks
@@ -81,7 +86,9 @@ class Evidence:
 
     @property
     def is_too_small(self) -> bool:
-        """Whether the pattern goes on where the target ends."""
+        """Whether the pattern goes on where the target ends; on a board one ring that lies exactly so is no chance."""
+        if self.is_board and self.beyond_exactly:
+            return True
         least = BEYOND_A_BOARD if self.is_board else max(LEAST_BEYOND, BEYOND_SHARE * self.beyond_in_view)
         return self.beyond >= least
 
@@ -109,7 +116,8 @@ def refusal(evidence: Evidence) -> str:
     if evidence.cut_off:
         return "it has no dots, and not all of it is in the image"
     if evidence.is_too_small:
-        return f"{evidence.beyond} rings continue its pattern where it ends"
+        count = max(evidence.beyond, evidence.beyond_exactly)
+        return f"{count} ring{'s continue' if count > 1 else ' continues'} its pattern where it ends"
     if evidence.is_too_large:
         return "the pattern ends before the target does"
     if evidence.is_lone and (not evidence.is_bounded or evidence.strange >= LEAST_BEYOND):
@@ -182,6 +190,7 @@ def gather(
         + sum(_too_many(plan, candidates, grid, naming) for grid in grids),
         beyond=int(rings_beyond.sum()),
         beyond_in_view=len(readable.ring),
+        beyond_exactly=int(_exactly(plan, seen, around).sum()),
         end_odds=sum(end.odds for end in ends),
         ended_faces=sum(end.odds > 0 for end in ends),
         cut_off=0 if plan.target.is_dot.any() else plan.target.ring_count - len(places.ring),
@@ -220,6 +229,20 @@ def _at(plan: TargetPlan, rings: Candidates, places: Places) -> Integers:
     """The ring at each place, -1: none.  # (N,)"""
     reach = REACH * plan.pitch_radii
     return nearest_candidates(rings, places.center_px, places.shape, reach=reach, size_ratio=SIZE_RATIO)[0]
+
+
+def _exactly(plan: TargetPlan, rings: Candidates, places: Places) -> Flags:
+    """Places with a ring that is where it would be, and as large, as flat and as thick as it would be.  # (N,)"""
+    if not rings.count:
+        return np.zeros(len(places.ring), dtype=np.bool_)
+    at = _at(plan, rings, places)
+    e, ratio = rings.ellipse[at], rings.ratio[at]
+    off = e[:, :2] - places.center_px
+    e00, e10, e11 = places.shape.T
+    off_radii = np.hypot(e00 * off[:, 0], e10 * off[:, 0] + e11 * off[:, 1])
+    stretch = np.abs(stretch_of(e[:, 2:], places.shape)).max(axis=1)
+    is_like = (off_radii < EXACTLY) & (stretch < EXACTLY) & (np.abs(ratio - plan.ratio) < EXACTLY)
+    return np.asarray((at >= 0) & is_like)
 
 
 def _unexplained(plan: TargetPlan, rings: Candidates, places: Places) -> Flags:
