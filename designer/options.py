@@ -33,14 +33,10 @@ class AskedPrinting:
     nozzle: Annotated[float | None, Option("length above 0", "nozzle diameter")] = None
     line_width: Annotated[float | None, Option("length above 0", "width of a printed line")] = None
     layer_height: Annotated[float | None, Option("length above 0", "height of a printed layer")] = None
-    bed: Annotated[
-        tuple[float, float, float] | None, Option("bed", "printable volume, such as 256x256x256mm")
-    ] = None  # fmt: skip
+    bed: Annotated[tuple[float, float, float] | None, Option("bed", "printable volume, such as 256x256x256mm")] = None
     build: Annotated[Build | None, Option("build", "solids: solid or stickers; boards: printed or sheet")] = None
     inlay_depth: Annotated[float | None, Option("length above 0", "depth of the ink in a two-filament print")] = None
-    ink_offset: Annotated[
-        float | None, Option("length", "grow (or, below zero, shrink) the ink to undo bleed")
-    ] = None  # fmt: skip
+    ink_offset: Annotated[float | None, Option("length", "grow (or, below zero, shrink) the ink to undo bleed")] = None
     shrink_compensation: Annotated[float | None, Option("percent", "print this much larger, in percent")] = None
     skew_compensation: Annotated[
         tuple[float, float, float] | None, Option("skew", "undo skewed axes, such as 'xy 0.02deg, yz -0.1deg'")
@@ -52,9 +48,9 @@ class AskedPrinting:
     ink_colour: Annotated[str | None, Option("colour", "colour of the ink (#000000)")] = None
     labels: Annotated[bool | None, Option("switch", "print face numbers and target id where they fit")] = None
     stand: Annotated[bool | None, Option("switch", "also write a printable stand")] = None
-    chord_error: Annotated[
-        float | None, Option("chord error", "farthest a polygon strays from its circle (5um)")
-    ] = None  # fmt: skip
+    chord_error: Annotated[float | None, Option("chord error", "farthest a polygon strays from its circle (5um)")] = (
+        None
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,15 +62,9 @@ class Asked(AskedPrinting, ABC):
     pitch: Annotated[float | None, Option("length above 0", "distance between neighbouring rings")] = None
     ring_ratio: Annotated[float | None, Option("ratio", "inner over outer diameter of a ring (0.45)")] = None
     border: Annotated[float | None, Option("length from 0", "width of the black border")] = None
-    margin: Annotated[
-        float | None, Option("length from 0", "least white around the rings, to border or edge")
-    ] = None  # fmt: skip
-    formats: Annotated[
-        list[Format] | None, Option("formats", "further formats: step, pdf, svg, glb, or all")
-    ] = None  # fmt: skip
-    page: Annotated[
-        str | None, Option("page", "sheet size: A4, A3, Letter, fit, or such as 400x600mm")
-    ] = None  # fmt: skip
+    margin: Annotated[float | None, Option("length from 0", "least white around the rings, to border or edge")] = None
+    formats: Annotated[list[Format] | None, Option("formats", "further formats: step, pdf, svg, glb, or all")] = None
+    page: Annotated[str | None, Option("page", "sheet size: A4, A3, Letter, fit, or such as 400x600mm")] = None
 
     @abstractmethod
     def sized(self, line: Line) -> tuple[Spec, str]:
