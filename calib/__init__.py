@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from calib.api.bootstrapping import BootstrapResult, bootstrap
     from calib.api.converting import Conversion, convert
     from calib.api.detecting import Detector, detect
     from calib.api.evaluating import EvaluationResult, evaluate
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from designer.errors import InputError
 
 __all__ = [
+    "BootstrapResult",
     "Calibration",
     "Camera",
     "Conversion",
@@ -48,6 +50,7 @@ __all__ = [
     "Undistorted",
     "UndistortedFiles",
     "Undistorter",
+    "bootstrap",
     "convert",
     "detect",
     "evaluate",
@@ -64,6 +67,10 @@ __all__ = [
 ]
 
 _HOMES = {
+    "calib.api.bootstrapping": (
+        "BootstrapResult",
+        "bootstrap",
+    ),
     "calib.api.converting": (
         "Conversion",
         "convert",

@@ -12,12 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib.api.bootstrapping import bootstrap as bootstrap_from_python
 from calib.observe.dataset import write_detections
 from calib.solver.problem import pack
 from calib.studies.figures import SUFFIXES
 from calib.studies.gradients import gradients_of
 from calib.studies.paper_table import TARGETS
 from calib.studies.statistics import METRICS
+from designer.errors import InputError
 from tests.command_line import PAGE, calib, detections_of, files_in
 from tests.study_commands import (
     BOARD,
@@ -76,6 +78,24 @@ def test_the_table_says_what_the_samples_are(quick: None, folder: Path) -> None:
         assert str(folder) not in Path("out", path).read_text()
     assert re.search(r"^50 samples in .* by 1 process$", answer.out, re.MULTILINE)
     assert max(abs(float(line["mu"])) for line in lines if line["metric"] == "pose") < 5.0  # mm, of about 300
+
+
+def test_python_finds_what_the_command_finds(quick: None, folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """`calib.bootstrap` takes values or files, prints nothing, keeps samples where it is told, and draws the same."""
+    bootstrap(samples=8)
+    before = files_in(folder)
+    capfd.readouterr()
+    found = bootstrap_from_python("detections.csv", "board.target.json", sizes=[6], samples=8, jobs=1)
+    of_values = bootstrap_from_python(detections_of(SEEN, BOARD), BOARD, sizes=[6], samples=8, jobs=1)
+    assert files_in(folder) == before
+    assert (found.sampled.new, found.summaries[0].case.size) == (8, 6)
+    assert of_values.summaries[0].case.name.split("/")[1:] == found.summaries[0].case.name.split("/")[1:]
+    found.save("again")
+    assert Path("again/table.csv").read_bytes() == Path("out/table.csv").read_bytes()
+    assert "srcdoc" in found._repr_html_()
+    assert capfd.readouterr() == ("", "")
+    with pytest.raises(InputError, match="there is another study"):
+        of_values.save("again")
 
 
 @pytest.mark.parametrize(

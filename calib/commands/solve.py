@@ -17,7 +17,6 @@ from designer.errors import InputError
 if TYPE_CHECKING:
     from calib.core.types import Observations
     from calib.observe.corners_vnl import PointGrid
-    from calib.pipeline.settings import SolvePlan
     from calib.virtual.solve_virtual import Reference
 
 MODELS = ("luhmann", "opencv", "virtual", "pinhole")
@@ -137,7 +136,7 @@ def read_input(
     """What a camera is solved from, of a file of any kind, with the options that some kinds need."""
     from calib.api.loading import load_observations
 
-    return load_observations(detections, target, image_size=image_size_of(image_size), grid=_grid(grid, pitch))
+    return load_observations(detections, target, image_size=image_size_of(image_size), grid=grid_of(grid, pitch))
 
 
 def image_size_of(text: str | None) -> tuple[int, int] | None:
@@ -146,24 +145,6 @@ def image_size_of(text: str | None) -> tuple[int, int] | None:
     from calib.observe.dataset import MAX_SIDE_PX
 
     return None if text is None else parse_pair("--image-size", text, MAX_SIDE_PX)
-
-
-def plan_of(
-    model: str,
-    fix: list[str] | None,
-    share: list[str] | None,
-    focal: str | None,
-    loss: str,
-    reject: float | None,
-    *,
-    weighted: bool,
-) -> "SolvePlan":
-    """The options of the command line."""
-    from calib.pipeline.settings import plan_from_words
-
-    return plan_from_words(
-        model, fix=fix or [], share=share or [], focal_px=focal_of(focal), loss=loss, reject=reject, weighted=weighted
-    )
 
 
 def focal_of(text: str | None) -> float | None:
@@ -202,7 +183,7 @@ def reference_settings(reference: str | None, target: Path | None) -> tuple[tupl
     return named if target is None else (*named, ("reference-target", target.name))
 
 
-def _grid(grid: str | None, pitch: str | None) -> "PointGrid | None":
+def grid_of(grid: str | None, pitch: str | None) -> "PointGrid | None":
     """The corners' grid, if one is given."""
     from calib.observe.corners_vnl import PointGrid
     from calib.observe.correspondences import MAX_GRID, parse_pair

@@ -21,11 +21,11 @@ from calib.commands.solve import (
     RejectOption,
     ShareOption,
     WeightedOption,
-    plan_of,
-    read_input,
+    grid_of,
+    image_size_of,
 )
 from calib.core.files import check_folder
-from calib.show.screen import progress_bar, quoted, shown, table_console, waiting
+from calib.show.screen import progress_bar, progress_bars, quoted, shown, table_console, waiting
 from designer.answer import StoppedError, Summary, Value, program
 from designer.command import command
 from designer.completion import one_of
@@ -33,7 +33,6 @@ from designer.errors import InputError
 from designer.words import printable
 
 if TYPE_CHECKING:
-    from calib.pipeline.settings import SolvePlan
     from calib.studies.findings import HeldClaim
     from calib.studies.paper_study import PaperStudy
     from calib.studies.store import Study
@@ -42,9 +41,6 @@ if TYPE_CHECKING:
 MAX_SIZE = 100_000
 MAX_SAMPLES = 1_000_000
 MAX_SEED = 2**63 - 1
-LONGEST_NAME = 60
-RUN_FOLDER = "calibration"
-"""How `calib run` calls its folder."""
 KEPT = "stopped; what is finished is kept: go on with --resume"
 
 app = typer.Typer(
@@ -96,44 +92,26 @@ def bootstrap(
     pitch: PitchOption = None,
 ) -> Summary:
     """Draw views with replacement, calibrate and measure, thousands of times: errors with their spread."""
-    from calib.observe.truth import read_truth
-    from calib.studies.identity import identity_of
+    from calib.api.bootstrapping import bootstrap as find_spread
     from calib.studies.outputs import STUDY_FILE
-    from calib.studies.pool import make_pool, require_enough
-    from calib.studies.statistics import Case
-    from calib.studies.store import check_place, open_study
-    from calib.studies.workers import CaseSpec
-    from designer.target import load_target
+    from calib.studies.store import read_study
 
-    plan = plan_of(model, fix, share, None, loss, reject, weighted=weighted)
-    if len(plan.models) > 1:
-        raise InputError(f"--model {model}: a study is of one model; give luhmann, opencv, pinhole or virtual")
-    views = parse_sizes(sizes)
-    check_folder(out)
-    observations = read_input(detections, target, image_size, grid, pitch)
-    known = None if truth is None else read_truth(truth)
-    if known is not None and target is not None and known.layout_id != load_target(target).layout_id:
-        raise InputError(f"{truth}: of photos of another target than {target}; give the truth.json beside the photos")
-    files = {"detections": detections, "target": target, "truth": truth}
-    name = _name_of(target or detections)
-    identity = identity_of(
-        seed, {"model": model, "name": name, **_settings(plan, image_size=image_size, grid=grid, pitch=pitch)},
-        {name: path for name, path in files.items() if path is not None},
-    )  # fmt: skip
-    check_place(out / STUDY_FILE, identity, resume=resume)
-    with kept_when_stopped():
-        _check_cluster(dask)
-        with waiting("solving all views"):
-            pool = make_pool(observations, model, plan.options_of(model), known)
-        for remark in (*observations.remarks, *pool.remarks):
+    words = {"image_size": image_size, "grid": grid, "pitch": pitch}
+    with kept_when_stopped(), stopped_in_a_line():
+        with progress_bars() as progress:
+            found = find_spread(
+                detections, target, truth=truth, sizes=parse_sizes(sizes), samples=samples, model=model, fix=fix or (),
+                share=share or (), loss=loss, reject_sigma=reject, weighted=weighted,
+                image_size=image_size_of(image_size), grid=grid_of(grid, pitch), seed=seed, jobs=jobs, dask=dask,
+                resume=resume, out=out, progress=progress,
+                settings=tuple((name, text) for name, text in words.items() if text is not None),
+            )  # fmt: skip
+        for remark in found.remarks:
             print(printable(remark))
-        for size in views:
-            require_enough(pool, size)
-        specs = [CaseSpec(Case(name, size, pool.view_count), pool) for size in views]
-        out.mkdir(parents=True, exist_ok=True)
-        with open_study(out / STUDY_FILE, identity, resume=resume) as study:
-            sample(specs, study, samples=samples, seed=seed, jobs=jobs, dask=dask)
-            summary = show(study, out, (*observations.remarks, *pool.remarks))
+        done = found.sampled
+        say_sampled(done.new, done.before, done.seconds, jobs or os.cpu_count() or 1, dask)
+        with read_study(out / STUDY_FILE) as study:
+            summary = show(study, out, found.remarks)
         return say_next(with_page(summary, out, "bootstrap"), out)
 
 
@@ -214,7 +192,6 @@ def sample(
     specs: "Sequence[CaseSpec]", study: "Study", *, samples: int, seed: int, jobs: int | None, dask: str | None
 ) -> None:
     """Compute the samples that are missing, and say how long it took."""
-    from calib.core.number_text import figure
     from calib.studies.runner import run_cases
 
     total, counts = samples * len(specs), [0]
@@ -222,11 +199,17 @@ def sample(
     start = time.perf_counter()
     with stopped_in_a_line(), progress_bar("sampling", total, rate=True) as bar:
         run_cases(specs, study, samples=samples, seed=seed, jobs=processes, dask=dask, on_progress=_told(counts, bar))
-    seconds, new = time.perf_counter() - start, counts[-1] - counts[1]
+    say_sampled(counts[-1] - counts[1], counts[1], time.perf_counter() - start, processes, dask)
+
+
+def say_sampled(new: int, before: int, seconds: float, processes: int, dask: str | None) -> None:
+    """Say how many samples were computed, and how fast."""
+    from calib.core.number_text import figure
+
     by = f"{processes} process{'es' if processes > 1 else ''}" if dask is None else f"the cluster at {dask}"
-    before = f", {counts[1]} were there" if counts[1] else ""
+    there = f", {before} were there" if before else ""
     if new:
-        print(f"{new} samples in {seconds:.1f} s, {figure(new / seconds, 3)} a second by {printable(by)}{before}")
+        print(f"{new} samples in {seconds:.1f} s, {figure(new / seconds, 3)} a second by {printable(by)}{there}")
 
 
 def _told(counts: list[int], bar: Callable[[float], None]) -> Callable[[int], None]:
@@ -321,33 +304,6 @@ def _photograph_and_search(work: "PaperStudy", jobs: int | None) -> None:
     with progress_bar("searching", work.photo_count) as tell:
         paper_study.make_detections(work, detector=program(), jobs=processes, tell=tell)
     print(f"{shown(work.folder / 'photos')}: {work.photo_count} photos in {len(work.sets)} sets, detected")
-
-
-def _settings(plan: "SolvePlan", **others: str | None) -> dict[str, str]:
-    """What decides a sample's result beside the model."""
-    options = plan.options
-    settings = {
-        "weighted": "yes" if options.weighted else "no",
-        "loss": options.loss,
-        "reject": "" if options.reject_sigma is None else f"{options.reject_sigma!r}",
-        "fix": ",".join(sorted(name if value is None else f"{name}={value!r}" for name, value in options.fixed)),
-        "share": ";".join(map(",".join, options.shared)),
-    }
-    return settings | {name: value for name, value in others.items() if value is not None}
-
-
-def _name_of(path: Path) -> str:
-    """What a target is called in tables."""
-    from calib.studies.paper_table import TARGETS
-
-    # A name stands above columns and pictures; in the folder of a run, the folder says more than target.json.
-    file = path.name.removesuffix(".json").removesuffix(".target") or path.name
-    place = path.absolute().parent
-    folder = place.parent.name if place.name == RUN_FOLDER else place.name
-    name = printable((folder or file) if file == "target" else file)
-    short = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
-    # The paper's own targets are others, whose numbers must not stand beside.
-    return f"own {short}" if short in TARGETS else short
 
 
 def _check_cluster(dask: str | None) -> None:

@@ -1,0 +1,243 @@
+"""How sure a camera is, by thousands of samples of its photos: what `calib study bootstrap` does."""
+
+import hashlib
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from calib.api.loading import Observed, Place, load_observations, observations_of, target_of
+from calib.api.page_shown import ShownAsPage
+from calib.api.progress import Progress, unheard
+from calib.api.tolerancing import MAX_SEED, DrawCount
+from calib.core.files import check_folder, write_files
+from calib.core.types import Observations
+from calib.observe.corners_vnl import PointGrid
+from calib.observe.truth import Truth, read_truth
+from calib.pipeline.settings import SolvePlan, plan_from_words
+from calib.renderer.quantities import whole
+from calib.studies import pool as pools
+from calib.studies.identity import StudyIdentity, identity_of
+from calib.studies.outputs import STUDY_FILE, study_output
+from calib.studies.paper_table import TARGETS
+from calib.studies.runner import run_cases
+from calib.studies.statistics import Case, CaseSummary, summarise
+from calib.studies.store import check_place, open_study, read_study
+from calib.studies.workers import CaseSpec
+from designer.errors import InputError
+from designer.target import TargetGeometry
+from designer.words import printable
+
+MAX_SAMPLES, MAX_SIZE = 1_000_000, 100_000
+LONGEST_NAME = 60
+RUN_FOLDER = "calibration"
+"""How `calib run` calls its folder."""
+
+
+@dataclass(frozen=True, eq=False)
+class BootstrapResult(ShownAsPage):
+    """The spread of a camera's errors over samples of its photos: `found.summaries`, `found.save("study")`.
+
+    In a notebook the result shows its page.
+    """
+
+    summaries: tuple[CaseSummary, ...]  # of each size
+    sampled: DrawCount
+    remarks: tuple[str, ...]  # on the photos, one line each
+    study: bytes  # every sample, as `study.sqlite` holds them
+
+    def save(self, folder: Place) -> tuple[Path, ...]:
+        """Write every sample, the tables and the figures; return the files.
+
+        Raises:
+            InputError: the folder takes no files, or holds another study.
+        """
+        place = Path(folder)
+        check_folder(place)
+        path = place / STUDY_FILE
+        if path.exists() and path.read_bytes() != self.study:
+            raise InputError(f"{path}: there is another study; choose another folder")
+        write_files({path: self.study})
+        with read_study(path) as study:
+            files = study_output(study, place).files
+        write_files(files)
+        return (*files, path)
+
+    def _write_all(self, folder: Path) -> tuple[Path, ...]:
+        from calib.report.folder_page import write_folder_page
+
+        return (*self.save(folder), *write_folder_page(folder, "bootstrap", "")[0])
+
+
+def bootstrap(
+    observed: Observed,
+    target: TargetGeometry | Place | None = None,
+    *,
+    truth: Truth | Place | None = None,
+    sizes: Sequence[int] = (20, 50, 120),
+    samples: int = 10_000,
+    model: str = "luhmann",
+    fix: Sequence[str] = (),
+    share: Sequence[str] = (),
+    loss: str = "squares",
+    reject_sigma: float | None = None,
+    weighted: bool = True,
+    image_size: tuple[int, int] | None = None,
+    grid: PointGrid | None = None,
+    seed: int = 1,
+    jobs: int | None = None,
+    dask: str | None = None,
+    resume: bool = False,
+    out: Place | None = None,
+    progress: Progress = unheard,
+    settings: Sequence[tuple[str, str]] = (),
+) -> BootstrapResult:
+    """Calibrate thousands of samples of photos, drawn with replacement: `bootstrap("detections.csv", "t.target.json")`.
+
+    Args:
+        observed: a file of observations, what was found in photos, or observations.
+        target: that they show; None: points from elsewhere.
+        truth: of rendered photos, which adds the errors of poses.
+        sizes: views of a sample.
+        samples: of each size.
+        model: a camera model's name.
+        fix: parameters to keep as they start, or at a value.
+        share: parameters that have one value.
+        loss: how far-off observations count.
+        reject_sigma: leave out what is farther off.
+        weighted: by covariances, or all alike.
+        image_size: of a file that does not say it.
+        grid: of a `corners.vnl`.
+        seed: of all samples.
+        jobs: processes; None: one per core.
+        dask: address of a cluster's scheduler, which computes the samples instead.
+        resume: go on with the study in the folder.
+        out: a folder to keep the samples in as they come, so that a stopped study goes on; None: `save` writes them.
+        progress: is told what is being done.
+        settings: what a study with other words for its options is told by, instead of these.
+
+    Raises:
+        InputError: files or options that break a rule, or photos too few.
+        StudyStoppedError: interrupted, or no workers are left; the samples in a folder are kept.
+    """
+    plan = plan_from_words(
+        model, fix=fix, share=share, focal_px=None, loss=loss, reject=reject_sigma, weighted=weighted
+    )
+    if len(plan.models) > 1:
+        raise InputError(f"--model {model}: a study is of one model; give luhmann, opencv, pinhole or virtual")
+    views, count = [whole("--sizes", size, 1, MAX_SIZE) for size in sizes], whole("--samples", samples, 1, MAX_SAMPLES)
+    seed = whole("--seed", seed, 0, MAX_SEED)
+    processes = os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, 1024)
+    if out is not None:
+        check_folder(Path(out))
+    if isinstance(observed, str | PathLike):
+        observations = load_observations(observed, target, image_size=image_size, grid=grid)
+    else:
+        observations = observations_of(observed, target)
+    known = truth if truth is None or isinstance(truth, Truth) else read_truth(Path(truth))
+    if known is not None and target is not None and known.layout_id != target_of(target).layout_id:
+        name = "the truth" if isinstance(truth, Truth) else truth
+        raise InputError(f"{name}: of photos of another target; give the truth.json beside the photos")
+    name = _name_of(*(one for one in (target, observed) if isinstance(one, str | PathLike)))
+    kept = _settings(plan, image_size, grid) | dict(settings)
+    identity = _identity(seed, {"model": model, "name": name, **kept}, observations, observed, target, truth)
+    with TemporaryDirectory() as aside:
+        path = Path(aside if out is None else out) / STUDY_FILE
+        check_place(path, identity, resume=resume)
+        if dask is not None:
+            from calib.studies.dask_cluster import check_cluster
+
+            progress("asking the cluster", 0, 0)
+            check_cluster(dask)
+        progress("solving all views", 0, 0)
+        pool = pools.make_pool(observations, model, plan.options_of(model), known)
+        for size in views:
+            pools.require_enough(pool, size)
+        specs = [CaseSpec(Case(name, size, pool.view_count), pool) for size in views]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        sampled = _sampled(path, identity, specs, count, seed, processes, dask, progress, resume=resume)
+        with read_study(path) as study:
+            found = tuple(
+                summarise(one.case, study.load(one.case.name)) for one in study.cases() if study.done(one.case.name)
+            )
+        return BootstrapResult(found, sampled, (*observations.remarks, *pool.remarks), path.read_bytes())
+
+
+def _sampled(
+    path: Path,
+    identity: StudyIdentity,
+    specs: Sequence[CaseSpec],
+    samples: int,
+    seed: int,
+    jobs: int,
+    dask: str | None,
+    progress: Progress,
+    *,
+    resume: bool,
+) -> DrawCount:
+    """Compute the samples that are missing."""
+    total, counts, start = samples * len(specs), [0], time.perf_counter()
+
+    def tell(done: int) -> None:
+        counts.append(done)
+        progress("sampling", done, total)
+
+    with open_study(path, identity, resume=resume) as study:
+        run_cases(specs, study, samples=samples, seed=seed, jobs=jobs, dask=dask, on_progress=tell)
+    return DrawCount(counts[-1] - counts[1], counts[1], time.perf_counter() - start)
+
+
+def _identity(
+    seed: int,
+    settings: dict[str, str],
+    observations: Observations,
+    observed: Observed,
+    target: TargetGeometry | Place | None,
+    truth: Truth | Place | None,
+) -> StudyIdentity:
+    """What makes it this study: its files, or what they would hold."""
+    named = (("detections", observed), ("target", target), ("truth", truth))
+    files = {name: Path(one) for name, one in named if isinstance(one, str | PathLike)}
+    identity = identity_of(seed, settings, files)
+    if "detections" in files:
+        return identity
+    content = hashlib.sha256()
+    for array in (observations.view, observations.center_px, observations.points.position_mm[observations.point]):
+        content.update(array.tobytes())
+    return StudyIdentity(seed, identity.settings, (("detections", content.hexdigest()), *identity.inputs))
+
+
+def _settings(plan: SolvePlan, image_size: tuple[int, int] | None, grid: PointGrid | None) -> dict[str, str]:
+    """What decides a sample's result beside the model."""
+    options = plan.options
+    others = {
+        "image_size": None if image_size is None else f"{image_size[0]}x{image_size[1]}",
+        "grid": None if grid is None else f"{grid.columns}x{grid.rows}",
+        "pitch": None if grid is None else f"{grid.pitch_mm:g}mm",
+    }
+    return {
+        "weighted": "yes" if options.weighted else "no",
+        "loss": options.loss,
+        "reject": "" if options.reject_sigma is None else f"{options.reject_sigma!r}",
+        "fix": ",".join(sorted(name if value is None else f"{name}={value!r}" for name, value in options.fixed)),
+        "share": ";".join(map(",".join, options.shared)),
+        **{name: value for name, value in others.items() if value is not None},
+    }
+
+
+def _name_of(*places: Place) -> str:
+    """What a target is called in tables: after the first file there is."""
+    if not places:
+        return "own target"
+    # A name stands above columns and pictures; in the folder of a run, the folder says more than target.json.
+    path = Path(places[0])
+    file = path.name.removesuffix(".json").removesuffix(".target") or path.name
+    place = path.absolute().parent
+    folder = place.parent.name if place.name == RUN_FOLDER else place.name
+    name = printable((folder or file) if file == "target" else file)
+    short = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
+    # The paper's own targets are others, whose numbers must not stand beside.
+    return f"own {short}" if short in TARGETS else short
