@@ -19,6 +19,7 @@ from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummar
 from calib.renderer.job import FileOptions, RenderRecord, TrueView
 from calib.renderer.options import RenderOptions
 from calib.report.origin import Origin
+from calib.report.photos_file import ToldPhoto, ToldPhotos, ToldSection
 from calib.solver.calibration import ImageField
 from calib.solver.options import SolveOptions
 from calib.studies.compare.comparison_file import AloneRow, CaseRow, ComparisonFile, ComparisonPlan
@@ -47,6 +48,17 @@ from calib.verdict.halves import Half
 from calib.verdict.next_views import NextView, NextViews
 from calib.verdict.of_run import Judged
 from calib.verdict.verdict import Check, Verdict
+from designer.page.blocks import (
+    Cell,
+    Column,
+    Command,
+    Finding,
+    Findings,
+    Headline,
+    Paragraph,
+    Steps,
+    Table,
+)  # fmt: skip
 
 PINHOLE = Camera("pinhole", np.array([900.0, 901.5, 500.25, 380.0]), (1000, 800))
 POSE = np.array([[0.0, -1, 0, 1.5], [1, 0, 0, -2], [0, 0, 1, 1e3 / 3], [0, 0, 0, 1]])
@@ -150,6 +162,21 @@ def _calibration() -> CalibrationRecord:
     )  # fmt: skip
 
 
+def _photos() -> ToldPhotos:
+    cells = (Cell("3", 3.0), Cell("good", level="good"))
+    finding = Finding("note", "Blur", "it is blurred", "1 px", "0.5 px")
+    blocks = (
+        Findings((finding,)), Table("A table", (Column("x"),), ((Cell("1", 1.0),),)), Command("calib run"),
+        Steps(("do it",)), Paragraph("text"),
+    )  # fmt: skip
+    posed = ToldPhoto("a b.png", cells, "small/a  b.png", "caption", "bad", 0.5, POSE)
+    return ToldPhotos(
+        "photos", Headline("good", "good", "all is well"), (("a", "b"),), (Column("rings"), Column("word", False)),
+        (posed, ToldPhoto("c.png", cells)), "by name", (("a.png", "a photo"),), notes=(finding,),
+        before=(ToldSection("First", blocks),), geometry_id="g1", camera=PINHOLE,
+    )  # fmt: skip
+
+
 EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.camera": _camera,
     "ringsolid.verdict": _verdict,
@@ -162,5 +189,6 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.tolerance_table": _tolerance,
     "ringsolid.as_built": _as_built,
     "ringsolid.calibration": _calibration,
+    "ringsolid.photos": _photos,
     "ringsolid.report": lambda: Origin("calibration", "calib run target.json photos/*.jpg", "ringsolid 1.0"),
 }

@@ -8,7 +8,7 @@ from calib.report.folder_blocks import files_section, warnings
 from calib.report.gallery import Shot, gallery, is_there, spread, title_of_pictures
 from calib.report.kept_target import kept_target
 from calib.report.origin import Origin
-from calib.report.photos_file import KIND_WORDS, ToldPhotos, ToldSection, camera_in, read_photos
+from calib.report.photos_file import KIND_WORDS, ToldPhotos, ToldSection, read_photos
 from calib.report.undistortion import undistortion_figure
 from designer.page.blocks import Block, Cell, Column, Command, Facts, Figure, Findings, Page, Section, Table
 
@@ -66,7 +66,7 @@ def _places(folder: Path, told: ToldPhotos) -> tuple[tuple[Section, ...], str]:
     from calib.report.place_scene import place_view, place_words  # slow to load, and of no use to detections
 
     target, wrong = kept_target(folder, told.geometry_id)
-    camera = camera_in(folder, told.camera, "camera")
+    camera = told.camera
     names = tuple(f"{photo.name}: {photo.caption}" for photo in told.posed)
     caption = "Each pyramid is a photo; point at one for its name."
     view = place_view(target, camera, told.cam_from_target, names, caption)
@@ -77,5 +77,5 @@ def _bent(folder: Path, told: ToldPhotos) -> tuple[Figure, ...]:
     """What undistortion did to the photos of the camera, if it is that what the pictures are."""
     if told.camera is None or told.pinhole is None:
         return ()
-    taken, pinhole = camera_in(folder, told.camera, "camera"), camera_in(folder, told.pinhole, "pinhole")
+    taken, pinhole = told.camera, told.pinhole
     return (undistortion_figure(taken, pinhole),)

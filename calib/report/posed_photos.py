@@ -18,7 +18,7 @@ from calib.report.gallery import shortened
 from calib.report.kept_target import TARGET_FILE, target_words
 from calib.report.levels import SHARE_RULE, level_of_share, worst_level
 from calib.report.photo_rows import STANDS_OUT
-from calib.report.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection, camera_mapping, matrix_of
+from calib.report.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.report.place_scene import distance_words
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph
 
@@ -84,7 +84,7 @@ def told_posed(made: Posed) -> ToldPhotos:
         "no pose.",
         before=(ToldSection("Can the poses be used?", (Findings(rows),), "The headline is the worst of these."),),
         after=(ToldSection("Next", (_next(made.out),)),),
-        geometry_id=made.geometry.geometry_id, camera=camera_mapping(drawn),
+        geometry_id=made.geometry.geometry_id, camera=drawn,
     )  # fmt: skip
 
 
@@ -164,7 +164,7 @@ def _photo(made: Posed, name: str, usual_px: float) -> ToldPhoto:
     caption = f"{pose.rings} rings, RMS {digits(pose.rms_px, 2)} px, {digits(pose.distance_mm)} mm away"
     level: Level | None = "usable" if pose.rms_px > STANDS_OUT * usual_px else None
     badness = pose.rms_px if math.isfinite(pose.rms_px) else None
-    return ToldPhoto(name, cells, overlay, caption, level, badness, matrix_of(pose.cam_from_target))
+    return ToldPhoto(name, cells, overlay, caption, level, badness, pose.cam_from_target)
 
 
 def _next(out: Path | None) -> Command | Paragraph:

@@ -14,7 +14,7 @@ from calib.renderer.scene import RenderScene, scene_from_target
 from calib.report.camera_section import field_of_view_words
 from calib.report.cells import number, whole
 from calib.report.kept_target import TARGET_FILE, target_words
-from calib.report.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection, camera_mapping, matrix_of
+from calib.report.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.report.place_scene import distance_words, tilts_deg
 from designer.page.blocks import Cell, Column, Command, Finding, Headline
 
@@ -57,13 +57,13 @@ def told_rendered(job: RenderJob, target_file: str) -> ToldPhotos:
         tuple(
             ToldPhoto(
                 photo.name, _cells(photo, is_flat=is_flat), photo.name, _caption(photo),
-                "usable" if photo.is_too_small else None, cam_from_target=matrix_of(pose),
+                "usable" if photo.is_too_small else None, cam_from_target=pose,
             )
             for photo, pose in zip(photos, job.cam_from_target, strict=True)
         ),
         "In the order they were rendered.", FILES, lead=_rings_words(photos),
         notes=(Finding("usable", "Rings too small", too_small),) if too_small else (),
-        after=(_next(target_file),), geometry_id=job.target.geometry_id, camera=camera_mapping(job.camera),
+        after=(_next(target_file),), geometry_id=job.target.geometry_id, camera=job.camera,
     )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from calib.cameras.camera import Camera
 from calib.core.number_text import figure as digits
 from calib.report.camera_section import field_of_view_words
 from calib.report.folder_blocks import some_of
-from calib.report.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection, camera_mapping
+from calib.report.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.report.undistortion import Change, change_of
 from designer.page.blocks import Cell, Column, Command, Finding, Headline, Table
 from designer.words import capital
@@ -62,7 +62,7 @@ def told_undistorted(made: UndistortedSet) -> ToldPhotos:
             ToldSection("The new camera", (_parameters(made),), lead=_pinhole_words(made)),
             ToldSection("Next", _next(made, change)),
         ),
-        camera=camera_mapping(made.taken), pinhole=camera_mapping(made.pinhole),
+        camera=made.taken, pinhole=made.pinhole,
     )  # fmt: skip
 
 

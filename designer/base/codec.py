@@ -197,7 +197,7 @@ def _decode(hint: object, value: JsonValue, place: str, sizes: dict[str, int]) -
 
 
 def _decode_union(inner: tuple[object, ...], value: JsonValue, place: str, sizes: dict[str, int]) -> object:
-    """Null, or the member whose keys an object has: that of most keys, as the others may have defaults."""
+    """Null, or the member whose keys an object has."""
     members = [one for one in inner if one is not types.NoneType]
     if value is None and len(members) < len(inner):
         return None

@@ -52,11 +52,18 @@ class FileKind(Generic[T]):
             InputError: it cannot be read, is of another format or version, or breaks a rule: one line that names the
                 file, the place, and what to do.
         """
+        return self.of(self.parsed(path), str(path))
+
+    def parsed(self, path: Path) -> JsonValue:
+        """The document in a file, not yet checked.
+
+        Raises:
+            InputError: it cannot be read, is larger than any of its kind, or is no JSON.
+        """
         try:
-            document = parse_json(read_small_text(path, self.largest_bytes, self.what), path, self.what)
+            return parse_json(read_small_text(path, self.largest_bytes, self.what), path, self.what)
         except InputError as error:
             raise InputError(f"{error}; {self.remedy}" if path.is_file() else str(error)) from None
-        return self.of(document, str(path))
 
     def read_if_there(self, path: Path) -> T | None:
         """What a file holds; None if there is none.
