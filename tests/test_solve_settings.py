@@ -2,7 +2,7 @@
 
 import pytest
 
-from calib.pipeline.settings import SolvePlan, plan_from_words
+from calib.pipeline.settings import SolvePlan, parse_focal_px, plan_from_words
 from designer.errors import InputError
 
 
@@ -11,12 +11,14 @@ def plan(
     *,
     fix: tuple[str, ...] = (),
     share: tuple[str, ...] = (),
-    focal: str | None = None,
+    focal_px: float | None = None,
     loss: str = "squares",
     reject: float | None = None,
 ) -> SolvePlan:
     """The plan of a command line."""
-    return plan_from_words(model, fix=[*fix], share=[*share], focal=focal, loss=loss, reject=reject, weighted=False)
+    return plan_from_words(
+        model, fix=[*fix], share=[*share], focal_px=focal_px, loss=loss, reject=reject, weighted=False
+    )
 
 
 def test_all_means_the_three_models_of_the_comparison() -> None:
@@ -76,14 +78,14 @@ def test_choices_that_contradict_each_other_are_refused(
 @pytest.mark.parametrize(("text", "length_px"), [("2500px", 2500.0), (" 2.5e3 ", 2500.0), ("1000 px", 1000.0)])
 def test_a_focal_length_is_in_pixels(text: str, length_px: float) -> None:
     """With its unit or without."""
-    assert plan(focal=text).options.focal_px == length_px
+    assert parse_focal_px(text) == plan(focal_px=length_px).options.focal_px == length_px
 
 
 @pytest.mark.parametrize("text", ["", "50mm", "-3px", "0", "1e9", "nan", "inf", "e", "1.2.3", "9" * 40])
 def test_what_is_no_focal_length_is_refused(text: str) -> None:
     """The message says what may stand there."""
     with pytest.raises(InputError, match="2500px"):
-        plan(focal=text)
+        parse_focal_px(text)
 
 
 @pytest.mark.parametrize("number", [0.0, 0.99, -4.0, float("nan"), float("inf")])

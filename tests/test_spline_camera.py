@@ -119,4 +119,4 @@ def test_it_is_not_solved() -> None:
     with pytest.raises(InputError, match="simulated with it, not solved; choose one of opencv, luhmann, pinhole"):
         tie_parameters("spline", SolveOptions())
     with pytest.raises(InputError, match="--model spline: photos are simulated with it, not solved"):
-        plan_from_words("spline", fix=[], share=[], focal=None, loss="squares", reject=None, weighted=False)
+        plan_from_words("spline", fix=[], share=[], focal_px=None, loss="squares", reject=None, weighted=False)
