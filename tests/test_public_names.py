@@ -56,3 +56,10 @@ def test_import_loads_nothing() -> None:
     assert run.stdout.strip() == "[]"
     with pytest.raises(AttributeError, match="no attribute 'detekt'"):
         calib.detekt  # noqa: B018  # the access itself is what is tried
+
+
+def test_the_docs_name_every_public_function() -> None:
+    """A capability that nobody reads of is not there: `docs/python.md` names each function and class that is called."""
+    said = (ROOT / "docs/python.md").read_text()
+    offered = [name for name in calib.__all__ if not name[0].isupper()]
+    assert [name for name in offered if f"calib.{name}(" not in said] == []
