@@ -76,8 +76,9 @@ def finding_of(check: Check) -> Finding:
     sign = "≥" if check.is_at_least else "≤"
     has_limits = check.good or check.usable
     rule = f"good {sign} {check.good:.4g}, usable {sign} {check.usable:.4g} {check.unit}".strip() if has_limits else ""
+    sentence = f"{WORDS[check.grade]}: {check.sentence}" if check.grade == "unknown" else check.sentence
     return Finding(
-        LEVELS[check.grade], printable(check.title), as_sentence(printable(check.sentence)), printable(found), rule
+        LEVELS[check.grade], printable(check.title), as_sentence(printable(sentence)), printable(found), rule
     )
 
 

@@ -6,7 +6,7 @@ the same, what spoils the photos comes before what is missing in them: more phot
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +85,7 @@ class _Step:
 
     sentences: tuple[str, ...]
     mends: tuple[str, ...]
+    measures: bool = False  # it says to measure the target, which need not be said twice
 
 
 def advice_of(
@@ -113,10 +114,10 @@ def advice_of(
             _step(_far_off(calibration, criteria, facts, inputs), "outliers"),
             _step(_few_photos(facts), "halves"),
             _step(_tilts(evidence, criteria, facts), "uncertainty"),
-            _step(shape_advice(calibration, evidence, criteria, inputs.measure), "uncertainty", "target"),
+            _shape(calibration, evidence, criteria, inputs),
         )
     )
-    is_to_measure = any("calib measure" in sentence for step in faults for sentence in step.sentences)
+    is_to_measure = any(step.measures for step in faults)
     steps = (
         *faults,
         _Step(photo_advice(calibration, evidence, criteria, views), ("solution", "uncertainty", "coverage")),
@@ -161,14 +162,14 @@ def _target(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _St
             f"{measure}; its points are off by {px(on_target)} in the same way in all photos, so it "
             f"{'is' if is_certain else 'may be'} not flat or not as given"
         )
-        return _step(sentence, "target", "systematic", "halves")
+        return replace(_step(sentence, "target", "systematic", "halves"), measures=True)
     if shape is not None and shape.ratio > BY_CHANCE and shape.percentile_95_px > criteria.target_px.good:
         sentence = (
             f"{measure}; a target that may bend and stretch explains the photos better ({figure(shape.ratio, 2)} "
             f"sigma), and moves the camera by up to {px(shape.percentile_95_px)}"
             + (", unless it is the lens that the model does not fit" if evidence.may_be_lens else "")
         )
-        return _step(sentence, "target", "halves")
+        return replace(_step(sentence, "target", "halves"), measures=True)
     is_enlarged = evidence.uncertainty.factor > 1 and not is_sure(evidence, criteria)
     if isinstance(halves, HalvesFound) and (halves.ratio > criteria.halves_sigma.good or is_enlarged):
         sentence = (
@@ -176,8 +177,14 @@ def _target(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _St
             f"{figure(halves.ratio, 2)} times more than noise explains; a target that is not flat (`calib measure` "
             "tells) or bends when held, or autofocus, zoom or image stabilisation that were on"
         )
-        return _step(sentence, "halves")
+        return replace(_step(sentence, "halves"), measures=True)
     return _step("")
+
+
+def _shape(calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _Step:
+    """A target that nobody measured, and that may be off so far that the camera is."""
+    found = shape_advice(calibration, evidence, criteria, inputs.measure)
+    return replace(_step(found.sentence, "uncertainty", "target"), measures=found.measures)
 
 
 def _target_share(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> str:

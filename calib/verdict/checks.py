@@ -138,7 +138,7 @@ def _halves(evidence: CameraEvidence, criteria: Criteria) -> Check:
     """
     found, limits = evidence.halves, criteria.halves_sigma
     if isinstance(found, NoHalves):
-        return _check("halves", "unknown", None, "sigma", limits, f"not checked: {found.reason}")
+        return _check("halves", "unknown", None, "sigma", limits, found.reason)
     grade = _at_most(found.ratio, limits)
     if grade != "good" and found.percentile_95_px <= IRRELEVANT * criteria.models_px.good:
         sentence = (
@@ -149,7 +149,7 @@ def _halves(evidence: CameraEvidence, criteria: Criteria) -> Check:
         return _check("halves", "good", found.ratio, "sigma", limits, sentence)
     if grade == "good" and found.stated_px > criteria.models_px.usable:
         sentence = (
-            f"cannot tell: halves of the photos are so uncertain that {px(found.stated_px)} between them is expected, "
+            f"halves of the photos are so uncertain that {px(found.stated_px)} between them is expected, "
             f"more than {criteria.models_px.usable:g} px, so that they differ by {px(found.rms_px)} (RMS) shows "
             "neither good nor bad"
         )
@@ -196,7 +196,7 @@ def _systematic(evidence: CameraEvidence, limits: Limits) -> Check:
     found = evidence.leftover
     known = [value for value in (found.image_px, found.target_px) if value is not None]
     if not known:
-        return _check("systematic", "unknown", None, "px", limits, "not checked: too few sightings for means")
+        return _check("systematic", "unknown", None, "px", limits, "too few sightings for means")
     value = max(known)
     on_target = found.target_px is not None and found.target_px == value
     where = "of a point of the target in all photos" if on_target else "of a place in the image"
@@ -255,7 +255,7 @@ def _target(evidence: CameraEvidence, limits: Limits) -> Check:
     if found is None:
         is_learned = evidence.uncertainty.is_map_exact
         why = "a learned map takes up the target's shape" if is_learned else "too little is known of the target's faces"
-        return _check("target", "unknown", None, "px", limits, f"not checked: {why}")
+        return _check("target", "unknown", None, "px", limits, why)
     if found.ratio <= BY_CHANCE:
         return _target_by_chance(evidence, found, limits)
     grade, is_sure = _at_most(found.percentile_95_px, limits), found.ratio > SURE
@@ -329,7 +329,7 @@ def _models(evidence: CameraEvidence, limits: Limits) -> Check:
     ]
     if not known:
         why = "; ".join(others) or "no other model was solved"
-        return _check("models", "unknown", None, "px", limits, f"not checked: {why}")
+        return _check("models", "unknown", None, "px", limits, why)
 
     def order(pair: tuple[ModelApart, float]) -> tuple[bool, float]:
         one, value = pair

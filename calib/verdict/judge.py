@@ -42,7 +42,7 @@ def _sentence(evidence: CameraEvidence, checks: Sequence[Check], missing: Sequen
         return _why_good(evidence)
     faults = faults_of(checks, grade)
     if not faults:
-        return f"no fault was found, but not everything could be checked: {_bare(missing[0])}"
+        return f"no fault was found, but not everything could be checked: {missing[0].sentence}"
     names = {check.name for check in faults}
     if grade == "bad" and "coverage" in names and names <= {"uncertainty", "coverage"}:
         narrow = _good_inside(evidence, faults)
@@ -91,10 +91,6 @@ def _good_inside(evidence: CameraEvidence, faults: Sequence[Check]) -> str:
     else:
         elsewhere = f"it is uncertain by up to {px(outside)} (1 sigma)"
     return f"{covered} {px(inside)} ({OWN_ROTATION}); elsewhere {elsewhere}, and nothing was seen to check it"
-
-
-def _bare(check: Check) -> str:
-    return check.sentence.removeprefix("not checked: ").removeprefix("cannot tell: ")
 
 
 def _why_good(evidence: CameraEvidence) -> str:

@@ -1,5 +1,7 @@
 """What to do where the camera is uncertain because its target may not be as its file says."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,8 +19,16 @@ NOT_ROLLED = 0.8
 """Length of the mean direction of the target in the image, its angles doubled, above which all photos have one."""
 
 
-def shape_advice(calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, measure: str) -> str:
-    """The photos that would tell the target's shape, or that it is to be measured; "" where it is no matter.
+@dataclass(frozen=True)
+class ShapeAdvice:
+    """What to do about a target whose shape is not known well enough."""
+
+    sentence: str = ""  # "": nothing
+    measures: bool = False  # it is to be measured; else photos are wanted
+
+
+def shape_advice(calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, measure: str) -> ShapeAdvice:
+    """The photos that would tell the target's shape, or that it is to be measured; nothing where it is no matter.
 
     Args:
         calibration: the one that is judged.
@@ -28,15 +38,15 @@ def shape_advice(calibration: Calibration, evidence: CameraEvidence, criteria: C
     """
     uncertain = evidence.uncertainty
     if uncertain.image_px is None or not uncertain.by_target or uncertain.image_px <= criteria.uncertainty_px.good:
-        return ""
+        return ShapeAdvice()
     if uncertain.target_error is None:
-        return ""
+        return ShapeAdvice()
     made = made_words(uncertain.target_error)
     reason = f"one {made} may be off so far that the camera is off by {px(uncertain.target_px)}"
     photos = " and ".join(_missing(calibration))
     if not photos:
-        return f"measure the target, and solve with the measured one: {measure}; {reason}"
-    return f"{photos}: the photos so far do not tell the target's shape, and {reason}"
+        return ShapeAdvice(f"measure the target, and solve with the measured one: {measure}; {reason}", measures=True)
+    return ShapeAdvice(f"{photos}: the photos so far do not tell the target's shape, and {reason}")
 
 
 def _missing(calibration: Calibration) -> tuple[str, ...]:
