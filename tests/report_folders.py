@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.as_built.lengths import Length, length_in
+from calib.as_built.lengths import CaliperLength, length_in
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.solve import measure
 from calib.as_built_report.files import places_of, report_files, report_of
@@ -192,7 +192,7 @@ def measure_files() -> Files:
     """A measured icosahedron that came out of a printer, judged by photos held out."""
     rng = np.random.default_rng(3)
     real = printed(solid(), random_shape(solid(), rng, ring_mm=(0.05, 0.02)))
-    length = Length("edge", length_in(real, "edge"), 0.02)
+    length = CaliperLength("edge", length_in(real, "edge"), 0.02)
     found = measure([photos(real, rng, 14)], solid(), "opencv", AsBuiltOptions(), [length])
     held = gain_on_held_out(found, "opencv", AsBuiltOptions(), 2)
     report = report_of(

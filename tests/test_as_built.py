@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.as_built.lengths import Length, length_in
+from calib.as_built.lengths import CaliperLength, length_in
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.result import AsBuilt
 from calib.as_built.solve import measure
@@ -146,7 +146,7 @@ def test_size_is_not_seen_without_a_length_and_comes_with_one() -> None:
     assert not found.scale_known
     assert any("size of the print is not known" in remark for remark in found.remarks)
     assert np.abs(found.strain).max() < 1e-4
-    length = Length("face-to-face", 1.01 * length_in(solid(), "face-to-face"), 0.02)
+    length = CaliperLength("face-to-face", 1.01 * length_in(solid(), "face-to-face"), 0.02)
     sized = measure([seen], solid(), "opencv", RIGID, [length])
     assert sized.scale_known
     sigma = 0.02 / length.value_mm * 1.01

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.as_built.lengths import Length, length_in, rescaled, scale_from, scaled
+from calib.as_built.lengths import CaliperLength, length_in, rescaled, scale_from, scaled
 from designer.errors import InputError
 from designer.kinds.ico import icosahedron
 from tests.as_built_scenes import plate, solid
@@ -60,8 +60,8 @@ def test_a_board_has_no_faces_to_measure_over() -> None:
 
 def test_scale_is_the_weighted_mean() -> None:
     """Two lengths count by the squares of their relative accuracies."""
-    first = Length("ring 0 to ring 10", 202.0, 0.5)
-    second = Length("ring 0 to ring 88", length_in(plate(), "ring 0 to ring 88") * 1.006, 1.0)
+    first = CaliperLength("ring 0 to ring 10", 202.0, 0.5)
+    second = CaliperLength("ring 0 to ring 88", length_in(plate(), "ring 0 to ring 88") * 1.006, 1.0)
     weight = np.array([(200 / 0.5) ** 2, (second.value_mm / 1.006 / 1.0) ** 2])
     found = scale_from(plate(), [first, second])
     assert found.value == pytest.approx(weight @ [1.01, 1.006] / weight.sum())
@@ -72,26 +72,26 @@ def test_scale_is_the_weighted_mean() -> None:
 def test_lengths_that_contradict_each_other_are_refused() -> None:
     """The worst one is named, with what the others make it."""
     lengths = [
-        Length("ring 0 to ring 10", 200.0, 0.02),
-        Length("ring 0 to ring 88", length_in(plate(), "ring 0 to ring 88"), 0.02),
-        Length("ring 11 to ring 21", 200.5, 0.02),
+        CaliperLength("ring 0 to ring 10", 200.0, 0.02),
+        CaliperLength("ring 0 to ring 88", length_in(plate(), "ring 0 to ring 88"), 0.02),
+        CaliperLength("ring 11 to ring 21", 200.5, 0.02),
     ]
     with pytest.raises(InputError, match=r"ring 11 to ring 21 of 200\.500 mm contradicts .* 200\.000 mm"):
         scale_from(plate(), lengths)
-    scale_from(plate(), [*lengths[:2], Length("ring 11 to ring 21", 200.03, 0.02)])
+    scale_from(plate(), [*lengths[:2], CaliperLength("ring 11 to ring 21", 200.03, 0.02)])
 
 
 def test_a_length_in_another_unit_is_refused() -> None:
     """A scale far from 1 is a mistake."""
     with pytest.raises(InputError, match="and the unit"):
-        scale_from(solid(), [Length("edge", 10.0, 0.02)])
+        scale_from(solid(), [CaliperLength("edge", 10.0, 0.02)])
     with pytest.raises(InputError, match="more than 0"):
-        scale_from(solid(), [Length("edge", 100.0, 0.0)])
+        scale_from(solid(), [CaliperLength("edge", 100.0, 0.0)])
 
 
 def test_one_length_rescales_a_target() -> None:
     """All its numbers grow alike, and it is a measured one then."""
-    large = rescaled(solid(), Length("edge", 101.0, 0.02))
+    large = rescaled(solid(), CaliperLength("edge", 101.0, 0.02))
     assert large.source == "measured"
     assert length_in(large, "edge") == pytest.approx(101.0)
     assert length_in(large, "face-to-face") == pytest.approx(202 * icosahedron().inradius)

@@ -43,7 +43,7 @@ from calib.studies.tolerance.setting import LEAST_MINOR_PX, Setting, make_settin
 from calib.studies.tolerance.true_shape import TrueShape, moved_onto, true_shape
 from designer.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced, displaced_shape
-from designer.tolerance.shape import Shape, centers_mm
+from designer.tolerance.shape import MadeShape, centers_mm
 from designer.tolerance.source import Amount
 from tests.perturbed_targets import ico
 from tests.solver_scenes import CAMERAS
@@ -52,7 +52,7 @@ from tests.tolerance_settings import DISTANCE_MM, VIEWS, board_setting, errors, 
 Array = NDArray[np.float64]
 
 
-def drawn_shape(setting: Setting, model: ErrorModel, number: int) -> Shape:
+def drawn_shape(setting: Setting, model: ErrorModel, number: int) -> MadeShape:
     return displaced_shape(setting.target, drawn_values(setting, model, 0, number), model=model)
 
 

@@ -10,7 +10,7 @@ from typing import TypeAlias
 from calib.api.loading import Place, load_observations, observations_of, target_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.progress import Progress, unheard
-from calib.as_built.lengths import Length, length_in, rescaled
+from calib.as_built.lengths import CaliperLength, length_in, rescaled
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.result import AsBuilt
 from calib.as_built.solve import measure as measure_print
@@ -95,7 +95,7 @@ def measure(
     target: TargetGeometry | Place,
     observed: Several,
     *,
-    lengths: Sequence[str | Length] = (),
+    lengths: Sequence[str | CaliperLength] = (),
     model: str = "opencv",
     one_camera: bool = False,
     rings: str = "free",
@@ -213,7 +213,7 @@ class RescaledTarget:
         return places.target
 
 
-def rescale(target: TargetGeometry | Place, length: str | Length, *, made: str | None = None) -> RescaledTarget:
+def rescale(target: TargetGeometry | Place, length: str | CaliperLength, *, made: str | None = None) -> RescaledTarget:
     """Give a target the size that a caliper shows, without photos: `rescale("ico.target.json", "edge:100.4mm")`.
 
     Args:
@@ -251,7 +251,7 @@ def _way(target: TargetGeometry, made: str | None) -> Made:
     return way
 
 
-def _asked(length: str | Length, target: TargetGeometry, option: str = "--length") -> AskedLength:
+def _asked(length: str | CaliperLength, target: TargetGeometry, option: str = "--length") -> AskedLength:
     if isinstance(length, str):
         return parse_length(option, length, target)
     return parse_length(option, f"{length.name}:{length.value_mm!r}mm+-{length.sigma_mm!r}mm", target)

@@ -25,7 +25,7 @@ NAMES = '"face-to-face", "edge", "face 0 to face 15" or "ring 3 to ring 17"'
 
 
 @dataclass(frozen=True, eq=False)
-class Length:
+class CaliperLength:
     """A measured length: "face-to-face" (between opposite faces), "edge", "face A to face B", "ring I to ring J"."""
 
     name: str
@@ -47,7 +47,7 @@ def length_in(target: TargetGeometry, name: str, known: Flags | None = None) -> 
 
     Args:
         target: where.
-        name: which; see `Length`.
+        name: which; see `CaliperLength`.
         known: the faces that may be used (F,); None: all.
 
     Raises:
@@ -114,7 +114,7 @@ def _mean_edge(target: TargetGeometry, known: Flags, name: str) -> float:
     return float(lengths.mean())
 
 
-def scale_from(target: TargetGeometry, lengths: Sequence[Length], known: Flags | None = None) -> Scale:
+def scale_from(target: TargetGeometry, lengths: Sequence[CaliperLength], known: Flags | None = None) -> Scale:
     """The weighted mean of what lengths say of the scale of a target.
 
     Raises:
@@ -140,7 +140,7 @@ def scale_from(target: TargetGeometry, lengths: Sequence[Length], known: Flags |
     return Scale(value, float(weight.sum() ** -0.5), tuple(residual.tolist()))
 
 
-def _require_agreement(lengths: Sequence[Length], inside: Array, residual: Array) -> None:
+def _require_agreement(lengths: Sequence[CaliperLength], inside: Array, residual: Array) -> None:
     """Refuse lengths that differ by more than their standard deviations allow (chi-square test).
 
     Raises:
@@ -186,7 +186,7 @@ def scaled(target: TargetGeometry, scale: float, about_mm: Array | None = None) 
     )
 
 
-def rescaled(target: TargetGeometry, length: Length) -> TargetGeometry:
+def rescaled(target: TargetGeometry, length: CaliperLength) -> TargetGeometry:
     """The target with the scale that one length says, without photos.
 
     Raises:

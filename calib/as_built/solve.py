@@ -17,7 +17,7 @@ from calib.as_built.datum import (
 )
 from calib.as_built.descend import TargetMinimum, minimise
 from calib.as_built.expected import with_expected_deviations, with_seen_deviations
-from calib.as_built.lengths import Length, Scale, scale_from
+from calib.as_built.lengths import CaliperLength, Scale, scale_from
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.problem import Joint, State, joint_problem, without
 from calib.as_built.remarks import far_off, remarks_of
@@ -60,7 +60,7 @@ def measure(
     target: TargetGeometry,
     model: str,
     options: AsBuiltOptions | None = None,
-    lengths: Sequence[Length] = (),
+    lengths: Sequence[CaliperLength] = (),
 ) -> AsBuilt:
     """Solve cameras, poses and the printed target together.
 
@@ -270,7 +270,7 @@ def _as_built(
     started: Sequence[Calibration],
     target: TargetGeometry,
     measured: _Measured,
-    lengths: Sequence[Length],
+    lengths: Sequence[CaliperLength],
     iterations: int,
     begin: float,
 ) -> AsBuilt:

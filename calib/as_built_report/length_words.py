@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.as_built.lengths import FAR, NAMES, Length, length_in
+from calib.as_built.lengths import FAR, NAMES, CaliperLength, length_in
 from designer.errors import InputError
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, perturb
@@ -32,7 +32,7 @@ _UNIT = re.compile(r"[^\d.\s]*\s*$")
 class AskedLength:
     """A length, and whether its sigma is the one that is taken where none is given."""
 
-    length: Length
+    length: CaliperLength
     is_usual_sigma: bool
 
     @property
@@ -76,7 +76,7 @@ def parse_length(option: str, text: str, target: TargetGeometry) -> AskedLength:
             "what was measured, and the unit"
         )
     is_usual = sigma_mm is None
-    return AskedLength(Length(name, value_mm, CALIPER_SIGMA_MM if sigma_mm is None else sigma_mm), is_usual)
+    return AskedLength(CaliperLength(name, value_mm, CALIPER_SIGMA_MM if sigma_mm is None else sigma_mm), is_usual)
 
 
 def doubt_about(asked: AskedLength, target: TargetGeometry, errors: ErrorModel | None) -> str:

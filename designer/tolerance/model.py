@@ -11,7 +11,7 @@ from designer.errors import InputError
 from designer.target import TargetGeometry
 from designer.tolerance.quantity import format_quantity
 from designer.tolerance.registry import SOURCES, source_named
-from designer.tolerance.shape import Shape, shape_of, target_of
+from designer.tolerance.shape import MadeShape, shape_of, target_of
 from designer.tolerance.source import Amount, ErrorSource
 
 Array = NDArray[np.float64]
@@ -108,7 +108,7 @@ def displaced(
 
 def displaced_shape(
     target: TargetGeometry, values: Values, *, model: ErrorModel, bed_from_target: Array | None = None
-) -> Shape:
+) -> MadeShape:
     """As `displaced`, before the target is put together: `shape.centers_mm` of it is cheap.
 
     Raises:
@@ -128,7 +128,7 @@ def displaced_shape(
     return shape
 
 
-def _applied(source: ErrorSource, shape: Shape, values: Array) -> Shape:
+def _applied(source: ErrorSource, shape: MadeShape, values: Array) -> MadeShape:
     """One source's effect; what leaves no target is told with the number that did it."""
     expected = (source.instances(shape.nominal), source.components)
     if values.shape != expected:

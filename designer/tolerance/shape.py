@@ -21,7 +21,7 @@ LEAST_STRETCH, MOST_STRETCH = 0.5, 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class MadeShape:
     """A target's shape while sources are applied to it.
 
     Raises:
@@ -61,15 +61,15 @@ class Shape:
                 f"lengths of the print must keep between {LEAST_STRETCH:g} and {MOST_STRETCH:g} times the drawing's"
             )
 
-    def in_bed_axes(self, factor: Array) -> "Shape":
+    def in_bed_axes(self, factor: Array) -> "MadeShape":
         """The print distorted by a further (3, 3) matrix along the bed's axes."""
         return replace(self, bed_affine=factor @ self.bed_affine)
 
-    def with_faces_moved(self, motion: Array) -> "Shape":
+    def with_faces_moved(self, motion: Array) -> "MadeShape":
         """Each face moved further by a rigid motion (F, 4, 4) in its nominal frame."""
         return replace(self, nominal_from_moved=motion @ self.nominal_from_moved)
 
-    def with_rings_moved(self, step_mm: Array) -> "Shape":
+    def with_rings_moved(self, step_mm: Array) -> "MadeShape":
         """Each ring moved by a step (R, 3) in its face's frame."""
         return replace(self, in_face_mm=self.in_face_mm + step_mm)
 
@@ -80,7 +80,7 @@ def shape_of(
     *,
     expansion_per_kelvin: float = 0.0,
     layer_height_mm: float = 0.0,
-) -> Shape:
+) -> MadeShape:
     """A target as drawn.
 
     Args:
@@ -90,7 +90,7 @@ def shape_of(
         expansion_per_kelvin: of the material, for `thermal`.
         layer_height_mm: of the print, for `stair_steps`.
     """
-    return Shape(
+    return MadeShape(
         nominal=target,
         in_face_mm=target.center_in_face_mm,
         radius_outer_mm=target.radius_outer_mm,
@@ -103,7 +103,7 @@ def shape_of(
     )
 
 
-def centers_mm(shape: Shape) -> Array:
+def centers_mm(shape: MadeShape) -> Array:
     """Centres of the rings in the target frame; of an undisturbed shape the nominal ones, bit for bit.  # (R, 3)"""
     moved = _in_target(shape, shape.nominal.target_from_face @ shape.nominal_from_moved, shape.in_face_mm)
     drawn = _in_target(shape, shape.nominal.target_from_face, shape.nominal.center_in_face_mm)
@@ -111,7 +111,7 @@ def centers_mm(shape: Shape) -> Array:
     return centers
 
 
-def target_of(shape: Shape) -> TargetGeometry:
+def target_of(shape: MadeShape) -> TargetGeometry:
     """The perturbed target: true centres, and for each face the rigid frame of the plane it was moved to.
 
     A frame cannot shear. Where the print does, the face's axes are the orthogonal ones nearest to the sheared ones
@@ -143,14 +143,14 @@ def target_of(shape: Shape) -> TargetGeometry:
     )
 
 
-def _in_target(shape: Shape, frame: Array, in_face_mm: Array) -> Array:
+def _in_target(shape: MadeShape, frame: Array, in_face_mm: Array) -> Array:
     """Places in faces, in the target frame.  # (R, 3)"""
     of_ring = frame[shape.nominal.ring_face]
     placed: Array = (of_ring[:, :3, :3] @ in_face_mm[:, :, None])[:, :, 0] + of_ring[:, :3, 3]
     return placed
 
 
-def _strain(shape: Shape) -> Array:
+def _strain(shape: MadeShape) -> Array:
     """The print's distortion in the target's axes, less the identity.  # (3, 3)"""
     strain: Array = shape.bed_axes.T @ (shape.bed_affine - np.eye(3)) @ shape.bed_axes
     return strain

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.target import TargetGeometry
-from designer.tolerance.shape import Shape
+from designer.tolerance.shape import MadeShape
 
 Array = NDArray[np.float64]
 Scope = Literal["print", "face", "ring"]
@@ -68,7 +68,7 @@ class ErrorSource:
     unit: Unit  # "1": a share, such as 0.3 %
     scope: Scope  # has one instance a print, a face or a ring
     components: int  # numbers of an instance
-    apply: Callable[[Shape, Array], Shape]
+    apply: Callable[[MadeShape, Array], MadeShape]
 
     def instances(self, target: TargetGeometry) -> int:
         """How many instances a target has."""

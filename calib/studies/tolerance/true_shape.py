@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.se3 import make_pose, transform
-from designer.tolerance.shape import Shape, centers_mm
+from designer.tolerance.shape import MadeShape, centers_mm
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ class TrueShape:
     moved_from_made: Array  # (4, 4) the motion
 
 
-def true_shape(shape: Shape, weight: Array) -> TrueShape:
+def true_shape(shape: MadeShape, weight: Array) -> TrueShape:
     """The true shape.
 
     Args:
@@ -46,7 +46,7 @@ def moved_onto(center_mm: Array, normal: Array, onto_mm: Array, weight: Array) -
     return TrueShape(center, np.column_stack([turned, (turned * center).sum(axis=1)]), motion)
 
 
-def _normals(shape: Shape) -> Array:
+def _normals(shape: MadeShape) -> Array:
     """Outward normals of the rings' faces after all errors; bow and warp do not turn them.  # (R, 3)"""
     frame = shape.nominal.target_from_face[:, :3, :3] @ shape.nominal_from_moved[:, :3, :3]
     stretch = shape.bed_axes.T @ shape.bed_affine @ shape.bed_axes

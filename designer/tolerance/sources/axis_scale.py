@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from designer.tolerance.shape import Shape
+from designer.tolerance.shape import MadeShape
 from designer.tolerance.source import Array, ErrorSource
 
 
-def _apply(shape: Shape, values: Array) -> Shape:
+def _apply(shape: MadeShape, values: Array) -> MadeShape:
     """A = diag(1 + s_x, 1 + s_y, 1 + s_z) along the bed's axes.
 
     The mean of the three acts as `scale`, which a caliper takes back; the rest, without a trace, is what no rescaling

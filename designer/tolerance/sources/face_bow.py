@@ -3,7 +3,7 @@
 import numpy as np
 
 from designer.target import TargetGeometry
-from designer.tolerance.shape import Shape, face_middle_mm
+from designer.tolerance.shape import MadeShape, face_middle_mm
 from designer.tolerance.source import Array, ErrorSource
 
 
@@ -28,7 +28,7 @@ def bow_mm(target: TargetGeometry, values: Array) -> Array:
     return bow
 
 
-def bent(shape: Shape, values: Array) -> Shape:
+def bent(shape: MadeShape, values: Array) -> MadeShape:
     """The shape with its rings lifted off their planes, and not moved along them."""
     height = bow_mm(shape.nominal, values)
     return shape.with_rings_moved(np.stack([np.zeros_like(height), np.zeros_like(height), height], axis=1))

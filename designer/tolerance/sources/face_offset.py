@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from designer.tolerance.shape import Shape, shift_of_faces
+from designer.tolerance.shape import MadeShape, shift_of_faces
 from designer.tolerance.source import Array, ErrorSource
 
 
-def _apply(shape: Shape, values: Array) -> Shape:
+def _apply(shape: MadeShape, values: Array) -> MadeShape:
     """Each face moves along its outward normal."""
     return shape.with_faces_moved(shift_of_faces(np.pad(values, ((0, 0), (2, 0)))))
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from designer.tolerance.shape import Shape, turn_of_faces
+from designer.tolerance.shape import MadeShape, turn_of_faces
 from designer.tolerance.source import Array, ErrorSource
 
 
-def _apply(shape: Shape, values: Array) -> Shape:
+def _apply(shape: MadeShape, values: Array) -> MadeShape:
     """Each face tilts by the rotation vector (a, b, 0) in its frame, about the middle of its outline."""
     if (np.linalg.norm(values, axis=1) >= np.pi / 2).any():
         raise ValueError("faces tilt by less than 90deg")

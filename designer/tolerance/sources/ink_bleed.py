@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from designer.tolerance.shape import Shape
+from designer.tolerance.shape import MadeShape
 from designer.tolerance.source import Array, ErrorSource
 
 
-def _apply(shape: Shape, values: Array) -> Shape:
+def _apply(shape: MadeShape, values: Array) -> MadeShape:
     """Ink grows by b at every edge: R + b outside, r - b at a ring's hole. Centres stay where they are.
 
     Dots have no hole to lose, points no ink.

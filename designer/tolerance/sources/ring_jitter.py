@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from designer.tolerance.shape import Shape
+from designer.tolerance.shape import MadeShape
 from designer.tolerance.source import Array, ErrorSource
 
 
-def _apply(shape: Shape, values: Array) -> Shape:
+def _apply(shape: MadeShape, values: Array) -> MadeShape:
     """Each ring moves by its own step (x, y) in its face."""
     return shape.with_rings_moved(np.pad(values, ((0, 0), (0, 1))))
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from designer.tolerance.shape import Shape
+from designer.tolerance.shape import MadeShape
 from designer.tolerance.source import Array, ErrorSource
 
 
-def _apply(shape: Shape, values: Array) -> Shape:
+def _apply(shape: MadeShape, values: Array) -> MadeShape:
     """A = (1 + s) I."""
     return shape.in_bed_axes((1 + values[0, 0]) * np.eye(3))
 

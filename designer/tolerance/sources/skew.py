@@ -3,11 +3,11 @@
 import numpy as np
 
 from designer.skew import skew_matrix
-from designer.tolerance.shape import Shape
+from designer.tolerance.shape import MadeShape
 from designer.tolerance.source import Array, ErrorSource
 
 
-def _apply(shape: Shape, values: Array) -> Shape:
+def _apply(shape: MadeShape, values: Array) -> MadeShape:
     """The y axis leans to x by the angle xy, the z axis to x by xz and to y by yz, see `designer.make.bed`.
 
     Half of it is a rotation, which moves no ring against another.

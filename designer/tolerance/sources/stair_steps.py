@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from designer.tolerance.shape import Shape
+from designer.tolerance.shape import MadeShape
 from designer.tolerance.source import Array, ErrorSource
 
 LEAST_SLOPE_RAD = np.radians(10)
 """Flatter faces count as level: there a step, h / tan(slope), is wider than the stroke of a ring."""
 
 
-def _apply(shape: Shape, values: Array) -> Shape:
+def _apply(shape: MadeShape, values: Array) -> MadeShape:
     """Each face's rings shift up its slope by v h / sin(slope), for a value v in layers of height h.
 
     A layer carries the colours of one level of the drawing over its full height, so an edge of ink at the height z
