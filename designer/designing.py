@@ -1,8 +1,9 @@
 """What a person calls from Python to design a target; `design` on the command line stands on it."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from numbers import Real
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TypeAlias
@@ -138,10 +139,18 @@ def _values(wishes: dict[str, Wish]) -> dict[str, RawValue]:
         if wish is None:
             continue
         if name != key:
-            lengths = wish if isinstance(wish, tuple) else (wish,)
-            if not all(isinstance(one, int | float) and not isinstance(one, bool) for one in lengths):
-                raise InputError(f"{key} {wish!r}: give a number of millimetres")
-            values[name] = "x".join(f"{one!r}" for one in lengths) + "mm"
+            if name in wishes:
+                raise InputError(f"{key} and {name}: one length twice; leave one of them out")
+            values[name] = "x".join(f"{one!r}" for one in _lengths_mm(key, wish)) + "mm"
         else:
             values[name] = list(wish) if isinstance(wish, tuple) else wish
     return values
+
+
+def _lengths_mm(key: str, wish: object) -> list[float]:
+    """One number or several, whatever holds them."""
+    several = wish if isinstance(wish, Iterable) and not isinstance(wish, str) else (wish,)
+    lengths = list(several)
+    if not lengths or any(isinstance(one, bool) or not isinstance(one, Real) for one in lengths):
+        raise InputError(f"{key} {wish!r}: give a number of millimetres")
+    return [float(one) for one in lengths]

@@ -9,6 +9,8 @@ from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
 from calib.api.loading import Observed, Place, load_observations, observations_of, target_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.progress import Progress, unheard
@@ -205,7 +207,9 @@ def _identity(
     if "detections" in files:
         return identity
     content = hashlib.sha256()
-    for array in (observations.view, observations.center_px, observations.points.position_mm[observations.point]):
+    covariance = np.zeros(0) if observations.cov_px2 is None else observations.cov_px2
+    size, place = np.array(observations.image_size), observations.points.position_mm[observations.point]
+    for array in (size, observations.view, observations.center_px, covariance, place):
         content.update(array.tobytes())
     return StudyIdentity(seed, identity.settings, (("detections", content.hexdigest()), *identity.inputs))
 

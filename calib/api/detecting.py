@@ -73,7 +73,11 @@ class Detector:
         """
         from calib.detector.overlay import draw_overlay
 
-        return draw_overlay(grey_pixels(image), found, self.target)
+        pixels = grey_pixels(image)
+        if pixels.dtype == np.float32:  # of any scale: a picture shows what lies between its darkest and its lightest
+            low, high = float(np.nanmin(pixels)), float(np.nanmax(pixels))
+            pixels = np.nan_to_num((pixels - low) * (255 / max(high - low, 1e-9))).astype(np.uint8)
+        return draw_overlay(pixels, found, self.target)
 
 
 def detect(

@@ -1,6 +1,8 @@
 """What public functions take: a value, or the file that it stands in."""
 
+from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TypeAlias
@@ -73,7 +75,7 @@ def observations_of(observed: Observed, target: TargetGeometry | Place | None) -
     if target is None:
         raise InputError("detections: give the target they show too")
     geometry = target_of(target)
-    found = tuple(observed)
+    found = _with_names_of_their_own(tuple(observed))
     for one in found:
         if one.layout_id != geometry.layout_id:
             raise InputError(
@@ -81,6 +83,22 @@ def observations_of(observed: Observed, target: TargetGeometry | Place | None) -
                 "give the target that the photos show"
             )
     return observations_from_detections(found, geometry)
+
+
+def _with_names_of_their_own(found: tuple[Detections, ...]) -> tuple[Detections, ...]:
+    """The detections with repeated names numbered: arrays have none, and a photo is known by its own.
+
+    Raises:
+        InputError: something else is among them.
+    """
+    for one in found:
+        if not isinstance(one, Detections):
+            raise InputError(f"{type(one).__name__}: give detections, or the file of a table")
+    count = Counter(one.image for one in found)
+    return tuple(
+        replace(one, image=f"{one.image}-{number}") if count[one.image] > 1 else one
+        for number, one in enumerate(found, start=1)
+    )
 
 
 def rendered_id_of(observed: Observed) -> str:
@@ -105,4 +123,7 @@ def camera_of(camera: Camera | Place) -> Camera:
 
 def photos_of(photos: Place | Iterable[Place]) -> FoundPhotos:
     """The photos that one argument or several stand for."""
-    return find_photos([fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)])
+    try:
+        return find_photos([fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)])
+    except TypeError as error:
+        raise InputError(f"photos: {error}; give files, folders or patterns (an array goes to calib.detect)") from None

@@ -61,13 +61,14 @@ class RenderedPhotos:
         return render_view(self.scene, job.camera, job.cam_from_target[number], job.options, rng).image
 
     def save(
-        self, folder: Place, *, jobs: int | None = None, overwrite: bool = False, progress: Progress = unheard
+        self, folder: Place, *, jobs: int | None = 1, overwrite: bool = False, progress: Progress = unheard
     ) -> Rendered:
         """Render what is missing in a folder, with the `truth.json` of all.
 
         Args:
             folder: for them; made if need be.
-            jobs: processes; None: one per core.
+            jobs: processes; None: one per core. More than one start Python anew, so that a script needs the usual
+                `if __name__ == "__main__":` around what it does.
             overwrite: replace another set that is there.
             progress: is told how many are done.
 

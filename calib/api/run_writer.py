@@ -25,7 +25,8 @@ from calib.records.calibration_file import (
     Provenance,
     write_calibration,
 )
-from calib.records.evaluation_files import evaluation_files
+from calib.records.evaluation_files import METRICS_FILE, evaluation_files
+from calib.report.claim import why_no_page
 from calib.report.folder_page import write_folder_page
 from calib.report.kept_target import keep_target
 from calib.report.run_folder import RECORDS_FILE, RunFolder, Solved, solved_of
@@ -54,6 +55,7 @@ class RunWriter:
         self.solutions: list[Solution] = []
         self._provenance: dict[str, Provenance] = {}
         self._records: Records | None = None
+        self._faults: list[str] = []  # what could not be written of a run, for its page
         for place in (folder, folder / OVERLAYS):
             check_folder(place)
         for place in (folder, *(self.place_of(model) for model in models)):
@@ -72,16 +74,37 @@ class RunWriter:
         return self.folder if len(self.models) == 1 else self.folder / model
 
     def write_all(self, run: RunResult) -> None:
-        """Write a run that is there already."""
+        """Write a run that is there already, and its page.
+
+        Raises:
+            InputError: a file is somebody else's, or the best camera makes no sense.
+        """
+        if why := why_no_page(self.folder, "calibration"):
+            raise InputError(why)
+        self._require_room_for_tables()
         if run.search is not None:
             with self.drawing() as staging:
                 drawn = _with_overlays(run.search, staging)
                 self.write_search(drawn, staging)
-        for solution in run.solutions:
-            self.write_solution(solution, run.task)
-        self.write_tables(run.solutions)
+                self._faults += [one.overlay_failure for one in drawn.results if one.overlay_failure]
+        written = [self.write_solution(solution, run.task) for solution in run.solutions]
+        if run.best.model not in self._provenance:
+            raise InputError(next(one.failure for one in written if one.model == run.best.model))
+        self.write_tables(written)
         self.write_verdict(run)
-        self.write_page(run, "")
+        if remark := self.write_page(run, ""):
+            raise InputError(remark)
+
+    def _require_room_for_tables(self) -> None:
+        """Refuse somebody's own files under the names of tables to be written.
+
+        Raises:
+            InputError: the message names the file.
+        """
+        for place in dict.fromkeys(self.place_of(model) for model in self.models):
+            require_ours(place / METRICS_FILE)
+        for name in (DETECTIONS_FILE, RECORDS_FILE):
+            require_ours(self.folder / name)
 
     def without_own_pictures(self, photos: FoundPhotos) -> FoundPhotos:
         """The photos without the pictures that an earlier run drew among them."""
@@ -92,6 +115,7 @@ class RunWriter:
     @contextmanager
     def drawing(self) -> Iterator[Path]:
         """A folder for overlays until all are drawn; nothing is left if that does not come to its end."""
+        self._require_room_for_tables()
         place = self.folder / OVERLAYS
         with no_empty_folders(place), staging_folder(place) as staging:
             yield staging
@@ -146,7 +170,10 @@ class RunWriter:
         """Write the target as it was used, the verdict, and the photos to take next."""
         if run.target is not None:
             is_again = (self.folder / VERDICT_FILE).exists()
-            self.files += keep_target(self.folder, run.target, is_again=is_again)
+            kept = keep_target(self.folder, run.target, is_again=is_again)
+            self.files += kept
+            if not kept:
+                self._faults.append("target.json: another file has the name and stays; the target is not in the folder")
         judged = replace(run.judged, observations_sha256=self._provenance[run.best.model].observations_sha256)
         self._write({
             self.folder / VERDICT_FILE: VERDICT.text(judged),
@@ -176,7 +203,8 @@ class RunWriter:
     def _as_read(self, run: RunResult) -> RunFolder:
         """The folder as it would be read."""
         solved = tuple(self._solved(one) for one in sorted(run.solutions, key=lambda one: one.model) if one.evaluation)
-        return RunFolder(self.folder, solved, self._records or _earlier_records(self.folder), run.target, ())
+        records = self._records or _earlier_records(self.folder, run.observations.view_names)
+        return RunFolder(self.folder, solved, records, run.target, tuple(self._faults))
 
     def _solved(self, solution: Solution) -> Solved:
         place = self.place_of(solution.model)
@@ -201,18 +229,18 @@ def write_search(table: Path, search: Search) -> Records:
     )
 
 
-def _earlier_records(folder: Path) -> Records | None:
-    """Of the search that left its records in the folder, as before `calib solve -o` the same one."""
+def _earlier_records(folder: Path, photos: Sequence[str]) -> Records | None:
+    """Of the search that left its records in the folder, as before `calib solve -o` the same one; None: of others."""
     try:
-        return read_records(folder / RECORDS_FILE) if (folder / RECORDS_FILE).exists() else None
+        records = read_records(folder / RECORDS_FILE) if (folder / RECORDS_FILE).exists() else None
     except InputError:
         return None
+    is_of_these = records is not None and set(photos) <= {one.image for one in records.images}
+    return records if is_of_these else None
 
 
 def _with_overlays(search: Search, staging: Path) -> Search:
-    """The search with a picture of each photo, drawn now if that was not done while they were in memory."""
-    if any(result.overlay is not None for result in search.results):
-        return search
+    """The search with a picture of each photo, drawn from its file."""
     known = {result.photo.name: result for result in search.results}
 
     def found_before(pixels: object, target: TargetGeometry, *, name: str, camera: Camera | None = None) -> Detections:
@@ -232,4 +260,6 @@ def _with_overlays(search: Search, staging: Path) -> Search:
 
 
 def _drawn(before: PhotoResult, now: PhotoResult) -> PhotoResult:
-    return replace(before, overlay=now.overlay, overlay_failure=now.overlay_failure)
+    gone = now.failure if before.seen is not None else ""
+    failure = f"no overlay for {before.photo.name}: {gone}" if gone else now.overlay_failure
+    return replace(before, overlay=now.overlay, overlay_failure=failure)

@@ -110,7 +110,7 @@ def run(
     table = () if writer is None else (("detections", named_in_files(writer.folder / DETECTIONS_FILE)),)
     kept = (("target", _name(target)), *table, ("photos", str(len(asked.paths))), *settings)
     task = SolveTask(observations, plan, geometry.layout_id, kept, reference, known, way)
-    return _solved(task, geometry, search, limits, progress, writer)
+    return _solved(task, geometry, search, limits, progress, writer, is_whole=not isinstance(out, RunWriter))
 
 
 def solve(
@@ -170,7 +170,7 @@ def solve(
     reference = _checked_reference(reference, plan, observations.view_names)
     layout_id = "" if geometry is None else geometry.layout_id
     task = SolveTask(observations, plan, layout_id, tuple(settings), reference, truth, way)
-    return _solved(task, geometry, None, limits, progress, writer)
+    return _solved(task, geometry, None, limits, progress, writer, is_whole=not isinstance(out, RunWriter))
 
 
 def _solved(
@@ -180,8 +180,10 @@ def _solved(
     criteria: Criteria,
     progress: Progress,
     writer: RunWriter | None,
+    *,
+    is_whole: bool,
 ) -> RunResult:
-    """Solve all models and judge the best, writing each as it comes."""
+    """Solve all models and judge the best, writing each as it comes; the page too, if nobody else does."""
     solutions: list[Solution] = []
     total = len(task.plan.models)
     progress("solving", 0, total)
@@ -189,7 +191,7 @@ def _solved(
         solutions.append(solution if writer is None else writer.write_solution(solution, task))
         progress("solving", len(solutions), total)
     _require_one(solutions)
-    if writer is not None and search is not None:
+    if writer is not None and (search is not None or is_whole):
         progress("drawing", 0, 0)
         writer.write_tables(solutions)
     progress("judging", 0, 0)
@@ -202,6 +204,8 @@ def _solved(
     result = RunResult(target, search, task, tuple(solutions), judged, proposed)
     if writer is not None:
         writer.write_verdict(result)
+        if is_whole and (remark := writer.write_page(result, "")):
+            raise InputError(remark)
     return result
 
 
@@ -235,7 +239,11 @@ def _criteria(criteria: Criteria | Place) -> Criteria:
 
 
 def _writer(out: RunWriter | Place | None, plan: SolvePlan) -> RunWriter | None:
-    return out if out is None or isinstance(out, RunWriter) else RunWriter(Path(out), plan.models)
+    if out is None or isinstance(out, RunWriter):
+        return out
+    if not fspath(out):
+        raise InputError("out '': is no folder; give one, or '.' for the current folder")
+    return RunWriter(Path(out), plan.models)
 
 
 def _checked_reference(reference: Reference | None, plan: SolvePlan, photos: Sequence[str]) -> Reference | None:

@@ -1,6 +1,6 @@
 """Photos as a pinhole camera would have taken them: an array, or files into a folder."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
@@ -93,10 +93,10 @@ class Undistorter:
             UndistortionStoppedError: by a person; it says what is finished and stays.
         """
         place = Path(folder)
-        _check_out(place)
         asked = photos_of(photos)
         named = named_photos(asked.paths)
         mine = [photo for photo in named if not Path(photo.name).stem.endswith(MARK)]
+        _check_out(place, self.pinhole, {f"{stem}{MARK}.png" for stem in distinct_stems([one.name for one in mine])})
         done: list[UndistortedFile] = []
         try:
             for one in self._written(mine, place, progress):
@@ -221,14 +221,22 @@ def undistort(
     return Undistorter(camera, alpha=alpha, focal_px=focal_px).undistort(image)
 
 
-def _check_out(folder: Path) -> None:
-    """Refuse a folder that is none, or holds another camera, before any work is done."""
+def _check_out(folder: Path, pinhole: Camera, replaced: Collection[str]) -> None:
+    """Refuse a folder that is none, or will hold photos of another camera, before any work is done."""
     place = folder / CAMERA_FILE
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, not a folder; choose another with -o")
     require_ours(place, kind=CAMERA.format)
-    if place.exists() and place.stat().st_size and load_own_camera(place).model != "pinhole":
+    if not place.exists() or not place.stat().st_size:
+        return
+    there = load_own_camera(place)
+    if there.model != "pinhole":
         raise InputError(f"{place}: exists and is no pinhole camera of an earlier run; choose another folder with -o")
+    is_same = there.image_size == pinhole.image_size and np.array_equal(there.params, pinhole.params)
+    if not is_same and any(one.name not in replaced for one in folder.glob(f"*{MARK}.png")):
+        raise InputError(
+            f"{place}: is of another pinhole, and photos of it are in the folder; choose another folder with -o"
+        )
 
 
 def _png(pixels: Grey) -> bytes:

@@ -196,6 +196,8 @@ def grey_of(image: Grey) -> Grey:
 
     if image.ndim == 2:
         return image
+    if image.shape[2] == 1:
+        return image[:, :, 0]
     code = cv2.COLOR_BGRA2GRAY if _has_alpha(image) else cv2.COLOR_BGR2GRAY
     return cast("Grey", cv2.cvtColor(image, code))
 

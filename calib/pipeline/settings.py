@@ -59,6 +59,7 @@ def plan_from_words(
     Raises:
         InputError: a word that means nothing; the message says what may stand there.
     """
+    fix, share = ((words,) if isinstance(words, str) else words for words in (fix, share))
     models = MODELS_TO_SOLVE if model == ALL else (model,)
     solved = [name for name in MODELS if name not in SIMULATED]
     for name in models:

@@ -22,6 +22,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import count
 from pathlib import Path
 
 import cv2
@@ -285,9 +286,9 @@ def prediction(setting: Setting) -> None:
 
 def requirement(setting: Setting) -> None:
     """How good a print must be, by draws."""
-    target, out = target_file(setting), setting.folder / "required"
-    arguments = ("tolerance", target, "--errors", "fdm-dual", "--require", "intersection=0.1mm", "-o", out)
-    times = in_turns({"whole": lambda: command("design", *arguments, code=1)}, setting.runs)
+    arguments = ("tolerance", target_file(setting), "--errors", "fdm-dual", "--require", "intersection=0.1mm", "-o")
+    folders = (setting.folder / f"required-{number}" for number in count())
+    times = in_turns({"whole": lambda: command("design", *arguments, next(folders), code=1)}, setting.runs)
     tell("design tolerance --require", "<= 60 s", times["whole"])
 
 
