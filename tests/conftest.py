@@ -21,7 +21,7 @@ def _quiet_progress(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module")
 def browser() -> Iterator["Browser"]:
     """Chromium, started once for a module's tests, as its event loop is in the way of others; skipped without one."""
-    from tests.browser import started_browser
+    from tests.support.browser import started_browser
 
     with started_browser() as started:
         yield started
@@ -30,7 +30,7 @@ def browser() -> Iterator["Browser"]:
 @pytest.fixture(scope="session")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with what the commands take; not to be changed."""
-    from tests.command_scene import make_scene
+    from tests.support.command_scene import make_scene
 
     folder = tmp_path_factory.mktemp("scene")
     make_scene(folder)
@@ -40,7 +40,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def scene_copy(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of it to work in, whose photos a detector knows without looking."""
-    from tests.command_scene import without_waiting
+    from tests.support.command_scene import without_waiting
 
     shutil.copytree(scene, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 # Which code each face carries, and at which of its four corners.
 # Found by simulated annealing to set a target apart from itself turned by any of the 23 other rotations and seen in a
 # mirror by any of the 24 mirror symmetries: every face then disagrees in 2 marks or more, any two faces that share an
-# edge in 8 or more, and all six in 28 or more of 42 (`tests/test_code.py`).
+# edge in 8 or more, and all six in 28 or more of 42 (`tests/designer/test_code.py`).
 FACE_CODE = (21, 25, 23, 20, 24, 22)
 CODE_CORNER = (3, 3, 0, 1, 2, 2)
 

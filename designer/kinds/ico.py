@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 # Found by simulated annealing to set a target apart from itself turned by any of the 59 other rotations and seen
 # in a mirror by any of the 60 mirror symmetries: at least 90 of its 120 code marks then disagree (78 with 5 rings a
 # side, whose corner blocks overlap), at most one face agrees, and any two faces that share an edge or a corner
-# disagree in 4 marks or more (`tests/test_code.py`).
+# disagree in 4 marks or more (`tests/designer/test_code.py`).
 FACE_CODE = (6, 17, 8, 13, 12, 19, 1, 16, 7, 2, 18, 3, 10, 9, 5, 4, 0, 14, 11, 15)
 CODE_CORNER = (1, 2, 1, 0, 0, 1, 0, 2, 1, 1, 0, 2, 0, 1, 2, 1, 2, 0, 1, 1)
 

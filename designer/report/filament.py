@@ -22,7 +22,7 @@ DENSITY_G_PER_CM3 = 1.24
 """PLA, as the tables of filament makers and slicers have it."""
 DIAMETER_MM = 1.75
 INK_FILL = 0.93
-"""Ink laid down over ink in the model: 0.91 to 0.95 in PrusaSlicer's G-code (`tests/test_design_report.py`)."""
+"""Ink laid down over ink in the model: 0.91 to 0.95 in G-code (`tests/designer/test_design_report.py`)."""
 INFILL_FILL = 0.93
 """Infill laid down over the percentage asked for, in the inside of solids sliced with gyroid or grid."""
 PURGE_G_PER_CHANGE = 0.16

@@ -23,7 +23,10 @@ from calib.solver.solve import solve
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import perturb
-from tests.as_built_scenes import (
+from tests.benchmarks.bench_real_calibration import FOLDER, observe, rms_px
+from tests.benchmarks.bench_real_photos import plain_grid
+from tests.benchmarks.synthetic import best_of, row, target_of
+from tests.support.as_built_scenes import (
     blocks_of,
     frame_errors,
     mahalanobis,
@@ -33,9 +36,6 @@ from tests.as_built_scenes import (
     solid,
     truth_of,
 )
-from tests.benchmarks.bench_real_calibration import FOLDER, observe, rms_px
-from tests.benchmarks.bench_real_photos import plain_grid
-from tests.benchmarks.synthetic import best_of, row, target_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -35,7 +35,7 @@ from calib.studies.draw import draw_counts  # noqa: E402
 from calib.studies.from_scratch import expanded  # noqa: E402
 from calib.studies.pool import Pool, make_pool  # noqa: E402
 from tests.benchmarks.synthetic import row  # noqa: E402
-from tests.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around  # noqa: E402
+from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around  # noqa: E402
 
 Array = NDArray[np.float64]
 

@@ -30,7 +30,7 @@ from designer.kinds.board import BoardSpec
 from designer.layout import lay_out
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import row
-from tests.foreign_views import Photo, false_names, is_alike, photo_of, random_target, template_targets
+from tests.support.foreign_views import Photo, false_names, is_alike, photo_of, random_target, template_targets
 
 DUE = 12
 """A photo shows the target if so many of its features are in clear view."""

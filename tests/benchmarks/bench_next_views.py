@@ -20,7 +20,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
 from calib.solver.uncertainty import projected_sigma_px
 from calib.verdict.next_views import next_views, share_px
-from tests.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe, poses_around
+from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe, poses_around
 
 Array = NDArray[np.float64]
 

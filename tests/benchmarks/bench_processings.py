@@ -39,7 +39,7 @@ from designer.kinds.board import BoardSpec
 from designer.layout import lay_out
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import Array, look_at
-from tests.sightings import pinhole
+from tests.support.sightings import pinhole
 
 Light = NDArray[np.float32]
 Levels = NDArray[np.uint8]

@@ -21,7 +21,7 @@ from calib.renderer.poses import PoseGrid, grid_poses
 from designer.layout import lay_out
 from designer.sizing import size_job
 from designer.target import TargetGeometry
-from tests.designs import asked_for
+from tests.support.designs import asked_for
 
 Array = NDArray[np.float64]
 

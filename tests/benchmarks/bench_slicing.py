@@ -10,8 +10,8 @@ from pathlib import Path
 
 from designer.produce import Design
 from designer.sizing import size_job
-from tests.designs import asked_for, ink_of, packages_of
-from tests.gcode import find_slicer, slice_3mf, slicer_settings
+from tests.support.designs import asked_for, ink_of, packages_of
+from tests.support.gcode import find_slicer, slice_3mf, slicer_settings
 
 RINGS = {"ring_diameter": "7mm", "pitch": "10mm"}
 TARGETS = {

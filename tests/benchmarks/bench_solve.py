@@ -34,7 +34,7 @@ from calib.core.types import KnownPoints, Observations  # noqa: E402
 from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
 from tests.benchmarks.synthetic import row  # noqa: E402
-from tests.solver_scenes import poses_around  # noqa: E402
+from tests.support.solver_scenes import poses_around  # noqa: E402
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,85 @@
+"""The public functions: what a command does, in one call that returns a value and prints nothing."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import calib
+from calib.records.calibration_file import Provenance, write_calibration
+from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
+from tests.support.calibrations import board, camera, example
+
+BOARD = board(7, 5, "12mm")
+CAMERA = camera("opencv", (160, 120), 95.0)
+
+
+@pytest.fixture(autouse=True)
+def silent(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> "object":
+    """A folder to work in; nothing may be printed."""
+    monkeypatch.chdir(tmp_path)
+    yield
+    assert capfd.readouterr() == ("", "")
+
+
+def test_evaluate_measures_a_stored_camera(tmp_path: Path) -> None:
+    """Errors on the photos and on photos held out come as values, and are written when they are saved."""
+    seen = example(BOARD, np.random.default_rng(1), views=6, noise_px=0.1).observations
+    options = SolveOptions(fixed=(("k3", 0.0),))
+    write_calibration(Path("cal"), solve(seen, "opencv", options), Provenance("test", options=options))
+    before = set(tmp_path.rglob("*"))
+    found = calib.evaluate("cal", held_out=3)
+    assert found.held_out is found.asked
+    assert found.asked.folds == 3
+    assert set(tmp_path.rglob("*")) == before
+    assert {path.name for path in found.save("out", figures=False)} >= {"metrics.json", "metrics_views.csv"}
+    with pytest.raises(calib.InputError, match="fall into 2 to 6 parts"):
+        calib.evaluate("cal", held_out=7)
+
+
+def test_convert_tells_what_it_took() -> None:
+    """A camera as a value becomes a file's text; it is written when it is saved, and never over the input."""
+    exact, fitted = calib.convert(CAMERA, "opencv"), calib.convert(CAMERA, "json", model="luhmann")
+    assert exact.fits == ()
+    assert "camera_matrix" in exact.text
+    assert 0 < fitted.max_px == fitted.fits[0].max_px
+    again = calib.load_camera(exact.save("camera.yaml"))
+    assert again.params == pytest.approx(CAMERA.params)
+    with pytest.raises(calib.InputError, match="is the file to read"):
+        calib.convert("camera.yaml", "opencv", out="camera.yaml")
+    with pytest.raises(calib.InputError, match="unknown camera format"):
+        calib.convert(CAMERA, "opencw")
+
+
+@pytest.mark.parametrize("shape", [(120, 160), (120, 160, 3)])
+def test_undistort_takes_an_array(shape: tuple[int, ...]) -> None:
+    """An image comes back as it was, of the pinhole; one of another size or depth is refused."""
+    image = np.random.default_rng(1).integers(0, 255, shape, dtype=np.uint8)
+    made = calib.undistort(image, CAMERA, focal_px=80.0)
+    assert (made.pixels.shape, made.pixels.dtype) == (shape, np.uint8)
+    straight = calib.Undistorter(CAMERA, focal_px=80.0)
+    assert straight.pinhole.matrix[0, 0] == 80
+    assert np.array_equal(straight.undistort(image).pixels, made.pixels)
+    with pytest.raises(calib.InputError, match="the image: has 159 x 120 px"):
+        straight.undistort(image[:, 1:])
+    with pytest.raises(calib.InputError, match="give uint8 or uint16"):
+        straight.undistort(image.astype(np.float32))
+
+
+def test_render_gives_a_view_as_an_array_and_a_set_as_files() -> None:
+    """A photo is the same as an array and as a file; poses may be given, and bad ones are refused."""
+    options = calib.RenderOptions(contrast_to_noise=40)
+    photos = calib.render(BOARD, CAMERA, views=2, distance_mm=120.0, options=options, seed=3)
+    image = photos.image(1)
+    assert (image.shape, image.dtype) == ((120, 160), np.uint8)
+    assert photos.save("photos", jobs=1).written == 2
+    assert np.array_equal(cv2.imread("photos/view_0001.png", cv2.IMREAD_UNCHANGED), image)
+    assert [path.name for path in photos.files_in("photos")] == ["view_0000.png", "view_0001.png", "truth.json"]
+    one = calib.render(BOARD, CAMERA, poses=photos.cam_from_target[1])
+    assert one.cam_from_target.shape == (1, 4, 4)
+    with pytest.raises(calib.InputError, match="must be a rigid motion"):
+        calib.render(BOARD, CAMERA, poses=2 * np.eye(4))
+    with pytest.raises(calib.InputError, match="stay farther away"):
+        calib.render(BOARD, CAMERA, distance_mm=10.0)

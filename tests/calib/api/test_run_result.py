@@ -1,0 +1,87 @@
+"""What `run` and `solve` return is saved whole, or refused before anything is written."""
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import calib
+from calib.core.types import Detections
+from tests.support.calibrations import board, camera, example
+from tests.support.command_line import detections_of, files_in
+
+BOARD = board(7, 5, "12mm")
+CAMERA = camera("opencv", (320, 240), 350.0)
+MODEL = {"model": "opencv", "criteria": "robotics"}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to work in; pictures are not drawn."""
+    from tests.support.run_folders import BLANK, PANEL
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Rendered photos."""
+    place = tmp_path_factory.mktemp("photos")
+    light = calib.RenderOptions(blur_px=0.6, contrast_to_noise=60)
+    shots = calib.render(BOARD, CAMERA, views=5, distance_mm=150.0, aim_offset_mm=10, random_roll=True, options=light)
+    shots.save(place)
+    return place
+
+
+def seen() -> Sequence[Detections]:
+    """Detections in photos."""
+    return detections_of(example(BOARD, np.random.default_rng(1), views=6, noise_px=0.05).observations, BOARD)
+
+
+def test_detections_of_arrays_are_told_apart_and_saved() -> None:
+    """Arrays have no names: detections that are called alike are numbered, and the result is saved as any other."""
+    run = calib.solve([replace(one, image="image") for one in seen()], BOARD, **MODEL)
+    assert run.observations.view_names == tuple(f"image-{n}" for n in range(1, 7))
+    assert any(path.name == "index.html" for path in run.save("x"))
+    with pytest.raises(calib.InputError, match="give detections"):
+        calib.solve(["a.csv"], BOARD)
+
+
+def test_out_and_save_write_the_same_files_and_overlays_each_time(photos: Path) -> None:
+    """Whichever is used, and once more elsewhere; a photo that is gone is named on the page."""
+    shutil.copytree(photos, "photos")
+    run = calib.run(BOARD, "photos", out="a", **MODEL)
+    run.save("b")
+    assert files_in(Path("a")) == files_in(Path("b"))
+    assert len(list(Path("b/overlays").iterdir())) == 5
+    Path("photos/view_0003.png").unlink()
+    run.save("c")
+    assert len(list(Path("c/overlays").iterdir())) == 4
+    assert "no overlay for view_0003.png" in Path("c/index.html").read_text()
+
+
+@pytest.mark.parametrize("name", ["index.html", "metrics.json", "camera.json", "verdict.json"])
+def test_somebody_elses_file_stops_it_before_anything_is_written(name: str) -> None:
+    """The message names the file, which stays."""
+    run = calib.solve(seen(), BOARD, **MODEL)
+    place = Path("mine", name)
+    place.parent.mkdir()
+    place.write_text("mine")
+    with pytest.raises(calib.InputError, match=name):
+        run.save("mine")
+    assert files_in(Path("mine")) == {name}
+    assert place.read_text() == "mine"
+    with pytest.raises(calib.InputError, match="is no folder"):
+        calib.solve(seen(), BOARD, out="", **MODEL)
+
+
+def test_another_runs_photos_are_not_this_ones(photos: Path) -> None:
+    """A camera of other photos, saved into the folder of an earlier run, does not show that run's photos."""
+    calib.run(BOARD, photos, out="a", **MODEL)
+    calib.solve([replace(one, image=f"other-{one.image}") for one in seen()], BOARD, **MODEL).save("a")
+    assert "<bdi>view_0003.png" not in Path("a/index.html").read_text()

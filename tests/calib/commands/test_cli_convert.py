@@ -1,0 +1,134 @@
+"""The command `calib convert`."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.cameras import project
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_to_json, load_camera
+from calib.commands.convert import convert
+from calib.interop import FORMATS
+from calib.interop.reading import open_camera
+from designer.errors import InputError
+from tests.support.foreign_cameras import CAMERAS, SIZE, whole_image
+
+OTHERS = [name for name in FORMATS if name != "json"]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to work in, with camera files."""
+    monkeypatch.chdir(tmp_path)
+    for name, camera in CAMERAS.items():
+        Path(f"{name}.json").write_text(camera_to_json(camera))
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_there_and_back(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A camera goes into every format and comes back, its kind found out, and every step says it was exact."""
+    source = "tiny coefficients"
+    convert(f"{source}.json", to=name, out=Path("there"))
+    convert("there", to="json", out=Path("back.json"))
+    assert capsys.readouterr().out.count("exact  no fit was needed") == 2
+    pixel, ray = whole_image(CAMERAS[source])
+    assert np.abs(project(load_camera(Path("back.json")), ray) - pixel).max() < 1e-9
+
+
+def test_the_residual_is_told_and_true(capsys: pytest.CaptureFixture[str]) -> None:
+    """The stated RMS and max are the difference between the two files, and a large one brings a warning."""
+    convert("barrel.json", to="kalibr", out=Path("camchain.yaml"))
+    said = capsys.readouterr().out
+    numbers = re.search(r"fitted opencv over the whole image: RMS ([0-9.]+) px, max ([0-9.]+) px", said)
+    assert numbers is not None
+    pixel, ray = whole_image(CAMERAS["barrel"])
+    off = np.linalg.norm(project(open_camera("camchain.yaml").read.camera, ray) - pixel, axis=1)
+    assert float(numbers[1]) == pytest.approx(np.sqrt(np.mean(off**2)), abs=1e-4)
+    assert float(numbers[2]) == pytest.approx(off.max(), abs=1e-4)
+    assert "lost   k3, for which Kalibr camchain has no place" in said
+    assert "warning: the two cameras differ by more than 0.05 px" in said
+    assert "open   kalibr_calibrate_imu_camera --cams camchain.yaml" in said
+
+
+def test_the_family_can_be_changed(capsys: pytest.CaptureFixture[str]) -> None:
+    """`--to json --model` fits another model; other formats hold one family and say so."""
+    convert("backward.json", to="json", out=Path("forward.json"), model="opencv")
+    assert load_camera(Path("forward.json")).model == "opencv"
+    assert "fitted opencv over the whole image" in capsys.readouterr().out
+    convert("barrel.json", to="mrcal", out=Path("linear.cameramodel"), model="pinhole")
+    assert "lost   the lens's distortion" in capsys.readouterr().out
+    with pytest.raises(InputError, match=r"COLMAP cameras\.txt holds model opencv or pinhole, not 'luhmann'"):
+        convert("backward.json", to="colmap", out=Path("x"), model="luhmann")
+    with pytest.raises(InputError, match="model 'virtual' cannot be fitted"):
+        convert("backward.json", to="json", out=Path("x"), model="virtual")
+    assert not Path("x").exists()
+
+
+def test_a_lens_parameter_can_be_left_out() -> None:
+    """`--without k3` makes a camera that COLMAP's OPENCV model holds; an unknown name is refused."""
+    convert("barrel.json", to="colmap", out=Path("cameras.txt"), without=["k3"])
+    assert " OPENCV " in Path("cameras.txt").read_text()
+    with pytest.raises(InputError, match="--without 'k9': no lens parameter; there are k1, k2, k3, p1, p2"):
+        convert("barrel.json", to="colmap", out=Path("cameras.txt"), without=["k9"])
+
+
+def test_what_a_foreign_lens_cost_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """A rational lens is fitted when it is read, with its residual."""
+    Path("cameras.txt").write_text("1 FULL_OPENCV 1024 768 900 880 510 390 0.15 0.03 0.002 -0.001 0.01 0.3 0.02 0\n")
+    convert("cameras.txt", to="json", out=Path("c.json"))
+    said = capsys.readouterr().out
+    assert "its rational lens was fitted by the 5 coefficients of the model opencv" in said
+    assert "fitted opencv over the whole image: RMS 0.0" in said
+
+
+def test_places_that_must_not_be_written(folder: Path) -> None:
+    """A folder, the input itself and a file that is no camera stay as they are; an earlier result is replaced."""
+    Path("notes.txt").write_text("my notes")
+    Path("empty").touch()
+    for out, rule in (
+        (folder, r"is a folder; name the file with -o, such as .*camera\.yaml"),
+        (Path("barrel.json"), "is the file to read"),
+        (Path("notes.txt"), "not of ringsolid's making"),
+    ):
+        with pytest.raises(InputError, match=rule):
+            convert("barrel.json", to="opencv", out=out)
+    assert Path("notes.txt").read_text() == "my notes"
+    for _ in range(2):
+        convert("barrel.json", to="opencv", out=Path("empty"))
+    convert("barrel.json", to="opencv", out=Path("new/folder/camera.yaml"))
+    assert open_camera("new/folder/camera.yaml").read.camera.image_size == SIZE
+
+
+def test_the_input_is_not_overwritten_however_it_was_named() -> None:
+    """A folder stands for its camera.json, and FILE#NAME for a file: neither may be the output, too."""
+    Path("solved").mkdir()
+    Path("solved/camera.json").write_text(camera_to_json(CAMERAS["tiny coefficients"]))
+    convert("solved", to="kalibr", out=Path("chain.yaml"))
+    for source, out in (("solved", "solved/camera.json"), ("chain.yaml#cam0", "chain.yaml")):
+        before = Path(out).read_bytes()
+        with pytest.raises(InputError, match="is the file to read"):
+            convert(source, to="opencv", out=Path(out))
+        assert Path(out).read_bytes() == before
+    convert("machine-vision", to="opencv", out=Path("template.yaml"))
+
+
+def test_a_camera_that_cannot_be_fitted_is_named() -> None:
+    """The line that refuses a camera says which file it is of."""
+    nothing = Camera("opencv", np.array([900.0, 900, -1e6, 380, -0.3, 0, 0, 0, -0.1]), SIZE)
+    Path("nothing.json").write_text(camera_to_json(nothing))
+    with pytest.raises(InputError, match=r"^nothing\.json: by these numbers 0\.0 % of the image see"):
+        convert("nothing.json", to="kalibr", out=Path("c.yaml"))
+    assert not Path("c.yaml").exists()
+
+
+def test_the_kind_can_be_given() -> None:
+    """`--from` reads what cannot be told; a wrong one is refused by the format that was named."""
+    convert("barrel.json", to="ros", out=Path("c.yaml"))
+    convert("c.yaml", to="json", out=Path("c.json"), source="opencv")
+    with pytest.raises(InputError, match=r"c\.yaml: .*not a mrcal camera model"):
+        convert("c.yaml", to="json", out=Path("d.json"), source="mrcal")
+    with pytest.raises(InputError, match="unknown camera format 'kolmap'; did you mean 'colmap'"):
+        convert("c.yaml", to="kolmap", out=Path("d.json"))

@@ -1,0 +1,341 @@
+"""The command `calib detect`: many photos in, one table out, and nothing lost on the way."""
+
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_to_json
+from calib.commands.detect import detect as detect_command
+from calib.core.types import Detections
+from calib.detector.overlay import draw_overlay
+from calib.observe.dataset import read_detections
+from calib.observe.photos import Detect, PhotoFile, detect_photos, find_photos, named_photos, reading_once
+from calib.observe.records import read_records
+from designer.errors import InputError
+from designer.layout import lay_out
+from designer.sizing import size_job
+from designer.target import TargetGeometry, target_to_json
+from designer.words import printable
+from tests.support.designs import asked_for
+from tests.support.sightings import pinhole, sighting, view_from
+
+BOARD = lay_out(size_job(asked_for("board", {"columns": 5, "rows": 4, "pitch": "20mm"})).job.target)
+CAMERA = pinhole(160, 120, 200)
+_, SEEN = sighting(BOARD, CAMERA, view_from((20, -30, 220)), np.random.default_rng(0))
+REPOSITORY = Path(__file__).parents[3]
+
+
+def found(
+    pixels: NDArray[np.generic], target: TargetGeometry, *, name: str, camera: Camera | None = None
+) -> Detections:
+    """A detector that finds the target in photos that are not black, and breaks at a white corner."""
+    if pixels[0, 0] == 255:
+        raise RuntimeError("white corner")
+    size = (pixels.shape[1], pixels.shape[0])
+    keep = slice(None) if pixels.max() > 0 else slice(0)
+    return Detections(
+        name, size, target.layout_id, target.geometry_id, SEEN.ring[keep], SEEN.position_mm[keep],
+        SEEN.center_px[keep], SEEN.cov_px2[keep],
+        SEEN.ellipse_px[keep], SEEN.faces[keep], () if pixels.max() > 0 else ("no ring found",),
+    )  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to work in, with a target file and photos: two good ones and a black one."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    Path("board.target.json").write_text(target_to_json(BOARD))
+    Path("photos").mkdir()
+    for name, level in (("img2.png", 90), ("img10.png", 120), ("img11.png", 0)):
+        photo(Path("photos") / name, level)
+    return tmp_path
+
+
+def photo(path: Path, level: int, size: tuple[int, int] = (160, 120)) -> None:
+    """An even photo."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    cv2.imwrite(str(path), np.full(size[::-1], level, np.uint8))
+
+
+def run(
+    *photos: str, detect: Detect = found, out: str | None = None, overlay: str | None = None, camera: str | None = None
+) -> int:
+    """The exit code of the command with a detector of choice."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("calib.detector.pipeline.detect", detect)
+        return detect_command(
+            Path("board.target.json"), list(photos), out=None if out is None else Path(out),
+            overlay=None if overlay is None else Path(overlay), camera=camera, jobs=2,
+        ).exit_code  # fmt: skip
+
+
+def test_a_folder_becomes_a_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """All images of a folder are searched, in the order a person counts; the sums, files and next step are said."""
+    assert run("photos") == 0
+    table = Path("exports/board/detections.csv")
+    data = read_detections(table, BOARD, target_path=Path("board.target.json"))
+    assert [one.image for one in data] == ["img2.png", "img10.png", "img11.png"]
+    assert [len(one.ring) for one in data] == [len(SEEN.ring), len(SEEN.ring), 0]
+    said = capsys.readouterr().out
+    count = f"{len(SEEN.ring)}/{BOARD.ring_count}"
+    assert re.search(rf"img10\.png +{count} ", said)
+    assert re.search(r"img11\.png +none +no ring found", said)
+    assert f"2 of 3 with the target, {2 * len(SEEN.ring)} of {2 * BOARD.ring_count} features" in said
+    assert "wrote    exports/board/detections.csv" in said
+    assert "next" in said
+
+
+def test_bad_photos_among_good_ones_are_named_and_skipped(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What cannot be read, found or searched is named in one line each and recorded; the others are in the table."""
+    Path("photos/broken.png").write_bytes(Path("photos/img2.png").read_bytes()[:60])
+    Path("empty").mkdir()
+    photo(Path("photos/white.png"), 255)
+    assert run("photos", "missing.png", "none-*.jpg", "empty") == 0
+    said = capsys.readouterr().out
+    for line in (
+        r"skipped  photos/broken\.png: is cut off",
+        r"skipped  missing\.png: cannot be read",
+        r"skipped  none-\*\.jpg: no file matches",
+        r"skipped  empty: no images",
+        r"skipped  photos/white\.png: the search failed: RuntimeError: white corner",
+        r"5 failures",
+    ):
+        assert re.search(line, said), line
+    records = read_records(Path("exports/board/detections.records.json"))
+    assert {r.image for r in records.images if r.failure} == {"broken.png", "missing.png", "white.png"}
+    assert {r.image for r in records.images if not r.failure} == {"img2.png", "img10.png", "img11.png"}
+
+
+def test_nothing_found_is_exit_code_1_and_bad_input_an_error(folder: Path) -> None:
+    """1: photos without the target. An error, and no file: nothing to read, a bad target, output or camera."""
+    assert run("photos/img11.png", out="a.csv") == 1
+    assert read_detections(Path("a.csv"), BOARD, target_path=Path("t"))[0].image == "img11.png"
+    Path("notes.csv").write_text("mine")
+    Path("camera.json").write_text("{}")
+    before = sorted(folder.rglob("*"))
+    for photos, options, rule in (
+        (["missing.png", "other.png"], {}, "missing.png: cannot be read.* 1 more"),
+        (["nothing-*.png"], {}, "no file matches"),
+        (["photos"], {"out": "notes.csv"}, "notes.csv: is there already, and not of ringsolid's making"),
+        (["photos"], {"out": "photos/img2.png"}, "a .csv file"),
+        (["photos"], {"overlay": "notes.csv"}, "is a file, not a folder"),
+        (["photos"], {"camera": "camera.json"}, "camera.json"),
+        (["photos"], {"camera": "no-such-camera"}, "no-such-camera"),
+    ):
+        with pytest.raises(InputError, match=rule):
+            run(*photos, **options)
+    assert sorted(folder.rglob("*")) == before
+    assert Path("notes.csv").read_text() == "mine"
+
+
+def test_overlays_are_written_and_never_taken_for_photos(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each photo gets one overlay; a second run over the same folder searches the photos only."""
+    for _ in range(2):
+        assert run("photos", overlay="photos", out="d.csv") == 0
+        pictures = {path.name for path in Path("photos").iterdir() if ".overlay" in path.name}
+        assert pictures == {"img2.overlay.jpg", "img10.overlay.jpg", "img11.overlay.jpg"}
+        assert "of 3 with the target" in capsys.readouterr().out
+    assert run("photos/*.*g", overlay="photos", out="d.csv") == 0
+    assert "left out 3 overlays" in capsys.readouterr().out
+    assert not list(folder.rglob(".unfinished*"))
+
+
+def test_a_photo_without_overlay_does_not_stop_the_others(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever breaks in drawing one picture, the detections and the other pictures are there; names may be long."""
+
+    def draw(pixels: NDArray[np.uint8], seen: Detections, target: TargetGeometry) -> NDArray[np.uint8]:
+        if seen.image == "img2.png":
+            raise ZeroDivisionError("flat")
+        return draw_overlay(pixels, seen, target)
+
+    monkeypatch.setattr("calib.detector.overlay.draw_overlay", draw)
+    photo(Path("photos") / f"{'long' * 60}.png", 80)
+    assert run("photos", overlay="o", out="d.csv") == 0
+    said, errors = capsys.readouterr()
+    assert errors == ""
+    assert "no overlay for img2.png: ZeroDivisionError: flat" in said
+    assert "0 failures" in said
+    assert "3 overlays" in said
+    assert len(read_detections(Path("d.csv"), BOARD, target_path=Path("t"))) == 4
+    assert len(list(Path("o").glob("*.overlay.jpg"))) == 3
+
+
+def test_a_camera_must_fit_the_photos(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The camera reaches the detector; a photo of another size than the camera's is skipped with both sizes."""
+    given = []
+
+    def detect(
+        pixels: NDArray[np.generic], target: TargetGeometry, *, name: str, camera: Camera | None = None
+    ) -> Detections:
+        given.append(camera)
+        return found(pixels, target, name=name, camera=camera)
+
+    Path("camera.json").write_text(camera_to_json(CAMERA))
+    photo(Path("photos/large.png"), 9, (320, 240))
+    assert run("photos", camera="camera.json", detect=detect) == 0
+    assert [camera.image_size for camera in given if camera is not None] == [(160, 120)] * 3
+    assert "large.png: has 320 x 240 px, but the camera file is of one with 160 x 120 px" in capsys.readouterr().out
+
+
+def test_photos_of_one_name_are_told_apart_by_their_folders(folder: Path) -> None:
+    """Names are as short as they can be and differ; a file given twice is searched once."""
+    for place in ("a/x/1.png", "b/x/1.png", "b/y/1.png", "2.png"):
+        photo(Path(place), 50)
+    paths = [Path(p) for p in ("a/x/1.png", "b/x/1.png", "b/y/1.png", "2.png", "b/../2.png")]
+    assert [photo.name for photo in named_photos(paths)] == ["a/x/1.png", "b/x/1.png", "y/1.png", "2.png"]
+    assert run("a/x", "b/x", "b/y", "2.png", "2.png", out="d.csv", overlay="o") == 0
+    names = [one.image for one in read_detections(Path("d.csv"), BOARD, target_path=Path("t"))]
+    assert names == ["a/x/1.png", "b/x/1.png", "y/1.png", "2.png"]
+    assert len(list(Path("o").glob("*.overlay.jpg"))) == 4
+
+
+def test_arguments_stand_for_files_folders_and_patterns(folder: Path) -> None:
+    """A pattern counts as a person does; a file with brackets in its name is itself; hidden files are left out."""
+    photo(Path("photos/[1].png"), 5)
+    photo(Path("photos/.hidden.png"), 5)
+    Path("photos/notes.txt").write_text("x")
+    assert [p.name for p in find_photos(["photos/img*.png"]).paths] == ["img2.png", "img10.png", "img11.png"]
+    assert [str(p) for p in find_photos(["photos/[1].png"]).paths] == ["photos/[1].png"]
+    assert {p.name for p in find_photos(["photos"]).paths} == {"[1].png", "img2.png", "img10.png", "img11.png"}
+    assert find_photos(["a\0b.png"]).paths == (Path("a\0b.png"),)
+    with pytest.raises(InputError, match="'' is no photo"):
+        find_photos(["photos", ""])
+
+
+def test_two_searches_read_a_photo_once_and_keep_no_more_than_they_may(folder: Path) -> None:
+    """Of three photos two fit: gone from the disk, these two are read again, and after that nothing is kept."""
+    paths = [Path("photos") / name for name in ("img2.png", "img10.png", "img11.png")]
+    read = reading_once(most_bytes=2 * 160 * 120)
+    first = [read(path).pixels for path in paths]
+    for path in paths:
+        path.unlink()
+    assert all(read(path).pixels is pixels for path, pixels in zip(paths[:2], first, strict=False))
+    for path in paths:
+        with pytest.raises(InputError, match=path.name):
+            read(path)
+
+
+def test_results_keep_the_order_and_memory_the_limit(folder: Path) -> None:
+    """Results come in the order of the photos, and no more than `jobs` photos are held at once."""
+    held, most, lock = [0], [0], threading.Lock()
+
+    def slow(
+        pixels: NDArray[np.generic], target: TargetGeometry, *, name: str, camera: Camera | None = None
+    ) -> Detections:
+        with lock:
+            held[0] += 1
+            most[0] = max(most[0], held[0])
+        time.sleep(0.05 if int(name[:-4]) % 2 else 0.01)
+        with lock:
+            held[0] -= 1
+        return found(pixels, target, name=name, camera=camera)
+
+    photos = [PhotoFile(Path(f"{k}.png"), f"{k}.png") for k in range(9)]
+    for one in photos:
+        photo(one.path, 50)
+    results = list(detect_photos(photos, BOARD, detect=slow, camera=None, overlay_folder=None, jobs=3))
+    assert [result.photo for result in results] == photos
+    assert 1 < most[0] <= 3
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
+def test_a_stopped_run_leaves_nothing(stop: type[BaseException], folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that is interrupted before its end writes no table, no overlay, and no temporary file."""
+    monkeypatch.setattr("calib.api.run_writer.write_search", raising(stop))
+    with pytest.raises(stop):
+        run("photos", out="d.csv", overlay="o")
+    assert list(Path("o").iterdir()) == []
+    assert not Path("d.csv").exists()
+
+
+def raising(error: type[BaseException]) -> Callable[..., None]:
+    """A function that only raises."""
+
+    def fail(*_: object) -> None:
+        raise error
+
+    return fail
+
+
+def test_names_of_any_kind_reach_the_screen(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Brackets, line breaks and bytes that are no text neither break the table nor style it."""
+    for name in (b"[red]x.png", b"a\nb.png", b"caf\xe9.png"):
+        photo_path = Path(os.fsdecode(name))
+        photo(Path("photos/tmp.png"), 40)
+        Path("photos/tmp.png").rename(photo_path)
+    assert (
+        run("[red]x.png", "a\nb.png", os.fsdecode(b"caf\xe9.png"), "[bold]missing.png", out="d.csv", overlay="o") == 0
+    )
+    said = capsys.readouterr().out
+    for text in ("[red]x.png", "a b.png", "caf", "[bold]missing.png"):
+        assert text in said
+    assert len(list(Path("o").glob("*.overlay.jpg"))) == 3
+
+
+def test_the_command_line_is_quick_to_help_and_strict_with_options(tmp_path: Path) -> None:
+    """`calib detect --help` answers without the detector; a bad option or target ends in one line and exit code 2."""
+
+    def calib(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "calib.cli", "detect", *arguments],
+            cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60,
+            env={**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"},
+        )  # fmt: skip
+
+    answer = calib("--help")
+    assert answer.returncode == 0
+    assert "--overlay" in answer.stdout
+    for arguments in (["t.json"], ["t.json", "a.png", "--jobs", "0"], ["t.json", "a.png"], ["t.json", "a.png", "--x"]):
+        answer = calib(*arguments)
+        assert answer.returncode == 2, arguments
+        assert answer.stderr.count("\n") == 1
+        assert answer.stderr.startswith("error: ")
+
+
+def test_a_photo_is_searched_without_what_other_commands_use() -> None:
+    """Search and page load neither statistics nor drawings, studies nor the solver, which take longer."""
+    script = (
+        "import sys, calib.cli, calib.observe.photos, calib.detector.pipeline, calib.report.why_nothing\n"
+        "import calib.report.detected_photos, calib.report.photos_page\n"
+        "print(*sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=REPOSITORY)
+    heavy = {
+        "scipy.signal",
+        "scipy.stats",
+        "PIL",
+        "matplotlib",
+        "sklearn",
+        "joblib",
+        "calib.studies",
+        "calib.solver.solve",
+    }
+    assert not heavy & set(run.stdout.split())
+
+
+def test_a_linked_photo_is_the_same_photo(tmp_path: Path) -> None:
+    """A link beside its photo does not make a second view of it."""
+    photo = tmp_path / "a.png"
+    photo.write_bytes(b"x")
+    link = tmp_path / "b.png"
+    link.symlink_to(photo)
+    assert [one.name for one in named_photos([photo, link])] == ["a.png"]
+
+
+def test_names_cannot_steer_the_terminal() -> None:
+    """Escape sequences and direction marks in file names are shown, not obeyed."""
+    assert printable("a\x1b[31mred\u202e\n b") == "a\\x1b[31mred\\u202e b"

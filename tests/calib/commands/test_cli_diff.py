@@ -1,0 +1,113 @@
+"""The command `calib diff`."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.cameras.camera import Camera
+from calib.cameras.camera_difference import camera_difference
+from calib.cameras.camera_file import camera_to_json
+from calib.commands.diff import diff
+from calib.interop import FORMATS
+from designer.errors import InputError
+from tests.support.foreign_cameras import CAMERAS, SIZE
+
+BARREL = CAMERAS["barrel"]
+MOVED = Camera("opencv", BARREL.params + np.array([1, 0.5, 3, -2, 0.001, 0, 0, 0, 0]), SIZE)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to work in, with two cameras of different kinds of files."""
+    monkeypatch.chdir(tmp_path)
+    Path("a").mkdir()
+    Path("a/camera.json").write_text(camera_to_json(BARREL))
+    Path("b.cameramodel").write_text(FORMATS["mrcal"].write(MOVED))
+    return tmp_path
+
+
+def stated(said: str, row: str) -> list[float]:
+    """The numbers in a row of the table."""
+    found = re.search(rf"^{row} +([0-9. ]+)$", said, re.MULTILINE)
+    assert found is not None
+    return [float(number) for number in found[1].split()]
+
+
+def test_the_difference_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """RMS, median and max over the image, the rotation, and where it is largest, from files of any kind."""
+    diff("a", "b.cameramodel")
+    said = capsys.readouterr().out
+    true = camera_difference(BARREL, MOVED)
+    expected = [np.sqrt(np.mean(true.length_px**2)), np.median(true.length_px), true.length_px.max()]
+    assert stated(said, "whole image") == pytest.approx(expected, abs=1e-4)
+    assert stated(said, "centre")[2] < stated(said, "corners")[2] == stated(said, "whole image")[2]
+    assert f"rotation removed: {np.degrees(true.turn_rad):.4f} deg, fitted to the whole image" in said
+    assert "A  a: camera.json, opencv, 1024 x 768 px" in said
+    assert "B  b.cameramodel: mrcal camera model, opencv" in said
+
+
+def test_the_radius_of_the_fit(capsys: pytest.CaptureFixture[str]) -> None:
+    """A radius fits the rotation to the centre, which then agrees better; 0 removes none."""
+    centres = []
+    for radius in (None, 128.0, 0.0):
+        diff("a", "b.cameramodel", radius=radius)
+        said = capsys.readouterr().out
+        centres.append(stated(said, "centre")[0])
+    assert centres[1] < centres[0] < centres[2]
+    assert "no rotation removed" in said
+
+
+def test_a_picture_is_written(capsys: pytest.CaptureFixture[str]) -> None:
+    """The map is a PNG; another ending is refused before anything is compared."""
+    diff("a", "b.cameramodel", picture=Path("maps/d.png"))
+    assert Path("maps/d.png").read_bytes().startswith(b"\x89PNG")
+    assert "wrote maps/d.png" in capsys.readouterr().out
+    with pytest.raises(InputError, match=r"the picture is a \.png file; name it so, such as d\.png"):
+        diff("a", "b.cameramodel", picture=Path("d.jpg"))
+    assert capsys.readouterr().out == ""
+
+
+def test_only_pictures_of_its_own_are_overwritten(capsys: pytest.CaptureFixture[str]) -> None:
+    """A photo, a folder, or one of the cameras themselves stays as it is, and nothing is told but that."""
+    photo = b"\x89PNG\r\n\x1a\n of last summer"
+    Path("photo.png").write_bytes(photo)
+    Path("folder.png").mkdir()
+    Path("camera.png").write_text(camera_to_json(MOVED))
+    camera = Path("camera.png").read_bytes()
+    for name, rule in {
+        "photo.png": "is there already, and not of ringsolid's making",
+        "folder.png": "cannot be written: a folder has the name",
+        "camera.png": "is a file to read",
+    }.items():
+        with pytest.raises(InputError, match=f"{name}: {rule}"):
+            diff("a", "camera.png", picture=Path(name))
+    Path("f").write_text("x")
+    with pytest.raises(InputError, match=r"f/d\.png: cannot be"):
+        diff("a", "camera.png", picture=Path("f/d.png"))
+    assert capsys.readouterr().out == ""
+    assert Path("photo.png").read_bytes() == photo
+    assert Path("camera.png").read_bytes() == camera
+    for _ in range(2):
+        diff("a", "camera.png", picture=Path("d.png"))
+
+
+def test_cameras_that_cannot_be_compared() -> None:
+    """Other image sizes and missing files are refused in one line."""
+    Path("small.json").write_text(camera_to_json(Camera("pinhole", np.array([9.0, 9, 5, 5]), (10, 10))))
+    with pytest.raises(InputError, match="1024 x 768 and 10 x 10"):
+        diff("a", "small.json")
+    with pytest.raises(InputError, match=r"none\.json: cannot be read"):
+        diff("a", "none.json")
+
+
+def test_what_is_not_known_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    """Pixels that one camera has no ray for are not compared, and their number is told."""
+    Path("c.json").write_text(
+        camera_to_json(Camera("opencv", np.array([900.0, 905, 510, 390, -0.6, 0, 0, 0, 0]), SIZE))
+    )
+    diff("c.json", "a")
+    found = re.search(r"not compared: (\d+) of 2700 pixels", capsys.readouterr().out)
+    assert found is not None
+    assert 0 < int(found[1]) < 2700

@@ -1,0 +1,278 @@
+"""`calib evaluate`, run as a user runs it, and the files and tables it makes."""
+
+import csv
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from rich.console import Console
+from rich.table import Table
+from typer.testing import CliRunner, Result
+
+from calib.commands.evaluate import evaluate as command
+from calib.core.number_text import figure, with_digits
+from calib.metrics.errors import summarise
+from calib.metrics.evaluation import by_point, by_view, evaluate
+from calib.records.calibration_file import Provenance, write_calibration
+from calib.records.evaluation_files import evaluation_files
+from calib.renderer.job import RenderJob, truth_text
+from calib.renderer.options import RenderOptions
+from calib.report.evaluation_table import comparison_table
+from calib.solver.calibration import Calibration
+from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
+from designer.errors import InputError
+from tests.support.calibrations import board, example, icosahedron
+
+APP = typer.Typer()
+APP.command()(command)
+ICO = icosahedron()
+TRUE = example(ICO, np.random.default_rng(1), views=8, noise_px=0.1)
+OPTIONS = SolveOptions(fixed=(("k3", 0.0),))
+SOLVED = solve(TRUE.observations, "opencv", OPTIONS)
+
+
+def run(*arguments: object) -> Result:
+    """Run the command in this process."""
+    return CliRunner().invoke(APP, [str(argument) for argument in arguments], env={"COLUMNS": "200"})
+
+
+def folder_of(calibration: Calibration, folder: Path) -> Path:
+    """A calibration on disk."""
+    write_calibration(folder, calibration, Provenance("test 1", options=OPTIONS))
+    return folder
+
+
+def truth_file(folder: Path) -> Path:
+    """The truth of the photos, as `calib render` writes it."""
+    job = RenderJob(ICO, TRUE.camera, TRUE.cam_from_target, RenderOptions(), seed=1)
+    path = folder / "truth.json"
+    path.write_text(truth_text(job))
+    return path
+
+
+def cells(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file."""
+    with path.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_a_calibration_alone_is_enough(tmp_path: Path) -> None:
+    """The folder that `calib solve` wrote: tables on the screen, metrics and pictures beside it, exit code 0."""
+    folder = folder_of(SOLVED, tmp_path / "cal")
+    result = run(folder)
+    assert result.exit_code == 0, result.output
+    for words in ("model opencv", "reprojection", "intersection", "reconstruction", "worst photos", "worst faces"):
+        assert words in result.output
+    assert "of the photos that the camera was solved from" in result.output
+    assert "fixed" in result.output
+    assert "\nnext  calib evaluate" in result.output
+    names = {path.name for path in folder.iterdir()} - {"calibration.json", "observations.csv", "camera.json"}
+    assert names == {
+        "metrics.json", "metrics_views.csv", "metrics_points.csv", "metrics_faces.csv", "metrics_observations.csv",
+        "calibration.png",
+    }  # fmt: skip
+
+
+def test_truth_adds_pose_errors(tmp_path: Path) -> None:
+    """With truth.json there are pose errors, and the parameters stand beside the true ones."""
+    folder = folder_of(SOLVED, tmp_path / "cal")
+    result = run(folder / "calibration.json", "--truth", truth_file(tmp_path), "-o", tmp_path / "out", "--no-figures")
+    assert result.exit_code == 0, result.output
+    assert "a camera's centre" in result.output
+    assert "sigma" in result.output
+    document = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    expected = np.linalg.norm(_centers(SOLVED) - _centers(TRUE), axis=1)
+    assert document["metrics"]["pose"]["rmse"] == pytest.approx(math.sqrt((expected**2).mean()))
+    assert document["parameters"]["fx_px"]["true"] == TRUE.camera.params[0]
+    assert document["parameters"]["k3"] == {"value": 0.0, "sigma": 0.0, "unit": "1", "fixed": True, "true": 0.0}
+
+
+def _centers(one: Calibration) -> np.ndarray:
+    return np.array([-pose[:3, :3].T @ pose[:3, 3] for pose in one.cam_from_target])
+
+
+def test_held_out_solves_as_it_was_solved(tmp_path: Path) -> None:
+    """--held-out keeps the options of the solution, and the output says what the errors are of."""
+    folder = folder_of(SOLVED, tmp_path)
+    result = run(folder, "--held-out", 4, "--no-figures")
+    assert result.exit_code == 0, result.output
+    assert "of photos held out, in 4 parts" in result.output
+    document = json.loads((folder / "metrics.json").read_text())
+    assert document["of"] == "views held out of the solution"
+    assert document["metrics"]["reprojection"]["rmse"] > summarise(evaluate(SOLVED).errors[0]).rmse
+
+
+@pytest.mark.parametrize("parts", ["1", "9"])
+def test_parts_that_do_not_fit_are_refused(parts: str, tmp_path: Path) -> None:
+    """One line, before anything is written."""
+    folder = folder_of(SOLVED, tmp_path)
+    result = run(folder, "--held-out", parts)
+    assert isinstance(result.exception, InputError)
+    assert f"--held-out {parts}: 8 photos fall into 2 to 8 parts" in str(result.exception)
+    assert not (folder / "metrics.json").exists()
+
+
+def test_a_degenerate_calibration_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What the photos do not determine is said, with its reason, and the exit code is 1."""
+    lost = replace(
+        SOLVED, status="degenerate", remarks=("one view that faces the board squarely",), scale=math.nan,
+        param_covariance=np.full((9, 9), np.nan), pose_covariance=np.full((8, 6, 6), np.nan),
+    )  # fmt: skip
+    assert command(folder_of(lost, tmp_path), figures=False).exit_code == 1
+    assert "one view that faces the board squarely" in capsys.readouterr().out
+    assert json.loads((tmp_path / "metrics.json").read_text())["parameters"]["fx_px"]["sigma"] is None
+
+
+def test_bad_input_is_one_line(tmp_path: Path) -> None:
+    """No such file, a folder of several cameras, a truth of other photos, an output that is a file."""
+    folder = folder_of(SOLVED, tmp_path / "cal")
+    other = tmp_path / "other"
+    other.mkdir()
+    truth = truth_file(other)
+    truth.write_text(truth.read_text().replace("view_", "photo_"))
+    for arguments, words in (
+        ([tmp_path / "nothing.json"], "cannot be read"),
+        ([tmp_path], f"name the folder of one: {folder}"),
+        ([folder, "--truth", truth], "none of which was calibrated with"),
+        ([folder, "-o", truth], "is a file, not a folder"),
+    ):
+        result = run(*arguments)
+        assert isinstance(result.exception, InputError), result.output
+        assert words in str(result.exception)
+        assert "\n" not in str(result.exception)
+    assert not (folder / "metrics.json").exists()
+
+
+def test_anothers_metrics_are_not_overwritten(tmp_path: Path) -> None:
+    """A metrics.json that is none of this program's stays as it is; one of an earlier run is replaced."""
+    folder, place = folder_of(SOLVED, tmp_path / "cal"), tmp_path / "out" / "metrics.json"
+    place.parent.mkdir()
+    place.write_text('{"mine": 1}')
+    result = run(folder, "-o", place.parent, "--no-figures")
+    assert isinstance(result.exception, InputError)
+    assert "not of ringsolid's making" in str(result.exception)
+    assert place.read_text() == '{"mine": 1}'
+    assert [one.name for one in place.parent.iterdir()] == ["metrics.json"]
+    place.unlink()
+    for _ in range(2):
+        assert run(folder, "-o", place.parent, "--no-figures").exit_code == 0
+
+
+def test_a_truth_of_other_photos_is_told(tmp_path: Path) -> None:
+    """Photos of one name but another size cannot be the same."""
+    path = truth_file(tmp_path)
+    document = json.loads(path.read_text())
+    document["camera"]["image_size"] = [10, 20]
+    path.write_text(json.dumps(document))
+    result = run(folder_of(SOLVED, tmp_path / "cal"), "--truth", path, "--no-figures")
+    assert "the truth is of photos of 10 x 20 px, the calibration is not" in result.output
+
+
+def test_files_hold_the_summaries(tmp_path: Path) -> None:
+    """metrics.json and the CSV files hold what the functions compute, row by row."""
+    found = evaluate(SOLVED)
+    for path, content in evaluation_files(found, tmp_path).items():
+        path.write_bytes(content)
+    document = json.loads((tmp_path / "metrics.json").read_text())
+    assert document["of"] == "the views the camera was solved from"
+    for errors in found.errors:
+        assert document["metrics"][errors.metric]["rmse"] == summarise(errors).rmse
+    views, rings = cells(tmp_path / "metrics_views.csv"), cells(tmp_path / "metrics_points.csv")
+    reprojection, reconstruction = found.errors[0], found.errors[2]
+    for row, summary in zip(views, by_view(found, reprojection) or (), strict=True):
+        assert int(row["reprojection_count"]) == summary.count
+        assert float(row["reprojection_rmse_px"]) == pytest.approx(summary.rmse, rel=1e-5)
+    for row, summary in zip(rings, by_point(found, reconstruction) or (), strict=True):
+        assert (
+            row["reconstruction_rmse_mm"] == ""
+            if not summary.count
+            else float(row["reconstruction_rmse_mm"]) == pytest.approx(summary.rmse, rel=1e-5)
+        )
+    of_point = reprojection.point == 40
+    mean = reprojection.vector[of_point].mean(axis=0)
+    assert float(rings[40]["reprojection_mean_u_px"]) == pytest.approx(mean[0], rel=1e-4)
+    assert len(cells(tmp_path / "metrics_faces.csv")) == ICO.face_count
+    sightings = cells(tmp_path / "metrics_observations.csv")
+    assert len(sightings) == len(reprojection.size)
+    assert float(sightings[7]["reprojection_px"]) == pytest.approx(reprojection.size[7], rel=1e-4)
+    assert (sightings[7]["image"], sightings[7]["reprojection_left_out"]) == ("view_0000.png", "")
+
+
+def test_outliers_are_in_the_files_with_their_reason(tmp_path: Path) -> None:
+    """A sighting that does not count is listed with its error, and named an outlier."""
+    flag = np.zeros(len(SOLVED.is_outlier), dtype=bool)
+    flag[5] = True
+    for path, content in evaluation_files(evaluate(replace(SOLVED, is_outlier=flag)), tmp_path).items():
+        path.write_bytes(content)
+    row = cells(tmp_path / "metrics_observations.csv")[5]
+    assert row["reprojection_left_out"] == "outlier"
+    assert float(row["reprojection_px"]) > 0
+    document = json.loads((tmp_path / "metrics.json").read_text())
+    assert document["outliers"] == 1
+    assert document["metrics"]["intersection"]["left_out"] == {"outlier": 1}
+
+
+def test_names_cannot_steer_the_terminal(tmp_path: Path) -> None:
+    """File names with control characters or markup are printed escaped, and cannot break a line of CSV."""
+    names = tuple(f"[red]\x1b[31m{n}\n,\udc80.png" for n in range(8))
+    seen = replace(SOLVED.observations, view_names=names)
+    result = run(folder_of(replace(SOLVED, observations=seen, remarks=(names[0],)), tmp_path), "--no-figures")
+    assert result.exit_code == 0, result.output
+    assert "\x1b[31m" not in result.output
+    assert r"[red]\x1b[31m" in result.output
+    with (tmp_path / "metrics_views.csv").open(newline="", encoding="utf-8", errors="surrogatepass") as stream:
+        assert [row["image"] for row in csv.DictReader(stream)] == list(names)
+
+
+def printed(table: Table) -> str:
+    """A table as text."""
+    console = Console(width=200, highlight=False)
+    with console.capture() as capture:
+        console.print(table)
+    return capture.get()
+
+
+def test_models_stand_side_by_side() -> None:
+    """A line a model: RMSE of every metric, the focal length with its sigma, and whether it can be trusted."""
+    evaluations = [evaluate(solve(TRUE.observations, model)) for model in ("luhmann", "opencv", "pinhole")]
+    lines = printed(comparison_table(evaluations)).splitlines()
+    heads = "model photos sightings reprojection px intersection mm reconstruction mm fx px status"
+    assert lines[0].split() == heads.split()
+    for line, one in zip(lines[1:], evaluations, strict=True):
+        words = line.split()
+        assert words[0] == one.calibration.camera.model
+        assert words[3] == figure(summarise(one.errors[0]).rmse)
+        assert words[-1] == "converged"
+        assert float(words[8]) == pytest.approx(math.sqrt(one.calibration.param_covariance[0, 0]), rel=0.05)
+
+
+def test_one_view_has_no_reconstruction() -> None:
+    """A single photo of an icosahedron has no second ray: the table shows a dash, not a number."""
+    single = solve(example(ICO, np.random.default_rng(2), views=1, noise_px=0.05).observations, "pinhole")
+    line = printed(comparison_table([evaluate(single)])).splitlines()[1]
+    assert line.split()[5] == "-"
+
+
+def test_numbers_have_the_digits_that_mean_something() -> None:
+    """Four figures without an exponent where that is readable; a value to the second digit of its sigma."""
+    assert [figure(x) for x in (0.0012345, 0.5, 12.3456, 123456.0, 0.0, math.nan)] == [
+        "0.001234", "0.5000", "12.35", "123456", "0", "-",
+    ]  # fmt: skip
+    assert figure(1.23456e-9) == "1.235e-09"
+    assert [with_digits(1400.31109, sigma) for sigma in (0.25, 0.031, 12.0)] == ["1400.31", "1400.311", "1400"]
+    assert with_digits(1400.31109, 0.0) == "1400.311"
+    assert with_digits(-1e-6, 0.001) == "0.0000"
+
+
+def test_a_board_has_no_worst_face(tmp_path: Path) -> None:
+    """One face is not compared with others."""
+    one = example(board(), np.random.default_rng(3), views=4, noise_px=0.1)
+    result = run(folder_of(one, tmp_path), "--no-figures")
+    assert result.exit_code == 0, result.output
+    assert "worst rings" in result.output
+    assert "worst faces" not in result.output

@@ -1,0 +1,196 @@
+"""The command `calib undistort`: any photos in, the same photos without distortion out, and a camera file that fits."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_to_json, load_camera
+from calib.cameras.undistortion import pinhole_of
+from calib.cameras.undistortion import undistort as undistort_pixels
+from calib.commands.undistort import undistort
+from calib.observe.images import read_colour
+from designer.answer import StoppedError
+from designer.errors import InputError
+from tests.support.command_line import PAGE
+
+CAMERA = Camera("opencv", np.array([95.0, 95.0, 79.5, 59.5, -0.3, 0.1, 0.001, 0.0, 0.0]), (160, 120))
+REPOSITORY = Path(__file__).parents[3]
+BESIDE = {"camera.json", "photos.json", *PAGE}
+"""What lies with the photos."""
+KINDS: tuple[type[np.generic], ...] = (np.uint8, np.uint16)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to work in, with a camera file and a grey photo."""
+    monkeypatch.chdir(tmp_path)
+    Path("camera.json").write_text(camera_to_json(CAMERA))
+    photo(Path("photos/a.png"))
+    return tmp_path
+
+
+def photo(path: Path, channels: int = 1, kind: type[np.generic] = np.uint8, size: tuple[int, int] = (160, 120)) -> None:
+    """A photo of random blotches."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    noise = np.random.default_rng(1).random((size[1], size[0], channels))
+    top = np.iinfo(kind).max  # type: ignore[type-var]
+    cv2.imwrite(str(path), (cv2.GaussianBlur(noise, (0, 0), 4).reshape(noise.shape) * top).astype(kind))
+
+
+def run(*photos: str, out: str = "out", alpha: float | None = None, focal_px: float | None = None) -> None:
+    """The command."""
+    undistort("camera.json", list(photos), out=Path(out), alpha=alpha, focal_px=focal_px)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "channels", "kind"),
+    [
+        *((suffix, channels, kind) for suffix in (".png", ".tif") for channels in (1, 3, 4) for kind in KINDS),
+        *((suffix, channels, KINDS[0]) for suffix in (".bmp", ".jpg") for channels in (1, 3)),
+        *((suffix, channels, kind) for suffix, channels in ((".pgm", 1), (".ppm", 3)) for kind in KINDS),
+    ],
+)
+def test_depth_and_channels_stay(folder: Path, suffix: str, channels: int, kind: type[np.generic]) -> None:
+    """Grey, colour and transparency of 8 or 16 bits come out as they went in, and are what the function makes."""
+    path = Path(f"in/p{suffix}")
+    photo(path, channels, kind)
+    run("in")
+    made = cv2.imread("out/p.undistorted.png", cv2.IMREAD_UNCHANGED)
+    assert made is not None
+    before = read_colour(path).pixels
+    assert before.dtype == made.dtype == kind
+    assert made.shape == before.shape == ((120, 160) if channels == 1 else (120, 160, channels))
+    assert np.array_equal(made, undistort_pixels(before, CAMERA, pinhole_of(CAMERA)).pixels)
+
+
+def test_the_new_camera_belongs_to_the_new_photos(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The folder has a pinhole camera file with the focal length that was asked for, and the summary says so."""
+    run("photos", focal_px=80.0)
+    made = load_camera(Path("out/camera.json"))
+    assert made.model == "pinhole"
+    assert made.params.tolist() == [80.0, 80.0, 79.5, 59.5]
+    said = capsys.readouterr().out
+    assert "1 photo undistorted, 0 failures; focal length 80.00 px (the camera has 95.00)" in said
+    assert "% of the pixels are black" in said
+    run("photos", alpha=0)
+    assert "black" not in capsys.readouterr().out
+    assert load_camera(Path("out/camera.json")).params[0] == pytest.approx(pinhole_of(CAMERA, alpha=0).params[0])
+
+
+def test_bad_photos_are_named_and_the_others_done(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What cannot be read or is of another size is one line each; if nothing is left, that is an error and no file."""
+    photo(Path("photos/large.png"), size=(320, 240))
+    Path("photos/broken.png").write_bytes(Path("photos/a.png").read_bytes()[:200])
+    Path("photos/text.jpg").write_text("hello")
+    os.mkfifo("photos/pipe.png")
+    run("photos", "missing.png", "photos/pipe.png", "none-*.png")
+    said = capsys.readouterr().out
+    for line in (
+        "large.png: has 320 x 240 px, but the camera file is of one with 160 x 120 px; give photos",
+        "broken.png: ",
+        "text.jpg: is not an image",
+        "pipe.png: is a pipe",
+        "missing.png: cannot be read",
+        "none-*.png: no file matches",
+    ):
+        assert sum(line in one and one.startswith("skipped") for one in said.splitlines()) == 1, line
+    assert {path.name for path in Path("out").iterdir()} == {"a.undistorted.png", *BESIDE}
+    with pytest.raises(InputError, match=r"missing\.png: cannot be read.* \(and 1 more like it\)"):
+        run("missing.png", "photos/large.png", out="other")
+    assert not Path("other").exists()
+
+
+def test_a_camera_that_sees_nothing_makes_no_black_photos(folder: Path) -> None:
+    """A lens that folds over at once knows no light: one line that says so, and no files."""
+    nothing = Camera("opencv", np.array([95.0, 95.0, -5e4, 59.5, -0.3, 0.0, 0.0, 0.0, 0.0]), (160, 120))
+    Path("camera.json").write_text(camera_to_json(nothing))
+    with pytest.raises(InputError, match=r"camera\.json: by these numbers 0\.0 % of the image see"):
+        run("photos")
+    assert not Path("out").exists()
+
+
+def test_another_camera_is_not_overwritten(folder: Path) -> None:
+    """The calibrated camera's own folder is refused as output; an earlier run's is not."""
+    before = Path("camera.json").read_bytes()
+    with pytest.raises(InputError, match=r"camera\.json: exists and is no pinhole camera of an earlier run"):
+        run("photos", out=".")
+    assert Path("camera.json").read_bytes() == before
+    run("photos")
+    run("photos")
+    Path("out/camera.json").write_text("{}")
+    with pytest.raises(InputError, match="not of ringsolid's making"):
+        run("photos")
+    with pytest.raises(InputError, match="is a file, not a folder"):
+        run("photos", out="camera.json")
+
+
+def test_results_are_not_undistorted_again(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A second run over a folder that holds the results takes the photos only."""
+    run("photos", out="photos")
+    capsys.readouterr()
+    run("photos/*.png", out="photos")
+    said = capsys.readouterr().out
+    assert "left out: 1 undistorted photos of an earlier run" in said
+    assert "1 photo undistorted" in said
+    assert {path.name for path in Path("photos").iterdir()} == {"a.png", "a.undistorted.png", *BESIDE}
+
+
+def test_names_stay_apart(folder: Path) -> None:
+    """Photos of one name in different folders or formats, and very long names, get a file each."""
+    for place in ("x/1.png", "y/1.png", "y/2.png", "y/2.bmp", f"y/{'long' * 60}.png"):
+        photo(Path(place))
+    run("x", "y/1.png", "y/2.png", "y/2.bmp")
+    assert {path.name for path in Path("out").iterdir()} == BESIDE | {
+        "2.bmp.undistorted.png", "2.png.undistorted.png", "x_1.undistorted.png", "y_1.undistorted.png",
+    }  # fmt: skip
+    run("y", out="long")
+    assert len({path.name for path in Path("long").iterdir()} - BESIDE) == 4
+
+
+def test_a_stopped_run_keeps_what_is_whole(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Interrupted: the finished photos and their camera are there and named, and nothing is half-made."""
+    photo(Path("photos/b.png"))
+    original = undistort_pixels
+
+    def stop(*arguments: object, **options: object) -> object:
+        if Path("out").exists():
+            raise KeyboardInterrupt
+        return original(*arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("calib.cameras.undistortion.undistort", stop)
+    with pytest.raises(StoppedError, match=r"stopped; 1 of 2 photos are in out") as end:
+        run("photos")
+    assert end.value.summary.wrote == (Path("out/a.undistorted.png"), Path("out/camera.json"))
+    assert sorted(path.name for path in Path("out").iterdir()) == ["a.undistorted.png", "camera.json"]
+
+
+@pytest.mark.parametrize(
+    ("options", "rule"),
+    [
+        ({"alpha": 0.5, "focal_px": 90.0}, "give one of them"),
+        ({"alpha": float("nan")}, "--alpha nan"),
+        ({"focal_px": 0.0}, "--focal-px 0"),
+        ({"focal_px": float("nan")}, "--focal-px nan"),
+    ],
+)
+def test_bad_options_are_refused(folder: Path, options: dict[str, float], rule: str) -> None:
+    """Focal lengths that are none are one line."""
+    with pytest.raises(InputError, match=rule):
+        run("photos", **options)  # type: ignore[arg-type]
+
+
+def test_the_module_is_quick_to_import() -> None:
+    """Importing the command loads neither OpenCV nor numba, so that `calib --help` stays quick."""
+    code = (
+        "import sys, calib.commands.undistort, calib.commands.pose; print({'cv2', 'numba', 'numpy'} & set(sys.modules))"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True, timeout=60
+    )
+    assert answer.stdout.strip() == "set()"

@@ -1,0 +1,482 @@
+"""`calib measure`, run as a user runs it, and the words, numbers and files it leaves."""
+
+import csv
+import io
+import json
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from numpy.typing import NDArray
+
+from calib.api.measuring import measure as measure_from_python
+from calib.api.measuring import rescale
+from calib.as_built.lengths import length_in
+from calib.as_built.options import AsBuiltOptions
+from calib.as_built.solve import measure as measure_print
+from calib.as_built_report.deviations import (
+    Estimate,
+    WholePrint,
+    bed_axes,
+    compensation_percent,
+    next_skew_rad,
+    whole_print,
+)
+from calib.as_built_report.held_out import gain_on_held_out, laid_over
+from calib.as_built_report.length_words import CALIPER_SIGMA_MM, parse_length
+from calib.as_built_report.words import next_print_lines
+from calib.commands.measure import measure
+from calib.core.se3 import exp_rotation
+from calib.core.selection import keep_sightings
+from calib.core.types import Observations
+from calib.observe.dataset import write_detections
+from calib.observe.observations import known_points
+from designer.command import run
+from designer.errors import InputError
+from designer.kind import KINDS
+from designer.make.bed import bed_from_target, printed_corners_mm
+from designer.options import AskedPrinting
+from designer.sizing import size_printing
+from designer.target import TargetGeometry, load_target, target_to_json
+from designer.tolerance.model import ErrorModel, displaced, perturb
+from designer.tolerance.source import Amount
+from tests.support.as_built_scenes import RIGID, photos, plate, printed, random_shape, solid
+from tests.support.command_line import LENIENT, PAGE, Answer, calib, detections_of, files_in
+from tests.support.designs import small
+from tests.support.solver_scenes import CAMERAS, observe
+
+Array = NDArray[np.float64]
+
+MEASURED = ("measured.target.json", "measured.as_built.json", "measured.as_built.csv", "measured.as_built.png")
+INPUTS = {"ico.target.json", "seen.csv", "seen.records.json"}
+PLAIN = ("ico.target.json", "seen.csv", "-o", "measured.target.json", "--held-out", "0")
+
+
+@cache
+def print_() -> TargetGeometry:
+    """An icosahedron that came out of a printer."""
+    return printed(solid(), random_shape(solid(), np.random.default_rng(3), ring_mm=(0.05, 0.02)))
+
+
+@cache
+def seen() -> Observations:
+    """Photos of it."""
+    return photos(print_(), np.random.default_rng(4), 16)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to work in, with a target and detections."""
+    monkeypatch.chdir(tmp_path)
+    Path("ico.target.json").write_text(target_to_json(solid()))
+    write_seen(seen(), "seen.csv")
+    return tmp_path
+
+
+def write_seen(shown: Observations, name: str, target: TargetGeometry | None = None) -> None:
+    """Detections with the nominal target."""
+    target = target or solid()
+    write_detections(Path(name), detections_of(shown, target), target, detector="test")
+
+
+def command(*arguments: object) -> Answer:
+    """Run `calib measure`."""
+    app = typer.Typer(pretty_exceptions_enable=False)
+    app.command()(measure)
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.setattr(sys, "argv", ["measure", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            run(app)
+    assert isinstance(end.value.code, int)
+    return Answer(end.value.code, out.getvalue(), err.getvalue())
+
+
+def largest_distance_mm(one: TargetGeometry, other: TargetGeometry) -> float:
+    """Between the rings of two targets, a similarity aside."""
+    rings = np.arange(one.ring_count)
+    laid = laid_over(one, other, rings)
+    return float(np.linalg.norm(laid.center_mm - other.center_mm, axis=1).max())
+
+
+def test_python_measures_as_the_command_does(capfd: pytest.CaptureFixture[str]) -> None:
+    """`calib.measure` takes values or files, prints nothing, and writes the same numbers when it is saved."""
+    assert command(*PLAIN, "--rings", "rigid").code == 0
+    capfd.readouterr()
+    measured = measure_from_python(solid(), detections_of(seen(), solid()), rings="rigid", held_out=0)
+    assert {path.name for path in measured.save("out/measured.target.json")} == set(MEASURED)
+    ours, theirs = (json.loads(Path(place, MEASURED[1]).read_text()) for place in ("out", "."))
+    assert ours["settings"].keys() == theirs["settings"].keys()
+    assert ours["face_verdict"] == theirs["face_verdict"]
+    assert np.array(ours["face_motion"]) == pytest.approx(np.array(theirs["face_motion"]), abs=1e-6)
+    assert (Path("out") / MEASURED[2]).read_text().splitlines()[2] == Path(MEASURED[2]).read_text().splitlines()[2]
+    assert "srcdoc" in measured._repr_html_()
+    assert capfd.readouterr() == ("", "")
+    with pytest.raises(InputError, match="is the target it is measured against"):
+        measure_from_python("ico.target.json", "seen.csv", rings="rigid", held_out=0).save("ico.target.json")
+    quick = rescale(solid(), "edge:10.05cm")
+    assert length_in(quick.target, "edge") == pytest.approx(100.5)
+
+
+@pytest.mark.filterwarnings("error")  # of a picture whose parts have no room
+def test_a_print_is_measured_and_all_is_written() -> None:
+    """The measured target is the print to some micrometres, as large as the caliper says; its report is beside it."""
+    length = length_in(print_(), "face-to-face")
+    answer = command(*PLAIN, "--length", f"face-to-face:{length}mm+-0.01mm")
+    assert answer.code == 0, answer
+    found = load_target(Path("measured.target.json"))
+    assert found.source == "measured"
+    assert found.face_covariance is not None
+    assert largest_distance_mm(print_(), found) < 0.03 < largest_distance_mm(print_(), solid())
+    assert length_in(found, "face-to-face") == pytest.approx(length, abs=1e-6)
+    assert files_in(Path()) == INPUTS | set(MEASURED) | PAGE
+    report = json.loads(Path("measured.as_built.json").read_text())
+    assert report["measured_geometry_id"] == found.geometry_id
+    assert report["nominal_geometry_id"] == solid().geometry_id
+    assert report["size_is_known"] is True
+    assert "next  not judged, as --held-out 0 asked" in answer.out
+    assert "calib solve" not in answer.out
+    assert Path("measured.as_built.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_the_next_step_is_worth_it() -> None:
+    """`calib solve` with the measured target, as the command says, leaves less over than with the nominal one."""
+    assert command(*PLAIN).code == 0
+    left = []
+    for target in ("ico.target.json", "measured.target.json"):
+        answer = calib(
+            "solve", "seen.csv", "--target", target, "--model", "opencv", "--fix", "k3=0", "-o", "solved", *LENIENT
+        )
+        assert answer.code == 0
+        left.append(json.loads(Path("solved/calibration.json").read_text())["scale"])
+    assert left[1] < 0.2 * left[0]
+
+
+def test_the_table_holds_each_number_with_its_deviation() -> None:
+    """Six numbers a face, three a seen ring; a face that no photo shows is marked, and said."""
+    without = keep_sightings(seen(), solid().ring_face[seen().point] != 7)
+    write_seen(without, "seen.csv")
+    answer = command(*PLAIN)
+    assert "no view shows face 7" in answer.out
+    lines = Path("measured.as_built.csv").read_text().splitlines()
+    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    faces = [row for row in rows if row["part"] == "face"]
+    assert [row["quantity"] for row in faces[:6]] == ["shift x", "shift y", "shift z", "tilt x", "tilt y", "turn z"]
+    assert len(faces) == 6 * 20
+    assert {row["number"] for row in faces if row["is_known"] == "0"} == {"7"}
+    rings = [row for row in rows if row["part"] == "ring"]
+    assert len(rings) == 3 * len(np.unique(without.point))
+    assert "7" not in {row["face"] for row in rings}
+    report = json.loads(Path("measured.as_built.json").read_text())
+    motion = np.array(report["face_motion"])
+    assert float(faces[2]["value"]) == pytest.approx(motion[0, 5])
+    assert float(faces[3]["value"]) == pytest.approx(motion[0, 0])
+    assert report["face_verdict"][7] == "not known"
+    assert not any(row["quantity"] == "size" for row in rows)
+
+
+def test_gain_is_judged_on_photos_held_out() -> None:
+    """With the measured target the errors against the truth are as those with a perfect print, the nominal's larger."""
+    found = measure_print([photos(print_(), np.random.default_rng(4), 40)], solid(), "opencv")
+    held = gain_on_held_out(found, "opencv", AsBuiltOptions(), 4, truth=print_())
+    perfect = measure_print([photos(solid(), np.random.default_rng(4), 40)], solid(), "opencv", RIGID)
+    best = gain_on_held_out(perfect, "opencv", RIGID, 4, truth=solid())
+    assert [gain.metric for gain in held.gains] == ["reprojection", "intersection", "reconstruction"]
+    assert [gain.metric for gain in held.against_truth] == ["intersection", "reconstruction"]
+    for gain, reference in zip(held.against_truth, best.against_truth, strict=True):
+        assert gain.factor > 5
+        assert gain.measured < 2 * reference.nominal
+    assert held.gains[0].count == len(found.observations[0].view)
+
+
+def test_what_is_no_better_is_not_recommended() -> None:
+    """Exit code 1, one line that says why, no command that uses it; the file is there to be looked at."""
+    for views, word in ((12, "no better than the drawing"), (4, "too few photos")):
+        write_seen(photos(solid(), np.random.default_rng(5), views), "seen.csv")
+        answer = command(*PLAIN[:4], "--rings", "rigid")
+        assert answer.code == 1
+        (line,) = (line for line in answer.out.splitlines() if line.startswith("next  "))
+        assert word in line
+        held = json.loads(Path("measured.as_built.json").read_text())["held_out"]
+        assert held["is_better"] is (False if views > 4 else None)
+
+
+def test_what_was_measured_from_a_photo_is_not_judged_by_it() -> None:
+    """A sighting that is far off in a held-out photo changes nothing of the measurement it is judged by."""
+    found = measure_print([seen()], solid(), "opencv", RIGID)
+    in_sample = float(np.sqrt((found.residual_px[0] ** 2).sum(axis=1).mean()))
+    held = gain_on_held_out(found, "opencv", RIGID, 2)
+    assert held.gains[0].measured > in_sample
+
+
+def test_two_files_of_one_camera_are_one() -> None:
+    """Split detections measure the same, and their photos of one name are told apart."""
+    assert command(*PLAIN, "--rings", "rigid").code == 0
+    whole = load_target(Path("measured.target.json"))
+    for name, part in (("a.csv", seen().view < 8), ("b.csv", seen().view >= 8)):
+        some = keep_sightings(seen(), part)
+        first = int(some.view[0])
+        names = tuple(f"photo {k}" for k in range(8))
+        write_seen(replace(some, view=some.view - first, view_names=names), name)
+    answer = command("ico.target.json", "a.csv", "b.csv", *PLAIN[2:], "--one-camera", "--rings", "rigid")
+    assert answer.code == 0, answer
+    assert "1 camera, 16 photos" in answer.out
+    assert largest_distance_mm(load_target(Path("measured.target.json")), whole) < 1e-3  # written centres are rounded
+    answer = command("ico.target.json", "a.csv", "b.csv", *PLAIN[2:], "--rings", "rigid")
+    assert "2 cameras, 16 photos" in answer.out
+
+
+def test_the_quick_way_rescales() -> None:
+    """`--measured-length` alone makes all lengths longer by one factor, and needs no photos."""
+    answer = command("ico.target.json", "--measured-length", "edge:10.05cm", "-o", "quick.target.json")
+    assert answer.code == 0, answer
+    quick = load_target(Path("quick.target.json"))
+    assert quick.source == "measured"
+    np.testing.assert_allclose(quick.center_mm, 1.005 * solid().center_mm, rtol=1e-12)
+    assert "+0.500 +- 0.020 %" in answer.out
+
+
+# What to dial into the next print.
+
+
+@pytest.mark.parametrize(("shrink", "made_with"), [(-0.004, 0.0), (0.002, 0.0), (-0.004, 0.3), (-0.001, -0.5)])
+def test_the_compensation_makes_the_next_print_right(shrink: float, made_with: float) -> None:
+    """A print of the same printer, designed with what is told, has the nominal size."""
+    target = solid()
+    printing = size_printing(AskedPrinting(), target)
+    printer = ErrorModel("printer", "", (("scale", Amount("fixed", shrink)),))
+
+    def print_with(percent: float) -> Array:
+        """Corners that come out, of a design with a compensation."""
+        asked = printed_corners_mm(target, replace(printing, shrink_compensation_percent=percent))
+        factor = perturb(target, printer, np.random.default_rng(0)).center_mm[0] / target.center_mm[0]
+        return np.asarray(asked * factor)
+
+    drawn = printed_corners_mm(target, printing)
+    size = float(np.linalg.norm(print_with(made_with)) / np.linalg.norm(drawn) - 1)
+    np.testing.assert_allclose(print_with(compensation_percent(size, made_with)), drawn, rtol=1e-9)
+
+
+def test_axes_are_those_of_the_plate_that_the_designer_writes() -> None:
+    """Of all kinds of targets, the quarter turn of an icosahedron included."""
+    for target in (solid(), plate(), *(small(name).target for name in KINDS)):
+        printing = size_printing(AskedPrinting(), target)
+        np.testing.assert_allclose(bed_axes(target), bed_from_target(target, printing)[:3, :3], atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["ico", "board"])
+def test_stretch_and_skew_are_told_along_the_bed(kind: str) -> None:
+    """Axes and angles of a distorted print, with their signs; of a board those in its plane."""
+    target = solid() if kind == "ico" else plate()
+    lay = np.eye(4)
+    lay[:3, :3] = bed_axes(target)
+    values = {"axis_scale": np.array([[2e-3, -1e-3, 5e-4]]), "skew": np.array([[2e-3, -1e-3, 3e-3]])}
+    came_out = displaced(target, values, model=ErrorModel("printer", "", ()), bed_from_target=lay)
+    shown = photos(came_out, np.random.default_rng(1), 12, noise_px=1e-3, half_angle_deg=150 if kind == "ico" else 50)
+    whole = whole_print(measure_print([shown], target, "opencv", replace(RIGID, bow=False)))
+    told = next_skew_rad(whole)
+    assert told == pytest.approx((2e-3, -1e-3, 3e-3) if kind == "ico" else (2e-3, 0.0, 0.0), abs=2e-5)
+    axes, skews = ({name: one.value for name, one in pairs} for pairs in (whole.axes, whole.skews))
+    mean = {"ico": 5e-4, "board": 5e-4}[kind]
+    expected = {"x": 2e-3 - mean, "y": -1e-3 - mean, "z": 5e-4 - mean}
+    assert axes == pytest.approx({name: expected[name] for name in axes}, abs=2e-5)
+    assert skews == pytest.approx({name: {"xy": 2e-3, "xz": -1e-3, "yz": 3e-3}[name] for name in skews}, abs=2e-5)
+    assert list(axes) == (["x", "y", "z"] if kind == "ico" else ["x", "y"])
+    assert whole.size is None
+
+
+def test_noise_is_not_dialled_in() -> None:
+    """Numbers below three standard deviations change no print, larger ones do."""
+    noise, much = Estimate(1e-4, 1e-4), Estimate(-4e-3, 1e-4)
+    quiet = "\n".join(next_print_lines(WholePrint(noise, (("x", noise),), (("xy", noise),)), 0.0))
+    assert "the size needs no correction" in quiet
+    assert "axes and angles need no correction" in quiet
+    loud = "\n".join(next_print_lines(WholePrint(much, (("x", much),), (("xy", noise),)), 0.0))
+    assert "--shrink-compensation 0.402%" in loud
+    assert "scale x 100.402%" in loud
+    assert "skew" not in loud
+    unknown = "\n".join(next_print_lines(WholePrint(None, (), ()), 0.0))
+    assert "--length" in unknown
+
+
+# Lengths.
+
+
+@pytest.mark.parametrize(
+    ("text", "value_mm", "sigma_mm"),
+    [
+        ("face-to-face:151.20mm±0.02mm", 151.2, 0.02),
+        ("Face-To-Face : 151.2 +- 0.03", 151.2, 0.03),
+        ("edge:100.1+/-50um", 100.1e-3, 50e-3),
+        ("edge:3.94in+-0.001", 100.076, 0.0254),
+        ("edge:100.1mm+-50um", 100.1, 0.05),
+        ("ring 0  to ring 20:60", 60.0, CALIPER_SIGMA_MM),
+    ],
+)
+def test_lengths_as_they_are_typed(text: str, value_mm: float, sigma_mm: float) -> None:
+    """A unit holds for the number without one; without any it is mm; without a sigma it is a caliper's, and said."""
+    target = solid()
+    if value_mm < 1:  # micrometres of the sigma hold for the value too, which is then no edge
+        with pytest.raises(InputError, match="check what was measured, and the unit"):
+            parse_length("--length", text, target)
+        return
+    if text.startswith("ring"):
+        text = text.replace("60", f"{length_in(target, 'ring 0 to ring 20')}")
+        value_mm = length_in(target, "ring 0 to ring 20")
+    asked = parse_length("--length", text, target)
+    assert asked.length.value_mm == pytest.approx(value_mm, abs=1e-9)
+    assert asked.length.sigma_mm == pytest.approx(sigma_mm)
+    assert asked.is_usual_sigma == ("usual" in asked.text) == (text.startswith("ring"))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("face-to-fase:151mm", "did you mean 'face-to-face'"),
+        ("rin 3 to ring 4:20mm", "did you mean 'ring N to ring N'"),
+        ("diagonal:20mm", '"face-to-face", "edge"'),
+        ("face-to-face", "NAME:VALUE"),
+        ("face-to-face:151kg", "unknown unit of length 'kg'"),
+        ("face-to-face:151mm+-0.1deg", "its sigma: unknown unit"),
+        ("face-to-face:151mm+--0.1mm", "its sigma is -0.1mm; it must be more than 0"),
+        ("face-to-face:151mm+-0", "its sigma is 0mm; it must be more than 0"),
+        ("face-to-face:-151mm", "the length is -151mm; it must be more than 0"),
+        ("face-to-face:nan", "not a finite number"),
+        ("face-to-face:", "expected a length"),
+        ("face-to-face:151+-1+-1", "more than one sigma"),
+        ("face-to-face:15.1mm", "the target has 151.15 mm there"),
+        ("face 0 to face 1:151mm", "not opposite"),
+        ("ring 0 to ring 99999:20mm", "from 0 to 299"),
+        ("x" * 5000 + ":1", "write NAME:VALUE"),
+    ],
+)
+def test_lengths_that_are_none(text: str, message: str) -> None:
+    """Each is one line with the value, the rule and the remedy, for both options."""
+    for option, rest in (("--length", ["seen.csv"]), ("--measured-length", [])):
+        answer = command("ico.target.json", *rest, option, text, "-o", "measured.target.json")
+        assert answer.code == 2
+        assert message in answer.err
+        assert answer.err.count("\n") == 1
+        assert len(answer.err) < 300
+    assert files_in(Path()) == INPUTS
+
+
+def test_lengths_that_contradict_each_other() -> None:
+    """The worst is named, and nothing is written."""
+    lengths = [f"{name}:{factor * length_in(print_(), name)}+-0.02" for name, factor in
+               (("face-to-face", 1.0), ("edge", 1.004))]  # fmt: skip
+    answer = command(*PLAIN, "--rings", "rigid", "--length", lengths[0], "--length", lengths[1])
+    assert answer.code == 2
+    assert "contradicts the others" in answer.err
+    assert files_in(Path()) == INPUTS
+
+
+# Bad input.
+
+
+def refused(*arguments: object) -> str:
+    """Run a command that must end in one line and leave no file."""
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    answer = command(*arguments)
+    assert answer.code == 2, answer
+    assert answer.err.count("\n") == 1
+    assert before == {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    return answer.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("ico.target.json", "-o", "m.target.json"), "give the detections.csv"),
+        (("ico.target.json", "seen.csv", "-o", "m.json"), "call it m.target.json"),
+        (("ico.target.json", "seen.csv", "-o", ".target.json"), "call it measured.target.json"),
+        (("ico.target.json", "seen.csv", "-o", "ico.target.json"), "is the target it is measured against"),
+        (("ico.target.json", "seen.csv", "-o", "./ico.target.json"), "is the target it is measured against"),
+        (("ico.target.json", "seen.csv", "seen.csv", "-o", "m.target.json"), "given twice"),
+        (("ico.target.json", "none.csv", "-o", "m.target.json"), "none.csv"),
+        (("seen.csv", "seen.csv", "-o", "m.target.json"), "seen.csv"),
+        (("ico.target.json", "ico.target.json", "-o", "m.target.json"), "ico.target.json"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--model", "virtual"), "cannot measure them"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--model", "open"), "did you mean 'opencv'"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--rings", "loose"), "free or rigid"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--made", "exact"), "nothing to measure then"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--made", "fdm-dua"), "did you mean 'fdm-dual'"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--reject", "0"), "--reject 0"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--fix", "k9"), "no such parameter"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--held-out", "1"), "2 to 16 parts"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--held-out", "17"), "2 to 16 parts"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--shrink-compensation", "1mm"), "not a percentage"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--skew-compensation", "3"), "expected angles such as"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--bed-turn", "1mm"), "expected an angle"),
+        (("ico.target.json", "seen.csv", "-o", "m.target.json", "--measured-length", "edge:100mm"), "with --length"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_line(arguments: tuple[str, ...], message: str) -> None:
+    """The value, the rule and the remedy; nothing is written, nothing overwritten."""
+    assert message in refused(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("m.target.json", "notes"),
+        ("m.target.json", target_to_json(solid())),
+        ("m.as_built.json", "{}"),
+        ("m.as_built.csv", "a,b\n"),
+        ("m.as_built.png", "no picture"),
+    ],
+)
+def test_other_files_are_not_written_over(name: str, content: str) -> None:
+    """A place that holds anything but an earlier measurement is refused before any work is done."""
+    Path(name).write_text(content)
+    assert "choose another" in refused("ico.target.json", "seen.csv", "-o", "m.target.json")
+
+
+def test_an_earlier_measurement_is_replaced() -> None:
+    """The command may be repeated."""
+    assert command(*PLAIN, "--rings", "rigid").code == 0
+    first = load_target(Path("measured.target.json"))
+    assert command(*PLAIN, "--rings", "rigid", "--model", "luhmann").code == 0
+    assert load_target(Path("measured.target.json")) != first
+
+
+def test_only_designed_targets_are_measured_against() -> None:
+    """Deviations of a measured or perturbed target would be told against nothing."""
+    for source in ("measured", "perturbed"):
+        Path("other.target.json").write_text(target_to_json(replace(solid(), source=source)))
+        assert f"a {source} target" in refused("other.target.json", "seen.csv", "-o", "m.target.json")
+
+
+def test_detections_of_another_target_are_refused() -> None:
+    """Both files are named; so is a truth of another target."""
+    Path("board.target.json").write_text(target_to_json(plate()))
+    message = refused("board.target.json", "seen.csv", "-o", "m.target.json")
+    assert "seen.csv" in message
+    assert "board.target.json" in message
+    assert "--truth board" in refused(*PLAIN, "--truth", "board.target.json")
+
+
+def test_too_few_photos_are_refused() -> None:
+    """Two photos of a target of any shape do not tell the camera."""
+    write_seen(keep_sightings(replace(seen(), view_names=seen().view_names[:2]), seen().view < 2), "two.csv")
+    assert "2 photos can be used" in refused("ico.target.json", "two.csv", "-o", "m.target.json")
+
+
+def test_a_board_seen_from_one_side_only_is_said() -> None:
+    """Exit code 1: the photos do not determine the camera."""
+    Path("board.target.json").write_text(target_to_json(plate()))
+    rng = np.random.default_rng(2)
+    poses = np.tile(np.eye(4), (6, 1, 1))
+    poses[:, :3, :3] = exp_rotation(np.radians(0.5) * rng.standard_normal((6, 3))) @ np.diag([1.0, -1.0, -1.0])
+    poses[:, 2, 3] = np.linspace(400, 600, 6)
+    shown = observe(CAMERAS["opencv"], known_points(plate()), poses, rng)
+    write_seen(shown, "flat.csv", plate())
+    answer = command("board.target.json", "flat.csv", "-o", "m.target.json", "--rings", "rigid", "--flat")
+    assert answer.code == 1, answer
+    assert "no camera is determined" in answer.out
+    assert json.loads(Path("m.as_built.json").read_text())["status"] == "degenerate"

@@ -1,0 +1,233 @@
+"""`calib report DIR`: the page again from what is stored, and one line where there is nothing to build it from."""
+
+import io
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from calib.report.origin import LONGEST_COMMAND, ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
+from calib.report.registry import KINDS
+from calib.report.write import write_report
+from calib.verdict.of_run import VERDICT, VERDICT_FILE
+from designer.errors import InputError
+from designer.target import target_to_json
+from tests.support.calibrations import board
+from tests.support.command_line import calib, refused
+from tests.support.run_folders import BLANK, PANEL, solved, write_overlays, write_run
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with its page; not to be changed."""
+    folder = tmp_path_factory.mktemp("kept") / "run"
+    every = solved()
+    write_run(folder, every)
+    write_overlays(folder, every[0].observations.view_names)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(PANEL, lambda *_, **__: BLANK)
+        write_report(folder, "calibration", "calib run board.target.json 'my photos'")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take most of the time."""
+    monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
+
+
+@pytest.fixture
+def run(kept: Path, tmp_path: Path) -> Path:
+    """A copy to change, in a folder of the same name."""
+    return Path(shutil.copytree(kept, tmp_path / "run"))
+
+
+def test_the_page_comes_again_byte_for_byte(run: Path) -> None:
+    """Page and origin are as the run left them, whatever the command is called from."""
+    before = {name: (run / name).read_bytes() for name in ("index.html", ORIGIN_FILE)}
+    (run / "index.html").unlink()
+    answer = calib("report", run)
+    assert answer.code == 0
+    assert {name: (run / name).read_bytes() for name in before} == before
+    assert b"calib run board.target.json" in before["index.html"]
+    assert f"wrote {run}/index.html" in answer.out
+    assert "next  open" in answer.out
+
+
+def test_a_calibration_without_an_origin_gets_one(run: Path) -> None:
+    """It is told by its files; the command that made it is not known."""
+    (run / ORIGIN_FILE).unlink()
+    assert "move it away" in refused("report", run)  # a page without an origin may be anybody's
+    (run / "index.html").unlink()
+    assert calib("report", run).code == 0
+    assert read_origin(run) == Origin("calibration", "", read_origin(run).program)
+
+
+def test_criteria_judge_it(run: Path) -> None:
+    """The verdict is stored by the limits asked for, and headline, screen and JSON say it."""
+    answer = calib("report", run, "--criteria", "robotics")
+    judged = VERDICT.read(run / VERDICT_FILE)
+    assert judged.criteria.name == "robotics"
+    word = {"good": "good", "usable": "usable", "bad": "do not use"}[judged.verdict.grade]
+    assert f"  {word}: " in answer.out
+    again = calib("report", run, "--json")
+    document = json.loads(again.out)
+    assert document["answer"]["word"] == word
+    assert document["answer"]["kind"] == "calibration"
+    assert VERDICT.read(run / VERDICT_FILE).criteria.name == "robotics"
+
+
+def test_halves_are_not_solved_again_for_other_limits(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A verdict stores them; those of another camera are not believed."""
+    calls: list[int] = []
+    from calib.report import judging
+    from calib.verdict.halves import NoHalves
+
+    calib("report", run, "--criteria", "standard")
+    monkeypatch.setattr(judging, "half_split", lambda *_: calls.append(1) or NoHalves("asked for"))
+    calib("report", run, "--criteria", "metrology")
+    assert not calls
+    document = json.loads((run / "verdict.json").read_text())
+    document["observations_sha256"] = 64 * "0"
+    (run / "verdict.json").write_text(json.dumps(document))
+    calib("report", run, "--criteria", "metrology")
+    assert calls
+
+
+def test_without_a_verdict_the_next_step_is_to_judge(run: Path) -> None:
+    """On the screen and for programs."""
+    answer = calib("report", run)
+    assert f"calib report {run} --criteria standard" in answer.out
+
+
+def test_damaged_results_are_refused_in_one_line(run: Path) -> None:
+    """Nothing is written; the page that was there stays."""
+    before = (run / "index.html").read_bytes()
+    for path in run.glob("*/observations.csv"):
+        path.write_text(path.read_text().replace("0", "1", 1))
+    assert "observations.csv" in refused("report", run)
+    assert (run / "index.html").read_bytes() == before
+
+
+def origin_text(**changes: object) -> str:
+    """The text of a `report.json` with some keys changed."""
+    whole = {"format": "ringsolid.report", "version": 1, "kind": "calibration", "command": "", "program": ""}
+    return json.dumps({**whole, **changes})
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("", "not valid JSON"),
+        ("[]", '"format": "ringsolid.report"'),
+        (origin_text(version=7), "version 7"),
+        (origin_text(kind=3), "kind"),
+        (origin_text(kind="magic"), "there are"),
+        (origin_text(more=1), "more"),
+        (origin_text(command="x" * 5000), "command"),
+        ('"' + "x" * 70_000 + '"', "65536 bytes"),
+    ],
+)
+def test_a_damaged_origin_is_refused(run: Path, content: str, said: str) -> None:
+    """The message names the file and what is wrong in it."""
+    (run / ORIGIN_FILE).write_text(content)
+    line = refused("report", run)
+    assert ORIGIN_FILE in line
+    assert said in line
+    assert (run / ORIGIN_FILE).read_text() == content
+
+
+def test_where_there_is_nothing_to_report(tmp_path: Path) -> None:
+    """An empty folder, a file, no folder, a design's folder: each with its remedy."""
+    assert "holds nothing to report" in refused("report", tmp_path)
+    assert "no such folder" in refused("report", tmp_path / "none")
+    design = tmp_path / "design"
+    design.mkdir()
+    (design / "b.target.json").write_text(target_to_json(board()))
+    (design / "b.toml").write_text("")
+    assert f"design make b.toml -o {design}" in refused("report", design)
+    assert "not a folder" in refused("report", design / "b.toml")
+
+
+def test_limits_are_for_calibrations(tmp_path: Path) -> None:
+    """Of a study nothing is judged."""
+    (tmp_path / ORIGIN_FILE).write_bytes(ORIGIN.text(Origin("paper", "", "test")))
+    assert "--criteria" in refused("report", tmp_path, "--criteria", "standard")
+
+
+def test_unknown_limits_are_refused(run: Path) -> None:
+    """The templates are named, and no verdict is written."""
+    assert "standard" in refused("report", run, "--criteria", "nonsense")
+    assert not (run / "verdict.json").exists()
+
+
+def test_an_origin_reads_back(tmp_path: Path) -> None:
+    """Even of a command with names that are no text, or far too long."""
+    for command in ("calib run a b", "calib run 'a\nb\udc80'", "x" * 10_000):
+        origin = origin_of("calibration", command, "ringsolid 0.1.0")
+        (tmp_path / ORIGIN_FILE).write_bytes(ORIGIN.text(origin))
+        assert read_origin(tmp_path) == origin
+        assert len(origin.command) <= LONGEST_COMMAND
+        assert origin.command.isprintable()
+
+
+def test_a_file_of_somebody_else_is_not_replaced(run: Path) -> None:
+    """A `report.json` that other programs wrote stays, and so does the page."""
+    (run / ORIGIN_FILE).write_text('{"mine": 1}')
+    before = (run / "index.html").read_bytes()
+    with pytest.raises(InputError, match=r"report\.json"):
+        write_report(run, "calibration", "")
+    assert (run / "index.html").read_bytes() == before
+
+
+def test_every_kind_has_a_builder(tmp_path: Path) -> None:
+    """Each loads, and an empty folder ends in a page or in one line, never in a crash."""
+    for kind in KINDS:
+        (tmp_path / kind).mkdir()
+        said = ""
+        try:
+            said = KINDS[kind](tmp_path / kind, Origin(kind, "", "test")).title
+        except InputError as error:
+            said = str(error)
+            said = said if said.startswith(str(tmp_path / kind)) else ""
+        assert said, kind
+        assert "\n" not in said
+
+
+def shown(screenshot: bytes) -> NDArray[np.uint8]:
+    """The pixels of a screenshot.  # (H, W, 3)"""
+    return np.asarray(Image.open(io.BytesIO(screenshot)).convert("RGB"))
+
+
+def test_the_page_works_in_a_browser(
+    run: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing on the console; links and pictures resolve; it fits a phone; tables sort; the 3D view shows something."""
+    pytest.importorskip("playwright")
+    from tests.support.browser import open_page, overflow_px, unresolved
+
+    monkeypatch.undo()  # with figures
+    calib("report", run, "--criteria", "standard")
+    browser = request.getfixturevalue("browser")
+    with open_page(browser, run / "index.html", width=390, scheme="dark") as page:
+        assert unresolved(page, run / "index.html") == []
+        assert overflow_px(page) == 0
+    with open_page(browser, run / "index.html") as page:
+        table = page.locator("table", has=page.get_by_role("button", name="worst px")).first
+        table.get_by_role("button", name="worst px").click()
+        worst = [float(cell) for cell in table.locator("tbody tr td:nth-child(5)").all_inner_texts()]
+        assert worst in (sorted(worst), sorted(worst, reverse=True))
+        viewer = page.locator(".viewer")
+        viewer.scroll_into_view_if_needed()
+        page.wait_for_selector(".viewer canvas")
+        before = shown(viewer.screenshot())
+        assert len(np.unique(before.reshape(-1, 3), axis=0)) > 100
+        viewer.focus()
+        for _ in range(5):
+            page.keyboard.press("ArrowRight")
+        page.wait_for_timeout(500)
+        assert (shown(viewer.screenshot()) != before).any(axis=2).mean() > 0.01

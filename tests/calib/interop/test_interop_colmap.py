@@ -1,0 +1,106 @@
+"""COLMAP's cameras.txt against COLMAP's own reader and projection."""
+
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+import pytest
+
+from calib.cameras import project
+from calib.interop import FORMATS
+from designer.errors import InputError
+from tests.support.foreign_cameras import CAMERAS, SIZE, whole_image, written
+
+READABLE = {
+    "SIMPLE_PINHOLE": [900.0, 510, 390],
+    "PINHOLE": [900.0, 880, 510, 390],
+    "SIMPLE_RADIAL": [900.0, 510, 390, -0.1],
+    "RADIAL": [900.0, 510, 390, -0.1, 0.03],
+    "OPENCV": [900.0, 880, 510, 390, -0.1, 0.03, 0.002, -0.001],
+    "FULL_OPENCV": [900.0, 880, 510, 390, -0.1, 0.03, 0.002, -0.001, 0.01, 0, 0, 0],
+}
+
+
+def colmap_reads(text: str, folder: Path) -> pycolmap.Camera:
+    """The one camera COLMAP finds in a model with these cameras."""
+    (folder / "cameras.txt").write_text(text)
+    for name in ("images.txt", "points3D.txt"):
+        (folder / name).write_text("")
+    model = pycolmap.Reconstruction()
+    model.read_text(str(folder))
+    (camera,) = model.cameras.values()
+    return camera
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_colmap_reads_what_is_written(camera: str, tmp_path: Path) -> None:
+    """COLMAP sees each ray half a pixel farther right and down, as it counts from the image's corner."""
+    held, text = written("colmap", camera)
+    found = colmap_reads(text, tmp_path)
+    assert (found.width, found.height) == SIZE
+    pixel, ray = whole_image(held)
+    assert np.abs(found.img_from_cam(ray) - (pixel + 0.5)).max() < 1e-9
+
+
+def test_the_half_pixel() -> None:
+    """A principal point in the middle pixel of an image of 1024 columns is 511.5 here and 512 in COLMAP."""
+    camera = FORMATS["colmap"].read("1 PINHOLE 1024 768 900 900 512 384", "c", None).camera
+    assert camera.params[2:4].tolist() == [511.5, 383.5]
+    assert FORMATS["colmap"].write(camera).splitlines()[-1] == "1 PINHOLE 1024 768 900.0 900.0 512.0 384.0"
+
+
+@pytest.mark.parametrize("model", READABLE)
+def test_what_colmap_writes_is_read(model: str, tmp_path: Path) -> None:
+    """Every model that is a special case of ours is read, and sees what COLMAP's projection sees."""
+    camera = pycolmap.Camera(model=model, width=SIZE[0], height=SIZE[1], params=READABLE[model], camera_id=3)
+    reconstruction = pycolmap.Reconstruction()
+    reconstruction.add_camera(camera)
+    reconstruction.write_text(str(tmp_path))
+    found = FORMATS["colmap"].read((tmp_path / "cameras.txt").read_text(), "cameras.txt", None)
+    assert found.refit is None
+    pixel, ray = whole_image(found.camera)
+    assert np.abs(camera.img_from_cam(ray) - (pixel + 0.5)).max() < 1e-9
+
+
+def test_a_rational_lens_of_colmap_is_fitted() -> None:
+    """FULL_OPENCV with k4 is fitted, and its residual is what COLMAP's projection shows."""
+    params = [900.0, 880, 510, 390, 0.15, 0.03, 0.002, -0.001, 0.01, 0.3, 0.02, 0]
+    camera = pycolmap.Camera(model="FULL_OPENCV", width=SIZE[0], height=SIZE[1], params=params)
+    found = FORMATS["colmap"].read(f"1 FULL_OPENCV 1024 768 {' '.join(map(str, params))}", "c", None)
+    assert found.refit is not None
+    pixel, ray = whole_image(found.camera)
+    off = np.linalg.norm(camera.img_from_cam(ray) - (pixel + 0.5), axis=1)
+    assert off.max() == pytest.approx(found.refit.max_px, rel=1e-3)
+
+
+def test_the_smallest_model_that_holds_the_camera() -> None:
+    """Without a lens PINHOLE is written, without k3 OPENCV, which more readers know, else FULL_OPENCV."""
+    models = {camera: written("colmap", camera)[1].splitlines()[-1].split()[1] for camera in CAMERAS}
+    assert models["pinhole"] == "PINHOLE"
+    assert models["tiny coefficients"] == "OPENCV"
+    assert models["barrel"] == "FULL_OPENCV"
+
+
+def test_lines_that_are_no_camera_of_ours() -> None:
+    """Other models, a wrong count, a second camera of the same id: each is named with its line."""
+    for text, rule in (
+        (
+            "# a\n\n1 OPENCV_FISHEYE 10 10 1 1 5 5 0 0 0 0",
+            "line 3: camera model 'OPENCV_FISHEYE': not supported; in COLMAP",
+        ),
+        ("1 OPENCV 10 10 1 1 5 5 0 0 0", "line 1: OPENCV has 7 parameters; it must have 8: fx fy cx cy k1 k2 p1 p2"),
+        ("1 PINHOLE 10", "line 1: must be CAMERA_ID MODEL WIDTH HEIGHT PARAMS"),
+        ("1 PINHOLE 10 10 9 9 5 5\n1 PINHOLE 10 10 9 9 5 5", "line 2: camera '1' a second time"),
+        ("1 PINHOLE 10 10 9 9 5 5\n2 PINHOLE 10 10 9 9 5 5", r"holds 2 cameras \(1, 2\); name one"),
+        ("# nothing\n", "holds no camera"),
+    ):
+        with pytest.raises(InputError, match=rule):
+            FORMATS["colmap"].read(text, "cameras.txt", None)
+
+
+def test_one_of_several_cameras() -> None:
+    """A camera is named by its id."""
+    text = "1 PINHOLE 10 10 9 9 5 5\n2 SIMPLE_PINHOLE 10 10 7 5 5\n"
+    camera = FORMATS["colmap"].read(text, "cameras.txt", "2").camera
+    assert np.allclose(project(camera, np.array([0.0, 0, 1])), [4.5, 4.5])
+    assert camera.params[0] == 7

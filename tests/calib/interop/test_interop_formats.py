@@ -1,0 +1,64 @@
+"""What holds for every camera-file format."""
+
+import numpy as np
+import pytest
+import yaml
+
+from calib.cameras import project
+from calib.interop import FORMATS
+from calib.interop.reading import recognise
+from designer.errors import InputError
+from tests.support.foreign_cameras import CAMERAS, whole_image, written
+
+EVERY = [(name, camera) for name in FORMATS for camera in CAMERAS]
+
+
+@pytest.mark.parametrize(("name", "camera"), EVERY)
+def test_a_file_reads_back_as_it_was_written(name: str, camera: str) -> None:
+    """What a format wrote it reads back, to rounding errors, over the whole image."""
+    held, text = written(name, camera)
+    back = FORMATS[name].read(text, "file", None)
+    assert back.refit is None
+    assert back.remarks == ()
+    assert back.camera.image_size == held.image_size
+    pixel, ray = whole_image(held)
+    assert np.abs(project(back.camera, ray) - pixel).max() < 1e-9
+
+
+@pytest.mark.parametrize(("name", "camera"), EVERY)
+def test_a_file_is_known_by_its_content(name: str, camera: str) -> None:
+    """What a format wrote is taken for that format and no other."""
+    kind = recognise(written(name, camera)[1])
+    assert kind is not None
+    assert kind.name == name
+
+
+@pytest.mark.parametrize("name", ["opencv", "ros", "kalibr"])
+def test_small_numbers_in_yaml_are_numbers(name: str) -> None:
+    """YAML 1.1 takes `1e-05` for text; Kalibr and ROS read with such a parser, so it must be `1.0e-05`."""
+    held, text = written(name, "tiny coefficients")
+    tree = yaml.safe_load(text.replace("%YAML:1.0\n", "").replace("!!opencv-matrix", ""))
+    lens = tree["cam0"]["distortion_coeffs"] if name == "kalibr" else tree["distortion_coefficients"]["data"]
+    assert all(isinstance(value, float) for value in lens)
+    assert lens[:4] == held.params[4:8].tolist()
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "json"])
+def test_a_value_of_another_kind_is_named(name: str) -> None:
+    """A word, an infinity or a nought for the focal length is refused by name of the file."""
+    held, text = written(name, "barrel")
+    focal = repr(float(held.params[1]))
+    assert focal in text
+    for wrong in ("wide", "1e999", "nan", "0.0", "-5.0"):
+        with pytest.raises(InputError, match=r"^f\.x: .") as caught:
+            FORMATS[name].read(text.replace(focal, wrong), "f.x", None)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "json"])
+@pytest.mark.parametrize("wrong", ["0", "-3", "10.5", "1e99", "many"])
+def test_an_image_size_must_be_whole(name: str, wrong: str) -> None:
+    """The image size is a whole number of pixels, and no more than any sensor has."""
+    _, text = written(name, "barrel")
+    with pytest.raises(InputError, match=r"^f\.x: ."):
+        FORMATS[name].read(text.replace("1024", wrong), "f.x", None)

@@ -1,0 +1,283 @@
+"""OpenCV, ROS and Kalibr files, all in OpenCV's conventions, against OpenCV's own reader and projection."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from calib.cameras import project
+from calib.cameras.camera import Camera
+from calib.interop import FORMATS
+from designer.errors import InputError
+from tests.support.foreign_cameras import CAMERAS, CLOSE_PX, SIZE, whole_image, written
+
+CALIBRATION_OUTPUT = """%YAML:1.0
+---
+calibration_time: "Mon 01 Jan 2024 12:00:00 PM UTC"
+nr_of_frames: 1
+image_width: 640
+image_height: 480
+board_width: 2
+flags: 4
+fisheye_model: 0
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 6.5746697810243404e+02, 0., 3.1950000000000000e+02, 0.,
+       6.5746697810243404e+02, 2.3950000000000000e+02, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -4.1802327018241026e-01, 5.0715243805833121e-01, 0., 0.,
+       -5.7843596847939704e-01 ]
+avg_reprojection_error: 3.3910190567986270e-01
+image_points: !!opencv-matrix
+   rows: 1
+   cols: 100000
+   dt: "2f"
+   data: [ POINTS ]
+"""
+
+
+def opencv_projection(ray: np.ndarray, matrix: np.ndarray, lens: np.ndarray) -> np.ndarray:
+    """Pixels (N, 2) that OpenCV sees directions (N, 3) in."""
+    pixel, _ = cv2.projectPoints(ray[:, None], np.zeros(3), np.zeros(3), matrix, lens)
+    return pixel[:, 0]
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_opencv_reads_what_is_written(camera: str, tmp_path: Path) -> None:
+    """`cv2.FileStorage` reads the file, and OpenCV's projection with it is ours."""
+    held, text = written("opencv", camera)
+    (tmp_path / "c.yaml").write_text(text)
+    storage = cv2.FileStorage(str(tmp_path / "c.yaml"), cv2.FILE_STORAGE_READ)
+    size = (int(storage.getNode("image_width").real()), int(storage.getNode("image_height").real()))
+    assert size == SIZE
+    pixel, ray = whole_image(held)
+    seen = opencv_projection(
+        ray, storage.getNode("camera_matrix").mat(), storage.getNode("distortion_coefficients").mat()
+    )
+    assert np.abs(seen - pixel).max() < 1e-9
+
+
+@pytest.mark.parametrize("shape", [(1, 5), (5, 1), (1, 4), (1, 8), (1, 12), (1, 14)])
+def test_what_opencv_writes_is_read(shape: tuple[int, int], tmp_path: Path) -> None:
+    """A file of `cv2.FileStorage` is read exactly, whatever the shape of its coefficients, zeros at the end."""
+    matrix = np.array([[620.0, 0, 508.2], [0, 600, 391.7], [0, 0, 1]])
+    lens = np.zeros(shape)
+    lens.flat[:4] = [-0.3, 0.1, 0.002, -1e-5]
+    storage = cv2.FileStorage(str(tmp_path / "c.yaml"), cv2.FILE_STORAGE_WRITE)
+    storage.write("image_width", 1024)
+    storage.write("image_height", 768)
+    storage.write("camera_matrix", matrix)
+    storage.write("distortion_coefficients", lens)
+    storage.release()
+    found = FORMATS["opencv"].read((tmp_path / "c.yaml").read_text(), "c", None)
+    assert found.refit is None
+    assert found.camera.params.tolist() == [620, 600, 508.2, 391.7, -0.3, 0.1, 0.002, -1e-5, 0]
+
+
+def test_a_calibration_with_its_image_points_is_read_quickly() -> None:
+    """OpenCV's sample program stores all image points; they are passed over, not parsed."""
+    points = ",\n       ".join(["1.0e+02, 2.0e+02, 3.0e+02, 4.0e+02"] * 25_000)
+    camera = FORMATS["opencv"].read(CALIBRATION_OUTPUT.replace("POINTS", points), "out_camera_data.yml", None).camera
+    assert camera.image_size == (640, 480)
+    assert camera.params[:4].tolist() == [657.46697810243404, 657.46697810243404, 319.5, 239.5]
+    assert camera.params[8] == -0.57843596847939704
+
+
+def test_lenses_that_opencv_has_and_this_program_has_not() -> None:
+    """A fisheye lens, a tilted sensor and skew are refused, each with its remedy."""
+    text = CALIBRATION_OUTPUT.replace("POINTS", "1.")
+    tilted = text.replace("0., 0.,\n       -5.7843596847939704e-01", ", ".join(["0."] * 11 + ["0.02"]))
+    for changed, rule in (
+        (text.replace("fisheye_model: 0", "fisheye_model: 1"), "without the fisheye model"),
+        (tilted, "without CALIB_TILTED_MODEL"),
+        (text.replace("6.5746697810243404e+02, 0., 3", "6.5746697810243404e+02, 2.5, 3"), "skew 2.5"),
+        (text.replace("image_width", "width_of_image"), "add image_width"),
+        (text.replace("camera_matrix", "matrix"), "camera_matrix is missing"),
+    ):
+        with pytest.raises(InputError, match=rule):
+            FORMATS["opencv"].read(changed, "c.yaml", None)
+
+
+@pytest.mark.parametrize("count", [8, 12])
+def test_a_longer_lens_is_fitted_and_the_residual_is_true(count: int) -> None:
+    """Coefficients k4 and on are fitted over the image; the stated residual is what OpenCV's projection shows."""
+    lens = np.array([0.2, -0.05, 0.001, -0.0005, 0.01, 0.25, 0.02, 0.003, 0.001, -0.0005, 0.0004, 0.0002])[:count]
+    matrix = np.array([[800.0, 0, 512], [0, 790, 380], [0, 0, 1]])
+    blank = FORMATS["opencv"].write(Camera("opencv", np.array([800.0, 790, 512, 380, 0, 0, 0, 0, 0]), SIZE))
+    zeros = ", ".join(["0.0"] * 5)
+    assert f"[ {zeros} ]" in blank
+    found = FORMATS["opencv"].read(blank.replace(f"[ {zeros} ]", str(lens.tolist())), "c", None)
+    assert found.refit is not None
+    assert found.remarks
+    pixel, ray = whole_image(found.camera)
+    off = np.linalg.norm(opencv_projection(ray, matrix, lens) - pixel, axis=1)
+    assert 1e-4 < off.max() < 1
+    assert off.max() == pytest.approx(found.refit.max_px, rel=1e-3)
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(found.refit.rms_px, rel=1e-3)
+
+
+def test_a_longer_lens_that_folds_over() -> None:
+    """Where such a lens folds over inside the image there is no light, on no branch of it; the fit leaves that out."""
+    text = FORMATS["opencv"].write(Camera("opencv", np.array([800.0, 800, 512, 380, -0.6, 0, 0, 0, 0.125]), SIZE))
+    found = FORMATS["opencv"].read(text.replace("0.125 ]", "0.0, 0.02, 0.0, 0.0 ]"), "c", None)
+    assert found.refit is not None
+    # r (1 - 0.6 r^2) / (1 + 0.02 r^2) is 0.4918 at most, at r = 0.738.
+    pixel, _ = whole_image(found.camera)
+    radius = np.hypot(*((pixel - [512, 380]) / 800).T)
+    assert found.refit.known == pytest.approx(np.mean(radius < 0.4918), abs=0.005)
+    assert found.refit.max_px < 0.05
+
+
+def image_geometry(text: str) -> tuple[np.ndarray, np.ndarray]:
+    """Camera matrix and coefficients as ROS' camera_calibration_parsers take them from a file (its parse_yml.cpp)."""
+    tree = yaml.safe_load(text)
+    assert (tree["image_width"], tree["image_height"]) == SIZE
+    assert tree["distortion_model"] == "plumb_bob"
+    for name, rows, columns in (("rectification_matrix", 3, 3), ("projection_matrix", 3, 4)):
+        assert (tree[name]["rows"], tree[name]["cols"], len(tree[name]["data"])) == (rows, columns, rows * columns)
+    projection = np.reshape(tree["projection_matrix"]["data"], (3, 4))
+    matrix = np.reshape(tree["camera_matrix"]["data"], (3, 3))
+    assert np.array_equal(projection[:, :3], matrix)
+    return matrix, np.array(tree["distortion_coefficients"]["data"])
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_ros_sees_the_same(camera: str) -> None:
+    """With the matrices that ROS reads, image_geometry (OpenCV's projection) sees the rays in our pixels."""
+    held, text = written("ros", camera)
+    pixel, ray = whole_image(held)
+    assert np.abs(opencv_projection(ray, *image_geometry(text)) - pixel).max() < 1e-9
+
+
+MESSAGE = """header:
+  seq: 1
+height: 480
+width: 640
+distortion_model: MODEL
+D:
+- -0.25
+- 0.0625
+- 0.001
+- -0.002
+- 0.5
+K:
+- 500.0
+- 0.0
+- 320.5
+- 0.0
+- 501.0
+- 240.25
+- 0.0
+- 0.0
+- 1.0
+R: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+roi:
+  height: 0
+---
+"""
+
+
+def test_a_printed_camera_info_message_is_read() -> None:
+    """What `rostopic echo -n1 camera_info` prints is read too, its last line included."""
+    expected = [500, 501, 320.5, 240.25, -0.25, 0.0625, 0.001, -0.002, 0.5]
+    for text in (MESSAGE.replace("MODEL", "plumb_bob"), MESSAGE.replace("MODEL", "plumb_bob").replace("D:", "d:")):
+        camera = FORMATS["ros"].read(text, "info.yaml", None).camera
+        assert camera.params.tolist() == expected
+        assert camera.image_size == (640, 480)
+    with pytest.raises(InputError, match="'equidistant': not supported; calibrate with plumb_bob"):
+        FORMATS["ros"].read(MESSAGE.replace("MODEL", "equidistant"), "info.yaml", None)
+
+
+def kalibr_projection(ray: np.ndarray, text: str) -> np.ndarray:
+    """Kalibr's DistortedPinholeProjection and RadialTangentialDistortion (aslam_cameras), written out."""
+    camera = yaml.safe_load(text)["cam0"]
+    assert camera["camera_model"] == "pinhole"
+    assert camera["distortion_model"] == "radtan"
+    assert camera["resolution"] == list(SIZE)
+    assert all(isinstance(value, float) for value in camera["intrinsics"]), "Kalibr refuses whole numbers there"
+    assert isinstance(camera["rostopic"], str)
+    fu, fv, pu, pv = camera["intrinsics"]
+    k1, k2, p1, p2 = camera["distortion_coeffs"]
+    y0, y1 = ray[:, 0] / ray[:, 2], ray[:, 1] / ray[:, 2]
+    mx2, my2, mxy = y0 * y0, y1 * y1, y0 * y1
+    rho2 = mx2 + my2
+    radial = k1 * rho2 + k2 * rho2 * rho2
+    x = y0 + y0 * radial + 2.0 * p1 * mxy + p2 * (rho2 + 2.0 * mx2)
+    y = y1 + y1 * radial + 2.0 * p2 * mxy + p1 * (rho2 + 2.0 * my2)
+    return np.column_stack([fu * x + pu, fv * y + pv])
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_kalibr_sees_the_same(camera: str) -> None:
+    """Kalibr's formula with the file's numbers sees the rays of the camera without k3 in its pixels."""
+    held, text = written("kalibr", camera)
+    pixel, ray = whole_image(held)
+    assert np.abs(kalibr_projection(ray, text) - pixel).max() < CLOSE_PX * 1e-6
+
+
+def test_kalibr_has_no_k3() -> None:
+    """k3 is fitted away, not cut off: the file's camera is nearer to ours than ours with k3 at zero."""
+    camera = CAMERAS["barrel"]
+    held, _ = written("kalibr", "barrel")
+    assert held.params[8] == 0
+    cut = Camera("opencv", np.array([*camera.params[:8], 0.0]), SIZE)
+    pixel, ray = whole_image(camera)
+    fitted_rms, cut_rms = (np.sqrt(np.mean((project(one, ray) - pixel) ** 2)) for one in (held, cut))
+    assert fitted_rms < 0.5 * cut_rms
+
+
+CHAIN = """cam0:
+  camera_model: pinhole
+  intrinsics: [461.629, 460.152, 362.680, 246.049]
+  distortion_model: radtan
+  distortion_coeffs: [-0.27695497, 0.06712482, 0.00087538, 0.00011556]
+  T_cam_imu:
+  - [0.01779318, 0.99967549,-0.01822936, 0.07008565]
+  - [0.0, 0.0, 0.0, 1.0]
+  rostopic: /cam0/image_raw
+  resolution: [752, 480]
+cam1:
+  camera_model: pinhole
+  intrinsics: [833.0, 830.0, 373.5, 253.5]
+  distortion_model: none
+  distortion_coeffs: []
+  rostopic: /cam1/image_raw
+  resolution: [752, 480]
+cam2:
+  camera_model: omni
+  intrinsics: [0.8, 833.0, 830.0, 373.5, 253.5]
+  distortion_model: radtan
+  distortion_coeffs: [-0.3, 0.1, 0.0, 0.0]
+  resolution: [752, 480]
+"""
+
+
+def test_one_camera_of_a_chain() -> None:
+    """Of several cameras one is named; which there are is said if none or another is."""
+    read = FORMATS["kalibr"].read
+    camera = read(CHAIN, "chain.yaml", "cam0").camera
+    assert camera.params.tolist() == [
+        461.629,
+        460.152,
+        362.68,
+        246.049,
+        -0.27695497,
+        0.06712482,
+        0.00087538,
+        0.00011556,
+        0,
+    ]
+    assert read(CHAIN, "chain.yaml", "cam1").camera.model == "pinhole"
+    with pytest.raises(InputError, match=r"holds 3 cameras \(cam0, cam1, cam2\); name one, as in FILE#cam0"):
+        read(CHAIN, "chain.yaml", None)
+    with pytest.raises(InputError, match="holds no camera 'cam7'; there is cam0, cam1, cam2"):
+        read(CHAIN, "chain.yaml", "cam7")
+    with pytest.raises(InputError, match="camera_model 'omni': not supported"):
+        read(CHAIN, "chain.yaml", "cam2")

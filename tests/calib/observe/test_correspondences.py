@@ -1,0 +1,335 @@
+"""Correspondences from elsewhere: the same data in any of the three kinds of file are the same observations."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from calib.core.types import Detections, KnownPoints, Observations
+from calib.observe.corners_vnl import PointGrid
+from calib.observe.correspondences import parse_pair, read_correspondences, read_observations
+from calib.observe.dataset import write_detections
+from calib.observe.known_planes import points_with_planes
+from calib.observe.observations import known_points
+from designer.errors import InputError
+from designer.target import target_to_json
+from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
+
+Array = NDArray[np.float64]
+
+BOARD, ICO = board(), icosahedron()
+SIZE = (1200, 900)
+GRID = PointGrid(9, 7, 12.0)
+
+
+def sightings(points: KnownPoints, count: int = 4, seed: int = 0) -> Observations:
+    """Noisy sightings, each with its own covariance."""
+    rng = np.random.default_rng(seed)
+    seen = seen_by(camera(), points, poses_around(count, rng, distance_mm=450.0))
+    root = rng.normal(0, 0.1, (len(seen.view), 2, 2))
+    return replace(
+        seen, center_px=np.round(seen.center_px + rng.normal(0, 0.05, seen.center_px.shape), 6),
+        cov_px2=root @ root.transpose(0, 2, 1) + 1e-3 * np.eye(2),
+    )  # fmt: skip
+
+
+def as_rows(seen: Observations) -> dict[str, list[str]]:
+    """The cells of a CSV, column by column."""
+    covariance = np.zeros((len(seen.view), 2, 2)) if seen.cov_px2 is None else seen.cov_px2
+    numbers = {
+        **dict(zip("uv", seen.center_px.T, strict=True)),
+        **dict(zip("XYZ", seen.points.position_mm[seen.point].T, strict=True)),
+        **dict(zip(("suu", "suv", "svv"), covariance.reshape(-1, 4)[:, [0, 1, 3]].T, strict=True)),
+    }
+    cells = {name: [repr(float(value)) for value in column] for name, column in numbers.items()}
+    cells["image"] = [seen.view_names[view] for view in seen.view]
+    cells["face"] = [str(face) for face in seen.points.face[seen.point]]
+    return cells
+
+
+def write_csv(
+    path: Path, cells: dict[str, list[str]], columns: str, order: list[int] | None = None, head: str = ""
+) -> Path:
+    """A CSV with some of the columns and lines, in some order."""
+    names = columns.split(",")
+    rows = list(zip(*(cells[name] for name in names), strict=True))
+    lines = [",".join(rows[k]) for k in (order or range(len(rows)))]
+    path.write_text(head + "\n".join([columns, *lines]) + "\n")
+    return path
+
+
+USUAL = "image,u,v,X,Y,Z"
+SIZE_LINE = "# image_size 1200 x 900\n"
+
+
+@pytest.mark.parametrize("columns", [USUAL, "Z,face,v,X,image,Y,u", "suu,X,Y,Z,image,svv,u,v,suv"])
+@pytest.mark.parametrize("points", [known_points(BOARD), known_points(ICO)], ids=["board", "icosahedron"])
+def test_what_is_written_is_read_in_any_order(columns: str, points: KnownPoints, tmp_path: Path) -> None:
+    """Columns and lines in any order: every sighting comes back with its numbers, bit for bit."""
+    seen = sightings(points)
+    order = np.random.default_rng(1).permutation(len(seen.view)).tolist()
+    path = write_csv(tmp_path / "c.csv", as_rows(seen), columns, order, f"# by hand\n\n{SIZE_LINE}# more\n")
+    read = read_correspondences(path)
+    assert sorted(read.view_names) == sorted(seen.view_names)
+    assert (np.diff(read.view) >= 0).all()
+
+    def sorted_rows(one: Observations) -> list[tuple[object, ...]]:
+        covariance = np.zeros((len(one.view), 2, 2)) if one.cov_px2 is None or "suu" not in columns else one.cov_px2
+        return sorted(
+            (one.view_names[view], *center, *place, *cov.ravel())
+            for view, center, place, cov in zip(
+                one.view, one.center_px.tolist(), (one.points.position_mm[one.point] + 0.0).tolist(), covariance,
+                strict=True,
+            )
+        )  # fmt: skip
+
+    assert sorted_rows(read) == sorted_rows(seen)
+    assert (read.cov_px2 is None) == ("suu" not in columns)
+    assert len(read.points.position_mm) == len(np.unique(seen.point))
+
+
+def test_three_kinds_of_file_are_told_apart_and_agree(tmp_path: Path) -> None:
+    """detections.csv, a CSV with points and corners.vnl of the same photos give the same sightings."""
+    target = known_points(BOARD)
+    x, y, _ = BOARD.center_mm.T
+    ring = np.lexsort((x, -np.round(y, 6)))  # row by row from the top left
+    seen = sightings(target)
+    detections = [
+        Detections(
+            name, SIZE, BOARD.layout_id, BOARD.geometry_id, seen.point[rows],
+            BOARD.center_mm[seen.point[rows]], seen.center_px[rows],
+            np.tile(1e-4 * np.eye(2), (len(rows), 1, 1)), np.ones((len(rows), 5)), (),
+        )
+        for name, rows in ((name, np.flatnonzero(seen.view == view)) for view, name in enumerate(seen.view_names))
+    ]  # fmt: skip
+    write_detections(tmp_path / "d.csv", detections, BOARD, detector="test")
+    (tmp_path / "t.json").write_text(target_to_json(BOARD))
+    write_csv(tmp_path / "c.csv", as_rows(seen), USUAL)
+    lines = ["# filename x y level"]
+    for view, name in enumerate(seen.view_names):
+        center = np.full((BOARD.ring_count, 2), np.nan)
+        center[seen.point[seen.view == view]] = seen.center_px[seen.view == view]
+        lines += [f"{name} {u:.6f} {v:.6f} 0" if np.isfinite(u) else f"{name} - - -" for u, v in center[ring]]
+    (tmp_path / "c.vnl").write_text("\n".join(lines) + "\n")
+    ours = read_observations(tmp_path / "d.csv", tmp_path / "t.json")
+    table = read_observations(tmp_path / "c.csv", image_size=SIZE)
+    corners = read_observations(tmp_path / "c.vnl", image_size=SIZE, grid=GRID)
+    for other in (table, corners):
+        assert other.view_names == ours.view_names
+        assert other.image_size == ours.image_size
+        assert np.bincount(other.view).tolist() == np.bincount(ours.view).tolist()
+        assert sorted(map(tuple, other.center_px.tolist())) == sorted(map(tuple, ours.center_px.tolist()))
+        assert (other.points.face == 0).all()
+    # The grid of corners.vnl has its origin at the top left corner and y downwards.
+    moved = corners.points.position_mm * np.array([1, -1, 1]) + BOARD.center_mm[ring[0]]
+    assert np.abs(moved - BOARD.center_mm[ring]).max() < 1e-6
+
+
+def test_what_does_not_belong_together_is_refused(tmp_path: Path) -> None:
+    """A target is needed for detections and for nothing else; sizes and grids for what does not hold them."""
+    (tmp_path / "t.json").write_text(target_to_json(BOARD))
+    write_detections(tmp_path / "d.csv", [], BOARD, detector="test")
+    write_csv(tmp_path / "c.csv", as_rows(sightings(known_points(BOARD))), USUAL)
+    (tmp_path / "c.vnl").write_text("# filename x y\na 1 2\n")
+    target = tmp_path / "t.json"
+    for name, options, rule in (
+        ("d.csv", {}, "--target"),
+        ("d.csv", {"target": target, "image_size": SIZE}, "leave --image-size"),
+        ("c.csv", {}, "the image size is not known.*--image-size"),
+        ("c.vnl", {"image_size": SIZE, "target": target}, "leave --target out"),
+        ("c.csv", {"image_size": SIZE, "grid": GRID}, "leave --grid out"),
+        ("c.csv", {"image_size": (500, 500)}, "far outside an image of 500 x 500 px; check the image size"),
+        ("c.vnl", {"image_size": SIZE}, r"--grid 10x7 --pitch"),
+        ("c.vnl", {"grid": GRID}, "--image-size"),
+        ("c.vnl", {"grid": GRID, "image_size": SIZE}, "line 2: a has 1 corners, but a grid of 9 x 7 has 63"),
+        ("nothing.csv", {}, "cannot be read"),
+        ("", {}, "not a regular file"),
+    ):
+        with pytest.raises(InputError, match=rule) as refused:
+            read_observations(tmp_path / name, **options)  # type: ignore[arg-type]
+        assert str(refused.value).startswith(str(tmp_path / name))
+        assert "\n" not in str(refused.value)
+
+
+def test_planes_are_found_or_taken_from_faces(tmp_path: Path) -> None:
+    """All in one plane: that plane. Else each face's, by its own number. Else none."""
+    ico = known_points(ICO)
+    with_faces, _ = points_with_planes(ico.position_mm, ico.face)
+    assert np.array_equal(with_faces.face, ico.face)
+    sign = np.sign((with_faces.plane[:, :3] * ico.plane[:, :3]).sum(axis=1))
+    assert np.abs(with_faces.plane * sign[:, None] - ico.plane).max() < 1e-9
+    without, _ = points_with_planes(ico.position_mm, None)
+    assert (without.face == -1).all()
+    tilted = known_points(BOARD).position_mm @ np.linalg.qr(np.arange(9.0).reshape(3, 3) + np.eye(3))[0] + 40
+    flat, (extent,) = points_with_planes(tilted, None)
+    assert (flat.face == 0).all()
+    assert np.abs(tilted @ flat.plane[0, :3] - flat.plane[0, 3]).max() < 1e-9
+    assert extent.startswith("X, Y, Z are taken as mm")
+    bent = tilted + np.array([0, 0, 1e-3])[None] * (np.arange(len(tilted)) % 3)[:, None]
+    assert (points_with_planes(bent, None)[0].face == -1).all()
+    some = np.where(ico.face == 3, 7000, -1)
+    some[np.flatnonzero(ico.face == 4)[:2]] = 12  # two points span no plane
+    part, _ = points_with_planes(ico.position_mm, some)
+    assert np.array_equal(part.face, np.where(ico.face == 3, 7000, -1))
+    rough = ico.position_mm.copy()
+    rough[np.flatnonzero(ico.face == 5)[0]] *= 1.05
+    assert "faces whose points are off their mean plane: 5 by" in points_with_planes(rough, ico.face)[1][1]
+
+
+def test_mirrored_points_are_refused(tmp_path: Path) -> None:
+    """A left-handed frame of a solid is one clear line; a left-handed numbering of a plane does no harm."""
+    solid, flat = as_rows(sightings(known_points(ICO))), as_rows(sightings(known_points(BOARD)))
+    for cells in (solid, flat):
+        cells["Y"] = [str(-float(cell)) for cell in cells["Y"]]
+    with pytest.raises(InputError, match=r"s\.csv: the points are mirrored.*right-handed"):
+        read_correspondences(write_csv(tmp_path / "s.csv", solid, USUAL, head=SIZE_LINE))
+    read = read_correspondences(write_csv(tmp_path / "f.csv", flat, USUAL, head=SIZE_LINE))
+    assert read.view_count == 4
+
+
+def cell(column: str, value: str, columns: str = USUAL) -> Callable[[list[str]], list[str]]:
+    """A change of one value in the last line."""
+
+    def change(lines: list[str]) -> list[str]:
+        cells = lines[-1].split(",")
+        cells[columns.split(",").index(column)] = value
+        return [*lines[:-1], ",".join(cells)]
+
+    return change
+
+
+def header(text: str) -> Callable[[list[str]], list[str]]:
+    """Other column names."""
+    return lambda lines: [lines[0], text, *lines[2:]]
+
+
+CHANGES: dict[str, tuple[Callable[[list[str]], list[str]], str]] = {
+    "missing": (header("image,u,w,X,Y,Z"), "line 2: column 'v' is missing"),
+    "misspelt": (header("images,u,v,X,Y,Z"), "line 2: column 'image' is missing; did you mean 'images'?"),
+    "capitals": (header("image,u,v,x,y,z"), "line 2: column 'X' is missing"),
+    "twice": (header("image,u,v,X,Y,Z,u"), "line 2: column 'u' a second time"),
+    "half covariance": (header("image,u,v,X,Y,Z,suu"), "line 2: the accuracy is sigma, or suu,suv,svv"),
+    "semicolons": (
+        lambda lines: [line.replace(",", ";") for line in lines],
+        "line 2: values must be separated by commas",
+    ),
+    "no lines": (lambda lines: lines[:2], "holds no correspondences"),
+    "short": (lambda lines: [*lines, "a.png,1"], "line 12: 2 values; a line has 6"),
+    "nan": (cell("u", "nan"), "line 11: u must be a finite number"),
+    "infinite": (cell("X", "1e999"), "line 11: X must be a finite number"),
+    "text": (cell("Z", "0mm"), "line 11: Z must be a finite number"),
+    "empty": (cell("Y", ""), "line 11: Y must be"),
+    "far": (cell("X", "1e8"), "line 11: X, Y or Z is beyond"),
+    "far away": (cell("u", "-2e6"), "line 11: u or v is beyond"),
+    "no name": (cell("image", ""), "line 11: image must not be empty"),
+    "again": (lambda lines: [*lines, lines[4]], "line 12: the same point of the same image a second time"),
+    "size": (lambda lines: ["# image_size 0 x 900", *lines[1:]], "line 1: image_size 0 x 900"),
+    "two sizes": (lambda lines: ["# image_size 1 x 1", *lines], "line 2: image_size 1200 x 900"),
+    "quote": (lambda lines: [*lines, '"a'], "not valid CSV"),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_line_that_breaks_a_rule_is_named(name: str, tmp_path: Path) -> None:
+    """Each broken rule refuses the file in one line, with its number where there is one."""
+    change, rule = CHANGES[name]
+    path = write_csv(tmp_path / "c.csv", as_rows(sightings(known_points(BOARD))), USUAL, list(range(9)), SIZE_LINE)
+    path.write_text("\n".join(change(path.read_text().splitlines())) + "\n")
+    with pytest.raises(InputError) as refused:
+        read_observations(path)
+    message = str(refused.value)
+    assert message.startswith(str(path))
+    assert rule in message
+    assert "\n" not in message
+    assert len(message) < 400
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "rule"),
+    [
+        ("sigma", "0", "sigma must be from"),
+        ("sigma", "1e9", "sigma must be from"),
+        ("face", "1.5", "face must be a whole number"),
+        ("face", "100000", "face must be from 0 to 9999"),
+        ("face", "3", "the point has another face on an earlier line"),
+        ("suv", "9", "suu, suv, svv must be a covariance"),
+    ],
+)
+def test_optional_columns_have_rules_too(column: str, value: str, rule: str, tmp_path: Path) -> None:
+    """Accuracies must be possible, and a point lies on one face."""
+    cells = as_rows(sightings(known_points(BOARD)))
+    cells["sigma"] = ["0.1"] * len(cells["u"])
+    names = f"{USUAL},{column}" if column != "suv" else f"{USUAL},suu,suv,svv"
+    path = write_csv(tmp_path / "c.csv", cells, names, head=SIZE_LINE)
+    assert read_correspondences(path).view_count == 4
+    lines = cell(column, value, names)(path.read_text().splitlines())
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match=rf"line {len(lines)}: .*{rule}|line {len(lines)}: {rule}"):
+        read_correspondences(path)
+
+
+def test_a_sigma_is_a_round_covariance_and_other_columns_are_said(tmp_path: Path) -> None:
+    """`sigma` gives sigma^2 I; a column that is not known is not used, and named."""
+    cells = as_rows(sightings(known_points(BOARD)))
+    cells["sigma"] = [str(0.1 + 0.01 * (k % 5)) for k in range(len(cells["u"]))]
+    cells["Sigma "] = cells["sigma"]
+    done = read_correspondences(write_csv(tmp_path / "c.csv", cells, f"{USUAL},sigma,Sigma ", head=SIZE_LINE))
+    assert done.cov_px2 is not None
+    expected = np.array(cells["sigma"], dtype=float)[:, None, None] ** 2 * np.eye(2)
+    order = np.lexsort((done.center_px[:, 0], done.view))
+    given = np.lexsort((np.array(cells["u"], dtype=float), sightings(known_points(BOARD)).view))
+    assert done.cov_px2[order] == pytest.approx(expected[given])
+    assert "columns that are not used: 'Sigma '" in done.remarks
+
+
+def test_spaces_after_commas_do_not_count(tmp_path: Path) -> None:
+    """A table as a person types it reads like one without spaces."""
+    path = write_csv(tmp_path / "c.csv", as_rows(sightings(known_points(BOARD))), USUAL, head=SIZE_LINE)
+    plain = read_correspondences(path)
+    path.write_text(path.read_text().replace(",", ", "))
+    assert np.array_equal(read_correspondences(path).center_px, plain.center_px)
+
+
+@given(data=st.data())
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_damaged_files_end_in_observations_or_one_line(data: st.DataObject, tmp_path: Path) -> None:
+    """Changed bytes and cuts of a table give whole observations or a refusal."""
+    path = tmp_path / "c.csv"
+    cells = as_rows(sightings(known_points(BOARD)))
+    write_csv(path, cells, f"{USUAL},face,suu,suv,svv", list(range(0, 60, 2)), SIZE_LINE)
+    content = bytearray(path.read_bytes())
+    for at, value in data.draw(st.lists(st.tuples(st.integers(0, len(content) - 1), st.integers(0, 255)), max_size=5)):
+        content[at] = value
+    path.write_bytes(content[: data.draw(st.integers(0, len(content)))] if data.draw(st.booleans()) else content)
+    try:
+        seen = read_observations(path, image_size=SIZE)
+    except InputError:
+        return
+    assert np.isfinite(seen.center_px).all()
+    assert np.isfinite(seen.points.position_mm).all()
+    assert (np.bincount(seen.view) >= 4).all()
+    assert seen.cov_px2 is None or (np.linalg.eigvalsh(seen.cov_px2) > 0).all()
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"\0" * 100, b"[]", b"# image_size 5 x 5", b"#", b"\n\n"])
+def test_other_files_are_refused(content: bytes, tmp_path: Path) -> None:
+    """A file that is none of the three kinds is one clear line."""
+    path = tmp_path / "x.csv"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"x\.csv"):
+        read_observations(path)
+    with pytest.raises(InputError, match="is no file name"):
+        read_observations(Path("a\0b.csv"))
+
+
+def test_pairs_of_numbers() -> None:
+    """`2448x2048` is two numbers; anything else names the option."""
+    assert parse_pair("--image-size", "2448 x 2048", 10_000) == (2448, 2048)
+    for text in ("2448", "0x5", "5x0", "-1x5", "axb", "1x2x3", "99999x1", "1.5x2", "9" * 5000 + "x1"):
+        with pytest.raises(InputError, match=r"^--image-size"):
+            parse_pair("--image-size", text, 10_000)

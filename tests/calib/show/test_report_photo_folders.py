@@ -1,0 +1,451 @@
+"""Pages of folders of pictures: from what they store, honest about what is missing, and safe whatever files hold."""
+
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import MISSING, fields, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import Browser
+
+from calib.cameras.camera import Camera
+from calib.observe.photos import find_photos
+from calib.renderer.job import run_job
+from calib.renderer.options import RenderOptions
+from calib.renderer.rings import ring_truth
+from calib.renderer.scene import scene_from_target
+from calib.report.claim import why_no_page
+from calib.report.gallery import MOST_PICTURES, Shot, spread
+from calib.report.kept_target import keep_target, kept_target
+from calib.report.origin import ORIGIN, Origin
+from calib.report.photos_file import PHOTOS_FILE, ToldPhotos
+from calib.report.place_scene import MOST_VIEWS, place_view
+from calib.report.rendered_photos import option_words
+from calib.report.undistortion import change_of
+from designer.errors import InputError
+from designer.page.blocks import Block, Fold, Gallery, Page, Table, View3d
+from designer.page.scene import Cameras, Rings
+from designer.page.shell import page_html
+from designer.target import TargetGeometry
+from tests.support.browser import WIDTHS, open_page, overflow_px, unresolved
+from tests.support.pages import HOSTILE, png
+from tests.support.picture_folders import (
+    BOARD,
+    CAMERA,
+    ICO,
+    MAKERS,
+    PINHOLE,
+    detected,
+    face,
+    overlaid,
+    page_of,
+    pictures,
+    posed,
+    poses,
+    rendered,
+    result,
+    undistorted,
+)
+
+KINDS = tuple(MAKERS)
+MOST_BYTES = 10_000_000
+
+
+def blocks(page: Page) -> Iterator[Block]:
+    """All of a page's blocks."""
+    for block in (*page.lead, *(block for section in page.sections for block in section.blocks)):
+        yield block
+        if isinstance(block, Fold):
+            yield from block.blocks
+
+
+def the_gallery(page: Page) -> Gallery:
+    """Its pictures."""
+    return next(block for block in blocks(page) if isinstance(block, Gallery))
+
+
+def the_table(page: Page) -> Table:
+    """Its table of photos."""
+    return next(block for block in blocks(page) if isinstance(block, Table) and block.title == "All photos")
+
+
+def column(page: Page, title: str) -> list[str]:
+    """A column of the table of photos."""
+    table = the_table(page)
+    at = [one.title for one in table.columns].index(title)
+    return [row[at].text for row in table.rows]
+
+
+def headline(page: Page) -> tuple[str, str, str]:
+    """Level, word and sentence."""
+    assert page.headline is not None
+    return page.headline.level, page.headline.word, page.headline.sentence
+
+
+def refusal(kind: str, folder: Path) -> str:
+    """Why there is no page; "" if there is one. Any other exception is a fault."""
+    try:
+        page_html(page_of(kind, folder))
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_folder_that_was_copied_has_the_same_page(kind: str, tmp_path: Path) -> None:
+    """The page is made of what the folder stores: the same bytes again, elsewhere, and with an older page in it."""
+    place = tmp_path / "here" / "set"
+    MAKERS[kind](place)
+    first = page_html(page_of(kind, place))
+    other = tmp_path / "there" / "set"
+    shutil.copytree(place, other)
+    (other / "index.html").write_bytes(first)
+    (other / "report.json").write_bytes(ORIGIN.text(Origin(kind, "", "")))
+    assert page_html(page_of(kind, other)) == first
+
+
+def test_rings_that_the_detector_does_not_want_are_called_too_small(tmp_path: Path) -> None:
+    """A set of which no photo shows a ring of 5 px says so at once, as `calib render` does; a nearer one does not."""
+    rendered(tmp_path / "far", ICO, views=3)
+    level, word, sentence = headline(page_of("photos", tmp_path / "far"))
+    assert (level, word) == ("usable", "rings too small")
+    largest = float(re.search(r"radius of ([\d.]+) px; the detector wants 5 px", sentence)[1])  # type: ignore[index]
+    assert largest < 5
+    rendered(tmp_path / "board", BOARD, views=3)
+    rings = ring_sizes_px(BOARD, 3)
+    level, _, sentence = headline(page_of("photos", tmp_path / "board"))
+    assert ("detector wants" in sentence) == (max(rings) < 5)
+
+
+def ring_sizes_px(target: TargetGeometry, views: int) -> list[float]:
+    """The largest semi-minor axis of the rings that each rendered photo shows."""
+    scene = scene_from_target(target)
+    truths = [ring_truth(scene, CAMERA, pose) for pose in poses(views)]
+    return [float(one.minor_radius_px[one.visible].max()) for one in truths]
+
+
+def test_a_rendered_set_says_what_it_is(tmp_path: Path) -> None:
+    """Target, camera, distance, effects that are on, and seed; what is off is not said."""
+    rendered(tmp_path, ICO, RenderOptions(blur_px=0.7, contrast_to_noise=50, gamma=2.2), views=6)
+    _, _, sentence = headline(page_of("photos", tmp_path))
+    for words in (
+        "6 photos of 640 x 480 px",
+        "icosahedron",
+        "opencv",
+        "436 to 587 mm",
+        "0.7 px",
+        "50",
+        "gamma 2.2",
+        "seed 5",
+    ):
+        assert words in sentence
+    assert "glare" not in sentence
+    assert "clutter" not in sentence
+
+
+def test_every_option_of_a_rendered_set_is_said() -> None:
+    """Whatever differs from a plain set shows in the facts."""
+    plain = RenderOptions()
+    changed = {
+        "sampling": "binary", "black": 0.2, "white": 0.7, "background": 0.1, "blur_px": 1.0, "aperture_mm": 3.0,
+        "contrast_to_noise": 9.0, "read_noise": 0.1, "full_well": 900.0, "vignetting": 0.3, "light_gradient": 0.2,
+        "shading": 0.4, "glare": 0.5, "clutter": 3, "occlusion": 0.2, "gamma": 2.2,
+    }  # fmt: skip
+    for name, value in changed.items():
+        assert option_words(replace(plain, **{name: value})) != option_words(plain), name  # type: ignore[arg-type]
+
+
+def test_photos_that_are_gone_are_said(tmp_path: Path) -> None:
+    """Photos that are told of and are not there any more are named, and not linked."""
+    rendered(tmp_path)
+    (tmp_path / "view_0002.png").unlink()
+    page = page_of("photos", tmp_path)
+    assert "view_0002.png: is not there" in page_html(page).decode()
+    assert [row[0].path for row in the_table(page).rows].count("") == 1
+    assert len(the_gallery(page).pictures) == 3
+
+
+def test_the_target_is_drawn_if_it_is_the_right_one(tmp_path: Path) -> None:
+    """With the target: its rings. Without it, or with another: axes, the cameras, and a word why."""
+    rendered(tmp_path, BOARD)
+
+    def shapes() -> list[object]:
+        view = next(block for block in blocks(page_of("photos", tmp_path)) if isinstance(block, View3d))
+        return [shape for layer in view.scene.layers for shape in layer.shapes]
+
+    assert any(isinstance(shape, Rings) for shape in shapes())
+    (tmp_path / "target.json").unlink()
+    assert not any(isinstance(shape, Rings) for shape in shapes())
+    assert any(isinstance(shape, Cameras) and len(shape.names) == 4 for shape in shapes())
+    keep_target(tmp_path, ICO, is_again=False)
+    assert not any(isinstance(shape, Rings) for shape in shapes())
+    assert "not the target of these photos" in page_html(page_of("photos", tmp_path)).decode()
+
+
+def test_of_a_great_many_cameras_some_are_drawn() -> None:
+    """So that the page stays quick; it is said, and no more than the most are drawn."""
+    pose = np.tile(np.eye(4), (2 * MOST_VIEWS + 1, 1, 1))
+    pose[:, 2, 3] = 100
+    view = place_view(None, CAMERA, pose, tuple(map(str, range(len(pose)))), "Cameras.")
+    drawn = [len(s.names) for layer in view.scene.layers for s in layer.shapes if isinstance(s, Cameras)]
+    assert drawn == [-(-len(pose) // 3)]
+    assert "One of 3" in view.caption
+
+
+def test_a_page_does_not_disturb_other_commands(tmp_path: Path) -> None:
+    """A finished set with its page is kept by the next run, and only its photos are photos."""
+    job = rendered(tmp_path)
+    (tmp_path / "index.html").write_bytes(page_html(page_of("photos", tmp_path)))
+    (tmp_path / "report.json").write_bytes(ORIGIN.text(Origin("photos", "", "")))
+    again = run_job(job, tmp_path, processes=1, overwrite=False, on_view=lambda *_: None)
+    assert (again.written, again.kept) == (0, 4)
+    assert [path.name for path in find_photos([str(tmp_path)]).paths] == job.file_names
+
+
+@pytest.mark.parametrize(("zoom", "kept", "shift_px"), [(1.0, 1.0, 0.0), (0.5, 1.0, 199.875), (2.0, 0.25, 199.9)])
+def test_what_undistortion_cuts_off(zoom: float, kept: float, shift_px: float) -> None:
+    """Between pinholes: the share is the inverse square of the zoom, and a corner moves by the zoom less one."""
+    wider = Camera("pinhole", PINHOLE.params * np.array([zoom, zoom, 1, 1]), PINHOLE.image_size)
+    change = change_of(PINHOLE, wider)
+    assert change.share_kept == pytest.approx(kept, abs=0.02)
+    assert change.shift_px == pytest.approx(shift_px, abs=8)
+
+
+def test_undistorted_photos_say_what_is_black_and_what_is_missing(tmp_path: Path) -> None:
+    """Black pixels in percent, photos that failed with the reason, and photos of an earlier run."""
+    undistorted(tmp_path, failures=("c.png: is empty (0 bytes); copy it again",), earlier=1)
+    page = page_of("undistorted", tmp_path)
+    level, _, sentence = headline(page)
+    assert level == "usable"
+    assert "12.5 % of the pixels are black" in sentence
+    html = page_html(page).decode()
+    assert "c.png: is empty" in html
+    assert "1 more undistorted photos" in html
+
+
+@pytest.mark.parametrize(
+    ("found", "level"), [(1000, "good"), (950, "good"), (949, "usable"), (500, "usable"), (499, "bad"), (0, "bad")]
+)
+def test_levels_of_detections(found: int, level: str, tmp_path: Path) -> None:
+    """95 % and 50 % of the rings that could have been measured; those that are seen too flat do not count."""
+    faces = [face(found, 1000, flat=5000)] if found else []
+    detected(tmp_path / "o", [result("a.png", faces)])
+    page = page_of("detections", tmp_path / "o")
+    assert headline(page)[0] == level
+    if found:
+        assert f"{found} of the 1000 rings" in headline(page)[2]
+        assert column(page, "expected") == ["1000"]
+
+
+def test_photos_without_the_target_and_without_content_count(tmp_path: Path) -> None:
+    """All rings of some photos make no good set if others show nothing, or cannot be read; the reason is shown."""
+    good = [result(f"{row}.png", [face(9, 9)]) for row in range(9)]
+    detected(tmp_path / "o", [*good, result("none.png")])
+    assert headline(page_of("detections", tmp_path / "o"))[0] == "usable"
+    detected(tmp_path / "o", [*good, result("x.png", failure="x.png: is empty (0 bytes)")])
+    page = page_of("detections", tmp_path / "o")
+    assert headline(page)[0] == "usable"
+    assert "1 could not be read" in headline(page)[2]
+    assert "x.png: is empty" in page_html(page).decode()
+    detected(tmp_path / "o", good)
+    assert headline(page_of("detections", tmp_path / "o"))[0] == "good"
+
+
+def test_missing_rings_and_unseen_faces_are_named(tmp_path: Path) -> None:
+    """Reasons by photo and in all, worst photo first in the gallery, faces that no photo shows."""
+    pictures(tmp_path, ["a.overlay.png", "b.overlay.png"])
+    results = [
+        result("a.png", [face(36, 36, 3)], "a.overlay.png"), result("b.png", [face(20, 36, 5)], "b.overlay.png")
+    ]  # fmt: skip
+    detected(tmp_path, results, ICO)
+    page = page_of("detections", tmp_path)
+    assert column(page, "missing") == ["", "16 odd shape"]
+    assert column(page, "faces") == ["3", "5"]
+    assert [picture.name for picture in the_gallery(page).pictures] == ["b.png", "a.png"]
+    faces = next(block for block in blocks(page) if isinstance(block, Table) and block.title == "All faces")
+    assert [row[0].text for row in faces.rows if row[0].level is None] == ["3", "5"]
+
+
+def test_detections_outside_are_told_and_inside_are_linked(tmp_path: Path) -> None:
+    """A table above the folder cannot be linked, so its place is said; one inside is linked."""
+    overlaid(tmp_path / "o")
+    html = page_html(page_of("detections", tmp_path / "o")).decode()
+    assert "from this folder: ../detections.csv" in html
+    assert 'href="../' not in html
+    detected(tmp_path / "o", [result("a.png", [face(9, 9)])], table=tmp_path / "o" / "d.csv")
+    (tmp_path / "o" / "d.csv").write_text("x")
+    assert 'href="d.csv"' in page_html(page_of("detections", tmp_path / "o")).decode()
+
+
+@pytest.mark.parametrize(
+    ("rms_px", "reasons", "level"),
+    [
+        ((0.02,) * 19, ("no target",), "good"), ((0.02,) * 9, ("no target",), "usable"), ((0.02,), ("a", "b"), "bad"),
+        ((0.6,), (), "usable"), ((2.1,), (), "bad"), ((), ("a",), "bad"),
+    ],
+)  # fmt: skip
+def test_levels_of_poses(rms_px: tuple[float, ...], reasons: tuple[str, ...], level: str, tmp_path: Path) -> None:
+    """By the share of photos with a pose, and by what is left over in the median one."""
+    posed(tmp_path, rms_px, reasons)
+    assert headline(page_of("poses", tmp_path))[0] == level
+
+
+def test_the_worst_pose_comes_first(tmp_path: Path) -> None:
+    """It is marked if it stands out, and photos without a pose have their reason."""
+    posed(tmp_path, (0.02, 0.09, 0.03), ("too few rings",))
+    page = page_of("poses", tmp_path)
+    worst = the_gallery(page).pictures[0]
+    assert (worst.name, worst.level) == ("1.png", "usable")
+    assert "3.png: too few rings" in page_html(page).decode()
+
+
+NEEDED = [one.name for one in fields(ToldPhotos) if one.default is MISSING]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_damaged_files_are_refused_in_one_line(kind: str, tmp_path: Path) -> None:
+    """Cut off, another format, numbers that no camera has, keys that are missing: the file is named, nothing breaks."""
+    MAKERS[kind](tmp_path)
+    path = tmp_path / PHOTOS_FILE
+    good = path.read_text()
+    document = json.loads(good)
+    bad = [good[: len(good) // 2], "[]", "", "[" * 100_000, good.replace("ringsolid.", "other.")]
+    bad += [json.dumps({n: value for n, value in document.items() if n != key}) for key in NEEDED]
+    bad += [json.dumps({**document, key: {"x": [1]}}) for key in document]
+    for text in bad:
+        path.write_text(text)
+        said = refusal(kind, tmp_path)
+        assert PHOTOS_FILE in said, text[:200]
+        assert "\n" not in said
+
+
+@pytest.mark.parametrize("number", ["1e308", "-1e308", "NaN", "Infinity", "1e999", "123456789012345678901234567890"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_number_in_a_file_breaks_a_page(kind: str, number: str, tmp_path: Path) -> None:
+    """Whatever number stands wherever a number may: a page, or a line that names the file."""
+    MAKERS[kind](tmp_path)
+    path = tmp_path / PHOTOS_FILE
+    good = path.read_text()
+    places = [match.span() for match in re.finditer(r"(?<=[ \[])-?\d+(\.\d+)?(e-?\d+)?(?=[,\]}])", good)]
+    assert len(places) > 10
+    pictures_gone = [one for one in tmp_path.iterdir() if one.suffix == ".png"]
+    for one in pictures_gone:
+        one.unlink()  # they take time, and are not what is tested
+    for start, end in [*places[:25], *places[-12:]]:
+        path.write_text(good[:start] + number + good[end:])
+        said = refusal(kind, tmp_path)
+        assert not said or PHOTOS_FILE in said
+
+
+def test_hostile_names_stay_text_and_reach_nothing(tmp_path: Path) -> None:
+    """Names that are markup, lead upwards or hold control characters: no picture from outside, no link, no markup."""
+    place = tmp_path / "o"
+    pictures(tmp_path, ["secret.png"], png(10, 10, 255))
+    names = (*HOSTILE, "../secret.png", str(tmp_path / "secret.png"), "a\\..\\secret.png", "\ud800")
+    detected(place, [result(f"{row}.png", [face(3, 4)], f"{row}.png") for row in range(len(names))])
+    stored = json.loads((place / PHOTOS_FILE).read_text())
+    for row, name in enumerate(names):
+        stored["photos"][row]["picture"] = name
+        stored["photos"][row]["name"] = stored["photos"][row]["caption"] = name
+        stored["photos"][row]["cells"][-1]["text"] = name
+    stored["facts"] = [[names[0], names[1]], [names[2], names[2]]]
+    stored["files"] = [["../secret.png", names[0]]]
+    (place / PHOTOS_FILE).write_text(json.dumps(stored))
+    page = page_of("detections", place)
+    html = page_html(page).decode()
+    assert not any(isinstance(block, Gallery) for block in blocks(page))
+    assert "<img src=x" not in html
+    assert "secret.png" not in "".join(re.findall(r'(?:href|src|data-full)="[^"]*"', html))
+
+
+def test_photos_with_odd_names_are_shown(tmp_path: Path) -> None:
+    """Names as files may have them, bytes that are no text among them, are shown and lead to the file."""
+    names = ["a b#?%.png", "<b>&.png", "\u202egnp.png", os.fsdecode(b"\xff\xfe.png")]
+    pictures(tmp_path, names)
+    detected(tmp_path, [result(name, [face(3, 3)], name) for name in names])
+    page = page_of("detections", tmp_path)
+    assert [picture.path for picture in the_gallery(page).pictures] == names
+    assert page_html(page)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_broken_pictures_are_left_out_and_said(kind: str, tmp_path: Path) -> None:
+    """A picture that is cut off, empty or a folder is no reason to have no page."""
+    MAKERS[kind](tmp_path)
+    broken, *others = sorted(tmp_path.glob("*.png"))
+    broken.write_bytes(broken.read_bytes()[:40])
+    page = page_of(kind, tmp_path)
+    assert len(the_gallery(page).pictures) == len(others)
+    assert "1 picture cannot be shown" in page_html(page).decode()
+    for path in (broken, *others):
+        path.unlink()
+        path.mkdir()
+    assert page_html(page_of(kind, tmp_path))
+
+
+@pytest.mark.parametrize("views", [100, 1000])
+def test_a_page_stays_small(views: int, tmp_path: Path) -> None:
+    """At most 10 MB for 100 photos of the worst kind, noise, and for 1000; all are in the table."""
+    noise = np.random.default_rng(0).integers(0, 256, (600, 800), dtype=np.uint8)
+    content = cv2.imencode(".png", noise, [cv2.IMWRITE_PNG_COMPRESSION, 0])[1].tobytes()
+    rendered(tmp_path, views=views, content=content)
+    page = page_of("photos", tmp_path)
+    assert len(page_html(page)) < MOST_BYTES
+    assert len(the_table(page).rows) == views
+    shown = the_gallery(page).pictures
+    assert len(shown) == min(views, MOST_PICTURES)
+    assert {shown[0].name, shown[-1].name} == {"view_0000.png", f"view_{views - 1:04d}.png"}
+
+
+def test_of_many_pictures_those_shown_are_spread() -> None:
+    """First and last are among them, no gap is much larger than another, and none is lost."""
+    shots = [Shot(str(row), "", "") for row in range(1234)]
+    order = [int(shot.path) for shot in spread(shots)]
+    assert sorted(order) == list(range(1234))
+    shown = order[:MOST_PICTURES]
+    assert (shown[0], shown[-1]) == (0, 1233)
+    assert max(np.diff(shown)) - min(np.diff(shown)) <= 1
+
+
+def test_a_page_replaces_none_of_another_kind(tmp_path: Path) -> None:
+    """Free folders and folders of the same kind are taken; others, and somebody's own index.html, stay."""
+    assert why_no_page(tmp_path, "photos") == ""
+    (tmp_path / "index.html").write_text("mine")
+    assert "stays as it is" in why_no_page(tmp_path, "photos")
+    (tmp_path / "report.json").write_bytes(ORIGIN.text(Origin("calibration", "", "")))
+    assert "calibration" in why_no_page(tmp_path, "photos")
+    (tmp_path / "report.json").write_bytes(ORIGIN.text(Origin("photos", "", "")))
+    assert why_no_page(tmp_path, "photos") == ""
+    (tmp_path / "report.json").write_text("{}")
+    assert "report.json" in why_no_page(tmp_path, "photos")
+
+
+def test_a_kept_target_replaces_only_our_own(tmp_path: Path) -> None:
+    """Somebody's target.json stays, and a target put there by hand; one of an earlier run goes with its photos."""
+    place = (tmp_path / "target.json",)
+    for is_again in (False, True):
+        assert keep_target(tmp_path, BOARD, is_again=is_again) == place
+    assert keep_target(tmp_path, ICO, is_again=False) == ()
+    assert kept_target(tmp_path, BOARD.geometry_id)[0] == BOARD
+    assert keep_target(tmp_path, ICO, is_again=True) == place
+    assert kept_target(tmp_path, ICO.geometry_id)[0] == ICO
+    place[0].write_text("{}")
+    assert keep_target(tmp_path, BOARD, is_again=True) == ()
+    assert place[0].read_text() == "{}"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_in_a_browser(kind: str, tmp_path: Path, browser: Browser) -> None:
+    """Nothing is complained about, nothing is fetched, links and pictures are there, and no page is too wide."""
+    MAKERS[kind](tmp_path)
+    file = tmp_path / "index.html"
+    file.write_bytes(page_html(page_of(kind, tmp_path)))
+    for width in WIDTHS:
+        with open_page(browser, file, width=width, scheme="dark" if width == WIDTHS[0] else "light") as page:
+            assert unresolved(page, file) == []
+            assert overflow_px(page) == 0

@@ -1,0 +1,106 @@
+"""What is fixed in the image and no lens of the model: stated against true, and nothing stated where there is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.core.selection import keep_sightings
+from calib.core.types import Observations
+from calib.solver.calibration import Calibration, ImageField
+from calib.solver.image_field import with_image_field
+from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
+from calib.solver.uncertainty import projected_change
+from tests.support.solver_scenes import SIZE, icosahedron, observe, poses_around
+
+Array = NDArray[np.float64]
+
+TRUE = Camera("opencv", np.array([2500.0, 2510, 1230, 1010, -0.2, 0.1, 8e-4, -5e-4, -0.05]), SIZE)
+NOISE_PX = 0.01
+
+
+def _seen(seed: int) -> Observations:
+    rng = np.random.default_rng(seed)
+    seen = observe(TRUE, icosahedron(), poses_around(16, rng, distance_mm=260.0), rng, noise_px=NOISE_PX)
+    return replace(seen, cov_px2=np.tile(NOISE_PX**2 * np.eye(2), (len(seen.view), 1, 1)))
+
+
+def _bump(pixel: Array) -> Array:
+    """A shift of .05 px, a tenth of the image wide, beside the middle."""
+    apart = (pixel - np.array(SIZE) * [0.6, 0.45]) / (0.1 * SIZE[0])
+    bump: Array = 0.05 * np.exp(-0.5 * (apart**2).sum(axis=1))[:, None] * np.array([1.0, 0.5])
+    return bump
+
+
+def _times_stated(one: Calibration, covariance: Array) -> float:
+    """The error where rings were seen over the stated one, root mean square."""
+    pixel = one.observations.center_px[::7]
+    change = projected_change(one.camera, pixel)
+    off = change @ (one.camera.params - TRUE.params)
+    stated = np.einsum("nip,pq,niq->", change, covariance, change)
+    return float(np.sqrt((off**2).sum() / stated))
+
+
+FIXED = {"no tangential terms": ("p1", "p2"), "a bump": ()}
+"""Parameters that the model lacks; no parameter of any follows a bump."""
+
+
+@pytest.mark.parametrize("case", FIXED)
+def test_what_the_lens_model_does_not_follow_is_in_the_stated_covariance(case: str) -> None:
+    """A camera that took a part of what is fixed in the image errs by what is stated, give or take a factor of two.
+
+    By the noise alone it is 3 to 20 times too sure, and halves of the photos cannot show it.
+    """
+    fixed = tuple((name, 0.0) for name in FIXED[case])
+    alone, stated = [], []
+    for seed in range(3):
+        seen = _seen(seed)
+        if not fixed:
+            seen = replace(seen, center_px=seen.center_px + _bump(np.asarray(seen.center_px)))
+        one = with_image_field(solve(seen, "opencv", SolveOptions(fixed=fixed)))
+        assert one.image_field is not None
+        assert 0.1 * NOISE_PX < one.image_field.left_px < 0.3
+        alone.append(_times_stated(one, one.param_covariance))
+        stated.append(_times_stated(one, one.stated_covariance))
+    assert min(alone) > 2.5
+    assert 0.5 < np.sqrt(np.mean(np.square(stated))) < 2
+
+
+@pytest.mark.parametrize("weighted", [True, False])
+def test_noise_alone_is_no_field(weighted: bool) -> None:
+    """Where the lens is of the model's kind the covariance stays what it is, whatever the noise."""
+    for seed in range(5):
+        one = solve(_seen(10 + seed), "opencv", SolveOptions(weighted=weighted))
+        told = with_image_field(one)
+        assert told.image_field is None
+        assert (told.stated_covariance == one.param_covariance).all()
+
+
+def test_a_field_that_was_there_goes_where_nothing_tells_one() -> None:
+    """What is stated is of this calibration alone, also where parameters or residuals cannot tell of a field."""
+    one = solve(_seen(3), "opencv")
+    there = replace(one, image_field=ImageField(1.0, np.eye(len(one.camera.params))))
+    for told in (
+        replace(there, param_covariance=np.zeros_like(one.param_covariance)),
+        replace(there, residual_px=np.zeros_like(one.residual_px)),
+    ):
+        assert with_image_field(told).image_field is None
+
+
+def test_sightings_that_do_not_count_tell_no_field() -> None:
+    """Outliers, however far off and wherever, are as if they were not there."""
+    seen = _seen(3)
+    seen = replace(seen, center_px=seen.center_px + _bump(np.asarray(seen.center_px)))
+    is_off = np.random.default_rng(1).random(len(seen.view)) < 0.05
+    one = solve(keep_sightings(seen, ~is_off), "opencv")
+    residual, outlier = np.full((len(is_off), 2), np.nan), np.array(is_off)
+    residual[~is_off] = one.residual_px
+    both = replace(one, observations=seen, residual_px=residual, is_outlier=outlier)
+    kept, told = with_image_field(one).image_field, with_image_field(both).image_field
+    assert kept is not None
+    assert told is not None
+    assert told.left_px == pytest.approx(kept.left_px, rel=1e-6)
+    np.testing.assert_allclose(told.param_covariance, kept.param_covariance, rtol=1e-5)

@@ -1,0 +1,137 @@
+"""Lenses that see farther off the axis than a lens polynomial can show."""
+
+from dataclasses import replace
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calib.cameras import MODELS, project
+from calib.core.se3 import look_at, transform
+from calib.core.types import Observations
+from calib.solver.blocks import RobustLoss, view_blocks
+from calib.solver.calibration import Calibration
+from calib.solver.options import SolveOptions
+from calib.solver.problem import pack
+from calib.solver.schur import damped_step
+from calib.solver.solve import solve
+from calib.solver.tie import tie_parameters
+from tests.support.solver_scenes import board, rows_of
+
+Array = NDArray[np.float64]
+
+SIZE = (1280, 960)
+VIEWS, LEAST_SEEN = 10, 40
+BOARD = board(12, 9, 20.0)
+
+
+@cache
+def seen_through_a_wide_lens(half_angle_deg: float, seed: int) -> Observations:
+    """Views of a board through an equidistant lens `r = f angle`; coordinates as cv2 has them, in 32 bits."""
+    rng = np.random.default_rng(seed)
+    focal = 0.5 * np.hypot(*SIZE) / np.radians(half_angle_deg)
+    middle = 0.5 * (np.array(SIZE) - 1) + rng.uniform(-5, 5, 2)
+    view, point, pixel = [], [], []
+    while len(view) < VIEWS:
+        tilt, turn = np.radians(rng.uniform(0, 40)), rng.uniform(0, 2 * np.pi)
+        across = np.sin(tilt) * np.array([np.cos(turn), np.sin(turn)])
+        eye = rng.uniform(110, 260) * np.array([*across, np.cos(tilt)])
+        pose = look_at(eye, np.array([*rng.normal(0, 55, 2), 0.0]), rng.uniform(-np.pi, np.pi))
+        x, y, z = transform(pose, BOARD.position_mm).T
+        off_axis, across_mm = np.arctan2(np.hypot(x, y), z), np.hypot(x, y)
+        shown = focal * (off_axis / across_mm)[:, None] * np.stack([x, y], axis=1) + middle
+        is_in_image = ((shown > 0) & (shown < np.array(SIZE) - 1)).all(axis=1)
+        inside = (off_axis < np.radians(half_angle_deg)) & is_in_image
+        if inside.sum() >= LEAST_SEEN:
+            rows = np.flatnonzero(inside)
+            point.append(rows)
+            pixel.append(shown[rows] + 0.1 * rng.standard_normal((len(rows), 2)))
+            view.append(np.full(len(rows), len(view)))
+    exact = np.concatenate(pixel).astype(np.float32).astype(np.float64)
+    names = tuple(f"{n}.png" for n in range(VIEWS))
+    return Observations(SIZE, names, np.concatenate(view), np.concatenate(point), exact, None, BOARD)
+
+
+def rms_of_opencv(seen: Observations) -> float:
+    """What `cv2.calibrateCamera` reaches with its five coefficients."""
+    views = [np.flatnonzero(seen.view == view) for view in range(seen.view_count)]
+    position = [seen.points.position_mm[seen.point[rows]].astype(np.float32) for rows in views]
+    pixel = [seen.center_px[rows].astype(np.float32) for rows in views]
+    return float(cv2.calibrateCamera(position, pixel, seen.image_size, None, None)[0])
+
+
+def rms_of(solved: Calibration) -> float:
+    """Root mean square distance of the observations that count."""
+    return float(np.sqrt((solved.residual_px[~solved.is_outlier] ** 2).sum(axis=1).mean()))
+
+
+def promised(solved: Calibration) -> float:
+    """What an undamped step would still take off the squared sum, as a part of it."""
+    problem = replace(pack(solved.observations, weighted=solved.weighted), is_used=~solved.is_outlier)
+    poses = np.array(solved.cam_from_target)
+    poses[:, :3, 3] += poses[:, :3, :3] @ problem.origin_mm
+    blocks = view_blocks(problem, solved.camera, poses, RobustLoss())
+    tie = tie_parameters(solved.camera.model, SolveOptions())
+    return damped_step(blocks.products, tie.row, 0.0).predicted / float(blocks.cost.sum())
+
+
+@pytest.mark.parametrize(("half_angle_deg", "seed"), [(55, 0), (65, 1), (72, 2), (78, 3), (85, 4), (100, 5)])
+def test_a_minimum_no_worse_than_that_of_opencv(half_angle_deg: float, seed: int) -> None:
+    """Of the points that count the squared sum is least: no step promises less, and cv2 finds none with less.
+
+    The points that do not count are said, with what to do, and most of them the camera indeed cannot show.
+    """
+    seen = seen_through_a_wide_lens(half_angle_deg, seed)
+    solved = solve(seen, "opencv")
+    assert solved.status == "converged"
+    assert promised(solved) < 1e-9
+    used = solved.observations
+    assert rms_of(solved) <= rms_of_opencv(rows_of(used, ~solved.is_outlier)) * (1 + 1e-6)
+    position = transform(solved.cam_from_target[used.view], used.points.position_mm[used.point])
+    is_shown = np.isfinite(project(solved.camera, position)).all(axis=1)
+    assert is_shown[~solved.is_outlier].all()
+    count = int(solved.is_outlier.sum())
+    assert count < 0.15 * len(used.view)
+    said = [remark for remark in solved.remarks if "lie beyond what the opencv model can show" in remark]
+    assert len(said) == (count > 0)
+    if count:
+        assert said[0].startswith(f"{count} of {len(used.view)} observations in ")
+        assert said[0].endswith(MODELS["opencv"].remedy)
+        assert is_shown[solved.is_outlier].mean() < 0.5
+
+
+def test_a_polynomial_that_goes_backward_reaches_farther() -> None:
+    """What is advised instead shows all points, with less error."""
+    seen = seen_through_a_wide_lens(78, 3)
+    forward, backward = solve(seen, "opencv"), solve(seen, "luhmann")
+    assert forward.is_outlier.any()
+    assert not backward.is_outlier.any()
+    assert promised(backward) < 1e-9
+    assert rms_of(backward) < rms_of(forward)
+
+
+def test_outliers_are_rejected_beside_what_is_beyond() -> None:
+    """With --reject both are left out, each is counted and said on its own, and the minimum is one again."""
+    seen = seen_through_a_wide_lens(85, 4)
+    wrong = np.array(seen.center_px)
+    wrong[::100] += 30.0
+    solved = solve(replace(seen, center_px=wrong), "opencv", SolveOptions(reject_sigma=6.0))
+    assert solved.status == "converged"
+    assert promised(solved) < 1e-9
+    assert solved.is_outlier[::100].all()
+    said = [int(remark.split()[0]) for remark in solved.remarks if "left out" in remark]
+    assert len(said) == 2
+    assert sum(said) == solved.is_outlier.sum()
+
+
+def test_a_view_with_nothing_else_is_left_out_by_name() -> None:
+    """Where all that a view shows lies beyond the lens model, the others are solved without it."""
+    seen = seen_through_a_wide_lens(100, 5)
+    beyond = solve(seen, "opencv").is_outlier
+    inner = (seen.view == np.argmax(np.bincount(seen.view[beyond]))) & ~beyond
+    solved = solve(rows_of(seen, ~inner), "opencv")
+    assert solved.status == "converged"
+    assert solved.observations.view_count == VIEWS - 1
+    assert any(".png: left out: " in remark for remark in solved.remarks)

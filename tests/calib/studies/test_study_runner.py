@@ -1,0 +1,237 @@
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.studies.bootstrap import run_chunk
+from calib.studies.draw import draw_counts
+from calib.studies.pool import Pool
+from calib.studies.runner import StudyStoppedError, run_cases
+from calib.studies.store import open_study, read_study
+from calib.studies.stored_samples import row_of
+from calib.studies.workers import RunChunk
+from designer.errors import InputError
+from tests.support.study_chunks import (
+    FIRST,
+    SAMPLES,
+    SEED,
+    cases_of,
+    deadly,
+    deadly_once,
+    faulty,
+    identity,
+    quick,
+    revealing,
+    small_pool,
+)
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture(scope="module")
+def pool() -> Pool:
+    return small_pool()
+
+
+def content(path: Path) -> list[tuple[object, ...]]:
+    """All rows of all samples."""
+    connection = sqlite3.connect(path)
+    rows = connection.execute('SELECT * FROM sample ORDER BY "case", number').fetchall()
+    connection.close()
+    return rows
+
+
+def expected(pool: Pool, samples: int, run: RunChunk = quick) -> list[tuple[object, ...]]:
+    """The rows of a study that nothing disturbed, computed in this process."""
+    return sorted(
+        (case.name, *row_of(result, 4))
+        for case in cases_of(pool)
+        for result in run(pool, case.name, case.size, SEED, range(samples))
+    )
+
+
+def run_in(path: Path, pool: Pool, run: RunChunk, *, samples: int = SAMPLES, jobs: int = 2, chunk: int | None = 3,
+           on_progress: Callable[[int], None] = lambda done: None) -> list[tuple[object, ...]]:  # fmt: skip
+    """Run or go on with a study; its content then."""
+    with open_study(path, identity(), resume=True) as study:
+        run_cases(cases_of(pool), study, samples=samples, seed=SEED, jobs=jobs, run_chunk=run, chunk=chunk,
+                  on_progress=on_progress)  # fmt: skip
+    return content(path)
+
+
+def test_real_samples_do_not_depend_on_jobs_and_chunks(pool: Pool, tmp_path: Path) -> None:
+    """Bootstrap samples are the same to the last bit for any number of processes and any size of chunk."""
+    plain = expected(pool, 30, run_chunk)
+    assert run_in(tmp_path / "a", pool, run_chunk, samples=30, jobs=1, chunk=7) == plain
+    assert run_in(tmp_path / "b", pool, run_chunk, samples=30, jobs=2, chunk=1) == plain
+    assert run_in(tmp_path / "c", pool, run_chunk, samples=30, jobs=2, chunk=None) == plain
+
+
+def test_more_samples_are_added(pool: Pool, tmp_path: Path) -> None:
+    """A study that is given more samples computes those that it lacks, and says how far it is from the start."""
+    told: list[int] = []
+    run_in(tmp_path / "s", pool, quick, samples=10)
+    with open_study(tmp_path / "s", identity(), resume=True) as study:
+        study.connection.execute("DELETE FROM sample WHERE number IN (3, 4, 8)")
+    assert run_in(tmp_path / "s", pool, quick, samples=25, on_progress=told.append) == expected(pool, 25)
+    assert told[0] == 14
+    assert told[-1] == 50
+    assert told == sorted(told)
+
+
+def test_a_finished_study_is_not_computed_again(pool: Pool, tmp_path: Path) -> None:
+    """With all samples there, no worker is asked."""
+    run_in(tmp_path / "s", pool, quick, samples=5)
+    assert run_in(tmp_path / "s", pool, partial(deadly, frozenset(range(5))), samples=5) == expected(pool, 5)
+
+
+def test_all_come_to_the_end_together(pool: Pool, tmp_path: Path) -> None:
+    """Chunks are as long as a moment lasts, but no process is left with the last long one while others wait."""
+    told: list[int] = []
+    run_in(tmp_path / "s", pool, quick, samples=200, chunk=None, on_progress=told.append)
+    length = np.diff(told)
+    assert length.sum() == 400
+    assert length.max() > 50
+    assert length[-1] < 10
+
+
+def test_one_pool_and_one_thread_for_each_process(pool: Pool, tmp_path: Path) -> None:
+    """However many chunks, each process reads the pool once; its linear algebra has one thread."""
+    rows = run_in(tmp_path / "s", pool, revealing, chunk=1)
+    pools: dict[str, set[str]] = defaultdict(set)
+    for row in rows:
+        process, copy, threads = str(row[-1]).split()
+        pools[process].add(copy)
+        assert threads == "1"
+    assert len(pools) == 2
+    assert str(os.getpid()) not in pools
+    assert [len(copies) for copies in pools.values()] == [1, 1]
+
+
+def test_deadly_samples_are_recorded_and_nobody_else(pool: Pool, tmp_path: Path) -> None:
+    """A sample that kills its process every time is kept as failed, with the reason; all others come out."""
+    deaths = frozenset((11, 12))
+    rows = run_in(tmp_path / "s", pool, partial(deadly, deaths), samples=20, jobs=1)  # two chunks are out
+    blamed = [(FIRST, number) for number in sorted(deaths)]
+    assert [row[:2] for row in rows if row[2] == "failed"] == blamed
+    assert [row for row in rows if row[:2] not in blamed] == [
+        row for row in expected(pool, 20) if row[:2] not in blamed
+    ]
+    with read_study(tmp_path / "s") as study:
+        samples = study.load(FIRST)
+        assert "SIGKILL" in samples.message[11]
+        assert np.isnan(samples.metrics[11]).all()
+        assert np.isnan(samples.params[11]).all()
+        assert samples.distinct_views[11] == np.count_nonzero(draw_counts(SEED, FIRST, 11, 8, 10))
+
+
+def test_a_process_that_dies_by_chance_costs_nothing(pool: Pool, tmp_path: Path) -> None:
+    """The chunks of a process that dies once are computed by another."""
+    rows = run_in(tmp_path / "s", pool, partial(deadly_once, tmp_path / "mark"))
+    assert (tmp_path / "mark").exists()
+    assert rows == expected(pool, SAMPLES)
+
+
+def test_a_sample_with_an_error_is_recorded(pool: Pool, tmp_path: Path) -> None:
+    """An error in a sample is kept as that sample's message, in one line."""
+    rows = run_in(tmp_path / "s", pool, partial(faulty, frozenset((4,))), samples=20)
+    assert [row[-1] for row in rows if row[1] == 4] == ["ArithmeticError: no such number"] * 2
+    assert [row for row in rows if row[1] != 4] == [row for row in expected(pool, 20) if row[1] != 4]
+
+
+def test_a_machine_that_fails_every_sample_spoils_nothing(pool: Pool, tmp_path: Path) -> None:
+    """If no sample comes out at all, the run ends with the reason, and none is kept as failed."""
+    with pytest.raises(StudyStoppedError, match=r"every sample fails \(Arithm.* after 0 of 40 samples") as stopped:
+        run_in(tmp_path / "s", pool, partial(faulty, frozenset(range(20))), samples=20)
+    assert not stopped.value.by_user
+    assert content(tmp_path / "s") == []
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"), [({"samples": 0}, "0 samples"), ({"jobs": 0}, "0 jobs"), ({"jobs": -1}, "-1 jobs")]
+)
+def test_numbers_without_sense_are_refused(pool: Pool, tmp_path: Path, numbers: dict[str, int], message: str) -> None:
+    """No samples and no processes: one line."""
+    with pytest.raises(InputError, match=message):
+        run_in(tmp_path / "s", pool, quick, **numbers)
+
+
+def started(path: Path, *more: str) -> subprocess.Popen[str]:
+    """The study as a program, in a group of its own, its progress on standard output."""
+    command = [sys.executable, "-m", "tests.support.study_chunks", str(path), *more]
+    return subprocess.Popen(command, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            start_new_session=True, env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+
+
+def wait_for(program: subprocess.Popen[str], done: int) -> None:
+    """Read the progress up to some samples."""
+    assert program.stdout is not None
+    for line in program.stdout:
+        if int(line) >= done:
+            return
+    raise AssertionError(program.communicate())
+
+
+def is_alive(process: int) -> bool:
+    """Whether a process runs; one that has ended and was not asked how does not."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def group_is_alive(group: int) -> bool:
+    """Whether any process of a group is left."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_killed_again_and_again(pool: Pool, tmp_path: Path) -> None:
+    """SIGKILL at any moment, any number of times, and the study's content in the end is that of an undisturbed run.
+
+    The processes it started leave soon after it.
+    """
+    path = tmp_path / "s"
+    workers: set[int] = set()
+    for share in (0.1, 0.5):
+        program = started(path, "reveal")
+        wait_for(program, int(share * 2 * SAMPLES))
+        program.kill()
+        program.communicate()
+        with read_study(path) as study:
+            workers |= {int(text.split()[0]) for case in study.cases() for text in study.load(case.case.name).message}
+    assert 0 < len(content(path)) < 2 * SAMPLES
+    end = time.monotonic() + 5
+    while any(map(is_alive, workers)):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert [row[:-1] for row in run_in(path, pool, quick)] == [row[:-1] for row in expected(pool, SAMPLES)]
+
+
+def test_interrupted(pool: Pool, tmp_path: Path) -> None:
+    """Ctrl-C ends the program and its processes with one line that says how to go on, and what is done is kept."""
+    program = started(tmp_path / "s")
+    wait_for(program, 30)
+    os.killpg(program.pid, signal.SIGINT)
+    _, errors = program.communicate(timeout=10)
+    assert program.returncode == 130
+    kept = len(content(tmp_path / "s"))
+    assert errors == f"stopped after {kept} of 120 samples, which are kept; go on with --resume\n"
+    assert 30 <= kept < 120
+    end = time.monotonic() + 5
+    while group_is_alive(program.pid):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert run_in(tmp_path / "s", pool, quick) == expected(pool, SAMPLES)

@@ -1,0 +1,70 @@
+"""Binary STL, read back by trimesh and admesh."""
+
+import re
+import shutil
+import subprocess
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from designer.formats.stl import stl_bytes
+from designer.kind import KINDS
+from designer.make.mesh import Mesh
+from tests.support.designs import ink_of, small
+
+MESHES = [(name, part) for name in KINDS for part in ("body", "ink")]
+
+
+@pytest.fixture(params=MESHES, ids="-".join)
+def mesh(request: pytest.FixtureRequest) -> Mesh:
+    name, part = request.param
+    return small(name).part.body if part == "body" else ink_of(small(name))
+
+
+def read_back(mesh: Mesh) -> trimesh.Trimesh:
+    """The file as trimesh sees it: corners with equal single-precision numbers are one vertex."""
+    return trimesh.load(BytesIO(stl_bytes(mesh)), file_type="stl")
+
+
+def test_stl_is_closed_and_holds_the_volume(mesh: Mesh) -> None:
+    """Rounding to single precision keeps the surface watertight, its triangles and its volume."""
+    read = read_back(mesh)
+    assert read.is_watertight
+    assert read.is_winding_consistent
+    assert len(read.faces) == len(mesh.triangles)
+    assert read.volume == pytest.approx(mesh.volume_mm3, rel=1e-5)
+
+
+def test_stored_normals_point_outward(mesh: Mesh) -> None:
+    """The normals in the file have length 1 and, weighted with the corners, give the enclosed volume."""
+    facets = np.frombuffer(stl_bytes(mesh)[84:], dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("_", "<u2")])
+    normal, corners = facets["normal"].astype(float), facets["corners"].astype(float)
+    assert np.linalg.norm(normal, axis=1) == pytest.approx(1.0, abs=1e-6)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    outward = (normal * corners.mean(axis=1)).sum(axis=1)
+    assert (area * outward).sum() / 3 == pytest.approx(mesh.volume_mm3, rel=1e-5)
+
+
+def test_header_is_not_that_of_a_text_file(mesh: Mesh) -> None:
+    """The header has 80 bytes, does not begin with "solid", and the count and length fit the triangles."""
+    content = stl_bytes(mesh)
+    assert not content.startswith(b"solid")
+    assert int.from_bytes(content[80:84], "little") == len(mesh.triangles)
+    assert len(content) == 84 + 50 * len(mesh.triangles)
+
+
+@pytest.mark.skipif(shutil.which("admesh") is None, reason="admesh is not installed (Debian package admesh)")
+def test_admesh_finds_nothing_to_repair(mesh: Mesh, tmp_path: Path) -> None:
+    """The exact check of admesh leaves edges and normals as they are, and its volume agrees."""
+    path = tmp_path / "mesh.stl"
+    path.write_bytes(stl_bytes(mesh))
+    report = subprocess.run(["admesh", str(path)], capture_output=True, check=True).stdout.decode("latin-1")
+    repairs = ("Edges fixed", "Facets removed", "Facets added", "Facets reversed", "Backwards edges", "Normals fixed")
+    found = {name: int(re.search(rf"{name}\s*:\s*(\d+)", report)[1]) for name in repairs}
+    assert found == dict.fromkeys(repairs, 0)
+    assert re.search(r"Total disconnected facets\s*:\s*0\s+0$", report, re.MULTILINE)
+    volume = float(re.search(r"Volume\s*:\s*(-?[\d.]+)", report)[1])
+    assert volume == pytest.approx(mesh.volume_mm3, rel=1e-4)

@@ -1,0 +1,69 @@
+"""Designing from Python: the same as the command line."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import designer
+from designer.kind import KINDS
+from tests.support.command_line import design
+
+COARSE = {"formats": ("stl",), "chord_error": "0.1mm"}
+SMALL = {"ico": {"edge_mm": 20}, "board": {"size_mm": (60, 40)}, "cube": {"edge_mm": 60}}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_function_makes_the_files_of_the_command(kind: str, tmp_path: Path) -> None:
+    """Byte for byte, with lengths as numbers and the unit in their names."""
+    target = getattr(designer, kind)(**SMALL[kind], **COARSE)
+    written = target.save(tmp_path / "python")
+    words = [f"--{key.removesuffix('_mm')}={'x'.join(map(str, v)) if isinstance(v, tuple) else v}mm"
+             for key, v in SMALL[kind].items()]  # fmt: skip
+    assert design(kind, *words, "--formats", "stl", "--chord-error", "0.1mm", "-o", tmp_path / "command").code == 0
+    files = {file.name for file in written.files}
+    assert files == {path.name for path in (tmp_path / "command").iterdir()}
+    for name in files:
+        assert (tmp_path / "python" / name).read_bytes() == (tmp_path / "command" / name).read_bytes(), name
+    assert target.geometry == designer.load_target(str(tmp_path / "python" / f"{target.name}.target.json"))
+
+
+def test_templates_and_files_load_with_wishes_in_their_place(tmp_path: Path) -> None:
+    """A name or a path; what is asked for replaces the file's value."""
+    plain, other = designer.load("matt-ico"), designer.load("matt-ico", ring_diameter_mm=6)
+    assert plain.geometry.geometry_id != other.geometry.geometry_id
+    files = {file.name: file.content for file in designer.load("matt-ico", **COARSE).files()}
+    spec = tmp_path / "mine.toml"
+    spec.write_bytes(files["matt-ico.toml"])
+    assert designer.load(spec).geometry == plain.geometry
+
+
+@pytest.mark.parametrize(
+    ("wishes", "rule"),
+    [
+        ({"edge_mm": -1}, "edge"),
+        ({"edge_mm": "2cm"}, "give a number of millimetres"),
+        ({"edge": "2 parsecs"}, "edge"),
+        ({"edge_mm": 20, "colour_of_the_sky": "blue"}, "colour_of_the_sky"),
+        ({"edge_mm": 1}, "edge"),
+    ],
+)
+def test_bad_wishes_are_one_line(wishes: dict[str, object], rule: str) -> None:
+    """The same exception that the command line prints; nothing is printed here."""
+    with pytest.raises(designer.InputError, match=rule) as error:
+        designer.ico(**wishes)
+    assert "\n" not in str(error.value)
+    with pytest.raises(designer.InputError, match="there are ico"):
+        designer.design("dodecahedron")
+    with pytest.raises(AttributeError):
+        designer.dodecahedron  # noqa: B018 - looked up
+
+
+def test_the_import_loads_next_to_nothing() -> None:
+    """Until a name is used; all are listed."""
+    code = "import sys, designer; print(*sys.modules); print(*dir(designer))"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.splitlines()
+    loaded, listed = (set(line.split()) for line in said)
+    assert not {"numpy", "pydantic", "typer", "designer.target", "designer.kind"} & loaded
+    assert {*designer.__all__, *KINDS} <= listed

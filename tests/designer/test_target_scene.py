@@ -1,0 +1,247 @@
+"""Targets and cameras as layers: what is drawn lies where the target has it, with the target's areas."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from designer.kinds.board import BoardSpec
+from designer.kinds.ico import IcoSpec
+from designer.layout import lay_out
+from designer.page.scene import Cameras, Labels, Layer, Rings, Scene, Segments, Surface
+from designer.page.scene_json import scene_json
+from designer.target import TargetGeometry, bounding_radius_mm
+from designer.target_scene import (
+    THICKNESS_MM,
+    camera_layer,
+    camera_size_mm,
+    polygon_area_mm2,
+    polygon_triangles,
+    target_layers,
+    target_scene,
+)
+from tests.support.perturbed_targets import made_by_others
+
+Array = NDArray[np.float64]
+BODY, INK = "#eeeeee", "#111111"
+ICO = lay_out(IcoSpec(60.0, 5, 7.0, 0.45, 10.0, 1.0, 0.5))
+BOARD_SPEC = BoardSpec((90.0, 60.0), 5.0, 7, 5, "square", 7.0, 0.45, 10.0, 0.0, 4.0, dots=True)
+BOARD = lay_out(BOARD_SPEC)
+BORDERED = lay_out(replace(BOARD_SPEC, border_mm=1.5))
+TARGETS = {"ico": ICO, "board": BOARD, "bordered board": BORDERED, "by others": made_by_others()}
+CORNERS = np.array([[-0.5, -0.4, 1.0], [0.5, -0.4, 1.0], [0.5, 0.4, 1.0], [-0.5, 0.4, 1.0]])
+
+every_target = pytest.mark.parametrize("name", TARGETS)
+
+
+def layers_of(target: TargetGeometry) -> tuple[Layer, ...]:
+    """The layers in two colours."""
+    return target_layers(target, body_colour=BODY, ink_colour=INK)
+
+
+def surfaces_of(target: TargetGeometry) -> dict[str, Surface]:
+    """The surfaces by their colour."""
+    return {shape.colour: shape for shape in layers_of(target)[0].shapes if isinstance(shape, Surface)}
+
+
+def rings_of(target: TargetGeometry) -> Rings:
+    """The rings of the first layer, which must be alone."""
+    (rings,) = (shape for shape in layers_of(target)[0].shapes if isinstance(shape, Rings))
+    return rings
+
+
+def area_vectors_mm2(surface: Surface) -> Array:
+    """Of each triangle: its normal, as long as its area.  # (T, 3)"""
+    a, b, c = (surface.vertices_mm[surface.triangles[:, k]] for k in range(3))
+    vectors: Array = np.cross(b - a, c - a) / 2
+    return vectors
+
+
+def area_mm2(surface: Surface) -> float:
+    return float(np.linalg.norm(area_vectors_mm2(surface), axis=1).sum())
+
+
+def polygon_areas_mm2(polygons: Array) -> float:
+    return sum(polygon_area_mm2(polygon) for polygon in polygons)
+
+
+@every_target
+def test_rings_lie_on_their_faces(name: str) -> None:
+    """A ring is drawn in its face's plane at the target's place, turned outwards, with the target's radii."""
+    target = TARGETS[name]
+    rings, frame = rings_of(target), target.target_from_face[target.ring_face]
+    height = np.einsum("ri,ri->r", rings.center_mm - frame[:, :3, 3], frame[:, :3, 2])
+    np.testing.assert_allclose(height, 0, atol=1e-9)
+    off = rings.center_mm - target.center_mm
+    np.testing.assert_allclose(np.linalg.norm(off, axis=1), np.abs(target.center_in_face_mm[:, 2]), atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(rings.normal, axis=1), 1, atol=1e-12)
+    np.testing.assert_array_equal(rings.normal, frame[:, :3, 2])
+    np.testing.assert_array_equal(rings.radius_outer_mm, target.radius_outer_mm)
+    np.testing.assert_array_equal(rings.radius_inner_mm, target.radius_inner_mm)
+
+
+@pytest.mark.parametrize("name", ["ico", "board", "bordered board"])
+def test_rings_lie_inside_windows(name: str) -> None:
+    """On our own targets, each ring lies whole within the polygon that its face's border leaves."""
+    target = TARGETS[name]
+    rings, frame = rings_of(target), target.target_from_face[target.ring_face]
+    in_face = np.einsum("rji,rj->ri", frame[:, :3, :3], rings.center_mm - frame[:, :3, 3])[:, :2]
+    window = target.window_mm[target.ring_face]
+    side = np.roll(window, -1, axis=1) - window
+    to_ring = in_face[:, None] - window
+    depth = (side[..., 0] * to_ring[..., 1] - side[..., 1] * to_ring[..., 0]) / np.linalg.norm(side, axis=2)
+    assert (depth.min(axis=1) >= rings.radius_outer_mm).all()
+
+
+@pytest.mark.parametrize("name", ["ico", "by others"])
+def test_areas_of_faces(name: str) -> None:
+    """Of several faces, windows are in the body's colour and borders in ink, with the polygons' exact areas."""
+    target, surfaces = TARGETS[name], surfaces_of(TARGETS[name])
+    outlines, windows = polygon_areas_mm2(target.outline_mm), polygon_areas_mm2(target.window_mm)
+    assert area_mm2(surfaces[BODY]) == pytest.approx(windows)
+    assert (area_mm2(surfaces[INK]) if INK in surfaces else 0) == pytest.approx(outlines - windows, abs=1e-9)
+
+
+def test_icosahedron_is_closed() -> None:
+    """Its surfaces look outwards and enclose the icosahedron's volume, 5 (3 + sqrt 5) / 12 a^3."""
+    volume = 0.0
+    for surface in surfaces_of(ICO).values():
+        first = surface.vertices_mm[surface.triangles[:, 0]]
+        heights = np.einsum("ti,ti->t", area_vectors_mm2(surface), first)
+        assert (heights > 0).all()
+        volume += heights.sum() / 3
+    assert volume == pytest.approx(5 * (3 + np.sqrt(5)) / 12 * 60.0**3, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["board", "bordered board"])
+def test_board_is_a_slab(name: str) -> None:
+    """A board is drawn as a closed slab of its thickness, printed side up, its border in ink."""
+    surfaces, (width, height), thickness = surfaces_of(TARGETS[name]), BOARD_SPEC.size_mm, BOARD_SPEC.thickness_mm
+    front, walls = width * height, 2 * (width + height) * thickness
+    assert sum(map(area_mm2, surfaces.values())) == pytest.approx(2 * front + walls)
+    np.testing.assert_allclose(sum(area_vectors_mm2(s).sum(axis=0) for s in surfaces.values()), 0, atol=1e-9)
+    volume = sum(
+        np.einsum("ti,ti->", area_vectors_mm2(s), s.vertices_mm[s.triangles[:, 0]]) / 3 for s in surfaces.values()
+    )
+    assert volume == pytest.approx(front * thickness)
+    assert {s.vertices_mm[:, 2].max() for s in surfaces.values()} == {0.0}
+    border = front - polygon_areas_mm2(TARGETS[name].window_mm)
+    assert (area_mm2(surfaces[INK]) if INK in surfaces else 0) == pytest.approx(border)
+
+
+def test_board_of_unknown_thickness() -> None:
+    """A board made by others has a thickness too."""
+    surface = surfaces_of(replace(BOARD, spec=None))[BODY]
+    assert surface.vertices_mm[:, 2].min() == -THICKNESS_MM
+
+
+def test_colours_of_rings() -> None:
+    """Rings and dots are in ink, or each in the colour given for it."""
+    assert rings_of(BOARD).colours == (INK,)
+    colours = tuple(f"#{n:06x}" for n in range(BOARD.ring_count))
+    shapes = target_layers(BOARD, body_colour=BODY, ink_colour=INK, ring_colours=colours)[0].shapes
+    assert [shape.colours for shape in shapes if isinstance(shape, Rings)] == [colours]
+
+
+def test_names_of_rings() -> None:
+    """A ring is named by face, kind and indices, as tables name it."""
+    names = rings_of(ICO).names
+    row = int(np.flatnonzero(ICO.is_dot & (ICO.ring_face == 3))[0])
+    i, j = ICO.ring_index[row]
+    assert names[row] == f"face 3, dot ({i}, {j})"
+    assert len(set(names)) == ICO.ring_count
+    assert rings_of(BOARD).names[0].startswith("ring (")
+
+
+def test_face_numbers() -> None:
+    """Each face's number stands on the face, turned outwards; a board needs none. They are hidden at first."""
+    layer = {layer.name: layer for layer in layers_of(ICO)}["face numbers"]
+    (labels,) = layer.shapes
+    assert isinstance(labels, Labels)
+    assert not layer.is_shown
+    assert labels.texts == tuple(str(face) for face in range(20))
+    np.testing.assert_allclose(labels.position_mm, ICO.target_from_face[:, :3, 3], atol=1e-9)
+    np.testing.assert_allclose(labels.normal, ICO.target_from_face[:, :3, 2], atol=1e-12)
+    assert "face numbers" not in {layer.name for layer in layers_of(BOARD)}
+
+
+@every_target
+def test_axes(name: str) -> None:
+    """Three axes from the target's origin, hidden at first; each letter is seen from every side."""
+    target = TARGETS[name]
+    layer = layers_of(target)[-1]
+    segments, labels = layer.shapes
+    assert isinstance(segments, Segments)
+    assert isinstance(labels, Labels)
+    assert not layer.is_shown
+    length = segments.ends_mm[0, 1, 0]
+    np.testing.assert_allclose(segments.ends_mm[:, 0], 0)
+    np.testing.assert_allclose(segments.ends_mm[:, 1], length * np.eye(3))
+    assert (length > bounding_radius_mm(target)) == (target.face_count > 1)
+    for letter, axis in zip("XYZ", np.eye(3), strict=True):
+        own = [n for n, text in enumerate(labels.texts) if text == letter]
+        assert (labels.position_mm[own] @ axis > length).all()
+        np.testing.assert_allclose(labels.normal[own].sum(axis=0), 0)
+
+
+@every_target
+def test_scene_can_be_written(name: str) -> None:
+    """Every target makes a scene that the page takes, seen from a side where rings are."""
+    scene = target_scene(TARGETS[name], body_colour=BODY, ink_colour=INK, legend=((INK, "ink"),))
+    assert isinstance(scene, Scene)
+    assert scene_json(scene) == scene_json(scene)
+    assert np.linalg.norm(np.cross(scene.up, scene.from_direction)) > 0.5
+    if TARGETS[name].face_count == 1:
+        assert TARGETS[name].target_from_face[0, :3, 2] @ scene.from_direction > 0.5
+
+
+def test_more_layers() -> None:
+    """Other layers go on top of the target's."""
+    more = Layer("more", ())
+    scene = target_scene(BOARD, body_colour=BODY, ink_colour=INK, more=(more,))
+    assert scene.layers[-1] is more
+
+
+def test_cameras_stand_where_photos_were_taken() -> None:
+    """The apex is the point that the pose takes to the camera's origin; its axes are the camera's."""
+    rng = np.random.default_rng(3)
+    turn, _ = np.linalg.qr(rng.normal(size=(4, 3, 3)))
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    poses[:, :3, :3] = turn * np.sign(np.linalg.det(turn))[:, None, None]
+    poses[:, :3, 3] = rng.normal(size=(4, 3)) + np.array([0.0, 0.0, 500.0])
+    layer = camera_layer(poses, CORNERS, ("a", "b", "c", "d"), ("#0072b2",), 20.0)
+    (cameras,) = layer.shapes
+    assert isinstance(cameras, Cameras)
+    np.testing.assert_allclose(poses @ cameras.target_from_cam, np.tile(np.eye(4), (4, 1, 1)), atol=1e-12)
+    assert (cameras.names, cameras.size_mm) == (("a", "b", "c", "d"), 20.0)
+    assert 10 < camera_size_mm(poses) < 100
+    assert camera_size_mm(poses[:0]) > 0
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(3, 14), st.integers(0, 2**32 - 1))
+def test_polygons_are_filled(corners: int, seed: int) -> None:
+    """The triangles of a star-shaped polygon, convex or not, all turn left and add up to its area."""
+    rng = np.random.default_rng(seed)
+    angle = 2 * np.pi * (np.arange(corners) + 0.8 * rng.random(corners)) / corners
+    polygon = np.stack([np.cos(angle), np.sin(angle)], axis=1) * rng.uniform(0.2, 1, corners)[:, None]
+    if corners == 3 and polygon_area_mm2(polygon) <= 0:
+        polygon = polygon[::-1]
+    triangles = polygon_triangles(polygon)
+    areas = [polygon_area_mm2(polygon[rows]) for rows in triangles]
+    assert len(triangles) == corners - 2
+    assert min(areas) > -1e-12
+    assert sum(areas) == pytest.approx(polygon_area_mm2(polygon))
+
+
+def test_imports_are_light() -> None:
+    """Reports of calibrations draw targets: neither meshes nor CAD may come along."""
+    code = "import sys, designer.target_scene, designer.page.scene_json; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    heavy = {"manifold3d", "build123d", "scipy", "cv2", "numba", "matplotlib", "pydantic", "designer.make.mesh"}
+    assert heavy.isdisjoint(run.stdout.split())

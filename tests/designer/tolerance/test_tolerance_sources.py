@@ -1,0 +1,337 @@
+"""Error sources: what they do to a target."""
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.linalg import polar
+from scipy.spatial.distance import pdist
+from scipy.spatial.transform import Rotation
+
+from designer.make.bed import bed_from_target
+from designer.options import AskedPrinting
+from designer.sizing import size_printing
+from designer.target import TargetGeometry, target_from_json, target_to_json
+from designer.tolerance.model import displaced, perturb
+from designer.tolerance.registry import SOURCES
+from designer.tolerance.shape import face_down, face_middle_mm
+from tests.support.perturbed_targets import (
+    BENDING,
+    FULL,
+    MOTIONS,
+    TARGETS,
+    Values,
+    board,
+    drawn,
+    ico,
+    made_by_others,
+    one,
+)
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(params=TARGETS)
+def target(request: pytest.FixtureRequest) -> TargetGeometry:
+    return TARGETS[request.param]()
+
+
+def numbers_of(target: TargetGeometry) -> dict[str, Array | None]:
+    """All fields that are numbers."""
+    return {field.name: getattr(target, field.name) for field in fields(target) if field.name not in ("source", "spec")}
+
+
+def in_target(target: TargetGeometry, in_face_mm: Array) -> Array:
+    """Points (F, K, 2) of the faces' planes in the target frame."""
+    frame = target.target_from_face
+    placed: Array = np.einsum("fij,fkj->fki", frame[:, :3, :2], in_face_mm) + frame[:, None, :3, 3]
+    return placed
+
+
+# --- nothing, and everything ------------------------------------------------------------------------------------------
+
+
+def test_zero_errors_change_no_number(target: TargetGeometry) -> None:
+    """Sources of size zero give the numbers of the nominal target, bit for bit; only its source is another."""
+    nothing = displaced(target, {name: 0 * numbers for name, numbers in drawn(target, 1).items()}, model=FULL)
+    assert nothing.source == "perturbed"
+    assert nothing.spec == target.spec
+    expected = numbers_of(target)
+    for name, values in numbers_of(nothing).items():
+        assert np.array_equal(values, expected[name]) if values is not None else expected[name] is None, name
+    assert displaced(target, {}, model=FULL) == nothing == perturb(target, FULL.scaled(0), np.random.default_rng(1))
+
+
+def test_a_perturbed_target_is_a_target_of_the_same_layout(target: TargetGeometry) -> None:
+    """Errors keep the layout's id, so detections fit; the geometry's id changes, and its file reads back."""
+    made = perturb(target, FULL, np.random.default_rng(3))
+    assert made.layout_id == target.layout_id
+    assert made.geometry_id != target.geometry_id
+    assert target_from_json(target_to_json(made)) == made
+
+
+def by_hand(target: TargetGeometry, values: Values, bed: Array) -> Array:
+    """Centres ring by ring, from the definitions of the sources that do not bend faces."""
+    axis_scale, (xy, xz, yz) = values["axis_scale"][0], values["skew"][0]
+    lean = np.array([[1, np.tan(xy), np.tan(xz)], [0, 1, np.tan(yz)], [0, 0, 1]])
+    size = (1 + values["scale"][0, 0]) * (1 + 1e-4 * values["thermal"][0, 0])
+    affine = bed.T @ (size * lean @ np.diag(1 + axis_scale)) @ bed
+    centers = np.empty_like(target.center_mm)
+    for row, face in enumerate(target.ring_face):
+        frame = target.target_from_face[face]
+        point = frame[:3, :3].T @ (target.center_mm[row] - frame[:3, 3])
+        point += [*values["ring_jitter"][row], 0]
+        middle = np.append(target.outline_mm[face].mean(axis=0), 0)
+        spin = Rotation.from_rotvec([0, 0, values["face_rotation"][face, 0]])
+        tilt = Rotation.from_rotvec([*values["face_tilt"][face], 0])
+        point = tilt.apply(spin.apply(point - middle)) + middle
+        point += [*values["face_shift"][face], values["face_offset"][face, 0]]
+        centers[row] = affine @ (frame[:3, :3] @ point + frame[:3, 3])
+    return centers
+
+
+def test_sources_compose_as_a_part_is_made(target: TargetGeometry) -> None:
+    """Rings move in their face, the face moves as a body, the axes distort all: as by hand, ring by ring."""
+    bed = np.eye(4)
+    bed[:3, :3] = Rotation.from_rotvec([0.4, 0.1, -1.2]).as_matrix()
+    bed[:3, 3] = [100.0, 20.0, 30.0]
+    flat = [name for name in SOURCES if name not in (*BENDING, "stair_steps")]
+    values = drawn(target, 11, *flat)
+    made = displaced(target, values, model=FULL, bed_from_target=bed)
+    assert np.allclose(made.center_mm, by_hand(target, values, bed[:3, :3]), rtol=0, atol=1e-9)
+    assert np.abs(made.center_mm - target.center_mm).max() > 0.3
+
+
+# --- the print's axes -------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=20, deadline=None)
+@given(share=st.floats(-0.3, 0.5))
+def test_scale_multiplies_every_distance(share: float) -> None:
+    """An isotropic scale multiplies distances of rings, radii, outlines and lattice alike, and turns nothing."""
+    target = made_by_others()
+    made = displaced(target, {"scale": np.array([[share]])}, model=FULL)
+    assert np.allclose(pdist(made.center_mm), (1 + share) * pdist(target.center_mm), rtol=1e-12)
+    for name in ("center_mm", "radius_outer_mm", "radius_inner_mm", "outline_mm", "window_mm", "lattice_mm"):
+        assert np.allclose(getattr(made, name), (1 + share) * getattr(target, name), rtol=1e-12, atol=1e-12), name
+    assert np.allclose(made.target_from_face[:, :3, :3], target.target_from_face[:, :3, :3], rtol=0, atol=1e-12)
+
+
+def test_warmth_is_a_scale(target: TargetGeometry) -> None:
+    """A difference of temperature scales by its product with the material's expansion."""
+    model = replace(FULL, expansion_per_kelvin=68e-6)
+    warm = displaced(target, {"thermal": np.array([[10.0]])}, model=model)
+    assert np.allclose(warm.center_mm, (1 + 680e-6) * target.center_mm, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "number"), [("skew", 0.01), ("axis_scale", 0.01)])
+def test_axes_are_those_of_the_bed(name: str, number: float) -> None:
+    """Lying otherwise on the bed, the same error of the axes acts along other directions of the target."""
+    target = ico()
+    values = {name: np.array([[number, 0.0, 0.0]])}
+    bed = np.eye(4)
+    for turn in Rotation.random(3, rng=np.random.default_rng(2)):
+        bed[:3, :3] = turn.as_matrix()
+        made = displaced(target, values, model=FULL, bed_from_target=bed)
+        on_bed, made_on_bed = target.center_mm @ bed[:3, :3].T, made.center_mm @ bed[:3, :3].T
+        cause = on_bed[:, 1] * np.tan(number) if name == "skew" else on_bed[:, 0] * number
+        assert np.allclose(made_on_bed - on_bed, np.outer(cause, [1, 0, 0]), atol=1e-12)
+
+
+def test_the_default_bed_is_the_designers() -> None:
+    """Without a bed the target lies as `designer.make.bed` lays it, but for turns by 90 degrees around the vertical."""
+    for target in (ico(), board()):
+        printing = size_printing(AskedPrinting(), target)
+        turn = bed_from_target(target, printing)[:3, :3] @ face_down(target).T
+        assert np.allclose(turn[2], [0, 0, 1], atol=1e-12)
+        assert np.allclose(np.abs(turn).sum(axis=1), 1, atol=1e-12)
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), vector=st.tuples(*[st.floats(-3, 3)] * 3))
+def test_errors_do_not_depend_on_the_target_frame(seed: int, vector: tuple[float, float, float]) -> None:
+    """With target and bed turned alike, the same numbers give the same part, turned."""
+    target = made_by_others()
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_rotvec(vector).as_matrix()
+    turned = replace(
+        target,
+        center_mm=target.center_mm @ turn[:3, :3].T,
+        target_from_face=turn @ target.target_from_face,
+    )
+    bed = np.eye(4)
+    bed[:3, :3] = Rotation.from_rotvec([0.3, 0.8, -0.5]).as_matrix()
+    values = drawn(target, seed)
+    made = displaced(target, values, model=FULL, bed_from_target=bed)
+    other = displaced(turned, values, model=FULL, bed_from_target=bed @ turn.T)
+    assert np.allclose(other.center_mm, made.center_mm @ turn[:3, :3].T, atol=1e-9)
+    assert np.allclose(other.target_from_face, turn @ made.target_from_face, atol=1e-9)
+    for name in ("outline_mm", "window_mm", "lattice_mm", "radius_outer_mm", "radius_inner_mm"):
+        assert np.allclose(getattr(other, name), getattr(made, name), atol=1e-9), name
+
+
+# --- faces ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_faces_move_as_rigid_bodies(name: str, target: TargetGeometry) -> None:
+    """A motion of faces keeps all distances within a face, and changes distances between faces."""
+    made = displaced(target, drawn(target, 4, name), model=FULL)
+    for face in range(target.face_count):
+        own = target.ring_face == face
+        assert np.allclose(pdist(made.center_mm[own]), pdist(target.center_mm[own]), rtol=0, atol=1e-9)
+    assert np.allclose(made.center_in_face_mm, target.center_in_face_mm, rtol=0, atol=1e-9)
+    for field in ("radius_outer_mm", "outline_mm", "window_mm", "lattice_mm"):
+        assert np.array_equal(getattr(made, field), getattr(target, field)), field
+    if target.face_count > 1:
+        assert np.abs(pdist(made.center_mm) - pdist(target.center_mm)).max() > 0.01
+
+
+def test_motions_of_a_face_are_as_large_as_told(target: TargetGeometry) -> None:
+    """Offset and shift move the face's middle by their millimetres; tilt and rotation turn it in place."""
+
+    def middle(some: TargetGeometry) -> Array:
+        return in_target(some, face_middle_mm(target)[:, None])[:, 0]
+
+    frame = target.target_from_face[:, :3, :3]
+    for name, numbers, along in (("face_offset", [0.2], [0, 0, 0.2]), ("face_shift", [0.1, -0.3], [0.1, -0.3, 0])):
+        step = middle(displaced(target, one(name, target, *numbers), model=FULL)) - middle(target)
+        assert np.allclose(np.einsum("fji,fj->fi", frame, step), along, atol=1e-9), name
+    for name, numbers, vector in (("face_rotation", [0.2], [0, 0, 0.2]), ("face_tilt", [0.1, -0.2], [0.1, -0.2, 0])):
+        made = displaced(target, one(name, target, *numbers), model=FULL)
+        turn = frame.transpose(0, 2, 1) @ made.target_from_face[:, :3, :3]
+        assert np.allclose(Rotation.from_matrix(turn).as_rotvec(), vector, atol=1e-9), name
+        assert np.allclose(middle(made), middle(target), atol=1e-9), name
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), size=st.floats(0.1, 10), which=st.sampled_from(sorted(TARGETS)))
+def test_frames_stay_rigid_and_lie_in_the_moved_planes(seed: int, size: float, which: str) -> None:
+    """Under skew and all else but bending, frames are rigid motions and rings keep to their plane."""
+    target = TARGETS[which]()
+    flat = [name for name in SOURCES if name not in BENDING]
+    values = {name: size * numbers for name, numbers in drawn(target, seed, *flat).items() if name != "ink_bleed"}
+    made = displaced(target, values, model=FULL)
+    rotation = made.target_from_face[:, :3, :3]
+    assert np.abs(rotation.transpose(0, 2, 1) @ rotation - np.eye(3)).max() < 1e-9
+    assert np.linalg.det(rotation).min() > 0
+    assert (made.target_from_face[:, 3] == [0, 0, 0, 1]).all()
+    if which != "others":  # its rings lie above their planes
+        assert np.abs(made.center_in_face_mm[:, 2]).max() < 2e-9  # the drawing is rounded to 1e-9 mm
+
+
+def test_outlines_and_lattices_are_sheared_with_the_print(target: TargetGeometry) -> None:
+    """Corners of outline and window go where the print's distortion takes them; so do the lattice's steps."""
+    bed = np.eye(4)
+    bed[:3, :3] = Rotation.from_rotvec([0.4, 0.1, -1.2]).as_matrix()
+    values = {"skew": np.array([[0.05, -0.08, 0.1]]), "axis_scale": np.array([[0.1, -0.05, 0.02]])}
+    made = displaced(target, values, model=FULL, bed_from_target=bed)
+    lean = np.array([[1, np.tan(0.05), np.tan(-0.08)], [0, 1, np.tan(0.1)], [0, 0, 1]]) @ np.diag([1.1, 0.95, 1.02])
+    affine = bed[:3, :3].T @ lean @ bed[:3, :3]
+    for name in ("outline_mm", "window_mm"):
+        expected = in_target(target, getattr(target, name)) @ affine.T
+        assert np.allclose(in_target(made, getattr(made, name)), expected, atol=1e-9), name
+    steps = np.einsum("fij,fkj->fki", target.target_from_face[:, :3, :2], target.lattice_mm) @ affine.T
+    assert np.allclose(np.einsum("fij,fkj->fki", made.target_from_face[:, :3, :2], made.lattice_mm), steps, atol=1e-9)
+    for face in range(target.face_count):
+        nearest, _ = polar(affine @ target.target_from_face[face, :3, :2])
+        assert np.allclose(made.target_from_face[face, :3, :2], nearest, atol=1e-9)
+        widened = abs(np.linalg.det(made.lattice_mm[face]) / np.linalg.det(target.lattice_mm[face]))
+        own = target.ring_face == face
+        assert np.allclose(made.radius_outer_mm[own] ** 2, widened * target.radius_outer_mm[own] ** 2)
+        assert np.allclose(made.radius_inner_mm[own] ** 2, widened * target.radius_inner_mm[own] ** 2)
+
+
+# --- bending, ink, layers ---------------------------------------------------------------------------------------------
+
+
+def surface(target: TargetGeometry, face: int, height: Array) -> Callable[[Array], float]:
+    """The quadratic through the heights of a face's rings, which must lie on one."""
+    own = target.ring_face == face
+
+    def terms(xy: Array) -> Array:
+        x, y = np.atleast_2d(xy).T
+        return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+
+    design = terms(target.center_in_face_mm[own, :2])
+    solution, *_ = np.linalg.lstsq(design, height[own], rcond=None)
+    assert np.allclose(design @ solution, height[own], atol=1e-7)
+    return lambda xy: float((terms(xy) @ solution)[0])
+
+
+@settings(max_examples=15, deadline=None)
+@given(bow=st.tuples(*[st.floats(-1, 1)] * 3), which=st.sampled_from(["ico", "board"]))
+def test_bow_has_no_mean_and_the_stated_sagitta(bow: tuple[float, float, float], which: str) -> None:
+    """Rings leave their plane by a quadratic without a mean; from middle to rim, dome, saddle and twist add up."""
+    target = TARGETS[which]()
+    made = displaced(target, one("face_bow", target, *bow), model=FULL)
+    frame = target.target_from_face[target.ring_face]
+    step = np.einsum("rji,rj->ri", frame[:, :3, :3], made.center_mm - target.center_mm)
+    assert np.abs(step[:, :2]).max() < 1e-9
+    assert np.array_equal(made.target_from_face, target.target_from_face)
+    middle = face_middle_mm(target)
+    for face in range(target.face_count):
+        assert abs(step[target.ring_face == face, 2].mean()) < 1e-9
+        height = surface(target, face, step[:, 2])
+        rim = np.linalg.norm(target.outline_mm[face] - middle[face], axis=1).max()
+        for angle in (0.0, 0.5, 2.0):
+            place = middle[face] + rim * np.array([np.cos(angle), np.sin(angle)])
+            expected = bow[0] + bow[1] * np.cos(2 * angle) + bow[2] * np.sin(2 * angle)
+            assert height(place) - height(middle[face]) == pytest.approx(expected, abs=1e-6)
+
+
+def test_warp_bends_boards_only() -> None:
+    """A board warps as a face bows; a body of faces stays as it is."""
+    bow = np.array([[0.3, 0.1, -0.2]])
+    assert np.array_equal(
+        displaced(board(), {"warp": bow}, model=FULL).center_mm,
+        displaced(board(), {"face_bow": bow}, model=FULL).center_mm,
+    )
+    assert np.array_equal(displaced(ico(), {"warp": bow}, model=FULL).center_mm, ico().center_mm)
+
+
+def test_ink_bleeds_without_moving_centres(target: TargetGeometry) -> None:
+    """Ink grows at each edge: rings outward and inward, dots outward; no centre, frame or outline moves."""
+    made = displaced(target, {"ink_bleed": np.array([[0.13]])}, model=FULL)
+    assert np.allclose(made.radius_outer_mm, target.radius_outer_mm + 0.13)
+    assert np.allclose(made.radius_inner_mm, np.where(target.is_dot, 0, target.radius_inner_mm - 0.13))
+    for name in ("center_mm", "target_from_face", "outline_mm", "window_mm", "lattice_mm"):
+        assert np.array_equal(getattr(made, name), getattr(target, name)), name
+
+
+def test_layers_lift_inclined_faces_along_themselves() -> None:
+    """Each inclined face's rings rise on the bed by the share of a layer, and stay in their plane; level faces stay."""
+    target = ico()
+    rising = face_down(target)[2]  # of the bed, in the target
+    made = displaced(target, one("stair_steps", target, 0.5), model=FULL)
+    step = made.center_mm - target.center_mm
+    steepness = np.abs(target.target_from_face[target.ring_face, :3, 2] @ rising)
+    is_level = steepness > 1 - 1e-9
+    assert is_level.sum() == 2 * 15
+    assert np.array_equal(step[is_level], np.zeros((30, 3)))
+    assert np.allclose(step[~is_level] @ rising, 0.5 * 0.2, atol=1e-12)
+    assert np.abs(made.center_in_face_mm[:, 2]).max() < 2e-9
+    flat = displaced(board(), one("stair_steps", board(), 0.5), model=FULL)
+    assert np.array_equal(flat.center_mm, board().center_mm)
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_small_errors_add_up(name: str, target: TargetGeometry) -> None:
+    """To first order centres are linear in a source's numbers: what is left falls with the square of the size."""
+    first, second = drawn(target, 8, name)[name], drawn(target, 9, name)[name]
+
+    def step(numbers: Array) -> Array:
+        return displaced(target, {name: numbers}, model=FULL).center_mm - target.center_mm
+
+    def left_over(size: float) -> float:
+        both = step(size * (first - 2 * second))
+        return float(np.abs(both - step(size * first) + 2 * step(size * second)).max())
+
+    assert left_over(0.1) <= left_over(1.0) / 50 + 1e-10
+    moves = name != "ink_bleed" and not (name == "warp" and target.face_count > 1)
+    is_level = name == "stair_steps" and target.face_count == 1
+    assert (np.abs(step(first)).max() > 1e-4) == (moves and not is_level)

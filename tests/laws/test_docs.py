@@ -1,0 +1,229 @@
+"""The examples of docs/extend.md are code, and keep the rules that the page states."""
+
+import math
+import re
+import shlex
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from typer.core import TyperGroup
+from typer.main import get_command
+
+import calib
+import designer.kind
+import designer.spec_file
+from calib.cameras.camera import Camera
+from calib.cli import app as calib_app
+from calib.detector.pipeline import detect
+from calib.interop.format import CameraFormat
+from designer.cli import app as design_app
+from designer.errors import InputError
+from designer.layout import lay_out
+from designer.produce import Design, make_files
+from designer.sizing import size_job
+from designer.spec_file import parse_spec
+from designer.target import target_from_json, target_to_json
+from designer.tolerance.shape import shape_of, target_of
+from tests.support.ring_views import view_of
+from tests.support.sightings import pinhole
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "extend.md"
+
+
+@cache
+def example(defines: str) -> ModuleType:
+    """The code block of the page that defines a name, as a module."""
+    blocks = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    (code,) = (block for block in blocks if re.search(rf"^(?:class |def )?{defines}\b", block, re.MULTILINE))
+    module = ModuleType(f"docs_{defines.lower()}")
+    sys.modules[module.__name__] = module  # dataclasses look their module up
+    exec(compile(code, str(PAGE), "exec"), module.__dict__)  # noqa: S102  # the page's own code is what is tested
+    return module
+
+
+def division_camera(lens: float) -> Camera:
+    return Camera("division", np.array([1400.0, 1390.0, 640.2, 481.7, lens]), (1280, 960))
+
+
+@pytest.mark.parametrize("lens", [-0.3, 0.0, 0.1])
+def test_camera_model_looks_where_it_sees(lens: float) -> None:
+    """rays(project(x)) is parallel to x."""
+    model = example("Division").Division()
+    camera = division_camera(lens)
+    x = np.random.default_rng(0).uniform([-0.5, -0.4, 1.0], [0.5, 0.4, 1.0], (200, 3)) * 700.0
+    ray = model.rays(camera, model.project(camera, x))
+    np.testing.assert_allclose(ray, x / x[:, 2:], atol=1e-12)
+
+
+def test_camera_model_has_the_derivatives_of_its_projection() -> None:
+    """`linearise` agrees with differences of `project`, by points and by parameters."""
+    model = example("Division").Division()
+    camera = division_camera(-0.2)
+    x = np.random.default_rng(1).uniform([-0.4, -0.3, 0.8], [0.4, 0.3, 1.2], (20, 3))
+    found = model.linearise(camera, np.ascontiguousarray(x.T))
+    for row in range(3):
+        step = 1e-6 * np.eye(3)[row]
+        slope = (model.project(camera, x + step) - model.project(camera, x - step)) / 2e-6
+        np.testing.assert_allclose(found.by_point[:, row].T, slope, rtol=1e-6, atol=1e-4)
+    for row, size in enumerate((1e-3, 1e-3, 1e-3, 1e-3, 1e-6)):
+        up, down = camera.params.copy(), camera.params.copy()
+        up[row] += size
+        down[row] -= size
+        high, low = (model.project(Camera("division", params, camera.image_size), x) for params in (up, down))
+        np.testing.assert_allclose(found.by_params[:, row].T, (high - low) / (2 * size), rtol=1e-6, atol=1e-6)
+
+
+SOLVE = """
+from types import MappingProxyType
+import numpy as np
+import calib
+import calib.cameras
+{code}
+calib.cameras.MODELS = MappingProxyType({{**calib.cameras.MODELS, "division": Division()}})
+from calib.core.se3 import exp_rotation
+from calib.solver.solve import solve
+from calib.cameras.camera import Camera
+from calib.core.types import KnownPoints, Observations
+truth = Camera("division", np.array([1400.0, 1390.0, 640.2, 481.7, -0.2]), (1280, 960))
+grid = np.stack(np.meshgrid(np.arange(10.0), np.arange(8.0)), axis=-1).reshape(-1, 2)
+points = np.concatenate([(grid - grid.mean(axis=0)) * 25.0, np.zeros((80, 1))], axis=1)
+rng = np.random.default_rng(3)
+seen, views = [], []
+for view in range(8):
+    turn = exp_rotation(np.array([*rng.uniform(-0.6, 0.6, 2), rng.uniform(-1, 1)]))
+    seen.append(calib.cameras.project(truth, points @ turn.T + [*rng.uniform(-40, 40, 2), 420.0]))
+    views.append(np.full(80, view))
+pixel = np.concatenate(seen) + rng.normal(0, 0.01, (640, 2))
+known = KnownPoints(points, np.zeros(80, dtype=np.int64), np.array([[0.0, 0.0, 1.0, 0.0]]))
+names = tuple(f"{{view}}.png" for view in range(8))
+data = Observations((1280, 960), names, np.concatenate(views), np.tile(np.arange(80), 8), pixel, None, known)
+found = solve(data, "division")
+sigma = np.sqrt(np.diagonal(found.param_covariance))
+assert found.status == "converged", found.remarks
+assert (abs(found.camera.params - truth.params) < 5 * sigma).all(), (found.camera.params, sigma)
+"""
+
+
+def test_camera_model_of_one_file_and_one_line_is_solved() -> None:
+    """The solver needs no more of a model than its line in the registry: it finds the true camera within 5 sigma."""
+    text = PAGE.read_text()
+    code = next(block for block in re.findall(r"^```python\n(.*?)^```", text, re.M | re.S) if "class Division" in block)
+    command = [sys.executable, "-c", SOLVE.format(code=code)]
+    result = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+
+
+def test_error_source_of_zero_changes_nothing_and_stretches_by_its_number() -> None:
+    """Numbers of zero leave every centre; a number s moves a ring by s times its x within its face."""
+    source = example("STRETCH").STRETCH
+    target = lay_out(size_job(parse_spec({"kind": "ico", "edge": "60mm"}, "test")).job.target)
+    shape = shape_of(target)
+    same = target_of(source.apply(shape, np.zeros((20, 1))))
+    np.testing.assert_allclose(same.center_mm, target.center_mm, atol=1e-9)
+    stretched = target_of(source.apply(shape, np.full((20, 1), 0.01)))
+    moved = np.linalg.norm(stretched.center_mm - target.center_mm, axis=1)
+    np.testing.assert_allclose(moved, 0.01 * abs(target.center_in_face_mm[:, 0]), atol=1e-9)
+
+
+def test_camera_format_reads_what_it_writes_and_refuses_what_is_none() -> None:
+    """A camera comes back bit for bit; a broken line is bad input that names the file."""
+    six: CameraFormat = example("SIX").SIX
+    camera = Camera("pinhole", np.array([1400.1, 1390.2, 640.3, 481.4]), (1280, 960))
+    text = six.write(camera)
+    assert six.recognises(text)
+    back = six.read(text, "camera.six", None).camera
+    assert back.image_size == camera.image_size
+    np.testing.assert_array_equal(back.params, camera.params)
+    with pytest.raises(InputError, match=r"camera\.six: needs SIX and six numbers"):
+        six.read("SIX 1 2 3 x", "camera.six", None)
+
+
+def test_kind_of_ones_own_is_designed_and_found_in_a_photo(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A file and a line are a kind: sizes, all files, and rings that the detector names as they are."""
+    module = example("OctaSpec")
+    monkeypatch.setitem(sys.modules, "designer.kinds.octa", module)
+    monkeypatch.setattr(designer.kind, "KINDS", (*designer.kind.KINDS, "octa"))
+    monkeypatch.setattr(designer.spec_file, "KINDS", designer.kind.KINDS)
+    values = {"kind": "octa", "edge": "100mm", "chord_error": "50um", "formats": ["pdf"], "stand": True}
+    design = Design(size_job(parse_spec(values, "test")).job)
+    files = {file.name for file in make_files(design, lambda _: None)}
+    assert {"octa-100mm.prusa.3mf", "octa-100mm.png", "octa-100mm.pdf", "octa-100mm.stand.stl"} <= files
+    target, frame = design.target, design.target.target_from_face
+    np.testing.assert_allclose((frame[:, :3, 2] * frame[:, :3, 3]).sum(axis=1), 100 / np.sqrt(6), atol=1e-6)
+    assert target_from_json(target_to_json(target)) == target
+    solid = math.sqrt(2) / 3 * 100**3
+    assert design.part.ink is not None
+    assert design.part.body.volume_mm3 + design.part.ink.volume_mm3 == pytest.approx(solid, rel=1e-9)
+    view = view_of(target, 5, camera=pinhole(1600, 1200, 1900.0))
+    found = detect(view.image, target, name="view.png")
+    assert len(set(target.ring_face[found.ring].tolist())) >= 2
+    np.testing.assert_allclose(found.center_px, view.center_px[found.ring], atol=0.5)
+
+
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_and_pictures_are_there(page: Path) -> None:
+    """Every file that a page leads to is there, and every place in it is a heading."""
+    links = re.findall(r"\]\((?!https?:)([^)#\s]*)(?:#([^)\s]*))?\)", page.read_text())
+    for path, anchor in links:
+        place = (page.parent / path).resolve() if path else page
+        assert place.exists(), path
+        if anchor:
+            headings = re.findall(r"^#+ (.*)$", place.read_text(), re.MULTILINE)
+            assert anchor in {re.sub(r"[^\w\- ]", "", one).strip().lower().replace(" ", "-") for one in headings}
+
+
+def test_every_page_and_picture_is_led_to() -> None:
+    """No file of docs/ lies there unread."""
+    text = "\n".join(page.read_text() for page in PAGES)
+    for path in (ROOT / "docs").iterdir():
+        assert re.search(rf"\(\S*{re.escape(path.name)}", text), path.name
+
+
+def command_lines() -> list[list[str]]:
+    """The lines of `design` and `calib` in the pages' shell blocks and code spans, as words."""
+    found = []
+    for page in PAGES:
+        text = page.read_text()
+        blocks = re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+        lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+        lines += [span.replace("\n", " ") for span in re.findall(r"`((?:design|calib) [^`]*)`", text)]
+        for line in lines:
+            words = shlex.split(line.split(" | ")[0], comments=True)
+            found += [words] if words and words[0] in ("design", "calib") and "..." not in words else []
+    return found
+
+
+def test_commands_and_options_in_the_pages_exist() -> None:
+    """What the pages say to type is understood: each command is there, with each option that is used."""
+    programs = {"design": get_command(design_app), "calib": get_command(calib_app)}
+    lines = command_lines()
+    assert len(lines) > 40
+    for words in lines:
+        command, rest = programs[words[0]], words[1:]
+        while isinstance(command, TyperGroup) and rest and not rest[0].startswith("-"):
+            assert rest[0] in command.commands, words
+            command, rest = command.commands[rest[0]], rest[1:]
+        known = {flag for one in command.params for flag in (*one.opts, *one.secondary_opts)} | {"--help"}
+        used = {word.split("=")[0] for word in rest if re.match(r"--?[a-z]", word)}
+        assert used <= known, (words, used - known)
+
+
+def test_the_reference_has_every_public_name(tmp_path: Path) -> None:
+    """What pdoc makes of the two packages: their public names, and no room behind them."""
+    import pdoc
+
+    pdoc.pdoc("calib", "designer", output_directory=tmp_path)
+    for package in (calib, designer):
+        text = (tmp_path / f"{package.__name__}.html").read_text()
+        missing = [name for name in package.__all__ if f'id="{name}"' not in text]
+        assert not missing
+    assert {path.name for path in tmp_path.glob("*.html")} == {"calib.html", "designer.html", "index.html"}

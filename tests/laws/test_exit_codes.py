@@ -1,0 +1,242 @@
+"""How commands end: 0 fine, 1 ran but the answer is negative, 2 bad input, 130 stopped; in JSON too."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import typer
+from typer.core import TyperGroup
+
+from calib.cli import app as calib_app
+from designer.cli import app as design_app
+from tests.support.command_line import LENIENT, Answer, calib, design, summary_of
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTED = (ROOT / "docs/json.md").read_text()
+SMALL = ("--columns", "6", "--rows", "5", "--pitch", "9mm")
+TAKEN = ("--target", "board.target.json", "--detections", "detections.csv")
+BOOTSTRAP = ("study", "bootstrap", *TAKEN, "--sizes", "6", "--samples", "4", "--jobs", "1", "-o", "out")
+TOLERANCE = ("tolerance", "board.target.json", "--views", "8", "--distance", "200mm", "--linear", "-o", "out")
+SOLVE = ("solve", "--target", "board.target.json", "--model", "pinhole", "-o", "out")
+RUN = ("run", "board.target.json", "photos", "--model", "opencv", "-o", "out")
+FOR_POSES = ("pose", "board.target.json", "camera.json")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command line and how it ends."""
+
+    words: tuple[str, ...]
+    code: int
+    before: tuple[str, ...] = ()  # a command line that makes what it takes
+
+
+DESIGN = (
+    Case(("ico", "--edge", "20mm", "--build", "stickers", "-o", "out"), 0),
+    Case(("cube", "--edge", "24mm", "--build", "stickers", "-o", "out"), 0),
+    Case(("ico", "--edge", "1mm"), 2),
+    Case(("board", *SMALL, "--build", "sheet", "-o", "out"), 0),
+    Case(("board", "--columns", "many"), 2),
+    Case(("make", "alu-board", "-o", "out"), 0),
+    Case(("make", "no-board"), 2),
+    Case(("templates",), 0),
+    Case(("templates", "more"), 2),
+    Case(("check", "3d-board", "--printer", "prusa-xl"), 0),
+    Case(("check", "3d-board", "--printer", "bambu-a1-mini"), 1),
+    Case(("check", "none.toml"), 2),
+    Case((*TOLERANCE, "--errors", "fdm-board"), 0),
+    Case((*TOLERANCE, "--errors", "fdm-board", "--require", "intersection=1mm"), 0),
+    Case((*TOLERANCE, "--errors", "fdm-board", "--require", "intersection=1um"), 1),
+    Case((*TOLERANCE, "--errors", "fdm"), 2),
+    Case(("no-command",), 2),
+)
+CALIB = (
+    Case(("target", "board.target.json"), 0),
+    Case(("target", "camera.json"), 2),
+    Case(
+        ("render", "board.target.json", "--views", "1", "--camera", "camera.json", "--distance", "150mm", "-o", "o"), 0
+    ),
+    Case(("render", "board.target.json", "--views", "none", "-o", "o"), 2),
+    Case(("detect", "board.target.json", "photos", "-o", "out.csv", "--overlay", "seen"), 0),
+    Case(("detect", "board.target.json", "blank", "-o", "out.csv"), 1),
+    Case(("detect", "board.target.json", "none.png", "-o", "out.csv"), 2),
+    Case((*RUN, *LENIENT), 0),
+    Case((*RUN, "--criteria", "metrology", "--no-page"), 1),  # of a camera that is not to be used
+    Case(("run", "board.target.json", "blank", "-o", "out"), 1),
+    Case(("run", "board.target.json", "photos", "--model", "fisheye", "-o", "out"), 2),
+    Case((*RUN, "--criteria", "none"), 2),
+    Case((*SOLVE, "detections.csv", *LENIENT), 0),
+    Case((*SOLVE, "detections.csv", "--criteria", "metrology", "--no-page"), 1),  # of a camera that is not to be used
+    Case((*SOLVE, "frontal.csv", *LENIENT), 1),  # of one that is not determined, whatever the limits
+    Case((*SOLVE, "detections.csv", "--criteria", "none.toml"), 2),
+    Case((*SOLVE, "camera.json"), 2),
+    Case(("evaluate", "solved", "--truth", "truth.json"), 0),
+    Case(("evaluate", "lost", "--no-figures"), 1),
+    Case(("evaluate", "photos"), 2),
+    Case(("convert", "camera.json", "--to", "opencv", "-o", "new.yml"), 0),
+    Case(("convert", "camera.json", "--to", "matlab", "-o", "new.yml"), 2),
+    Case(("undistort", "camera.json", "photos/view_0000.png", "-o", "out"), 0),
+    Case(("undistort", "camera.json", "none.png", "-o", "out"), 2),
+    Case((*FOR_POSES, "photos", "-o", "poses.json", "--overlay", "seen"), 0),
+    Case((*FOR_POSES, "blank"), 1),
+    Case((*FOR_POSES, "none.png"), 2),
+    Case(("diff", "camera.json", "other.json", "--picture", "map.png"), 0),
+    Case(("diff", "camera.json", "no-camera.json"), 2),
+    Case(("measure", "board.target.json", "--measured-length", "ring 0 to ring 6:72.1mm", "-o", "m.target.json"), 0),
+    Case(("measure", "board.target.json", "squarely.csv", "--rings", "rigid", "--flat", "-o", "m.target.json"), 1),
+    Case(("measure", "board.target.json", "-o", "m.target.json"), 2),
+    Case(("report", "solved"), 0),
+    Case(("report", "solved", "--criteria", "metrology"), 1),
+    Case(("report", "photos"), 2),
+    Case(BOOTSTRAP, 0),
+    Case((*BOOTSTRAP, "--sizes", "none"), 2),
+    Case(("study", "plot", "out", "-o", "again"), 0, before=BOOTSTRAP),
+    Case(("study", "plot", "photos"), 2),
+    Case(("study", "paper", "-o", "camera.json"), 2),
+    Case(("study", "compare", "--prints", "0", "-o", "out"), 2),
+    Case(("study", "no-command"), 2),
+)
+CASES = [pytest.param(design, case, id=f"design {' '.join(case.words[:2])} {case.code}") for case in DESIGN]
+CASES += [pytest.param(calib, case, id=f"calib {' '.join(case.words[:2])} {case.code}") for case in CALIB]
+
+
+@pytest.fixture(autouse=True)
+def folder(scene_copy: Path) -> Path:
+    """Where the commands work."""
+    return scene_copy
+
+
+@pytest.mark.parametrize(("program", "case"), CASES)
+def test_a_command_ends_as_promised_and_says_so_in_json(program: Callable[..., Answer], case: Case) -> None:
+    """The code is that of the table, standard output one document, and its list of files is true."""
+    if case.before:
+        assert program(*case.before).code == 0
+    answer = program(*case.words, "--json")
+    assert answer.code == case.code, answer
+    summary = summary_of(answer)
+    if case.code == 2:
+        assert answer.err == f"error: {summary['error']}\n"
+        assert (summary["answer"], summary["wrote"]) == ({}, [])
+    else:
+        assert answer.err.strip()  # what a person reads
+        assert summary["answer"]
+        undocumented = [key for key in summary["answer"] if f"`{key}`" not in DOCUMENTED]
+        assert not undocumented
+
+
+@pytest.mark.parametrize(("program", "case"), [one for one in CASES if one.values[1].code == 2])
+def test_bad_input_is_one_line_on_standard_error(program: Callable[..., Answer], case: Case) -> None:
+    """And nothing else: no traceback, nothing on standard output, no file."""
+    before = sorted(Path().rglob("*"))
+    answer = program(*case.words)
+    assert (answer.code, answer.out) == (2, "")
+    assert answer.err.startswith("error: ")
+    assert answer.err.count("\n") == 1
+    assert sorted(Path().rglob("*")) == before
+
+
+def _commands(app: typer.Typer) -> Iterator[str]:
+    """The names of all commands of a program."""
+
+    def walk(group: TyperGroup, names: str) -> Iterator[str]:
+        for name, one in group.commands.items():
+            if isinstance(one, TyperGroup):
+                yield from walk(one, f"{names}{name} ")
+            else:
+                yield f"{names}{name}"
+
+    root = typer.main.get_command(app)
+    assert isinstance(root, TyperGroup)
+    return walk(root, "")
+
+
+@pytest.mark.parametrize(("program", "app", "cases"), [(design, design_app, DESIGN), (calib, calib_app, CALIB)])
+def test_the_table_is_of_all_commands_and_each_has_the_option(
+    program: Callable[..., Answer], app: typer.Typer, cases: tuple[Case, ...]
+) -> None:
+    """A command that is added must be in the table, and its help must tell of --json."""
+    lines = [" ".join(case.words) for case in cases]
+    for name in _commands(app):
+        assert any(line.startswith(name) for line in lines), name
+        assert "--json" in program(*name.split(), "--help").out, name
+
+
+@pytest.mark.parametrize(
+    ("words", "patched"),
+    [
+        (("run", "board.target.json", "photos", "-o", "out"), "calib.api.run_writer.write_search"),
+        ((*SOLVE, "detections.csv"), "calib.pipeline.solutions.calibrate"),
+        (("study", "paper", "--quick", "-o", "out"), "calib.studies.paper_study.missing_targets"),
+        (("study", "compare", "--quick", "-o", "out"), "calib.studies.compare.cases.comparison"),
+        (BOOTSTRAP, "calib.studies.pool.make_pool"),
+        (("convert", "camera.json", "--to", "ros", "-o", "c.yaml"), "calib.api.converting.fit_to_format"),
+    ],
+)
+def test_a_stopped_command_ends_with_130(words: tuple[str, ...], patched: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C is no error: one line says what stays, in the document too."""
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(patched, interrupted)
+    answer = calib(*words, "--json")
+    assert answer.code == 130
+    summary = summary_of(answer)
+    assert answer.err.splitlines()[-1] == summary["error"]
+    assert summary["error"].startswith("stopped; ")
+
+
+def test_a_model_that_was_finished_before_ctrl_c_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The document of a stopped run holds the answer so far, and the files."""
+    from calib.pipeline import solutions
+
+    original = solutions.calibrate
+
+    def stop_at_second(seen: object, model: str, *rest: object) -> object:
+        if model == "opencv":
+            raise KeyboardInterrupt
+        return original(seen, model, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(solutions, "calibrate", stop_at_second)
+    summary = summary_of(calib("run", "board.target.json", "photos", "-o", "out", "--json"))
+    assert summary["exit_code"] == 130
+    assert [one["model"] for one in summary["answer"]["models"]] == ["luhmann"]
+    assert "out/luhmann/camera.json" in summary["wrote"]
+
+
+@pytest.mark.parametrize("option", [[], ["--json"]])
+def test_a_reader_may_leave(option: list[str], tmp_path: Path) -> None:
+    """`calib ... | head -1`: no word of a broken pipe, the work goes on to its end, and its code is the program's."""
+    script = (
+        "import sys, typer; from pathlib import Path\n"
+        "from designer.command import command, run; from designer.answer import Summary\n"
+        "app = typer.Typer(name='toy')\n"
+        "@command(app)\n"
+        "def toy(word: str) -> Summary:\n"
+        "    sys.stdin.readline()\n"
+        "    for _ in range(20000): print('a line that nobody reads')\n"
+        "    Path('done').touch()\n"
+        "    return Summary({'long': 'x' * 200000}, exit_code=1)\n"
+        "run(app)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, "word", *option], cwd=tmp_path, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert process.stdout is not None
+    process.stdout.close()
+    process.stdout = None
+    _, said = process.communicate(b"go\n", timeout=60)
+    assert process.returncode == 1
+    assert set(said.decode().splitlines()) <= {"a line that nobody reads"}
+    assert (tmp_path / "done").exists()
+
+
+@pytest.mark.parametrize("words", [("run", "board.target.json", "photos"), ("render", "board.target.json"), BOOTSTRAP])
+def test_a_number_beyond_its_limits_is_told_alike_everywhere(words: tuple[str, ...]) -> None:
+    """Value and rule, in the same words whichever part of a command line finds it."""
+    assert calib(*words, "-o", "out", "--jobs", "0").err == "error: --jobs 0: must be from 1 to 1024\n"

@@ -1,0 +1,167 @@
+"""The laws of the kinds of targets: every line of the registry keeps them."""
+
+import ast
+import io
+import json
+import re
+from dataclasses import fields
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+import trimesh
+
+from calib.detector.pipeline import detect
+from calib.renderer import render_view
+from designer.formats.stl import stl_bytes
+from designer.kind import KINDS, kind_named, spec_from_mapping, spec_to_mapping
+from designer.make.bed import bed_from_target
+from designer.make.printability import check_printability
+from designer.options import is_required, options_of
+from designer.sizing import size_job
+from designer.spec_file import parse_spec, spec_to_toml
+from designer.target import target_from_json, target_schema, target_to_json
+from tests.support.designs import COARSE, SMALL, asked_for, ink_of, packages_of, small
+from tests.support.ring_views import CAMERA, USUAL, misplaced, pose_of
+
+ROOT = Path(__file__).parents[2]
+each_kind = pytest.mark.parametrize("name", KINDS)
+
+
+def test_each_kind_is_one_file_and_one_line() -> None:
+    """The modules of `designer/kinds` are the registry's, each with the kind of its name; the tests have one small."""
+    files = {path.stem for path in (ROOT / "designer/kinds").glob("*.py")} - {"__init__"}
+    assert files == set(KINDS) == set(SMALL)
+    assert [kind_named(name).name for name in KINDS] == list(KINDS)
+
+
+def names_in(path: Path) -> set[str]:
+    """Modules and names that a file imports, and the texts in it."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            found |= {node.module or "", *(alias.name for alias in node.names)}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            found.add(node.value)
+    return found
+
+
+LABELS = {
+    "calib/studies/paper_table.py": {"board"},  # what the paper calls its targets
+    "calib/studies/paper_sets.py": {"board", "ico"},  # their specs, as target files have them
+    "calib/verdict/next_view_words.py": {"board"},  # what people call a thing that is flat
+}
+
+
+def test_no_kind_is_named_outside_its_file() -> None:
+    """Nothing but the registry names a kind, its spec or its module: what kinds can do, they declare themselves."""
+    own = {cls.__name__ for name in KINDS for cls in (kind_named(name).spec, kind_named(name).asked)}
+    own |= {*KINDS, *(f"designer.kinds.{name}" for name in KINDS)}
+    named = {}
+    for path in (path for package in ("designer", "calib") for path in (ROOT / package).rglob("*.py")):
+        place = path.relative_to(ROOT).as_posix()
+        if place.startswith("designer/kinds/") or place == "designer/kind.py":
+            continue
+        if found := (names_in(path) & own) - LABELS.get(place, set()):
+            named[place] = found
+    assert not named
+
+
+@each_kind
+def test_layout_is_read_back_bit_for_bit(name: str) -> None:
+    """Spec to geometry to file and back: the same numbers, ids and spec."""
+    target = small(name).target
+    again = target_from_json(target_to_json(target))
+    assert again == target
+    assert again.layout_id == target.layout_id
+    assert again.spec == target.spec
+    assert again.spec is not None
+    assert spec_from_mapping(json.loads(json.dumps(spec_to_mapping(again.spec)))) == again.spec
+
+
+@each_kind
+def test_published_schema_tells_the_spec(name: str) -> None:
+    """The schema takes the files of the kind, and knows every field of its spec and no other."""
+    schema = json.loads(target_schema())
+    document = json.loads(target_to_json(small(name).target))
+    jsonschema.validate(document, schema)
+    for field in fields(kind_named(name).spec):  # type: ignore[arg-type]
+        spec = {key: value for key, value in document["spec"].items() if key != field.name}
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate({**document, "spec": spec}, schema)
+
+
+@each_kind
+def test_resolved_spec_gives_the_same_job(name: str) -> None:
+    """What was chosen, typed again, chooses the same; and the extent alone, typed again, is a target of that size."""
+    job = small(name).job
+    text = spec_to_toml(job)
+    values = {key: json.loads(value) for key, value in (line.split(" = ", 1) for line in text.splitlines())}
+    assert size_job(parse_spec(values, "")).job == job
+    extent = {key: job.target.options()[key] for key in job.target.extent}
+    assert size_job(asked_for(name, extent)).job.target.size_words == job.target.size_words
+
+
+@each_kind
+def test_a_kind_says_what_it_is(name: str) -> None:
+    """Words, facts and options are there: the shape first, the lattice last, required options with an example."""
+    kind, spec = kind_named(name), small(name).job.target
+    assert spec.facts()[0][0] == "shape"
+    assert spec.facts()[-1][0] == "lattice"
+    assert spec.words.split()[0] == spec.facts()[0][1].split(",")[0]
+    assert re.match(r"an? ", kind.title)
+    options = options_of(kind.asked)
+    assert set(spec.options()) <= set(options)
+    assert all("such as" in options[key].help for key in options if is_required(kind.asked, key))
+
+
+@each_kind
+def test_body_and_ink_are_closed_and_fill_the_solid(name: str) -> None:
+    """Read back by trimesh: watertight, facing outwards, and together of the volume of the hull of their corners."""
+    design = small(name)
+    parts = [
+        trimesh.load_mesh(io.BytesIO(stl_bytes(mesh)), file_type="stl") for mesh in (design.part.body, ink_of(design))
+    ]
+    for part in parts:
+        part.merge_vertices()
+        assert part.is_watertight
+        assert part.is_winding_consistent
+        assert part.volume > 0
+    hull = trimesh.convex.convex_hull(np.concatenate([part.vertices for part in parts]))
+    assert sum(part.volume for part in parts) == pytest.approx(hull.volume, rel=1e-5)
+    files = packages_of(design)
+    assert files.prusa[:2] == files.bambu[:2] == b"PK"
+
+
+@each_kind
+def test_part_lies_on_the_bed(name: str) -> None:
+    """The last face looks down and lies on the bed, the part within it; the design rules have nothing against it."""
+    design = small(name)
+    printing = design.job.printing
+    motion = bed_from_target(design.target, printing)
+    part = np.concatenate([mesh.vertices_mm for mesh in (design.part.body, ink_of(design))])
+    placed = part @ motion[:3, :3].T + motion[:3, 3]
+    assert placed[:, 2].min() == pytest.approx(0.0, abs=1e-9)
+    assert motion[:3, :3] @ design.target.target_from_face[-1, :3, 2] == pytest.approx([0, 0, -1], abs=1e-9)
+    assert (placed.max(axis=0) < printing.printer.bed_mm).all()
+    assert (placed[:, :2].min(axis=0) > 0).all()
+    assert not check_printability(design.target, printing, bed_is_rule=True).violations
+
+
+@each_kind
+@pytest.mark.parametrize("seed", [1, 2])
+def test_photos_of_a_kind_are_detected(name: str, seed: int) -> None:
+    """Rendered small and found again: rings of every face that is plain to see, none under a wrong name."""
+    values = {**SMALL[name], "chord_error": COARSE}
+    target = size_job(asked_for(name, values)).job.target.lay_out()
+    reach = np.linalg.norm(target.center_mm, axis=1).max()
+    rng = np.random.default_rng(seed)
+    view = render_view(target, CAMERA, pose_of(target, rng, 5.0 * reach), USUAL, rng)
+    found = detect(view.image, target, name=name)
+    assert len(found.ring)
+    assert misplaced(found, view).max() < 0.5
+    plain = view.clean & (view.incidence_rad < 1.15) & (view.minor_radius_px > 4)
+    assert set(target.ring_face[plain]) <= set(target.ring_face[found.ring])

@@ -1,0 +1,65 @@
+"""What `import calib` offers: every name is there, loaded when it is used, and says how it is called."""
+
+import ast
+import inspect
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import calib
+import designer
+
+ROOT = Path(__file__).parents[2]
+PUBLIC = [(package, name) for package in (calib, designer) for name in getattr(package, "__all__", ())]
+EXAMPLE = re.compile(r": (`[^`]+`(, )?)+\.?$")
+
+
+@pytest.mark.parametrize(("package", "name"), PUBLIC, ids=[f"{p.__name__}.{name}" for p, name in PUBLIC])
+def test_each_public_name_opens_with_what_a_caller_types(package: object, name: str) -> None:
+    """A public name loads, and its docstring's first line ends with an example that is Python."""
+    found = getattr(package, name)
+    line = (inspect.getdoc(found) or "").splitlines()[0]
+    assert EXAMPLE.search(line), line
+    for code in re.findall("`([^`]+)`", line):
+        ast.parse(code if not code.startswith("except") else f"try: pass\n{code}")
+
+
+def test_type_checkers_see_what_is_loaded_when_used() -> None:
+    """The imports for type checkers, the public names and the places they are loaded from are the same."""
+    tree = ast.parse((ROOT / "calib/__init__.py").read_text())
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    typed = {
+        node.module: tuple(alias.name for alias in node.names)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+    }
+    assert typed == calib._HOMES
+    assert sorted(name for names in typed.values() for name in names) == sorted(calib.__all__)
+    assert set(calib.__all__) <= set(dir(calib))
+
+
+def test_no_module_has_the_name_of_a_public_function() -> None:
+    """Importing a module of a package puts it under its name there, where the function is expected."""
+    for package in (calib, designer):
+        inside = {path.stem for path in (ROOT / package.__name__).iterdir()}
+        assert not inside & set(getattr(package, "__all__", ()))
+
+
+def test_import_loads_nothing() -> None:
+    """`import calib, designer` loads none of the libraries that take time; an unknown name is an AttributeError."""
+    heavy = ["numpy", "cv2", "scipy", "numba", "pydantic", "typer", "rich", "matplotlib", "build123d"]
+    code = f"import sys, calib, designer; print([name for name in {heavy} if name in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert run.stdout.strip() == "[]"
+    with pytest.raises(AttributeError, match="no attribute 'detekt'"):
+        calib.detekt  # noqa: B018  # the access itself is what is tried
+
+
+def test_the_docs_name_every_public_function() -> None:
+    """A capability that nobody reads of is not there: `docs/python.md` names each function and class that is called."""
+    said = (ROOT / "docs/python.md").read_text()
+    offered = [name for name in calib.__all__ if not name[0].isupper()]
+    assert [name for name in offered if f"calib.{name}(" not in said] == []

@@ -1,0 +1,133 @@
+"""Folders of pictures as commands leave them: rendered, undistorted, with overlays of rings or of poses."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from calib.cameras.camera import Camera
+from calib.cameras.camera_file import camera_to_json
+from calib.core.types import TOO_FLAT, Detections, FaceRecord
+from calib.observe.photos import PhotoFile, PhotoResult
+from calib.pipeline.target_poses import TargetPose
+from calib.renderer.job import RenderJob, truth_text
+from calib.renderer.options import RenderOptions
+from calib.report.detected_photos import detected as detected_in
+from calib.report.detected_photos import told_detected
+from calib.report.kept_target import TARGET_FILE, keep_target
+from calib.report.origin import Origin
+from calib.report.photos_file import write_photos
+from calib.report.photos_page import photos_page
+from calib.report.posed_photos import Posed, told_posed
+from calib.report.rendered_photos import told_rendered
+from calib.report.undistorted_photos import UndistortedPhoto, UndistortedSet, told_undistorted
+from designer.page.blocks import Page
+from designer.target import TargetGeometry
+from tests.support.calibrations import board, icosahedron, poses_around
+from tests.support.pages import png
+
+CAMERA = Camera("opencv", np.array([900.0, 900.0, 319.5, 239.5, -0.2, 0.05, 0.0, 0.0, 0.0]), (640, 480))
+PINHOLE = Camera("pinhole", CAMERA.params[:4], CAMERA.image_size)
+BOARD, ICO = board(), icosahedron()
+PLAIN = RenderOptions()
+
+
+def poses(views: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Poses around a target."""
+    return poses_around(views, np.random.default_rng(3), distance_mm=500.0)
+
+
+def pictures(folder: Path, names: Sequence[str], content: bytes = b"") -> None:
+    """Small pictures, or the same one for all."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for row, name in enumerate(names):
+        (folder / name).write_bytes(content or png(64, 48, 20 + row % 200))
+
+
+def rendered(
+    folder: Path, target: TargetGeometry = BOARD, options: RenderOptions = PLAIN, views: int = 4, content: bytes = b""
+) -> RenderJob:
+    """What `calib render` leaves."""
+    job = RenderJob(target, CAMERA, poses(views), options, seed=5)
+    pictures(folder, job.file_names, content)
+    (folder / "truth.json").write_text(truth_text(job))
+    write_photos(folder, told_rendered(job, TARGET_FILE))
+    keep_target(folder, target, is_again=True)
+    return job
+
+
+def undistorted(
+    folder: Path, names: Sequence[str] = ("a", "b"), failures: Sequence[str] = (), earlier: int = 0
+) -> None:
+    """What `calib undistort` leaves."""
+    pictures(folder, [f"{name}.undistorted.png" for name in names])
+    (folder / "camera.json").write_text(camera_to_json(PINHOLE))
+    photos = tuple(UndistortedPhoto(f"{name}.png", f"{name}.undistorted.png") for name in names)
+    made = UndistortedSet("camera.json", CAMERA, PINHOLE, photos, tuple(failures), 0.875, earlier)
+    write_photos(folder, told_undistorted(made))
+
+
+def face(found: int, expected: int, number: int = 0, flat: int = 0) -> FaceRecord:
+    """A face of which some rings were found, some were not, and some are seen too flat."""
+    missing = (("odd shape", expected - found), (TOO_FLAT, flat))
+    return FaceRecord(number, ("dot",), 7, found, expected + flat, tuple((why, n) for why, n in missing if n))
+
+
+def result(name: str, faces: Sequence[FaceRecord] = (), overlay: str = "", failure: str = "") -> PhotoResult:
+    """What came of a photo."""
+    if failure:
+        return PhotoResult(PhotoFile(Path(name), name), None, failure)
+    count = sum(one.rings_found for one in faces)
+    seen = Detections(
+        name, (640, 480), BOARD.layout_id, BOARD.geometry_id, np.arange(count) % BOARD.ring_count,
+        BOARD.center_mm[np.arange(count) % BOARD.ring_count],
+        np.zeros((count, 2)), np.tile(np.eye(2), (count, 1, 1)), np.zeros((count, 5)), tuple(faces),
+    )  # fmt: skip
+    return PhotoResult(PhotoFile(Path(name), name), seen, overlay=Path(overlay) if overlay else None)
+
+
+def detected(
+    folder: Path,
+    results: Sequence[PhotoResult],
+    target: TargetGeometry = BOARD,
+    failures: Sequence[str] = (),
+    table: Path | None = None,
+) -> None:
+    """What `calib detect --overlay` leaves."""
+    folder.mkdir(parents=True, exist_ok=True)
+    sigmas_px = [0.02 if one.seen is not None and len(one.seen.ring) else float("nan") for one in results]
+    table = table or folder.parent / "detections.csv"
+    made = detected_in(folder, Path("my.target.json"), target, table, results, sigmas_px, failures)
+    write_photos(folder, told_detected(made))
+
+
+def overlaid(folder: Path) -> None:
+    """Overlays of two photos in which all was found."""
+    names = ["a.overlay.png", "b.overlay.png"]
+    pictures(folder, names)
+    detected(folder, [result(f"{name[0]}.png", [face(40, 40, flat=3)], name) for name in names])
+
+
+def posed(folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: Sequence[str] = ("none",)) -> None:
+    """What `calib pose --overlay` leaves: photos with so much left over, and others without a pose."""
+    names = [f"{row}.png" for row in range(len(rms_px) + len(reasons))]
+    overlays = {name: f"{Path(name).stem}.pose.overlay.png" for name in names[: len(rms_px)]}
+    pictures(folder, list(overlays.values()))
+    found = {
+        name: TargetPose(name, 30, pose, np.eye(6), rms, np.arange(3.0), np.full(3, 0.01), 500.0, 0.02, 1e-4)
+        for name, rms, pose in zip(names, rms_px, poses(max(len(rms_px), 1)), strict=False)
+    }
+    why = dict(zip(names[len(rms_px) :], reasons, strict=True))
+    target, out = Path("my.target.json"), Path("poses.json")
+    write_photos(folder, told_posed(Posed(target, ICO, "camera.json", CAMERA, out, names, found, why, overlays, ())))
+    keep_target(folder, ICO, is_again=True)
+
+
+def page_of(kind: str, folder: Path) -> Page:
+    """The page of a folder."""
+    return photos_page(folder, Origin(kind, f"calib {kind} -o somewhere", "ringsolid 1.2.3"))
+
+
+MAKERS: dict[str, Callable[[Path], object]] = {
+    "photos": rendered, "undistorted": undistorted, "detections": overlaid, "poses": posed
+}  # fmt: skip

@@ -1,0 +1,211 @@
+"""Folders of studies and measured prints for the tests of their pages: small, and made once."""
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from calib.as_built.lengths import CaliperLength, length_in
+from calib.as_built.options import AsBuiltOptions
+from calib.as_built.solve import measure
+from calib.as_built_report.files import places_of, report_files, report_of
+from calib.as_built_report.held_out import gain_on_held_out
+from calib.as_built_report.length_words import AskedLength
+from calib.as_built_report.picture import report_picture
+from calib.report.origin import Origin
+from calib.report.registry import KINDS
+from calib.studies.compare.cases import FIGURE, LENS_DRAWN, Comparison, Plan
+from calib.studies.compare.results import METRICS, CaseResult, Explanation, Results
+from calib.studies.compare.table import files_of_table
+from calib.studies.figures import convergence_files
+from calib.studies.identity import StudyIdentity
+from calib.studies.sample import SampleResult
+from calib.studies.statistics import Case, summarise
+from calib.studies.store import open_study
+from calib.studies.stored_samples import StoredCase
+from calib.studies.table_files import table_files
+from calib.studies.tolerance.draw import run_draws
+from calib.studies.tolerance.explore import budgets_of, reaches
+from calib.studies.tolerance.files import tolerance_file
+from calib.studies.tolerance.first_order import first_order
+from calib.studies.tolerance.linear import linear_table
+from calib.studies.tolerance.report import Against, Requirement, ToleranceReport, all_crossovers, sweeps_from
+from calib.studies.tolerance.result import table_of_draws
+from calib.studies.tolerance.sweep import FACTORS
+from calib.studies.tolerance.table_file import TOLERANCE_TABLE
+from designer.page.blocks import Block, Figure, Finding, Findings, Fold, Page, Table
+from designer.tolerance.error_file import error_model
+from tests.support.as_built_scenes import photos, printed, random_shape, solid
+from tests.support.study_cases import NAMES, Made, gamma, made, paper_cases
+from tests.support.tolerance_settings import board_setting, ico_setting
+
+Files = Mapping[str, bytes]
+
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 40 30"><path d="M 0 0 L 40 30" style="fill:none"/></svg>'
+TARGET, PRINT = "my board", "ico-measured"
+NAN = float("nan")
+POOL, SIZES, SAMPLES = 20, (5, 10), 60
+
+
+def written(files: Files, folder: Path) -> Path:
+    """The folder with these files."""
+    for name, content in files.items():
+        place = folder / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(content)
+    return folder
+
+
+def page_of(kind: str, folder: Path) -> Page:
+    """The page of a folder."""
+    return KINDS[kind](folder, Origin(kind, f"calib study {kind} -o somewhere", "ringsolid 1.2.3"))
+
+
+def blocks_of(page: Page) -> Iterator[Block]:
+    """All blocks, those in folds too."""
+    for block in (*page.lead, *(block for section in page.sections for block in section.blocks)):
+        yield block
+        if isinstance(block, Fold):
+            yield from block.blocks
+
+
+def table_of(page: Page, start: str) -> Table:
+    """The table whose title starts so."""
+    return next(one for one in blocks_of(page) if isinstance(one, Table) and one.title.startswith(start))
+
+
+def figures_of(page: Page) -> list[Figure]:
+    """All figures."""
+    return [one for one in blocks_of(page) if isinstance(one, Figure)]
+
+
+def findings_of(page: Page) -> list[Finding]:
+    """All findings."""
+    return [row for one in blocks_of(page) if isinstance(one, Findings) for row in one.rows]
+
+
+def _relative(files: Mapping[Path, bytes], folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): content for path, content in files.items()}
+
+
+def _samples(size: int) -> Made:
+    rng = np.random.default_rng(size)
+    metrics = np.column_stack(
+        [gamma(mu, mu / size, SAMPLES, rng) for mu in (0.05, 0.004, 0.002)] + [np.full(SAMPLES, np.nan)]
+    )
+    return made(metrics, rng.normal(1000.0, 1 / size, size=(SAMPLES, len(NAMES))))
+
+
+@cache
+def bootstrap_files() -> Files:
+    """A bootstrap of a person's board with two numbers of views, and its study file."""
+    cases = {Case(TARGET, size, POOL): _samples(size) for size in SIZES}
+    summaries = [summarise(case, samples) for case, samples in cases.items()]
+    place = Path("x")
+    files = _relative(table_files(summaries, place) | convergence_files(summaries, place / "figures"), place)
+    fakes = {f"figures/{stem}.svg": SVG for stem in ("histograms", "correlations")}
+    return files | fakes | {"study.sqlite": _study(cases)}
+
+
+def _study(cases: Mapping[Case, Made]) -> bytes:
+    """The file of a study of these samples."""
+    identity = StudyIdentity(7, (("model", "luhmann"), ("weighted", "no")), ())
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "study.sqlite"
+        with open_study(path, identity, resume=False) as study:
+            for case, samples in cases.items():
+                study.declare(StoredCase(case, "luhmann", len(NAMES), 1e-6 * np.eye(len(NAMES))))
+                study.add(case.name, [_result(k, samples) for k in range(len(samples.metrics))])
+        return path.read_bytes()
+
+
+def _result(number: int, samples: Made) -> SampleResult:
+    reprojection, intersection, reconstruction, pose = samples.metrics[number].tolist()
+    params = tuple(samples.params[number].tolist())
+    return SampleResult(number, "converged", 4, reprojection, intersection, reconstruction, pose, params, 3)
+
+
+@cache
+def paper_files() -> Files:
+    """The paper's study with its own means and deviations."""
+    summaries = [summarise(case, samples) for case, samples in paper_cases(80).items()]
+    ways = ("binary_all", "binary_75_deg", "area_all", "area_75_deg")
+    stems = [f"{name}_{way}" for name in ("histograms", "correlations") for way in ways] + ["sigma_all", "sigma_75_deg"]
+    return _relative(table_files(summaries, Path("x"), ("binary, all: a reason",)), Path("x")) | {
+        f"figures/{stem}.svg": SVG for stem in stems
+    }
+
+
+@cache
+def tolerance_report() -> ToleranceReport:
+    """An icosahedron by a few draws, with a limit that is missed and one that is kept, and against a board."""
+    setting = ico_setting()
+    errors = error_model("fdm-dual").only("face_tilt", "ring_jitter", "scale", "ink_bleed")
+    draws = {factor: run_draws(setting, errors.scaled(factor), 1, range(12)) for factor in FACTORS}
+    linear, table = linear_table(setting, errors), table_of_draws(errors, draws[1.0])
+    lines = ("ico: 20 faces, 300 rings; 24 views", "errors fdm-dual: two filaments", "warning: it is near")
+    found = ToleranceReport("ico", lines, 20, table, linear, "intersection", sweeps_from(table, linear, draws))
+    held = reaches(first_order(setting), errors, found.ranking, linear.baseline.value, 1, lambda done: None)
+    found = replace(found, reaches=held)
+    limits = (Requirement("intersection", 0.01), Requirement("reprojection", 50.0))
+    found = replace(found, budgets=budgets_of(found, limits))
+    other = linear_table(board_setting(), error_model("fdm-board"))
+    against = Against("board", other, ("board: 1 face",), "face_tilt", all_crossovers(table, other))
+    return replace(found, against=against)
+
+
+@cache
+def tolerance_files() -> Files:
+    """Its folder, without the draws."""
+    stems = ("ranking", "budget", "crossover", "sweep_intersection", "sweep_reprojection")
+    return {
+        "table.json": TOLERANCE_TABLE.text(tolerance_file(tolerance_report())),
+        **{f"figures/{stem}.svg": SVG for stem in stems},
+    }
+
+
+@cache
+def compare_files() -> Files:
+    """A comparison with made-up errors: the board is best, and the virtual camera wins behind the lens."""
+    rng = np.random.default_rng(1)
+    sizes = {("AluBoard", FIGURE, "opencv"): 0.04, ("ShinyIco", FIGURE, "opencv"): 0.2}
+    sizes |= {("AluBoard", LENS_DRAWN, "opencv"): 0.08, ("AluBoard", LENS_DRAWN, "virtual"): 0.001}
+    cases = tuple(
+        CaseResult(*key, {name: size * (1 + 0.1 * rng.random((3, 2))) for name in METRICS}, 0, 1)
+        for key, size in sizes.items()
+    )
+    alone = (
+        Explanation("AluBoard", "warp", 8.0, 7.0, 9.0, "1.2mm", 6.0, 0.52, 0.5, 6, 0, ""),
+        Explanation("AluBoard", "noise", 1e4, 1e4, 1e4, "", 6.0, 0.1, 0.5, 6, 0, ""),
+        Explanation("AluBoard", "skew", NAN, NAN, NAN, "", NAN, NAN, 0.5, 0, 6, "skew has no effect"),
+    )  # fmt: skip
+    plan = Plan("phase-one-ixg", 3, 2)
+    files = files_of_table(Results(Comparison(plan, {}, {}, ()), cases, alone), Path("x"))
+    return _relative(files, Path("x")) | {f"figures/{stem}.svg": SVG for stem in ("objects", "lens", "alone")}
+
+
+@cache
+def measure_files() -> Files:
+    """A measured icosahedron that came out of a printer, judged by photos held out."""
+    rng = np.random.default_rng(3)
+    real = printed(solid(), random_shape(solid(), rng, ring_mm=(0.05, 0.02)))
+    length = CaliperLength("edge", length_in(real, "edge"), 0.02)
+    found = measure([photos(real, rng, 14)], solid(), "opencv", AsBuiltOptions(), [length])
+    held = gain_on_held_out(found, "opencv", AsBuiltOptions(), 2)
+    report = report_of(
+        found, held, [AskedLength(length, is_usual_sigma=True)], made_with_percent=0.0,
+        made_with_skew_rad=(0.0, 0.0, 0.0), bed_turn_rad=0.0, weighted=False, program="ringsolid 1.2.3",
+        settings=(("target", "ico.target.json"), ("model", "opencv"), ("fix", "")),
+    )  # fmt: skip
+    places = places_of(Path("x") / f"{PRINT}.target.json")
+    return _relative({**report_files(report, places), places.picture: report_picture(report)}, Path("x"))
+
+
+FOLDERS: Mapping[str, Callable[[], Files]] = {
+    "bootstrap": bootstrap_files, "paper": paper_files, "tolerance": tolerance_files, "compare": compare_files,
+    "measure": measure_files,
+}  # fmt: skip
+STUDIES = ("bootstrap", "paper", "tolerance", "compare")

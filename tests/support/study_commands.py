@@ -1,0 +1,135 @@
+"""What tests of `calib study` share: a small set of photos, runs, and what they leave."""
+
+import csv
+import io
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+import numpy as np
+import pytest
+
+from calib.renderer.job import RenderJob, truth_text
+from calib.renderer.options import RenderOptions
+from calib.studies.figures import SUFFIXES
+from tests.support.calibrations import board, example
+from tests.support.command_line import PICTURE, Answer, calib, files_in, write_inputs
+
+ROOT = Path(__file__).parents[2]
+BOARD = board()
+TRUE = example(BOARD, np.random.default_rng(8), views=14, noise_px=0.05)
+SEEN = TRUE.observations
+TABLES = ("table.csv", "table.json", "table.md")
+TAKEN = ("study", "bootstrap", "--target", "board.target.json", "--detections", "detections.csv")
+COLUMN = {"reprojection": 4, "intersection": 5, "reconstruction": 6, "pose": 7}
+PARAMS = 8
+"""Places in a row of a study file."""
+
+
+def work_in(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Make it the folder to work in, with a target, detections and their truth."""
+    monkeypatch.chdir(folder)
+    write_inputs(SEEN, BOARD)
+    Path("truth.json").write_text(truth_text(RenderJob(BOARD, TRUE.camera, TRUE.cam_from_target, RenderOptions(), 0)))
+    return folder
+
+
+def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Name pictures, but do not draw them, which takes longer than all else."""
+    monkeypatch.setattr("calib.studies.figures.files_of", named)
+
+
+def named(place: Path, height_px: int, draw: object, suffixes: Collection[str] = SUFFIXES) -> dict[Path, bytes]:
+    """The files of a picture without the picture."""
+    return {place.with_name(f"{place.name}.{suffix}"): PICTURE for suffix in {"png", *suffixes}}
+
+
+def bootstrap(*options: object, out: str = "out", sizes: str = "6", samples: int = 8) -> Answer:
+    """Run a bootstrap that must go well."""
+    answer = calib(*TAKEN, "--sizes", sizes, "--samples", samples, "--jobs", 1, "-o", out, *options)
+    assert (answer.code, answer.err) == (0, ""), answer
+    return answer
+
+
+def rows_of(path: str | Path = "out/study.sqlite") -> list[tuple[object, ...]]:
+    """All samples of a study file, by case and number."""
+    connection = sqlite3.connect(path)
+    rows = connection.execute('SELECT * FROM sample ORDER BY "case", number').fetchall()
+    connection.close()
+    return rows
+
+
+def edit(statement: str, *values: object, path: str = "out/study.sqlite") -> None:
+    """Change a study file by hand."""
+    connection = sqlite3.connect(path)
+    connection.execute(statement, values)
+    connection.commit()
+    connection.close()
+
+
+def contents(place: str | Path) -> dict[str, bytes]:
+    """All files of a folder, but for the two that SQLite may keep beside its own."""
+    return {
+        name: Path(place, name).read_bytes()
+        for name in sorted(files_in(Path(place)))
+        if Path(place, name).is_file() and not name.endswith(("-wal", "-shm"))
+    }  # fmt: skip
+
+
+def tables(place: str = "out") -> dict[str, bytes]:
+    """The tables of a study."""
+    return {name: Path(place, name).read_bytes() for name in TABLES}
+
+
+def table_lines(place: str = "out") -> list[dict[str, str]]:
+    """The lines of the table for other programs."""
+    return list(csv.DictReader(io.StringIO(Path(place, "table.csv").read_text())))
+
+
+@contextmanager
+def seconds_at_most(limit: int) -> Iterator[None]:
+    """Fail where a program would wait for ever."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise AssertionError("waits for ever")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(limit)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def start(*options: object) -> subprocess.Popen[str]:
+    """A bootstrap in a program and process group of its own, as a terminal starts it."""
+    command = [sys.executable, "-m", "calib.cli", *TAKEN, "--jobs", "1", "-o", "out", *map(str, options)]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+
+
+def wait_for_samples(process: subprocess.Popen[str], least: int) -> None:
+    """Wait until a running study has kept some samples."""
+    end = time.monotonic() + 60
+    while time.monotonic() < end and process.poll() is None:
+        try:
+            connection = sqlite3.connect("file:out/study.sqlite?mode=ro", uri=True)
+            (count,) = connection.execute("SELECT count(*) FROM sample").fetchone()
+            connection.close()
+        except sqlite3.Error:
+            count = 0
+        if count >= least:
+            return
+        time.sleep(0.01)
+    process.kill()
+    raise AssertionError(process.communicate())
