@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from calib.core.types import Detections, Observations
     from calib.renderer.options import RenderOptions
     from calib.solver.calibration import Calibration
-    from designer.errors import InputError
+    from designer.base.errors import InputError
 
 __all__ = [
     "BootstrapResult",
@@ -124,7 +124,7 @@ _HOMES = {
     ),
     "calib.renderer.options": ("RenderOptions",),
     "calib.solver.calibration": ("Calibration",),
-    "designer.errors": ("InputError",),
+    "designer.base.errors": ("InputError",),
 }
 
 

@@ -16,8 +16,8 @@ from calib.commands.solve import solve
 from calib.commands.study import app as study
 from calib.commands.target import target
 from calib.commands.undistort import undistort
-from designer.answer import Summary
-from designer.command import command, new_app, run
+from designer.base.answer import Summary
+from designer.base.command import command, new_app, run
 
 Command = Callable[..., Summary]
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from designer.base.errors import InputError
     from designer.designing import DesignedTarget, design, load
-    from designer.errors import InputError
     from designer.target import TargetGeometry, load_target
 
     ico: Callable[..., DesignedTarget]
@@ -27,7 +27,7 @@ __all__ = ["DesignedTarget", "InputError", "TargetGeometry", "design", "load", "
 
 _HOMES = {
     "designer.designing": ("DesignedTarget", "design", "load"),
-    "designer.errors": ("InputError",),
+    "designer.base.errors": ("InputError",),
     "designer.target": ("TargetGeometry", "load_target"),
 }
 
@@ -37,7 +37,7 @@ def __getattr__(name: str) -> object:
         if name in names:
             globals()[name] = found = getattr(import_module(home), name)
             return found
-    from designer.kind import KINDS
+    from designer.spec.kind import KINDS
 
     if name in KINDS:
         from designer.designing import design
@@ -48,6 +48,6 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    from designer.kind import KINDS
+    from designer.spec.kind import KINDS
 
     return sorted({*globals(), *__all__, *KINDS})

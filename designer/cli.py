@@ -9,12 +9,12 @@ from typing import Annotated
 import typer
 
 from calib.commands.tolerance import tolerance
-from designer.answer import Summary
-from designer.command import command, new_app, run
-from designer.completion import for_option, target_templates
-from designer.kind import Kind, kinds
-from designer.options import Asked, AskedPrinting, options_of
-from designer.options import Option as SpecOption
+from designer.base.answer import Summary
+from designer.base.command import command, new_app, run
+from designer.kinds.completion import for_option, target_templates
+from designer.spec.kind import Kind, kinds
+from designer.spec.options import Asked, AskedPrinting, options_of
+from designer.spec.options import Option as SpecOption
 
 app = new_app(
     "design",
@@ -108,8 +108,8 @@ def make(
 
     Options replace the file's values.
     """
-    from designer.presets import preset_or_file
-    from designer.spec_file import read_spec_file, replaced
+    from designer.kinds.presets import preset_or_file
+    from designer.kinds.spec_file import read_spec_file, replaced
 
     path = preset_or_file("targets", spec)
     values = {
@@ -122,7 +122,7 @@ def make(
 def _design(values: Given, origin: str, out: Path | None, must_fit: bool) -> Summary:
     """Design, write, and say what was done."""
     from designer.designing import designed
-    from designer.summary import design_summary, print_design, progress
+    from designer.report.summary import design_summary, print_design, progress
 
     target = designed(values, origin, must_fit=must_fit)
     with progress() as on_stage:
@@ -134,11 +134,11 @@ def _design(values: Given, origin: str, out: Path | None, must_fit: bool) -> Sum
 @command(app)
 def templates() -> Summary:
     """List the templates for targets, printers and manufacturing errors."""
-    from designer.layout import lay_out
-    from designer.presets import preset_names, preset_or_file, printer_profile
-    from designer.sizing import size_job
-    from designer.spec_file import parse_spec, read_spec_file
-    from designer.summary import print_templates, templates_summary
+    from designer.kinds.layout import lay_out
+    from designer.kinds.presets import preset_names, preset_or_file, printer_profile
+    from designer.kinds.sizing import size_job
+    from designer.kinds.spec_file import parse_spec, read_spec_file
+    from designer.report.summary import print_templates, templates_summary
     from designer.tolerance.error_file import error_model
 
     targets = []
@@ -163,12 +163,12 @@ def check(
 
     The exit code is 1 if a rule is violated.
     """
-    from designer.layout import lay_out
+    from designer.kinds.layout import lay_out
+    from designer.kinds.presets import preset_or_file
+    from designer.kinds.sizing import size_job, size_printing
+    from designer.kinds.spec_file import parse_printing, parse_spec, read_spec_file, replaced
     from designer.make.printability import check_printability
-    from designer.presets import preset_or_file
-    from designer.sizing import size_job, size_printing
-    from designer.spec_file import parse_printing, parse_spec, read_spec_file, replaced
-    from designer.summary import check_summary, print_check
+    from designer.report.summary import check_summary, print_check
     from designer.target import load_target
 
     if file.suffix.lower() == ".json":

@@ -8,14 +8,14 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TypeAlias
 
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.formats.folder import OutputFile, Written, files_left, replaced_target, write_folder
-from designer.kind import KINDS
+from designer.kinds.presets import preset_or_file
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import RawValue, parse_spec, read_spec_file, replaced
 from designer.make.printability import PrintCheck, check_printability
-from designer.presets import preset_or_file
 from designer.produce import Design, make_files
-from designer.sizing import size_job
-from designer.spec_file import RawValue, parse_spec, read_spec_file, replaced
+from designer.spec.kind import KINDS
 from designer.target import TargetGeometry
 
 Place: TypeAlias = str | PathLike[str]
@@ -84,7 +84,7 @@ def design(kind: str, *, must_fit: bool = False, **wishes: Wish) -> DesignedTarg
     The kinds are functions of their own, too.
 
     Args:
-        kind: one of `designer.kind.KINDS`.
+        kind: one of `designer.spec.kind.KINDS`.
         must_fit: refuse a part that is larger than the printer's bed.
         wishes: options of the command line with underscores: `ring_diameter="7mm"`, or with the unit in the name and
             a number: `ring_diameter_mm=7`, `size_mm=(220, 220)`.

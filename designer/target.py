@@ -18,11 +18,11 @@ from typing import Literal, cast, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.code import CODES
-from designer.errors import InputError
-from designer.kind import spec_from_mapping, spec_to_mapping
-from designer.small_file import once_each, read_small_text
-from designer.spec import Build, Spec
+from designer.base.code import CODES
+from designer.base.errors import InputError
+from designer.base.small_file import once_each, read_small_text
+from designer.spec.kind import spec_from_mapping, spec_to_mapping
+from designer.spec.spec import Build, Spec
 
 FORMAT = "ringsolid.target"
 DIGESTED = "ringforge.target 1"

@@ -29,9 +29,9 @@ from calib.studies.runner import run_cases
 from calib.studies.statistics import Case, CaseSummary, summarise
 from calib.studies.store import check_place, open_study, read_study
 from calib.studies.workers import CaseSpec
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.words import printable
 from designer.target import TargetGeometry
-from designer.words import printable
 
 MAX_SAMPLES, MAX_SIZE = 1_000_000, 100_000
 LONGEST_NAME = 60
@@ -69,7 +69,7 @@ class BootstrapResult(ShownAsPage):
         return (*files, path)
 
     def _write_all(self, folder: Path) -> tuple[Path, ...]:
-        from calib.report.folder_page import write_folder_page
+        from calib.show.folder_page import write_folder_page
 
         return (*self.save(folder), *write_folder_page(folder, "bootstrap", "")[0])
 

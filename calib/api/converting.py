@@ -16,9 +16,9 @@ from calib.interop.converting import fit_to_format
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.own_json import JSON
 from calib.interop.reading import OpenedCamera, find_format, open_camera
-from designer.errors import InputError
-from designer.own_files import require_ours, signed
-from designer.words import shown
+from designer.base.errors import InputError
+from designer.base.own_files import require_ours, signed
+from designer.base.words import shown
 
 LARGE_PX = 0.05
 """A larger residual is worth a warning: calibrations are good to some hundredths of a pixel."""

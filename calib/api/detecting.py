@@ -12,8 +12,8 @@ from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector import pipeline
 from calib.observe.images import Grey, grey_of, read_image
-from calib.report.why_nothing import explained
-from designer.errors import InputError
+from calib.show.photos.why_nothing import explained
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
 Pixels: TypeAlias = NDArray[np.generic]

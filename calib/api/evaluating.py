@@ -16,8 +16,8 @@ from calib.records.calibration_file import CALIBRATION_FILE, read_calibration
 from calib.records.evaluation_files import METRICS, METRICS_FILE, evaluation_files
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
-from designer.errors import InputError
-from designer.own_files import require_ours
+from designer.base.errors import InputError
+from designer.base.own_files import require_ours
 
 REFERENCE = "reference"
 """The setting that names the photo a map is learned from."""

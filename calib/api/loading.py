@@ -15,7 +15,7 @@ from calib.observe.correspondences import read_observations
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import FoundPhotos, find_photos
 from calib.observe.records import read_records, records_path
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import Needs, TargetGeometry, load_target
 
 Place: TypeAlias = str | PathLike[str]

@@ -27,12 +27,12 @@ from calib.core.types import Detections, Observations
 from calib.observe.dataset import read_detections
 from calib.observe.observations import observations_from_detections
 from calib.pipeline.settings import plan_from_words
-from designer.answer import program
-from designer.errors import InputError
-from designer.skew import NO_SKEW, Skew
+from designer.base.answer import program
+from designer.base.errors import InputError
+from designer.base.skew import NO_SKEW, Skew
+from designer.base.words import suggestion
 from designer.target import TargetGeometry, target_to_json
 from designer.tolerance.made import EXACT, Made, how_made
-from designer.words import suggestion
 
 LEAST_VIEWS = 3
 """Of a camera: from fewer, a target that may have any shape does not tell the camera."""
@@ -86,7 +86,7 @@ class MeasureResult(ShownAsPage):
         return tuple(files)
 
     def _write_all(self, folder: Path) -> tuple[Path, ...]:
-        from calib.report.folder_page import write_folder_page
+        from calib.show.folder_page import write_folder_page
 
         return (*self.save(folder / f"measured{TARGET_SUFFIX}"), *write_folder_page(folder, "measure", "")[0])
 

@@ -24,7 +24,7 @@ from calib.renderer.rings import ring_truth, target_fits
 from calib.renderer.scene import RenderScene, scene_from_target
 from calib.renderer.sensor import Levels
 from calib.renderer.view import render_view
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
 
 CHECKED_VIEWS = 50

@@ -26,16 +26,16 @@ from calib.records.calibration_file import (
     write_calibration,
 )
 from calib.records.evaluation_files import METRICS_FILE, evaluation_files
-from calib.report.claim import why_no_page
-from calib.report.folder_page import write_folder_page
-from calib.report.kept_target import keep_target
-from calib.report.run_folder import RECORDS_FILE, RunFolder, Solved, solved_of
-from calib.report.write import PAGE_FILE
+from calib.show.claim import why_no_page
+from calib.show.folder_page import write_folder_page
+from calib.show.parts.kept_target import keep_target
+from calib.show.run.run_folder import RECORDS_FILE, RunFolder, Solved, solved_of
+from calib.show.write import PAGE_FILE
 from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextViews
 from calib.verdict.of_run import VERDICT, VERDICT_FILE
-from designer.answer import program
-from designer.errors import InputError, NotWrittenError
-from designer.own_files import require_ours
+from designer.base.answer import program
+from designer.base.errors import InputError, NotWrittenError
+from designer.base.own_files import require_ours
 from designer.target import TargetGeometry
 
 DETECTIONS_FILE, OVERLAYS = "detections.csv", "overlays"
@@ -187,7 +187,7 @@ class RunWriter:
             run: what it shows, all written.
             command: that made it.
         """
-        from calib.report.calibration_page import page_of
+        from calib.show.run.calibration_page import page_of
 
         files, remark = write_folder_page(
             self.folder, "calibration", command, lambda origin: page_of(self._as_read(run), origin)

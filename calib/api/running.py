@@ -17,14 +17,14 @@ from calib.observe.truth import Truth
 from calib.pipeline.calibrate import ALL_VIEWS, MODELS_TO_SOLVE
 from calib.pipeline.settings import ALL, SolvePlan, plan_from_words
 from calib.pipeline.solutions import Solution, SolveTask, solve_models
-from calib.report.judging import inputs_of, judge_cameras
+from calib.show.run.judging import inputs_of, judge_cameras
 from calib.solver.degeneracy import UndeterminedError
 from calib.verdict.criteria import STANDARD, Criteria, read_criteria
 from calib.virtual.solve_virtual import Reference
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.words import suggestion
 from designer.target import TargetGeometry
 from designer.tolerance.made import how_made
-from designer.words import suggestion
 
 
 class NothingFoundError(InputError):

@@ -26,9 +26,9 @@ from calib.observe.photos import (
 )
 from calib.observe.truth import Truth, read_truth
 from calib.pipeline.settings import SolvePlan
-from calib.report.why_nothing import explained
+from calib.show.photos.why_nothing import explained
 from calib.solver.solve import solve
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
 NOTHING_LEFT = "no photos left to search"

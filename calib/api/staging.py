@@ -7,8 +7,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from calib.core.files import check_folder
-from designer.errors import InputError
-from designer.own_files import require_ours
+from designer.base.errors import InputError
+from designer.base.own_files import require_ours
 
 
 @contextmanager

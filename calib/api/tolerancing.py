@@ -49,12 +49,12 @@ from calib.studies.tolerance.requirement import parse_requirements
 from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.setting import Setting, make_setting
 from calib.studies.tolerance.view_fit import view_fit
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.words import printable
 from designer.target import TargetGeometry, bounding_radius_mm, target_to_json
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.registry import source_named
-from designer.words import printable
 
 MAX_DRAWS = 1_000_000
 MAX_SEED = 2**63 - 1
@@ -105,7 +105,7 @@ class ToleranceResult(ShownAsPage):
         return tuple(files)
 
     def _write_all(self, folder: Path) -> tuple[Path, ...]:
-        from calib.report.folder_page import write_folder_page
+        from calib.show.folder_page import write_folder_page
 
         return (*self.save(folder), *write_folder_page(folder, "tolerance", "")[0])
 

@@ -20,8 +20,8 @@ from calib.cameras.undistortion import Undistorted, pinhole_of
 from calib.core.files import distinct_stems, write_files
 from calib.observe.images import Grey, read_colour
 from calib.observe.photos import PhotoFile, named_photos
-from designer.errors import InputError
-from designer.own_files import require_ours
+from designer.base.errors import InputError
+from designer.base.own_files import require_ours
 
 MARK = ".undistorted"
 """Stands in the name of each undistorted photo, so that one is not taken for a photo of the camera."""

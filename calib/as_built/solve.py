@@ -32,7 +32,7 @@ from calib.solver.calibration import Calibration, Status
 from calib.solver.outliers import deviations
 from calib.solver.solve import solve
 from calib.solver.tie import tie_parameters
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
 
 Array = NDArray[np.float64]

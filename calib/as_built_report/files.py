@@ -27,9 +27,9 @@ from calib.as_built_report.deviations import (
 from calib.as_built_report.held_out import HeldOut
 from calib.as_built_report.length_words import AskedLength
 from calib.core.files import check_folder
-from designer.errors import InputError
-from designer.own_files import require_ours
-from designer.skew import Skew
+from designer.base.errors import InputError
+from designer.base.own_files import require_ours
+from designer.base.skew import Skew
 from designer.target import FORMAT as TARGET_FORMAT
 from designer.target import load_target, target_to_json
 

@@ -24,8 +24,8 @@ from calib.observe.observations import known_points
 from calib.solver.calibration import Calibration
 from calib.solver.pose import solve_poses
 from calib.solver.solve import solve
+from designer.base.errors import InputError
 from designer.base.marks import Count, Number, Word
-from designer.errors import InputError
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.as_built.lengths import FAR, NAMES, CaliperLength, length_in
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.units import format_mm, parse_length_mm
+from designer.base.words import shown, suggestion
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, perturb
-from designer.units import format_mm, parse_length_mm
-from designer.words import shown, suggestion
 
 CALIPER_SIGMA_MM = 0.02
 """What most makers of calipers state for 150 mm; an assumption where no sigma is given."""

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.types import frozen_array
+from designer.base.errors import InputError
 from designer.base.marks import Above, AtLeast, AtMost, Length, Shape
-from designer.errors import InputError
-from designer.small_file import JsonValue
+from designer.base.small_file import JsonValue
 
 MAX_KNOTS = 1000
 LARGEST = 1e15

@@ -17,7 +17,7 @@ from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import exp_rotation, log_rotation
 from calib.core.types import frozen_array
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 

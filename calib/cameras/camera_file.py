@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from calib.cameras import MODELS, CameraModel, parameter_names, rays
 from calib.cameras.camera import Camera, LearnedMap
 from calib.cameras.learned import MAX_LENGTHS
+from designer.base.errors import InputError
 from designer.base.file_kind import FileKind, laid_out
 from designer.base.marks import LEFT_OUT, AtLeast, AtMost
-from designer.errors import InputError
-from designer.presets import preset_or_file
-from designer.small_file import JsonValue, parse_json, read_small_text
-from designer.spec_file import RawValue, read_spec_file
-from designer.words import shown, suggestion
+from designer.base.small_file import JsonValue, parse_json, read_small_text
+from designer.base.words import shown, suggestion
+from designer.kinds.presets import preset_or_file
+from designer.kinds.spec_file import RawValue, read_spec_file
 
 MAX_SIDE_PX = 100_000
 REQUIRED = ("fx_px", "fy_px", "cx_px", "cy_px")

@@ -11,7 +11,7 @@ from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.resample import Pixels, resample
 from calib.core.threads import in_chunks
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from designer.completion import camera_templates
-from designer.words import printable
+from designer.base.words import printable
+from designer.kinds.completion import camera_templates
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera

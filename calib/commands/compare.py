@@ -11,10 +11,10 @@ from calib.commands.folder_page import say_next, with_page
 from calib.commands.study import KEPT, JobsOption, OutOption, ResumeOption, SeedOption, kept_when_stopped, table_answer
 from calib.core.files import check_folder
 from calib.show.screen import progress_bar, quoted, shown, table_console, waiting
-from designer.answer import StoppedError, Summary
-from designer.completion import camera_templates
-from designer.errors import InputError
-from designer.words import printable
+from designer.base.answer import StoppedError, Summary
+from designer.base.errors import InputError
+from designer.base.words import printable
+from designer.kinds.completion import camera_templates
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

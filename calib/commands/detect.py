@@ -10,8 +10,8 @@ import typer
 from calib.commands.answers.photos import detections_answer
 from calib.commands.folder_page import folder_page, say_next
 from calib.show.screen import progress_bars, quoted
-from designer.answer import Summary
-from designer.completion import camera_templates
+from designer.base.answer import Summary
+from designer.kinds.completion import camera_templates
 
 if TYPE_CHECKING:
     from calib.api.searching import Search
@@ -50,10 +50,10 @@ def detect(
     from calib.api.searching import search_once, truth_of
     from calib.api.staging import keep_pictures, staging_folder
     from calib.commands.camera_argument import read_camera
+    from calib.commands.run_screen import say_search
     from calib.observe.dataset import check_output
     from calib.observe.photos import find_photos
     from calib.observe.records import records_path
-    from calib.show.run_lines import say_search
     from designer.target import load_target
 
     geometry = load_target(target, "rings")
@@ -101,9 +101,9 @@ def overlays_page(
         table: the detections.
         overlays: the pictures' folder (default: the page's).
     """
-    from calib.report.detected_photos import detected, told_detected
-    from calib.report.photos_file import write_photos
-    from calib.show.photo_table import median_sigma_px
+    from calib.commands.photo_table import median_sigma_px
+    from calib.show.photos.detected_photos import detected, told_detected
+    from calib.show.photos.photos_file import write_photos
 
     def keep() -> tuple[Path, ...]:
         sigmas_px = [math.nan if result.seen is None else median_sigma_px(result.seen) for result in search.results]

@@ -9,9 +9,9 @@ import typer
 
 from calib.commands.answers.cameras import camera_answer
 from calib.show.screen import table_console
-from designer.answer import Summary, Value
-from designer.errors import InputError
-from designer.words import printable
+from designer.base.answer import Summary, Value
+from designer.base.errors import InputError
+from designer.base.words import printable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -79,7 +79,7 @@ def diff(
 
 def _check_picture(picture: Path, opened: "Sequence[OpenedCamera]") -> None:
     """Refuse a place that is no PNG file, an input, or holds something else, before any work is done."""
-    from designer.own_files import require_ours
+    from designer.base.own_files import require_ours
 
     if picture.suffix.lower() != ".png":
         raise InputError(f"{picture}: the picture is a .png file; name it so, such as {picture.stem or 'diff'}.png")

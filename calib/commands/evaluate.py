@@ -8,7 +8,7 @@ import typer
 from calib.commands.answers.solutions import evaluation_answer
 from calib.commands.folder_page import with_page_again
 from calib.show.screen import quoted
-from designer.answer import Summary
+from designer.base.answer import Summary
 
 if TYPE_CHECKING:
     from calib.metrics.evaluation import Evaluation
@@ -36,8 +36,8 @@ def evaluate(
     """
     from calib.api.evaluating import calibration_in, check_metrics_folder
     from calib.api.evaluating import evaluate as evaluate_one
-    from calib.report.origin import is_of_kind
-    from calib.show.evaluated import say_evaluation
+    from calib.commands.evaluated_screen import say_evaluation
+    from calib.show.parts.origin import is_of_kind
 
     path = calibration_in(calibration)
     folder = path.parent if out is None else out

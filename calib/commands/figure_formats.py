@@ -4,8 +4,8 @@ from typing import Annotated
 
 import typer
 
-from designer.errors import InputError
-from designer.words import shown
+from designer.base.errors import InputError
+from designer.base.words import shown
 
 FORMATS = ("pdf", "svg")
 

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calib.show.screen import shown, waiting
-from designer.answer import Summary
-from designer.command import command_line
-from designer.errors import InputError, NotWrittenError
-from designer.words import printable
+from designer.base.answer import Summary
+from designer.base.command import command_line
+from designer.base.errors import InputError, NotWrittenError
+from designer.base.words import printable
 
 if TYPE_CHECKING:
-    from calib.report.origin import Origin
+    from calib.show.parts.origin import Origin
     from designer.page.blocks import Page
 
 
@@ -25,13 +25,13 @@ def folder_page(
 
     Args:
         folder: of the pictures.
-        kind: a key of `calib.report.registry.KINDS`.
+        kind: a key of `calib.show.registry.KINDS`.
         keep: writes what the page is built from, and returns it.
         build: makes the page of a folder that is read already.
     """
-    from calib.report.claim import why_no_page
-    from calib.report.origin import ORIGIN_FILE
-    from calib.report.write import write_report
+    from calib.show.claim import why_no_page
+    from calib.show.parts.origin import ORIGIN_FILE
+    from calib.show.write import write_report
 
     try:
         remark = why_no_page(folder, kind)
@@ -54,7 +54,7 @@ def with_page(summary: Summary, folder: Path, kind: str) -> Summary:
     Args:
         summary: of the results, all written.
         folder: where they lie.
-        kind: a key of `calib.report.registry.KINDS`.
+        kind: a key of `calib.show.registry.KINDS`.
     """
     with waiting("drawing the page"):
         files, remarks = folder_page(folder, kind, tuple)
@@ -68,7 +68,7 @@ def say_next(summary: Summary, folder: Path) -> Summary:
         summary: with the page among its files, if there is one, else with pictures.
         folder: of the page.
     """
-    from calib.report.write import PAGE_FILE
+    from calib.show.write import PAGE_FILE
 
     pictures = [path for path in summary.wrote if path.suffix in (".png", ".jpg")]
     look = [f"look at {shown(pictures[0])}"] if pictures else []
@@ -87,9 +87,9 @@ def with_page_again(summary: Summary, folder: Path, kinds: Collection[str]) -> S
         folder: where they lie.
         kinds: of pages that show such results; another's, and somebody's own, stays as it is.
     """
-    from calib.report.claim import why_no_page
-    from calib.report.guess import origin_in
-    from calib.report.write import build_page, write_page
+    from calib.show.claim import why_no_page
+    from calib.show.guess import origin_in
+    from calib.show.write import build_page, write_page
 
     try:
         origin = origin_in(folder)

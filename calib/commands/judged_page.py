@@ -6,14 +6,14 @@ import typer
 
 if TYPE_CHECKING:
     from calib.verdict.verdict import Check, Verdict
-    from designer.answer import Value
+    from designer.base.answer import Value
 
 DEFAULT_CRITERIA = "standard"
 
 
 def criteria_templates(incomplete: str) -> list[str]:
     """Templates of limits, for a shell."""
-    from designer.presets import preset_names
+    from designer.kinds.presets import preset_names
 
     return [name for name in preset_names("criteria") if name.startswith(incomplete)]
 

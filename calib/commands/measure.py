@@ -19,15 +19,15 @@ from calib.commands.solve import (
     image_size_of,
 )
 from calib.show.screen import progress_bars, quoted, shown
-from designer.answer import Summary, Value
-from designer.completion import error_templates, one_of
-from designer.errors import InputError
-from designer.words import printable
+from designer.base.answer import Summary, Value
+from designer.base.errors import InputError
+from designer.base.words import printable
+from designer.kinds.completion import error_templates, one_of
 
 if TYPE_CHECKING:
     from calib.api.measuring import MeasureResult
     from calib.as_built_report.files import FilePlaces
-    from designer.skew import Skew
+    from designer.base.skew import Skew
 
 NOT_TO_BE_USED = 1
 MODELS = ("opencv", "luhmann", "pinhole")
@@ -184,7 +184,7 @@ def _rescale(path: Path, length: str, way: str | None, out: Path, made_with_perc
 
 def _compensation(text: str) -> float:
     """The compensation of this print, in percent."""
-    from designer.units import parse_percent
+    from designer.base.units import parse_percent
 
     try:
         return parse_percent(text)
@@ -193,7 +193,7 @@ def _compensation(text: str) -> float:
 
 
 def _skew(text: str) -> "Skew":
-    from designer.skew import parse_skew_rad
+    from designer.base.skew import parse_skew_rad
 
     try:
         return parse_skew_rad(text)
@@ -202,7 +202,7 @@ def _skew(text: str) -> "Skew":
 
 
 def _angle(text: str) -> float:
-    from designer.units import parse_angle_rad
+    from designer.base.units import parse_angle_rad
 
     try:
         return parse_angle_rad(text)

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from calib.show.screen import table_console
-from designer.words import printable
+from designer.base.words import printable
 
 if TYPE_CHECKING:
     from calib.as_built_report.deviations import Estimate

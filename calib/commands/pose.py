@@ -13,9 +13,9 @@ from calib.commands.folder_page import folder_page
 from calib.commands.solve import WeightedOption
 from calib.core.number_text import with_digits
 from calib.show.screen import progress_bars, table_console
-from designer.answer import Summary
-from designer.errors import InputError
-from designer.words import printable
+from designer.base.answer import Summary
+from designer.base.errors import InputError
+from designer.base.words import printable
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -51,10 +51,10 @@ def pose(
     from calib.api.posing import pose as find_poses
     from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
     from calib.pipeline.target_poses import check_output
-    from calib.report.kept_target import keep_target
-    from calib.report.origin import is_of_kind
-    from calib.report.photos_file import write_photos
-    from calib.report.posed_photos import Posed, told_posed
+    from calib.show.parts.kept_target import keep_target
+    from calib.show.parts.origin import is_of_kind
+    from calib.show.photos.photos_file import write_photos
+    from calib.show.photos.posed_photos import Posed, told_posed
 
     named = read_camera(camera)
     if out is not None:

@@ -9,9 +9,9 @@ import typer
 
 from calib.commands.folder_page import folder_page
 from calib.show.screen import progress_bars, quoted
-from designer.answer import StoppedError, Summary
-from designer.completion import camera_templates, one_of
-from designer.errors import InputError
+from designer.base.answer import StoppedError, Summary
+from designer.base.errors import InputError
+from designer.kinds.completion import camera_templates, one_of
 
 if TYPE_CHECKING:
     from calib.api.rendering import RenderedPhotos
@@ -137,10 +137,10 @@ def _bits(bits: int) -> Literal[8, 16]:
 
 def _run(photos: "RenderedPhotos", target: Path, out: Path, jobs: int | None, overwrite: bool) -> Summary:
     """Render the set, and say what was done and what to do next."""
-    from calib.report.kept_target import keep_target
-    from calib.report.origin import is_of_kind
-    from calib.report.photos_file import write_photos
-    from calib.report.rendered_photos import told_rendered
+    from calib.show.parts.kept_target import keep_target
+    from calib.show.parts.origin import is_of_kind
+    from calib.show.photos.photos_file import write_photos
+    from calib.show.photos.rendered_photos import told_rendered
 
     job = photos.job
     try:

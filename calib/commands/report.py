@@ -7,9 +7,9 @@ import typer
 
 from calib.commands.judged_page import criteria_templates
 from calib.show.screen import quoted, shown, waiting
-from designer.answer import Summary, Value
-from designer.errors import InputError
-from designer.words import printable
+from designer.base.answer import Summary, Value
+from designer.base.errors import InputError
+from designer.base.words import printable
 
 if TYPE_CHECKING:
     from designer.page.blocks import Headline, Page
@@ -39,9 +39,9 @@ def report(
     A calibration keeps its verdict, unless other limits are given. The exit code is 1 if the page's answer is
     negative, such as: do not use.
     """
-    from calib.report.claim import why_no_page
-    from calib.report.guess import origin_in
-    from calib.report.write import build_page, write_page
+    from calib.show.claim import why_no_page
+    from calib.show.guess import origin_in
+    from calib.show.write import build_page, write_page
 
     origin = origin_in(folder)
     if why := why_no_page(folder, origin.kind):
@@ -73,7 +73,7 @@ def said(headline: "Headline") -> str:
 
 def _judge(folder: Path, kind: str, criteria: str) -> tuple[Path, ...]:
     """Judge a calibration by other limits; the file with the verdict."""
-    from calib.report.judging import judge_folder
+    from calib.show.run.judging import judge_folder
     from calib.verdict.criteria import read_criteria
     from calib.verdict.of_run import VERDICT_FILE
 

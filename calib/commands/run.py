@@ -27,8 +27,8 @@ from calib.commands.solve import (
     reference_settings,
 )
 from calib.show.screen import progress_bars, quoted
-from designer.answer import Summary
-from designer.command import command_line
+from designer.base.answer import Summary
+from designer.base.command import command_line
 
 if TYPE_CHECKING:
     from calib.api.run_result import RunResult
@@ -98,7 +98,7 @@ def run(
 
 def _evaluation(found: "RunResult", writer: "RunWriter", truth: Path | None) -> str:
     """What to type to evaluate the best camera on photos that it was not solved from; "" if that says little."""
-    from calib.show.run_lines import LEAST_VIEWS_HELD_OUT
+    from calib.commands.run_screen import LEAST_VIEWS_HELD_OUT
 
     best = found.best
     if best.calibration.observations.view_count < LEAST_VIEWS_HELD_OUT or best.camera.learned is not None:
@@ -113,8 +113,8 @@ def _nothing_found(error: "NothingFoundError", target: Path, writer: "RunWriter"
     from calib.api.run_writer import DETECTIONS_FILE, OVERLAYS
     from calib.commands.answers.photos import detections_answer
     from calib.commands.answers.solutions import solutions_answer
-    from calib.report.run_folder import is_run_folder
-    from calib.show.run_lines import say_search
+    from calib.commands.run_screen import say_search
+    from calib.show.run.run_folder import is_run_folder
 
     search, folder = error.search, writer.folder
     say_search(search)

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, NoReturn
 
 from calib.commands.answers.solutions import solutions_answer
 from calib.show.screen import shown, waiting
-from designer.answer import NegativeError, StoppedError, Summary
-from designer.command import NOTHING_WRITTEN, command_line
+from designer.base.answer import NegativeError, StoppedError, Summary
+from designer.base.command import NOTHING_WRITTEN, command_line
 
 if TYPE_CHECKING:
     from calib.api.run_result import RunResult
     from calib.api.run_writer import RunWriter
-    from designer.answer import Value
+    from designer.base.answer import Value
 
 BAD = 1
 """The camera is not to be used."""
@@ -34,7 +34,7 @@ def report_of(
         more: what to do with more photos, as in "and add them to the photos".
         evaluate: what to type to evaluate the best camera; "" for nothing.
     """
-    from calib.show.run_lines import next_steps, say_files, say_next, say_run
+    from calib.commands.run_screen import next_steps, say_files, say_next, say_run
 
     try:
         with waiting("drawing the page"):

@@ -10,9 +10,9 @@ from calib.commands.judged_page import DEFAULT_CRITERIA, CriteriaOption, PageOpt
 from calib.commands.running import negative, report_of, stopped
 from calib.core.files import named_in_files
 from calib.show.screen import progress_bars, quoted
-from designer.answer import Summary
-from designer.completion import error_templates, one_of
-from designer.errors import InputError
+from designer.base.answer import Summary
+from designer.base.errors import InputError
+from designer.kinds.completion import error_templates, one_of
 
 if TYPE_CHECKING:
     from calib.core.types import Observations
@@ -187,7 +187,7 @@ def grid_of(grid: str | None, pitch: str | None) -> "PointGrid | None":
     """The corners' grid, if one is given."""
     from calib.observe.corners_vnl import PointGrid
     from calib.observe.correspondences import MAX_GRID, parse_pair
-    from designer.units import parse_length_mm
+    from designer.base.units import parse_length_mm
 
     if grid is None and pitch is None:
         return None

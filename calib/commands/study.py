@@ -26,11 +26,11 @@ from calib.commands.solve import (
 )
 from calib.core.files import check_folder
 from calib.show.screen import progress_bar, progress_bars, quoted, shown, table_console, waiting
-from designer.answer import StoppedError, Summary, Value, program
-from designer.command import command
-from designer.completion import one_of
-from designer.errors import InputError
-from designer.words import printable
+from designer.base.answer import StoppedError, Summary, Value, program
+from designer.base.command import command
+from designer.base.errors import InputError
+from designer.base.words import printable
+from designer.kinds.completion import one_of
 
 if TYPE_CHECKING:
     from calib.studies.findings import HeldClaim
@@ -231,7 +231,7 @@ def show(study: "Study", folder: Path, remarks: Sequence[str] = ()) -> Summary:
         remarks: on the photos, said already.
     """
     from calib.core.files import write_files
-    from calib.report.study_words import OWN
+    from calib.show.studies.study_words import OWN
     from calib.studies.outputs import FIGURES_FOLDER, study_output
     from calib.studies.table import notes, screen_tables
     from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
@@ -264,7 +264,7 @@ def show(study: "Study", folder: Path, remarks: Sequence[str] = ()) -> Summary:
 
 def _say_findings(found: "Sequence[HeldClaim]") -> None:
     """What holds of the paper's findings; of a person's own photos only how sigma falls, which is no claim."""
-    from calib.report.study_words import fall_in_words
+    from calib.show.studies.study_words import fall_in_words
     from calib.studies.table import finding_in_words, findings_table
 
     if not any(one.ratios for one in found):

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.show.screen import quoted, shown
-from designer.answer import Summary, Value
-from designer.errors import InputError
+from designer.base.answer import Summary, Value
+from designer.base.errors import InputError
 
 if TYPE_CHECKING:
     from designer.target import TargetGeometry
@@ -61,9 +61,9 @@ def _made(points: Path, planes: Path | None, diameter: str, *, inside: bool, out
     """Make the target file."""
     from calib.core.files import write_files
     from calib.observe.point_target import read_planes, read_points, target_from_points
-    from designer.own_files import require_ours
+    from designer.base.own_files import require_ours
+    from designer.base.units import parse_length_mm
     from designer.target import FORMAT, load_target, target_to_json
-    from designer.units import parse_length_mm
 
     if not out.name.endswith(SUFFIX) or out.name == SUFFIX:
         raise InputError(f"-o {out}: target files end in {SUFFIX}; call it {out.stem.split('.')[0] or 'my'}{SUFFIX}")

@@ -12,9 +12,9 @@ from calib.commands.folder_page import say_next, with_page
 from calib.commands.study import kept_when_stopped, stopped_in_a_line, table_answer
 from calib.commands.tolerance_screen import say_files, say_report
 from calib.show.screen import progress_bars, quoted, waiting
-from designer.answer import Summary
-from designer.completion import camera_templates, error_templates, one_of
-from designer.words import printable
+from designer.base.answer import Summary
+from designer.base.words import printable
+from designer.kinds.completion import camera_templates, error_templates, one_of
 
 if TYPE_CHECKING:
     from calib.api.tolerancing import ToleranceResult

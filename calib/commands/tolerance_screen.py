@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calib.show.screen import shown, table_console
-from designer.words import printable
+from designer.base.words import printable
 
 if TYPE_CHECKING:
     from calib.studies.tolerance.report import ToleranceReport

@@ -10,8 +10,8 @@ from calib.commands.answers.cameras import camera_answer
 from calib.commands.camera_argument import CameraArgument, read_camera
 from calib.commands.folder_page import folder_page
 from calib.show.screen import progress_bars, quoted
-from designer.answer import StoppedError, Summary
-from designer.words import printable
+from designer.base.answer import StoppedError, Summary
+from designer.base.words import printable
 
 if TYPE_CHECKING:
     from calib.api.undistorting import UndistortedFiles
@@ -60,8 +60,8 @@ def undistort(
 def _keep(made: "UndistortedFiles", camera_name: str) -> Path:
     """Write what the folder's page is built from."""
     from calib.api.undistorting import MARK
-    from calib.report.photos_file import write_photos
-    from calib.report.undistorted_photos import UndistortedPhoto, UndistortedSet, told_undistorted
+    from calib.show.photos.photos_file import write_photos
+    from calib.show.photos.undistorted_photos import UndistortedPhoto, UndistortedSet, told_undistorted
 
     photos = tuple(UndistortedPhoto(one.photo.name, place.name, one.remarks) for one, place in made.good)
     names = {photo.path for photo in photos}

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from secrets import token_hex
 
-from designer.errors import InputError, NotWrittenError
-from designer.own_files import require_ours, signed
+from designer.base.errors import InputError, NotWrittenError
+from designer.base.own_files import require_ours, signed
 
 MAX_NAME_BYTES = 200
 """Of a file that is named after another; file systems take 255 with what is added."""

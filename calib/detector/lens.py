@@ -10,7 +10,7 @@ from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.detector import homography
 from calib.detector.lens_equations import FLOOR_PX, descend
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Floats: TypeAlias = NDArray[np.float64]
 

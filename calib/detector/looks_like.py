@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid, grow_grids
 from calib.detector.lattice import Lattice, lattice_from
-from designer.spec import RING_RATIO
+from designer.spec.spec import RING_RATIO
 
 Floats: TypeAlias = NDArray[np.float64]
 

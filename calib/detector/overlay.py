@@ -16,7 +16,7 @@ from calib.core.types import Detections
 from calib.detector.canvas import Box, Canvas, Colour, Point, canvas_between
 from calib.detector.overlay_frame import MISSING, REJECTED, face_colours, frame, sigma_colour
 from calib.detector.where_expected import ImagedFace, imaged_face
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

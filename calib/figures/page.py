@@ -14,7 +14,7 @@ from calib.metrics.residual_cells import Residuals, cells_of, columns_rows
 from calib.solver.calibration import Calibration
 from calib.solver.outliers import whitened
 from calib.solver.problem import whiteners
-from designer.words import printable
+from designer.base.words import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,8 +6,8 @@ from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
 from calib.interop.values import image_size, make_camera, number, pick, real
-from designer.errors import InputError
-from designer.words import shown
+from designer.base.errors import InputError
+from designer.base.words import shown
 
 CORNER = 0.5
 """A position counted from the image's corner, of a pixel whose centre is 0."""

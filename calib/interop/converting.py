@@ -5,8 +5,8 @@ from collections.abc import Collection
 from calib.cameras.camera import Camera
 from calib.cameras.refit import FAMILIES, Refit, refit
 from calib.interop.format import CameraFormat
-from designer.errors import InputError
-from designer.words import shown, suggestion
+from designer.base.errors import InputError
+from designer.base.words import shown, suggestion
 
 WITHOUT_LENS = "pinhole"
 """Every format holds it."""

@@ -7,7 +7,7 @@ from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
 from calib.interop.values import image_size, make_camera, mapping, numbers, pick, real, required, shown_plain
 from calib.interop.yaml_text import parse_yaml
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 _RECOGNISED = re.compile(
     r"^\s*camera_model\s*:.*?^\s*intrinsics\s*:|^\s*intrinsics\s*:.*?^\s*camera_model\s*:", re.MULTILINE | re.DOTALL

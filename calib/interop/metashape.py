@@ -16,8 +16,8 @@ from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import Complex, brown_camera, fit_lens
 from calib.interop.values import image_size, number, pick, real
 from calib.interop.xml_text import parse_xml
-from designer.errors import InputError
-from designer.words import shown
+from designer.base.errors import InputError
+from designer.base.words import shown
 
 CORNER = 0.5
 """A position counted from the image's corner, of a pixel whose centre is 0."""

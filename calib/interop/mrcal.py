@@ -7,8 +7,8 @@ from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
 from calib.interop.values import image_size, make_camera, mapping, numbers, real, required, shown_plain
-from designer.errors import InputError
-from designer.words import shown
+from designer.base.errors import InputError
+from designer.base.words import shown
 
 MODELS = {
     "LENSMODEL_PINHOLE": 0,

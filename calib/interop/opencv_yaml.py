@@ -8,7 +8,7 @@ from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
 from calib.interop.values import image_size, mapping, numbers, real, required
 from calib.interop.yaml_text import only_keys, parse_yaml
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 MATRIX = ("camera_matrix", "cameraMatrix", "K")
 LENS = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from calib.cameras.camera_file import CAMERA, camera_from_mapping, camera_to_json
 from calib.interop.format import CameraFormat, ReadCamera
-from designer.small_file import parse_json
+from designer.base.small_file import parse_json
 
 
 def _recognises(head: str) -> bool:

@@ -8,10 +8,10 @@ from calib.cameras.camera_file import camera_or_preset
 from calib.interop import FORMATS
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.own_json import JSON
-from designer.errors import InputError
-from designer.presets import preset_names
-from designer.small_file import read_small_text
-from designer.words import shown, suggestion
+from designer.base.errors import InputError
+from designer.base.small_file import read_small_text
+from designer.base.words import shown, suggestion
+from designer.kinds.presets import preset_names
 
 HEAD = 2**16
 """Characters from which a file's kind is told."""

@@ -8,7 +8,7 @@ from calib.interop.lens import brown_camera
 from calib.interop.opencv_yaml import linear_part
 from calib.interop.values import image_size, mapping, numbers, real, required, shown_plain
 from calib.interop.yaml_text import only_keys, parse_yaml
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 BROWN = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,)}
 """Lens models that can be read, and how many coefficients they may have."""

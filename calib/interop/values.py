@@ -8,8 +8,8 @@ from typing import TypeVar
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.camera_file import CAMERA, camera_from_mapping
-from designer.errors import InputError
-from designer.words import shown
+from designer.base.errors import InputError
+from designer.base.words import shown
 
 Item = TypeVar("Item")
 

@@ -3,7 +3,7 @@
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 MAX_DEPTH = 40
 

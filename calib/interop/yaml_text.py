@@ -10,7 +10,7 @@ from collections.abc import Collection
 import yaml
 
 from calib.interop.format import MAX_FILE_BYTES
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 _DIRECTIVE = re.compile(r"\A\s*%YAML[^\n]*\n")
 """OpenCV's first line, `%YAML:1.0`, is not YAML."""

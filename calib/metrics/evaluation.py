@@ -11,7 +11,7 @@ from calib.metrics.errors import Errors, ErrorSummary, summarise_groups
 from calib.metrics.prediction import predict
 from calib.observe.truth import Truth, true_poses
 from calib.solver.calibration import Calibration
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)

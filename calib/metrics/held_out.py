@@ -14,7 +14,7 @@ from calib.metrics.evaluation import Evaluation, errors_of, joined, truth_remark
 from calib.observe.truth import Truth
 from calib.solver.calibration import Calibration
 from calib.solver.pose import solve_poses
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 LEAST_FOLDS = 2
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from calib.core.types import KnownPoints, Observations
 from calib.observe.csv_table import is_real
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 LEAST_COLUMNS = ("filename", "x", "y")
 MAX_LEVEL = 20

@@ -22,10 +22,10 @@ from calib.observe.dataset import FIRST_LINE, MAX_SIDE_PX, is_covariance, read_d
 from calib.observe.known_planes import MAX_FACE, points_with_planes
 from calib.observe.observations import known_points, observations_from_detections, prepare
 from calib.observe.point_target import ids_of
-from designer.errors import InputError
-from designer.names import as_written_today
+from designer.base.errors import InputError
+from designer.base.names import as_written_today
+from designer.base.words import shown, suggestion
 from designer.target import TargetGeometry, load_target
-from designer.words import shown, suggestion
 
 Array = NDArray[np.float64]
 Size = tuple[int, int]

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.errors import InputError
-from designer.small_file import read_small_text
+from designer.base.errors import InputError
+from designer.base.small_file import read_small_text
 
 MAX_FILE_BYTES = 512 * 2**20
 ANY_NAME = "surrogatepass"

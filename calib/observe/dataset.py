@@ -20,8 +20,8 @@ from calib.core.files import write_files
 from calib.core.types import Detections
 from calib.observe.csv_table import ANY_NAME, CsvTable, read_table, read_text
 from calib.observe.records import RECORDS, ImageRecord, Records, image_record, read_records, records_path
-from designer.errors import InputError
-from designer.own_files import require_ours
+from designer.base.errors import InputError
+from designer.base.own_files import require_ours
 from designer.target import TargetGeometry
 
 VERSION = 1

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from calib.observe.image_headers import DamagedError, Format, Header, needed_png, read_header
 from calib.observe.jpeg_damage import brightness_step, check_jpeg_scans
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 MAX_PIXELS = 250_000_000
 """Above this a photo is refused before it is decoded; the largest sensors on sale have 200 million."""

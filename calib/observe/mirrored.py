@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.types import KnownPoints, Observations
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 Rows: TypeAlias = NDArray[np.int64]

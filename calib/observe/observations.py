@@ -12,7 +12,7 @@ from calib.core.linear_algebra import solve_square
 from calib.core.selection import SUREST, keep_views, with_sound_covariances
 from calib.core.types import Detections, KnownPoints, Observations
 from calib.observe.mirrored import mirrored_views
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

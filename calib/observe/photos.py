@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.observe.images import SUFFIXES_OF, Photo, read_image
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
 OVERLAY_MARK = ".overlay"

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calib.observe.csv_table import CsvTable, read_table, read_text
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.words import shown, suggestion
 from designer.target import MAX_INDEX, TargetGeometry
-from designer.words import shown, suggestion
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

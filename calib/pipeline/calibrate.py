@@ -6,7 +6,7 @@ from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.virtual.reference_photo import on_plane_mm
 from calib.virtual.solve_virtual import Reference, solve_virtual
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 ALL_VIEWS = "all"
 """As the reference: the map is learned from all views."""

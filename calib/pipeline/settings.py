@@ -9,8 +9,8 @@ from calib.cameras import MODELS, SIMULATED, parameter_names
 from calib.pipeline.calibrate import MODELS_TO_SOLVE
 from calib.solver.options import SolveOptions
 from calib.solver.tie import tie_parameters
-from designer.errors import InputError
-from designer.words import suggestion
+from designer.base.errors import InputError
+from designer.base.words import suggestion
 
 ALL = "all"
 MAX_FOCAL_PX = 1e7

@@ -16,7 +16,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.degeneracy import UndeterminedError
 from calib.solver.image_field import with_image_field
 from calib.virtual.solve_virtual import Reference
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.tolerance.made import Made
 
 

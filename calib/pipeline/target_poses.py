@@ -15,8 +15,8 @@ from calib.core.se3 import log_rotation, skew
 from calib.core.types import Detections
 from calib.observe.observations import observations_for_poses
 from calib.solver.pose import solve_poses
-from designer.errors import InputError
-from designer.own_files import require_ours
+from designer.base.errors import InputError
+from designer.base.own_files import require_ours
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

@@ -23,13 +23,13 @@ from calib.records.observation_table import MAX_RESIDUAL_PX, observations_to_csv
 from calib.solver.calibration import Calibration, ImageField, Status, TargetError
 from calib.solver.options import SolveOptions
 from designer.base.codec import decode, encode
+from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import LEFT_OUT, OR_NULL, AtLeast, AtMost, Count, Gap, Length, Shape
-from designer.errors import InputError
+from designer.base.words import shown
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.source import Amount, Kind
-from designer.words import shown
 
 Array = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from calib.metrics.errors import Errors, ErrorSummary, summarise, summarise_grou
 from calib.metrics.evaluation import Evaluation
 from calib.observe.csv_table import ANY_NAME, is_real, read_text
 from calib.records.observation_table import quoted
+from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import INLINE, LEFT_OUT, Count, Gap
-from designer.errors import InputError
 
 METRICS_FILE = "metrics.json"
 VIEWS_FILE, POINTS_FILE, FACES_FILE = "metrics_views.csv", "metrics_points.csv", "metrics_faces.csv"

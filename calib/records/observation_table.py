@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from calib.core.types import KnownPoints
 from calib.observe.csv_table import ANY_NAME, MAX_FILE_BYTES
 from calib.solver.calibration import Calibration
-from designer.errors import InputError
-from designer.names import as_written_today
+from designer.base.errors import InputError
+from designer.base.names import as_written_today
 
 VERSION = 1
 FIRST_LINE = f"# ringsolid observations, version {VERSION}"

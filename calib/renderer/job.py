@@ -22,12 +22,12 @@ from calib.core.types import frozen_array
 from calib.renderer.options import RenderOptions
 from calib.renderer.sensor import Levels
 from calib.renderer.view import render_view
+from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import Length, Shape
-from designer.errors import InputError
-from designer.own_files import require_ours, signed
+from designer.base.own_files import require_ours, signed
+from designer.base.words import shown
 from designer.target import TargetGeometry
-from designer.words import shown
 
 TRUTH_FILE = "truth.json"
 FileFormat = Literal["png", "tiff", "jpeg"]

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation, look_at, make_pose
-from designer.errors import InputError
-from designer.small_file import JsonValue, parse_json, read_small_text
+from designer.base.errors import InputError
+from designer.base.small_file import JsonValue, parse_json, read_small_text
 
 Array = NDArray[np.float64]
 Region = Literal["hemisphere", "sphere", "cap"]

@@ -4,9 +4,9 @@ import math
 import re
 from collections.abc import Callable
 
-from designer.errors import InputError
-from designer.units import parse_length_mm, parse_percent
-from designer.words import shown, suggestion
+from designer.base.errors import InputError
+from designer.base.units import parse_length_mm, parse_percent
+from designer.base.words import shown, suggestion
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from designer.words import printable
+from designer.base.words import printable
 
 if TYPE_CHECKING:
     from rich.console import Console

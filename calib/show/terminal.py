@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from calib.show.screen import shown, table_console
+from designer.base.words import printable
 from designer.page.blocks import Facts, Finding, Headline, Level, Table
-from designer.words import printable
 
 MARKS: dict[Level, tuple[str, str]] = {
     "good": ("good", "green"), "usable": ("usable", "yellow"), "bad": ("bad", "red"), "note": ("note", "dim"),

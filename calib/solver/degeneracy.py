@@ -10,7 +10,7 @@ from calib.solver.levenberg import Minimum
 from calib.solver.linear_pose import FLAT
 from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.tie import Tie
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 

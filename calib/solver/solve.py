@@ -19,7 +19,7 @@ from calib.solver.poses import FirstPoses, first_poses
 from calib.solver.problem import Problem, pack, target_covariance, target_poses
 from calib.solver.start import coarse_camera
 from calib.solver.tie import Tie, tie_parameters
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 

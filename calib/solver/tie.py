@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import MODELS, SIMULATED, parameter_names
 from calib.solver.options import SolveOptions
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,8 +22,8 @@ from calib.studies.workers import (
     compute,
     in_one_line,
 )
-from designer.errors import InputError
-from designer.words import shown
+from designer.base.errors import InputError
+from designer.base.words import shown
 
 if TYPE_CHECKING:
     from distributed import Client, Future

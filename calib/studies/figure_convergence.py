@@ -10,7 +10,7 @@ from calib.figures.style import BLUE, GREEN, GREY, ORANGE, VERMILION, nothing
 from calib.studies.figure_histograms import unit_of
 from calib.studies.paper_table import paper_value
 from calib.studies.statistics import METRICS, CaseSummary, Metric
-from designer.words import printable
+from designer.base.words import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

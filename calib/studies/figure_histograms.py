@@ -9,7 +9,7 @@ from calib.core.number_text import figure as digits
 from calib.figures.style import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, note, nothing
 from calib.studies.statistics import METRICS, Array, Case, CaseSummary, Distribution, Metric, SampleArrays, summarise
 from calib.studies.table import setting_in_words
-from designer.words import printable
+from designer.base.words import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

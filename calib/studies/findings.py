@@ -10,7 +10,7 @@ import numpy as np
 
 from calib.studies.paper_table import BOARD, ICOSAHEDRON, TARGETS, paper_value
 from calib.studies.statistics import METRICS, Case, CaseSummary, Distribution, Over
-from designer.words import printable
+from designer.base.words import printable
 
 SIGNIFICANT = 2.0
 """Standard errors by which a ratio must differ from 1, or an exponent from 0."""

@@ -19,7 +19,7 @@ from calib.pipeline.calibrate import calibrate
 from calib.solver.calibration import Calibration
 from calib.studies.pool import Pool
 from calib.studies.sample import SampleResult
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from designer.errors import InputError
-from designer.words import shown
+from designer.base.errors import InputError
+from designer.base.words import shown
 
 PROGRAMS = ("ringsolid", "numpy", "numba", "scipy")
 """Whose versions decide the last bits of a sample."""

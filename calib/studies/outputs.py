@@ -10,8 +10,8 @@ from calib.studies.reasons import reasons
 from calib.studies.statistics import CaseSummary, summarise
 from calib.studies.store import Study
 from calib.studies.table_files import table_files
-from designer.errors import InputError
-from designer.words import shown
+from designer.base.errors import InputError
+from designer.base.words import shown
 
 STUDY_FILE = "study.sqlite"
 FIGURES_FOLDER = "figures"

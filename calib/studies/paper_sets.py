@@ -21,9 +21,9 @@ from calib.renderer.options import RenderOptions
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.solver.solve import solve
 from calib.studies.paper_table import BOARD, ICOSAHEDRON
-from designer.errors import InputError
-from designer.kind import spec_from_mapping
-from designer.spec import SpecValue
+from designer.base.errors import InputError
+from designer.spec.kind import spec_from_mapping
+from designer.spec.spec import SpecValue
 from designer.target import TargetGeometry
 
 DISTANCE_MM = 400.0

@@ -27,7 +27,7 @@ from calib.studies.pool import make_pool
 from calib.studies.progress import Tell, after
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry, load_target, target_to_json
 
 MODEL = "luhmann"

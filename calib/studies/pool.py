@@ -17,7 +17,7 @@ from calib.solver.problem import Problem, pack
 from calib.solver.tie import Tie, tie_parameters
 from calib.studies.expansion import Expansion, expand
 from calib.studies.sample import SampleResult
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from calib.studies.workers import (
     processes,
     run_by_pool,
 )
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 CHUNK_S = 0.4
 """What a chunk is to take: little is lost with one, and sending it costs nothing beside."""

@@ -12,7 +12,7 @@ from typing import Self, TypeVar
 from calib.studies.identity import StudyIdentity, program_versions
 from calib.studies.sample import SampleResult
 from calib.studies.stored_samples import Samples, StoredCase, case_from_row, row_of, row_of_case, samples_from_rows
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 APPLICATION_ID = 0x52465354
 """In the header of the file: "RFST"."""

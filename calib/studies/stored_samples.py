@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from calib.solver.calibration import Status
 from calib.studies.sample import SampleResult
 from calib.studies.statistics import Case
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 STATUSES = (*get_args(Status), "failed")
 MAX_PARAMS = 1000

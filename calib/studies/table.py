@@ -10,7 +10,7 @@ from calib.studies.findings import HeldClaim, PaperFactor, against_paper, findin
 from calib.studies.markdown import markdown_table, plain
 from calib.studies.paper_table import CORRECTED, CORRECTION, INTERVALS, PaperValue, paper_value
 from calib.studies.statistics import LEAST_P, METRICS, Case, CaseSummary, Distribution, Metric
-from designer.words import printable
+from designer.base.words import printable
 
 if TYPE_CHECKING:
     from rich.table import Table

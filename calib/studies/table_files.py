@@ -22,7 +22,7 @@ from calib.studies.study_table_file import (
 )  # fmt: skip
 from calib.studies.table import markdown, notes
 from designer.base.codec import encode
-from designer.small_file import JsonValue
+from designer.base.small_file import JsonValue
 
 Row = TypeVar("Row")
 

@@ -11,11 +11,11 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from designer.base.errors import InputError
 from designer.base.marks import AtLeast, Line, Word
-from designer.errors import InputError
-from designer.presets import preset_or_file
-from designer.spec_file import RawValue, read_spec_file
-from designer.words import shown, suggestion
+from designer.base.words import shown, suggestion
+from designer.kinds.presets import preset_or_file
+from designer.kinds.spec_file import RawValue, read_spec_file
 
 STANDARD = "standard"
 _NUMBER = re.compile(r"\s*(\d{1,9}\.?\d{0,9}|\.\d{1,9})\s*([A-Za-z%]{0,8})\s*")

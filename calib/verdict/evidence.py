@@ -20,7 +20,7 @@ from calib.verdict.apart import Known, apart, sigma_over
 from calib.verdict.coverage import Coverage, coverage_of
 from calib.verdict.halves import HalfSplit, NoHalves, halves_apart
 from calib.verdict.target_shape import ShapeEffect, shape_effect
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 

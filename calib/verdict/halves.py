@@ -22,8 +22,8 @@ from calib.solver.options import SolveOptions
 from calib.verdict.apart import Apart, Known, apart
 from calib.verdict.coverage import Coverage
 from calib.verdict.split import splits
+from designer.base.errors import InputError
 from designer.base.marks import INLINE, Key, Length
-from designer.errors import InputError
 
 Array = NDArray[np.float64]
 

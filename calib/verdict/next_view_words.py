@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.number_text import figure
-from designer.words import printable
+from designer.base.words import printable
 
 Array = NDArray[np.float64]
 LongSide = Literal["", "level", "upright"]

@@ -5,7 +5,7 @@ from rich.text import Text
 
 from calib.verdict.criteria import Criteria
 from calib.verdict.verdict import Check, Grade, Verdict, measured_text
-from designer.words import printable
+from designer.base.words import printable
 
 MARKS: dict[Grade, tuple[str, str]] = {
     "good": ("good", "green"),

@@ -17,7 +17,7 @@ from calib.core.one_thread import one_thread_with_scipy
 from calib.detector.homography import fit
 from calib.virtual.image_cells import MAX_CELLS, cells_of
 from calib.virtual.likelihood import likeliest, weights_of
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 

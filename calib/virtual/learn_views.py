@@ -25,7 +25,7 @@ from calib.solver.solve import solve
 from calib.virtual.image_cells import Cells, cells_of
 from calib.virtual.learn_map import Learned, MapSamples, Process, learn_map
 from calib.virtual.solve_on_sensor import move_to_sensor, rows_of_views
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 SensorMap = Callable[[Array], Array]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib.core.types import KnownPoints, Observations
 from calib.detector.homography import apply, direct
 from calib.virtual.learn_map import MIN_SAMPLES, MapSamples
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from calib.core.types import Observations
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from calib.virtual.learn_map import MapSamples, learn_from_many
 from calib.virtual.learn_views import SMALL_CHANGE_PX, learn_from_views
 from calib.virtual.reference_photo import choose_view, on_plane_mm, samples_of_plane
 from calib.virtual.solve_on_sensor import solve_on_sensor
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 

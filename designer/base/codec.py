@@ -24,10 +24,10 @@ from typing import (
     runtime_checkable,
 )  # fmt: skip
 
+from designer.base.errors import InputError
 from designer.base.marks import INLINE, LEFT_OUT, ONE_LINE, OR_NULL, Bound, Key, Mark, NullIs, Shape
-from designer.errors import InputError
-from designer.small_file import JsonValue
-from designer.words import printable, shown, suggestion
+from designer.base.small_file import JsonValue
+from designer.base.words import printable, shown, suggestion
 
 T = TypeVar("T")
 LARGEST_INT = 2**63

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Generic, TypeVar, cast
 
 from designer.base.codec import BadValueError, decode, encode
-from designer.errors import InputError
-from designer.names import NAME
-from designer.small_file import JsonValue, parse_json, read_small_text
-from designer.words import shown
+from designer.base.errors import InputError
+from designer.base.names import NAME
+from designer.base.small_file import JsonValue, parse_json, read_small_text
+from designer.base.words import shown
 
 T = TypeVar("T")
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from designer.errors import InputError, NotWrittenError
-from designer.own_files import require_ours, signed
+from designer.base.errors import InputError, NotWrittenError
+from designer.base.own_files import require_ours, signed
 from designer.target import TargetGeometry, load_target
 
 

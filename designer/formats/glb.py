@@ -6,7 +6,7 @@ import struct
 import numpy as np
 
 from designer.make.mesh import Mesh, Part
-from designer.spec import PrintSpec
+from designer.spec.spec import PrintSpec
 
 _METRES_PER_MM = 0.001
 _ROUGHNESS = 0.9

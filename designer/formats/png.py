@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from designer.base.solid import Polyhedron
 from designer.make.pattern import Contour, FacePattern, Pattern
-from designer.solid import Polyhedron
 
 HEIGHT_PX = 800
 """Height of the picture above its caption; the view in perspective is as wide."""

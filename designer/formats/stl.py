@@ -4,8 +4,8 @@ import struct
 
 import numpy as np
 
+from designer.base.names import NAME
 from designer.make.mesh import Mesh
-from designer.names import NAME
 
 _HEADER = f"{NAME} binary STL, millimetres".encode().ljust(80)
 """Must not begin with "solid": readers would take the file for text."""

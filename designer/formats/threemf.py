@@ -16,10 +16,10 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.formats.number_text import decimals, text_lines, whole_numbers
 from designer.make.mesh import Mesh, Part
-from designer.spec import PrintSpec
+from designer.spec.spec import PrintSpec
 
 _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 _ZIP_LEVEL = 1

@@ -1,1 +1,1 @@
-"""The kinds of targets, a file each; `designer.kind` lists them."""
+"""The kinds of targets, a file each; `designer.spec.kind` lists them."""

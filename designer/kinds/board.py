@@ -5,11 +5,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
-from designer.code import Index
-from designer.errors import InputError
-from designer.kind import Kind
-from designer.options import Asked, Option
-from designer.size_rules import (
+from designer.base.code import Index
+from designer.base.errors import InputError
+from designer.base.units import format_mm, round_down, round_up
+from designer.spec.kind import Kind
+from designer.spec.options import Asked, Option
+from designer.spec.size_rules import (
     DIAMETER_OVER_PITCH,
     check_count,
     check_rings,
@@ -17,8 +18,7 @@ from designer.size_rules import (
     chosen_words,
     diameter_and_pitch,
 )
-from designer.spec import PLATE_BUILDS, RING_RATIO, Build, Lattice, Line, Spec, SpecValue
-from designer.units import format_mm, round_down, round_up
+from designer.spec.spec import PLATE_BUILDS, RING_RATIO, Build, Lattice, Line, Spec, SpecValue
 
 if TYPE_CHECKING:
     import numpy as np
@@ -64,7 +64,7 @@ class BoardSpec(Spec):
         """
         import numpy as np  # here: reading a command line needs none
 
-        from designer.layout import same_on_all_faces
+        from designer.kinds.layout import same_on_all_faces
 
         steps = self.pitch_mm * lattice_steps(self.lattice)
         raw = board_index(self.columns, self.rows, self.lattice)
@@ -262,7 +262,7 @@ def _origin_index(index: list[Index], position: "NDArray[np.float64]") -> Index:
     """The index that brings the origin mark nearest to the middle of the lattice."""
     import numpy as np
 
-    from designer.layout import DECIMALS
+    from designer.kinds.layout import DECIMALS
 
     place = dict(zip(index, position, strict=True))
     middle = 0.5 * (position.min(axis=0) + position.max(axis=0))

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, ClassVar
 
-from designer.kind import Kind
-from designer.regular_solid import AskedSolid, SolidSpec
+from designer.kinds.regular_solid import AskedSolid, SolidSpec
+from designer.spec.kind import Kind
 
 if TYPE_CHECKING:
-    from designer.solid import Polyhedron
+    from designer.base.solid import Polyhedron
 
 # Which code each face carries, and at which of its four corners.
 # Found by simulated annealing to set a target apart from itself turned by any of the 23 other rotations and seen in a
@@ -24,7 +24,7 @@ def cube() -> "Polyhedron":
     """The solid, when it is asked for: reading a command line needs no NumPy."""
     import numpy as np
 
-    from designer.solid import Polyhedron
+    from designer.base.solid import Polyhedron
 
     # Vertices 0-3 lie above, 4-7 below them; face 0 looks up, 1-4 to the sides, 5 down.
     around = ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))

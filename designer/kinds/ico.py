@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, ClassVar
 
-from designer.kind import Kind
-from designer.regular_solid import AskedSolid, SolidSpec
+from designer.kinds.regular_solid import AskedSolid, SolidSpec
+from designer.spec.kind import Kind
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from designer.solid import Polyhedron
+    from designer.base.solid import Polyhedron
 
 # Which code each face carries, and at which of its three corners.
 # Found by simulated annealing to set a target apart from itself turned by any of the 59 other rotations and seen
@@ -60,7 +60,7 @@ def _net() -> tuple[tuple[int, int], ...]:
 @cache
 def icosahedron() -> "Polyhedron":
     """The solid, when it is asked for: reading a command line needs no NumPy."""
-    from designer.solid import Polyhedron
+    from designer.base.solid import Polyhedron
 
     return Polyhedron(
         name="icosahedron",

@@ -5,9 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.faces import corners_mm, face_down, is_turned
-from designer.skew import NO_SKEW, skew_matrix
-from designer.spec import PrintSpec
+from designer.base.skew import NO_SKEW, skew_matrix
+from designer.kinds.faces import corners_mm, face_down, is_turned
+from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
 _ALIKE = 1e-6

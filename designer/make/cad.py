@@ -14,7 +14,7 @@ from build123d import Compound, Face, Location, Plane, Shell, Solid, Vector, Wir
 from numpy.typing import NDArray
 
 from designer.make.pattern import Contour, Pattern, Stamp
-from designer.spec import PrintSpec, Spec
+from designer.spec.spec import PrintSpec, Spec
 
 _DATE = "2000-01-01T00:00:00"
 """Same spec, same bytes: the date of every STEP file."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from designer.faces import border_width_mm
+from designer.kinds.faces import border_width_mm
 from designer.target import TargetGeometry
 
 

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.errors import InputError
-from designer.faces import inset_per_depth
-from designer.layout import lay_out
-from designer.options import Asked
-from designer.sizing import size_job
-from designer.spec import PrintSpec, Spec
-from designer.spec_file import RawValue, parse_spec
+from designer.base.errors import InputError
+from designer.base.units import format_mm
+from designer.kinds.faces import inset_per_depth
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import RawValue, parse_spec
+from designer.spec.options import Asked
+from designer.spec.spec import PrintSpec, Spec
 from designer.target import TargetGeometry
-from designer.units import format_mm
 
 WIDTH, HEIGHT, GAP = 5, 7, 1  # in strokes
 MAX_STROKE_MM = 0.6

@@ -11,10 +11,10 @@ import numpy as np
 from manifold3d import triangulate
 from numpy.typing import NDArray
 
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.solid import INLAY_SHARE, Solid
+from designer.base.units import round_down
 from designer.make.pattern import Contour, FacePattern, Pattern, Stamp
-from designer.solid import INLAY_SHARE, Solid
-from designer.units import round_down
 
 Ids = NDArray[np.int32]
 

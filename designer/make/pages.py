@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.page_size import MARGIN_MM, MAX_PAGE_MM, MIN_PAGE_MM, SCALE_BAR_MM, page_size_mm
 from designer.make.drawing import Drawing, Point, SheetPage, Text, moved, together, width_em
-from designer.page_size import MARGIN_MM, MAX_PAGE_MM, MIN_PAGE_MM, SCALE_BAR_MM, page_size_mm
 
 DESCENT = 0.22
 """How far letters reach below the baseline, of the text size."""

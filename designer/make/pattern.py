@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.make.clearance import narrowest_widths
 from designer.make.lettering import Lettering, letter_faces
-from designer.spec import PrintSpec
+from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
 Contour = NDArray[np.float64]  # (N, 2)

@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from designer.faces import border_width_mm, deepest_inlay_mm, inset_per_depth
+from designer.base.units import round_down
+from designer.kinds.faces import border_width_mm, deepest_inlay_mm, inset_per_depth
 from designer.make.bed import overhang, printed_size_mm
 from designer.make.clearance import narrowest_widths
-from designer.spec import PrintSpec
+from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
-from designer.units import round_down
 
 Level = Literal["violation", "warning", "note"]
 

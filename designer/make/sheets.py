@@ -9,12 +9,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.errors import InputError
-from designer.faces import adjacent_faces, inset_per_depth
+from designer.base.errors import InputError
+from designer.kinds.faces import adjacent_faces, inset_per_depth
 from designer.make.drawing import MARK_COLOUR, Area, Circle, Drawing, Point, SheetPage, Text, polygon
 from designer.make.pages import DESCENT, PieceGrid, lay_out_pages
 from designer.make.pattern import Contour, FacePattern, Pattern, Stamp, moved_in
-from designer.spec import PrintSpec
+from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
 BLEED_MM = 0.5

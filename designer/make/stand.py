@@ -11,10 +11,10 @@ import numpy as np
 from manifold3d import CrossSection, Manifold, OpType
 from numpy.typing import NDArray
 
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.solid import Solid
 from designer.make.mesh import Mesh
-from designer.solid import Solid
-from designer.spec import PrintSpec, Spec
+from designer.spec.spec import PrintSpec, Spec
 from designer.target import TargetGeometry
 
 CLEARANCE_MM = 0.2

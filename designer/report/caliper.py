@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.faces import PARALLEL, opposite_faces
+from designer.kinds.faces import PARALLEL, opposite_faces
 from designer.make.bed import bed_from_target
 from designer.produce import Design
 from designer.target import TargetGeometry

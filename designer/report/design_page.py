@@ -5,7 +5,8 @@ It follows from the spec and the files alone, so `design make` on the folder's T
 
 from collections.abc import Sequence
 
-from designer.answer import program
+from designer.base.answer import program
+from designer.base.words import capital, with_article
 from designer.formats.folder import OutputFile
 from designer.make.printability import PrintCheck
 from designer.page.blocks import (
@@ -44,7 +45,6 @@ from designer.report.rule_findings import rule_findings, rule_lead, sentence
 from designer.report.sheet_pictures import sheet_picture
 from designer.report.slicer_steps import colour_words, print_settings, sheet_blocks, slicer_folds, sticker_blocks
 from designer.report.target_facts import code_blocks, dimension_facts
-from designer.words import capital, with_article
 
 PAGE_FILE = "index.html"
 MOST_SHEETS = 10

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from designer.make.bed import bed_from_target, printed_corners_mm
 from designer.produce import Design
-from designer.spec import PrinterProfile
+from designer.spec.spec import PrinterProfile
 
 DENSITY_G_PER_CM3 = 1.24
 """PLA, as the tables of filament makers and slicers have it."""

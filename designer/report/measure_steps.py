@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from designer.base.skew import NO_SKEW, format_skew
 from designer.page.blocks import Block, Cell, Column, Command, Leaf, Paragraph, Steps, Table
 from designer.produce import Design
 from designer.report.caliper import (
@@ -15,8 +16,7 @@ from designer.report.caliper import (
     skew_per_mm_deg,
 )
 from designer.report.filament import two_digits
-from designer.skew import NO_SKEW, format_skew
-from designer.spec import Build
+from designer.spec.spec import Build
 from designer.target import bounding_radius_mm
 from designer.tolerance.error_file import error_model
 from designer.tolerance.made import ERRORS_OF_BUILD

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
+from designer.base.words import capital
 from designer.make.bed import printed_size_mm
 from designer.make.clearance import narrowest_widths
 from designer.make.printability import Level as RuleLevel
 from designer.make.printability import PrintCheck
 from designer.page.blocks import Finding, Findings, Level
 from designer.produce import Design
-from designer.words import capital
 
 _LEVELS: dict[RuleLevel, Level] = {"violation": "bad", "warning": "usable", "note": "note"}
 _ORDER: tuple[RuleLevel, ...] = ("violation", "warning", "note")

@@ -4,15 +4,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from designer.faces import adjacent_faces
+from designer.base.page_size import SCALE_BAR_MM
+from designer.base.skew import NO_SKEW, format_skew
+from designer.kinds.faces import adjacent_faces
 from designer.make.bed import overhang
 from designer.make.printability import COUNT
 from designer.page.blocks import Block, Cell, Column, Fold, Leaf, Paragraph, Steps, Table
-from designer.page_size import SCALE_BAR_MM
 from designer.produce import Design
 from designer.report.filament import Shells
-from designer.skew import NO_SKEW, format_skew
-from designer.spec import PrinterProfile, PrintSpec
+from designer.spec.spec import PrinterProfile, PrintSpec
 
 _COLOUR_NAMES = {"#ffffff": "white", "#000000": "black"}
 BODY_SLOT, INK_SLOT = 1, 2

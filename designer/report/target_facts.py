@@ -1,13 +1,13 @@
 """Dimensions and codes of a target, as names and values for its page."""
 
-from designer.code import CODES, code_positions
-from designer.faces import adjacent_faces, opposite_faces
+from designer.base.code import CODES, code_positions
+from designer.base.skew import NO_SKEW, format_skew
+from designer.kinds.faces import adjacent_faces, opposite_faces
 from designer.make.bed import printed_size_mm
 from designer.make.clearance import narrowest_widths
 from designer.page.blocks import Cell, Column, Facts, Leaf, Paragraph, Table
 from designer.produce import Design
 from designer.report.filament import Filament, two_digits
-from designer.skew import NO_SKEW, format_skew
 from designer.target import TargetGeometry
 
 DOT, RING = "●", "○"

@@ -7,15 +7,15 @@ from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from designer.errors import InputError
-from designer.presets import preset_or_file
-from designer.spec_file import RawValue, read_spec_file
+from designer.base.errors import InputError
+from designer.base.units import parse_length_mm
+from designer.base.words import shown, suggestion
+from designer.kinds.presets import preset_or_file
+from designer.kinds.spec_file import RawValue, read_spec_file
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.quantity import parse_amount, parse_expansion
 from designer.tolerance.registry import SOURCES, source_named
 from designer.tolerance.source import Amount
-from designer.units import parse_length_mm
-from designer.words import shown, suggestion
 
 NEEDED_BY: Mapping[str, str] = {"stair_steps": "layer_height", "thermal": "expansion"}
 """What the model must tell of a print for a source to have an effect."""

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from designer.errors import InputError
-from designer.spec import Build
+from designer.base.errors import InputError
+from designer.spec.spec import Build
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 from designer.tolerance.quantity import format_quantity
 from designer.tolerance.registry import SOURCES, source_named

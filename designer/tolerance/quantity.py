@@ -4,10 +4,10 @@ import math
 import re
 from collections.abc import Callable, Mapping
 
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.units import parse_angle_rad, parse_length_mm, parse_percent
+from designer.base.words import shown, suggestion
 from designer.tolerance.source import KINDS, Amount, ErrorSource, Unit
-from designer.units import parse_angle_rad, parse_length_mm, parse_percent
-from designer.words import shown, suggestion
 
 MAX_KELVIN = 1000.0
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?|[-+]?(?:nan|inf(?:inity)?)"

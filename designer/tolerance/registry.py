@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.words import shown, suggestion
 from designer.tolerance.source import ErrorSource
 from designer.tolerance.sources.axis_scale import AXIS_SCALE
 from designer.tolerance.sources.face_bow import FACE_BOW
@@ -18,7 +19,6 @@ from designer.tolerance.sources.skew import SKEW
 from designer.tolerance.sources.stair_steps import STAIR_STEPS
 from designer.tolerance.sources.thermal import THERMAL
 from designer.tolerance.sources.warp import WARP
-from designer.words import shown, suggestion
 
 
 def _by_name(sources: Iterable[ErrorSource]) -> Mapping[str, ErrorSource]:

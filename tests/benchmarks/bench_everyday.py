@@ -196,7 +196,7 @@ def solution(setting: Setting) -> None:
 def large_photo(setting: Setting) -> None:
     """A photo of 100 megapixels, against the bare threshold and contours."""
     from calib.detector.pipeline import detect
-    from designer.layout import lay_out
+    from designer.kinds.layout import lay_out
     from tests.benchmarks.bench_large_image import SPEC, bare_pass, picture
 
     target = lay_out(SPEC)

@@ -27,7 +27,7 @@ import calib
 from calib.detector.pipeline import detect
 from calib.renderer import RenderOptions
 from designer.kinds.board import BoardSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import row
 from tests.support.foreign_views import Photo, false_names, is_alike, photo_of, random_target, template_targets

@@ -16,10 +16,10 @@ import numpy as np
 from manifold3d import CrossSection, Manifold, OpType
 
 from designer.kinds.ico import IcoSpec, icosahedron
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.make.mesh import Part, icosahedron_hull, inlaid
 from designer.make.pattern import Pattern, make_pattern
-from designer.spec import PrinterProfile, PrintSpec
+from designer.spec.spec import PrinterProfile, PrintSpec
 
 EDGE_MM, INLAY_MM = 100.0, 1.0
 SPEC = IcoSpec(EDGE_MM, 8, 7.0, 0.45, 10.0, 2.0, 3.0)

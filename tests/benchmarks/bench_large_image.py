@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from calib.detector.pipeline import detect
 from designer.kinds.board import BoardSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import (
     DARK,

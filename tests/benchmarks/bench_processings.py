@@ -36,7 +36,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.uncertainty import projected_change
 from designer.kinds.board import BoardSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import Array, look_at
 from tests.support.sightings import pinhole

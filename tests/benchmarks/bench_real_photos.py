@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from calib.detector.pipeline import detect
 from designer.kinds.board import BoardSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import Array, rms, row
 

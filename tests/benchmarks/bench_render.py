@@ -18,8 +18,8 @@ from calib.cameras.camera import Camera
 from calib.cameras.camera_file import camera_or_preset
 from calib.renderer import RenderOptions, render_view
 from calib.renderer.poses import PoseGrid, grid_poses
-from designer.layout import lay_out
-from designer.sizing import size_job
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
 from tests.support.designs import asked_for
 

@@ -29,7 +29,7 @@ from calib.core.se3 import exp_rotation
 from calib.detector.pipeline import detect
 from calib.renderer import RenderOptions, render_view
 from designer.kinds.board import BoardSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import (
     DARK,

@@ -8,8 +8,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from designer.kinds.sizing import size_job
 from designer.produce import Design
-from designer.sizing import size_job
 from tests.support.designs import asked_for, ink_of, packages_of
 from tests.support.gcode import find_slicer, slice_3mf, slicer_settings
 

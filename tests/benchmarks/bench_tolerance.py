@@ -26,7 +26,7 @@ from calib.studies.tolerance.quantities import NAMES  # noqa: E402
 from calib.studies.tolerance.result import ToleranceTable, relative_error, table_of_draws  # noqa: E402
 from calib.studies.tolerance.setting import Setting, make_setting  # noqa: E402
 from designer.kinds.ico import IcoSpec  # noqa: E402
-from designer.layout import lay_out  # noqa: E402
+from designer.kinds.layout import lay_out  # noqa: E402
 from designer.tolerance.error_file import error_model  # noqa: E402
 from designer.tolerance.model import ErrorModel, displaced_shape  # noqa: E402
 from designer.tolerance.shape import centers_mm  # noqa: E402

@@ -37,7 +37,7 @@ from calib.verdict.criteria import Criteria, Limits, read_criteria  # noqa: E402
 from calib.verdict.halves import half_split  # noqa: E402
 from calib.verdict.of_run import Judged, judge_run  # noqa: E402
 from calib.verdict.verdict import Grade  # noqa: E402
-from designer.errors import InputError  # noqa: E402
+from designer.base.errors import InputError  # noqa: E402
 from designer.tolerance.made import EXACT, how_made  # noqa: E402
 from tests.benchmarks.verdict_scenes import Case, case_of, lens_of, sightings_of, target_of  # noqa: E402
 

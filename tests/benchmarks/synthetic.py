@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from calib.core.types import Detections
 from calib.renderer import View
-from designer.code import code_positions
+from designer.base.code import code_positions
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
-from designer.spec import Spec
+from designer.kinds.layout import lay_out
+from designer.spec.spec import Spec
 from designer.target import MAX_INDEX, TargetGeometry
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from calib.observe.observations import known_points
 from calib.renderer.poses import fibonacci_cap
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import perturb

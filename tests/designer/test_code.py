@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from designer.code import CODES, SQUARE_POSITIONS, TRIANGLE_POSITIONS, code_positions
-from designer.faces import adjacent_faces
-from designer.kind import kinds
+from designer.base.code import CODES, SQUARE_POSITIONS, TRIANGLE_POSITIONS, code_positions
 from designer.kinds.board import BOARD_DOTS, BoardSpec, lattice_steps
-from designer.layout import lay_out
-from designer.regular_solid import SolidSpec
-from designer.spec import Lattice
+from designer.kinds.faces import adjacent_faces
+from designer.kinds.layout import lay_out
+from designer.kinds.regular_solid import SolidSpec
+from designer.spec.kind import kinds
+from designer.spec.spec import Lattice
 from designer.target import TargetGeometry
 
 DotSet = frozenset[tuple[int, int]]

@@ -25,16 +25,18 @@ from calib.commands.render import render
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.renderer.rings import ring_truth
 from calib.renderer.scene import scene_from_target
-from designer.code import CODES, TRIANGLE_POSITIONS
-from designer.errors import InputError
-from designer.faces import opposite_faces
+from designer.base.code import CODES, TRIANGLE_POSITIONS
+from designer.base.errors import InputError
+from designer.base.skew import skew_matrix
 from designer.formats.folder import OutputFile, write_folder
+from designer.kinds.faces import opposite_faces
 from designer.kinds.ico import icosahedron
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import parse_spec
 from designer.make.bed import bed_from_target
 from designer.make.printability import PrintCheck, check_printability
 from designer.make.printability import PrintFinding as RuleFinding
-from designer.options import Asked
 from designer.page.blocks import Block, Command, FileList, Fold, Leaf, Page, Steps, Table, View3d
 from designer.page.scene import Rings, Surface
 from designer.produce import Design, make_files
@@ -51,9 +53,7 @@ from designer.report.measure_steps import (
 from designer.report.rule_findings import rule_findings, rule_limits
 from designer.report.slicer_steps import BODY_SLOT, INK_SLOT, usual_slicer
 from designer.report.target_facts import DOT, code_blocks
-from designer.sizing import size_job
-from designer.skew import skew_matrix
-from designer.spec_file import parse_spec
+from designer.spec.options import Asked
 from designer.target import bounding_radius_mm
 from tests.support.browser import open_page, overflow_px, unresolved
 from tests.support.designs import asked_for

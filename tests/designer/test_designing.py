@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import designer
-from designer.kind import KINDS
+from designer.spec.kind import KINDS
 from tests.support.command_line import design
 
 COARSE = {"formats": ("stl",), "chord_error": "0.1mm"}
@@ -65,5 +65,5 @@ def test_the_import_loads_next_to_nothing() -> None:
     code = "import sys, designer; print(*sys.modules); print(*dir(designer))"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.splitlines()
     loaded, listed = (set(line.split()) for line in said)
-    assert not {"numpy", "pydantic", "typer", "designer.target", "designer.kind"} & loaded
+    assert not {"numpy", "pydantic", "typer", "designer.target", "designer.spec.kind"} & loaded
     assert {*designer.__all__, *KINDS} <= listed

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from designer.code import CODES
+from designer.base.code import CODES
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec, icosahedron
-from designer.layout import lay_out
-from designer.spec import Lattice, Spec
+from designer.kinds.layout import lay_out
+from designer.spec.spec import Lattice, Spec
 from designer.target import TargetGeometry
 
 PAPER_ICO = IcoSpec(100.0, 8, 7.0, 0.45, 10.0, 2.0, 3.0)

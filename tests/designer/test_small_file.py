@@ -9,9 +9,9 @@ import pytest
 from calib.cameras.camera_file import load_camera
 from calib.observe.records import read_records
 from calib.renderer.poses import load_poses
-from designer.errors import InputError
-from designer.small_file import read_small_text
-from designer.spec_file import read_spec_file
+from designer.base.errors import InputError
+from designer.base.small_file import read_small_text
+from designer.kinds.spec_file import read_spec_file
 from designer.target import load_target
 
 READERS = (load_camera, read_records, load_poses, read_spec_file, load_target)

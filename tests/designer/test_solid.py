@@ -6,11 +6,11 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from designer.faces import adjacent_faces, inset_per_depth, opposite_faces
-from designer.kind import kinds
-from designer.layout import lay_out
-from designer.sizing import size_job
-from designer.solid import Polyhedron, Solid, face_frames, regular_polygon
+from designer.base.solid import Polyhedron, Solid, face_frames, regular_polygon
+from designer.kinds.faces import adjacent_faces, inset_per_depth, opposite_faces
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
+from designer.spec.kind import kinds
 from designer.target import TargetGeometry
 from tests.support.designs import asked_for, small
 

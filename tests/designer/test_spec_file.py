@@ -8,15 +8,12 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from designer.errors import InputError
-from designer.kind import kinds
+from designer.base.errors import InputError
 from designer.kinds.board import AskedBoard
 from designer.kinds.ico import AskedIco
-from designer.options import Asked, options_of
-from designer.presets import preset_names, preset_or_file, printer_profile
-from designer.sizing import size_job
-from designer.spec import Job
-from designer.spec_file import (
+from designer.kinds.presets import preset_names, preset_or_file, printer_profile
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import (
     FORMATS,
     MAX_FILE_BYTES,
     RawValue,
@@ -27,6 +24,9 @@ from designer.spec_file import (
     replaced,
     spec_to_toml,
 )
+from designer.spec.kind import kinds
+from designer.spec.options import Asked, options_of
+from designer.spec.spec import Job
 
 KEYS = sorted({name for kind in kinds() for name in options_of(kind.asked)})
 ICO = {"kind": "ico", "edge": "20mm"}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.page.scene import Cameras, Labels, Layer, Rings, Scene, Segments, Surface
 from designer.page.scene_json import scene_json
 from designer.target import TargetGeometry, bounding_radius_mm

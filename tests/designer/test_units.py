@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from designer.units import MAX_LENGTH_MM, format_mm, parse_length_mm, parse_lengths_mm, parse_percent
+from designer.base.units import MAX_LENGTH_MM, format_mm, parse_length_mm, parse_lengths_mm, parse_percent
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 from calib.commands.convert import FORMAT_NAMES
 from calib.interop import FORMATS
-from designer.presets import preset_names
+from designer.kinds.presets import preset_names
 
 ROOT = Path(__file__).parents[2]
 MODULE = {"design": "designer.cli", "calib": "calib.cli"}

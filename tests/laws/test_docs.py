@@ -15,18 +15,18 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 import calib
-import designer.kind
-import designer.spec_file
+import designer.kinds.spec_file
+import designer.spec.kind
 from calib.cameras.camera import Camera
 from calib.cli import app as calib_app
 from calib.detector.pipeline import detect
 from calib.interop.format import CameraFormat
+from designer.base.errors import InputError
 from designer.cli import app as design_app
-from designer.errors import InputError
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import parse_spec
 from designer.produce import Design, make_files
-from designer.sizing import size_job
-from designer.spec_file import parse_spec
 from designer.target import target_from_json, target_to_json
 from designer.tolerance.shape import shape_of, target_of
 from tests.support.ring_views import view_of
@@ -148,8 +148,8 @@ def test_kind_of_ones_own_is_designed_and_found_in_a_photo(monkeypatch: pytest.M
     """A file and a line are a kind: sizes, all files, and rings that the detector names as they are."""
     module = example("OctaSpec")
     monkeypatch.setitem(sys.modules, "designer.kinds.octa", module)
-    monkeypatch.setattr(designer.kind, "KINDS", (*designer.kind.KINDS, "octa"))
-    monkeypatch.setattr(designer.spec_file, "KINDS", designer.kind.KINDS)
+    monkeypatch.setattr(designer.spec.kind, "KINDS", (*designer.spec.kind.KINDS, "octa"))
+    monkeypatch.setattr(designer.kinds.spec_file, "KINDS", designer.spec.kind.KINDS)
     values = {"kind": "octa", "edge": "100mm", "chord_error": "50um", "formats": ["pdf"], "stand": True}
     design = Design(size_job(parse_spec(values, "test")).job)
     files = {file.name for file in make_files(design, lambda _: None)}

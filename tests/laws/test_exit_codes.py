@@ -213,7 +213,7 @@ def test_a_reader_may_leave(option: list[str], tmp_path: Path) -> None:
     """`calib ... | head -1`: no word of a broken pipe, the work goes on to its end, and its code is the program's."""
     script = (
         "import sys, typer; from pathlib import Path\n"
-        "from designer.command import command, run; from designer.answer import Summary\n"
+        "from designer.base.command import command, run; from designer.base.answer import Summary\n"
         "app = typer.Typer(name='toy')\n"
         "@command(app)\n"
         "def toy(word: str) -> Summary:\n"

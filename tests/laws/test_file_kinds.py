@@ -14,9 +14,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import OR_NULL, AtLeast, Gap, Shape
-from designer.errors import InputError
 from tests.support.file_examples import EXAMPLES
 
 ROOT = Path(__file__).parents[2]

@@ -8,10 +8,10 @@ import pytest
 
 from calib.detector.pipeline import detect
 from calib.renderer import RenderOptions
-from calib.report.why_nothing import explained
-from designer.kind import KINDS
+from calib.show.photos.why_nothing import explained
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
+from designer.spec.kind import KINDS
 from tests.benchmarks.bench_foreign_names import drawn
 from tests.support.designs import small
 from tests.support.foreign_views import PLAIN, Photo, false_names, photo_of, random_target, template_targets

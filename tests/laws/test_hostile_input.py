@@ -15,8 +15,8 @@ import pytest
 from calib.core.child_process import interrupts_held
 from calib.interop import FORMATS
 from calib.studies.store import LONGEST_VALUE_BYTES, read_study
-from designer.errors import InputError
-from designer.small_file import parse_json
+from designer.base.errors import InputError
+from designer.base.small_file import parse_json
 from tests.calib.studies.test_study_store import path as study_path
 from tests.laws.test_exit_codes import CASES, SOLVE, Case, folder
 from tests.support.command_line import Answer, calib, refused

@@ -17,8 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calib.records.calibration_file import read_calibration
-from designer.answer import StoppedError, Summary, Value, document, plain
-from designer.command import command_line
+from designer.base.answer import StoppedError, Summary, Value, document, plain
+from designer.base.command import command_line
 from tests.support.command_line import LENIENT, calib, design, summary_of
 from tests.support.command_scene import BOARD, CAMERA, FOUND, PHOTOS, SEEN, SHIFT_PX
 
@@ -28,9 +28,9 @@ import os, subprocess, sys
 from pathlib import Path
 import typer
 from rich.console import Console
-from designer.answer import StoppedError, Summary
-from designer.command import command, command_line, run
-from designer.errors import InputError
+from designer.base.answer import StoppedError, Summary
+from designer.base.command import command, command_line, run
+from designer.base.errors import InputError
 
 app = typer.Typer(name="toy")
 

@@ -15,12 +15,12 @@ import trimesh
 from calib.detector.pipeline import detect
 from calib.renderer import render_view
 from designer.formats.stl import stl_bytes
-from designer.kind import KINDS, kind_named, spec_from_mapping, spec_to_mapping
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import parse_spec, spec_to_toml
 from designer.make.bed import bed_from_target
 from designer.make.printability import check_printability
-from designer.options import is_required, options_of
-from designer.sizing import size_job
-from designer.spec_file import parse_spec, spec_to_toml
+from designer.spec.kind import KINDS, kind_named, spec_from_mapping, spec_to_mapping
+from designer.spec.options import is_required, options_of
 from designer.target import target_from_json, target_schema, target_to_json
 from tests.support.designs import COARSE, SMALL, asked_for, ink_of, packages_of, small
 from tests.support.ring_views import CAMERA, USUAL, misplaced, pose_of
@@ -63,7 +63,7 @@ def test_no_kind_is_named_outside_its_file() -> None:
     named = {}
     for path in (path for package in ("designer", "calib") for path in (ROOT / package).rglob("*.py")):
         place = path.relative_to(ROOT).as_posix()
-        if place.startswith("designer/kinds/") or place == "designer/kind.py":
+        if place.startswith("designer/kinds/") or place == "designer/spec/kind.py":
             continue
         if found := (names_in(path) & own) - LABELS.get(place, set()):
             named[place] = found

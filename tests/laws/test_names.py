@@ -12,10 +12,10 @@ from calib.cameras.camera_file import load_camera
 from calib.observe.dataset import FIRST_LINE, KIND, check_output, read_detections
 from calib.observe.records import RECORDS
 from calib.records.calibration_file import read_calibration
-from calib.report.origin import ORIGIN, ORIGIN_FILE, Origin, read_origin
-from designer.errors import InputError
-from designer.names import NAME, as_written_today
-from designer.own_files import require_ours
+from calib.show.parts.origin import ORIGIN, ORIGIN_FILE, Origin, read_origin
+from designer.base.errors import InputError
+from designer.base.names import NAME, as_written_today
+from designer.base.own_files import require_ours
 from designer.target import load_target
 from tests.support.command_line import calib
 
@@ -85,5 +85,5 @@ def test_marks_are_turned_where_files_are_read() -> None:
     files = [path for package in ("calib", "designer") for path in (root / package).rglob("*.py")]
     users = {path.relative_to(root).as_posix() for path in files if "import as_written_today" in path.read_text()}
     assert users == {
-        "designer/small_file.py", "calib/observe/correspondences.py", "calib/records/observation_table.py"
+        "designer/base/small_file.py", "calib/observe/correspondences.py", "calib/records/observation_table.py"
     }  # fmt: skip

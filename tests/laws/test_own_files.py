@@ -14,8 +14,8 @@ from PIL import Image
 from calib.core.files import write_files
 from calib.interop import FORMATS
 from calib.renderer.job import SUFFIX
-from designer.errors import InputError
-from designer.own_files import kind_of, require_ours, signed
+from designer.base.errors import InputError
+from designer.base.own_files import kind_of, require_ours, signed
 from tests.laws.test_exit_codes import BOOTSTRAP, CASES, Case, folder
 from tests.support.command_line import Answer, calib, summary_of
 

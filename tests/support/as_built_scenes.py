@@ -17,7 +17,7 @@ from calib.core.types import Observations
 from calib.observe.observations import known_points
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, observe, poses_around
 

@@ -13,8 +13,8 @@ from calib.metrics.prediction import centers_mm
 from calib.observe.observations import known_points
 from calib.renderer.poses import fibonacci_cap
 from calib.solver.calibration import Calibration
-from designer.layout import lay_out
-from designer.sizing import size_job
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
 from tests.support.designs import asked_for
 

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from functools import cache
 
 from designer.formats.threemf import ThreeMfFiles, threemf_files
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import parse_spec
 from designer.make.bed import bed_from_target
 from designer.make.mesh import Mesh
-from designer.options import Asked
 from designer.produce import Design
-from designer.sizing import size_job
-from designer.spec_file import parse_spec
+from designer.spec.options import Asked
 
 COARSE = "50um"
 """Chord error of circles: fewer triangles to write, read and slice, and no rule depends on how many there are."""

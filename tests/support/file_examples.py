@@ -18,8 +18,8 @@ from calib.records.calibration_file import CalibrationRecord, MadeWith, Provenan
 from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.renderer.job import FileOptions, RenderRecord, TrueView
 from calib.renderer.options import RenderOptions
-from calib.report.origin import Origin
-from calib.report.photos_file import ToldPhoto, ToldPhotos, ToldSection
+from calib.show.parts.origin import Origin
+from calib.show.photos.photos_file import ToldPhoto, ToldPhotos, ToldSection
 from calib.solver.calibration import ImageField
 from calib.solver.options import SolveOptions
 from calib.studies.compare.comparison_file import AloneRow, CaseRow, ComparisonFile, ComparisonPlan

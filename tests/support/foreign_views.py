@@ -14,11 +14,11 @@ from calib.detector import homography
 from calib.renderer import RenderOptions, View, render_view
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
-from designer.presets import preset_names, preset_or_file
-from designer.sizing import size_job
-from designer.spec import Spec
-from designer.spec_file import parse_spec, read_spec_file
+from designer.kinds.layout import lay_out
+from designer.kinds.presets import preset_names, preset_or_file
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import parse_spec, read_spec_file
+from designer.spec.spec import Spec
 from designer.target import TargetGeometry, bounding_radius_mm
 from tests.benchmarks.synthetic import look_at, random_direction, wrong_names
 from tests.support.sightings import pinhole

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from designer.spec import PrinterProfile
+from designer.spec.spec import PrinterProfile
 
 FILAMENT_MM = 1.75
 _WORD = re.compile(r"([XYZE])(-?\d*\.?\d+)")

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from designer.tolerance.made import Made
 from designer.tolerance.model import ErrorModel, draw_values

@@ -12,15 +12,15 @@ from calib.observe.photos import PhotoFile, PhotoResult
 from calib.pipeline.target_poses import TargetPose
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
-from calib.report.detected_photos import detected as detected_in
-from calib.report.detected_photos import told_detected
-from calib.report.kept_target import TARGET_FILE, keep_target
-from calib.report.origin import Origin
-from calib.report.photos_file import write_photos
-from calib.report.photos_page import photos_page
-from calib.report.posed_photos import Posed, told_posed
-from calib.report.rendered_photos import told_rendered
-from calib.report.undistorted_photos import UndistortedPhoto, UndistortedSet, told_undistorted
+from calib.show.parts.kept_target import TARGET_FILE, keep_target
+from calib.show.parts.origin import Origin
+from calib.show.photos.detected_photos import detected as detected_in
+from calib.show.photos.detected_photos import told_detected
+from calib.show.photos.photos_file import write_photos
+from calib.show.photos.photos_page import photos_page
+from calib.show.photos.posed_photos import Posed, told_posed
+from calib.show.photos.rendered_photos import told_rendered
+from calib.show.photos.undistorted_photos import UndistortedPhoto, UndistortedSet, told_undistorted
 from designer.page.blocks import Page
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, icosahedron, poses_around

@@ -15,8 +15,8 @@ from calib.renderer.rings import RingTruth, ring_truth
 from calib.renderer.scene import scene_from_target
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
-from designer.spec import Lattice
+from designer.kinds.layout import lay_out
+from designer.spec.spec import Lattice
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import look_at, random_direction
 from tests.support.ring_images import triangle_of

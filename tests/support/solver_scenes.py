@@ -13,7 +13,7 @@ from calib.observe.observations import known_points
 from calib.renderer.poses import fibonacci_cap
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 
 Array = NDArray[np.float64]
 

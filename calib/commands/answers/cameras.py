@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera
     from calib.cameras.refit import Refit
-    from designer.answer import Value
+    from designer.base.answer import Value
 
 
 def camera_answer(camera: "Camera") -> "dict[str, Value]":

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from calib.as_built_report.deviations import Estimate
     from calib.as_built_report.files import MeasureReport
     from calib.as_built_report.held_out import Gain, HeldOut
-    from designer.answer import Value
+    from designer.base.answer import Value
 
 
 def measured_answer(report: "MeasureReport") -> "dict[str, Value]":

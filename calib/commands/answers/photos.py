@@ -7,13 +7,13 @@ if TYPE_CHECKING:
     from calib.api.searching import Search
     from calib.observe.photos import PhotoResult
     from calib.pipeline.target_poses import TargetPose
-    from designer.answer import Value
+    from designer.base.answer import Value
     from designer.target import TargetGeometry
 
 
 def detections_answer(search: "Search") -> "dict[str, Value]":
     """Sums, and the counts of each photo with the reasons of what is missing."""
-    from calib.show.photo_table import expected_features
+    from calib.commands.photo_table import expected_features
 
     seen = search.detections
     return {
@@ -32,7 +32,7 @@ def detections_answer(search: "Search") -> "dict[str, Value]":
 
 
 def _photo(result: "PhotoResult") -> "dict[str, Value]":
-    from calib.show.photo_table import expected_features, median_sigma_px, missing_of
+    from calib.commands.photo_table import expected_features, median_sigma_px, missing_of
 
     seen = result.seen
     if seen is None:

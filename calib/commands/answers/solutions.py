@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from calib.metrics.evaluation import Evaluation
     from calib.pipeline.solutions import Solution
     from calib.solver.calibration import Calibration
-    from designer.answer import Value
+    from designer.base.answer import Value
 
 
 def run_answer(run: "RunResult", place_of: Callable[[str], Path]) -> "dict[str, Value]":

@@ -14,8 +14,8 @@ from calib.studies.compare.scene import ComparedScene, scene_of
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
-from designer.errors import InputError
-from designer.presets import preset_or_file
+from designer.base.errors import InputError
+from designer.kinds.presets import preset_or_file
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount

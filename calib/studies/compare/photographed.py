@@ -21,7 +21,7 @@ from calib.solver.pose import solve_poses
 from calib.studies.compare.pool import ScenePool
 from calib.studies.compare.scene import ComparedScene, stream, take_photos
 from calib.studies.sample import SampleResult
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
 from designer.tolerance.shape import centers_mm
 

@@ -15,7 +15,7 @@ from calib.renderer.poses import PoseGrid, grid_poses
 from calib.studies.draw import keyed_generator
 from calib.studies.tolerance.noise import CONTRAST_TO_NOISE
 from calib.studies.tolerance.setting import LEAST_RINGS, seen_in
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from calib.studies.compare.objects import OBJECTS, PaperObject
 from calib.studies.compare.results import METRICS, CaseResult, Explanation, Middle, Results, short
 from calib.studies.compare.words import sentences
 from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE, rows_to_csv
-from designer.words import printable
+from designer.base.words import printable
 
 HEAD = ("object", "made as", "model", "intersection mm", "paper", "reconstruction mm", "paper", "reprojection px")
 LENS_HEAD = (

@@ -15,9 +15,9 @@ from calib.studies.tolerance.linear import linear_table
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES, quantity_row
 from calib.studies.tolerance.result import ToleranceTable
 from calib.studies.tolerance.setting import Setting
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.words import suggestion
 from designer.tolerance.model import ErrorModel
-from designer.words import suggestion
 
 Array = NDArray[np.float64]
 

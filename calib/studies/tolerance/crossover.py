@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.result import ToleranceTable
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 Verdict = Literal["loses at zero", "crosses", "never loses"]

@@ -15,7 +15,7 @@ from calib.studies.tolerance.measures import NONE, MadeSolution, measures
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.true_shape import TrueShape, true_shape
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
 from designer.tolerance.shape import centers_mm
 

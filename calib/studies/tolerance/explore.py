@@ -19,7 +19,7 @@ from calib.studies.tolerance.result import Control, ToleranceTable
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.stored import tolerance_draws
 from calib.studies.tolerance.sweep import FACTORS
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
 
 Array = NDArray[np.float64]

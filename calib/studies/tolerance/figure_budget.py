@@ -11,7 +11,7 @@ from calib.studies.tolerance.figure_parts import heading, open_sides, plain_log_
 from calib.studies.tolerance.quantities import quantity_row
 from calib.studies.tolerance.report import NEVER, CheckedBudget, ToleranceReport, of_name
 from calib.studies.tolerance.tables import size_in_words
-from designer.words import capital
+from designer.base.words import capital
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

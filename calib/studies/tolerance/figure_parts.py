@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.studies.tolerance.tables import HUMAN, size_in_words
+from designer.base.words import printable
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.registry import SOURCES
-from designer.words import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

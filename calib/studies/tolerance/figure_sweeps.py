@@ -11,8 +11,8 @@ from calib.studies.tolerance.figure_parts import amount_label, heading, human_si
 from calib.studies.tolerance.quantities import quantity_row
 from calib.studies.tolerance.report import ToleranceReport, of_name
 from calib.studies.tolerance.sweep import FACTORS, Sweep
+from designer.base.words import capital
 from designer.tolerance.registry import SOURCES
-from designer.words import capital
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,7 +17,7 @@ from calib.studies.tolerance.measures import NONE
 from calib.studies.tolerance.noise import CONTRAST_TO_NOISE
 from calib.studies.tolerance.setting import LEAST_RINGS, Setting, setting_of_sightings
 from calib.studies.tolerance.true_shape import true_shape
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, displaced_shape
 from designer.tolerance.shape import target_of

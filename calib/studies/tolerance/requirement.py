@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from calib.renderer.quantities import parse_degrees, parse_pixels
 from calib.studies.tolerance.budget import checked_quantity
 from calib.studies.tolerance.report import Requirement, of_name
-from designer.errors import InputError
-from designer.units import parse_length_mm
-from designer.words import shown
+from designer.base.errors import InputError
+from designer.base.units import parse_length_mm
+from designer.base.words import shown
 
 _PARSERS: Mapping[str, Callable[[str], float]] = {"px": parse_pixels, "mm": parse_length_mm, "deg": parse_degrees}
 

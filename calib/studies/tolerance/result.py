@@ -13,7 +13,7 @@ from calib.core.types import frozen_array
 from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.draw import case_names
 from calib.studies.tolerance.quantities import quantity_row
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.registry import SOURCES
 

@@ -23,7 +23,7 @@ from calib.solver.tie import Tie, tie_parameters
 from calib.studies.tolerance.anchor import Anchor, factorise
 from calib.studies.tolerance.map_error import ImageGrid, grid_of
 from calib.studies.tolerance.noise import CONTRAST_TO_NOISE, centre_covariances
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

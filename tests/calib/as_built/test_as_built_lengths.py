@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.as_built.lengths import CaliperLength, length_in, rescaled, scale_from, scaled
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.kinds.ico import icosahedron
 from tests.support.as_built_scenes import plate, solid
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from calib.as_built_report.deviations import Estimate, WholePrint, next_skew_rad
 from calib.as_built_report.words import next_print_lines
+from designer.base.skew import NO_SKEW, Skew, parse_skew_rad
+from designer.kinds.sizing import size_printing
 from designer.make.bed import bed_from_target, printed_corners_mm
-from designer.options import AskedPrinting
-from designer.sizing import size_printing
-from designer.skew import NO_SKEW, Skew, parse_skew_rad
+from designer.spec.options import AskedPrinting
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.shape import shape_of
 from tests.support.as_built_scenes import solid

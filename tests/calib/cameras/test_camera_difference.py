@@ -14,7 +14,7 @@ from calib.cameras.camera_difference import camera_difference
 from calib.core.se3 import exp_rotation
 from calib.figures.difference_picture import difference_picture, scale_end
 from calib.interop import FORMATS
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE, ask_mrcal
 
 A = Camera("opencv", np.array([900.0, 905, 510, 390, -0.12, 0.09, 0.0006, -0.0004, -0.02]), SIZE)

@@ -10,8 +10,8 @@ import pytest
 from calib.cameras import MODELS, linearise, parameter_names, project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.camera_file import camera_from_mapping, camera_or_preset, camera_to_json, load_camera
-from designer.errors import InputError
-from designer.presets import preset_names
+from designer.base.errors import InputError
+from designer.kinds.presets import preset_names
 
 SIZE = (1000, 800)
 LENSES = {

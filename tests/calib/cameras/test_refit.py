@@ -10,7 +10,7 @@ from calib.cameras.refit import fit_rays, image_grid, refit
 from calib.core.se3 import exp_rotation
 from calib.interop import FORMATS
 from calib.interop.converting import fit_to_format
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE
 
 WIDE = Camera("opencv", np.array([620.0, 620, 508.2, 391.7, -0.3, 0.1, 0.0006, -0.0004, -0.012]), SIZE)

@@ -12,7 +12,7 @@ from calib.cameras.spline import COLUMNS, FIRST, ROWS, _scale
 from calib.pipeline.settings import plan_from_words
 from calib.solver.options import SolveOptions
 from calib.solver.tie import tie_parameters
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 SIZE = (1000, 800)
 PINHOLE = np.array([900.0, 880.0, 510.0, 390.0])

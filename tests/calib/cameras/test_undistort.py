@@ -13,7 +13,7 @@ from calib.cameras.resample import TAPS, Pixels, resample
 from calib.cameras.undistortion import pinhole_of, source_places, undistort
 from calib.core.se3 import transform
 from calib.detector.pipeline import detect
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.calibrations import board
 from tests.support.sightings import sighting, view_from
 

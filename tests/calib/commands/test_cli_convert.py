@@ -12,7 +12,7 @@ from calib.cameras.camera_file import camera_to_json, load_camera
 from calib.commands.convert import convert
 from calib.interop import FORMATS
 from calib.interop.reading import open_camera
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE, whole_image
 
 OTHERS = [name for name in FORMATS if name != "json"]

@@ -22,11 +22,11 @@ from calib.detector.overlay import draw_overlay
 from calib.observe.dataset import read_detections
 from calib.observe.photos import Detect, PhotoFile, detect_photos, find_photos, named_photos, reading_once
 from calib.observe.records import read_records
-from designer.errors import InputError
-from designer.layout import lay_out
-from designer.sizing import size_job
+from designer.base.errors import InputError
+from designer.base.words import printable
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry, target_to_json
-from designer.words import printable
 from tests.support.designs import asked_for
 from tests.support.sightings import pinhole, sighting, view_from
 
@@ -309,8 +309,8 @@ def test_the_command_line_is_quick_to_help_and_strict_with_options(tmp_path: Pat
 def test_a_photo_is_searched_without_what_other_commands_use() -> None:
     """Search and page load neither statistics nor drawings, studies nor the solver, which take longer."""
     script = (
-        "import sys, calib.cli, calib.observe.photos, calib.detector.pipeline, calib.report.why_nothing\n"
-        "import calib.report.detected_photos, calib.report.photos_page\n"
+        "import sys, calib.cli, calib.observe.photos, calib.detector.pipeline, calib.show.photos.why_nothing\n"
+        "import calib.show.photos.detected_photos, calib.show.photos.photos_page\n"
         "print(*sys.modules)"
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=REPOSITORY)

@@ -11,7 +11,7 @@ from calib.cameras.camera_difference import camera_difference
 from calib.cameras.camera_file import camera_to_json
 from calib.commands.diff import diff
 from calib.interop import FORMATS
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE
 
 BARREL = CAMERAS["barrel"]

@@ -21,11 +21,11 @@ from calib.records.calibration_file import Provenance, write_calibration
 from calib.records.evaluation_files import evaluation_files
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
-from calib.report.evaluation_table import comparison_table
+from calib.show.run.evaluation_table import comparison_table
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.calibrations import board, example, icosahedron
 
 APP = typer.Typer()

@@ -22,7 +22,7 @@ from calib.observe.images import Photo
 from calib.pipeline.calibrate import calibrate
 from calib.records.calibration_file import read_calibration
 from calib.solver.calibration import Calibration
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import load_target, target_to_json
 from tests.support.calibrations import board, example, icosahedron, seen_by
 from tests.support.command_line import JUDGED, LENIENT, calib, detections_of, files_in, refused, write_inputs

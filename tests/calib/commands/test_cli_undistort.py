@@ -15,8 +15,8 @@ from calib.cameras.undistortion import pinhole_of
 from calib.cameras.undistortion import undistort as undistort_pixels
 from calib.commands.undistort import undistort
 from calib.observe.images import read_colour
-from designer.answer import StoppedError
-from designer.errors import InputError
+from designer.base.answer import StoppedError
+from designer.base.errors import InputError
 from tests.support.command_line import PAGE
 
 CAMERA = Camera("opencv", np.array([95.0, 95.0, 79.5, 59.5, -0.3, 0.1, 0.001, 0.0, 0.0]), (160, 120))

@@ -36,12 +36,12 @@ from calib.core.selection import keep_sightings
 from calib.core.types import Observations
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
-from designer.command import run
-from designer.errors import InputError
-from designer.kind import KINDS
+from designer.base.command import run
+from designer.base.errors import InputError
+from designer.kinds.sizing import size_printing
 from designer.make.bed import bed_from_target, printed_corners_mm
-from designer.options import AskedPrinting
-from designer.sizing import size_printing
+from designer.spec.kind import KINDS
+from designer.spec.options import AskedPrinting
 from designer.target import TargetGeometry, load_target, target_to_json
 from designer.tolerance.model import ErrorModel, displaced, perturb
 from designer.tolerance.source import Amount

@@ -22,7 +22,7 @@ from calib.observe.observations import known_points
 from calib.observe.photos import PhotoFile, PhotoResult, find_photos
 from calib.pipeline.target_poses import CSV_COLUMNS, TargetPose, poses_to_csv, poses_to_json, target_poses
 from calib.renderer.poses import load_poses
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry, target_to_json
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
 from tests.support.command_line import PAGE

@@ -17,9 +17,9 @@ from calib.cli import app
 from calib.core.se3 import look_at
 from calib.renderer import RenderOptions, render_view
 from calib.renderer.job import RenderJob, render_file, run_job, truth_text
-from designer.errors import InputError
-from designer.layout import lay_out
-from designer.sizing import size_job
+from designer.base.errors import InputError
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry, target_to_json
 from tests.support.command_line import PAGE
 from tests.support.designs import asked_for

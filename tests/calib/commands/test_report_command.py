@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from calib.report.origin import LONGEST_COMMAND, ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
-from calib.report.registry import KINDS
-from calib.report.write import write_report
+from calib.show.parts.origin import LONGEST_COMMAND, ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
+from calib.show.registry import KINDS
+from calib.show.write import write_report
 from calib.verdict.of_run import VERDICT, VERDICT_FILE
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import target_to_json
 from tests.support.calibrations import board
 from tests.support.command_line import calib, refused
@@ -84,7 +84,7 @@ def test_criteria_judge_it(run: Path) -> None:
 def test_halves_are_not_solved_again_for_other_limits(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A verdict stores them; those of another camera are not believed."""
     calls: list[int] = []
-    from calib.report import judging
+    from calib.show.run import judging
     from calib.verdict.halves import NoHalves
 
     calib("report", run, "--criteria", "standard")

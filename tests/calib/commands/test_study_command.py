@@ -19,7 +19,7 @@ from calib.studies.figures import SUFFIXES
 from calib.studies.gradients import gradients_of
 from calib.studies.paper_table import TARGETS
 from calib.studies.statistics import METRICS
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.command_line import PAGE, calib, detections_of, files_in
 from tests.support.study_commands import (
     BOARD,

@@ -16,7 +16,7 @@ import typer
 from calib.api.tolerancing import tolerance as tolerance_from_python
 from calib.commands.tolerance import tolerance
 from calib.studies.tolerance.report import MAIN
-from designer.command import run
+from designer.base.command import run
 from designer.target import target_to_json
 from tests.support.command_line import PAGE, Answer, files_in
 from tests.support.perturbed_targets import board, ico

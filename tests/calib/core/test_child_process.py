@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from designer.kinds.board import BoardSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.target import target_to_json
 
 BOARD = BoardSpec(

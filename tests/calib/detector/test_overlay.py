@@ -16,8 +16,8 @@ from calib.detector.overlay_frame import FACE_COLOURS, MISSING, REJECTED, SIGMA_
 from calib.detector.where_expected import imaged_face
 from calib.renderer.rings import ring_truth
 from calib.renderer.scene import scene_from_target
-from designer.layout import lay_out
-from designer.sizing import size_job
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
 from tests.support.designs import asked_for
 from tests.support.sightings import pinhole, sighting, view_from

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib.detector.pipeline import detect
 from calib.renderer import RenderOptions, View, render_view
 from designer.kinds.board import BoardSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from tests.support.ring_views import CAMERA, USUAL
 

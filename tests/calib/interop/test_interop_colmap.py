@@ -8,7 +8,7 @@ import pytest
 
 from calib.cameras import project
 from calib.interop import FORMATS
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE, whole_image, written
 
 READABLE = {

@@ -7,7 +7,7 @@ import yaml
 from calib.cameras import project
 from calib.interop import FORMATS
 from calib.interop.reading import recognise
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, whole_image, written
 
 EVERY = [(name, camera) for name in FORMATS for camera in CAMERAS]

@@ -11,7 +11,7 @@ from calib.interop import FORMATS
 from calib.interop.format import MAX_FILE_BYTES
 from calib.interop.reading import open_camera
 from calib.interop.yaml_text import DEEPEST, MOST_NODES, parse_yaml
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.foreign_cameras import written
 
 YAML = ("opencv", "ros", "kalibr")

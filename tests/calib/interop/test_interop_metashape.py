@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.interop import FORMATS
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, whole_image, written
 
 SENSORS = """<?xml version="1.0" encoding="UTF-8"?>

@@ -10,7 +10,7 @@ import yaml
 from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.interop import FORMATS
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, CLOSE_PX, SIZE, whole_image, written
 
 CALIBRATION_OUTPUT = """%YAML:1.0

@@ -24,7 +24,7 @@ from calib.observe.truth import Truth
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, calibration_of, camera, example, icosahedron, poses_around, seen_by
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from calib.observe.corners_vnl import PointGrid
 from calib.observe.correspondences import read_observations
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.calib.observe.test_correspondences import sightings
 
 SIZE = (1200, 900)

@@ -16,7 +16,7 @@ from calib.observe.correspondences import parse_pair, read_correspondences, read
 from calib.observe.dataset import write_detections
 from calib.observe.known_planes import points_with_planes
 from calib.observe.observations import known_points
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import target_to_json
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
 

@@ -19,9 +19,9 @@ from calib.observe.dataset import (
     write_detections,
 )
 from calib.observe.records import ImageRecord, read_records, records_path
-from designer.errors import InputError
-from designer.layout import lay_out
-from designer.sizing import size_job
+from designer.base.errors import InputError
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
 from tests.support.designs import asked_for
 

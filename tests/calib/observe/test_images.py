@@ -16,7 +16,7 @@ from PIL import Image
 
 from calib.observe.image_headers import MAX_PAGES, MAX_SCANS, read_header
 from calib.observe.images import MAX_PIXELS, Photo, read_image, read_preview
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 WIDTH, HEIGHT = 23, 17
 RNG = np.random.default_rng(5)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calib.observe.images import read_image
 from calib.observe.jpeg_damage import SEAM_GREYS, check_jpeg_scans
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 Picture = NDArray[np.uint8]
 RNG = np.random.default_rng(7)

@@ -13,7 +13,7 @@ from calib.core.se3 import look_at
 from calib.core.types import KnownPoints, Observations
 from calib.observe.mirrored import facing, handedness, mirrored_views
 from calib.observe.observations import known_points
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
 
 Array = NDArray[np.float64]

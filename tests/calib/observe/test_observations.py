@@ -19,7 +19,7 @@ from calib.observe.observations import (
 )
 from calib.observe.records import RECORDS, records_path
 from calib.solver.solve import solve
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
 

@@ -15,7 +15,7 @@ from calib.cameras.camera_file import load_camera
 from calib.core.se3 import exp_rotation, look_at, transform
 from calib.observe.correspondences import read_observations
 from calib.observe.point_target import Plane, PointTable, target_from_points
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import load_target, target_to_json
 from designer.tolerance.made import how_made
 from tests.support.as_built_scenes import solid

@@ -3,7 +3,7 @@
 import pytest
 
 from calib.pipeline.settings import SolvePlan, parse_focal_px, plan_from_words
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 
 def plan(

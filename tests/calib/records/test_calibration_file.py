@@ -23,7 +23,7 @@ from calib.records.calibration_file import Provenance, read_calibration, write_c
 from calib.records.observation_table import COLUMNS, FIRST_LINE, read_sightings
 from calib.solver.calibration import Calibration, ImageField, TargetError
 from calib.solver.options import SolveOptions
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount
 from tests.support.calibrations import board, example

@@ -9,7 +9,7 @@ import pytest
 from calib.core.se3 import exp_rotation, invert, log_rotation, make_pose
 from calib.renderer.poses import PoseGrid, fibonacci_cap, grid_poses, load_poses
 from calib.renderer.quantities import length_range
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 
 def grid(**changes: object) -> PoseGrid:

@@ -12,8 +12,8 @@ from calib.core.se3 import compose, look_at, transform
 from calib.renderer import RenderOptions, View, render_view
 from calib.renderer.lens import psf_weights
 from calib.renderer.trace import half_plane_coverage
-from designer.layout import lay_out
-from designer.sizing import size_job
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
 from designer.target import TargetGeometry
 from tests.support.designs import asked_for
 from tests.support.render_oracle import render_slowly

@@ -11,7 +11,7 @@ from calib.core.se3 import exp_rotation, make_pose
 from calib.observe.truth import Truth, read_truth, true_poses
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.calibrations import board, camera, poses_around
 
 TARGET, CAMERA = board(5, 4), camera()

@@ -14,16 +14,16 @@ from calib.figures.sigma_map import place_in_image
 from calib.metrics.prediction import centers_mm
 from calib.observe.observations import known_points
 from calib.observe.truth import Truth
-from calib.report.calibration_page import calibration_page
-from calib.report.camera_scene import camera_view, corner_rays
-from calib.report.camera_section import field_of_view_words
-from calib.report.judging import judge_folder
-from calib.report.origin import Origin
-from calib.report.run_folder import read_run
-from calib.report.verdict_section import as_sentence, finding_of, headline_of
+from calib.show.parts.origin import Origin
+from calib.show.run.calibration_page import calibration_page
+from calib.show.run.camera_scene import camera_view, corner_rays
+from calib.show.run.camera_section import field_of_view_words
+from calib.show.run.judging import judge_folder
+from calib.show.run.run_folder import read_run
+from calib.show.run.verdict_section import as_sentence, finding_of, headline_of
 from calib.verdict.criteria import read_criteria
 from calib.verdict.verdict import Check, Verdict
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.page.blocks import (
     Figure,
     FileList,
@@ -275,7 +275,7 @@ def test_a_target_without_planes_is_drawn_by_its_points(target: object) -> None:
     )
     from calib.metrics.evaluation import evaluate
     from calib.records.calibration_file import Provenance
-    from calib.report.run_folder import Solved
+    from calib.show.run.run_folder import Solved
 
     solution = Solved(Path(), "", evaluate(replace(one, observations=seen)), Provenance("test"), None)
     view = camera_view(solution, None, ())

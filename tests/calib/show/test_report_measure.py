@@ -8,11 +8,11 @@ import pytest
 
 from calib.as_built_report.as_built_file import AS_BUILT, AsBuiltRecord
 from calib.as_built_report.words import next_print_lines
-from calib.report.measure_page import measured_stem
-from calib.report.measure_scene import COLOURS, colour, deviations_of, nice
-from calib.report.measure_words import face_sentence
-from calib.report.origin import Origin
-from calib.report.registry import KINDS
+from calib.show.measured.measure_page import measured_stem
+from calib.show.measured.measure_scene import COLOURS, colour, deviations_of, nice
+from calib.show.measured.measure_words import face_sentence
+from calib.show.parts.origin import Origin
+from calib.show.registry import KINDS
 from designer.page.blocks import Command, Page, View3d
 from designer.page.shell import page_html
 from designer.target import load_target

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from calib.commands.judged_page import criteria_templates
 from calib.core.types import Detections
 from calib.observe.records import Records, image_record
-from calib.report.claim import why_no_page
-from calib.report.detected_photos import detected, told_detected
-from calib.report.guess import origin_in
-from calib.report.origin import ORIGIN, Origin, origin_of
-from calib.report.photo_rows import photo_rows
-from calib.report.photos_file import read_photos, write_photos
-from calib.report.run_folder import read_run
-from calib.report.study_words import fall_in_words
-from calib.report.why_nothing import explained, why_nothing
+from calib.show.claim import why_no_page
+from calib.show.guess import origin_in
+from calib.show.parts.origin import ORIGIN, Origin, origin_of
+from calib.show.photos.detected_photos import detected, told_detected
+from calib.show.photos.photos_file import read_photos, write_photos
+from calib.show.photos.why_nothing import explained, why_nothing
+from calib.show.run.photo_rows import photo_rows
+from calib.show.run.run_folder import read_run
+from calib.show.studies.study_words import fall_in_words
 from calib.verdict.verdict import Verdict
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.calibrations import board
 from tests.support.picture_folders import BOARD, face, overlaid, page_of, pictures, result
 from tests.support.run_folders import solved, write_run
@@ -124,7 +124,7 @@ def test_a_camera_that_is_not_to_be_used_is_not_handed_on(
     grade: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With a bad verdict the page has no command that exports the camera, and does not call it the file to use."""
-    from calib.report import calibration_page as module
+    from calib.show.run import calibration_page as module
 
     write_run(tmp_path / "run", solved())
     verdict = Verdict("bad" if grade == "bad" else "usable", "opencv", f"{grade}: so it is", (), ())

@@ -19,15 +19,15 @@ from calib.renderer.job import run_job
 from calib.renderer.options import RenderOptions
 from calib.renderer.rings import ring_truth
 from calib.renderer.scene import scene_from_target
-from calib.report.claim import why_no_page
-from calib.report.gallery import MOST_PICTURES, Shot, spread
-from calib.report.kept_target import keep_target, kept_target
-from calib.report.origin import ORIGIN, Origin
-from calib.report.photos_file import PHOTOS_FILE, ToldPhotos
-from calib.report.place_scene import MOST_VIEWS, place_view
-from calib.report.rendered_photos import option_words
-from calib.report.undistortion import change_of
-from designer.errors import InputError
+from calib.show.claim import why_no_page
+from calib.show.parts.gallery import MOST_PICTURES, Shot, spread
+from calib.show.parts.kept_target import keep_target, kept_target
+from calib.show.parts.origin import ORIGIN, Origin
+from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhotos
+from calib.show.photos.place_scene import MOST_VIEWS, place_view
+from calib.show.photos.rendered_photos import option_words
+from calib.show.photos.undistortion import change_of
+from designer.base.errors import InputError
 from designer.page.blocks import Block, Fold, Gallery, Page, Table, View3d
 from designer.page.scene import Cameras, Rings
 from designer.page.shell import page_html

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from calib.report.calibration_page import calibration_page
-from calib.report.gallery import MOST_PICTURES
-from calib.report.origin import Origin
-from calib.report.photo_rows import photo_rows
-from calib.report.photos import photos_section
-from calib.report.run_folder import read_run
-from calib.report.write import write_report
+from calib.show.parts.gallery import MOST_PICTURES
+from calib.show.parts.origin import Origin
+from calib.show.run.calibration_page import calibration_page
+from calib.show.run.photo_rows import photo_rows
+from calib.show.run.photos import photos_section
+from calib.show.run.run_folder import read_run
+from calib.show.write import write_report
 from designer.page.blocks import Findings, Gallery, Page, Table
 from designer.page.shell import page_html
 from tests.support.run_folders import BLANK, PANEL, blocks, section, solved, table, write_overlays, write_run

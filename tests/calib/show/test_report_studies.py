@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.small_file import JsonValue
 from designer.page.blocks import FileList
 from designer.page.shell import page_html
-from designer.small_file import JsonValue
 from tests.support.report_folders import (
     FOLDERS,
     PRINT,

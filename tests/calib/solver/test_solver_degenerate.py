@@ -12,7 +12,7 @@ from calib.core.se3 import look_at
 from calib.core.types import Observations
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, pose_from, poses_around, rows_of, sigma_of
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.solver.options import Loss, SolveOptions
 from calib.solver.solve import solve
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around, sigma_of
 
 NOISE_PX = 0.02

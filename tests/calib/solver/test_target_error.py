@@ -26,9 +26,9 @@ from calib.verdict.evidence import evidence_of, noise_factor
 from calib.verdict.halves import half_split
 from calib.verdict.next_views import next_views
 from calib.verdict.of_run import judge_run
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.made import how_made

@@ -37,7 +37,7 @@ from calib.studies.near import find_near
 from calib.studies.pool import Pool, make_pool
 from calib.studies.sample import SampleResult
 from calib.studies.sample_metrics import Sample, SampleErrors, sample_errors
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around, random_covariances, rows_of
 
 Array = NDArray[np.float64]

@@ -29,7 +29,7 @@ from calib.studies.runner import run_cases
 from calib.studies.store import open_study
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.setting import setting_at
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.source import Amount

@@ -12,7 +12,7 @@ from calib.studies import dask_cluster, identity
 from calib.studies.pool import Pool
 from calib.studies.runner import StudyStoppedError, run_cases
 from calib.studies.store import open_study
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.calib.studies.test_study_runner import content, expected
 from tests.support.study_chunks import SEED, cases_of, slow, small_pool
 from tests.support.study_chunks import identity as study_identity

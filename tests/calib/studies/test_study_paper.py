@@ -14,7 +14,7 @@ from calib.studies import paper_sets, paper_study
 from calib.studies.paper_table import TARGETS, paper_value
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from tests.support.calibrations import camera
 from tests.support.command_line import calib, refused

@@ -19,7 +19,7 @@ from calib.studies.runner import StudyStoppedError, run_cases
 from calib.studies.store import open_study, read_study
 from calib.studies.stored_samples import row_of
 from calib.studies.workers import RunChunk
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.study_chunks import (
     FIRST,
     SAMPLES,

@@ -13,7 +13,7 @@ from calib.studies.sample import SampleResult
 from calib.studies.statistics import Case
 from calib.studies.store import open_study, read_study
 from calib.studies.stored_samples import StoredCase
-from designer.errors import InputError
+from designer.base.errors import InputError
 
 IDENTITY = StudyIdentity(
     5, (("model", "opencv"), ("weighted", "yes")), (("detections", "a" * 64), ("target", "b" * 64))

@@ -13,7 +13,7 @@ from calib.studies.tolerance.linear import linear_table
 from calib.studies.tolerance.quantities import QUANTITIES, quantity_row
 from calib.studies.tolerance.result import Cost, ToleranceTable, table_of_draws
 from calib.studies.tolerance.sweep import sweep
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount
 from tests.support.tolerance_settings import errors, ico_setting

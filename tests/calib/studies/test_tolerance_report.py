@@ -46,7 +46,7 @@ from calib.studies.tolerance.sweep import FACTORS, sweep
 from calib.studies.tolerance.table_file import TOLERANCE_TABLE, CostRow
 from calib.studies.tolerance.tables import budget_table, cost_cell, cost_table, crossover_table, size_in_words
 from calib.studies.tolerance.view_fit import view_fit
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel

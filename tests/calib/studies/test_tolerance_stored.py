@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.stored import tolerance_draws
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
 from tests.support.tolerance_settings import errors, ico_setting
 

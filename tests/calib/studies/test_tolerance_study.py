@@ -41,7 +41,7 @@ from calib.studies.tolerance.quantities import NAMES, quantity_row
 from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.setting import LEAST_MINOR_PX, Setting, make_setting
 from calib.studies.tolerance.true_shape import TrueShape, moved_onto, true_shape
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced, displaced_shape
 from designer.tolerance.shape import MadeShape, centers_mm
 from designer.tolerance.source import Amount

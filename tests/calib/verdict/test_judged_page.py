@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.report.origin import read_origin
+from calib.show.parts.origin import read_origin
 from calib.verdict.criteria import read_criteria
 from calib.verdict.of_run import VERDICT, VERDICT_FILE
-from designer.spec_file import read_spec_file
+from designer.kinds.spec_file import read_spec_file
 from designer.target import load_target, target_to_json
 from tests.support.calibrations import board
 from tests.support.command_line import JUDGED, LENIENT, PAGE, calib, files_in, refused, summary_of, write_inputs

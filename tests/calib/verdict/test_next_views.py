@@ -33,7 +33,7 @@ from calib.verdict.next_views import (
     share_px,
     why_no_next_views,
 )
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe, poses_around
 
 Array = NDArray[np.float64]

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from calib.verdict.criteria import Criteria, Limits, read_criteria
-from designer.errors import InputError
-from designer.presets import preset_names
+from designer.base.errors import InputError
+from designer.kinds.presets import preset_names
 
 
 def _limits(criteria: Criteria) -> dict[str, Limits]:

@@ -17,7 +17,7 @@ from calib.solver.solve import solve
 from calib.virtual.learn_views import _without_gauge
 from calib.virtual.reference_photo import choose_view, on_plane_mm, sensor_points
 from calib.virtual.solve_virtual import solve_virtual
-from designer.errors import InputError
+from designer.base.errors import InputError
 from tests.support.solver_scenes import (
     CAMERAS,
     SIZE,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.formats.folder import OutputFile, write_folder
 
 FILES = (

@@ -9,10 +9,10 @@ import trimesh
 
 from designer.formats.glb import glb_bytes
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.make.mesh import Part, inlaid, plain_solid, solid_hull
 from designer.make.pattern import make_pattern
-from designer.spec import PrinterProfile, PrintSpec
+from designer.spec.spec import PrinterProfile, PrintSpec
 
 SPEC = IcoSpec(30.0, 5, 3.0, 0.45, 4.0, 1.0, 0.5)
 PRINTING = PrintSpec(

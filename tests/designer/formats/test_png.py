@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from designer.formats.png import CAPTION_PX, HEIGHT_PX, NET_WIDTH_PX, preview_png
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import RawValue, parse_spec
 from designer.produce import Design
-from designer.sizing import size_job
-from designer.spec_file import RawValue, parse_spec
 from designer.target import TargetGeometry
 
 BODY, INK = "#ff4020", "#2040ff"  # told apart by their hue under any light

@@ -11,8 +11,8 @@ import pytest
 import trimesh
 
 from designer.formats.stl import stl_bytes
-from designer.kind import KINDS
 from designer.make.mesh import Mesh
+from designer.spec.kind import KINDS
 from tests.support.designs import ink_of, small
 
 MESHES = [(name, part) for name in KINDS for part in ("body", "ink")]

@@ -9,13 +9,13 @@ import lib3mf
 import numpy as np
 import pytest
 
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.formats.number_text import decimals, text_lines, whole_numbers
 from designer.formats.threemf import ThreeMfFiles, threemf_files
-from designer.kind import KINDS
 from designer.make.bed import bed_from_target
 from designer.make.mesh import Mesh, Part
 from designer.produce import Design
+from designer.spec.kind import KINDS
 from tests.support.designs import ink_of, packages_of, small
 
 HOSTILE_NAME = """a<b>&"'c]]>é"""

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from designer.base.solid import Solid
 from designer.kinds.ico import icosahedron
 from designer.make.bed import bed_from_target, printed_size_mm
 from designer.produce import Design
-from designer.solid import Solid
 from tests.support.designs import ink_of, small_board, small_ico
 
 PHI = (1 + 5**0.5) / 2

@@ -13,11 +13,11 @@ import pytest
 from designer.kinds.board import BoardSpec
 from designer.kinds.cube import CubeSpec
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.make import cad
 from designer.make.mesh import Part, inlaid, plate_hull, solid_hull
 from designer.make.pattern import Pattern, make_pattern
-from designer.spec import PrinterProfile, PrintSpec, Spec
+from designer.spec.spec import PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
 
 PRINTER = PrinterProfile("p", (256, 256, 256), 0.4, 0.45, 0.2)
@@ -182,7 +182,7 @@ def test_where_the_pattern_is_paper_the_body_is_plain(build: str, tmp_path: Path
 _PRINT_DIGEST = """
 import hashlib
 from designer.make import cad
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.make.pattern import make_pattern
 from tests.designer.make.test_cad import CASES
 

@@ -14,14 +14,14 @@ from shapely.affinity import scale, translate
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import unary_union
 
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.kinds.ico import IcoSpec, icosahedron
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import RawValue, parse_spec
 from designer.make.lettering import GAP, HEIGHT, WIDTH, glyph_outlines, letter_faces, text_contours, text_width
 from designer.make.pattern import FacePattern, Pattern, make_pattern
-from designer.sizing import size_job
-from designer.spec import Job
-from designer.spec_file import RawValue, parse_spec
+from designer.spec.spec import Job
 
 ALPHABET = string.digits + "ABCDEF"
 

@@ -12,16 +12,16 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.solid import Solid
 from designer.kinds.ico import IcoSpec, icosahedron
+from designer.kinds.regular_solid import SolidSpec
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import RawValue, parse_spec
 from designer.make.bed import against_skew
 from designer.make.mesh import Mesh, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
 from designer.make.pattern import make_pattern
 from designer.produce import Design
-from designer.regular_solid import SolidSpec
-from designer.sizing import size_job
-from designer.solid import Solid
-from designer.spec_file import RawValue, parse_spec
 
 UNIT_VOLUME = 5 * (3 + math.sqrt(5)) / 12
 """Of the icosahedron with edge length 1."""

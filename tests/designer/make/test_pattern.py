@@ -11,12 +11,12 @@ from PIL import Image, ImageDraw
 from scipy import ndimage
 from shapely import Polygon
 
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import RawValue, parse_spec
 from designer.make.pattern import FacePattern, Pattern, circle_polygon, make_pattern
 from designer.produce import Design
-from designer.sizing import size_job
-from designer.spec import PrintSpec
-from designer.spec_file import RawValue, parse_spec
+from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
 

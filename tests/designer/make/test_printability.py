@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from designer.faces import border_width_mm
 from designer.kinds.board import BoardSpec
+from designer.kinds.faces import border_width_mm
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import RawValue, parse_spec
 from designer.make.clearance import narrowest_widths
 from designer.make.printability import RULES, PrintCheck, PrintFinding, check_printability
-from designer.sizing import size_job
-from designer.spec import PrinterProfile, PrintSpec
-from designer.spec_file import RawValue, parse_spec
+from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
 
 LINE = 0.45

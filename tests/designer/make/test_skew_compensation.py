@@ -13,15 +13,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from designer.errors import InputError
+from designer.base.errors import InputError
+from designer.base.skew import MOST_SKEW_DEG, NO_SKEW, Skew, format_skew, parse_skew_rad
 from designer.formats.stl import stl_bytes
+from designer.kinds.sizing import size_job
+from designer.kinds.spec_file import RawValue, parse_spec, read_spec_file, spec_to_toml
 from designer.make.bed import bed_from_target, printed_corners_mm, printed_size_mm
 from designer.make.mesh import Mesh
 from designer.make.printability import check_printability
 from designer.produce import Design, make_files
-from designer.sizing import size_job
-from designer.skew import MOST_SKEW_DEG, NO_SKEW, Skew, format_skew, parse_skew_rad
-from designer.spec_file import RawValue, parse_spec, read_spec_file, spec_to_toml
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.shape import shape_of
 

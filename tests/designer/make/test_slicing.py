@@ -13,11 +13,11 @@ import shapely
 from numpy.typing import NDArray
 
 from designer.formats.threemf import threemf_files
-from designer.kind import KINDS
 from designer.make.bed import bed_from_target
 from designer.make.mesh import Mesh, Part
 from designer.make.pattern import FacePattern, Pattern
 from designer.produce import Design
+from designer.spec.kind import KINDS
 from tests.support.designs import ink_of, packages_of, small, small_board, small_ico
 from tests.support.gcode import Toolpaths, read_gcode, require_slicer, run_slicer, slice_3mf, slicer_settings
 

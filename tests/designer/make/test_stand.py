@@ -9,14 +9,14 @@ import trimesh
 from manifold3d import Manifold, Mesh64
 from numpy.typing import NDArray
 
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
 from designer.kinds.cube import CubeSpec
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.make.mesh import Mesh, plain_plate, plain_solid
 from designer.make.stand import CLEARANCE_MM, make_stand, stand_from_target
-from designer.spec import PrinterProfile, PrintSpec, Spec
+from designer.spec.spec import PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
 
 PRINTING = PrintSpec(

@@ -18,7 +18,7 @@ from playwright.sync_api import Page as BrowserPage
 
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
-from designer.layout import lay_out
+from designer.kinds.layout import lay_out
 from designer.page import shell
 from designer.page.blocks import Page, Paragraph, Raster, Section, View3d
 from designer.page.raster import raster_of

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from designer.errors import InputError
-from designer.presets import preset_folder, preset_names
-from designer.spec_file import MAX_FILE_BYTES, read_spec_file
+from designer.base.errors import InputError
+from designer.kinds.presets import preset_folder, preset_names
+from designer.kinds.spec_file import MAX_FILE_BYTES, read_spec_file
 from designer.tolerance.error_file import ErrorFile, error_model
 from designer.tolerance.quantity import format_quantity, parse_amount, parse_expansion
 from designer.tolerance.registry import SOURCES

@@ -9,7 +9,7 @@ from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import look_at, transform
 from calib.renderer import RenderOptions, render_view
-from designer.errors import InputError
+from designer.base.errors import InputError
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, displaced, draw_values, perturb
 from designer.tolerance.registry import SOURCES

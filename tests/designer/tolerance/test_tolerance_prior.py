@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.core.se3 import exp_rotation
-from designer.presets import preset_names
+from designer.kinds.presets import preset_names
+from designer.kinds.sizing import size_job
 from designer.produce import Design
-from designer.sizing import size_job
-from designer.spec import Build
+from designer.spec.spec import Build
 from designer.target import TargetGeometry, target_from_json, target_to_json
 from designer.tolerance.error_file import error_model
 from designer.tolerance.made import ERRORS_OF_BUILD, error_model_for

@@ -12,9 +12,9 @@ from scipy.linalg import polar
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
+from designer.kinds.sizing import size_printing
 from designer.make.bed import bed_from_target
-from designer.options import AskedPrinting
-from designer.sizing import size_printing
+from designer.spec.options import AskedPrinting
 from designer.target import TargetGeometry, target_from_json, target_to_json
 from designer.tolerance.model import displaced, perturb
 from designer.tolerance.registry import SOURCES

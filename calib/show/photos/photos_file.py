@@ -1,0 +1,131 @@
+"""`photos.json` in a folder of pictures: what a command tells of its photos, one by one and all together.
+
+The command that made the pictures knows all there is to be said. It says it once, in the blocks of a page; one builder
+makes the page of them, at once and whenever it is built again.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.core.files import write_files
+from calib.core.rigid import rigid_fault
+from designer.base.file_kind import FileKind
+from designer.base.marks import Length, Shape
+from designer.base.small_file import JsonValue
+from designer.base.words import printable
+from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph, Steps, Table
+
+PHOTOS_FILE = "photos.json"
+MOST_PHOTOS = 100_000
+Kind: TypeAlias = Literal["photos", "undistorted", "detections", "poses"]
+KIND_WORDS: Mapping[Kind, str] = {
+    "photos": "Rendered photos", "undistorted": "Undistorted photos", "detections": "Detections",
+    "poses": "Camera poses",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class ToldPhoto:
+    """What is told of one photo."""
+
+    name: str
+    cells: tuple[Cell, ...]  # one a column, without links
+    picture: str = ""  # of it, within the folder; "": there is none
+    caption: str = ""
+    level: Level | None = None  # None: like the others
+    badness: float | None = None  # the worst are shown first; None of all: evenly from first to last
+    cam_from_target: Annotated[NDArray[np.float64], Shape(4, 4)] | None = None
+
+
+@dataclass(frozen=True)
+class ToldSection:
+    """A part of the page; its tables have no links."""
+
+    title: str
+    blocks: tuple[Findings | Table | Command | Steps | Paragraph, ...]
+    lead: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class ToldPhotos:
+    """The file's keys."""
+
+    kind: Kind
+    headline: Headline
+    facts: tuple[tuple[str, str], ...]
+    columns: tuple[Column, ...]  # of the table of photos, after the one with their names
+    photos: Annotated[tuple[ToldPhoto, ...], Length(1, MOST_PHOTOS)]
+    order: str  # of the pictures, as a sentence
+    files: tuple[tuple[str, str], ...]  # of the folder, and what they are for
+    lead: str = ""  # of the photos, in a sentence
+    notes: tuple[Finding, ...] = ()  # on the photos
+    table_note: str = ""
+    before: tuple[ToldSection, ...] = ()  # the photos
+    after: tuple[ToldSection, ...] = ()
+    geometry_id: str = ""  # of the target; "": without one
+    camera: Camera | None = None  # that took the photos
+    pinhole: Camera | None = None  # that undistorted photos are of
+
+    def __post_init__(self) -> None:
+        poses = self.cam_from_target
+        if fault := rigid_fault(poses):
+            raise ValueError(f"pose {fault[0]} (from 0) {fault[1]}")
+        if not poses[:, :3, 3].any(axis=1).all():
+            raise ValueError("a camera stands in the target's origin")
+        tables = [(self.columns, [photo.cells for photo in self.photos])]
+        for part in (*self.before, *self.after):
+            tables += [(block.columns, list(block.rows)) for block in part.blocks if isinstance(block, Table)]
+        if any(len(row) != len(columns) or any(cell.path for cell in row) for columns, rows in tables for row in rows):
+            raise ValueError("a row does not fit its table")
+
+    @property
+    def posed(self) -> tuple[ToldPhoto, ...]:
+        """The photos of which it is known where they were taken."""
+        return tuple(photo for photo in self.photos if photo.cam_from_target is not None)
+
+    @property
+    def cam_from_target(self) -> NDArray[np.float64]:
+        """Where these were taken.  # (V, 4, 4)"""
+        return np.array([photo.cam_from_target for photo in self.posed], dtype=np.float64).reshape(-1, 4, 4)
+
+
+PHOTOS = FileKind(
+    ToldPhotos, "photos", "a photos.json", "give the command that made the pictures again", largest_bytes=256 * 2**20
+)
+
+
+def write_photos(folder: Path, told: ToldPhotos) -> Path:
+    """Write `photos.json`; its path.
+
+    Raises:
+        InputError: another file has that name, or it cannot be written.
+    """
+    path = folder / PHOTOS_FILE
+    write_files({path: PHOTOS.text(told)})
+    return path
+
+
+def read_photos(folder: Path) -> ToldPhotos:
+    """Read `photos.json`, all its text but the pictures' paths as one can print it.
+
+    Raises:
+        InputError: it cannot be read, or breaks a rule; the message names file and place.
+    """
+    path = folder / PHOTOS_FILE
+    return PHOTOS.of(_on_one_line(PHOTOS.parsed(path)), str(path))
+
+
+def _on_one_line(value: JsonValue) -> JsonValue:
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, list):
+        return [_on_one_line(one) for one in value]
+    if isinstance(value, dict):
+        return {key: one if key == "picture" else _on_one_line(one) for key, one in value.items()}
+    return value

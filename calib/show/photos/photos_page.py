@@ -1,0 +1,81 @@
+"""The page of a folder of pictures: the photos with what is told of them, and where they were taken."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from calib.show.parts.folder_blocks import files_section, warnings
+from calib.show.parts.gallery import Shot, gallery, is_there, spread, title_of_pictures
+from calib.show.parts.kept_target import kept_target
+from calib.show.parts.origin import Origin
+from calib.show.photos.photos_file import KIND_WORDS, ToldPhotos, ToldSection, read_photos
+from calib.show.photos.undistortion import undistortion_figure
+from designer.page.blocks import Block, Cell, Column, Command, Facts, Figure, Findings, Page, Section, Table
+
+
+def photos_page(folder: Path, origin: Origin) -> Page:
+    """Read a folder and build its page.
+
+    Raises:
+        InputError: `photos.json` cannot be read; the message names it.
+    """
+    told = read_photos(folder)
+    places, wrong = _places(folder, told)
+    blocks: tuple[Block, ...] = (
+        *((Findings(told.notes),) if told.notes else ()), *warnings("File", (wrong,) if wrong else ()),
+        *gallery(folder, _shots(told), told.order), _table(folder, told),
+    )  # fmt: skip
+    sections = (
+        *map(_section, told.before), Section("Photos", blocks, lead=told.lead), *places, *map(_section, told.after),
+        files_section(folder, told.files, Command("calib report .", "in this folder: makes this page again")),
+    )  # fmt: skip
+    return Page(
+        title=title_of_pictures(folder), kind=KIND_WORDS[told.kind], headline=told.headline, sections=sections,
+        lead=(*_bent(folder, told), Facts(told.facts)), made_by=origin.command, program=origin.program,
+    )  # fmt: skip
+
+
+def _section(part: ToldSection) -> Section:
+    return Section(part.title, part.blocks, lead=part.lead)
+
+
+def _shots(told: ToldPhotos) -> Sequence[Shot]:
+    """The pictures: the worst first, or as many as are shown evenly from first to last."""
+    pictured = [photo for photo in told.photos if photo.picture]
+    is_sorted = any(photo.badness is not None for photo in pictured)
+    if is_sorted:
+        pictured.sort(key=lambda photo: -math.inf if photo.badness is None else photo.badness, reverse=True)
+    shots = [Shot(photo.picture, photo.name, photo.caption, photo.level) for photo in pictured]
+    return shots if is_sorted else spread(shots)
+
+
+def _table(folder: Path, told: ToldPhotos) -> Table:
+    """A row a photo, whose name leads to its picture."""
+    rows = tuple(
+        (Cell(photo.name, path=photo.picture if is_there(folder, photo.picture) else "", level=photo.level),
+         *photo.cells)
+        for photo in told.photos
+    )  # fmt: skip
+    return Table("All photos", (Column("photo", is_number=False), *told.columns), rows, told.table_note)
+
+
+def _places(folder: Path, told: ToldPhotos) -> tuple[tuple[Section, ...], str]:
+    """Where the photos were taken, around the target if it lies there; and why it is not used if it is no use."""
+    if told.camera is None or not told.posed:
+        return (), ""
+    from calib.show.photos.place_scene import place_view, place_words  # slow to load, and of no use to detections
+
+    target, wrong = kept_target(folder, told.geometry_id)
+    camera = told.camera
+    names = tuple(f"{photo.name}: {photo.caption}" for photo in told.posed)
+    caption = "Each pyramid is a photo; point at one for its name."
+    view = place_view(target, camera, told.cam_from_target, names, caption)
+    return (Section("Camera positions", (view,), lead=place_words(target, told.cam_from_target)),), wrong
+
+
+def _bent(folder: Path, told: ToldPhotos) -> tuple[Figure, ...]:
+    """What undistortion did to the photos of the camera, if it is that what the pictures are."""
+    if told.camera is None or told.pinhole is None:
+        return ()
+    taken, pinhole = told.camera, told.pinhole
+    return (undistortion_figure(taken, pinhole),)

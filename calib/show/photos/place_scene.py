@@ -1,0 +1,89 @@
+"""Where photos were taken from, around a target or around the axes of its frame."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.core.number_text import figure as digits
+from calib.metrics.prediction import centers_mm
+from calib.show.run.camera_scene import BODY, INK, corner_rays, first_look
+from designer.page.blocks import View3d
+from designer.page.scene import Labels, Layer, Scene, Segments
+from designer.target import TargetGeometry
+from designer.target_scene import AXES, camera_layer, camera_size_mm, target_layers
+
+Array = NDArray[np.float64]
+
+CAMERA = "#0072B2"
+"""Okabe and Ito's blue, which is seen on light and dark."""
+AXIS_SHARE, LETTER_SHARE = 0.2, 0.03
+"""Of the cameras' usual distance, for a target that is not known: length of its axes, height of their letters."""
+MOST_VIEWS = 3000
+"""More pyramids make a page slow: then every second, third, ... is drawn."""
+
+
+def place_view(
+    target: TargetGeometry | None, camera: Camera, cam_from_target: Array, names: tuple[str, ...], caption: str
+) -> View3d:
+    """The scene and what it shows in words.
+
+    Args:
+        target: None: it is not known.
+        camera: that took the photos.
+        cam_from_target: where it stood.  # (V, 4, 4)
+        names: of the photos, as they are said.  # (V,)
+        caption: what the pyramids are.
+    """
+    every = -(-len(names) // MOST_VIEWS)
+    poses = cam_from_target[::every]
+    size_mm = camera_size_mm(poses)
+    drawn = _axes(poses) if target is None else target_layers(target, body_colour=BODY, ink_colour=INK)
+    cameras = camera_layer(poses, corner_rays(camera), names[::every], (CAMERA,), size_mm)
+    is_flat = target is not None and target.is_planar
+    up, from_direction = first_look(poses, centers_mm(poses), is_flat=is_flat)
+    said = caption if every == 1 else f"{caption} One of {every} is drawn."
+    return View3d(
+        "Camera positions", Scene((*drawn, cameras), up, from_direction, ((CAMERA, "camera"),)),
+        place_words(target, cam_from_target), said,
+    )  # fmt: skip
+
+
+def place_words(target: TargetGeometry | None, cam_from_target: Array) -> str:
+    """From where photos were taken, as a sentence."""
+    centre = centers_mm(cam_from_target)
+    photos = "1 photo" if len(centre) == 1 else f"{len(centre)} photos"
+    words = f"{photos} from {distance_words(cam_from_target)} away"
+    if target is not None and target.is_planar:
+        tilt = tilts_deg(target, cam_from_target)
+        words += f", at {tilt.min():.0f} to {tilt.max():.0f}° from straight on"
+    return f"{words}."
+
+
+def distance_words(cam_from_target: Array) -> str:
+    """How far cameras stand from the target's origin."""
+    distance = np.linalg.norm(cam_from_target[:, :3, 3], axis=1)
+    least, most = digits(float(distance.min()), 3), digits(float(distance.max()), 3)
+    return f"{least} mm" if least == most else f"{least} to {most} mm"
+
+
+def tilts_deg(target: TargetGeometry, cam_from_target: Array) -> Array:
+    """Between the normal of a flat target and the line of sight to its origin.  # (V,)"""
+    normal = cam_from_target[:, :3, :3] @ target.target_from_face[0, :3, 2]
+    shift = cam_from_target[:, :3, 3]
+    cosine = -np.einsum("vi,vi->v", normal, shift) / np.maximum(np.linalg.norm(shift, axis=1), 1e-9)
+    tilt: Array = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return tilt
+
+
+def _axes(poses: Array) -> tuple[Layer, ...]:
+    """The axes of the target's frame with their letters."""
+    usual = float(np.median(np.linalg.norm(poses[:, :3, 3], axis=1)))
+    length = max(AXIS_SHARE * usual, 1e-3)
+    ends = np.zeros((3, 2, 3))
+    ends[:, 1] = length * np.eye(3)
+    # A label hides when its normal points away: two with opposite normals are always seen.
+    at, normal = np.repeat(1.1 * length * np.eye(3), 2, axis=0), np.repeat(np.eye(3), 2, axis=0)
+    normal[1::2] *= -1
+    letters = tuple(letter for letter, _ in AXES for _ in range(2))
+    labels = Labels(at, normal, letters, LETTER_SHARE * usual)
+    return (Layer("axes of the target", (Segments(ends, tuple(colour for _, colour in AXES)), labels)),)

@@ -1,0 +1,205 @@
+"""What `calib render` tells of its photos: what they show of the target, and what makes them less than ideal."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.core.number_text import figure as digits
+from calib.core.types import LEAST_RADIUS_PX
+from calib.detector.candidates import MIN_RADIUS_PX
+from calib.renderer.job import TRUTH_FILE, RenderJob
+from calib.renderer.options import RenderOptions
+from calib.renderer.rings import ring_truth
+from calib.renderer.scene import RenderScene, scene_from_target
+from calib.show.parts.cells import number, whole
+from calib.show.parts.kept_target import TARGET_FILE, target_words
+from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
+from calib.show.photos.place_scene import distance_words, tilts_deg
+from calib.show.run.camera_section import field_of_view_words
+from designer.page.blocks import Cell, Column, Command, Finding, Headline
+
+FILES = (
+    (TRUTH_FILE, "camera, poses and options: what a calibration of these photos should find"),
+    (TARGET_FILE, "the target as it was rendered"),
+    (PHOTOS_FILE, "what this page is built from"),
+)
+
+
+@dataclass(frozen=True)
+class RenderedPhoto:
+    """What one photo shows."""
+
+    name: str
+    distance_mm: float
+    tilt_deg: float  # of a flat target; nan of others
+    faces: int  # with a ring that can be measured
+    rings: int  # that can be measured, nothing hiding them
+    radius_px: float  # median of their semi-minor axes
+    largest_px: float  # of all semi-minor axes
+
+    @property
+    def is_too_small(self) -> bool:
+        """Whether no ring is as large as the detector wants."""
+        return self.largest_px < LEAST_RADIUS_PX
+
+
+def told_rendered(job: RenderJob, target_file: str) -> ToldPhotos:
+    """What the page of a finished set says.
+
+    Args:
+        job: that made it.
+        target_file: its target as it lies in the folder, or what stands for it.
+    """
+    photos, is_flat = _photos(job), job.target.is_planar
+    too_small = _too_small(photos) if any(photo.is_too_small for photo in photos) else ""
+    return ToldPhotos(
+        "photos", _headline(job, photos, too_small), _facts(job), _columns(is_flat=is_flat),
+        tuple(
+            ToldPhoto(
+                photo.name, _cells(photo, is_flat=is_flat), photo.name, _caption(photo),
+                "usable" if photo.is_too_small else None, cam_from_target=pose,
+            )
+            for photo, pose in zip(photos, job.cam_from_target, strict=True)
+        ),
+        "In the order they were rendered.", FILES, lead=_rings_words(photos),
+        notes=(Finding("usable", "Rings too small", too_small),) if too_small else (),
+        after=(_next(target_file),), geometry_id=job.target.geometry_id, camera=job.camera,
+    )  # fmt: skip
+
+
+def _photos(job: RenderJob) -> list[RenderedPhoto]:
+    scene, poses = scene_from_target(job.target), job.cam_from_target
+    distance_mm = np.linalg.norm(poses[:, :3, 3], axis=1).tolist()
+    is_flat = job.target.is_planar
+    tilt_deg = tilts_deg(job.target, poses).tolist() if is_flat else [np.nan] * len(poses)
+    return [
+        _photo(job, scene, view, name, distance_mm[view], tilt_deg[view]) for view, name in enumerate(job.file_names)
+    ]
+
+
+def _photo(
+    job: RenderJob, scene: RenderScene, view: int, name: str, distance_mm: float, tilt_deg: float
+) -> RenderedPhoto:
+    """Faces and rings that a photo shows large enough, and how large they are."""
+    rings = ring_truth(scene, job.camera, job.cam_from_target[view])
+    clear = rings.whole & (rings.minor_radius_px >= MIN_RADIUS_PX)
+    radius_px = float(np.median(rings.minor_radius_px[clear])) if clear.any() else np.nan
+    largest_px = float(rings.minor_radius_px[rings.visible].max(initial=0))
+    faces = len(np.unique(scene.ring_face[clear]))
+    return RenderedPhoto(name, distance_mm, tilt_deg, faces, int(clear.sum()), radius_px, largest_px)
+
+
+def _headline(job: RenderJob, photos: list[RenderedPhoto], too_small: str) -> Headline:
+    total, (width, height) = len(photos), job.camera.image_size
+    sentence = (
+        f"{'1 photo' if total == 1 else f'{total} photos'} of {width} x {height} px of {target_words(job.target)}, "
+        f"by a camera of model {job.camera.model} from {distance_words(job.cam_from_target)}; "
+        f"{effects(job.options) or 'without blur and noise'}; seed {job.seed}."
+    )
+    if all(photo.is_too_small for photo in photos):
+        return Headline("usable", "rings too small", f"{sentence} {too_small}")
+    return Headline("note", "rendered", sentence)
+
+
+def _too_small(photos: list[RenderedPhoto]) -> str:
+    """Which photos show no ring that is large enough, and what to do, in the words of `calib render`."""
+    small = [photo for photo in photos if photo.is_too_small]
+    largest = digits(max(photo.largest_px for photo in small), 2)
+    where = "" if len(small) == len(photos) else f" in {len(small)} of {len(photos)} photos"
+    return (
+        f"The largest ring{where} has a radius of {largest} px; the detector wants {LEAST_RADIUS_PX:g} px: come "
+        "nearer, or use a longer lens."
+    )
+
+
+def _facts(job: RenderJob) -> tuple[tuple[str, str], ...]:
+    camera, options = job.camera, job.options
+    width, height = camera.image_size
+    quality = f", quality {job.quality}" if job.file_format == "jpeg" else ""
+    return (
+        ("target", f"{target_words(job.target)}, id {job.target.geometry_id}"),
+        ("camera model", camera.model),
+        ("image", f"{width} x {height} px, {job.file_format}{quality}, {options.bits} bits"),
+        ("focal length", " x ".join(dict.fromkeys(digits(float(value), 6) for value in camera.params[:2])) + " px"),
+        ("field of view", field_of_view_words(camera)),
+        ("from the target's origin", distance_words(job.cam_from_target)),
+        *option_words(options),
+        ("seed", str(job.seed)),
+    )  # fmt: skip
+
+
+def option_words(options: RenderOptions) -> tuple[tuple[str, str], ...]:
+    """What is on, as names and values; what is off is left out."""
+    black, white, background = (f"{100 * light:.3g} %" for light in (options.black, options.white, options.background))
+    sampling = "by area (anti-aliased)" if options.sampling == "area" else "one ray a pixel, black or white"
+    return ("sampling", sampling), ("light of ink, white, background", f"{black}, {white}, {background}"), *_on(options)
+
+
+def _on(options: RenderOptions) -> tuple[tuple[str, str], ...]:
+    """What makes the photos less than ideal."""
+    focus = "the target's origin" if options.focus_mm is None else f"{options.focus_mm:g} mm"
+    rows = (
+        ("blur", f"{options.blur_px:g} px (sigma)", options.blur_px),
+        ("opening of the lens", f"{options.aperture_mm:g} mm, in focus at {focus}", options.aperture_mm),
+        ("contrast over noise", f"{options.contrast_to_noise:g}", options.contrast_to_noise),
+        ("read noise", f"{100 * options.read_noise:.3g} % of full scale", options.read_noise),
+        ("shot noise", f"of {options.full_well:g} electrons at full scale", options.full_well),
+        ("light lost in the corners", f"{100 * options.vignetting:.3g} %", options.vignetting),
+        ("light gradient", f"{100 * options.light_gradient:.3g} %", options.light_gradient),
+        ("shading", f"{100 * options.shading:.3g} %", options.shading),
+        ("glare", f"{100 * options.glare:.3g} %", options.glare),
+        ("clutter", f"{options.clutter} shapes", options.clutter),
+        ("hidden by things in front", f"{100 * options.occlusion:.3g} %", options.occlusion),
+        ("gamma", f"{options.gamma:g}", options.gamma != 1),
+    )  # fmt: skip
+    return tuple((name, value) for name, value, is_on in rows if is_on)
+
+
+def effects(options: RenderOptions) -> str:
+    """The same in a few words."""
+    return ", ".join(f"{name} {value}" for name, value in _on(options))
+
+
+def _rings_words(photos: list[RenderedPhoto]) -> str:
+    if all(photo.is_too_small for photo in photos):
+        return ""  # said already
+    least, most = min(photo.rings for photo in photos), max(photo.rings for photo in photos)
+    each = f"{least}" if least == most else f"{least} to {most}"
+    return (
+        f"Each shows {each} rings whole and with a semi-minor axis of at least {MIN_RADIUS_PX:g} px. So small ones can "
+        f"be measured beside others; to find and name a face, the detector wants rings of {LEAST_RADIUS_PX:g} px."
+    )
+
+
+def _caption(photo: RenderedPhoto) -> str:
+    side = f"tilt {photo.tilt_deg:.0f}°" if np.isfinite(photo.tilt_deg) else f"{photo.faces} faces"
+    return f"{digits(photo.distance_mm, 3)} mm away, {side}, {photo.rings} rings"
+
+
+def _columns(*, is_flat: bool) -> tuple[Column, ...]:
+    size = f"with a semi-minor axis of at least {MIN_RADIUS_PX:g} px"
+    tilt = Column("tilt °", note="between the target's normal and the line of sight; 0 is straight on")
+    return (
+        Column("distance mm", note="from the camera to the target's origin"),
+        tilt if is_flat else Column("faces", note=f"with a ring that is whole and {size}"),
+        Column("rings", note=f"whole in the image, {size}; things in front are not counted off"),
+        Column("ring size px", note="median of their semi-minor axes"),
+    )
+
+
+def _cells(photo: RenderedPhoto, *, is_flat: bool) -> tuple[Cell, ...]:
+    side = number(photo.tilt_deg, 2) if is_flat else whole(photo.faces)
+    return number(photo.distance_mm), side, whole(photo.rings), number(photo.radius_px, 3)
+
+
+def _next(target_file: str) -> ToldSection:
+    """What these photos are for."""
+    run = Command(
+        f"calib run {target_file} . -o calibration",
+        f"in this folder: calibrates from these photos, and compares with {TRUTH_FILE}",
+    )
+    see = Command(
+        f"calib detect {target_file} . -o detections/detections.csv --overlay detections",
+        "only finds the rings, and shows what was found",
+    )
+    return ToldSection("Next", (run, see))

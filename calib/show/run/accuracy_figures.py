@@ -1,0 +1,279 @@
+"""Figures of one camera's accuracy for its page, each with what it shows in words and numbers."""
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.core.number_text import figure as digits
+from calib.figures.fields import draw_means, draw_residuals
+from calib.figures.histograms import draw_sizes
+from calib.figures.maps import draw_coverage, draw_map
+from calib.figures.page import draw_histogram, draw_uncertainty, standardised
+from calib.figures.sigma_map import SigmaMap, place_on_map
+from calib.figures.style import bar_beside, image_axes, panel_height_in, svg_panel
+from calib.metrics.residual_cells import ResidualCells, Residuals
+from calib.show.run.run_folder import Solved
+from calib.verdict.apart import Known, sigma_over
+from calib.verdict.checks import made_words
+from calib.verdict.coverage import Coverage
+from calib.verdict.halves import HalvesApart, NoHalves
+from designer.base.words import capital
+from designer.page.blocks import Figure
+from designer.page.drawing import drawing_of_svg
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+MOST_ARROWS = 1500
+CONTRADICTED = 2.0
+"""Cameras of halves that differ by so many of their standard deviations contradict these."""
+NOTHING_PX = 1e-4
+"""Cameras that differ by less are the same for any use."""
+NOTICEABLE = 1.5
+"""The covered area is told apart if the whole image is so many times as uncertain."""
+HISTOGRAM_IN = 3.2
+"""How high the panel of a histogram is."""
+
+
+class Difference(Protocol):
+    """How far two cameras lie apart on a grid of pixels."""
+
+    @property
+    def pixel(self) -> Array:
+        """The grid.  # (R, C, 2)"""
+        ...
+
+    @property
+    def length_px(self) -> Array:
+        """Distances, nan where they are not known.  # (R, C)"""
+        ...
+
+    @property
+    def percentile_95_px(self) -> float:
+        """What 95 % of the area differ by at most."""
+        ...
+
+
+def panel(title: str, draw: "Callable[[Axes], None]", alt: str, caption: str = "") -> Figure:
+    """One pair of axes as a figure of a page."""
+    return Figure(title, drawing_of_svg(svg_panel(draw, height_in=HISTOGRAM_IN)), alt, caption)
+
+
+def image_panel(
+    title: str, image_size: tuple[int, int], draw: "Callable[[Axes], None]", alt: str, caption: str, *,
+    has_bar: bool = True,
+) -> Figure:  # fmt: skip
+    """Axes that are the image as a figure of a page, with a scale of colours or without."""
+    svg = svg_panel(draw, height_in=panel_height_in(image_size, has_bar=has_bar), has_bar=has_bar)
+    return Figure(title, drawing_of_svg(svg), alt, caption)
+
+
+def uncertainty_figure(one: Solved, found: SigmaMap, halves: HalvesApart | NoHalves) -> Figure:
+    """How uncertain the camera is at each pixel, and how much of that cameras of halves of the photos confirm."""
+    calibration = one.calibration
+    title = "Uncertainty of the camera (1 sigma)"
+    inside = covered_words(one, found)
+    alt = f"{title}: {uncertainty_words(found)}"
+    caption = (
+        f"{uncertainty_words(found)}. How far a direction may be shown from its true pixel, the rotation that fits the "
+        "whole image best removed: what the noise of the photos leaves open"
+    )
+    if calibration.target_error is not None and calibration.target_error.param_covariance.any():
+        caption += f", and what a target {made_words(calibration.target_error)} may be off"
+    if calibration.image_field is not None:
+        caption += ", and what it may have taken of a field fixed in the image that the lens model does not follow"
+    if calibration.camera.learned is not None:
+        caption += "; the learned map is taken as exact, so the truth is larger"
+    caption += f". {inside}" if inside else ""
+    if found.known_share < 1:
+        share = f", in {100 * (1 - found.known_share):.0f} % of the image" if math.isfinite(found.most_px) else ""
+        caption += f". Grey: the model has no directions there{share}"
+    return image_panel(
+        title, found.image_size, lambda axes: draw_uncertainty(axes, calibration, found), alt,
+        f"{caption}. {halves_words(halves)}".rstrip(),
+    )  # fmt: skip
+
+
+def uncertainty_words(found: SigmaMap) -> str:
+    """The finding, as a sentence without its full stop."""
+    if not found.is_known:
+        return "No parameter was estimated" if len(found.known_px) else "The photos do not determine it"
+    middle = f"{digits(found.centre_px, 2)} px in the middle, " if math.isfinite(found.centre_px) else ""
+    most = (
+        f"95 % of the image is within {digits(found.most_px, 2)} px"
+        if math.isfinite(found.most_px)
+        else f"{100 * (1 - found.known_share):.0f} % of the image has no directions"
+    )
+    words = f"{middle}{digits(found.worst_px, 2)} px {found.worst_place}; {most}"
+    return capital(words)
+
+
+def covered_words(one: Solved, found: SigmaMap) -> str:
+    """What the verdict says of the covered area, where the map says something else of it; "" if not."""
+    calibration = one.calibration
+    if not found.is_known or not np.isfinite(calibration.stated_covariance).all():
+        return ""
+    inside = sigma_over(Known(calibration.camera, calibration.stated_covariance), one.coverage)
+    if not len(inside):
+        return ""
+    within = float(np.percentile(inside, 95, method="inverted_cdf"))
+    if found.most_px <= NOTICEABLE * within:
+        return ""
+    return (
+        "What is open where nothing was seen moves that rotation, and so all of the map; where the target was seen, "
+        f"its own rotation removed, 95 % is within {digits(within, 2)} px"
+    )
+
+
+def halves_words(halves: HalvesApart | NoHalves) -> str:
+    """A sentence if cameras of halves of the photos contradict the stated standard deviations; "" if not."""
+    if isinstance(halves, NoHalves) or halves.ratio < CONTRADICTED:
+        return ""
+    times = digits(halves.ratio, 2)
+    return f"Cameras of halves differ {times} times as much as stated: the noise's part is {times} times that."
+
+
+def coverage_figure(coverage: Coverage, checked: str = "") -> Figure:
+    """Where sightings are.
+
+    Args:
+        coverage: of the image.
+        checked: what the verdict's check says of it; "" where nobody judged.
+    """
+    words = capital(checked) or f"The sightings surround {100 * coverage.share:.0f} % of the image"
+    return image_panel(
+        "Coverage of the sensor", coverage.image_size,
+        lambda axes: draw_coverage(axes, coverage.image_size, coverage.views), words,
+        f"{words}. Where it is hatched, no photo shows the target: the lens is only extrapolated there.",
+    )  # fmt: skip
+
+
+def residuals_figure(residuals: Residuals, rmse_px: float) -> Figure:
+    """What is left over of each sighting."""
+    outliers = len(residuals.outlier_px)
+    words = f"{len(residuals.pixel)} sightings are {digits(rmse_px, 3)} px off, root mean square"
+    left = f"; {outliers} outliers, marked by crosses, were left out" if outliers else ""
+    shown = min(len(residuals.pixel), MOST_ARROWS)
+    some = "" if shown == len(residuals.pixel) else f" {shown} of them are drawn."
+    return image_panel(
+        "What is left over: predicted - measured", residuals.image_size,
+        lambda axes: draw_residuals(axes, residuals, MOST_ARROWS), f"{words}{left}",
+        f"{words}{left}.{some} The arrow at the lower right gives the scale.", has_bar=False,
+    )  # fmt: skip
+
+
+def systematic_figure(
+    cells: ResidualCells,
+    image_size: tuple[int, int],
+    *,
+    title: str = "What is systematic",
+    long_px: float | None = None,
+    checked: str = "",
+) -> Figure:
+    """The means of what is left over, cell by cell.
+
+    Args:
+        cells: of the residuals.
+        image_size: width, height in px.
+        title: of the figure.
+        long_px: the end of the colours; None: as the cells have it.
+        checked: what the verdict's check says of it; "" where nobody judged.
+    """
+    end = cells.long_px if long_px is None else long_px
+    words = f"{systematic_words(cells)}{f': {checked}' if checked else ''}"
+
+    def draw(axes: "Axes") -> None:
+        bar_beside(axes, draw_means(axes, cells, image_size, title, end), "length of the mean in px", longer=True)
+
+    return image_panel(title, image_size, draw, words, f"{words}. Arrows are the mean residual of a cell, enlarged.")
+
+
+def systematic_words(cells: ResidualCells) -> str:
+    """The finding, as a sentence without its full stop."""
+    mean, noise = cells.rms_of_means_px, cells.rms_by_noise_px
+    if not math.isfinite(mean):
+        return "Too few sightings to tell what is systematic"
+    expected = f"noise alone would leave {digits(noise, 2)} px"
+    if not math.isfinite(noise):
+        return f"Means of cells are {digits(mean, 2)} px long"
+    return f"Means of cells are {digits(mean, 2)} px long, {expected}"
+
+
+def distribution_figure(one: Solved) -> Figure:
+    """Residuals against the Gaussian that the solution states."""
+    scale = one.calibration.scale
+    counted, _ = standardised(one.evaluation)
+    words = f"{len(counted)} coordinates of residuals against a Gaussian"
+    if len(counted) and scale > 0:
+        beyond = 100 * float(np.mean(np.abs(counted) > 3 * scale))
+        words = f"{beyond:.2f} % of {len(counted)} coordinates lie beyond 3 sigma; of a Gaussian 0.27 % do"
+    return panel(
+        "Distribution against the Gaussian", lambda axes: draw_histogram(axes, one.evaluation), words, f"{words}.",
+    )  # fmt: skip
+
+
+SUBJECTS = {
+    "reprojection": "how far a sighting is from where the camera predicts it",
+    "intersection": "how far the ray of a sighting meets the target's plane from the ring's place",
+    "reconstruction": "how far a ring is from where the rays of all photos that show it meet",
+    "pose": "how far a photo's camera is from where it truly was",
+    "rotation": "by how much a photo's camera is turned against how it truly was",
+}
+"""What an error of each metric is."""
+
+
+def sizes_figure(metric: str, sizes: Array, unit: str) -> Figure:
+    """A histogram of one metric's errors."""
+    known = sizes[np.isfinite(sizes)]
+    words = f"{len(known)} {metric} errors"
+    if len(known):
+        rmse, most = digits(float(np.sqrt(np.mean(known**2))), 3), digits(float(np.percentile(known, 95)), 3)
+        words += f": root mean square {rmse} {unit}, 95 % are below {most} {unit}"
+    what = SUBJECTS.get(metric)
+    return panel(
+        f"{metric.capitalize()} error", lambda axes: draw_sizes(axes, sizes, unit), words,
+        f"{words}." + (f" An error is {what}." if what else ""),
+    )  # fmt: skip
+
+
+def apart_figure(title: str, found: Difference, image_size: tuple[int, int], words: str) -> Figure:
+    """How far two cameras lie apart over what the photos cover.
+
+    Args:
+        title: of the figure.
+        found: the difference, known at one pixel at least.
+        image_size: width, height in px.
+        words: the finding, as a sentence without its full stop.
+    """
+
+    def draw(axes: "Axes") -> None:
+        image_axes(axes, image_size, title)
+        draw_map(axes, found.pixel, found.length_px, "px")
+
+    return image_panel(title, image_size, draw, words, f"{words}.")
+
+
+def apart_words(found: Difference) -> str:
+    """Where two cameras differ most, as a sentence without its full stop."""
+    length = found.length_px
+    row, column = np.unravel_index(np.nanargmax(length), length.shape)
+    width, height = found.pixel[-1, -1] + found.pixel[0, 0]
+    size = round(width + 1), round(height + 1)
+    place = place_on_map(found.pixel, np.isfinite(length), (int(row), int(column)), size)
+    most = float(np.nanmax(length))
+    if most < NOTHING_PX:
+        return f"Less than {NOTHING_PX:g} px everywhere"
+    return (
+        f"95 % of the covered area differs by at most {pixels(found.percentile_95_px)}, "
+        f"the most is {pixels(most)} {place}"
+    )
+
+
+def pixels(value: float) -> str:
+    """A distance in the image in words; what is next to nothing is called so."""
+    return f"{digits(value, 2)} px" if value >= NOTHING_PX else f"less than {NOTHING_PX:g} px"

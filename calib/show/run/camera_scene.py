@@ -1,0 +1,187 @@
+"""Where photos were taken from, around their target, in 3D."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import rays
+from calib.cameras.camera import Camera
+from calib.core.number_text import figure as digits
+from calib.core.types import KnownPoints
+from calib.metrics.evaluation import by_view
+from calib.metrics.prediction import centers_mm
+from calib.show.run.run_folder import Solved
+from calib.verdict.next_views import NextView
+from calib.verdict.view_facts import view_facts
+from designer.base.words import printable
+from designer.page.blocks import View3d
+from designer.page.scene import Layer, Rings, Scene, Segments, Surface
+from designer.target import TargetGeometry
+from designer.target_scene import camera_layer, camera_size_mm, target_layers
+
+Array = NDArray[np.float64]
+
+BODY, INK = "#f4f4f2", "#2b2b2b"
+NEXT = "#D55E00"
+"""Of photos that are still to be taken: Okabe and Ito's vermilion."""
+UNKNOWN = "#8a9099"
+RING_SHARE, HOLE_SHARE, MARGIN_SHARE = 0.33, 0.45, 0.6
+"""Of a target that is known by its points only: outer radius and margin over the distance of neighbours, and the hole
+over the radius."""
+STEPS = 5
+"""Colours of the legend."""
+READABLE = (0.35, 0.9)
+"""The part of a scale of colours that stands out from a light and from a dark page."""
+MOST_POINTS_FOR_PITCH = 2000
+SIDE = 0.9
+"""How far from the cameras' mean direction the viewer stands at first, as a tangent."""
+
+
+def camera_view(one: Solved, target: TargetGeometry | None, proposed: tuple[NextView, ...]) -> View3d:
+    """The scene and what it shows in words.
+
+    Args:
+        one: the camera and its poses.
+        target: as it was used; None: drawn from its points.
+        proposed: photos to take next.
+    """
+    calibration = one.calibration
+    errors = one.evaluation.of("reprojection")
+    summaries = None if errors is None else by_view(one.evaluation, errors)
+    views = calibration.observations.view_count
+    rmse = np.full(views, np.nan) if summaries is None else np.array([summary.rmse for summary in summaries])
+    colours, legend = _colours(rmse)
+    names = tuple(
+        f"{printable(name)}: RMS {digits(value, 2)} px"
+        for name, value in zip(calibration.observations.view_names, rmse.tolist(), strict=True)
+    )
+    poses, corners = calibration.cam_from_target, corner_rays(calibration.camera)
+    size_mm = camera_size_mm(poses)
+    layers = [*_target(target, calibration.observations.points), camera_layer(poses, corners, names, colours, size_mm)]
+    if proposed:
+        where = np.stack([view.cam_from_target for view in proposed])
+        said = tuple(f"next {number}: {printable(view.sentence)}" for number, view in enumerate(proposed, start=1))
+        layer = camera_layer(where, corners, said, (NEXT,), size_mm)
+        layers.append(Layer("next photos", layer.shapes))
+        legend = (*legend, (NEXT, "photo to take next"))
+    centre = centers_mm(poses)
+    up, from_direction = first_look(poses, centre, is_flat=len(calibration.observations.points.plane) == 1)
+    words = spread_words(one)
+    return View3d(
+        "Cameras around the target", Scene(tuple(layers), up, from_direction, legend), words,
+        "Each pyramid is a photo, its colour the root mean square of what is left over. Point at one for its name.",
+    )  # fmt: skip
+
+
+def spread_words(one: Solved) -> str:
+    """From where photos were taken, as a sentence."""
+    points, facts = one.calibration.observations.points, view_facts(one.calibration)
+    least, most = digits(float(facts.distance_mm.min()), 3), digits(float(facts.distance_mm.max()), 3)
+    words = f"{len(facts.name)} photos from {least if least == most else f'{least} to {most}'} mm away"
+    known = facts.tilt_deg[np.isfinite(facts.tilt_deg[:, 2]), 2]
+    if facts.is_flat and len(known):
+        words += f", tilted by {known.min():.0f} to {known.max():.0f}° against the image"
+    elif len(points.plane) > 1:
+        seen = np.unique(points.face[one.calibration.observations.point])
+        words += f", which show {len(seen[seen >= 0])} of {len(points.plane)} faces"
+    return f"{words}."
+
+
+def corner_rays(camera: Camera) -> Array:
+    """Through the image's corners, clockwise from the top left, with z = 1; without a lens where that has none."""
+    width, height = camera.image_size
+    corner = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=np.float64)
+    through = rays(camera, corner)
+    straight = np.column_stack([(corner - camera.params[2:4]) / camera.params[:2], np.ones(4)])
+    known = np.isfinite(through).all(axis=1) & (np.abs(through).max(axis=1) < 10)
+    return np.where(known[:, None], through, straight)
+
+
+def _colours(rmse: Array) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
+    """A colour of each photo by what is left over of it, and what some colours mean."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    known = rmse[np.isfinite(rmse)]
+    if not len(known):
+        return (UNKNOWN,), ()
+    least, most = float(known.min()), float(known.max())
+    span = most - least if most > least else 1.0
+    dim, bright = READABLE
+
+    def colour(x: float) -> str:
+        return to_hex(colormaps["cividis"](dim + (bright - dim) * (x - least) / span))
+
+    colours = tuple(colour(x) if np.isfinite(x) else UNKNOWN for x in rmse.tolist())
+    steps = np.linspace(least, most, STEPS) if most > least else np.array([least])
+    return colours, tuple((colour(x), f"{digits(x, 2)} px") for x in steps.tolist())
+
+
+def first_look(poses: Array, centre: Array, *, is_flat: bool) -> tuple[tuple[float, float, float], ...]:
+    """What is up, and from where one looks first: up as the cameras had it, if they agree, and from beside them."""
+    up = -poses[:, 1, :3].mean(axis=0)
+    if np.linalg.norm(up) < 0.5:
+        up = np.array([0.0, 1.0, 0.0] if is_flat else [0.0, 0.0, 1.0])
+    towards = centre / np.maximum(np.linalg.norm(centre, axis=1, keepdims=True), 1e-9)
+    mean = towards.mean(axis=0)
+    if np.linalg.norm(mean) < 0.2:
+        mean = np.array([1.0, -0.4, 0.3])
+    mean = mean / np.linalg.norm(mean)
+    up = up / np.linalg.norm(up)
+    aside = np.cross(up, mean)
+    if np.linalg.norm(aside) < 0.3:  # the cameras look down along what is up
+        up = np.array([1.0, 0.0, 0.0]) if abs(mean[0]) < 0.7 else np.array([0.0, 1.0, 0.0])
+        aside = np.cross(up, mean)
+    direction = mean + SIDE * aside / np.linalg.norm(aside) + 0.35 * up
+    return _three(up), _three(direction / np.linalg.norm(direction))
+
+
+def _three(vector: Array) -> tuple[float, float, float]:
+    x, y, z = (round(float(value), 6) for value in vector)
+    return x, y, z
+
+
+def _target(target: TargetGeometry | None, points: KnownPoints) -> tuple[Layer, ...]:
+    """The target as its file has it, or as its points tell."""
+    if target is not None:
+        return target_layers(target, body_colour=BODY, ink_colour=INK)
+    place = points.position_mm
+    if not len(place):
+        return ()
+    if not len(points.plane):
+        tips = np.stack([place - _pitch_mm(place) / 10, place + _pitch_mm(place) / 10], axis=1)
+        return (Layer("target", (Segments(tips, (INK,)),), has_switch=False),)
+    pitch = _pitch_mm(place)
+    known = points.face >= 0
+    radius = np.full(int(known.sum()), RING_SHARE * pitch)
+    normal = points.plane[points.face[known], :3]
+    rings = Rings(place[known] + 0.002 * pitch * normal, normal, radius, HOLE_SHARE * radius, (INK,))
+    faces = [_face(place[points.face == row], plane, MARGIN_SHARE * pitch) for row, plane in enumerate(points.plane)]
+    return (Layer("target", (*(face for face in faces if face is not None), rings), has_switch=False),)
+
+
+def _pitch_mm(place: Array) -> float:
+    """The usual distance of a point from its nearest neighbour."""
+    some = place[: min(len(place), MOST_POINTS_FOR_PITCH)]
+    if len(some) < 2:
+        return 1.0
+    nearest = [np.partition(np.linalg.norm(some - one, axis=1), 1)[1] for one in some[:200]]
+    return max(float(np.median(nearest)), 1e-6)
+
+
+def _face(place: Array, plane: Array, margin_mm: float) -> Surface | None:
+    """The convex hull of a face's points with a margin, in its plane."""
+    import cv2
+
+    if len(place) < 3:
+        return None
+    normal = plane[:3]
+    across = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.7 else [0.0, 1.0, 0.0])
+    axes = np.stack([across / np.linalg.norm(across), np.cross(normal, across / np.linalg.norm(across))])
+    middle = place.mean(axis=0)
+    flat = (place - middle) @ axes.T
+    hull = cv2.convexHull(flat.astype(np.float32))[:, 0].astype(np.float64)
+    if len(hull) < 3:
+        return None
+    hull *= 1 + margin_mm / np.maximum(np.linalg.norm(hull, axis=1, keepdims=True), 1e-9)
+    fan = np.array([[0, k, k + 1] for k in range(1, len(hull) - 1)], dtype=np.int64)
+    return Surface(hull @ axes + middle, fan, BODY)

@@ -1,0 +1,136 @@
+"""The photos of a calibration with what was found in them: small pictures of the overlays, and a table."""
+
+import math
+import os
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from calib.core.number_text import figure as digits
+from calib.core.types import UNMEASURABLE_WORDS
+from calib.observe.photos import OVERLAY_MARK
+from calib.show.parts.cells import number, whole
+from calib.show.parts.gallery import OVERLAYS, Shot, gallery, shortened
+from calib.show.run.photo_rows import PhotoRow
+from designer.base.words import printable
+from designer.page.blocks import Cell, Column, Finding, Findings, Leaf, Section, Table
+
+SUFFIXES = (".jpg", ".png")
+
+
+def overlay_paths(folder: Path, rows: Sequence[PhotoRow]) -> dict[str, str]:
+    """Where in the folder the overlays of photos lie, of those that have one: named after the photo, or numbered."""
+    place = folder / OVERLAYS
+    try:
+        there = {entry.name for entry in os.scandir(place) if entry.is_file()}
+    except OSError:
+        return {}
+    flat = [row.name.replace("/", "_") for row in rows]
+    count = Counter(Path(name).stem for name in flat)
+    found = {}
+    for order, (row, name) in enumerate(zip(rows, flat, strict=True), start=1):
+        stem = Path(name).stem
+        stems = (*((stem,) if count[stem] == 1 else ()), name, f"{order}-{name}", f"{order}")
+        names = (f"{one}{OVERLAY_MARK}{suffix}" for one in stems for suffix in SUFFIXES)
+        if (first := next((one for one in names if one in there), None)) is not None:
+            found[row.name] = f"{OVERLAYS}/{first}"
+    return found
+
+
+def photos_section(folder: Path, rows: Sequence[PhotoRow], common: Sequence[str], *, is_flat: bool) -> Section:
+    """Pictures and table.
+
+    Args:
+        folder: of the calibration.
+        rows: of its photos.
+        common: what is remarked of all of them.
+        is_flat: the target has one face, so that a photo has a tilt.
+    """
+    said = (Findings(tuple(Finding("note", "All photos", shortened(remark)) for remark in common)),) if common else ()
+    blocks = (*said, *_pictures(folder, rows), views_table(rows, is_flat=is_flat))
+    return Section("Photos", blocks, lead=_lead(rows))
+
+
+def _lead(rows: Sequence[PhotoRow]) -> str:
+    used = [row for row in rows if row.is_used]
+    known = [row for row in used if math.isfinite(row.rmse_px)]
+    words = f"{len(used)} of {len(rows)} photos were used"
+    if known:
+        least, most = min(known, key=lambda row: row.rmse_px), max(known, key=lambda row: row.rmse_px)
+        words += (
+            f"; what is left over of one is {digits(least.rmse_px, 2)} to {digits(most.rmse_px, 2)} px, "
+            f"most in {printable(most.name)}"
+        )
+    marked = sum(row.level == "usable" for row in rows)
+    if marked:
+        words += f". {marked} with more than twice the usual error {'is' if marked == 1 else 'are'} marked"
+    return f"{words}."
+
+
+def _pictures(folder: Path, rows: Sequence[PhotoRow]) -> tuple[Leaf, ...]:
+    """Small pictures of as many overlays as a page can take, the worst first, and what there is not."""
+    places = overlay_paths(folder, rows)
+    if not places:
+        why = f"The folder {OVERLAYS}/ holds no overlay of these photos; calib run draws them."
+        return (Findings((Finding("note", "No pictures", why),)),)
+    shots = [Shot(places[row.name], row.name, caption_of(row), row.level)
+             for row in _worst_first(rows) if row.name in places]  # fmt: skip
+    without = len(rows) - len(shots)
+    has_none = f" {without} {'has' if without == 1 else 'have'} no overlay." if without else ""
+    return gallery(folder, shots, f"The photos with the largest errors first.{has_none}")
+
+
+def _worst_first(rows: Sequence[PhotoRow]) -> list[PhotoRow]:
+    """Photos that were not used, then by falling error."""
+    return sorted(rows, key=lambda row: (row.is_used, -row.rmse_px if math.isfinite(row.rmse_px) else math.inf))
+
+
+def caption_of(row: PhotoRow) -> str:
+    """What is said under a photo."""
+    seen = f"{row.seen} rings" if row.expected is None else f"{row.seen} of {row.expected} rings"
+    words = [seen]
+    if math.isfinite(row.rmse_px):
+        words.append(f"RMS {digits(row.rmse_px, 2)} px")
+    if math.isfinite(row.tilt_deg):
+        words.append(f"tilt {row.tilt_deg:.0f}°")
+    elif row.faces > 1:
+        words.append(f"{row.faces} faces")
+    if math.isfinite(row.distance_mm):
+        words.append(f"{row.distance_mm:.0f} mm away")
+    if row.outliers:
+        words.append(f"{row.outliers} outliers")
+    if row.remark:
+        words.append(shortened(row.remark))
+    return ", ".join(words)
+
+
+def views_table(rows: Sequence[PhotoRow], *, is_flat: bool) -> Table:
+    """A row a photo."""
+    side = Column("tilt °", note="between the target and the image plane; 0 is straight on")
+    columns = (
+        Column("photo", is_number=False),
+        Column(
+            "rings",
+            note=f"found, of those of the faces in the photo that could be measured: not those {UNMEASURABLE_WORDS}",
+        ),
+        Column("outliers", note="sightings that were left out of the solution"),
+        Column("RMSE px", note="root mean square of what is left over: predicted - measured"),
+        Column("worst px", note="the largest that is left over"),
+        Column("intersection mm", note="RMS distance on the target between the ray of a sighting and its ring"),
+        side if is_flat else Column("faces", note="of the target, that were read"),
+        Column("distance mm", note="from the camera to the target's middle"),
+        Column("size %", note="of the image's width or height that the rings fill, whichever is more"),
+        Column("remark", is_number=False),
+    )
+    return Table("All photos", columns, tuple(_table_row(row, is_flat=is_flat) for row in rows))
+
+
+def _table_row(row: PhotoRow, *, is_flat: bool) -> tuple[Cell, ...]:
+    rings = str(row.seen) if row.expected is None else f"{row.seen} / {row.expected}"
+    side = number(row.tilt_deg, 2) if is_flat else whole(row.faces)
+    return (
+        Cell(printable(row.name), level=row.level), Cell(rings, float(row.seen)), whole(row.outliers),
+        number(row.rmse_px), number(row.worst_px), number(row.intersection_mm), side, number(row.distance_mm),
+        number(row.size_percent, 2),
+        Cell(shortened(row.remark)),
+    )  # fmt: skip

@@ -1,0 +1,209 @@
+"""How a command line begins and ends: its options, its streams, and its exit code."""
+
+import atexit
+import gc
+import inspect
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from contextvars import ContextVar
+from dataclasses import replace
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import typer
+from typer.core import TyperGroup
+
+from designer.base.answer import NegativeError, StoppedError, Summary, document, program
+from designer.base.errors import InputError
+from designer.base.streams import forgive_readers, not_heard, people_on_stderr
+from designer.base.words import printable
+
+if TYPE_CHECKING:
+    from typer._click import Context, HelpFormatter
+
+NEGATIVE, BAD_INPUT, STOPPED = 1, 2, 130
+JSON = "--json"
+SHORT_HELP = 90
+"""Characters of a command's first line in the list of all."""
+NOTHING_WRITTEN = "stopped; nothing was written"
+OBJECTS_BETWEEN_SEARCHES = 20_000
+"""Python itself takes 700; the modules of a command alone make a hundred thousand objects, all of which stay."""
+
+_LINE = ContextVar("command line", default="")
+"""Set while a command runs, and for it only."""
+
+Function = TypeVar("Function", bound=Callable[..., Summary])
+
+
+class _ByTask(TyperGroup):
+    """Lists commands under what they are for, in the order in which they were made."""
+
+    def format_commands(self, ctx: "Context", formatter: "HelpFormatter") -> None:
+        """Write a section for each task."""
+        tasks: dict[str, list[tuple[str, str]]] = {}
+        for name in self.list_commands(ctx):
+            one = self.get_command(ctx, name)
+            if one is not None and not one.hidden:
+                task = getattr(one, "rich_help_panel", None)
+                line = (name, one.get_short_help_str(SHORT_HELP))
+                tasks.setdefault(task if isinstance(task, str) else "Commands", []).append(line)
+        for task, rows in tasks.items():
+            with formatter.section(task):
+                formatter.write_dl(rows)
+
+
+def new_app(name: str, about: str) -> typer.Typer:
+    """A program with `-h`, `--version`, and its commands listed by task."""
+    app = typer.Typer(
+        name=name, help=about, cls=_ByTask, rich_markup_mode=None, pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )  # fmt: skip
+
+    def say_version(asked: bool) -> None:
+        if asked:
+            print(program())
+            raise typer.Exit
+
+    @app.callback()
+    def about_all(
+        version: Annotated[
+            bool, typer.Option("--version", help="name and version", is_eager=True, callback=say_version)
+        ] = False,
+    ) -> None:
+        del version
+
+    about_all.__doc__ = about
+    return app
+
+
+def command(app: typer.Typer, name: str | None = None, task: str | None = None) -> Callable[[Function], Function]:
+    """Decorate a function as a command of an app, with `--json` among its options.
+
+    `run` heeds the option; the function never sees it.
+
+    Args:
+        app: of the command.
+        name: on the command line; None: the function's.
+        task: under which the program's help lists it.
+    """
+
+    def register(function: Function) -> Function:
+        @wraps(function)
+        def with_json(*, as_json: bool, **values: object) -> Summary:
+            return function(**values)
+
+        signature = inspect.signature(function)
+        annotation = Annotated[bool, typer.Option(JSON, help="answer in JSON on standard output, for programs")]
+        option = inspect.Parameter("as_json", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
+        parameters = [*signature.parameters.values(), option]
+        with_json.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+        app.command(name, rich_help_panel=task)(with_json)
+        return function
+
+    return register
+
+
+def command_line() -> str:
+    """The command as it was typed, quoted for a shell; "" outside a command."""
+    return _LINE.get()
+
+
+def run(app: typer.Typer) -> None:
+    """Run a command line and leave the program.
+
+    The exit code is 0 if all is well, 1 if the command ran but its answer is negative, 2 for bad input, which ends in
+    one line on standard error, and 130 if a person stopped it. With `--json` standard output holds one JSON document
+    and nothing else.
+    """
+    forgive_readers()
+    _search_seldom_for_cycles()
+    name = app.info.name if isinstance(app.info.name, str) else Path(sys.argv[0]).name
+    words = sys.argv[1:]
+    line = shlex.join([name, *words])
+    before = _LINE.set(line)
+    try:
+        if not _asks_for_json(words):
+            summary, _ = _carried_out(app, name, words)
+        else:
+            with people_on_stderr():
+                summary, error = _carried_out(app, name, words)
+            print(document(summary, command=_command_of(app, name, words), line=line, error=error), end="")
+    finally:
+        _LINE.reset(before)
+    if reason := not_heard():
+        summary, _ = _refused(f"standard output cannot be written: {reason}; make room, or send it elsewhere")
+    sys.exit(summary.exit_code)
+
+
+def _search_seldom_for_cycles() -> None:
+    """Seldom while the command runs, and not at all when the process ends, which took a sixth of a short command."""
+    gc.set_threshold(OBJECTS_BETWEEN_SEARCHES)
+    atexit.register(gc.freeze)
+
+
+def _asks_for_json(words: Sequence[str]) -> bool:
+    """Told from the words, so that a line that cannot be understood is answered in JSON too."""
+    return JSON in (words[: words.index("--")] if "--" in words else words)
+
+
+def _carried_out(app: typer.Typer, name: str, words: Sequence[str]) -> tuple[Summary, str | None]:
+    """What came of a command line, and why it did not come to its end, which people are told."""
+    try:
+        ended = typer.main.get_command(app).main(list(words) or ["--help"], prog_name=name, standalone_mode=False)
+    except StoppedError as error:
+        return _stopped(str(error), error.summary)
+    except NegativeError as error:
+        print(printable(str(error)))
+        return replace(error.summary, exit_code=NEGATIVE), None
+    except (typer.Abort, KeyboardInterrupt):
+        return _stopped(NOTHING_WRITTEN, Summary())
+    except typer.TyperException as error:
+        return _refused(_beyond_limits(error) or error.format_message())
+    except InputError as error:
+        return _refused(str(error))
+    except OSError as error:
+        place = "the answer" if error.filename is None else str(error.filename)
+        return _refused(f"{place}: cannot be written: {error.strerror or error}; check where -o leads")
+    if isinstance(ended, Summary):
+        return ended, None
+    if ended == STOPPED:  # what typer makes of Ctrl-C
+        return _stopped(NOTHING_WRITTEN, Summary())
+    return Summary(exit_code=ended or 0), None
+
+
+def _beyond_limits(error: typer.TyperException) -> str:
+    """What is wrong with a number beyond an option's limits, worded as our own checks do; "" of anything else."""
+    from pydantic import ValidationError
+
+    option, cause = getattr(error, "param", None), error.__cause__
+    low, high = getattr(option, "min", None), getattr(option, "max", None)
+    if option is None or low is None or not isinstance(cause, ValidationError):
+        return ""
+    fault = cause.errors()[0]
+    if fault["type"] not in ("greater_than_equal", "less_than_equal"):
+        return ""
+    rule = f"must be {low} or more" if high is None else f"must be from {low} to {high}"
+    return f"{option.opts[0]} {fault['input']}: {rule}"
+
+
+def _refused(message: str) -> tuple[Summary, str]:
+    print(f"error: {printable(message)}", file=sys.stderr)
+    return Summary(exit_code=BAD_INPUT), printable(message)
+
+
+def _stopped(message: str, kept: Summary) -> tuple[Summary, str]:
+    print(printable(message), file=sys.stderr)
+    return Summary(kept.answer, kept.wrote, kept.next_steps, kept.remarks, STOPPED), printable(message)
+
+
+def _command_of(app: typer.Typer, name: str, words: Sequence[str]) -> str:
+    """The command's name, as in `calib study plot`."""
+    place, names = typer.main.get_command(app), [name]
+    for word in words:
+        if not isinstance(place, TyperGroup) or word not in place.commands:
+            break
+        place = place.commands[word]
+        names.append(word)
+    return " ".join(names)

@@ -1,0 +1,188 @@
+"""From what was asked for to a full job: how the target is made, and defaults for what was left open.
+
+The sizes of each kind of target are chosen by what was asked for of it (`Asked.sized`).
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+from designer.base.errors import InputError
+from designer.base.skew import NO_SKEW, format_skew
+from designer.base.units import round_down
+from designer.kinds.faces import border_width_mm, deepest_inlay_mm, inset_per_depth
+from designer.kinds.layout import lay_out
+from designer.kinds.presets import DEFAULT_PRINTER, printer_profile
+from designer.kinds.spec_file import FORMATS, IDLE_OPTIONS
+from designer.spec.kind import kinds
+from designer.spec.options import Asked, AskedPrinting
+from designer.spec.spec import (
+    PAPER_LINE_MM,
+    PLATE_BUILDS,
+    SOLID_BUILDS,
+    TWO_FILAMENT_BUILDS,
+    Build,
+    Format,
+    Job,
+    Line,
+    PrinterProfile,
+    PrintSpec,
+    Spec,
+)
+from designer.target import TargetGeometry
+
+SOLID_INLAY_MM = 1.0
+"""Inlay of a one-piece icosahedron: its 12 steep faces fill to 70 % at 0.6 mm, to 93 % at 0.9-1.0 mm."""
+FLAT_INLAY_LAYERS = 3
+CHORD_ERROR_MM = 0.005
+STICKER_THICKNESS_MM = 0.1
+
+TWO_FILAMENT_FORMATS: tuple[Format, ...] = ("3mf", "stl", "png")
+PAPER_FORMATS: tuple[Format, ...] = ("stl", "png", "pdf", "svg")
+
+
+@dataclass(frozen=True)
+class Sized:
+    """A job and what was chosen for it, in words."""
+
+    job: Job
+    remarks: tuple[str, ...]
+
+
+def size_job(asked: Asked) -> Sized:
+    """Choose all that was left open, and check the result.
+
+    Raises:
+        InputError: a size that no target can have, or that this printer cannot print.
+    """
+    kind = next(kind for kind in kinds() if kind.asked is type(asked))
+    printer, build = _choose_printer(asked), _choose_build(asked, kind.spec.builds, repr(kind.name))
+    target, remark = asked.sized(_line_of(build, printer))
+    printing, print_remarks = _size_printing(asked, printer, build, lay_out(target))
+    formats, format_remark = _choose_formats(asked, printing.is_two_filament)
+    _check_step(formats, printing)
+    remarks = tuple(text for text in (remark, *print_remarks, format_remark) if text)
+    name = asked.name or _default_name(asked, target, build)
+    return Sized(Job(name, target, printing, formats, asked.page or target.page), remarks)
+
+
+def _default_name(asked: Asked, target: Spec, build: Build) -> str:
+    """A name from the kind, what sizes it, and the build where it is not the usual one."""
+    usual = build == target.builds[0]
+    return f"{target.kind}-{asked.size_name(target)}" + ("" if usual else f"-{build}")
+
+
+def size_printing(asked: AskedPrinting, target: TargetGeometry) -> PrintSpec:
+    """How a target is made.
+
+    Raises:
+        InputError: a build that is not for this kind, an unknown printer, or a value that does not fit the target.
+    """
+    builds, what = (PLATE_BUILDS, "a target with one face") if target.is_planar else (SOLID_BUILDS, "a solid")
+    printing, _ = _size_printing(asked, _choose_printer(asked), _choose_build(asked, builds, what), target)
+    return printing
+
+
+def _size_printing(
+    asked: AskedPrinting, printer: PrinterProfile, build: Build, target: TargetGeometry
+) -> tuple[PrintSpec, tuple[str, ...]]:
+    """How a target is made, and remarks where a default had to give way or an option says nothing."""
+    idle = [option for option in IDLE_OPTIONS[build] if getattr(asked, option) is not None]
+    nothing: dict[str, None] = dict.fromkeys(IDLE_OPTIONS[build])
+    asked = replace(asked, **nothing)
+    remarks = [f"{option}: of no effect on the build {build!r}" for option in sorted(idle)]
+    inlay, remark = _choose_inlay(asked, build, printer.layer_height_mm, target)
+    printing = PrintSpec(
+        build=build,
+        printer=printer,
+        inlay_mm=inlay,
+        ink_offset_mm=asked.ink_offset or 0.0,
+        shrink_compensation_percent=asked.shrink_compensation or 0.0,
+        skew_compensation_rad=asked.skew_compensation or NO_SKEW,
+        sticker_thickness_mm=asked.sticker_thickness or STICKER_THICKNESS_MM,
+        body_colour=asked.body_colour or "#ffffff",
+        ink_colour=asked.ink_colour or "#000000",
+        labels=asked.labels is not False,
+        stand=bool(asked.stand),
+        chord_error_mm=asked.chord_error or CHORD_ERROR_MM,
+    )
+    _check_paper(printing, target)
+    return printing, (remark, *remarks)
+
+
+def _choose_printer(asked: AskedPrinting) -> PrinterProfile:
+    return printer_profile(
+        DEFAULT_PRINTER if asked.printer is None else asked.printer,
+        nozzle_mm=asked.nozzle,
+        line_width_mm=asked.line_width,
+        layer_height_mm=asked.layer_height,
+        bed_mm=asked.bed,
+    )
+
+
+def _choose_build(asked: AskedPrinting, known: tuple[Build, ...], what: str) -> Build:
+    if asked.build is not None and asked.build not in known:
+        raise InputError(f"build {asked.build!r} is not for {what}; use {' or '.join(map(repr, known))}")
+    return asked.build or known[0]
+
+
+def _line_of(build: Build, printer: PrinterProfile) -> Line:
+    if build in TWO_FILAMENT_BUILDS:
+        return Line(
+            printer.line_width_mm, printer.nozzle_mm, f"a {printer.nozzle_mm:g}mm nozzle", 10_000, SOLID_INLAY_MM
+        )
+    return Line(PAPER_LINE_MM, PAPER_LINE_MM, "a printed sheet", 50_000, 0.0)
+
+
+def _choose_inlay(asked: AskedPrinting, build: Build, layer_mm: float, target: TargetGeometry) -> tuple[float, str]:
+    """The ink's depth in whole layers, and a remark where it is less than usual."""
+    if asked.inlay_depth is not None:
+        return asked.inlay_depth, ""
+    if target.is_planar:
+        depth = math.inf if target.spec is None else target.spec.depth_mm
+        return round(min(FLAT_INLAY_LAYERS * layer_mm, depth / 2), 6), ""
+    border_mm = border_width_mm(target)
+    deepest = min(SOLID_INLAY_MM, deepest_inlay_mm(target))
+    inlay = round(max(1, math.floor(deepest / layer_mm + 1e-9)) * layer_mm, 6)
+    is_shallow = build == "solid" and inlay < SOLID_INLAY_MM - layer_mm
+    return inlay, f"inlay {inlay:g}mm: as deep as a border of {border_mm:g}mm allows" if is_shallow else ""
+
+
+def _choose_formats(asked: Asked, two_filament: bool) -> tuple[tuple[Format, ...], str]:
+    """The default set and the formats asked for, in a fixed order."""
+    wanted = {*(TWO_FILAMENT_FORMATS if two_filament else PAPER_FORMATS), *(asked.formats or ())}
+    if two_filament or "3mf" not in wanted:
+        return tuple(f for f in FORMATS if f in wanted), ""
+    return tuple(
+        f for f in FORMATS if f in wanted - {"3mf"}
+    ), "3mf: left out, this build is in one filament; print the STL"
+
+
+def _check_step(formats: tuple[Format, ...], printing: PrintSpec) -> None:
+    """True circles do not stay circles in a sheared solid."""
+    if "step" in formats and printing.skew_compensation_rad != NO_SKEW:
+        skew = format_skew(printing.skew_compensation_rad)
+        raise InputError(
+            f"skew compensation '{skew}' shears meshes, not STEP; leave out the one or the other: formats that go "
+            f"with it are {', '.join(name for name in FORMATS if name != 'step')}"
+        )
+
+
+def _check_paper(printing: PrintSpec, target: TargetGeometry) -> None:
+    """Sheets neither shrink nor skew; the border must outlive the strip that the stickers' thickness takes off it."""
+    if printing.build == "sheet" and printing.shrink_compensation_percent:
+        raise InputError(
+            f"shrink compensation {printing.shrink_compensation_percent:g}% is for printed plastic, and a sheet has "
+            "none; leave it out, and check the print against the scale bar"
+        )
+    if printing.build == "sheet" and printing.skew_compensation_rad != NO_SKEW:
+        skew = format_skew(printing.skew_compensation_rad)
+        raise InputError(f"skew compensation '{skew}' is for printed plastic, and a sheet has none; leave it out")
+    if printing.build != "stickers":
+        return
+    border_mm, inset = border_width_mm(target), inset_per_depth(target)
+    thickness, thickest = printing.sticker_thickness_mm, 0.5 * border_mm / inset
+    if thickness > thickest:
+        raise InputError(
+            f"sticker thickness {thickness:g}mm takes {inset * thickness:.2g}mm off a border of "
+            f"{border_mm:g}mm; use stickers of at most {round_down(thickest):g}mm or a wider border"
+        )

@@ -1,0 +1,1 @@
+"""What a target is asked to be: its kind, its options, its sizes and their rules."""
