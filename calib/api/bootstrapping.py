@@ -69,7 +69,7 @@ class BootstrapResult(ShownAsPage):
         return (*files, path)
 
     def _write_all(self, folder: Path) -> tuple[Path, ...]:
-        from calib.show.folder_page import write_folder_page
+        from calib.show.folder import write_folder_page
 
         return (*self.save(folder), *write_folder_page(folder, "bootstrap", "")[0])
 

@@ -86,7 +86,7 @@ class MeasureResult(ShownAsPage):
         return tuple(files)
 
     def _write_all(self, folder: Path) -> tuple[Path, ...]:
-        from calib.show.folder_page import write_folder_page
+        from calib.show.folder import write_folder_page
 
         return (*self.save(folder / f"measured{TARGET_SUFFIX}"), *write_folder_page(folder, "measure", "")[0])
 

@@ -26,11 +26,9 @@ from calib.records.calibration_file import (
     write_calibration,
 )
 from calib.records.evaluation_files import METRICS_FILE, evaluation_files
-from calib.show.claim import why_no_page
-from calib.show.folder_page import write_folder_page
+from calib.show.folder import PAGE_FILE, why_no_page, write_folder_page
 from calib.show.parts.kept_target import keep_target
 from calib.show.run.run_folder import RECORDS_FILE, RunFolder, Solved, solved_of
-from calib.show.write import PAGE_FILE
 from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextViews
 from calib.verdict.of_run import VERDICT, VERDICT_FILE
 from designer.base.answer import program

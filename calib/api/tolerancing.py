@@ -105,7 +105,7 @@ class ToleranceResult(ShownAsPage):
         return tuple(files)
 
     def _write_all(self, folder: Path) -> tuple[Path, ...]:
-        from calib.show.folder_page import write_folder_page
+        from calib.show.folder import write_folder_page
 
         return (*self.save(folder), *write_folder_page(folder, "tolerance", "")[0])
 

@@ -15,8 +15,8 @@ from calib.as_built_report.files import places_of, report_files, report_of
 from calib.as_built_report.held_out import gain_on_held_out
 from calib.as_built_report.length_words import AskedLength
 from calib.as_built_report.picture import report_picture
+from calib.show.folder import build_page
 from calib.show.parts.origin import Origin
-from calib.show.registry import KINDS
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, Comparison, Plan
 from calib.studies.compare.results import METRICS, CaseResult, Explanation, Results
 from calib.studies.compare.table import files_of_table
@@ -61,7 +61,7 @@ def written(files: Files, folder: Path) -> Path:
 
 def page_of(kind: str, folder: Path) -> Page:
     """The page of a folder."""
-    return KINDS[kind](folder, Origin(kind, f"calib study {kind} -o somewhere", "ringsolid 1.2.3"))
+    return build_page(folder, Origin(kind, f"calib study {kind} -o somewhere", "ringsolid 1.2.3"))
 
 
 def blocks_of(page: Page) -> Iterator[Block]:

@@ -1,29 +1,50 @@
-"""What the pages of folders have in common: what was asked, warnings and notes, and the files that lie there."""
+"""What the pages of folders have in common: cells of numbers, what was asked, warnings and notes, and files."""
 
+import math
 import stat
 from collections.abc import Sequence
 from pathlib import Path
 
-from designer.base.words import capital
-from designer.page.blocks import Block, Command, Facts, FileList, FileRow, Finding, Findings, Section
+from calib.core.number_text import figure
+from designer.base.words import capital, printable
+from designer.page.blocks import Block, Cell, Command, Facts, FileList, FileRow, Finding, Findings, Level, Section
 from designer.page.links import is_linkable
 
+DEFAULT_NAME = "calibration"
+"""How `calib run` calls its folder: it says nothing, so the folder around it is named too."""
 LONGEST_SUBJECT = 60
 MOST_LINES = 20
 """Of one kind, on a page."""
 
 
+def title_of(folder: Path) -> str:
+    """The folder's name."""
+    place = folder.resolve()
+    name = f"{place.parent.name}/{place.name}" if place.name == DEFAULT_NAME else place.name
+    return printable(name) or DEFAULT_NAME
+
+
+def number(value: float, digits: int = 3, *, level: Level | None = None) -> Cell:
+    """A number to some digits that sorts by its value; empty where it is not known."""
+    if not math.isfinite(value):
+        return Cell("", None, level=level)
+    return Cell(figure(value, digits), value, level=level)
+
+
+def whole(value: int) -> Cell:
+    """A count."""
+    return Cell(str(value), float(value))
+
+
 def read_small_bytes(path: Path, most: int) -> bytes | None:
     """The content of a regular file of at most so many bytes; None if it is none."""
-    try:
-        # Asked before it is opened: a pipe would wait, a device would never end.
-        if not stat.S_ISREG(path.stat().st_mode):
-            return None
-        with path.open("rb") as stream:
-            content = stream.read(most + 1)
-    except (OSError, ValueError):
+    # Asked before it is opened: a pipe would wait, a device would never end.
+    if (size := size_bytes(path)) is None or size > most:
         return None
-    return content if len(content) <= most else None
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None
 
 
 def size_bytes(path: Path) -> int | None:
@@ -46,10 +67,10 @@ def warnings(title: str, lines: Sequence[str]) -> tuple[Block, ...]:
     return (Findings(tuple(Finding("usable", title, line) for line in lines)),) if lines else ()
 
 
-def some_of(lines: Sequence[str]) -> list[str]:
+def some_of(lines: Sequence[str], most: int = MOST_LINES) -> list[str]:
     """The first of very many lines, and how many more there are."""
-    more = [f"{len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else []
-    return [*lines[:MOST_LINES], *more]
+    more = [f"{len(lines) - most} more"] if len(lines) > most else []
+    return [*lines[:most], *more]
 
 
 def notes(lines: Sequence[str]) -> tuple[Block, ...]:
@@ -73,9 +94,14 @@ def _sentence(text: str) -> str:
     return start + ("" if text.endswith(".") else ".")
 
 
+def file_list(folder: Path, purposes: Sequence[tuple[str, str]]) -> FileList:
+    """Those of the named files that are in the folder, in the order given: paths within it and what they are for."""
+    known = [(name, why, size_bytes(folder / name)) for name, why in purposes if is_linkable(name)]
+    return FileList(tuple(FileRow(name, why, size) for name, why, size in known if size is not None))
+
+
 def files_section(folder: Path, purposes: Sequence[tuple[str, str]], again: Command) -> Section:
     """The files of the folder that are there, and the command that makes tables or figures again."""
-    known = [(name, why, size_bytes(folder / name)) for name, why in purposes if is_linkable(name)]
-    rows = tuple(FileRow(name, why, size) for name, why, size in known if size is not None)
-    blocks: tuple[Block, ...] = (FileList(rows),) if rows else ()
+    files = file_list(folder, purposes)
+    blocks: tuple[Block, ...] = (files,) if files.rows else ()
     return Section("Files", (*blocks, again))

@@ -16,7 +16,7 @@ LONGEST_COMMAND, LONGEST_WORD = 4000, 200
 class Origin:
     """Where a folder's results come from."""
 
-    kind: Word  # a key of `calib.show.registry.KINDS`
+    kind: Word  # a key of `calib.show.folder.KINDS`
     command: Line  # the command line; "" if it is not known
     program: Word  # name and version
 

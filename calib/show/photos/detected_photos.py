@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 from calib.core.number_text import figure as digits
 from calib.core.types import NOT_MEASURABLE, UNMEASURABLE_WORDS
 from calib.observe.records import ImageRecord, common_remarks, image_record
-from calib.show.parts.cells import number, whole
-from calib.show.parts.folder_blocks import some_of
+from calib.show.parts.folder_blocks import number, some_of, whole
 from calib.show.parts.gallery import shortened
 from calib.show.photos.levels import SHARE_RULE, level_of_share, worst_level
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection

@@ -12,8 +12,7 @@ import numpy as np
 from calib.cameras.camera import Camera
 from calib.core.number_text import figure as digits
 from calib.core.number_text import with_digits
-from calib.show.parts.cells import number, whole
-from calib.show.parts.folder_blocks import some_of
+from calib.show.parts.folder_blocks import number, some_of, whole
 from calib.show.parts.gallery import shortened
 from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.levels import SHARE_RULE, level_of_share, worst_level

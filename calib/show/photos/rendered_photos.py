@@ -11,7 +11,7 @@ from calib.renderer.job import TRUTH_FILE, RenderJob
 from calib.renderer.options import RenderOptions
 from calib.renderer.rings import ring_truth
 from calib.renderer.scene import RenderScene, scene_from_target
-from calib.show.parts.cells import number, whole
+from calib.show.parts.folder_blocks import number, whole
 from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.show.photos.place_scene import distance_words, tilts_deg

@@ -4,8 +4,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from calib.figures.sigma_map import sigma_map
+from calib.show.parts.folder_blocks import title_of
 from calib.show.parts.origin import Origin
-from calib.show.parts.titles import title_of
 from calib.show.run.accuracy_section import accuracy_section, halves_of
 from calib.show.run.camera_scene import camera_view, spread_words
 from calib.show.run.camera_section import camera_section, page_lead

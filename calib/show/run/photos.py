@@ -9,7 +9,7 @@ from pathlib import Path
 from calib.core.number_text import figure as digits
 from calib.core.types import UNMEASURABLE_WORDS
 from calib.observe.photos import OVERLAY_MARK
-from calib.show.parts.cells import number, whole
+from calib.show.parts.folder_blocks import number, whole
 from calib.show.parts.gallery import OVERLAYS, Shot, gallery, shortened
 from calib.show.run.photo_rows import PhotoRow
 from designer.base.words import printable

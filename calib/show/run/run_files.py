@@ -1,6 +1,6 @@
 """The files of a calibration's folder on its page."""
 
-from calib.show.parts.file_list import file_list
+from calib.show.parts.folder_blocks import file_list
 from calib.show.parts.gallery import OVERLAYS
 from calib.show.run.run_folder import RunFolder, Solved
 from designer.page.blocks import Fold, Section

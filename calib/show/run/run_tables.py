@@ -14,7 +14,7 @@ from calib.metrics.errors import ErrorSummary, summarise
 from calib.metrics.evaluation import by_face
 from calib.observe.records import Records
 from calib.records.evaluation_files import Metrics, MetricSummary
-from calib.show.parts.cells import number, whole
+from calib.show.parts.folder_blocks import number, whole
 from calib.show.run.evaluation_table import OF_ITS_OWN_SENSOR, focal_length
 from calib.show.run.run_folder import Solved
 from calib.solver.calibration import Calibration

@@ -8,11 +8,11 @@ import pytest
 
 from calib.as_built_report.as_built_file import AS_BUILT, AsBuiltRecord
 from calib.as_built_report.words import next_print_lines
+from calib.show.folder import build_page
 from calib.show.measured.measure_page import measured_stem
 from calib.show.measured.measure_scene import COLOURS, colour, deviations_of, nice
 from calib.show.measured.measure_words import face_sentence
 from calib.show.parts.origin import Origin
-from calib.show.registry import KINDS
 from designer.page.blocks import Command, Page, View3d
 from designer.page.shell import page_html
 from designer.target import load_target
@@ -165,7 +165,7 @@ def test_of_several_prints_the_command_decides(folder: Path) -> None:
     assert measured_stem(folder, "")[0] == "a print"
     assert measured_stem(folder, f"calib measure x -o '{folder}/a b/{MEASURED}'") == (PRINT, ("a print",))
     assert measured_stem(folder, f"calib measure x --out={MEASURED} 'unclosed") == ("a print", (PRINT,))
-    page = KINDS["measure"](folder, Origin("measure", f"calib measure x -o {MEASURED}", "p"))
+    page = build_page(folder, Origin("measure", f"calib measure x -o {MEASURED}", "p"))
     assert page.title == PRINT
     assert any("a print" in one.text for one in findings_of(page))
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from calib.commands.judged_page import criteria_templates
 from calib.core.types import Detections
 from calib.observe.records import Records, image_record
-from calib.show.claim import why_no_page
-from calib.show.guess import origin_in
+from calib.show.folder import origin_in, why_no_page
 from calib.show.parts.origin import ORIGIN, Origin, origin_of
 from calib.show.photos.detected_photos import detected, told_detected
 from calib.show.photos.photos_file import read_photos, write_photos

@@ -19,7 +19,7 @@ from calib.renderer.job import run_job
 from calib.renderer.options import RenderOptions
 from calib.renderer.rings import ring_truth
 from calib.renderer.scene import scene_from_target
-from calib.show.claim import why_no_page
+from calib.show.folder import why_no_page
 from calib.show.parts.gallery import MOST_PICTURES, Shot, spread
 from calib.show.parts.kept_target import keep_target, kept_target
 from calib.show.parts.origin import ORIGIN, Origin

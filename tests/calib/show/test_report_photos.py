@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from calib.show.folder import write_folder_page
 from calib.show.parts.gallery import MOST_PICTURES
 from calib.show.parts.origin import Origin
 from calib.show.run.calibration_page import calibration_page
 from calib.show.run.photo_rows import photo_rows
 from calib.show.run.photos import photos_section
 from calib.show.run.run_folder import read_run
-from calib.show.write import write_report
 from designer.page.blocks import Findings, Gallery, Page, Table
 from designer.page.shell import page_html
 from tests.support.run_folders import BLANK, PANEL, blocks, section, solved, table, write_overlays, write_run
@@ -114,7 +114,7 @@ def test_a_hundred_photos_make_less_than_ten_megabytes(tmp_path: Path) -> None:
     every = solved(("opencv",), views=100)
     write_run(tmp_path, every)
     write_overlays(tmp_path, every[0].observations.view_names, (480, 360))
-    place = write_report(tmp_path, "calibration", "calib run")
+    place = write_folder_page(tmp_path, "calibration", "calib run")[0][-1]
     assert place.read_bytes().count(b"data:image/jpeg") == 100
     assert place.stat().st_size < 8e6
 

@@ -1,0 +1,56 @@
+"""The page of a folder of results, built again from what the folder stores: what `calib report` does."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib.show.folder import build_page, origin_in, why_no_page, write_page
+from designer.base.errors import InputError
+from designer.base.words import printable
+from designer.page.blocks import Page
+
+CALIBRATION = "calibration"
+
+
+@dataclass(frozen=True, eq=False)
+class Reported:
+    """A folder's page."""
+
+    kind: str  # of the folder's results
+    page: Page
+    place: Path  # of the page
+    verdict: Path | None = None  # that was written, as other limits were asked for
+    can_be_judged: bool = False  # a calibration without a verdict
+
+
+def report(folder: Path, *, criteria: str | None = None, kinds: Collection[str] = ()) -> Reported:
+    """Write a folder's page again: `report(Path("camera")).page.headline`.
+
+    Args:
+        folder: of results.
+        criteria: to judge a calibration by other limits: a template, or a file.
+        kinds: of results that were drawn again: the page of another kind, and somebody's own, stays as it is; (): any.
+
+    Raises:
+        InputError: nothing to report, limits of what is no calibration, or a page that stays; the message says why.
+    """
+    from calib.show.run.judging import judge_folder
+    from calib.verdict.criteria import read_criteria
+    from calib.verdict.of_run import VERDICT_FILE
+
+    origin = origin_in(folder)
+    kind = origin.kind if not kinds or origin.kind in kinds else next(iter(kinds))
+    if why := why_no_page(folder, kind):
+        raise InputError(f"{why}; move it away to have one written")
+    if criteria is not None:
+        if origin.kind != CALIBRATION:
+            what = printable(origin.kind)
+            raise InputError(f"--criteria: limits are for calibrations, and {folder} holds another kind: {what}")
+        judge_folder(folder, read_criteria(criteria))
+    page = build_page(folder, origin)
+    place = write_page(folder, origin, page)[1]
+    verdict = folder / VERDICT_FILE
+    return Reported(
+        origin.kind, page, place, None if criteria is None else verdict,
+        can_be_judged=origin.kind == CALIBRATION and not verdict.exists(),
+    )  # fmt: skip
