@@ -19,7 +19,7 @@ from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
 from calib.observe.corners_vnl import PointGrid
 from calib.observe.truth import Truth, read_truth
-from calib.pipeline.settings import SolvePlan, plan_from_words
+from calib.pipeline.solving import SolvePlan, plan_from_words
 from calib.renderer.quantities import whole
 from calib.studies import pool as pools
 from calib.studies.identity import StudyIdentity, identity_of

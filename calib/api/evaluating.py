@@ -11,7 +11,7 @@ from calib.metrics.evaluation import Evaluation
 from calib.metrics.evaluation import evaluate as evaluate_all
 from calib.metrics.held_out import LEAST_FOLDS, evaluate_held_out
 from calib.observe.truth import Truth, read_truth
-from calib.pipeline.calibrate import calibrate
+from calib.pipeline.solving import calibrate
 from calib.records.calibration_file import CALIBRATION_FILE, read_calibration
 from calib.records.evaluation_files import METRICS, METRICS_FILE, evaluation_files
 from calib.solver.calibration import Calibration

@@ -26,7 +26,7 @@ from calib.core.files import write_files
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import read_detections
 from calib.observe.observations import observations_from_detections
-from calib.pipeline.settings import plan_from_words
+from calib.pipeline.solving import plan_from_words
 from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.base.skew import NO_SKEW, Skew

@@ -36,7 +36,7 @@ def report(folder: Path, *, criteria: str | None = None, kinds: Collection[str] 
     """
     from calib.show.run.judging import judge_folder
     from calib.verdict.criteria import read_criteria
-    from calib.verdict.of_run import VERDICT_FILE
+    from calib.verdict.judge import VERDICT_FILE
 
     origin = origin_in(folder)
     kind = origin.kind if not kinds or origin.kind in kinds else next(iter(kinds))

@@ -7,16 +7,22 @@ from pathlib import Path
 
 from calib.api.loading import Observed, Place, observations_of, photos_of, rendered_id_of, target_of
 from calib.api.progress import Progress, unheard
-from calib.api.run_result import RunResult, best_of
-from calib.api.run_writer import DETECTIONS_FILE, RunWriter
+from calib.api.run_result import DETECTIONS_FILE, RunResult, RunWriter, best_of
 from calib.api.searching import Search, search_twice, truth_of
 from calib.core.files import named_in_files
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import named_photos
 from calib.observe.truth import Truth
-from calib.pipeline.calibrate import ALL_VIEWS, MODELS_TO_SOLVE
-from calib.pipeline.settings import ALL, SolvePlan, plan_from_words
-from calib.pipeline.solutions import Solution, SolveTask, solve_models
+from calib.pipeline.solving import (
+    ALL,
+    ALL_VIEWS,
+    MODELS_TO_SOLVE,
+    Solution,
+    SolvePlan,
+    SolveTask,
+    plan_from_words,
+    solve_models,
+)
 from calib.show.run.judging import inputs_of, judge_cameras
 from calib.solver.degeneracy import UndeterminedError
 from calib.verdict.criteria import STANDARD, Criteria, read_criteria

@@ -25,7 +25,7 @@ from calib.observe.photos import (
     reading_once,
 )
 from calib.observe.truth import Truth, read_truth
-from calib.pipeline.settings import SolvePlan
+from calib.pipeline.solving import SolvePlan
 from calib.show.photos.why_nothing import explained
 from calib.solver.solve import solve
 from designer.base.errors import InputError

@@ -46,7 +46,7 @@ def detect(
 
     The exit code is 1 if nothing at all was found.
     """
-    from calib.api.run_writer import write_search
+    from calib.api.run_result import write_search
     from calib.api.searching import search_once, truth_of
     from calib.api.staging import keep_pictures, staging_folder
     from calib.commands.camera_argument import read_camera

@@ -31,8 +31,7 @@ from designer.base.answer import Summary
 from designer.base.command import command_line
 
 if TYPE_CHECKING:
-    from calib.api.run_result import RunResult
-    from calib.api.run_writer import RunWriter
+    from calib.api.run_result import RunResult, RunWriter
     from calib.api.running import NothingFoundError
 
 NOTHING_FOUND = 1
@@ -67,7 +66,7 @@ def run(
 
     The exit code is 1 if nothing was found, or if the verdict is: do not use.
     """
-    from calib.api.run_writer import RunWriter
+    from calib.api.run_result import RunWriter
     from calib.api.running import NothingFoundError, models_of
     from calib.api.running import run as run_all
     from calib.api.searching import truth_beside
@@ -110,11 +109,11 @@ def _evaluation(found: "RunResult", writer: "RunWriter", truth: Path | None) -> 
 
 def _nothing_found(error: "NothingFoundError", target: Path, writer: "RunWriter", *, page: bool) -> Summary:
     """Write the page that shows why, of the run's folder, or of its overlays if an earlier camera has the folder."""
-    from calib.api.run_writer import DETECTIONS_FILE, OVERLAYS
+    from calib.api.run_result import DETECTIONS_FILE, OVERLAYS
     from calib.commands.answers.photos import detections_answer
     from calib.commands.answers.solutions import solutions_answer
     from calib.commands.run_screen import say_search
-    from calib.show.run.run_folder import is_run_folder
+    from calib.records.run_folder import is_run_folder
 
     search, folder = error.search, writer.folder
     say_search(search)

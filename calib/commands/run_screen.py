@@ -10,7 +10,7 @@ from calib.commands.photo_table import expected_features, photo_table, remarks_o
 from calib.core.number_text import figure
 from calib.metrics.errors import summarise
 from calib.show.run.evaluation_table import comparison_table, focal_length, parameters_table
-from calib.show.run.verdict_section import finding_of, headline_of
+from calib.show.run.sections import finding_of, headline_of
 from calib.show.screen import quoted, shown, table_console
 from calib.show.terminal import say_facts, say_findings, say_headline, say_line, say_lines, say_table, say_written
 from calib.verdict.words import checks_table, criteria_line

@@ -10,8 +10,7 @@ from designer.base.answer import NegativeError, StoppedError, Summary
 from designer.base.command import NOTHING_WRITTEN, command_line
 
 if TYPE_CHECKING:
-    from calib.api.run_result import RunResult
-    from calib.api.run_writer import RunWriter
+    from calib.api.run_result import RunResult, RunWriter
     from designer.base.answer import Value
 
 BAD = 1

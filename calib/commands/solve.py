@@ -93,7 +93,7 @@ def solve(
     The exit code is 1 if the verdict is: do not use.
     """
     from calib.api.loading import rendered_id_of
-    from calib.api.run_writer import RunWriter
+    from calib.api.run_result import RunWriter
     from calib.api.running import models_of
     from calib.api.running import solve as solve_all
     from calib.solver.degeneracy import UndeterminedError
@@ -149,7 +149,7 @@ def image_size_of(text: str | None) -> tuple[int, int] | None:
 
 def focal_of(text: str | None) -> float | None:
     """A first guess of the focal length."""
-    from calib.pipeline.settings import parse_focal_px
+    from calib.pipeline.solving import parse_focal_px
 
     return None if text is None else parse_focal_px(text)
 

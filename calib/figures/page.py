@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.core.number_text import figure as digits
-from calib.figures.maps import draw_map
+from calib.figures.fields import draw_map
 from calib.figures.sigma_map import SigmaMap
 from calib.figures.style import BLUE, EMPTY, INK, ORANGE, SEQUENTIAL, VERMILION, bar_beside, image_axes, note, nothing
 from calib.metrics.errors import summarise

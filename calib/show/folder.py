@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TypeAlias, cast
 
 from calib.core.files import write_files
+from calib.records.run_folder import is_run_folder
 from calib.show.parts.gallery import OVERLAYS
 from calib.show.parts.origin import ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
 from calib.show.photos.photos_file import PHOTOS_FILE, read_photos
-from calib.show.run.run_folder import is_run_folder
 from designer.base.answer import program
 from designer.base.errors import InputError, NotWrittenError
 from designer.base.own_files import kind_of

@@ -15,7 +15,7 @@ from calib.metrics.pose import pose
 from calib.metrics.prediction import predict
 from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
-from calib.pipeline.calibrate import calibrate
+from calib.pipeline.solving import calibrate
 from calib.solver.calibration import Calibration
 from calib.studies.pool import Pool
 from calib.studies.sample import SampleResult

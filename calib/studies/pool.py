@@ -9,7 +9,7 @@ from calib.core.types import Observations
 from calib.metrics.evaluation import truth_remarks
 from calib.metrics.prediction import centers_mm
 from calib.observe.truth import Truth, true_poses
-from calib.pipeline.calibrate import calibrate
+from calib.pipeline.solving import calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.descend import is_robust
 from calib.solver.options import SolveOptions

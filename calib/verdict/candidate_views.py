@@ -13,7 +13,7 @@ from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, make_pose
 from calib.solver.calibration import Calibration
-from calib.verdict.next_view_target import Habits, TargetShape, facing, pitch_px
+from calib.verdict.views import Habits, TargetShape, facing, pitch_px
 
 Array = NDArray[np.float64]
 

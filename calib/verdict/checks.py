@@ -1,5 +1,7 @@
 """Each check: what was measured against its limits, and what that means in one sentence."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from calib.core.number_text import figure
@@ -349,3 +351,37 @@ def _models(evidence: CameraEvidence, limits: Limits) -> Check:
 def _models_grade(one: ModelApart, value: float, limits: Limits) -> Grade:
     grade = _at_most(value, limits)
     return "usable" if grade == "bad" and one.is_learned else grade
+
+
+NEEDED = ("uncertainty", "coverage", "halves", "residuals")
+"""Without these checks nothing is called good."""
+FIRST = (
+    "solution", "target", "residuals", "outliers", "halves", "systematic", "uncertainty", "coverage", "models",
+)  # fmt: skip
+"""Of checks that are beyond their limits alike, the one that is named first: what spoils the data comes before what a
+few more photos mend."""
+
+
+def missing_of(evidence: CameraEvidence, checks: Sequence[Check]) -> tuple[Check, ...]:
+    """The checks without which nothing is called good, and that could not be made.
+
+    What the target may be off is in the uncertainty, unless nobody knows how it was made.
+    """
+    is_told = evidence.uncertainty.target_error is not None
+    needed = NEEDED if is_told else (*NEEDED, "target")
+    return tuple(check for check in checks if check.grade == "unknown" and check.name in needed)
+
+
+def faults_of(checks: Sequence[Check], grade: Grade) -> tuple[Check, ...]:
+    """The checks of a grade, the one that is farthest beyond its limit first."""
+    faults = (check for check in checks if check.grade == grade)
+    return tuple(sorted(faults, key=lambda check: (-_times_beyond(check), FIRST.index(check.name))))
+
+
+def _times_beyond(check: Check) -> float:
+    """How many times a value is worse than the limit of what it is not; without a value, without bound."""
+    limit = check.usable if check.grade == "bad" else check.good
+    if check.value is None:
+        return math.inf
+    worse, better = (limit, check.value) if check.is_at_least else (check.value, limit)
+    return worse / better if better > 0 else math.inf

@@ -15,9 +15,16 @@ from calib.core.linear_algebra import covariance_with_prior
 from calib.solver.calibration import Calibration
 from calib.verdict.candidate_views import CandidateViews, ShownPoints, candidates_of, shown_in
 from calib.verdict.coverage import coverage, coverage_of
-from calib.verdict.information import Knowledge, image_change, knowledge_of, sigma_px, view_information
-from calib.verdict.next_view_target import Habits, TargetShape, habits_of, shape_of
-from calib.verdict.stated_error import StatedError, stated_error
+from calib.verdict.information import (
+    Knowledge,
+    StatedError,
+    image_change,
+    knowledge_of,
+    sigma_px,
+    stated_error,
+    view_information,
+)
+from calib.verdict.views import Habits, TargetShape, habits_of, shape_of
 from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]

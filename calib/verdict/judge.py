@@ -2,21 +2,22 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
 
-from calib.verdict.checks import OWN_ROTATION, checks_of, px
+from calib.core.one_thread import one_thread
+from calib.solver.calibration import Calibration
+from calib.verdict.advice import DETECTED, Inputs, advice_of
+from calib.verdict.checks import OWN_ROTATION, checks_of, faults_of, missing_of, px
 from calib.verdict.criteria import Criteria
-from calib.verdict.evidence import CameraEvidence
-from calib.verdict.halves import NoHalves
+from calib.verdict.evidence import CameraEvidence, evidence_of
+from calib.verdict.halves import Half, HalfSplit, Halves, NoHalves
+from calib.verdict.next_views import NextView
 from calib.verdict.verdict import Check, Grade, Verdict
+from designer.base.file_kind import FileKind
+from designer.base.marks import Key, Line, Word
 
 WORSE: tuple[Grade, ...] = ("good", "usable", "bad")
-NEEDED = ("uncertainty", "coverage", "halves", "residuals")
-"""Without these checks nothing is called good."""
-FIRST = (
-    "solution", "target", "residuals", "outliers", "halves", "systematic", "uncertainty", "coverage", "models",
-)  # fmt: skip
-"""Of checks that are beyond their limits alike, the one that is named first: what spoils the data comes before what a
-few more photos mend."""
 
 
 def judge(evidence: CameraEvidence, criteria: Criteria, advice: Sequence[str] = ()) -> Verdict:
@@ -52,31 +53,6 @@ def _sentence(evidence: CameraEvidence, checks: Sequence[Check], missing: Sequen
     return faults[0].sentence + (f" (also: {also})" if also else "")
 
 
-def missing_of(evidence: CameraEvidence, checks: Sequence[Check]) -> tuple[Check, ...]:
-    """The checks without which nothing is called good, and that could not be made.
-
-    What the target may be off is in the uncertainty, unless nobody knows how it was made.
-    """
-    is_told = evidence.uncertainty.target_error is not None
-    needed = NEEDED if is_told else (*NEEDED, "target")
-    return tuple(check for check in checks if check.grade == "unknown" and check.name in needed)
-
-
-def faults_of(checks: Sequence[Check], grade: Grade) -> tuple[Check, ...]:
-    """The checks of a grade, the one that is farthest beyond its limit first."""
-    faults = (check for check in checks if check.grade == grade)
-    return tuple(sorted(faults, key=lambda check: (-_times_beyond(check), FIRST.index(check.name))))
-
-
-def _times_beyond(check: Check) -> float:
-    """How many times a value is worse than the limit of what it is not; without a value, without bound."""
-    limit = check.usable if check.grade == "bad" else check.good
-    if check.value is None:
-        return math.inf
-    worse, better = (limit, check.value) if check.is_at_least else (check.value, limit)
-    return worse / better if better > 0 else math.inf
-
-
 def _good_inside(evidence: CameraEvidence, faults: Sequence[Check]) -> str:
     """Why a camera is not to be used that is good where the target was seen; "" if it is not."""
     inside, outside = evidence.uncertainty.covered_px, evidence.uncertainty.image_px
@@ -101,3 +77,60 @@ def _why_good(evidence: CameraEvidence) -> str:
     if not isinstance(halves, NoHalves):
         parts.append("two halves of the photos agree")
     return f"{', '.join(parts[:-1])}, and {parts[-1]}"
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A verdict, and the half solutions it rests on."""
+
+    verdict: Verdict
+    criteria: Criteria
+    pairs: Annotated[tuple[tuple[Half, Half], ...] | None, Key("halves")]
+    no_halves: Line | None  # why there are none
+    observations_sha256: Word = ""  # of the judged camera, as its calibration states it; "" before that is written
+
+    def __post_init__(self) -> None:
+        if self.pairs is not None:
+            Halves(self.pairs)
+
+    @staticmethod
+    def by(verdict: Verdict, criteria: Criteria, halves: HalfSplit) -> "Judged":
+        """A verdict that rests on half solutions, or on none."""
+        reason, pairs = (halves.reason, None) if isinstance(halves, NoHalves) else (None, halves.pairs)
+        return Judged(verdict, criteria, pairs, reason)
+
+    @property
+    def halves(self) -> HalfSplit:
+        """The half solutions, or why there are none."""
+        if self.pairs is None:
+            return NoHalves(self.no_halves or "no half solutions are stored")
+        return Halves(self.pairs)
+
+
+VERDICT_FILE = "verdict.json"
+VERDICT = FileKind(Judged, "verdict", "a verdict.json", "solve again", largest_bytes=16 * 2**20)
+"""With the calibrations beside it the halves suffice to judge again by other limits without solving anything."""
+
+
+@one_thread
+def judge_run(
+    calibrations: Sequence[Calibration],
+    best: int,
+    halves: HalfSplit,
+    criteria: Criteria,
+    views: Sequence[NextView] | None = None,
+    inputs: Inputs = DETECTED,
+) -> Judged:
+    """Judge the recommended camera of a run; nothing is solved.
+
+    Args:
+        calibrations: of the same photos by different models.
+        best: row of the one that is judged.
+        halves: of that one, by `calib.verdict.halves.half_split`.
+        criteria: the limits.
+        views: the photos to take next, which the advice names; None: nobody looked for any.
+        inputs: the files it was solved from, which the advice names.
+    """
+    evidence = evidence_of(calibrations, best, halves)
+    advice = advice_of(calibrations[best], evidence, criteria, views, inputs)
+    return Judged.by(judge(evidence, criteria, advice), criteria, halves)

@@ -35,8 +35,8 @@ from calib.verdict.choose_views import (
     with_photo,
 )
 from calib.verdict.information import grid_count, has_information, image_change, sigma_px
-from calib.verdict.next_view_target import TargetShape, shape_of
 from calib.verdict.next_view_words import Hold, ViewGain, place_of, sentence_of
+from calib.verdict.views import TargetShape, shape_of
 from designer.base.file_kind import FileKind
 from designer.base.marks import ONE_LINE, AtLeast, AtMost, Length, NullIs, Shape
 from designer.tolerance.prior import ShapePrior

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from calib.core.number_text import figure
 from calib.solver.calibration import Calibration
-from calib.verdict.checks import SURE
+from calib.verdict.checks import SURE, px
 from calib.verdict.coverage import region_words
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import CameraEvidence
@@ -150,11 +150,6 @@ def _is_sure_as_stated(evidence: CameraEvidence, criteria: Criteria) -> bool:
     """Whether it is by the standard deviations of the solution."""
     sigma = evidence.uncertainty.noise_px
     return sigma is not None and sigma <= criteria.uncertainty_px.good
-
-
-def px(value: float) -> str:
-    """A length in the image."""
-    return f"{figure(value, 2)} px"
 
 
 def _count(count: int, what: str) -> str:

@@ -28,7 +28,7 @@ from calib.cameras.refit import image_grid
 from calib.core.types import Detections
 from calib.detector.pipeline import detect
 from calib.observe.observations import observations_from_detections
-from calib.pipeline.calibrate import calibrate
+from calib.pipeline.solving import calibrate
 from calib.renderer import RenderOptions, render_view
 from calib.renderer.rings import ring_truth
 from calib.renderer.scene import scene_from_target

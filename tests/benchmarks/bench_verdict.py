@@ -27,15 +27,14 @@ from numpy.typing import NDArray  # noqa: E402
 
 from calib.cameras.camera_difference import camera_difference  # noqa: E402
 from calib.core.types import Camera  # noqa: E402
-from calib.pipeline.calibrate import calibrate  # noqa: E402
-from calib.pipeline.made import with_made  # noqa: E402
+from calib.pipeline.solving import calibrate, with_made  # noqa: E402
 from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.image_field import with_image_field  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
 from calib.verdict.coverage import coverage_of  # noqa: E402
 from calib.verdict.criteria import Criteria, Limits, read_criteria  # noqa: E402
 from calib.verdict.halves import half_split  # noqa: E402
-from calib.verdict.of_run import Judged, judge_run  # noqa: E402
+from calib.verdict.judge import Judged, judge_run  # noqa: E402
 from calib.verdict.verdict import Grade  # noqa: E402
 from designer.base.errors import InputError  # noqa: E402
 from designer.tolerance.made import EXACT, how_made  # noqa: E402

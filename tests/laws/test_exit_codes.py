@@ -168,8 +168,8 @@ def test_the_table_is_of_all_commands_and_each_has_the_option(
 @pytest.mark.parametrize(
     ("words", "patched"),
     [
-        (("run", "board.target.json", "photos", "-o", "out"), "calib.api.run_writer.write_search"),
-        ((*SOLVE, "detections.csv"), "calib.pipeline.solutions.calibrate"),
+        (("run", "board.target.json", "photos", "-o", "out"), "calib.api.run_result.write_search"),
+        ((*SOLVE, "detections.csv"), "calib.pipeline.solving.calibrate"),
         (("study", "paper", "--quick", "-o", "out"), "calib.studies.paper_study.missing_targets"),
         (("study", "compare", "--quick", "-o", "out"), "calib.studies.compare.cases.comparison"),
         (BOOTSTRAP, "calib.studies.pool.make_pool"),
@@ -192,16 +192,16 @@ def test_a_stopped_command_ends_with_130(words: tuple[str, ...], patched: str, m
 
 def test_a_model_that_was_finished_before_ctrl_c_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """The document of a stopped run holds the answer so far, and the files."""
-    from calib.pipeline import solutions
+    from calib.pipeline import solving
 
-    original = solutions.calibrate
+    original = solving.calibrate
 
     def stop_at_second(seen: object, model: str, *rest: object) -> object:
         if model == "opencv":
             raise KeyboardInterrupt
         return original(seen, model, *rest)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(solutions, "calibrate", stop_at_second)
+    monkeypatch.setattr(solving, "calibrate", stop_at_second)
     summary = summary_of(calib("run", "board.target.json", "photos", "-o", "out", "--json"))
     assert summary["exit_code"] == 130
     assert [one["model"] for one in summary["answer"]["models"]] == ["luhmann"]

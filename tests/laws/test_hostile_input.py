@@ -115,13 +115,15 @@ def test_what_would_not_be_read_again_is_not_written(monkeypatch: pytest.MonkeyP
     """A solution that makes no sense is refused before a file of it is there."""
     from dataclasses import replace
 
-    from calib.pipeline import calibrate, solutions
+    from calib.pipeline import solving
+
+    original = solving.calibrate
 
     def absurd(*arguments: object) -> object:
-        one = calibrate.calibrate(*arguments)  # type: ignore[arg-type]
+        one = original(*arguments)  # type: ignore[arg-type]
         return replace(one, scale=1.8e19)
 
-    monkeypatch.setattr(solutions, "calibrate", absurd)
+    monkeypatch.setattr(solving, "calibrate", absurd)
     assert "makes no sense and is not written" in refused(*SOLVE, "detections.csv")
     assert not Path("out").exists()
 

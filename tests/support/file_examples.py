@@ -45,8 +45,8 @@ from calib.studies.tolerance.table_file import (
 from calib.verdict.apart import Known
 from calib.verdict.criteria import Criteria, Limits
 from calib.verdict.halves import Half
+from calib.verdict.judge import Judged
 from calib.verdict.next_views import NextView, NextViews
-from calib.verdict.of_run import Judged
 from calib.verdict.verdict import Check, Verdict
 from designer.page.blocks import (
     Cell,

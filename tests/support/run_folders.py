@@ -90,4 +90,4 @@ def section(page: Page, title: str) -> Section:
 
 BLANK = b'<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9" viewBox="0 0 9 9"><path d="M0 0"/></svg>'
 """In place of figures: most of the time goes into them, and most tests are of something else."""
-PANEL = "calib.show.run.accuracy_figures.svg_panel"
+PANEL = "calib.show.run.figures.svg_panel"

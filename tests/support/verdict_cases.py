@@ -14,7 +14,7 @@ from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.verdict.criteria import Criteria, read_criteria
 from calib.verdict.halves import half_split
-from calib.verdict.of_run import Judged, judge_run
+from calib.verdict.judge import Judged, judge_run
 from calib.verdict.verdict import Check
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, noisy, observe
 

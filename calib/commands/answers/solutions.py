@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from calib.api.run_result import RunResult
     from calib.metrics.errors import Errors
     from calib.metrics.evaluation import Evaluation
-    from calib.pipeline.solutions import Solution
+    from calib.pipeline.solving import Solution
     from calib.solver.calibration import Calibration
     from designer.base.answer import Value
 

@@ -18,7 +18,7 @@ from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.levels import SHARE_RULE, level_of_share, worst_level
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.show.photos.place_scene import distance_words
-from calib.show.run.photo_rows import STANDS_OUT
+from calib.show.run.photos import STANDS_OUT
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from calib.show.parts.folder_blocks import number, whole
 from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.show.photos.place_scene import distance_words, tilts_deg
-from calib.show.run.camera_section import field_of_view_words
+from calib.show.run.sections import field_of_view_words
 from designer.page.blocks import Cell, Column, Command, Finding, Headline
 
 FILES = (

@@ -7,7 +7,7 @@ from calib.core.number_text import figure as digits
 from calib.show.parts.folder_blocks import some_of
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.show.photos.undistortion import Change, change_of
-from calib.show.run.camera_section import field_of_view_words
+from calib.show.run.sections import field_of_view_words
 from designer.base.words import capital
 from designer.page.blocks import Cell, Column, Command, Finding, Headline, Table
 

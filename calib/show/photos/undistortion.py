@@ -49,7 +49,7 @@ def change_of(taken: Camera, pinhole: Camera) -> Change:
 
 def undistortion_figure(taken: Camera, pinhole: Camera) -> Figure:
     """Lines that were straight and level in the photo, in the undistorted frame."""
-    from calib.show.run.accuracy_figures import image_panel
+    from calib.show.run.figures import image_panel
 
     width, height = taken.image_size
     u, v = np.linspace(0, width - 1, POINTS), np.linspace(0, height - 1, POINTS)

@@ -4,21 +4,27 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from calib.figures.sigma_map import sigma_map
+from calib.records.run_folder import RunFolder, Solved, read_run
 from calib.show.parts.folder_blocks import title_of
 from calib.show.parts.origin import Origin
-from calib.show.run.accuracy_section import accuracy_section, halves_of
 from calib.show.run.camera_scene import camera_view, spread_words
-from calib.show.run.camera_section import camera_section, page_lead
 from calib.show.run.judging import is_verdict_on
-from calib.show.run.models_section import models_section
-from calib.show.run.photo_rows import photo_rows, remarks_of_all
-from calib.show.run.photos import photos_section
+from calib.show.run.photos import photo_rows, photos_section, remarks_of_all
 from calib.show.run.run_files import files_section
-from calib.show.run.run_folder import RunFolder, Solved, read_run
 from calib.show.run.run_tables import faces_table, faces_words
-from calib.show.run.verdict_section import headline_of, next_section, not_judged, verdict_section
+from calib.show.run.sections import (
+    accuracy_section,
+    camera_section,
+    halves_of,
+    headline_of,
+    models_section,
+    next_section,
+    not_judged,
+    page_lead,
+    verdict_section,
+)
+from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged
 from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, next_views
-from calib.verdict.of_run import VERDICT, VERDICT_FILE, Judged
 from designer.base.errors import InputError
 from designer.base.words import printable
 from designer.page.blocks import Page, Section

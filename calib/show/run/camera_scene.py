@@ -9,9 +9,9 @@ from calib.core.number_text import figure as digits
 from calib.core.types import KnownPoints
 from calib.metrics.evaluation import by_view
 from calib.metrics.prediction import centers_mm
-from calib.show.run.run_folder import Solved
+from calib.records.run_folder import Solved
 from calib.verdict.next_views import NextView
-from calib.verdict.view_facts import view_facts
+from calib.verdict.views import view_facts
 from designer.base.words import printable
 from designer.page.blocks import View3d
 from designer.page.scene import Layer, Rings, Scene, Segments, Surface

@@ -5,16 +5,16 @@ from dataclasses import replace
 from pathlib import Path
 
 from calib.core.files import write_files
-from calib.pipeline.made import prior_of
-from calib.show.run.run_folder import Solved, read_run
+from calib.pipeline.solving import prior_of
+from calib.records.run_folder import Solved, read_run
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.verdict.advice import DETECTED, Inputs
 from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import noise_factor
 from calib.verdict.halves import HalfSplit, Halves, half_split
+from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged, judge_run
 from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, NextViews, next_views
-from calib.verdict.of_run import VERDICT, VERDICT_FILE, Judged, judge_run
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 

@@ -1,8 +1,8 @@
 """The files of a calibration's folder on its page."""
 
+from calib.records.run_folder import RunFolder, Solved
 from calib.show.parts.folder_blocks import file_list
 from calib.show.parts.gallery import OVERLAYS
-from calib.show.run.run_folder import RunFolder, Solved
 from designer.page.blocks import Fold, Section
 
 FILES = (

@@ -14,9 +14,9 @@ from calib.metrics.errors import ErrorSummary, summarise
 from calib.metrics.evaluation import by_face
 from calib.observe.records import Records
 from calib.records.evaluation_files import Metrics, MetricSummary
+from calib.records.run_folder import Solved
 from calib.show.parts.folder_blocks import number, whole
 from calib.show.run.evaluation_table import OF_ITS_OWN_SENSOR, focal_length
-from calib.show.run.run_folder import Solved
 from calib.solver.calibration import Calibration
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Table

@@ -14,7 +14,7 @@ from calib.core.selection import keep_sightings, keep_views, without_empty_views
 from calib.core.types import Observations
 from calib.metrics import errors
 from calib.metrics.evaluation import errors_of
-from calib.pipeline.calibrate import ALL_VIEWS, calibrate
+from calib.pipeline.solving import ALL_VIEWS, calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.options import AS_THE_PAPER
 from calib.solver.pose import solve_poses

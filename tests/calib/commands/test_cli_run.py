@@ -20,7 +20,7 @@ from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import read_detections
 from calib.observe.exif import EXIF_IFD, FOCAL_LENGTH_IN_35_MM
-from calib.pipeline.calibrate import calibrate
+from calib.pipeline.solving import calibrate
 from calib.records.calibration_file import read_calibration
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
@@ -293,16 +293,16 @@ def test_ctrl_c_keeps_what_is_finished(detector: Detector, monkeypatch: pytest.M
 
     before = files_in(folder)
     with monkeypatch.context() as patch:
-        patch.setattr("calib.api.run_writer.write_search", interrupted)
+        patch.setattr("calib.api.run_result.write_search", interrupted)
         answer = calib("run", "board.target.json", "photos", "-o", "out/x")
         assert (answer.code, answer.err) == (130, "stopped; nothing was written\n")
         assert files_in(folder) == before
     with monkeypatch.context() as patch:
-        patch.setattr("calib.pipeline.solutions.calibrate", stopped)
+        patch.setattr("calib.pipeline.solving.calibrate", stopped)
         answer = calib("run", "board.target.json", "photos", "-o", "out")
         assert (answer.code, answer.err) == (130, "stopped; finished and kept: out/detections.csv, out/luhmann\n")
     with monkeypatch.context() as patch:
-        patch.setattr("calib.api.run_writer.calibration_figures", interrupted)
+        patch.setattr("calib.api.run_result.calibration_figures", interrupted)
         answer = calib(*quick("photos"))
         assert (answer.code, answer.err) == (130, "stopped; finished and kept: out/detections.csv, out\n")
     assert not [name for name in files_in(folder) if "unfinished" in name]

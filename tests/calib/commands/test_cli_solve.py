@@ -19,7 +19,7 @@ from calib.core.se3 import look_at, transform
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import write_detections
 from calib.observe.images import Photo
-from calib.pipeline.calibrate import calibrate
+from calib.pipeline.solving import calibrate
 from calib.records.calibration_file import read_calibration
 from calib.solver.calibration import Calibration
 from designer.base.errors import InputError
@@ -257,7 +257,7 @@ def test_a_model_that_fails_does_not_stop_the_others(monkeypatch: pytest.MonkeyP
 
     common = ALL_MODELS
     assert calib(*common).code == 0
-    monkeypatch.setattr("calib.pipeline.solutions.calibrate", fail)
+    monkeypatch.setattr("calib.pipeline.solving.calibrate", fail)
     answer = calib(*common)
     assert answer.code == 0
     assert "luhmann was not solved: no light" in answer.out
@@ -393,7 +393,7 @@ def test_ctrl_c_keeps_what_is_finished_and_says_so(monkeypatch: pytest.MonkeyPat
             raise KeyboardInterrupt
         return calibrate(seen, model, *rest)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("calib.pipeline.solutions.calibrate", stopped)
+    monkeypatch.setattr("calib.pipeline.solving.calibrate", stopped)
     answer = calib("solve", "detections.csv", "--target", "board.target.json", "-o", "out")
     assert answer.code == 130
     assert answer.err == "stopped; finished and kept: out/luhmann\n"
@@ -442,5 +442,5 @@ def test_calibrations_that_cannot_be_written_are_bad_input(monkeypatch: pytest.M
     def full(folder: Path, *rest: object) -> list[Path]:
         raise InputError(f"{folder}: cannot be written: No space left on device")
 
-    monkeypatch.setattr("calib.api.run_writer.write_calibration", full)
+    monkeypatch.setattr("calib.api.run_result.write_calibration", full)
     assert "No space left" in refused("solve", "detections.csv", "--target", "board.target.json", "-o", "out")

@@ -12,7 +12,7 @@ from PIL import Image
 
 from calib.show.folder import KINDS, build_page, write_folder_page
 from calib.show.parts.origin import LONGEST_COMMAND, ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
-from calib.verdict.of_run import VERDICT, VERDICT_FILE
+from calib.verdict.judge import VERDICT, VERDICT_FILE
 from designer.base.errors import InputError
 from designer.target import target_to_json
 from tests.support.calibrations import board

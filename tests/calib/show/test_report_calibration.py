@@ -14,13 +14,12 @@ from calib.figures.sigma_map import place_in_image
 from calib.metrics.prediction import centers_mm
 from calib.observe.observations import known_points
 from calib.observe.truth import Truth
+from calib.records.run_folder import read_run
 from calib.show.parts.origin import Origin
 from calib.show.run.calibration_page import calibration_page
 from calib.show.run.camera_scene import camera_view, corner_rays
-from calib.show.run.camera_section import field_of_view_words
 from calib.show.run.judging import judge_folder
-from calib.show.run.run_folder import read_run
-from calib.show.run.verdict_section import as_sentence, finding_of, headline_of
+from calib.show.run.sections import as_sentence, field_of_view_words, finding_of, headline_of
 from calib.verdict.criteria import read_criteria
 from calib.verdict.verdict import Check, Verdict
 from designer.base.errors import InputError
@@ -275,7 +274,7 @@ def test_a_target_without_planes_is_drawn_by_its_points(target: object) -> None:
     )
     from calib.metrics.evaluation import evaluate
     from calib.records.calibration_file import Provenance
-    from calib.show.run.run_folder import Solved
+    from calib.records.run_folder import Solved
 
     solution = Solved(Path(), "", evaluate(replace(one, observations=seen)), Provenance("test"), None)
     view = camera_view(solution, None, ())

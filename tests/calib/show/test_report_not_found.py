@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from calib.commands.judged_page import criteria_templates
 from calib.core.types import Detections
 from calib.observe.records import Records, image_record
+from calib.records.run_folder import read_run
 from calib.show.folder import origin_in, why_no_page
 from calib.show.parts.origin import ORIGIN, Origin, origin_of
 from calib.show.photos.detected_photos import detected, told_detected
 from calib.show.photos.photos_file import read_photos, write_photos
 from calib.show.photos.why_nothing import explained, why_nothing
-from calib.show.run.photo_rows import photo_rows
-from calib.show.run.run_folder import read_run
+from calib.show.run.photos import photo_rows
 from calib.show.studies.study_words import fall_in_words
 from calib.verdict.verdict import Verdict
 from designer.base.errors import InputError

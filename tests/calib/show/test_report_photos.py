@@ -9,13 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from calib.records.run_folder import read_run
 from calib.show.folder import write_folder_page
 from calib.show.parts.gallery import MOST_PICTURES
 from calib.show.parts.origin import Origin
 from calib.show.run.calibration_page import calibration_page
-from calib.show.run.photo_rows import photo_rows
-from calib.show.run.photos import photos_section
-from calib.show.run.run_folder import read_run
+from calib.show.run.photos import photo_rows, photos_section
 from designer.page.blocks import Findings, Gallery, Page, Table
 from designer.page.shell import page_html
 from tests.support.run_folders import BLANK, PANEL, blocks, section, solved, table, write_overlays, write_run

@@ -13,7 +13,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.camera_difference import camera_difference
 from calib.core.se3 import exp_rotation
 from calib.observe.observations import known_points
-from calib.pipeline.made import prior_of, with_made
+from calib.pipeline.solving import prior_of, with_made
 from calib.records.calibration_file import Provenance, read_calibration, write_calibration
 from calib.solver.calibration import Calibration
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
@@ -24,8 +24,8 @@ from calib.solver.uncertainty import sigma_over_image_px
 from calib.verdict.criteria import read_criteria
 from calib.verdict.evidence import evidence_of, noise_factor
 from calib.verdict.halves import half_split
+from calib.verdict.judge import judge_run
 from calib.verdict.next_views import next_views
-from calib.verdict.of_run import judge_run
 from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out

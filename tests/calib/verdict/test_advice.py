@@ -19,7 +19,7 @@ from calib.verdict.evidence import CameraEvidence, HalvesFound, evidence_of
 from calib.verdict.halves import half_split
 from calib.verdict.judge import judge
 from calib.verdict.next_views import NextView, next_views
-from calib.verdict.view_facts import view_facts
+from calib.verdict.views import view_facts
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, noisy, observe, pose_from, poses_around
 
 Array = NDArray[np.float64]

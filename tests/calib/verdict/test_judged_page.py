@@ -13,7 +13,7 @@ import pytest
 
 from calib.show.parts.origin import read_origin
 from calib.verdict.criteria import read_criteria
-from calib.verdict.of_run import VERDICT, VERDICT_FILE
+from calib.verdict.judge import VERDICT, VERDICT_FILE
 from designer.kinds.spec_file import read_spec_file
 from designer.target import load_target, target_to_json
 from tests.support.calibrations import board

@@ -21,7 +21,6 @@ from calib.solver.uncertainty import projected_sigma_px
 from calib.verdict.candidate_views import TILTS_DEG, candidates_of, faces_seen, shown_in, tilt_rotation
 from calib.verdict.coverage import coverage, coverage_of
 from calib.verdict.information import eliminated, image_change, knowledge_of, sigma_px, view_information
-from calib.verdict.next_view_target import habits_of, shape_of
 from calib.verdict.next_view_words import Hold, ViewGain, gain_words, place_of, place_words, sentence_of, tilt_words
 from calib.verdict.next_views import (
     NEXT_VIEWS,
@@ -33,6 +32,7 @@ from calib.verdict.next_views import (
     share_px,
     why_no_next_views,
 )
+from calib.verdict.views import habits_of, shape_of
 from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe, poses_around
 
@@ -492,7 +492,7 @@ def test_a_figure_of_the_views_is_drawn() -> None:
     """Each view has its outlines and its number, and no two numbers stand on each other."""
     from matplotlib.figure import Figure
 
-    from calib.verdict.figure_next_views import draw_next_views
+    from calib.show.run.figures import draw_next_views
 
     calibration = base("board", "opencv")
     views = next_views(calibration)

@@ -10,11 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from calib.show.run.verdict_section import headline_of
+from calib.show.run.sections import headline_of
 from calib.solver.calibration import Calibration
 from calib.verdict.coverage import coverage_of
 from calib.verdict.halves import Halves, NoHalves, halves_apart
-from calib.verdict.of_run import VERDICT, VERDICT_FILE, Judged, judge_run
+from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged, judge_run
 from calib.verdict.verdict import Check
 from calib.verdict.words import checks_table, criteria_line
 from designer.base.errors import InputError

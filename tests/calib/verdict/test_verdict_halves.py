@@ -10,8 +10,7 @@ from calib.core.types import Observations
 from calib.solver.calibration import Calibration
 from calib.verdict.apart import Known, apart, in_sigmas
 from calib.verdict.coverage import Coverage, coverage_of
-from calib.verdict.halves import Halves, NoHalves, half_split, halves_apart
-from calib.verdict.split import splits
+from calib.verdict.halves import Halves, NoHalves, half_split, halves_apart, splits
 from tests.support.solver_scenes import observe, poses_around
 from tests.support.verdict_cases import BOARD, ICOSAHEDRON, OPTIONS, TRUE, sightings, solved
 

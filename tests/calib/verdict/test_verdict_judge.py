@@ -13,8 +13,7 @@ from calib.solver.solve import solve
 from calib.verdict.criteria import Criteria, Limits, read_criteria
 from calib.verdict.evidence import HalvesFound, evidence_of, uncertainty_of
 from calib.verdict.halves import NoHalves, half_split
-from calib.verdict.judge import WORSE, judge
-from calib.verdict.of_run import judge_run
+from calib.verdict.judge import WORSE, judge, judge_run
 from calib.verdict.target_shape import ShapeEffect
 from calib.verdict.verdict import Check, Grade, measured_text
 from tests.support.solver_scenes import observe, pose_from, poses_around

@@ -11,8 +11,8 @@ from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.verdict.criteria import read_criteria
 from calib.verdict.halves import half_split
+from calib.verdict.judge import Judged, judge_run
 from calib.verdict.next_views import NextView, next_views
-from calib.verdict.of_run import Judged, judge_run
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around
 
 Array = NDArray[np.float64]

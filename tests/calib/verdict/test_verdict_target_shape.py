@@ -10,8 +10,7 @@ from calib.core.se3 import exp_rotation
 from calib.core.types import Observations
 from calib.verdict.apart import Known, apart
 from calib.verdict.coverage import coverage_of
-from calib.verdict.deformation import AMPLITUDE, deformation_of
-from calib.verdict.target_shape import ShapeEffect, shape_effect
+from calib.verdict.target_shape import AMPLITUDE, ShapeEffect, deformation_of, shape_effect
 from tests.support.solver_scenes import moved_points
 from tests.support.verdict_cases import BOARD, ICOSAHEDRON, TRUE, believed, bent, sightings, solved
 

@@ -11,7 +11,7 @@ from calib.cameras import MODELS
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.observe.records import Records, read_records
-from calib.pipeline.solutions import preference
+from calib.pipeline.solving import preference
 from calib.records.calibration_file import CALIBRATION_FILE, Provenance, read_calibration
 from calib.records.evaluation_files import METRICS, METRICS_FILE, Metrics
 from calib.solver.calibration import Calibration
