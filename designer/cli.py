@@ -11,7 +11,7 @@ import typer
 from calib.commands.tolerance import tolerance
 from designer.base.answer import Summary
 from designer.base.command import command, new_app, run
-from designer.kinds.completion import for_option, target_templates
+from designer.kinds.presets import for_option, target_templates
 from designer.spec.kind import Kind, kinds
 from designer.spec.options import Asked, AskedPrinting, options_of
 from designer.spec.options import Option as SpecOption

@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from designer.base.errors import InputError
-from designer.base.skew import NO_SKEW
+from designer.base.units import NO_SKEW
 from designer.formats.folder import OutputFile
 from designer.kinds.layout import lay_out
 from designer.kinds.spec_file import spec_to_toml
 from designer.make.bed import against_skew, bed_from_target, mapped
-from designer.make.drawing import SheetPage
 from designer.make.mesh import Mesh, Part, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
+from designer.make.pages import SheetPage
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.sheets import lay_out_sheets
 from designer.spec.spec import Format, Job

@@ -18,15 +18,15 @@ from typing import Literal, cast, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.base.code import CODES
 from designer.base.errors import InputError
 from designer.base.small_file import once_each, read_small_text
+from designer.base.solid import CODES
 from designer.spec.kind import spec_from_mapping, spec_to_mapping
 from designer.spec.spec import Build, Spec
 
 FORMAT = "ringsolid.target"
-DIGESTED = "ringforge.target 1"
-"""What a digest begins with, for good: ids outlive the name that the program had when they were introduced."""
+DIGESTED = bytes.fromhex("72696e67666f7267652e7461726765742031")
+"""What a digest begins with, for good: the ids of all target files rest on these bytes."""
 VERSION = 1
 MAX_FILE_BYTES = 64 * 2**20
 MAX_INDEX = 1_000_000
@@ -219,7 +219,7 @@ def _check_rules(target: TargetGeometry) -> None:
 
 def _digest(target: TargetGeometry, names: tuple[str, ...], *, full: bool = False) -> str:
     """SHA-256 over the named arrays (with source and spec if `full`), its first 16 hexadecimal digits."""
-    digest = hashlib.sha256(DIGESTED.encode())
+    digest = hashlib.sha256(DIGESTED)
     for name in names:
         array: NDArray[np.generic] = getattr(target, name)
         digest.update(f"{name} {array.shape} {array.dtype.str}".encode())

@@ -29,7 +29,7 @@ from calib.observe.observations import observations_from_detections
 from calib.pipeline.solving import plan_from_words
 from designer.base.answer import program
 from designer.base.errors import InputError
-from designer.base.skew import NO_SKEW, Skew
+from designer.base.units import NO_SKEW, Skew
 from designer.base.words import suggestion
 from designer.target import TargetGeometry, target_to_json
 from designer.tolerance.made import EXACT, Made, how_made

@@ -24,7 +24,7 @@ from designer.base.marks import (
     Shape,
     Word,
 )  # fmt: skip
-from designer.base.skew import Skew
+from designer.base.units import Skew
 
 MOST_FACES, MOST_RINGS = 2000, 100_000
 LARGEST_STRAIN = 0.5

@@ -13,8 +13,8 @@ from calib.as_built.unknowns import STRAIN_INDEX, strain_matrix, strain_numbers
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import exp_rotation
 from designer.base.marks import Gap, NullIs
-from designer.base.skew import NO_SKEW, SKEW_NAMES, Skew, skew_matrix
-from designer.kinds.faces import face_down, is_turned
+from designer.base.units import NO_SKEW, SKEW_NAMES, Skew, skew_matrix
+from designer.kinds.layout import face_down, is_turned
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

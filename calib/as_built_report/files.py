@@ -29,7 +29,7 @@ from calib.as_built_report.length_words import AskedLength
 from calib.core.files import check_folder
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours
-from designer.base.skew import Skew
+from designer.base.units import Skew
 from designer.target import FORMAT as TARGET_FORMAT
 from designer.target import load_target, target_to_json
 

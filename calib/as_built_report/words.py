@@ -18,7 +18,7 @@ from calib.as_built_report.deviations import (
 )
 from calib.as_built_report.held_out import Gain, HeldOut
 from calib.core.number_text import figure, with_digits
-from designer.base.skew import MOST_SKEW_DEG, NO_SKEW, SKEW_NAMES, Skew
+from designer.base.units import MOST_SKEW_DEG, NO_SKEW, SKEW_NAMES, Skew
 from designer.target import TargetGeometry
 
 LEAST_COMPENSATION_PERCENT = 0.005

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from designer.base.words import printable
-from designer.kinds.completion import camera_templates
+from designer.kinds.presets import camera_templates
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera

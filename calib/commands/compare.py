@@ -14,7 +14,7 @@ from calib.show.screen import progress_bar, quoted, shown, table_console, waitin
 from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
 from designer.base.words import printable
-from designer.kinds.completion import camera_templates
+from designer.kinds.presets import camera_templates
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,7 +10,7 @@ from calib.commands.answers.cameras import camera_answer, refit_answer
 from calib.show.screen import quoted
 from designer.base.answer import Summary
 from designer.base.words import printable
-from designer.kinds.completion import camera_templates, one_of
+from designer.kinds.presets import camera_templates, one_of
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera

@@ -11,7 +11,7 @@ from calib.commands.answers.photos import detections_answer
 from calib.commands.folder_page import folder_page, say_next
 from calib.show.screen import progress_bars, quoted
 from designer.base.answer import Summary
-from designer.kinds.completion import camera_templates
+from designer.kinds.presets import camera_templates
 
 if TYPE_CHECKING:
     from calib.api.searching import Search

@@ -22,12 +22,12 @@ from calib.show.screen import progress_bars, quoted, shown
 from designer.base.answer import Summary, Value
 from designer.base.errors import InputError
 from designer.base.words import printable
-from designer.kinds.completion import error_templates, one_of
+from designer.kinds.presets import error_templates, one_of
 
 if TYPE_CHECKING:
     from calib.api.measuring import MeasureResult
     from calib.as_built_report.files import FilePlaces
-    from designer.base.skew import Skew
+    from designer.base.units import Skew
 
 NOT_TO_BE_USED = 1
 MODELS = ("opencv", "luhmann", "pinhole")
@@ -193,7 +193,7 @@ def _compensation(text: str) -> float:
 
 
 def _skew(text: str) -> "Skew":
-    from designer.base.skew import parse_skew_rad
+    from designer.base.units import parse_skew_rad
 
     try:
         return parse_skew_rad(text)

@@ -11,7 +11,7 @@ from calib.commands.folder_page import folder_page
 from calib.show.screen import progress_bars, quoted
 from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
-from designer.kinds.completion import camera_templates, one_of
+from designer.kinds.presets import camera_templates, one_of
 
 if TYPE_CHECKING:
     from calib.api.rendering import RenderedPhotos

@@ -12,7 +12,7 @@ from calib.core.files import named_in_files
 from calib.show.screen import progress_bars, quoted
 from designer.base.answer import Summary
 from designer.base.errors import InputError
-from designer.kinds.completion import error_templates, one_of
+from designer.kinds.presets import error_templates, one_of
 
 if TYPE_CHECKING:
     from calib.core.types import Observations

@@ -30,7 +30,7 @@ from designer.base.answer import StoppedError, Summary, Value, program
 from designer.base.command import command
 from designer.base.errors import InputError
 from designer.base.words import printable
-from designer.kinds.completion import one_of
+from designer.kinds.presets import one_of
 
 if TYPE_CHECKING:
     from calib.studies.findings import HeldClaim

@@ -14,7 +14,7 @@ from calib.commands.tolerance_screen import say_files, say_report
 from calib.show.screen import progress_bars, quoted, waiting
 from designer.base.answer import Summary
 from designer.base.words import printable
-from designer.kinds.completion import camera_templates, error_templates, one_of
+from designer.kinds.presets import camera_templates, error_templates, one_of
 
 if TYPE_CHECKING:
     from calib.api.tolerancing import ToleranceResult

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera_difference import CameraDifference, image_centre
-from designer.base.names import NAME
+from designer.base.words import NAME
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

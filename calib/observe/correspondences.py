@@ -23,7 +23,6 @@ from calib.observe.known_planes import MAX_FACE, points_with_planes
 from calib.observe.observations import known_points, observations_from_detections, prepare
 from calib.observe.point_target import ids_of
 from designer.base.errors import InputError
-from designer.base.names import as_written_today
 from designer.base.words import shown, suggestion
 from designer.target import TargetGeometry, load_target
 
@@ -148,7 +147,7 @@ def _start_of(path: Path) -> str:
         # Asked before it is opened: a pipe would wait, a device would never end.
         if stat.S_ISREG(path.stat().st_mode):
             with path.open("rb") as stream:
-                return as_written_today(stream.read(_PEEKED).decode("utf-8", "replace").removeprefix("\ufeff"))
+                return stream.read(_PEEKED).decode("utf-8", "replace").removeprefix("\ufeff")
     except (OSError, ValueError):
         pass  # said when it is read
     return ""

@@ -19,7 +19,6 @@ from calib.core.types import KnownPoints
 from calib.observe.csv_table import ANY_NAME, MAX_FILE_BYTES
 from calib.solver.calibration import Calibration
 from designer.base.errors import InputError
-from designer.base.names import as_written_today
 
 VERSION = 1
 FIRST_LINE = f"# ringsolid observations, version {VERSION}"
@@ -148,7 +147,7 @@ def _opened(path: Path) -> Iterator[tuple[TextIO, tuple[str, ...], int]]:
     if path.stat().st_size > MAX_FILE_BYTES:
         raise InputError(f"{path}: {path.stat().st_size} bytes; at most {MAX_FILE_BYTES} are read")
     with path.open(encoding="utf-8", errors=ANY_NAME, newline="") as stream:
-        first = as_written_today(stream.readline(200).strip())
+        first = stream.readline(200).strip()
         if first != FIRST_LINE:
             if first.startswith(_KIND):
                 version = first.removeprefix(_KIND)[:20]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
-from designer.base.names import NAME
+from designer.base.words import NAME
 
 FORMAT, VERSION = "ringsolid.summary", 1
 

@@ -13,9 +13,8 @@ from typing import Generic, TypeVar, cast
 
 from designer.base.codec import BadValueError, decode, encode
 from designer.base.errors import InputError
-from designer.base.names import NAME
 from designer.base.small_file import JsonValue, parse_json, read_small_text
-from designer.base.words import shown
+from designer.base.words import NAME, shown
 
 T = TypeVar("T")
 

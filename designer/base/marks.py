@@ -1,17 +1,18 @@
 """What `Annotated` says of a value in a file: bounds, lengths, the shape of an array, what null stands for."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Final, cast
 
 
-class Mark:
+class Mark(ABC):
     """A rule of a value, beyond its type."""
 
+    @abstractmethod
     def fault(self, value: object) -> str:
         """What it must be; "" if it is so."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,14 @@ import zlib
 from pathlib import Path
 
 from designer.base.errors import InputError
-from designer.base.names import FORMER, NAME
+from designer.base.words import NAME
 
 _HEAD, _TAIL = 2**16, 2**12
 _FIRST_COLUMNS = 2
-_OURS = f"(?:{NAME}|{FORMER})"
 _BARE = ""
 """The kind of what says only whose it is: pictures and packages, and texts of earlier versions."""
 _MARKS: tuple[tuple[re.Pattern[bytes], str | None], ...] = tuple(
-    (re.compile(mark.replace("OURS", _OURS).encode(), re.DOTALL), kind)
+    (re.compile(mark.replace("OURS", NAME).encode(), re.DOTALL), kind)
     for mark, kind in (
         (r'\A(?:\xef\xbb\xbf)?\s*\{\s*"format"\s*:\s*"OURS\.([a-z_-]+)"', None),
         (r"\A(?:\xef\xbb\xbf)?# OURS ([a-z-]+)(?: [a-z]+)?, version \d", None),

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TypeAlias
 
 from designer.base.errors import InputError
-from designer.base.names import as_written_today
 
 JsonValue: TypeAlias = "dict[str, JsonValue] | list[JsonValue] | str | int | float | bool | None"
 
@@ -32,7 +31,7 @@ def read_small_text(path: Path, max_bytes: int, kind: str, errors: str = "strict
             content = stream.read(max_bytes + 1)
         if len(content) > max_bytes:
             raise InputError(f"{path}: more than {max_bytes} bytes; {kind} is smaller")
-        return as_written_today(content.decode("utf-8-sig", errors))
+        return content.decode("utf-8-sig", errors)
     except UnicodeDecodeError:
         raise InputError(f"{path}: not UTF-8 text, so not {kind}") from None
     except OSError as error:

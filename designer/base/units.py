@@ -2,6 +2,13 @@
 
 import math
 import re
+from typing import TYPE_CHECKING
+
+from designer.base.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 MM_PER_UNIT = {
     "": 1.0, "mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 0.001, "µm": 0.001, "μm": 0.001,
@@ -114,3 +121,109 @@ def _to_mm(number: float, unit: str, text: str | float) -> float:
     if abs(length) > MAX_LENGTH_MM:
         raise ValueError(f"{str(text).strip()} is more than {MAX_LENGTH_MM:g}mm")
     return length
+
+
+PAGE_SIZES_MM = {"A4": (210.0, 297.0), "A3": (297.0, 420.0), "Letter": (215.9, 279.4)}
+MARGIN_MM = 10.0
+"""What a printer may leave white along the paper's edges."""
+SCALE_BAR_MM = 100.0
+MIN_PAGE_MM = (SCALE_BAR_MM + 2 * MARGIN_MM, 60.0)
+MAX_PAGE_MM = 5000.0
+"""PDF readers stop at 14400 points, which is 5080 mm."""
+
+
+def page_size_mm(page: str) -> tuple[float, float] | None:
+    """Width and height of a page: "A4", "A3", "Letter" or "WIDTHxHEIGHTmm"; None for "fit".
+
+    Raises:
+        InputError: another text, a size that is not finite, too small for the scale bar, or absurdly large.
+    """
+    if page.casefold() == "fit":
+        return None
+    for known, size in PAGE_SIZES_MM.items():
+        if page.casefold() == known.casefold():
+            return size
+    try:
+        width, height = parse_lengths_mm(page, 2)
+    except ValueError as error:
+        rule = f"use {', '.join(PAGE_SIZES_MM)}, fit or WIDTHxHEIGHTmm such as 400x600mm"
+        raise InputError(f"page {page!r}: {error}; {rule}") from None
+    wide, low = MIN_PAGE_MM
+    if max(width, height) < wide or min(width, height) < low:
+        raise InputError(f"page {page!r} is too small for the scale bar; use at least {wide:g}x{low:g}mm")
+    if max(width, height) > MAX_PAGE_MM:
+        raise InputError(f"page {page!r} is larger than {MAX_PAGE_MM:g}mm, the most that PDF allows; use a smaller one")
+    return width, height
+
+
+Skew = tuple[float, float, float]
+"""Radians by which y leans to x, z to x and z to y, in the order of `SKEW_NAMES`."""
+
+SKEW_NAMES = ("xy", "xz", "yz")
+NO_SKEW: Skew = (0.0, 0.0, 0.0)
+MOST_SKEW_DEG = 2.0
+"""A printer that leans more is to be mended, or the number was meant to be another."""
+_EXPECTED = "angles such as xy 0.02deg, xz -0.14deg, yz 0.02deg (left out: 0), or 0"
+
+
+def parse_skew_rad(text: str | float) -> Skew:
+    """Angles as `format_skew` writes them; `0` for none.
+
+    Raises:
+        ValueError: no such list, an angle twice, or one of more than 2 deg.
+    """
+    if isinstance(text, (int, float)) and not isinstance(text, bool) and text == 0:
+        return NO_SKEW
+    if not isinstance(text, str):
+        raise ValueError(f"expected {_EXPECTED}")
+    if text.strip() == "0":
+        return NO_SKEW
+    given: dict[str, float] = {}
+    for part in text.split(",", len(SKEW_NAMES)):
+        name, _, quantity = part.strip().partition(" ")
+        name = name.lower()
+        if name not in SKEW_NAMES or not quantity:
+            raise ValueError(f"expected {_EXPECTED}")
+        if name in given:
+            raise ValueError(f"{name} is given twice; give each angle once")
+        given[name] = _lean_rad(name, quantity)
+    xy, xz, yz = (given.get(name, 0.0) for name in SKEW_NAMES)
+    return xy, xz, yz
+
+
+def _lean_rad(name: str, quantity: str) -> float:
+    """One angle within the limit."""
+    try:
+        angle = parse_angle_rad(quantity)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+    if abs(angle) > math.radians(MOST_SKEW_DEG):
+        raise ValueError(
+            f"{name} must be from -{MOST_SKEW_DEG:g}deg to {MOST_SKEW_DEG:g}deg; square the printer's axes first"
+        )
+    return angle + 0.0  # zero without a sign
+
+
+def format_skew(skew_rad: Skew) -> str:
+    """The angles as text that reads back exactly: `xy 0.02deg, yz -0.1deg`."""
+    leans = [f"{name} {_angle_text(angle)}" for name, angle in zip(SKEW_NAMES, skew_rad, strict=True) if angle]
+    return ", ".join(leans) or "0"
+
+
+def _angle_text(angle_rad: float) -> str:
+    """Degrees as they were typed; radians where degrees would round."""
+    degrees = f"{math.degrees(angle_rad):.12g}deg"
+    return degrees if parse_angle_rad(degrees) == angle_rad else f"{angle_rad!r}rad"
+
+
+def skew_matrix(skew_rad: Skew) -> "NDArray[np.float64]":
+    """What a printer with these angles makes of a place, along the bed's axes.  # (3, 3)
+
+        x' = x + y tan(xy) + z tan(xz),    y' = y + z tan(yz),    z' = z
+
+    which is what the skew correction of printers' firmware takes back (Marlin's M852, Klipper's SET_SKEW).
+    """
+    import numpy as np  # here: reading a command line needs none
+
+    xy, xz, yz = np.tan(skew_rad)
+    return np.array([[1.0, xy, xz], [0.0, 1.0, yz], [0.0, 0.0, 1.0]])

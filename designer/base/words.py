@@ -1,4 +1,7 @@
-"""Small matters of writing."""
+"""The program's name, and small matters of writing."""
+
+NAME = "ringsolid"
+"""Files say whose they are: JSON by `"format": "ringsolid.KIND"`, tables by `# ringsolid KIND, version 1`."""
 
 
 def capital(text: str) -> str:

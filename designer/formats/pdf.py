@@ -5,7 +5,7 @@ import math
 
 from reportlab.pdfgen.canvas import Canvas
 
-from designer.make.drawing import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, SheetPage, Text
+from designer.make.pages import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, SheetPage, Text
 
 POINTS_PER_MM = 72 / 25.4
 FONT = "Helvetica"

@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 
-from designer.base.names import NAME
+from designer.base.words import NAME
 from designer.make.mesh import Mesh
 
 _HEADER = f"{NAME} binary STL, millimetres".encode().ljust(80)

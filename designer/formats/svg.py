@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from html import escape
 
-from designer.make.drawing import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Circle, Point, Polygon, SheetPage, Text
+from designer.make.pages import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Circle, Point, Polygon, SheetPage, Text
 
 PAGE_GAP_MM = 10.0
 

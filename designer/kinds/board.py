@@ -5,13 +5,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
-from designer.base.code import Index
 from designer.base.errors import InputError
 from designer.base.units import format_mm, round_down, round_up
 from designer.spec.kind import Kind
-from designer.spec.options import Asked, Option
-from designer.spec.size_rules import (
+from designer.spec.options import (
     DIAMETER_OVER_PITCH,
+    Asked,
+    Option,
     check_count,
     check_rings,
     chosen_ring,
@@ -24,13 +24,14 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from designer.base.solid import Index
     from designer.target import TargetGeometry
 
 RINGS_ACROSS = 22
 """A board's shorter side over its pitch, as on the paper's 3DBoard."""
 THICKNESS_MM = 5.0
 """Of a plate, as on the paper's 3DBoard."""
-BOARD_DOTS: frozenset[Index] = frozenset({(0, 0), (1, 0), (0, 2)})
+BOARD_DOTS: "frozenset[Index]" = frozenset({(0, 0), (1, 0), (0, 2)})
 """The origin mark of a board. Its three distances differ on both lattices, so no rotation and no mirror image
 maps it onto itself. The dot at (0, 0) is the index origin."""
 
@@ -248,7 +249,7 @@ def lattice_steps(lattice: Lattice) -> "NDArray[np.float64]":
     return np.array([[1.0, 0.0], [0.0, 1.0] if lattice == "square" else [0.5, math.sqrt(3) / 2]])
 
 
-def board_index(columns: int, rows: int, lattice: Lattice) -> list[Index]:
+def board_index(columns: int, rows: int, lattice: Lattice) -> "list[Index]":
     """Lattice indices of a board's features, row by row from below.
 
     Every second row of a triangular lattice is shifted by half a pitch and holds one ring less.
@@ -258,7 +259,7 @@ def board_index(columns: int, rows: int, lattice: Lattice) -> list[Index]:
     return [(i - j // 2, j) for j in range(rows) for i in range(columns - j % 2)]
 
 
-def _origin_index(index: list[Index], position: "NDArray[np.float64]") -> Index:
+def _origin_index(index: "list[Index]", position: "NDArray[np.float64]") -> "Index":
     """The index that brings the origin mark nearest to the middle of the lattice."""
     import numpy as np
 
@@ -267,7 +268,7 @@ def _origin_index(index: list[Index], position: "NDArray[np.float64]") -> Index:
     place = dict(zip(index, position, strict=True))
     middle = 0.5 * (position.min(axis=0) + position.max(axis=0))
 
-    def distance(origin: Index) -> float:
+    def distance(origin: "Index") -> float:
         marks = [place.get((origin[0] + i, origin[1] + j)) for i, j in BOARD_DOTS]
         on_board = [mark for mark in marks if mark is not None]
         if len(on_board) < len(marks):

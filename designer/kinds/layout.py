@@ -1,9 +1,12 @@
 """From a resolved spec to the nominal target geometry."""
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.base.code import Index
+from designer.base.solid import INLAY_SHARE, Index
 from designer.spec.spec import Spec
 from designer.target import TargetGeometry
 
@@ -52,3 +55,142 @@ def same_on_all_faces(
         face_code=np.array(face_code),
         lattice_mm=on_every_face(lattice_mm),
     )
+
+
+SAME_PLACE = 0.02
+"""Corners and middles of sides nearer than this share of a side are one: faces of a print meet about so well."""
+_FACE_DOWN = np.diag([1.0, -1.0, -1.0])
+PARALLEL = 1e-6
+"""How far the normals of opposite faces may be from opposite."""
+
+
+def corners_mm(target: TargetGeometry) -> NDArray[np.float64]:
+    """Corners of the faces' outlines in the target's frame.  # (F, K, 3)"""
+    frame = target.target_from_face
+    placed: NDArray[np.float64] = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm)
+    return placed + frame[:, None, :3, 3]
+
+
+def adjacent_faces(target: TargetGeometry) -> NDArray[np.int64]:
+    """The face across each side of each face, from corner k to the next; -1: none.  # (F, K)"""
+    corner = corners_mm(target)
+    after = np.roll(corner, -1, axis=1)
+    middle, length = (corner + after) / 2, np.linalg.norm(after - corner, axis=2)
+    apart = np.linalg.norm(middle[:, :, None, None] - middle, axis=4)  # (F, K, F, K)
+    faces = np.arange(target.face_count)
+    apart[faces, :, faces] = np.inf
+    nearest = apart.min(axis=3)  # (F, K, F)
+    return np.where(nearest.min(axis=2) < SAME_PLACE * length, nearest.argmin(axis=2), -1)
+
+
+def opposite_faces(target: TargetGeometry) -> tuple[tuple[int, int], ...]:
+    """Pairs of faces whose normals are opposite, the smaller number first."""
+    normals = target.target_from_face[:, :3, 2]
+    pairs = np.argwhere(np.triu(normals @ normals.T < PARALLEL - 1, 1))
+    return tuple((int(first), int(second)) for first, second in pairs)
+
+
+def inset_per_depth(target: TargetGeometry) -> float:
+    """How far the plane that halves the angle of two faces moves in from their edge, per unit of depth; 0: no edge.
+
+    Of faces whose normals are an angle a apart, tan(a / 2); of a solid's edges the largest.
+    """
+    beside = adjacent_faces(target)
+    face, side = np.nonzero(beside >= 0)
+    if not len(face):
+        return 0.0
+    normals = target.target_from_face[:, :3, 2]
+    cosine = (normals[face] * normals[beside[face, side]]).sum(axis=1)
+    return math.tan(math.acos(float(np.clip(cosine.min(), -1.0, 1.0))) / 2)
+
+
+def deepest_inlay_mm(target: TargetGeometry) -> float:
+    """The deepest inlay of a border: its floor moves in with depth, and a tenth of its width must be left."""
+    inset = inset_per_depth(target)
+    return INLAY_SHARE * border_width_mm(target) / inset if inset > 0 else math.inf
+
+
+def face_down(target: TargetGeometry) -> NDArray[np.float64]:
+    """Axes of a bed on which the target lies on its last face, x along that face's x.  # (3, 3)"""
+    axes: NDArray[np.float64] = _FACE_DOWN @ target.target_from_face[-1, :3, :3].T
+    return axes
+
+
+def is_turned(target: TargetGeometry, *, is_bed_deep: bool = False) -> bool:
+    """Whether `design` turns a target by a quarter from `face_down`, so that its longer side lies along the bed's.
+
+    Of sides alike the last bit does not decide.
+    """
+    width, depth, _ = np.ptp(corners_mm(target).reshape(-1, 3) @ face_down(target).T, axis=0).tolist()
+    along, across = (depth, width) if is_bed_deep else (width, depth)
+    return bool(across > along * (1 + PARALLEL))
+
+
+def border_width_mm(target: TargetGeometry) -> float:
+    """Width of the border, where it is narrowest, to a nanometre; 0 without one."""
+    edge = np.roll(target.outline_mm, -1, axis=1) - target.outline_mm
+    outward = np.stack([edge[..., 1], -edge[..., 0]], axis=2) / np.linalg.norm(edge, axis=2, keepdims=True)
+    # From each side of the outline to the nearest corner of the window.
+    to_corner = target.outline_mm[:, :, None] - target.window_mm[:, None]  # (F, K, K, 2)
+    return round(float(np.einsum("fski,fsi->fsk", to_corner, outward).min()), 6)
+
+
+@dataclass(frozen=True)
+class Widths:
+    """Narrowest widths, in millimetres; infinite where a target has no such thing."""
+
+    stroke_mm: float  # of a ring
+    centre_mm: float  # diameter of a ring's white centre
+    gap_mm: float  # between neighbouring rings or dots
+    margin_mm: float  # between a ring and the border or, without one, the edge
+    border_mm: float  # 0 without one
+
+    @property
+    def ink_offset_range_mm(self) -> tuple[float, float]:
+        """Between these offsets no stroke and no white closes."""
+        shrink = min(self.stroke_mm / 2, self.border_mm if self.border_mm > 0 else np.inf)
+        # Both sides of a gap are ink; so are those of a margin, if there is a border.
+        margin = self.margin_mm / 2 if self.border_mm > 0 else self.margin_mm
+        return -shrink, min(self.centre_mm / 2, self.gap_mm / 2, margin)
+
+
+def narrowest_widths(target: TargetGeometry) -> Widths:
+    """The narrowest widths over all faces."""
+    is_ring = ~target.is_dot
+    inner, outer = target.radius_inner_mm[is_ring], target.radius_outer_mm[is_ring]
+    return Widths(
+        stroke_mm=float((outer - inner).min(initial=np.inf)),
+        centre_mm=2 * float(inner.min(initial=np.inf)),
+        gap_mm=_gap_mm(target),
+        margin_mm=_margin_mm(target),
+        border_mm=border_width_mm(target),
+    )
+
+
+def _gap_mm(target: TargetGeometry) -> float:
+    """Least distance between the outer edges of features that are neighbours in their face's lattice."""
+    face, index = target.ring_face, target.ring_index - target.ring_index.min(axis=0) + 1
+    width = int(index.max()) + 2
+    key = (face * width + index[:, 0]) * width + index[:, 1]
+    order = np.argsort(key)
+    least = np.inf
+    for i_step, j_step in ((1, 0), (0, 1), (1, -1), (1, 1)):
+        wanted = key + i_step * width + j_step
+        place = np.minimum(np.searchsorted(key, wanted, sorter=order), len(key) - 1)
+        neighbour = order[place]
+        (has,) = np.nonzero(key[neighbour] == wanted)
+        other = neighbour[has]
+        distance = np.linalg.norm(target.center_mm[has] - target.center_mm[other], axis=1)
+        gaps = distance - target.radius_outer_mm[has] - target.radius_outer_mm[other]
+        least = min(least, float(gaps.min(initial=np.inf)))
+    return least
+
+
+def _margin_mm(target: TargetGeometry) -> float:
+    """Least distance from a ring's outer edge to its face's window."""
+    corner = target.window_mm[target.ring_face]  # (R, K, 2)
+    edge = np.roll(corner, -1, axis=1) - corner
+    to_center = target.center_in_face_mm[:, None, :2] - corner
+    cross = edge[..., 0] * to_center[..., 1] - edge[..., 1] * to_center[..., 0]
+    inside = cross / np.linalg.norm(edge, axis=2)
+    return float((inside - target.radius_outer_mm[:, None]).min())

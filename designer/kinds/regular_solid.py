@@ -10,12 +10,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
-from designer.base.code import CODES
 from designer.base.errors import InputError
 from designer.base.units import format_mm, round_down, round_up
-from designer.spec.options import Asked, Option
-from designer.spec.size_rules import (
+from designer.spec.options import (
     DIAMETER_OVER_PITCH,
+    Asked,
+    Option,
     check_count,
     check_rings,
     chosen_ring,
@@ -67,7 +67,7 @@ class SolidSpec(Spec):
         """The same lattice on each face, and the face's code in dots about the first corner of its outline."""
         import numpy as np
 
-        from designer.base.solid import face_frames, regular_polygon
+        from designer.base.solid import CODES, face_frames, regular_polygon
         from designer.kinds.layout import same_on_all_faces
 
         shape, per_side = self.shape(), self.rings_per_side

@@ -7,10 +7,8 @@ import math
 from dataclasses import dataclass, replace
 
 from designer.base.errors import InputError
-from designer.base.skew import NO_SKEW, format_skew
-from designer.base.units import round_down
-from designer.kinds.faces import border_width_mm, deepest_inlay_mm, inset_per_depth
-from designer.kinds.layout import lay_out
+from designer.base.units import NO_SKEW, format_skew, round_down
+from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_depth, lay_out
 from designer.kinds.presets import DEFAULT_PRINTER, printer_profile
 from designer.kinds.spec_file import FORMATS, IDLE_OPTIONS
 from designer.spec.kind import kinds

@@ -13,10 +13,16 @@ from typing import Annotated, Optional, TypeVar, get_args
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
 from designer.base.errors import InputError
-from designer.base.page_size import page_size_mm
-from designer.base.skew import format_skew, parse_skew_rad
 from designer.base.small_file import read_small_text
-from designer.base.units import format_mm, parse_length_mm, parse_lengths_mm, parse_percent
+from designer.base.units import (
+    format_mm,
+    format_skew,
+    page_size_mm,
+    parse_length_mm,
+    parse_lengths_mm,
+    parse_percent,
+    parse_skew_rad,
+)
 from designer.base.words import shown, suggestion
 from designer.spec.kind import KINDS, kind_named, kinds
 from designer.spec.options import Asked, AskedPrinting, Value, is_required, options_of

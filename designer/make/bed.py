@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.base.skew import NO_SKEW, skew_matrix
-from designer.kinds.faces import corners_mm, face_down, is_turned
+from designer.base.units import NO_SKEW, skew_matrix
+from designer.kinds.layout import corners_mm, face_down, is_turned
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 

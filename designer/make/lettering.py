@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from designer.base.errors import InputError
 from designer.base.units import format_mm
-from designer.kinds.faces import inset_per_depth
-from designer.kinds.layout import lay_out
+from designer.kinds.layout import inset_per_depth, lay_out
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import RawValue, parse_spec
 from designer.spec.options import Asked

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.base.errors import InputError
-from designer.make.clearance import narrowest_widths
+from designer.kinds.layout import narrowest_widths
 from designer.make.lettering import Lettering, letter_faces
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from designer.base.units import round_down
-from designer.kinds.faces import border_width_mm, deepest_inlay_mm, inset_per_depth
+from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_depth, narrowest_widths
 from designer.make.bed import overhang, printed_size_mm
-from designer.make.clearance import narrowest_widths
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 

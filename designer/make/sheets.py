@@ -10,9 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.base.errors import InputError
-from designer.kinds.faces import adjacent_faces, inset_per_depth
-from designer.make.drawing import MARK_COLOUR, Area, Circle, Drawing, Point, SheetPage, Text, polygon
-from designer.make.pages import DESCENT, PieceGrid, lay_out_pages
+from designer.kinds.layout import adjacent_faces, inset_per_depth
+from designer.make.pages import (
+    DESCENT,
+    MARK_COLOUR,
+    Area,
+    Circle,
+    Drawing,
+    PieceGrid,
+    Point,
+    SheetPage,
+    Text,
+    lay_out_pages,
+    polygon,
+)
 from designer.make.pattern import Contour, FacePattern, Pattern, Stamp, moved_in
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry

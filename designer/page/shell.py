@@ -13,9 +13,8 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from designer.page.blocks import Block, Cell, Figure, Fold, Page, Raster, Section, Svg, Table, View3d
-from designer.page.links import href
-from designer.page.raster import media_type
+from designer.page.blocks import Block, Cell, Figure, Fold, Page, Raster, Section, Svg, Table, View3d, href
+from designer.page.pictures import media_type
 
 _PARTS = Path(__file__).parent / "parts"
 _VIEWER = ("three.min.js", "viewer_shapes.js", "viewer.js")
@@ -144,7 +143,7 @@ def _data_url(image: Raster | Svg) -> str:
 
 def _scene(view: View3d) -> Markup:
     """The scene as JSON that cannot end its script element (https://html.spec.whatwg.org/#restrictions-for-contents)."""
-    from designer.page.scene_json import scene_json
+    from designer.page.scene import scene_json
 
     return Markup(scene_json(view.scene).translate(_UNSAFE_IN_SCRIPT))  # noqa: S704 - escaped here
 

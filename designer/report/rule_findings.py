@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from designer.base.words import capital
+from designer.kinds.layout import narrowest_widths
 from designer.make.bed import printed_size_mm
-from designer.make.clearance import narrowest_widths
 from designer.make.printability import Level as RuleLevel
 from designer.make.printability import PrintCheck
 from designer.page.blocks import Finding, Findings, Level

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from designer.base.answer import Summary, Value
-from designer.base.skew import NO_SKEW, format_skew
+from designer.base.units import NO_SKEW, format_skew
 from designer.formats.folder import Written
 from designer.make.bed import printed_size_mm
 from designer.make.printability import PrintCheck

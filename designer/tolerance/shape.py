@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.kinds.faces import face_down
+from designer.kinds.layout import face_down
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]

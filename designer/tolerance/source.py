@@ -73,3 +73,12 @@ class ErrorSource:
     def instances(self, target: TargetGeometry) -> int:
         """How many instances a target has."""
         return {"print": 1, "face": target.face_count, "ring": target.ring_count}[self.scope]
+
+
+def format_quantity(value: float, unit: Unit) -> str:
+    """A number of a source as a person reads it: `0.1deg` for 0.001745 rad."""
+    if unit == "rad":
+        return f"{math.degrees(value):.6g}deg"
+    if unit == "1":
+        return f"{100 * value:.6g}%"
+    return f"{value:.6g}{unit}"

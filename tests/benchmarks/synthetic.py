@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from calib.core.types import Detections
 from calib.renderer import View
-from designer.base.code import code_positions
+from designer.base.solid import code_positions
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from designer.base.code import CODES, SQUARE_POSITIONS, TRIANGLE_POSITIONS, code_positions
+from designer.base.solid import CODES, SQUARE_POSITIONS, TRIANGLE_POSITIONS, code_positions
 from designer.kinds.board import BOARD_DOTS, BoardSpec, lattice_steps
-from designer.kinds.faces import adjacent_faces
-from designer.kinds.layout import lay_out
+from designer.kinds.layout import adjacent_faces, lay_out
 from designer.kinds.regular_solid import SolidSpec
 from designer.spec.kind import kinds
 from designer.spec.spec import Lattice

@@ -25,13 +25,12 @@ from calib.commands.render import render
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.renderer.rings import ring_truth
 from calib.renderer.scene import scene_from_target
-from designer.base.code import CODES, TRIANGLE_POSITIONS
 from designer.base.errors import InputError
-from designer.base.skew import skew_matrix
+from designer.base.solid import CODES, TRIANGLE_POSITIONS
+from designer.base.units import skew_matrix
 from designer.formats.folder import OutputFile, write_folder
-from designer.kinds.faces import opposite_faces
 from designer.kinds.ico import icosahedron
-from designer.kinds.layout import lay_out
+from designer.kinds.layout import lay_out, opposite_faces
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec
 from designer.make.bed import bed_from_target
@@ -40,19 +39,22 @@ from designer.make.printability import PrintFinding as RuleFinding
 from designer.page.blocks import Block, Command, FileList, Fold, Leaf, Page, Steps, Table, View3d
 from designer.page.scene import Rings, Surface
 from designer.produce import Design, make_files
-from designer.report.caliper import caliper_lengths, corner_rings, needs_rule, skew_effect_mm, skew_per_mm_deg
-from designer.report.design_page import PAGE_FILE, design_page, design_report, headline
-from designer.report.measure_steps import (
+from designer.report.design_page import DOT, PAGE_FILE, code_blocks, design_page, design_report, headline
+from designer.report.making import BODY_SLOT, INK_SLOT, usual_slicer
+from designer.report.measuring import (
     IMAGE_HALF_DIAGONAL,
     IMAGE_HALF_HEIGHT,
     READING,
     SIMULATED_CAMERA,
+    caliper_lengths,
+    corner_rings,
     example_length,
+    needs_rule,
     simulated_line,
+    skew_effect_mm,
+    skew_per_mm_deg,
 )
 from designer.report.rule_findings import rule_findings, rule_limits
-from designer.report.slicer_steps import BODY_SLOT, INK_SLOT, usual_slicer
-from designer.report.target_facts import DOT, code_blocks
 from designer.spec.options import Asked
 from designer.target import bounding_radius_mm
 from tests.support.browser import open_page, overflow_px, unresolved

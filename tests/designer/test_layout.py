@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from designer.base.code import CODES
+from designer.base.solid import CODES
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec, icosahedron
 from designer.kinds.layout import lay_out

@@ -10,13 +10,11 @@ from hypothesis import strategies as st
 
 from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
-from designer.kinds.faces import border_width_mm
 from designer.kinds.ico import IcoSpec
-from designer.kinds.layout import lay_out
+from designer.kinds.layout import border_width_mm, lay_out, narrowest_widths
 from designer.kinds.sizing import Sized, size_job
 from designer.kinds.spec_file import RawValue, parse_spec, spec_to_toml
-from designer.make.clearance import narrowest_widths
-from designer.spec.size_rules import widths_mm
+from designer.spec.options import widths_mm
 from designer.spec.spec import Spec
 
 TOO_LITTLE = "size, or its rings and their distance; give --size 200x200mm, or --columns 10 --rows 7 --pitch 20mm"

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from designer.base.solid import Polyhedron, Solid, face_frames, regular_polygon
-from designer.kinds.faces import adjacent_faces, inset_per_depth, opposite_faces
-from designer.kinds.layout import lay_out
+from designer.kinds.layout import adjacent_faces, inset_per_depth, lay_out, opposite_faces
 from designer.kinds.sizing import size_job
 from designer.spec.kind import kinds
 from designer.target import TargetGeometry

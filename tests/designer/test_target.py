@@ -94,7 +94,7 @@ def with_ids(document: Document) -> Document:
     """The document with ids that fit its numbers, computed as the schema describes it."""
 
     def digest(names: Iterable[str], tail: str = "") -> str:
-        content = b"ringforge.target 1"
+        content = bytes.fromhex("72696e67666f7267652e7461726765742031")
         for name in names:
             array = np.array(document[name], dtype=ARRAYS[name])
             array = array + 0.0 if array.dtype == np.float64 else array

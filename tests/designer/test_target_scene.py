@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
-from designer.page.scene import Cameras, Labels, Layer, Rings, Scene, Segments, Surface
-from designer.page.scene_json import scene_json
+from designer.page.scene import Cameras, Labels, Layer, Rings, Scene, Segments, Surface, scene_json
 from designer.target import TargetGeometry, bounding_radius_mm
 from designer.target_scene import (
     THICKNESS_MM,
@@ -241,7 +240,7 @@ def test_polygons_are_filled(corners: int, seed: int) -> None:
 
 def test_imports_are_light() -> None:
     """Reports of calibrations draw targets: neither meshes nor CAD may come along."""
-    code = "import sys, designer.target_scene, designer.page.scene_json; print(*sys.modules)"
+    code = "import sys, designer.target_scene, designer.page.scene; print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     heavy = {"manifold3d", "build123d", "scipy", "cv2", "numba", "matplotlib", "pydantic", "designer.make.mesh"}
     assert heavy.isdisjoint(run.stdout.split())

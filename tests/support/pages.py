@@ -31,8 +31,7 @@ from designer.page.blocks import (
     Table,
     View3d,
 )
-from designer.page.drawing import drawing_of_svg
-from designer.page.raster import raster_of
+from designer.page.pictures import drawing_of_svg, raster_of
 from designer.page.scene import Layer, Scene, Segments
 from designer.page.shell import page_html
 

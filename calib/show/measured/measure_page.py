@@ -34,8 +34,8 @@ from designer.page.blocks import (
     Page,
     Paragraph,
     Section,
+    is_linkable,
 )
-from designer.page.links import is_linkable
 from designer.target import TargetGeometry, load_target
 
 QUESTION = (
@@ -167,7 +167,7 @@ def _faces(folder: Path, stem: str, record: AsBuiltRecord, target: TargetGeometr
 
 def _picture(folder: Path, stem: str, record: AsBuiltRecord) -> Figure | None:
     """The picture that the measurement left."""
-    from designer.page.raster import raster_of
+    from designer.page.pictures import raster_of
 
     name = f"{stem}.as_built.png"
     content = read_small_bytes(folder / name, MAX_PICTURE_BYTES)

@@ -7,8 +7,19 @@ from pathlib import Path
 
 from calib.core.number_text import figure
 from designer.base.words import capital, printable
-from designer.page.blocks import Block, Cell, Command, Facts, FileList, FileRow, Finding, Findings, Level, Section
-from designer.page.links import is_linkable
+from designer.page.blocks import (
+    Block,
+    Cell,
+    Command,
+    Facts,
+    FileList,
+    FileRow,
+    Finding,
+    Findings,
+    Level,
+    Section,
+    is_linkable,
+)
 
 DEFAULT_NAME = "calibration"
 """How `calib run` calls its folder: it says nothing, so the folder around it is named too."""

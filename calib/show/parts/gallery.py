@@ -13,8 +13,7 @@ from calib.observe.images import read_preview
 from calib.show.parts.folder_blocks import size_bytes, title_of
 from designer.base.errors import InputError
 from designer.base.words import printable
-from designer.page.blocks import Finding, Findings, Gallery, Leaf, Level, Picture, Raster
-from designer.page.links import is_linkable
+from designer.page.blocks import Finding, Findings, Gallery, Leaf, Level, Picture, Raster, is_linkable
 
 OVERLAYS = "overlays"
 """The folder in which `calib run` puts pictures of what it found."""

@@ -27,8 +27,8 @@ from designer.page.blocks import (
     Level,
     Steps,
     Table,
+    is_linkable,
 )
-from designer.page.links import is_linkable
 
 if TYPE_CHECKING:
     from calib.observe.photos import PhotoResult

@@ -33,7 +33,7 @@ from calib.verdict.halves import HalvesApart, NoHalves
 from calib.verdict.next_views import NextView
 from designer.base.words import capital
 from designer.page.blocks import Figure
-from designer.page.drawing import drawing_of_svg
+from designer.page.pictures import drawing_of_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,7 +18,7 @@ from designer.page.blocks import (
     Raster,
     Svg,
 )
-from designer.page.drawing import drawing_of_svg
+from designer.page.pictures import drawing_of_svg
 
 MAX_DRAWING_BYTES = 500_000
 """Of a drawing within a page: a larger one is shown as pixels."""
@@ -63,7 +63,7 @@ def _drawing(path: Path) -> Svg | None:
 
 
 def _raster(path: Path) -> Raster | None:
-    from designer.page.raster import raster_of
+    from designer.page.pictures import raster_of
 
     content = read_small_bytes(path, MAX_PIXELS_BYTES)
     try:

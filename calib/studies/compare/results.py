@@ -17,8 +17,8 @@ from calib.studies.compare.photographed import VALUES, SetsOfPhotos, grouped
 from calib.studies.store import Study
 from calib.studies.stored_samples import Samples
 from designer.tolerance.model import ErrorModel
-from designer.tolerance.quantity import format_quantity
 from designer.tolerance.registry import SOURCES
+from designer.tolerance.source import format_quantity
 
 Array = NDArray[np.float64]
 

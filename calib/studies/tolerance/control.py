@@ -17,8 +17,8 @@ from calib.studies.tolerance.first_order import FirstOrder
 from calib.studies.tolerance.noise_response import noise_squares
 from calib.studies.tolerance.response import responses
 from calib.studies.tolerance.result import Control, ToleranceTable
-from designer.tolerance.directions import displacements
 from designer.tolerance.model import ErrorModel
+from designer.tolerance.prior import displacements
 
 Array = NDArray[np.float64]
 

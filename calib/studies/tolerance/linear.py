@@ -18,8 +18,8 @@ from calib.studies.tolerance.response import responses
 from calib.studies.tolerance.result import Cost, ToleranceTable
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.true_shape import TrueShape
-from designer.tolerance.directions import directions
 from designer.tolerance.model import ErrorModel
+from designer.tolerance.prior import directions
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from calib.studies.tolerance.first_order import FirstOrder
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.response import responses
 from calib.studies.tolerance.setting import Setting
-from designer.tolerance.directions import directions
 from designer.tolerance.model import ErrorModel
+from designer.tolerance.prior import directions
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from designer.base.skew import skew_matrix
+from designer.base.units import skew_matrix
 from designer.tolerance.shape import MadeShape
 from designer.tolerance.source import Array, ErrorSource
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calib.as_built_report.deviations import Estimate, WholePrint, next_skew_rad
 from calib.as_built_report.words import next_print_lines
-from designer.base.skew import NO_SKEW, Skew, parse_skew_rad
+from designer.base.units import NO_SKEW, Skew, parse_skew_rad
 from designer.kinds.sizing import size_printing
 from designer.make.bed import bed_from_target, printed_corners_mm
 from designer.spec.options import AskedPrinting

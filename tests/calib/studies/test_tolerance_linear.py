@@ -20,8 +20,8 @@ from calib.studies.tolerance.reach import OFF, reach_of
 from calib.studies.tolerance.response import responses
 from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.setting import Setting
-from designer.tolerance.directions import directions
 from designer.tolerance.model import ErrorModel, displaced_shape
+from designer.tolerance.prior import directions
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.shape import centers_mm
 from designer.tolerance.source import Amount

@@ -48,9 +48,8 @@ from calib.studies.tolerance.tables import budget_table, cost_cell, cost_table, 
 from calib.studies.tolerance.view_fit import view_fit
 from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
-from designer.tolerance.error_file import error_model
+from designer.tolerance.error_file import error_model, parse_amount
 from designer.tolerance.model import ErrorModel
-from designer.tolerance.quantity import parse_amount
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.source import Amount
 from tests.support.perturbed_targets import board, ico

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from designer.base.errors import InputError
-from designer.formats.number_text import decimals, text_lines, whole_numbers
-from designer.formats.threemf import ThreeMfFiles, threemf_files
+from designer.formats.threemf import ThreeMfFiles, decimals, text_lines, threemf_files, whole_numbers
 from designer.make.bed import bed_from_target
 from designer.make.mesh import Mesh, Part
 from designer.produce import Design

@@ -9,12 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from designer.kinds.board import BoardSpec
-from designer.kinds.faces import border_width_mm
 from designer.kinds.ico import IcoSpec
-from designer.kinds.layout import lay_out
+from designer.kinds.layout import border_width_mm, lay_out, narrowest_widths
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import RawValue, parse_spec
-from designer.make.clearance import narrowest_widths
 from designer.make.printability import RULES, PrintCheck, PrintFinding, check_printability
 from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry

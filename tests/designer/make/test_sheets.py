@@ -22,14 +22,14 @@ from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
 from designer.base.errors import InputError
-from designer.base.page_size import MARGIN_MM, SCALE_BAR_MM, page_size_mm
+from designer.base.units import MARGIN_MM, SCALE_BAR_MM, page_size_mm
 from designer.formats.pdf import pdf_bytes
 from designer.formats.svg import svg_bytes
 from designer.kinds.board import BoardSpec
 from designer.kinds.cube import CubeSpec
 from designer.kinds.ico import IcoSpec, icosahedron
 from designer.kinds.layout import lay_out
-from designer.make.drawing import SheetPage, Text
+from designer.make.pages import SheetPage, Text
 from designer.make.pattern import make_pattern
 from designer.make.sheets import BLEED_MM, lay_out_sheets
 from designer.spec.spec import PrinterProfile, PrintSpec, Spec

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from designer.base.errors import InputError
-from designer.base.skew import MOST_SKEW_DEG, NO_SKEW, Skew, format_skew, parse_skew_rad
+from designer.base.units import MOST_SKEW_DEG, NO_SKEW, Skew, format_skew, parse_skew_rad
 from designer.formats.stl import stl_bytes
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import RawValue, parse_spec, read_spec_file, spec_to_toml

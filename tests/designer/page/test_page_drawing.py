@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from designer.page.blocks import Figure, Page, Section
-from designer.page.drawing import drawing_of_svg
+from designer.page.pictures import drawing_of_svg
 from designer.page.shell import page_html
 from tests.support.pages import PLOT
 

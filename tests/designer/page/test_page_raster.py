@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from designer.page.raster import media_type, raster_of, thumbnail
+from designer.page.pictures import media_type, raster_of, thumbnail
 
 
 def encoded(pixels: np.ndarray, kind: str, **options: object) -> bytes:

@@ -12,8 +12,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from designer.page.blocks import Cell, Column, Figure, Fold, Link, Page, Paragraph, Raster, Section, Table, View3d
-from designer.page.links import href, is_linkable
+from designer.page.blocks import (
+    Cell,
+    Column,
+    Figure,
+    Fold,
+    Link,
+    Page,
+    Paragraph,
+    Raster,
+    Section,
+    Table,
+    View3d,
+    href,
+    is_linkable,
+)
 from designer.page.scene import Labels, Layer, Scene
 from designer.page.shell import file_size, page_html
 from tests.support.pages import HOSTILE, hostile_page, picture, scene, values_table, whole_page

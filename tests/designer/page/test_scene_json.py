@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from designer.page.scene import Cameras, Labels, Layer, Rings, Scene, Segments, Shape, Surface
-from designer.page.scene_json import scene_json
+from designer.page.scene import Cameras, Labels, Layer, Rings, Scene, Segments, Shape, Surface, scene_json
 
 RNG = np.random.default_rng(7)
 Z = np.tile([0.0, 0.0, 1.0], (3, 1))

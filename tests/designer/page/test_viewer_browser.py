@@ -21,7 +21,7 @@ from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import lay_out
 from designer.page import shell
 from designer.page.blocks import Page, Paragraph, Raster, Section, View3d
-from designer.page.raster import raster_of
+from designer.page.pictures import raster_of
 from designer.page.scene import Layer, Scene
 from designer.page.shell import page_html
 from designer.target_scene import camera_layer, target_scene

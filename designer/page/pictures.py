@@ -1,6 +1,7 @@
 """Pictures of pixels: their size from the file's head, and small versions of them."""
 
 import io
+import re
 import struct
 import warnings
 from typing import TYPE_CHECKING
@@ -8,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.page.blocks import Raster
+from designer.page.blocks import Raster, Svg
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -136,3 +137,39 @@ def _jpeg_size(content: bytes) -> tuple[int, int]:
             if length < 2:
                 raise ValueError("picture: a JPEG with a segment of no length")
             at += length
+
+
+# Colours without meaning, those of `calib.figures.style` and of matplotlib itself: on light, on dark, and what is so.
+_NEUTRAL = {
+    "ink": ("#1a1a1a", "#e6e9ec", ("#1a1a1a", "#262626", "#000000")),
+    "grey": ("#6b6b6b", "#a3abb3", ("#6b6b6b", "#7f7f7f", "#808080")),
+    "faint": ("#bdbdbd", "#59616a", ("#bdbdbd", "#b0b0b0", "#cccccc")),
+    "empty": ("#e4e4e4", "#343a41", ("#e4e4e4",)),
+    "paper": ("#ffffff", "#1a1d21", ("#ffffff",)),
+}
+_NAME = {colour: name for name, (_, _, colours) in _NEUTRAL.items() for colour in colours}
+_LIGHT, _DARK = (";".join(f"--{name}:{colours[n]}" for name, colours in _NEUTRAL.items()) for n in (0, 1))
+_STYLE = (
+    f"<style>:root{{{_LIGHT};fill:var(--ink)}}@media screen and (prefers-color-scheme:dark){{:root{{{_DARK}}}}}"
+    'text{font-family:"DejaVu Sans",Verdana,"Bitstream Vera Sans",sans-serif!important}</style>'
+)
+_COLOUR = re.compile(rf"\b((?:fill|stroke)(?:: |=\"))({'|'.join(_NAME)})\b", re.IGNORECASE)
+_SIZE = re.compile(r'\bviewBox="0 0 ([0-9]+(?:\.[0-9]+)?) ([0-9]+(?:\.[0-9]+)?)"')
+_PX_PER_POINT = 96 / 72
+
+
+def drawing_of_svg(svg: bytes) -> Svg:
+    """A drawing of matplotlib for a page.
+
+    Raises:
+        ValueError: no whole SVG as matplotlib writes it.
+    """
+    text = svg.decode("utf-8", "replace")
+    start = text.find("<svg")
+    end = text.find(">", start)
+    size = _SIZE.search(text, start, end) if 0 <= start < end else None
+    if size is None or "</svg>" not in text:
+        raise ValueError("drawing: no SVG, or not all of it")
+    coloured = _COLOUR.sub(lambda found: f"{found[1]}var(--{_NAME[found[2].lower()]})", text[end + 1 :])
+    width_px, height_px = (round(float(side) * _PX_PER_POINT, 2) for side in size.groups())
+    return Svg(f"{text[start : end + 1]}{_STYLE}{coloured}".encode(), width_px, height_px)
