@@ -11,7 +11,7 @@ import typer
 from calib.commands.tolerance import tolerance
 from designer.base.answer import Summary
 from designer.base.command import command, new_app, run
-from designer.kinds.presets import for_option, target_templates
+from designer.kinds.presets import OPTION_VALUES, target_templates
 from designer.spec.kind import Kind, kinds
 from designer.spec.options import Asked, AskedPrinting, options_of
 from designer.spec.options import Option as SpecOption
@@ -46,7 +46,7 @@ def _option(name: str, option: SpecOption) -> inspect.Parameter:
     if is_switch:
         annotation: object = Annotated[bool | None, typer.Option(*flags, help=option.help)]
     else:
-        completed = for_option(name)
+        completed = OPTION_VALUES.get(name)
         annotation = Annotated[
             str | None, typer.Option(*flags, help=option.help, metavar="VALUE", autocompletion=completed)
         ]
@@ -135,8 +135,8 @@ def _design(values: Given, origin: str, out: Path | None, must_fit: bool) -> Sum
 def templates() -> Summary:
     """List the templates for targets, printers and manufacturing errors."""
     from designer.kinds.layout import lay_out
-    from designer.kinds.presets import preset_names, preset_or_file, printer_profile
-    from designer.kinds.sizing import size_job
+    from designer.kinds.presets import preset_names, preset_or_file
+    from designer.kinds.sizing import printer_profile, size_job
     from designer.kinds.spec_file import parse_spec, read_spec_file
     from designer.report.summary import print_templates, templates_summary
     from designer.tolerance.error_file import error_model

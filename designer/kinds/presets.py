@@ -1,17 +1,19 @@
-"""The templates that travel with the program: targets, printers, cameras and error models as data."""
+"""The templates that travel with the program: targets, printers, cameras and error models as data.
+
+And what a shell offers as the value of an option; where nothing fits, it offers files.
+"""
 
 import difflib
 import os
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
-from designer.kinds.spec_file import PrinterFile, read_printer_file
-from designer.spec.spec import PrinterProfile
+from designer.spec.spec import Build, Lattice
 
 PresetKind = Literal["targets", "printers", "cameras", "errors", "criteria"]
-DEFAULT_PRINTER = "bambu-p1s"
 
 
 def preset_folder() -> Path:
@@ -61,57 +63,27 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def printer_profile(
-    name: str,
-    *,
-    nozzle_mm: float | None,
-    line_width_mm: float | None,
-    layer_height_mm: float | None,
-    bed_mm: tuple[float, float, float] | None,
-) -> PrinterProfile:
-    """A printer with one of its nozzles; single values may be replaced.
-
-    Raises:
-        InputError: an unknown printer, or a nozzle it has no line for while none is given.
-    """
-    if nozzle_mm and line_width_mm and layer_height_mm and bed_mm:
-        # A full profile, as a resolved spec has it, stands without the file it once came from.
-        diameter, line, layer, bed = nozzle_mm, line_width_mm, layer_height_mm, bed_mm
-    else:
-        path = preset_or_file("printers", name)
-        file = read_printer_file(path)
-        diameter, bed = nozzle_mm or file.nozzle, bed_mm or file.bed
-        line, layer = _line_of_nozzle(file, diameter, line_width_mm, layer_height_mm, name)
-        if name not in preset_names("printers"):
-            name = file.title
-    if not 0.6 * diameter <= line <= 2.5 * diameter:
-        raise InputError(
-            f"line width {line:g}mm does not fit a {diameter:g}mm nozzle; "
-            f"use {0.6 * diameter:.3g}mm to {2.5 * diameter:.3g}mm"
-        )
-    if layer > 0.8 * diameter:
-        raise InputError(
-            f"layer height {layer:g}mm is too high for a {diameter:g}mm nozzle; use at most {0.8 * diameter:.3g}mm"
-        )
-    return PrinterProfile(
-        name=name,
-        bed_mm=bed,
-        nozzle_mm=diameter,
-        line_width_mm=line,
-        layer_height_mm=layer,
-    )
+Complete = Callable[[str], list[str]]
 
 
-def _line_of_nozzle(
-    file: PrinterFile, diameter: float, line_width_mm: float | None, layer_height_mm: float | None, name: str
-) -> tuple[float, float]:
-    """Line width and layer height, from what is given and from the profile's nozzle."""
-    if line_width_mm is not None and layer_height_mm is not None:
-        return line_width_mm, layer_height_mm
-    for nozzle in file.nozzles:
-        if nozzle.diameter == diameter:
-            return line_width_mm or nozzle.line_width, layer_height_mm or nozzle.layer_height
-    known = ", ".join(f"{nozzle.diameter:g}mm" for nozzle in file.nozzles)
-    raise InputError(
-        f"nozzle {diameter:g}mm: printer {name!r} has {known}; use one of them, or give --line-width and --layer-height"
-    )
+def _templates_of(kind: PresetKind) -> Complete:
+    return lambda incomplete: [name for name in preset_names(kind) if name.startswith(incomplete)]
+
+
+target_templates = _templates_of("targets")
+printer_templates = _templates_of("printers")
+error_templates = _templates_of("errors")
+camera_templates = _templates_of("cameras")
+
+
+def one_of(words: Sequence[str]) -> Complete:
+    """These words, and no others."""
+    return lambda incomplete: [word for word in words if word.startswith(incomplete)]
+
+
+OPTION_VALUES = {
+    "printer": printer_templates,
+    "build": one_of(get_args(Build)),
+    "lattice": one_of(get_args(Lattice)),
+}
+"""What completes the option of a spec's field."""

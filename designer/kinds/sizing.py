@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from designer.base.errors import InputError
 from designer.base.units import NO_SKEW, format_skew, round_down
 from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_depth, lay_out
-from designer.kinds.presets import DEFAULT_PRINTER, printer_profile
-from designer.kinds.spec_file import FORMATS, IDLE_OPTIONS
+from designer.kinds.presets import preset_names, preset_or_file
+from designer.kinds.spec_file import FORMATS, IDLE_OPTIONS, PrinterFile, read_printer_file
 from designer.spec.kind import kinds
 from designer.spec.options import Asked, AskedPrinting
 from designer.spec.spec import (
@@ -28,6 +28,7 @@ from designer.spec.spec import (
 )
 from designer.target import TargetGeometry
 
+DEFAULT_PRINTER = "bambu-p1s"
 SOLID_INLAY_MM = 1.0
 """Inlay of a one-piece icosahedron: its 12 steep faces fill to 70 % at 0.6 mm, to 93 % at 0.9-1.0 mm."""
 FLAT_INLAY_LAYERS = 3
@@ -105,6 +106,62 @@ def _size_printing(
     )
     _check_paper(printing, target)
     return printing, (remark, *remarks)
+
+
+def printer_profile(
+    name: str,
+    *,
+    nozzle_mm: float | None,
+    line_width_mm: float | None,
+    layer_height_mm: float | None,
+    bed_mm: tuple[float, float, float] | None,
+) -> PrinterProfile:
+    """A printer with one of its nozzles; single values may be replaced.
+
+    Raises:
+        InputError: an unknown printer, or a nozzle it has no line for while none is given.
+    """
+    if nozzle_mm and line_width_mm and layer_height_mm and bed_mm:
+        # A full profile, as a resolved spec has it, stands without the file it once came from.
+        diameter, line, layer, bed = nozzle_mm, line_width_mm, layer_height_mm, bed_mm
+    else:
+        path = preset_or_file("printers", name)
+        file = read_printer_file(path)
+        diameter, bed = nozzle_mm or file.nozzle, bed_mm or file.bed
+        line, layer = _line_of_nozzle(file, diameter, line_width_mm, layer_height_mm, name)
+        if name not in preset_names("printers"):
+            name = file.title
+    if not 0.6 * diameter <= line <= 2.5 * diameter:
+        raise InputError(
+            f"line width {line:g}mm does not fit a {diameter:g}mm nozzle; "
+            f"use {0.6 * diameter:.3g}mm to {2.5 * diameter:.3g}mm"
+        )
+    if layer > 0.8 * diameter:
+        raise InputError(
+            f"layer height {layer:g}mm is too high for a {diameter:g}mm nozzle; use at most {0.8 * diameter:.3g}mm"
+        )
+    return PrinterProfile(
+        name=name,
+        bed_mm=bed,
+        nozzle_mm=diameter,
+        line_width_mm=line,
+        layer_height_mm=layer,
+    )
+
+
+def _line_of_nozzle(
+    file: PrinterFile, diameter: float, line_width_mm: float | None, layer_height_mm: float | None, name: str
+) -> tuple[float, float]:
+    """Line width and layer height, from what is given and from the profile's nozzle."""
+    if line_width_mm is not None and layer_height_mm is not None:
+        return line_width_mm, layer_height_mm
+    for nozzle in file.nozzles:
+        if nozzle.diameter == diameter:
+            return line_width_mm or nozzle.line_width, layer_height_mm or nozzle.layer_height
+    known = ", ".join(f"{nozzle.diameter:g}mm" for nozzle in file.nozzles)
+    raise InputError(
+        f"nozzle {diameter:g}mm: printer {name!r} has {known}; use one of them, or give --line-width and --layer-height"
+    )
 
 
 def _choose_printer(asked: AskedPrinting) -> PrinterProfile:

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from designer.base.errors import InputError
 from designer.kinds.board import AskedBoard
 from designer.kinds.ico import AskedIco
-from designer.kinds.presets import preset_names, preset_or_file, printer_profile
-from designer.kinds.sizing import size_job
+from designer.kinds.presets import preset_names, preset_or_file
+from designer.kinds.sizing import printer_profile, size_job
 from designer.kinds.spec_file import (
     FORMATS,
     MAX_FILE_BYTES,
