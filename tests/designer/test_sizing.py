@@ -86,7 +86,7 @@ def test_edge_100_is_the_papers_target() -> None:
 
 
 @given(st.floats(50, 2000), st.sampled_from(["0.2mm", "0.4mm"]))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_large_edges_keep_the_papers_proportions(edge_mm: float, nozzle: str) -> None:
     """From about 50 mm on, D = 0.07 edge, C = 0.1 edge and border 0.02 edge, to drawing precision."""
     spec = ico(edge=edge_mm, nozzle=nozzle)
@@ -102,7 +102,7 @@ nozzles = st.sampled_from(["0.2mm", "0.4mm"])
 
 
 @given(edges, nozzles)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_automatic_sizes_keep_their_rules(edge_mm: float, nozzle: str) -> None:
     """All widths are two lines with 5 to 8 rings a side; or one line with 5, and a warning; or there is an error.
 
@@ -125,7 +125,7 @@ def test_automatic_sizes_keep_their_rules(edge_mm: float, nozzle: str) -> None:
 
 
 @given(edges, st.floats(0, 30), nozzles)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_larger_edges_carry_no_fewer_rings(edge_mm: float, more_mm: float, nozzle: str) -> None:
     """A larger edge never gives fewer rings, nor one line where a smaller one had two, nor an error."""
     smaller = sized_or_refusal(kind="ico", edge=edge_mm, nozzle=nozzle)
@@ -164,7 +164,7 @@ def test_edge_20_just_works(nozzle: str) -> None:
     ratio=st.none() | st.floats(0.2, 0.8),
     build=st.sampled_from(["solid", "stickers"]),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_named_smallest_edge_is_the_smallest(
     nozzle: str, border: float | None, margin: float | None, ratio: float | None, build: str
 ) -> None:
@@ -194,7 +194,7 @@ def test_given_sizes_are_kept() -> None:
     st.none() | st.floats(0.5, 5),
     st.none() | st.floats(0, 5),
 )
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_given_sizes_fit_or_are_refused(
     edge_mm: float, diameter_ratio: float, pitch_ratio: float, border: float | None, margin: float | None
 ) -> None:
@@ -218,7 +218,7 @@ def test_given_sizes_fit_or_are_refused(
     st.none() | st.floats(0.5, 5),
     st.none() | st.floats(0.5, 5),
 )
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_largest_ring_and_smallest_edge_named_work(
     edge_mm: float, diameter_mm: float, pitch_ratio: float, border: float | None, margin: float | None
 ) -> None:
@@ -358,7 +358,7 @@ def test_board_by_its_rings_is_as_large_as_they_need() -> None:
     border=st.sampled_from([0, 1, 5]),
     margin=st.none() | st.floats(0.5, 9),
 )
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_boards_hold_all_that_fits(
     size: tuple[float, float], pitch: float | None, lattice: str, border: float, margin: float | None
 ) -> None:
@@ -414,7 +414,7 @@ def test_profile_is_bambu_p1s_with_a_04_nozzle() -> None:
 
 
 @given(st.floats(7, 40), nozzles, st.none() | st.floats(0.2, 2))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_automatic_inlay_is_whole_layers_and_leaves_border(edge_mm: float, nozzle: str, border: float | None) -> None:
     """1 mm, or as many whole layers as leave a tenth of the border's width at the floor, and at least one."""
     values = without_none(border=border)

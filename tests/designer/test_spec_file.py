@@ -245,7 +245,7 @@ toml_values = st.recursive(
     st.dictionaries(st.sampled_from([*KEYS, "kind", "edgee"]) | st.text(max_size=5), toml_values, max_size=4),
     st.sampled_from(["ico", "board", None]),
 )
-@settings(max_examples=400, deadline=2000)
+@settings(max_examples=200, deadline=2000)
 def test_any_values_give_a_job_or_a_one_line_error(values: dict[str, RawValue], kind: str | None) -> None:
     """Nothing that TOML can hold makes anything but a job or an InputError of one line."""
     whole = {**values, **({"kind": kind} if kind else {})}
@@ -258,7 +258,7 @@ def test_any_values_give_a_job_or_a_one_line_error(values: dict[str, RawValue], 
 
 
 @given(text=st.text(max_size=60) | st.text("abk='\"[]{}.,\n0123-# \\", max_size=60))
-@settings(max_examples=300, deadline=2000, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, deadline=2000, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_text_gives_values_or_a_one_line_error(text: str, tmp_path: Path) -> None:
     """No text in a file makes anything but keys and values or an InputError of one line."""
     path = tmp_path / "my.toml"
@@ -415,7 +415,7 @@ options = st.fixed_dictionaries(
 
 @given(spec=specs, more=options)
 @settings(
-    max_examples=300,
+    max_examples=100,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.filter_too_much],
 )

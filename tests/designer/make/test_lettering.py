@@ -98,7 +98,7 @@ def test_text_is_a_centred_line(text: str, stroke_mm: float, baseline_mm: float)
     offset_mm=st.sampled_from([-0.1, 0.0, 0.1]),
     percent=st.sampled_from([-20, 0, 1, 20]),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_letters_in_a_border_stay_clear(
     edge_mm: float, border_mm: float, nozzle: str, inlay_mm: float, offset_mm: float, percent: float
 ) -> None:
@@ -136,7 +136,7 @@ def test_letters_in_a_border_stay_clear(
 
 
 @given(st.floats(55, 120), st.floats(0.5, 8), st.sampled_from(["0mm", "1mm", "5mm"]), st.sampled_from([-10, 0, 5]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_letters_on_a_board_stay_clear(size_mm: float, margin_mm: float, border: str, percent: float) -> None:
     """On a board, letters keep a line's width to rings, border and edge; without a border half a ring's radius."""
     job = job_of(

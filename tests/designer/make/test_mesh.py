@@ -287,7 +287,7 @@ options = st.fixed_dictionaries(
 
 
 @given(specs, options)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_any_design_fills_its_solid(spec: dict[str, RawValue], printing: dict[str, RawValue]) -> None:
     """Whatever is asked for, the meshes are sound, or there is a reason why not."""
     try:
