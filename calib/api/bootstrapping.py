@@ -15,6 +15,7 @@ from calib.api.loading import Observed, Place, load_observations, observations_o
 from calib.api.page_shown import ShownAsPage
 from calib.api.progress import Progress, unheard
 from calib.api.tolerancing import MAX_SEED, DrawCount
+from calib.cameras import DEFAULT, solved_models
 from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
 from calib.observe.corners_vnl import PointGrid
@@ -81,7 +82,7 @@ def bootstrap(
     truth: Truth | Place | None = None,
     sizes: Sequence[int] = (20, 50, 120),
     samples: int = 10_000,
-    model: str = "luhmann",
+    model: str = DEFAULT,
     fix: Sequence[str] = (),
     share: Sequence[str] = (),
     loss: str = "squares",
@@ -129,7 +130,7 @@ def bootstrap(
         model, fix=fix, share=share, focal_px=None, loss=loss, reject=reject_sigma, weighted=weighted
     )
     if len(plan.models) > 1:
-        raise InputError(f"--model {model}: a study is of one model; give luhmann, opencv, pinhole or virtual")
+        raise InputError(f"--model {model}: a study is of one model; give {', '.join(solved_models())}")
     views, count = [whole("--sizes", size, 1, MAX_SIZE) for size in sizes], whole("--samples", samples, 1, MAX_SAMPLES)
     seed = whole("--seed", seed, 0, MAX_SEED)
     processes = os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, 1024)

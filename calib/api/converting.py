@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from calib.api.loading import Place
-from calib.cameras import parameter_names
+from calib.cameras import LINEAR, fitted_models, parameter_names
 from calib.cameras.camera import Camera
-from calib.cameras.refit import FAMILIES, FOCAL_AND_CENTRE, Refit
+from calib.cameras.refit import FOCAL_AND_CENTRE, Refit
 from calib.core.files import write_files
+from calib.interop import FORMATS, OWN
 from calib.interop.converting import fit_to_format
 from calib.interop.format import CameraFormat, ReadCamera
-from calib.interop.own_json import JSON
 from calib.interop.reading import OpenedCamera, find_format, open_camera
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours, signed
@@ -64,7 +64,7 @@ class Conversion:
             lost.append(f"{' '.join(gone)}, for which {self.format.title} has no place; {others}")
         if camera.learned is not None and self.camera.learned is None:
             lost.append("where the map is known; the file's lens goes on to the edges of the image, untried")
-        elif self.camera.model == "pinhole" and np.any(camera.params[FOCAL_AND_CENTRE:]):
+        elif self.camera.model == LINEAR and np.any(camera.params[FOCAL_AND_CENTRE:]):
             lost.append("the lens's distortion")
         return tuple(lost)
 
@@ -106,7 +106,9 @@ def convert(
     """
     target = find_format(to)
     opened = (
-        OpenedCamera(JSON, ReadCamera(camera)) if isinstance(camera, Camera) else open_camera(fspath(camera), source)
+        OpenedCamera(FORMATS[OWN], ReadCamera(camera))
+        if isinstance(camera, Camera)
+        else open_camera(fspath(camera), source)
     )
     if out is not None:
         check_converted(Path(out), target, opened)
@@ -134,7 +136,7 @@ def check_converted(out: Path, target: CameraFormat, source: OpenedCamera) -> No
 
 def _lens_parameters(names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of lens parameters, checked."""
-    known = sorted({name for model in FAMILIES for name in parameter_names(model)[FOCAL_AND_CENTRE:]})
+    known = sorted({name for model in fitted_models() for name in parameter_names(model)[FOCAL_AND_CENTRE:]})
     for name in names:
         if name not in known:
             raise InputError(f"--without {shown(name)}: no lens parameter; there are {', '.join(known)}")

@@ -21,7 +21,7 @@ from calib.as_built_report.held_out import LEAST_FOLDS, HeldOut, gain_on_held_ou
 from calib.as_built_report.join import joined
 from calib.as_built_report.length_words import AskedLength, doubt_about, parse_length
 from calib.as_built_report.words import no_gain_line
-from calib.cameras.refit import FAMILIES
+from calib.cameras import COMMON, DEFAULT, fitted_models, learned_models
 from calib.core.files import write_files
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import read_detections
@@ -96,7 +96,7 @@ def measure(
     observed: Several,
     *,
     lengths: Sequence[str | CaliperLength] = (),
-    model: str = "opencv",
+    model: str = COMMON,
     one_camera: bool = False,
     rings: str = "free",
     bow: bool | None = None,
@@ -268,13 +268,13 @@ def _options(
     weighted: bool,
     bow: bool | None,
 ) -> AsBuiltOptions:
-    if model == "virtual":
+    if model in learned_models():
         raise InputError(
-            "--model virtual: its map is learned from the target's own rings, so it cannot measure them; measure with "
-            "opencv or luhmann, then solve virtual with the measured target"
+            f"--model {model}: its map is learned from the target's own rings, so it cannot measure them; measure with "
+            f"{COMMON} or {DEFAULT}, then solve {model} with the measured target"
         )
-    if model not in FAMILIES:
-        hint = suggestion(model, list(FAMILIES)) or f"; there are {', '.join(FAMILIES)}"
+    if model not in fitted_models():
+        hint = suggestion(model, list(fitted_models())) or f"; there are {', '.join(fitted_models())}"
         raise InputError(f"--model {model!r}: cannot measure a target{hint}")
     if rings not in ("free", "rigid"):
         raise InputError(f"--rings {rings!r}: it must be free or rigid")

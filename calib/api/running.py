@@ -9,6 +9,7 @@ from calib.api.loading import Observed, Place, observations_of, photos_of, rende
 from calib.api.progress import Progress, unheard
 from calib.api.run_result import DETECTIONS_FILE, RunResult, RunWriter, best_of
 from calib.api.searching import Search, search_twice, truth_of
+from calib.cameras import learned_models, models_of_all
 from calib.core.files import named_in_files
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import named_photos
@@ -16,7 +17,6 @@ from calib.observe.truth import Truth
 from calib.pipeline.solving import (
     ALL,
     ALL_VIEWS,
-    MODELS_TO_SOLVE,
     Solution,
     SolvePlan,
     SolveTask,
@@ -217,7 +217,7 @@ def _solved(
 
 def models_of(model: str) -> tuple[str, ...]:
     """The models that a name asks for: itself, or of `all` the paper's."""
-    return MODELS_TO_SOLVE if model == ALL else (model,)
+    return models_of_all() if model == ALL else (model,)
 
 
 def _require_one(solutions: Sequence[Solution]) -> None:
@@ -260,8 +260,9 @@ def _checked_reference(reference: Reference | None, plan: SolvePlan, photos: Seq
     """
     if reference is None:
         return None
-    if "virtual" not in plan.models:
-        raise InputError(f"reference: model {plan.models[0]} learns no map; leave it out, or take model virtual")
+    if not set(learned_models()) & set(plan.models):
+        learning = " or ".join(learned_models())
+        raise InputError(f"reference: model {plan.models[0]} learns no map; leave it out, or take model {learning}")
     if not isinstance(reference, str) or reference == ALL_VIEWS or reference in photos or not photos:
         return reference
     ends = [name for name in photos if f"/{reference}".endswith(f"/{name}")]

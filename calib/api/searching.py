@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib.api.progress import Progress, unheard
+from calib.cameras import COMMON
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector import pipeline
@@ -226,21 +227,17 @@ def _with_stated_focal(plan: SolvePlan, results: Sequence[PhotoResult]) -> tuple
     return plan, ""
 
 
-FIRST_MODEL = "opencv"
-"""Of the camera whose lens the second search knows: Brown's model forwards, as the detector's own guess of a lens."""
-
-
 def _first_camera(results: Sequence[PhotoResult], target: TargetGeometry, plan: SolvePlan) -> tuple[Camera | None, str]:
     """A camera good enough to see rings through its lens, or why the photos do not determine one."""
     seen = [result.seen for result in results if result.seen is not None and len(result.seen.ring)]
     if not seen:
         return None, ""
-    options = replace(plan.options_of(FIRST_MODEL), weighted=False)
-    if FIRST_MODEL not in plan.models:  # another model's parameters are other numbers
+    options = replace(plan.options_of(COMMON), weighted=False)
+    if COMMON not in plan.models:  # another model's parameters are other numbers
         options = replace(options, fixed=(), shared=())
     try:
         observations = observations_from_detections(seen, target, origin="the photos")
-        calibration = solve(observations, FIRST_MODEL, options)
+        calibration = solve(observations, COMMON, options)
     except InputError as error:
         return None, str(error)
     if calibration.status != "converged":

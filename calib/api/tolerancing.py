@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 from calib.api.loading import Place, camera_of, target_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.progress import Progress, unheard
+from calib.cameras import DEFAULT
 from calib.cameras.camera import Camera
 from calib.core.files import check_folder, write_files
 from calib.renderer.poses import MAX_VIEWS
@@ -151,7 +152,7 @@ def tolerance(
     views: int = 90,
     distance_mm: float = 400.0,
     camera: Camera | Place = "machine-vision",
-    model: str = "luhmann",
+    model: str = DEFAULT,
     weighted: bool = False,
     draws: int = 200,
     full: bool = False,

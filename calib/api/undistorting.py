@@ -12,10 +12,9 @@ from calib.api.detecting import Pixels, require_image
 from calib.api.loading import Place, camera_of, photos_of
 from calib.api.progress import Progress, unheard
 from calib.api.searching import refuse_nothing
-from calib.cameras import undistortion
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import CAMERA, camera_to_json
-from calib.cameras.camera_file import load_camera as load_own_camera
+from calib.cameras import LINEAR, undistortion
+from calib.cameras.camera import CAMERA, Camera, camera_to_json
+from calib.cameras.camera import load_camera as load_own_camera
 from calib.cameras.undistortion import Undistorted, pinhole_of
 from calib.core.files import distinct_stems, write_files
 from calib.observe.images import Grey, read_colour
@@ -230,7 +229,7 @@ def _check_out(folder: Path, pinhole: Camera, replaced: Collection[str]) -> None
     if not place.exists() or not place.stat().st_size:
         return
     there = load_own_camera(place)
-    if there.model != "pinhole":
+    if there.model != LINEAR:
         raise InputError(f"{place}: exists and is no pinhole camera of an earlier run; choose another folder with -o")
     is_same = there.image_size == pinhole.image_size and np.array_equal(there.params, pinhole.params)
     if not is_same and any(one.name not in replaced for one in folder.glob(f"*{MARK}.png")):

@@ -1,31 +1,47 @@
-"""Camera models behind one protocol: everything downstream uses `rays` and `project` only."""
+"""Camera models behind one protocol, a file each; everything downstream uses `rays` and `project` only.
 
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import Protocol
+A model is a file of this folder, which holds it as `MODEL`, and a line of `ABILITIES`. Files are loaded when used.
+"""
 
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
-from calib.cameras.camera import Camera
-from calib.cameras.luhmann import Luhmann
-from calib.cameras.opencv import OpenCv
-from calib.cameras.parameters import Linearised, Parameter
-from calib.cameras.pinhole import Pinhole
-from calib.cameras.spline import Spline
-from calib.cameras.virtual import Virtual
+from calib.core.registry import Registry
 
-__all__ = [
-    "MODELS",
-    "SIMULATED",
-    "CameraModel",
-    "Linearised",
-    "Parameter",
-    "linearise",
-    "parameter_names",
-    "project",
-    "rays",
-]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from calib.cameras.camera import Camera
+    from calib.cameras.parameters import Linearised, Parameter
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Abilities:
+    """What can be done with a model."""
+
+    is_solved: bool = True  # photos determine its parameters; False: photos can be simulated with it, no more
+    is_learned: bool = False  # a map that is learned from photos, besides the parameters
+    is_in_all: bool = False  # one of those that `--model all` solves and compares
+
+
+ABILITIES: dict[str, Abilities] = {
+    "luhmann": Abilities(is_in_all=True),
+    "opencv": Abilities(is_in_all=True),
+    "virtual": Abilities(is_in_all=True, is_learned=True),
+    "pinhole": Abilities(),
+    "spline": Abilities(is_solved=False),
+}
+"""The models, in the order in which they are offered."""
+
+DEFAULT = "luhmann"
+"""The model of studies, if none is asked for."""
+COMMON = "opencv"
+"""The model that most other tools share: what their files hold, what is solved where others' cameras are compared."""
+LINEAR = "pinhole"
+"""The model without a lens: that of photos without distortion."""
 
 
 class CameraModel(Protocol):
@@ -42,7 +58,7 @@ class CameraModel(Protocol):
         ...
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:
+    def parameters(self) -> "tuple[Parameter, ...]":
         """What `Camera.params` holds, in its order; the first four are fx, fy, cx, cy in px."""
         ...
 
@@ -51,24 +67,40 @@ class CameraModel(Protocol):
         """The parameters that OpenCV's functions take as k1 k2 p1 p2 k3; () without a lens; None: another lens."""
         ...
 
-    def rays(self, camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rays(self, camera: "Camera", pixel: "Array") -> "Array":
         """Directions (..., 3), scaled to z = 1, of the light that reaches pixels (..., 2); nan where there is none."""
         ...
 
-    def project(self, camera: Camera, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    def project(self, camera: "Camera", point: "Array") -> "Array":
         """Pixels (..., 2) of points (..., 3) in the camera frame; nan behind the camera or outside the model."""
         ...
 
-    def linearise(self, camera: Camera, point: NDArray[np.float64]) -> Linearised:
+    def linearise(self, camera: "Camera", point: "Array") -> "Linearised":
         """Pixels of points (3, N), coordinate by coordinate, with their derivatives; nan where `project` has it."""
         ...
 
 
-MODELS: Mapping[str, CameraModel] = MappingProxyType(
-    {model.name: model for model in (OpenCv(), Luhmann(), Pinhole(), Virtual(), Spline())}
-)
-SIMULATED: frozenset[str] = frozenset({"spline"})
-"""Models that photos can be simulated with, but that are not solved: they have more parameters than photos tell."""
+MODELS: Registry[CameraModel] = Registry(__name__, "MODEL", ABILITIES)
+
+
+def solved_models() -> tuple[str, ...]:
+    """The models that photos determine."""
+    return tuple(name for name, model in ABILITIES.items() if model.is_solved)
+
+
+def learned_models() -> tuple[str, ...]:
+    """The models that are nothing without a learned map."""
+    return tuple(name for name, model in ABILITIES.items() if model.is_learned)
+
+
+def fitted_models() -> tuple[str, ...]:
+    """The models that are parameters only, which can be fitted to another camera, and whose covariance tells all."""
+    return tuple(name for name, model in ABILITIES.items() if model.is_solved and not model.is_learned)
+
+
+def models_of_all() -> tuple[str, ...]:
+    """The models that `--model all` means."""
+    return tuple(name for name, model in ABILITIES.items() if model.is_in_all)
 
 
 def parameter_names(model: str) -> tuple[str, ...]:
@@ -76,16 +108,16 @@ def parameter_names(model: str) -> tuple[str, ...]:
     return tuple(parameter.name for parameter in MODELS[model].parameters)
 
 
-def rays(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
+def rays(camera: "Camera", pixel: "Array") -> "Array":
     """Directions (..., 3), scaled to z = 1, of the light that reaches pixels (..., 2); nan where there is none."""
     return MODELS[camera.model].rays(camera, pixel)
 
 
-def project(camera: Camera, point: NDArray[np.float64]) -> NDArray[np.float64]:
+def project(camera: "Camera", point: "Array") -> "Array":
     """Pixels (..., 2) of points (..., 3) in the camera frame; nan behind the camera or outside the model."""
     return MODELS[camera.model].project(camera, point)
 
 
-def linearise(camera: Camera, point: NDArray[np.float64]) -> Linearised:
+def linearise(camera: "Camera", point: "Array") -> "Linearised":
     """Pixels of points (3, N) in the camera frame, with their derivatives; nan where `project` has it."""
     return MODELS[camera.model].linearise(camera, point)

@@ -1,20 +1,31 @@
-"""A camera: a model's name, its parameters, and the image it belongs to."""
+"""A camera: a model's name, its parameters, and the image it belongs to; and the files that hold one.
+
+These are `camera.json`, and templates or a person's own TOML with the same keys.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated
+from typing import Annotated, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import ABILITIES, MODELS, CameraModel, parameter_names, project, rays
+from calib.core.files import write_files
 from calib.core.types import frozen_array
 from designer.base.errors import InputError
-from designer.base.marks import Above, AtLeast, AtMost, Length, Shape
-from designer.base.small_file import JsonValue
+from designer.base.file_kind import FileKind, laid_out
+from designer.base.marks import LEFT_OUT, Above, AtLeast, AtMost, Length, Shape
+from designer.base.small_file import JsonValue, parse_json, read_small_text
+from designer.base.words import shown, suggestion
+from designer.kinds.presets import preset_or_file
+from designer.kinds.spec_file import RawValue, read_spec_file
 
 MAX_KNOTS = 1000
+MAX_LENGTHS = 40.0
+"""A side of the image has at most so many lengths of the kernel, so that tables stay small."""
 LARGEST = 1e15
 LEAST_NOISE = 1e-12
 """Less leaves the equations of the process singular in floating point."""
@@ -56,7 +67,7 @@ class Camera:
     @property
     def parameters(self) -> Mapping[str, float]:
         """The parameters by name."""
-        return MappingProxyType(dict(zip(_names(self.model), self.params.tolist(), strict=True)))
+        return MappingProxyType(dict(zip(parameter_names(self.model), self.params.tolist(), strict=True)))
 
     @property
     def matrix(self) -> NDArray[np.float64]:
@@ -71,8 +82,6 @@ class Camera:
         Raises:
             InputError: another model's lens; `calib.convert` fits OpenCV's to it, and says how well.
         """
-        from calib.cameras import MODELS
-
         names = MODELS[self.model].opencv_lens
         if names is None:
             raise InputError(
@@ -82,22 +91,16 @@ class Camera:
 
     def project(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pixels (..., 2) of points (..., 3) in the camera's frame; nan where it does not see: `camera.project(x)`."""
-        from calib.cameras import project
-
         return project(self, np.asarray(point, dtype=np.float64))
 
     def rays(self, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
         """Unit directions (..., 3) of the light that reaches pixels (..., 2); nan where none does: `camera.rays(u)`."""
-        from calib.cameras import rays
-
         ray = rays(self, np.asarray(pixel, dtype=np.float64))
         unit: NDArray[np.float64] = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
         return unit
 
     def to_json(self) -> JsonValue:
         """The content of `camera.json`, which also stands in other files."""
-        from calib.cameras.camera_file import camera_document
-
         return camera_document(self)
 
     @classmethod
@@ -107,8 +110,6 @@ class Camera:
         Raises:
             InputError: it is none, or a value breaks a rule.
         """
-        from calib.cameras.camera_file import camera_from_mapping
-
         return camera_from_mapping(value, place)
 
     def save(self, path: str | Path) -> Path:
@@ -117,15 +118,157 @@ class Camera:
         Raises:
             InputError: the place takes no file, or holds somebody else's.
         """
-        from calib.cameras.camera_file import camera_to_json
-        from calib.core.files import write_files
-
         place = Path(path)
         write_files({place: camera_to_json(self).encode()})
         return place
 
 
-def _names(model: str) -> tuple[str, ...]:
-    from calib.cameras import parameter_names
+MAX_SIDE_PX = 100_000
+REQUIRED = ("fx_px", "fy_px", "cx_px", "cy_px")
+"""What every model has; in a TOML file the lens's other parameters are 0 if left out."""
+FOCAL_RANGE_PX = (1e-3, 1e9)
+LARGEST_BY_UNIT = {"px": 1e9, "1": 1e30}
+"""By unit, what a parameter may be at most; what is larger overflows further on, and is no lens."""
 
-    return parameter_names(model)
+GRID, LEAST_SEEN, STEEPEST = 41, 0.01, 1e3
+"""Of pixels that are tried, the least share with a ray less than 89.9 degrees off the axis."""
+
+Side = Annotated[int, AtLeast(1), AtMost(MAX_SIDE_PX)]
+
+
+@dataclass(frozen=True)
+class CameraDocument:
+    """The keys of a camera file; the parameters' names depend on the model."""
+
+    model: str
+    image_size: tuple[Side, Side]
+    parameters: Mapping[str, float]
+    learned_map: Annotated[LearnedMap | None, LEFT_OUT] = None
+
+
+CAMERA = FileKind(CameraDocument, "camera", "a camera file", "check the file", largest_bytes=2**20)
+
+
+def camera_document(camera: Camera) -> dict[str, JsonValue]:
+    """The keys of `camera.json`."""
+    return CAMERA.document(CameraDocument(camera.model, camera.image_size, camera.parameters, camera.learned))
+
+
+def camera_to_json(camera: Camera) -> str:
+    """The text of `camera.json`; it reads back bit for bit."""
+    return laid_out(camera_document(camera)) + "\n"
+
+
+def camera_from_mapping(values: RawValue, origin: str, *, is_written_by_hand: bool = False) -> Camera:
+    """The camera in a parsed file.
+
+    Args:
+        values: what JSON or TOML held.
+        origin: what messages name.
+        is_written_by_hand: what the lens is not said to have, it has not; else all parameters must be there.
+
+    Raises:
+        InputError: another format or version, an unknown or missing key, or a value that breaks a rule.
+    """
+    return _camera(CAMERA.of(cast(JsonValue, values), origin), origin, REQUIRED if is_written_by_hand else None)
+
+
+def _camera(file: CameraDocument, origin: str, required: tuple[str, ...] | None) -> Camera:
+    """Hold a file's parameters to the rules of its model."""
+    model = MODELS.get(file.model)
+    if model is None:
+        hint = suggestion(file.model, list(MODELS)) or f"; there are {', '.join(MODELS)}"
+        raise InputError(f"{origin}: unknown camera model {shown(file.model)}{hint}")
+    learned = _learned_map(file, origin)
+    params = _parameters(file, model, origin, required or parameter_names(model.name))
+    camera = Camera(model.name, params, file.image_size, learned)
+    _require_plausible(camera, origin)
+    return camera
+
+
+def _require_plausible(camera: Camera, origin: str) -> None:
+    """Refuse what no camera is, whatever file it came from: one that sees hardly a part of its own image."""
+    width, height = camera.image_size
+    u, v = np.meshgrid(np.linspace(0, width - 1, GRID), np.linspace(0, height - 1, GRID))
+    with np.errstate(all="ignore"):
+        ray = rays(camera, np.stack([u, v], axis=-1))
+        is_seen = np.hypot(ray[..., 0], ray[..., 1]) <= STEEPEST  # false where there is none
+    if is_seen.mean() < LEAST_SEEN:
+        raise InputError(
+            f"{origin}: by these numbers {100 * is_seen.mean():.1f} % of the image see what is in front of the camera; "
+            "check the parameters, their order and units"
+        )
+
+
+def _parameters(
+    file: CameraDocument, model: CameraModel, origin: str, required: tuple[str, ...]
+) -> NDArray[np.float64]:
+    """The parameters in the model's order, each within its bounds."""
+    given = file.parameters
+    names = parameter_names(model.name)
+    for name in given.keys() - set(names):
+        hint = suggestion(name, list(names))
+        raise InputError(f"{origin}: unknown parameter {shown(name)} of model {model.name!r}{hint}")
+    for name in required:
+        if name not in given:
+            raise InputError(
+                f"{origin}: parameter {name} is missing; give it{' in pixels' if name in REQUIRED else ''}"
+            )
+    for name in ("fx_px", "fy_px"):
+        if not given[name] > 0:
+            raise InputError(f"{origin}: {name} {given[name]:g}: a focal length must be more than zero pixels")
+        if not FOCAL_RANGE_PX[0] <= given[name] <= FOCAL_RANGE_PX[1]:
+            span = f"{FOCAL_RANGE_PX[0]:g} to {FOCAL_RANGE_PX[1]:g} pixels"
+            raise InputError(f"{origin}: {name} {given[name]:g}: a focal length is from {span}; check the file")
+    for parameter in model.parameters:
+        value = given.get(parameter.name, 0.0)
+        if not parameter.lower < value < parameter.upper:
+            bounds = f"more than {parameter.lower:g} and less than {parameter.upper:g}"
+            raise InputError(f"{origin}: {parameter.name} {value:g}: must be {bounds}")
+        if not abs(value) <= LARGEST_BY_UNIT[parameter.unit]:
+            raise InputError(
+                f"{origin}: {parameter.name} {value:g}: is more than {LARGEST_BY_UNIT[parameter.unit]:g}, "
+                "which no lens has; check the file"
+            )
+    return np.array([given.get(name, 0.0) for name in names])
+
+
+def _learned_map(file: CameraDocument, origin: str) -> LearnedMap | None:
+    """The learned map of a model that needs one."""
+    learned = file.learned_map
+    if (learned is not None) != ABILITIES[file.model].is_learned:
+        if learned is None:
+            raise InputError(
+                f"{origin}: model {file.model!r} needs a learned_map, and there is none; solve the camera again"
+            )
+        raise InputError(f"{origin}: model {file.model!r} has no learned_map; leave it out")
+    if learned is not None and learned.length_px < (least := max(file.image_size) / MAX_LENGTHS):
+        raise InputError(
+            f"{origin}: learned_map.length_px {learned.length_px:g}: must be at least {least:g} in this image"
+        )
+    if learned is not None and not abs(np.linalg.det(learned.trend)) > 0:
+        raise InputError(f"{origin}: learned_map.trend must be a homography, which is invertible")
+    return learned
+
+
+def load_camera(path: Path) -> Camera:
+    """Read a camera file, JSON or TOML.
+
+    Raises:
+        InputError: the file cannot be read or is no valid camera file; the message names it.
+    """
+    if path.suffix.lower() == ".toml":
+        return camera_from_mapping(read_spec_file(path), str(path), is_written_by_hand=True)
+    document = parse_json(read_small_text(path, CAMERA.largest_bytes, CAMERA.what), path, CAMERA.what)
+    return camera_from_mapping(document, str(path))
+
+
+def camera_or_preset(name: str) -> Camera:
+    """The camera of a template, or of a person's .json or .toml file.
+
+    Raises:
+        InputError: neither a template nor a valid file; the message suggests the nearest template.
+    """
+    if Path(name).suffix.lower() == ".json":
+        return load_camera(Path(name))
+    return load_camera(preset_or_file("cameras", name))

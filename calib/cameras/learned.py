@@ -27,8 +27,6 @@ STEPS_PER_LENGTH = 8.0
 TABLE_ERROR = 1e-6
 """Largest error of the table, in units of the sensor."""
 MAX_NODES = 1_000_000
-MAX_LENGTHS = 40.0
-"""A side of the image has at most so many lengths of the kernel, so that tables stay small."""
 LEAST_CELLS = 48
 """Of the table of what is known, along the longer side of the image."""
 LEAST_VARIANCE = 1e-14

@@ -140,3 +140,6 @@ class Luhmann:
         result = room_for(len(self.parameters), point.shape[1])
         _linearise(camera.params, coefficients, fold_radius(coefficients), point, result.rows)
         return result
+
+
+MODEL = Luhmann()

@@ -118,3 +118,6 @@ class OpenCv:
         result = room_for(len(self.parameters), point.shape[1])
         _linearise(camera.params, fold_radius(camera.params[4:]), point, result.rows)
         return result
+
+
+MODEL = OpenCv()

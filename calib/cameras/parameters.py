@@ -1,7 +1,7 @@
 """What a camera model says of its parameters, and of its derivatives."""
 
 from dataclasses import dataclass
-from math import inf
+from math import inf, prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,9 @@ class Linearised:
     def of(pixel: NDArray[np.float64], by_point: NDArray[np.float64], by_params: NDArray[np.float64]) -> "Linearised":
         """From the three.  # (2, N), (2, 3, N), (2, P, N)"""
         count = pixel.shape[-1]
-        return Linearised(np.concatenate([part.reshape(-1, count) for part in (pixel, by_point, by_params)]))
+        return Linearised(
+            np.concatenate([part.reshape(prod(part.shape[:-1]), count) for part in (pixel, by_point, by_params)])
+        )
 
     @property
     def pixel(self) -> NDArray[np.float64]:

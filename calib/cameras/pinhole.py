@@ -67,3 +67,6 @@ class Pinhole:
         result = room_for(len(self.parameters), point.shape[1])
         _linearise(camera.params, point, result.rows)
         return result
+
+
+MODEL = Pinhole()

@@ -19,9 +19,6 @@ from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 
-FAMILIES = ("opencv", "luhmann", "pinhole")
-"""Models that are parameters only, so that they can be fitted to another."""
-
 COLUMNS = 60
 FOCAL_AND_CENTRE = 4
 MIN_PIXELS = 20
@@ -70,7 +67,7 @@ def refit(camera: Camera, model: str, *, zero: Collection[str] = (), turn: bool 
 
     Args:
         camera: of any model.
-        model: one of `FAMILIES`.
+        model: one of `calib.cameras.fitted_models()`.
         zero: lens parameters that must be 0.
         turn: let the frame turn; a learned map's sensor plane need not be parallel to the image.
 

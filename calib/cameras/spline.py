@@ -173,3 +173,6 @@ class Spline:
         point = np.ascontiguousarray(point, dtype=np.float64)
         _linearise(camera.params, _scale(camera.image_size), point, result.pixel, result.by_point, result.by_params)
         return result
+
+
+MODEL = Spline()

@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import project, rays
+from calib.cameras import LINEAR, project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.resample import Pixels, resample
 from calib.core.threads import in_chunks
@@ -42,7 +42,7 @@ def pinhole_of(camera: Camera, *, alpha: float | None = None, focal_px: float | 
         InputError: no focal length does it.
     """
     fx, fy, cx, cy = camera.params[:4]
-    same = Camera("pinhole", np.array([fx, fy, cx, cy]), camera.image_size)
+    same = Camera(LINEAR, np.array([fx, fy, cx, cy]), camera.image_size)
     if focal_px is not None:
         return _zoomed(same, focal_px / fx)
     if alpha is None:

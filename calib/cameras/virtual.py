@@ -16,6 +16,8 @@ from calib.core.jit import jit
 
 Array = NDArray[np.float64]
 
+VIRTUAL = "virtual"
+
 
 @jit
 def _rays(params: Array, table: MapTable, pixel: Array, ray: Array) -> None:
@@ -77,7 +79,7 @@ def table_of_camera(camera: Camera) -> MapTable:
 class Virtual:
     """A learned map, then a pinhole; the parameters are those of the pinhole, in pixels of the virtual sensor."""
 
-    name: str = "virtual"
+    name: str = VIRTUAL
     remedy: str = "show the target there too"
     opencv_lens: tuple[str, ...] | None = None
     parameters: tuple[Parameter, ...] = FOCAL_AND_CENTRE
@@ -103,3 +105,6 @@ class Virtual:
         point = np.ascontiguousarray(point, dtype=np.float64)
         _linearise(camera.params, table_of_camera(camera), point, result.pixel, result.by_point, result.by_params)
         return result
+
+
+MODEL = Virtual()

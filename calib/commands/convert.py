@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.cameras import fitted_models
 from calib.commands.answers.cameras import camera_answer, refit_answer
+from calib.interop import FORMATS
 from calib.show.screen import quoted
 from designer.base.answer import Summary
 from designer.base.words import printable
@@ -16,9 +18,7 @@ if TYPE_CHECKING:
     from calib.cameras.camera import Camera
     from calib.cameras.refit import Refit
 
-FORMAT_NAMES = ("opencv", "ros", "kalibr", "colmap", "mrcal", "metashape", "json")
-"""Those of `calib.interop.FORMATS`, which are slow to import."""
-_FORMATS = "|".join(FORMAT_NAMES)
+_FORMATS = "|".join(FORMATS)
 
 
 def convert(
@@ -31,7 +31,9 @@ def convert(
     *,
     to: Annotated[
         str,
-        typer.Option(help=f"kind of file to write: {_FORMATS}", metavar="FORMAT", autocompletion=one_of(FORMAT_NAMES)),
+        typer.Option(
+            help=f"kind of file to write: {'|'.join(FORMATS)}", metavar="FORMAT", autocompletion=one_of(FORMATS)
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="file to write", metavar="FILE")],
     source: Annotated[
@@ -40,14 +42,14 @@ def convert(
             "--from",
             help="kind of file to read (default: found out)",
             metavar="FORMAT",
-            autocompletion=one_of(FORMAT_NAMES),
+            autocompletion=one_of(FORMATS),
         ),
     ] = None,
     model: Annotated[
         str | None,
         typer.Option(
-            help="camera model to write: opencv|luhmann|pinhole (default: what the file can hold)",
-            autocompletion=one_of(("opencv", "luhmann", "pinhole")),
+            help=f"camera model to write: {'|'.join(fitted_models())} (default: what the file can hold)",
+            autocompletion=one_of(fitted_models()),
         ),
     ] = None,
     without: Annotated[

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.cameras import COMMON, fitted_models
 from calib.commands.answers.measured import measured_answer
 from calib.commands.folder_page import with_page
 from calib.commands.measured_screen import say_measured, say_next_size
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from designer.base.units import Skew
 
 NOT_TO_BE_USED = 1
-MODELS = ("opencv", "luhmann", "pinhole")
 
 
 def measure(
@@ -54,8 +54,8 @@ def measure(
         str | None, typer.Option(help="the quick way, without photos: rescale the target to this length")
     ] = None,
     model: Annotated[
-        str, typer.Option(help="of the cameras: opencv, luhmann or pinhole", autocompletion=one_of(MODELS))
-    ] = "opencv",
+        str, typer.Option(help=f"of the cameras: {', '.join(fitted_models())}", autocompletion=one_of(fitted_models()))
+    ] = COMMON,
     one_camera: Annotated[
         bool, typer.Option("--one-camera", help="all files are of one camera, not each of its own")
     ] = False,

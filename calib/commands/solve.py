@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.cameras import learned_models, models_of_all, solved_models
 from calib.commands.answers.solutions import run_answer
 from calib.commands.judged_page import DEFAULT_CRITERIA, CriteriaOption, PageOption, VerboseOption
 from calib.commands.running import negative, report_of, stopped
@@ -19,12 +20,10 @@ if TYPE_CHECKING:
     from calib.observe.corners_vnl import PointGrid
     from calib.virtual.solve_virtual import Reference
 
-MODELS = ("luhmann", "opencv", "virtual", "pinhole")
+_SOLVED, _ALL, _LEARNED = (", ".join(names) for names in (solved_models(), models_of_all(), learned_models()))
 ModelOption = Annotated[
     str,
-    typer.Option(
-        help="luhmann, opencv, virtual, pinhole, or all: the first three", autocompletion=one_of((*MODELS, "all"))
-    ),
+    typer.Option(help=f"{_SOLVED}, or all: {_ALL}", autocompletion=one_of((*solved_models(), "all"))),
 ]
 FixOption = Annotated[list[str] | None, typer.Option(help="keep a parameter as it starts, or at a value: k3, k3=0")]
 ShareOption = Annotated[list[str] | None, typer.Option(help="parameters that have one value: fx_px,fy_px")]
@@ -57,12 +56,12 @@ PitchOption = Annotated[str | None, typer.Option(help="of a corners.vnl: distanc
 ReferenceOption = Annotated[
     str | None,
     typer.Option(
-        help="virtual: the photo that the map is learned from, or all (default: of a board the photo that covers the "
-        "image best, of other targets all)"
+        help=f"{_LEARNED}: the photo that the map is learned from, or all (default: of a board the photo that covers "
+        "the image best, of other targets all)"
     ),
 ]
 ReferenceTargetOption = Annotated[
-    Path | None, typer.Option(help="virtual: target file of a board that the reference photo shows")
+    Path | None, typer.Option(help=f"{_LEARNED}: target file of a board that the reference photo shows")
 ]
 
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.cameras import DEFAULT, learned_models, solved_models
 from calib.commands.folder_page import say_next, with_page, with_page_again
 from calib.commands.solve import (
-    MODELS,
     FixOption,
     GridOption,
     ImageSizeOption,
@@ -75,8 +75,12 @@ def bootstrap(
     sizes: Annotated[str, typer.Option(help="views of a sample, drawn with replacement")] = "20,50,120",
     samples: Annotated[int, typer.Option(min=1, max=MAX_SAMPLES, help="of each size")] = 10_000,
     model: Annotated[
-        str, typer.Option(help="luhmann, opencv, pinhole, or virtual (slow)", autocompletion=one_of(MODELS))
-    ] = "luhmann",
+        str,
+        typer.Option(
+            help=f"{', '.join(solved_models())} ({', '.join(learned_models())} is slow)",
+            autocompletion=one_of(solved_models()),
+        ),
+    ] = DEFAULT,
     out: OutOption,
     seed: SeedOption = 1,
     jobs: JobsOption = None,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.cameras import DEFAULT, fitted_models
 from calib.commands.camera_argument import read_camera
 from calib.commands.figure_formats import FiguresOption, figure_formats
 from calib.commands.folder_page import say_next, with_page
@@ -43,10 +44,10 @@ def tolerance(
     model: Annotated[
         str,
         typer.Option(
-            help="camera model that is solved: luhmann, opencv or pinhole",
-            autocompletion=one_of(("luhmann", "opencv", "pinhole")),
+            help=f"camera model that is solved: {', '.join(fitted_models())}",
+            autocompletion=one_of(fitted_models()),
         ),
-    ] = "luhmann",
+    ] = DEFAULT,
     weighted: Annotated[
         bool, typer.Option("--weighted/--unweighted", help="weigh observations by their covariances, or all alike")
     ] = False,

@@ -1,20 +1,18 @@
-"""Camera files of other tools, one format a file; a new format is one file and one line here."""
+"""Camera files of other tools behind one protocol.
 
-from collections.abc import Mapping
-from types import MappingProxyType
+A format is a file of this folder, which holds it as `FORMAT`, and a name in the list here. Files are loaded when used.
+"""
 
-from calib.interop.colmap import COLMAP
-from calib.interop.format import CameraFormat, ReadCamera
-from calib.interop.kalibr import KALIBR
-from calib.interop.metashape import METASHAPE
-from calib.interop.mrcal import MRCAL
-from calib.interop.opencv_yaml import OPENCV
-from calib.interop.own_json import JSON
-from calib.interop.ros import ROS
+from typing import TYPE_CHECKING
 
-__all__ = ["FORMATS", "CameraFormat", "ReadCamera"]
+from calib.core.registry import Registry
 
-FORMATS: Mapping[str, CameraFormat] = MappingProxyType(
-    {one.name: one for one in (JSON, MRCAL, METASHAPE, KALIBR, ROS, OPENCV, COLMAP)}
-)
-"""By name; in the order in which a file of unknown kind is tried, the more particular first."""
+if TYPE_CHECKING:
+    from calib.interop.format import CameraFormat
+
+NAMES = ["json", "mrcal", "metashape", "kalibr", "ros", "opencv", "colmap"]
+"""In the order in which a file of unknown kind is tried, the more particular first."""
+OWN = "json"
+"""The program's own, which holds a camera of any model."""
+
+FORMATS: "Registry[CameraFormat]" = Registry(__name__, "FORMAT", NAMES)

@@ -2,6 +2,7 @@
 
 import re
 
+from calib.cameras import LINEAR
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
@@ -84,11 +85,11 @@ def _camera(words: list[str], origin: str) -> ReadCamera:
     fx, fy = (values[key] if key in values else values["f"] for key in ("fx", "fy"))
     linear = [fx, fy, values["cx"] - CORNER, values["cy"] - CORNER]
     if model.endswith("PINHOLE"):
-        return ReadCamera(make_camera("pinhole", linear, size, origin))
+        return ReadCamera(make_camera(LINEAR, linear, size, origin))
     return brown_camera(linear, [values.get(key, 0.0) for key in LENS], size, origin)
 
 
-COLMAP = CameraFormat(
+FORMAT = CameraFormat(
     name="colmap",
     title="COLMAP cameras.txt",
     file_name="cameras.txt",

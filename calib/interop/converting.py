@@ -2,14 +2,13 @@
 
 from collections.abc import Collection
 
+from calib.cameras import LINEAR, fitted_models
 from calib.cameras.camera import Camera
-from calib.cameras.refit import FAMILIES, Refit, refit
+from calib.cameras.refit import Refit, refit
+from calib.interop import OWN
 from calib.interop.format import CameraFormat
 from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
-
-WITHOUT_LENS = "pinhole"
-"""Every format holds it."""
 
 
 def fit_to_format(
@@ -29,18 +28,18 @@ def fit_to_format(
     model = model or _own_or_nearest(camera, target)
     if target.model is None and model == camera.model and not zero:
         return camera, None  # of a learned map too, which cannot be fitted
-    if model not in FAMILIES:
-        hint = suggestion(model, list(FAMILIES)) or f"; there are {', '.join(FAMILIES)}"
+    if model not in fitted_models():
+        hint = suggestion(model, list(fitted_models())) or f"; there are {', '.join(fitted_models())}"
         raise InputError(f"model {shown(model)} cannot be fitted to a camera{hint}")
-    if target.model is not None and model not in (target.model, WITHOUT_LENS):
-        holds = f"{target.title} holds model {target.model} or {WITHOUT_LENS}"
-        raise InputError(f"{holds}, not {shown(model)}; leave out --model, or use --to json")
+    if target.model is not None and model not in (target.model, LINEAR):
+        holds = f"{target.title} holds model {target.model} or {LINEAR}"
+        raise InputError(f"{holds}, not {shown(model)}; leave out --model, or use --to {OWN}")
     result = refit(camera, model, zero=(*zero, *target.cannot_hold), turn=camera.learned is not None)
     return result.camera, None if result.is_exact else result
 
 
 def _own_or_nearest(camera: Camera, target: CameraFormat) -> str:
     """The camera's model where the format holds it, else the one it holds."""
-    if target.model is None or camera.model in (target.model, WITHOUT_LENS):
+    if target.model is None or camera.model in (target.model, LINEAR):
         return camera.model
     return target.model

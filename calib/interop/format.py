@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from calib.cameras import COMMON
 from calib.cameras.camera import Camera
 from calib.cameras.refit import Refit
 
@@ -30,7 +31,7 @@ class CameraFormat:
     recognises: Callable[[str], bool]  # whether the beginning of a text looks like it
     write: Callable[[Camera], str]
     read: Callable[[str, str, str | None], ReadCamera]  # text, what messages name, which of several cameras
-    model: str | None = "opencv"  # what `write` takes, besides `pinhole`; None: every model
+    model: str | None = COMMON  # what `write` takes, besides the linear one; None: every model
     cannot_hold: tuple[str, ...] = ()  # lens parameters that must be 0
     holds_many: bool = False  # a file may hold several cameras, each with a name
     max_bytes: int = MAX_FILE_BYTES

@@ -2,6 +2,7 @@
 
 import re
 
+from calib.cameras import LINEAR
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
@@ -52,12 +53,12 @@ def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
     size = image_size(required(values, ("resolution",), origin), origin)
     linear = numbers(required(values, ("intrinsics",), origin), "intrinsics", origin, (4,))
     if values["distortion_model"] == "none":
-        return ReadCamera(make_camera("pinhole", linear, size, origin))
+        return ReadCamera(make_camera(LINEAR, linear, size, origin))
     lens = numbers(required(values, ("distortion_coeffs",), origin), "distortion_coeffs", origin, (4,))
     return brown_camera(linear, lens, size, origin)
 
 
-KALIBR = CameraFormat(
+FORMAT = CameraFormat(
     name="kalibr",
     title="Kalibr camchain",
     file_name="camchain.yaml",

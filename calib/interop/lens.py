@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import COMMON, LINEAR
 from calib.cameras.refit import fit_rays, image_grid
 from calib.interop.format import ReadCamera
 from calib.interop.values import make_camera
@@ -37,7 +38,7 @@ def brown_camera(
         InputError: a value breaks a rule of cameras.
     """
     given = [*coefficients, *[0.0] * (12 - len(coefficients))]
-    camera = make_camera("opencv", [*linear, *given[:BROWN]], image_size, origin)
+    camera = make_camera(COMMON, [*linear, *given[:BROWN]], image_size, origin)
     if not any(given[BROWN:]):
         return ReadCamera(camera)
     what = "rational" if not any(given[8:]) else "thin-prism"
@@ -62,15 +63,15 @@ def fit_lens(
     Raises:
         InputError: the lens has no inverse in the image, or is too far from any that the model can be.
     """
-    fx, fy, cx, cy = make_camera("pinhole", linear, image_size, origin).params
+    fx, fy, cx, cy = make_camera(LINEAR, linear, image_size, origin).params
     pixel = image_grid(image_size).reshape(-1, 2)
     with np.errstate(all="ignore"):  # where the lens has no inverse the numbers run away, and are left out
         x, y = invert(distort, (pixel[:, 0] - cx) / fx, (pixel[:, 1] - cy) / fy)
     try:
-        refit = fit_rays(pixel, np.column_stack([x, y, np.ones_like(x)]), image_size, "opencv")
+        refit = fit_rays(pixel, np.column_stack([x, y, np.ones_like(x)]), image_size, COMMON)
     except InputError as error:
         raise InputError(f"{origin}: {error}") from None
-    return ReadCamera(refit.camera, refit, (f"{what} was fitted by the 5 coefficients of the model opencv",))
+    return ReadCamera(refit.camera, refit, (f"{what} was fitted by the 5 coefficients of the model {COMMON}",))
 
 
 def invert(distort: Distort, x: Array, y: Array) -> tuple[Array, Array]:

@@ -120,7 +120,7 @@ def _image_size(calibration: Element, origin: str) -> tuple[int, int]:
     return image_size(list(values.values()), origin)
 
 
-METASHAPE = CameraFormat(
+FORMAT = CameraFormat(
     name="metashape",
     title="Metashape XML",
     file_name="calibration.xml",

@@ -3,6 +3,7 @@
 import ast
 import re
 
+from calib.cameras import LINEAR
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
@@ -40,7 +41,7 @@ def _recognises(head: str) -> bool:
 
 def write(camera: Camera) -> str:
     """The text for a camera of model `opencv` or `pinhole`, at the origin."""
-    model = "LENSMODEL_PINHOLE" if camera.model == "pinhole" else "LENSMODEL_OPENCV5"
+    model = "LENSMODEL_PINHOLE" if camera.model == LINEAR else "LENSMODEL_OPENCV5"
     width, height = camera.image_size
     return (
         "{\n"
@@ -69,7 +70,7 @@ def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
     size = image_size(required(values, ("imagersize",), origin), origin)
     params = numbers(required(values, ("intrinsics",), origin), "intrinsics", origin, (4 + MODELS[name],))
     if not MODELS[name]:
-        return ReadCamera(make_camera("pinhole", params, size, origin))
+        return ReadCamera(make_camera(LINEAR, params, size, origin))
     return brown_camera(params[:4], params[4:], size, origin)
 
 
@@ -97,7 +98,7 @@ def _check_tokens(text: str, origin: str) -> None:
             raise InputError(f"{origin}: more than {MAX_TOKENS} values and marks; a mrcal camera model has fewer")
 
 
-MRCAL = CameraFormat(
+FORMAT = CameraFormat(
     name="mrcal",
     title="mrcal camera model",
     file_name="camera.cameramodel",

@@ -4,10 +4,9 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from calib.cameras.camera_file import camera_or_preset
-from calib.interop import FORMATS
+from calib.cameras.camera import camera_or_preset
+from calib.interop import FORMATS, OWN
 from calib.interop.format import CameraFormat, ReadCamera
-from calib.interop.own_json import JSON
 from designer.base.errors import InputError
 from designer.base.small_file import read_small_text
 from designer.base.words import shown, suggestion
@@ -44,12 +43,12 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
         InputError: no such file, of no known kind, or not valid; the message names it.
     """
     known = None if format_name is None else find_format(format_name)
-    if known in (None, JSON) and (name in preset_names("cameras") or _is_ours_alone(Path(name))):
+    if format_name in (None, OWN) and (name in preset_names("cameras") or _is_ours_alone(Path(name))):
         own = Path(name) if name not in preset_names("cameras") else None
-        return OpenedCamera(JSON, ReadCamera(camera_or_preset(name)), own)
+        return OpenedCamera(FORMATS[OWN], ReadCamera(camera_or_preset(name)), own)
     path, wanted = _split(name)
     if path.is_dir():
-        path = path / JSON.file_name
+        path = path / FORMATS[OWN].file_name
     largest = max(one.max_bytes for one in FORMATS.values()) if known is None else known.max_bytes
     text = read_small_text(path, largest, "a camera file")
     kind = known or recognise(text)

@@ -5,7 +5,7 @@ import re
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
-from calib.interop.opencv_yaml import linear_part
+from calib.interop.opencv import linear_part
 from calib.interop.values import image_size, mapping, numbers, real, required, shown_plain
 from calib.interop.yaml_text import only_keys, parse_yaml
 from designer.base.errors import InputError
@@ -68,7 +68,7 @@ def _data(matrix: object) -> object:
     return matrix.get("data") if isinstance(matrix, dict) else matrix
 
 
-ROS = CameraFormat(
+FORMAT = CameraFormat(
     name="ros",
     title="ROS camera_info",
     file_name="camera_info.yaml",

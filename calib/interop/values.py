@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeVar
 
 from calib.cameras import parameter_names
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import CAMERA, camera_from_mapping
+from calib.cameras.camera import CAMERA, Camera, camera_from_mapping
 from designer.base.errors import InputError
 from designer.base.words import shown
 

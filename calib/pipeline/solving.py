@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from calib.cameras import MODELS, SIMULATED, parameter_names
+from calib.cameras import MODELS, learned_models, models_of_all, parameter_names, solved_models
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.metrics.errors import summarise
@@ -74,15 +74,13 @@ def plan_from_words(
         InputError: a word that means nothing; the message says what may stand there.
     """
     fix, share = ((words,) if isinstance(words, str) else words for words in (fix, share))
-    models = MODELS_TO_SOLVE if model == ALL else (model,)
-    solved = [name for name in MODELS if name not in SIMULATED]
+    models = models_of_all() if model == ALL else (model,)
+    choices = ", ".join(solved_models())
     for name in models:
-        if name in SIMULATED:
-            raise InputError(
-                f"--model {name}: photos are simulated with it, not solved; give {', '.join(solved)} or {ALL}"
-            )
-        if name not in solved:
-            hint = suggestion(name, [*solved, ALL]) or f"; there are {', '.join(solved)} and {ALL}"
+        if name in MODELS and name not in solved_models():
+            raise InputError(f"--model {name}: photos are simulated with it, not solved; give {choices} or {ALL}")
+        if name not in MODELS:
+            hint = suggestion(name, [*solved_models(), ALL]) or f"; there are {choices} and {ALL}"
             raise InputError(f"--model {name!r}: no such model{hint}")
     if reject is not None and not 1 <= reject < float("inf"):
         raise InputError(f"--reject {reject:g}: give 1 or more standard deviations, such as 4")
@@ -156,9 +154,6 @@ def _focal_px(value: float) -> float:
 ALL_VIEWS = "all"
 """As the reference: the map is learned from all views."""
 
-MODELS_TO_SOLVE = ("luhmann", "opencv", "virtual")
-"""What `--model all` means: the three models of the paper."""
-
 
 def calibrate(
     observations: Observations, model: str, options: SolveOptions, reference: Reference | None = None
@@ -169,12 +164,12 @@ def calibrate(
         observations: what was seen.
         model: its name.
         options: weights, losses, fixed and shared parameters.
-        reference: the photo that a learned map is of, or `ALL_VIEWS`; only `virtual` heeds it.
+        reference: the photo that a learned map is of, or `ALL_VIEWS`; only models with one heed it.
 
     Raises:
         InputError: the observations or the options do not do.
     """
-    if model != "virtual":
+    if model not in learned_models():
         return solve(observations, model, options)
     if reference == ALL_VIEWS:
         return solve_virtual(observations, options, all_views=True)

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import parameter_names
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_to_json
+from calib.cameras.camera import Camera, camera_to_json
 from calib.core.files import write_files
 from calib.core.rigid import rigid_fault
 from calib.core.types import KnownPoints, Observations

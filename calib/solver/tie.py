@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import MODELS, SIMULATED, parameter_names
+from calib.cameras import MODELS, parameter_names, solved_models
 from calib.solver.options import SolveOptions
 from designer.base.errors import InputError
 
@@ -26,9 +26,10 @@ def tie_parameters(model: str, options: SolveOptions) -> Tie:
         InputError: a model that is not solved, a name that the model does not have, a value out of bounds, or a
             parameter named twice.
     """
-    if model in SIMULATED:
-        solved = ", ".join(name for name in MODELS if name not in SIMULATED)
-        raise InputError(f"model {model}: photos are simulated with it, not solved; choose one of {solved}")
+    if model not in solved_models():
+        raise InputError(
+            f"model {model}: photos are simulated with it, not solved; choose one of {', '.join(solved_models())}"
+        )
     names = parameter_names(model)
     value = np.full(len(names), np.nan)
     fixed: list[str] = []

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_or_preset
+from calib.cameras import COMMON
+from calib.cameras.camera import Camera, camera_or_preset
 from calib.core.selection import keep_sightings, keep_views, sightings_per_view
 from calib.core.types import Detections, Observations
 from calib.detector.pipeline import detect
@@ -134,7 +134,7 @@ def search_with_lens(
     # Neighbours in the grid of poses are alike; photos far apart in it tell more.
     some = photos[:: math.ceil(len(photos) / FIRST_PHOTOS)]
     first = sightings(search(target, some, None, jobs=jobs, tell=lambda _: None), target, folder)
-    return search(target, photos, solve(first, "opencv").camera, jobs=jobs, tell=tell)
+    return search(target, photos, solve(first, COMMON).camera, jobs=jobs, tell=tell)
 
 
 def sightings(seen: Sequence[Detections], target: TargetGeometry, folder: Path) -> Observations:

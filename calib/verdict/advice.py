@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import learned_models
 from calib.core.number_text import figure
 from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
@@ -204,12 +205,13 @@ def _lens(evidence: CameraEvidence, criteria: Criteria, model: str, inputs: Inpu
     over_image, on_target = evidence.leftover.image_px, evidence.leftover.target_px or 0.0
     if over_image is None or over_image <= max(criteria.systematic_px.good, on_target):
         return ""
-    if model == "virtual":
+    without_formula = " or ".join(learned_models())
+    if model in learned_models():
         step = "try another camera model"
-    elif any(one.model == "virtual" for one in evidence.models):
-        step = "compare with the virtual camera, which was solved too"
+    elif any(one.model in learned_models() for one in evidence.models):
+        step = f"compare with the {without_formula} camera, which was solved too"
     else:
-        step = f"try the virtual model: `{inputs.solve} --model virtual`"
+        step = f"try the {without_formula} model: `{inputs.solve} --model {without_formula}`"
     may_bend = evidence.shape is not None and evidence.shape.ratio > BY_CHANCE
     return (
         f"{step}; residuals at the same place in the image agree in all photos, by {px(over_image)} "

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import MODELS, linearise
+from calib.cameras import fitted_models, linearise
 from calib.cameras.camera import Camera
 from calib.cameras.refit import COLUMNS, image_grid
 from calib.core.linear_algebra import covariance_with_prior, pseudo_inverse, symmetric_inverse
@@ -196,7 +196,7 @@ def sigma_px(change: Array, covariance: Array) -> Array:
 
 def has_information(model: str) -> bool:
     """Whether a model's covariance tells all of its accuracy; a learned map's is taken as exact."""
-    return model in MODELS and model not in ("virtual", "spline")
+    return model in fitted_models()
 
 
 @dataclass(frozen=True, eq=False)

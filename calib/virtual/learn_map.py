@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.camera import LearnedMap
-from calib.cameras.learned import MAX_LENGTHS, correlation, jacobian_with, square_distances, to_sensor, trend_at
+from calib.cameras.camera import MAX_LENGTHS, LearnedMap
+from calib.cameras.learned import correlation, jacobian_with, square_distances, to_sensor, trend_at
 from calib.core.one_thread import one_thread_with_scipy
 from calib.detector.homography import fit
 from calib.virtual.image_cells import MAX_CELLS, cells_of

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import rays
+from calib.cameras import LINEAR, rays
 from calib.cameras.camera import Camera
 from calib.cameras.learned import to_sensor
 from calib.core.linear_algebra import least_squares, solve_square
@@ -82,7 +82,7 @@ def _alternate(seen: Observations, variance: Array, start: Calibration, options:
         learned = learn_map(samples, seen.image_size, process, improve=count in LEARN_IN_ROUNDS)
         process = learned.process
         moved = move_to_sensor(seen, learned.map, weighted=options.weighted)
-        solved = solve(moved.observations, "pinhole", replace(options, weighted=True))
+        solved = solve(moved.observations, LINEAR, replace(options, weighted=True))
         step = _updated(_map_of(learned, seen.image_size), seen, solved, cells) - point
         step = _without_gauge(step, point, solved.camera.params, cells.variance)
         change = _largest_px(step, learned, cells.pixel, seen.image_size)

@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import LINEAR
 from calib.cameras.camera import Camera, LearnedMap
 from calib.cameras.learned import known_at, to_image, to_sensor
+from calib.cameras.virtual import VIRTUAL
 from calib.core.linear_algebra import solve_square
 from calib.core.selection import keep_sightings, without_empty_views
 from calib.core.types import Observations
@@ -56,12 +58,12 @@ def solve_on_sensor(observations: Observations, learned: LearnedMap, options: So
     noise = None
     if kept.cov_px2 is not None:  # what is far off is told by what the detector states, not by the weights
         noise = moved.jacobian @ kept.cov_px2 @ moved.jacobian.transpose(0, 2, 1)
-    solved = solve(moved.observations, "pinhole", replace(options, weighted=True), noise_px2=noise)
+    solved = solve(moved.observations, LINEAR, replace(options, weighted=True), noise_px2=noise)
     rows = rows_of_views(kept, solved.observations.view_names)
     kept = without_empty_views(keep_sightings(kept, rows))
     return replace(
         solved,
-        camera=Camera("virtual", solved.camera.params, kept.image_size, learned),
+        camera=Camera(VIRTUAL, solved.camera.params, kept.image_size, learned),
         observations=kept,
         residual_px=_in_image(learned, kept, solved, moved.jacobian[rows]),
         weighted=options.weighted and kept.cov_px2 is not None,

@@ -12,6 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import DEFAULT
 from calib.cameras.camera import LearnedMap
 from calib.cameras.learned import exact_point, known_at
 from calib.core.one_thread import one_thread
@@ -31,7 +32,6 @@ Array = NDArray[np.float64]
 Reference: TypeAlias = str | Observations
 """The photo that the map is learned from: the name of a view, or the sightings of a board in a photo of its own."""
 
-START_MODEL = "luhmann"
 MAP_TAKEN_AS_EXACT = "the standard deviations take the learned map as exact"
 COVERAGE_GRID = 60
 OUTLIER_ROUNDS = 5
@@ -152,7 +152,7 @@ def _known_text(learned: LearnedMap, image_size: tuple[int, int]) -> str:
 
 def _from_all_views(observations: Observations, options: SolveOptions) -> Calibration:
     """The pinhole behind a map learned from all views."""
-    start = solve(observations, START_MODEL, options)
+    start = solve(observations, DEFAULT, options)
     found = learn_from_views(start, options)
     learned = found.learned.map
     solved = solve_on_sensor(start.observations, learned, options)
@@ -163,6 +163,6 @@ def _from_all_views(observations: Observations, options: SolveOptions) -> Calibr
         remarks.append(f"the map still changed by {found.change_px:.1g} px in the last round")
         solved = replace(solved, status="stopped")
     if start.status == "degenerate":
-        remarks += [f"{START_MODEL}, the start: {remark}" for remark in start.remarks]
+        remarks += [f"{DEFAULT}, the start: {remark}" for remark in start.remarks]
         solved = replace(solved, status="degenerate")
     return replace(solved, remarks=(*remarks, *solved.remarks))

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import calib
-from calib.cameras.camera_file import camera_or_preset
+from calib.cameras.camera import camera_or_preset
 from calib.core.types import Detections
 from calib.detector.pipeline import detect
 from calib.renderer import RenderOptions, View, render_view

@@ -14,8 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_or_preset
+from calib.cameras.camera import Camera, camera_or_preset
 from calib.renderer import RenderOptions, render_view
 from calib.renderer.poses import PoseGrid, grid_poses
 from designer.kinds.layout import lay_out

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project, rays
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_or_preset
+from calib.cameras.camera import Camera, camera_or_preset
 from calib.core.se3 import exp_rotation, look_at, transform
 from calib.core.types import KnownPoints, Observations
 from calib.observe.observations import known_points

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from calib.cameras.camera_file import load_camera
+from calib.cameras.camera import load_camera
 from calib.observe.records import read_records
 from calib.renderer.poses import load_poses
 from designer.base.errors import InputError

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from calib.commands.convert import FORMAT_NAMES
 from calib.interop import FORMATS
 from designer.kinds.presets import preset_names
 
@@ -44,7 +43,7 @@ def offered(line: str, shell: str = "bash") -> list[str]:
         ("design ico --printer ", preset_names("printers")),
         ("design board --lattice ", ["square", "triangular"]),
         ("design tolerance t.json --errors fdm", [name for name in preset_names("errors") if name.startswith("fdm")]),
-        ("calib convert c.json --to ", list(FORMAT_NAMES)),
+        ("calib convert c.json --to ", list(FORMATS)),
         ("calib solve d.csv --model l", ["luhmann"]),
         ("calib render t.json --camera ", preset_names("cameras")),
         ("calib study pl", ["plot"]),
@@ -107,11 +106,6 @@ def test_installing_writes_to_the_home_folder_only(tmp_path: Path) -> None:
     (script,) = (path for path in tmp_path.rglob("*") if path.suffix == ".sh")
     assert "_CALIB_COMPLETE" in script.read_text()
     assert str(script) in (tmp_path / ".bashrc").read_text()
-
-
-def test_the_list_of_formats_is_that_of_the_program() -> None:
-    """The names are written twice, because the formats themselves are slow to import."""
-    assert set(FORMATS) == set(FORMAT_NAMES)
 
 
 @pytest.mark.parametrize("line", ["calib convert c --to ", "design make "])

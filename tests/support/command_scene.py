@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_to_json
+from calib.cameras.camera import Camera, camera_to_json
 from calib.core.se3 import exp_rotation
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import write_detections

@@ -9,8 +9,7 @@ import numpy as np
 from calib.as_built_report.as_built_file import AsBuiltRecord, HeldOutRecord, LengthRecord, SolvedCamera
 from calib.as_built_report.deviations import Estimate
 from calib.as_built_report.held_out import Gain
-from calib.cameras.camera import Camera, LearnedMap
-from calib.cameras.camera_file import CameraDocument
+from calib.cameras.camera import Camera, CameraDocument, LearnedMap
 from calib.core.types import FaceRecord
 from calib.metrics.errors import ErrorSummary
 from calib.observe.records import ImageRecord, Records

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_to_json
+from calib.cameras.camera import Camera, camera_to_json
 from calib.core.types import TOO_FLAT, Detections, FaceRecord
 from calib.observe.photos import PhotoFile, PhotoResult
 from calib.pipeline.target_poses import TargetPose

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.cameras import LINEAR
 from calib.cameras.camera import Camera
 from calib.core.number_text import figure as digits
 from calib.core.number_text import with_digits
@@ -73,7 +74,7 @@ def told_posed(made: Posed) -> ToldPhotos:
                                  if name not in made.poses)]  # fmt: skip
     # A learned map would be most of the file, and only the pyramids are drawn: by its linear part.
     learned = made.camera.learned is not None
-    drawn = Camera("pinhole", made.camera.params[:4], made.camera.image_size) if learned else made.camera
+    drawn = Camera(LINEAR, made.camera.params[:4], made.camera.image_size) if learned else made.camera
     return ToldPhotos(
         "poses", _headline(made, rows), _facts(made), COLUMNS,
         tuple(_photo(made, name, usual_px) for name in made.names),

@@ -1,12 +1,13 @@
 """What the page of a comparison says in words: its answer, and what its figures show."""
 
+from calib.cameras import COMMON
 from calib.core.number_text import figure
 from calib.show.studies.compare_tables import explains
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJECTS
 from calib.studies.compare.comparison_file import AloneRow, ComparisonFile
 from calib.studies.compare.objects import MODELS
 from calib.studies.compare.results import short
-from calib.studies.compare.words import ALIKE, REFERENCE
+from calib.studies.compare.words import ALIKE
 from designer.page.blocks import Headline
 
 LENS_STARTS = ("Smooth lens", "Without distortion", "Camera ")
@@ -35,13 +36,13 @@ def compare_headline(table: ComparisonFile) -> Headline:
 def ranked_objects(table: ComparisonFile) -> list[tuple[str, float]]:
     """Objects by their median intersection error, the smallest first."""
     names = dict.fromkeys(name for name, _, _ in table.keys(FIGURE))
-    found = [(name, table.median(name, FIGURE, REFERENCE, "intersection")) for name in names]
+    found = [(name, table.median(name, FIGURE, COMMON, "intersection")) for name in names]
     return sorted(((name, value) for name, value in found if value), key=lambda pair: pair[1])
 
 
 def paper_factors(table: ComparisonFile) -> list[float]:
     """The paper's intersection errors over ours."""
-    found = [table.of(name, FIGURE, REFERENCE, "intersection") for name, _ in ranked_objects(table)]
+    found = [table.of(name, FIGURE, COMMON, "intersection") for name, _ in ranked_objects(table)]
     return [one.paper / one.median for one in found if one is not None and one.median and one.paper]
 
 
@@ -81,7 +82,7 @@ def objects_alt(table: ComparisonFile) -> str:
     paper = [
         f"{name} {found.paper:g} mm"
         for name, _ in ranked_objects(table)
-        if (found := table.of(name, FIGURE, REFERENCE, "intersection")) is not None and found.paper
+        if (found := table.of(name, FIGURE, COMMON, "intersection")) is not None and found.paper
     ]
     theirs = f" In the paper: {', '.join(paper)}." if paper else ""
     return f"Intersection errors of the objects from the smallest: {', '.join(parts) or 'none'}.{theirs}"

@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import COMMON
 from calib.studies.compare.photographed import MetricRow, calibrate_with, metrics_of
 from calib.studies.compare.pool import ScenePool
 from calib.studies.compare.scene import stream, take_photos
@@ -28,7 +29,6 @@ NOISE = "noise"
 """The detector's, as a source of errors; what is made is as drawn."""
 TOGETHER = "all together"
 """All sources of a model, scaled alike."""
-ALONE_MODEL = "opencv"
 STEPS = 6
 CLOSE = 0.005
 LEAST_PART, LEAST_EFFECT = 0.05, 1e-6
@@ -83,9 +83,7 @@ class OneSource(ScenePool):
         scene, noise = self.scene, multiple if self.source == NOISE else 1.0
         photos = stream(seed, scene.name, number, 0)
         return metrics_of(
-            calibrate_with(
-                take_photos(scene, self._made(seed, number, multiple), photos, scene.views, noise), ALONE_MODEL
-            )
+            calibrate_with(take_photos(scene, self._made(seed, number, multiple), photos, scene.views, noise), COMMON)
         )
 
     def _drawn_size(self, seed: int, number: int) -> float:

@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib.cameras import parameter_names
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_or_preset
+from calib.cameras.camera import Camera, camera_or_preset
 from calib.studies.compare.alone import NOISE, TOGETHER, OneSource
-from calib.studies.compare.objects import MODELS, OBJECTS, SETS, PaperObject, make_target, object_named
+from calib.studies.compare.objects import MODELS, OBJECTS, SETS, VIRTUAL, PaperObject, make_target, object_named
 from calib.studies.compare.photographed import ALL_PHOTOS, SetsOfPhotos
 from calib.studies.compare.scene import ComparedScene, scene_of
 from calib.studies.identity import StudyIdentity, identity_of
@@ -23,7 +22,7 @@ from designer.tolerance.source import Amount
 CAMERA = "phase-one-ixg"
 LENS = "phase-one-spline"
 LENS_OBJECTS = ("AluBoard", "ShinyIco")
-SLOW = ("virtual", ALL_PHOTOS)
+SLOW = (VIRTUAL, ALL_PHOTOS)
 """Models of which fewer sets of a print are solved."""
 FIGURE, LENS_DRAWN, LENS_MADE, PLAIN_DRAWN, ALONE = "figure", "spline, as drawn", "spline", "plain, as drawn", "alone"
 DRAWN_SETS = 4
@@ -134,7 +133,7 @@ def usable_camera(name: str) -> Camera:
     camera = camera_or_preset(name)
     if camera.learned is not None or parameter_names(camera.model)[:2] != ("fx_px", "fy_px"):
         raise InputError(
-            f"{name}: model {camera.model} has no lens to photograph with; give an opencv or luhmann camera"
+            f"{name}: model {camera.model} has no lens to photograph with; give one of model {' or '.join(MODELS[:2])}"
         )
     return camera
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = {"luhmann": BLUE, "opencv": ORANGE, "virtual": GREEN, ALL_PHOTOS: VERMILION}
+COLOURS = dict(zip((*MODELS, ALL_PHOTOS), (BLUE, ORANGE, GREEN, VERMILION), strict=True))
 WIDTH = 0.24
 PAPER_LABEL, PAPER_LINE = "the paper's median", (0, (3, 1.5))
 

@@ -13,7 +13,9 @@ from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, read_spec_file
 from designer.target import TargetGeometry
 
-MODELS = ("luhmann", "opencv", "virtual")
+VIRTUAL = "virtual"
+MODELS = ("luhmann", "opencv", VIRTUAL)
+"""The camera models that the paper compares."""
 BOARD_VIEWS, ICOSAHEDRON_VIEWS = 30, 90
 SETS = 12
 

@@ -18,6 +18,7 @@ from calib.pipeline.solving import ALL_VIEWS, calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.options import AS_THE_PAPER
 from calib.solver.pose import solve_poses
+from calib.studies.compare.objects import VIRTUAL
 from calib.studies.compare.pool import ScenePool
 from calib.studies.compare.scene import ComparedScene, stream, take_photos
 from calib.studies.sample import SampleResult
@@ -95,7 +96,7 @@ def calibrate_with(seen: Observations, camera_model: str) -> Calibration:
         InputError: the photos do not determine it.
     """
     if camera_model == ALL_PHOTOS:
-        return calibrate(seen, "virtual", AS_THE_PAPER, ALL_VIEWS)
+        return calibrate(seen, VIRTUAL, AS_THE_PAPER, ALL_VIEWS)
     return calibrate(seen, camera_model, AS_THE_PAPER)
 
 

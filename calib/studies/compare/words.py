@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
+from calib.cameras import COMMON
 from calib.core.number_text import figure
 from calib.studies.compare.alone import NOISE, TOGETHER
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJECTS, PLAIN_DRAWN, WITHOUT_EFFECT
@@ -11,7 +12,6 @@ from calib.studies.compare.photographed import ALL_PHOTOS
 from calib.studies.compare.results import REACH, Explanation, Results, short
 from calib.studies.compare.scene import CAP_RAD
 
-REFERENCE = "opencv"
 LOSES = "loses"
 ALIKE = 0.03
 """Errors that differ by less than this part are called the same."""
@@ -39,7 +39,7 @@ def setting_words(results: Results) -> Iterator[str]:
 def size_words(results: Results) -> Iterator[str]:
     """The templates' errors against the paper's medians."""
     for one in OBJECTS:
-        found = results.of(one.name, FIGURE, REFERENCE)
+        found = results.of(one.name, FIGURE, COMMON)
         if found is None or not one.is_known:
             continue
         middle = found.middle("intersection")
@@ -51,7 +51,7 @@ def size_words(results: Results) -> Iterator[str]:
             f"{one.intersection_text}: {text}."
         )
     first, second, ratio = REPROJECTION_RATIO
-    pair = [results.of(name, FIGURE, REFERENCE) for name in (first, second)]
+    pair = [results.of(name, FIGURE, COMMON) for name in (first, second)]
     if pair[0] is not None and pair[1] is not None:
         ours = pair[0].middle("reprojection").median / pair[1].middle("reprojection").median
         yield (
@@ -141,12 +141,12 @@ def lens_words(results: Results) -> Iterator[str]:
 def _price_words(results: Results) -> Iterator[str]:
     """What the freedom costs where it is not needed."""
     for name in LENS_OBJECTS:
-        plain, learned = results.of(name, PLAIN_DRAWN, REFERENCE), results.of(name, PLAIN_DRAWN, MODELS[2])
+        plain, learned = results.of(name, PLAIN_DRAWN, COMMON), results.of(name, PLAIN_DRAWN, MODELS[2])
         if plain is not None and learned is not None:
             ours, brown = (one.middle("held_intersection").median for one in (learned, plain))
             yield (
                 f"Without distortion, {name} as drawn, photos held out: virtual {_verdict(brown, ours)} "
-                f"({figure(ours, 2)} mm, {REFERENCE} {figure(brown, 2)} mm)."
+                f"({figure(ours, 2)} mm, {COMMON} {figure(brown, 2)} mm)."
             )
     boards = [
         one
@@ -154,7 +154,7 @@ def _price_words(results: Results) -> Iterator[str]:
         if (scene := results.comparison.scenes.get(one.name)) is not None and scene.target.is_planar
     ]
     for one in boards:
-        plain, learned = results.of(one.name, FIGURE, REFERENCE), results.of(one.name, FIGURE, MODELS[2])
+        plain, learned = results.of(one.name, FIGURE, COMMON), results.of(one.name, FIGURE, MODELS[2])
         if plain is not None and learned is not None:
             ours, brown = (case.middle("held_intersection").median for case in (learned, plain))
             verdict = _verdict(brown, ours)
@@ -163,7 +163,7 @@ def _price_words(results: Results) -> Iterator[str]:
             )
             yield (
                 f"Camera {results.comparison.plan.camera}, {one.name} made as {one.errors}, photos held out: virtual "
-                f"{verdict} ({figure(ours, 2)} mm, {REFERENCE} {figure(brown, 2)} mm){why}."
+                f"{verdict} ({figure(ours, 2)} mm, {COMMON} {figure(brown, 2)} mm){why}."
             )
 
 

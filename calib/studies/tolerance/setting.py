@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import linearise
+from calib.cameras import fitted_models, linearise
 from calib.cameras.camera import Camera
-from calib.cameras.refit import FAMILIES, refit
+from calib.cameras.refit import refit
 from calib.core.se3 import transform
 from calib.core.types import Observations, frozen_array
 from calib.observe.observations import known_points
@@ -218,8 +218,8 @@ def _setting(
     options = options or AS_THE_PAPER
     if is_robust(options):
         raise InputError("a tolerance study has no outliers; leave --loss and --reject out")
-    if model not in FAMILIES:
-        raise InputError(f"model {model}: a tolerance study solves {', '.join(FAMILIES)}")
+    if model not in fitted_models():
+        raise InputError(f"model {model}: a tolerance study solves {', '.join(fitted_models())}")
     tie = tie_parameters(model, options)
     problem = pack(seen, weighted=options.weighted)
     poses = np.array(cam_from_target)

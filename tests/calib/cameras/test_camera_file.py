@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from calib.cameras import rays
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_from_mapping, camera_to_json, load_camera
+from calib.cameras.camera import Camera, camera_from_mapping, camera_to_json, load_camera
 from designer.base.errors import InputError
 from tests.support.virtual_scenes import virtual_camera, wavy_map
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from calib.cameras import project
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_to_json, load_camera
+from calib.cameras.camera import Camera, camera_to_json, load_camera
 from calib.commands.convert import convert
 from calib.interop import FORMATS
 from calib.interop.reading import open_camera

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_to_json
+from calib.cameras.camera import Camera, camera_to_json
 from calib.commands.detect import detect as detect_command
 from calib.core.types import Detections
 from calib.detector.overlay import draw_overlay

@@ -12,8 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras import project
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import load_camera
+from calib.cameras.camera import Camera, load_camera
 from calib.core.files import named_in_files
 from calib.core.se3 import look_at, transform
 from calib.core.types import Detections, Observations

@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_to_json, load_camera
+from calib.cameras.camera import Camera, camera_to_json, load_camera
 from calib.cameras.undistortion import pinhole_of
 from calib.cameras.undistortion import undistort as undistort_pixels
 from calib.commands.undistort import undistort

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_to_json
+from calib.cameras.camera import Camera, camera_to_json
 from calib.commands.pose import _table
 from calib.commands.pose import pose as pose_command
 from calib.core.se3 import exp_rotation, transform

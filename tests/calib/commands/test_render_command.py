@@ -11,8 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_from_mapping
+from calib.cameras.camera import Camera, camera_from_mapping
 from calib.cli import app
 from calib.core.se3 import look_at
 from calib.renderer import RenderOptions, render_view

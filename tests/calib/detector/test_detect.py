@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.cameras.camera_file import camera_or_preset
+from calib.cameras.camera import camera_or_preset
 from calib.core.types import Detections
 from calib.detector.pipeline import detect, find
 from calib.renderer import RenderOptions, View, render_view

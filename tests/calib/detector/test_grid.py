@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.cameras.camera_file import camera_or_preset
+from calib.cameras.camera import camera_or_preset
 from calib.detector.candidates import Candidates
 from calib.detector.grid import Grid, grow_grids
 from calib.detector.lattice import lattice_of

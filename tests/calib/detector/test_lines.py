@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.cameras import rays
-from calib.cameras.camera_file import camera_or_preset
+from calib.cameras.camera import camera_or_preset
 from calib.detector.grid import Grid
 from calib.detector.lens import CameraLens, NoLens
 from calib.detector.lines import Seen, fit_lines

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras import project
-from calib.cameras.camera_file import camera_or_preset
+from calib.cameras.camera import camera_or_preset
 from calib.core.se3 import transform
 from calib.detector.candidates import Candidates
 from calib.detector.face_spacing import lattice_over_spacing

@@ -15,8 +15,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.cameras.camera import Camera, LearnedMap
-from calib.cameras.camera_file import load_camera
+from calib.cameras.camera import Camera, LearnedMap, load_camera
 from calib.core.files import write_files
 from calib.core.types import KnownPoints
 from calib.records.calibration_file import Provenance, read_calibration, write_calibration

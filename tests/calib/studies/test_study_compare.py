@@ -12,8 +12,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from calib.cameras.camera import Camera
-from calib.cameras.camera_file import camera_or_preset
+from calib.cameras.camera import Camera, camera_or_preset
 from calib.commands.compare import compare
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.cameras.camera_file import camera_to_json
+from calib.cameras.camera import camera_to_json
 from calib.observe.observations import known_points
 from calib.observe.truth import read_truth
 from calib.studies import paper_sets, paper_study

@@ -90,7 +90,7 @@ def linear_part(matrix: list[float], origin: str) -> list[float]:
     return [fx, fy, cx, cy]
 
 
-OPENCV = CameraFormat(
+FORMAT = CameraFormat(
     name="opencv",
     title="OpenCV YAML",
     file_name="camera.yaml",

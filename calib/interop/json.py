@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from calib.cameras.camera_file import CAMERA, camera_from_mapping, camera_to_json
+from calib.cameras.camera import CAMERA, camera_from_mapping, camera_to_json
 from calib.interop.format import CameraFormat, ReadCamera
 from designer.base.small_file import parse_json
 
@@ -20,7 +20,7 @@ def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
     return ReadCamera(camera_from_mapping(parse_json(text, Path(origin), "a camera file"), origin))
 
 
-JSON = CameraFormat(
+FORMAT = CameraFormat(
     name="json",
     title="camera.json",
     file_name="camera.json",

@@ -1,0 +1,38 @@
+"""Registries: things of one kind, a file each, by their names."""
+
+from collections.abc import Collection, Iterator, Mapping
+from importlib import import_module
+from typing import TypeVar, cast
+
+Entry = TypeVar("Entry")
+
+
+class Registry(Mapping[str, Entry]):
+    """What the files of a package hold, by the files' names; a file is loaded when its entry is used.
+
+    So a command can offer the names without waiting for compiled kernels.
+    """
+
+    def __init__(self, package: str, word: str, names: Collection[str]) -> None:
+        """Remember the names.
+
+        Args:
+            package: whose files these are.
+            word: what a file calls its entry.
+            names: of the files, in the order in which they are offered.
+        """
+        self._package, self._word, self._names = package, word, names
+
+    def __getitem__(self, name: str) -> Entry:
+        if name not in self._names:
+            raise KeyError(name)
+        return cast("Entry", getattr(import_module(f"{self._package}.{name}"), self._word))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)

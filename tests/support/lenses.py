@@ -1,0 +1,46 @@
+"""Cameras of every model in the registry, and of lenses of many shapes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import ABILITIES, MODELS
+from calib.cameras.camera import Camera
+from calib.cameras.spline import COLUMNS, ROWS
+from tests.support.solver_scenes import SIZE as LARGE
+from tests.support.virtual_scenes import fisheye_map, virtual_camera, wavy_map
+
+SIZE = (1000, 800)
+SLIGHT = {"px": 1.0, "1": 0.01}
+"""By unit, the parameters of a slight lens."""
+
+
+def slight(model: str) -> Camera:
+    """A camera whose parameters beyond the linear ones are small, of a model that is known by its line alone."""
+    rest = [SLIGHT[parameter.unit] for parameter in MODELS[model].parameters[4:]]
+    if ABILITIES[model].is_learned:
+        return Camera(model, np.array([2500.0, 2510.0, 1230.0, 1010.0, *rest]), LARGE, wavy_map(0.02))
+    return Camera(model, np.array([900.0, 880.0, 510.0, 390.0, *rest]), SIZE)
+
+
+def bent(seed: int = 0, size_px: float = 6.0) -> Camera:
+    """A spline with random control points."""
+    control = size_px * np.random.default_rng(seed).standard_normal(2 * ROWS * COLUMNS)
+    return Camera("spline", np.concatenate([[900.0, 880.0, 510.0, 390.0], control]), SIZE)
+
+
+LENSES = {
+    "without lens": Camera("opencv", np.array([900.0, 880, 510, 390, 0, 0, 0, 0, 0]), SIZE),
+    "barrel": Camera("opencv", np.array([600.0, 620, 480, 405, -0.3, 0.1, 0.002, -0.001, -0.012]), SIZE),
+    "pincushion": Camera("opencv", np.array([700.0, 700, 500, 400, 0.2, 0.05, -0.001, 0.003, 0.01]), SIZE),
+    "backward barrel": Camera("luhmann", np.array([600.0, 610, 490, 400, -0.2, 0.05, -0.01, 0.002, -0.001]), SIZE),
+    "backward pincushion": Camera("luhmann", np.array([900.0, 910, 490, 400, 0.1, 0.03, 0.01, -0.002, 0.001]), SIZE),
+    "any surface": bent(),
+    "learned fisheye": virtual_camera(fisheye_map()),
+    "learned in a part of the image": virtual_camera(wavy_map(0.02, span=(0.3, 0.7))),
+    **{f"slight {model}": slight(model) for model in MODELS},
+}
+
+
+def pixels(camera: Camera, count: int = 2000, seed: int = 0) -> NDArray[np.float64]:
+    """Pixels all over the image and a little beyond."""
+    return np.random.default_rng(seed).uniform([-2, -2], np.array(camera.image_size) + 2.0, (count, 2))
