@@ -5,10 +5,11 @@ Reports build these; `designer.page.shell` alone turns them into HTML, and escap
 
 import re
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 from urllib.parse import quote
 
-from designer.page.scene import Scene
+if TYPE_CHECKING:
+    from designer.page.scene import Scene  # here alone: a terminal's lines need no NumPy
 
 Level = Literal["good", "usable", "bad", "note"]
 """How a fact is to be taken: fine, with care, not at all; or neither."""
@@ -138,7 +139,7 @@ class View3d:
     """A scene that turns under the mouse, a finger or the arrow keys."""
 
     title: str
-    scene: Scene
+    scene: "Scene"
     alt: str
     caption: str = ""
     poster: Raster | None = None  # shown where a browser has no WebGL, and in print

@@ -1,8 +1,7 @@
-"""Pictures of pixels: their size from the file's head, and small versions of them."""
+"""Pictures for a page: pixels and small versions of them, and SVG drawings of matplotlib that follow its scheme."""
 
 import io
 import re
-import struct
 import warnings
 from typing import TYPE_CHECKING
 
@@ -16,9 +15,6 @@ if TYPE_CHECKING:
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
-# Start-of-frame markers, which hold the size; C4, C8 and CC in their midst are others (ITU-T T.81, table B.1).
-_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-_STANDALONE = frozenset((0x01, *range(0xD0, 0xD8)))
 
 
 def raster_of(content: bytes) -> Raster:
@@ -27,13 +23,9 @@ def raster_of(content: bytes) -> Raster:
     Raises:
         ValueError: neither PNG nor JPEG, or cut off before its size.
     """
-    try:
-        width, height = _png_size(content) if media_type(content) == "image/png" else _jpeg_size(content)
-    except (struct.error, IndexError):
-        raise ValueError("picture: ends before its size; not a whole file") from None
-    if width < 1 or height < 1:
-        raise ValueError(f"picture: {width} x {height} pixels; must have one at least")
-    return Raster(content, width, height)
+    media_type(content)
+    with _open(content) as image:
+        return Raster(content, *image.size)
 
 
 def media_type(content: bytes) -> str:
@@ -64,7 +56,7 @@ def thumbnail(picture: bytes | NDArray[np.uint8], width_px: int, quality: int = 
     """
     from PIL.Image import Resampling
 
-    image = _opened(picture, width_px) if isinstance(picture, bytes) else _of_pixels(picture)
+    image = _decoded(picture, width_px) if isinstance(picture, bytes) else _of_pixels(picture)
     small = _eight_bit(image)
     if small.width > width_px:
         height_px = max(1, round(small.height * width_px / small.width))
@@ -74,17 +66,25 @@ def thumbnail(picture: bytes | NDArray[np.uint8], width_px: int, quality: int = 
     return Raster(stream.getvalue(), small.width, small.height)
 
 
-def _opened(content: bytes, width_px: int) -> "Image":
-    """The picture in a file; of a JPEG only as much as `width_px` needs is decoded."""
+def _open(content: bytes) -> "Image":
+    """The picture in a file, not yet decoded."""
     from PIL import Image, UnidentifiedImageError
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # photos of 150 megapixels are usual here
-            image = Image.open(io.BytesIO(content))
+            return Image.open(io.BytesIO(content))
+    except (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise ValueError(f"picture: cannot be read: {error}") from None
+
+
+def _decoded(content: bytes, width_px: int) -> "Image":
+    """The picture in a file; of a JPEG only as much as `width_px` needs is decoded."""
+    image = _open(content)
+    try:
         image.draft("L" if image.mode == "L" else "RGB", (2 * width_px, 2 * width_px))
         image.load()
-    except (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError) as error:
+    except (OSError, SyntaxError) as error:
         raise ValueError(f"picture: cannot be read: {error}") from None
     return image
 
@@ -111,34 +111,6 @@ def _eight_bit(image: "Image") -> "Image":
     return image if image.mode in {"L", "RGB"} else image.convert("RGB")
 
 
-def _png_size(content: bytes) -> tuple[int, int]:
-    """Width and height in the first chunk (PNG, section 11.2.1)."""
-    if content[12:16] != b"IHDR":
-        raise ValueError("picture: a PNG without its head")
-    width, height = struct.unpack(">II", content[16:24])
-    return width, height
-
-
-def _jpeg_size(content: bytes) -> tuple[int, int]:
-    """Width and height in the frame header (ITU-T T.81, B.2.2), past what stands before it."""
-    at = 2
-    while True:
-        if content[at] != 0xFF:
-            raise ValueError("picture: a JPEG with no marker where one must be")
-        while content[at] == 0xFF:
-            at += 1
-        marker = content[at]
-        at += 1
-        if marker in _FRAMES:
-            height, width = struct.unpack(">HH", content[at + 3 : at + 7])
-            return width, height
-        if marker not in _STANDALONE:
-            (length,) = struct.unpack(">H", content[at : at + 2])
-            if length < 2:
-                raise ValueError("picture: a JPEG with a segment of no length")
-            at += length
-
-
 # Colours without meaning, those of `calib.figures.style` and of matplotlib itself: on light, on dark, and what is so.
 _NEUTRAL = {
     "ink": ("#1a1a1a", "#e6e9ec", ("#1a1a1a", "#262626", "#000000")),
@@ -160,6 +132,10 @@ _PX_PER_POINT = 96 / 72
 
 def drawing_of_svg(svg: bytes) -> Svg:
     """A drawing of matplotlib for a page.
+
+    As a picture (`<img>`) an SVG is a document of its own: a browser runs no script in it and fetches nothing for it,
+    and its ids and styles are not the page's (SVG 2, section 2.2.6, secure static mode). So nothing is taken from it;
+    colours without meaning become variables, which its own style sheet sets for light and dark.
 
     Raises:
         ValueError: no whole SVG as matplotlib writes it.

@@ -1,16 +1,19 @@
-"""What a 3D view shows: layers of plain arrays in millimetres, which the page's viewer draws."""
+"""What a 3D view shows: layers of plain arrays in millimetres, and their text for the page's viewer."""
 
 import base64
 import json
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+JsonValue: TypeAlias = "str | int | float | bool | Sequence[JsonValue] | Mapping[str, JsonValue] | None"
+JsonObject: TypeAlias = Mapping[str, JsonValue]
+
+_MARKUP = {character: f"\\u{ord(character):04x}" for character in "<>&"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,189 +89,59 @@ class Scene:
     legend: tuple[tuple[str, str], ...] = ()  # colour "#rrggbb" and what it means
 
 
-JsonValue: TypeAlias = "str | int | float | bool | Sequence[JsonValue] | Mapping[str, JsonValue] | None"
-JsonObject: TypeAlias = Mapping[str, JsonValue]
-
-_COLOUR = re.compile(r"#[0-9a-fA-F]{6}")
-_MARKUP = {character: f"\\u{ord(character):04x}" for character in "<>&"}
-UNIT_TOLERANCE = 1e-3
-"""A normal may be off its length of 1 by this: it only points."""
-
-
 def scene_json(scene: Scene) -> str:
     """The scene as ASCII JSON without `<`, `>` and `&`, the same for the same scene.
 
-    An array is an object of `type` (f4, u2 or u4, little-endian), `shape` and base64 `data`.
+    A shape is an object with its fields; an array is one of `type` (f4, u2 or u4, little-endian), `shape` and base64
+    `data`; colours are a palette and the row of each thing in it.
 
     Raises:
-        ValueError: an array of the wrong shape, a number that is not finite in single precision, a colour that
-            is not "#rrggbb", a normal that is no unit vector, or triangles and radii that make no sense.
+        ValueError: a number that is not finite in single precision, or neither one colour for all nor one each.
     """
     document: JsonObject = {
-        "up": _direction("up", scene.up),
-        "from": _direction("from_direction", scene.from_direction),
-        "legend": [[_colour("legend", colour), text] for colour, text in scene.legend],
-        "layers": [_layer(layer) for layer in scene.layers],
+        "up": scene.up,
+        "from": scene.from_direction,
+        "legend": scene.legend,
+        "layers": [
+            {"name": one.name, "shown": one.is_shown, "switch": one.has_switch, "shapes": [*map(_shape, one.shapes)]}
+            for one in scene.layers
+        ],
     }
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
     return "".join(_MARKUP.get(character, character) for character in text)
 
 
-def _layer(layer: Layer) -> JsonObject:
-    where = f"layer {layer.name!r}"
+def _shape(shape: Shape) -> JsonObject:
+    """A shape's kind and fields."""
+    values = {field.name: getattr(shape, field.name) for field in fields(shape)}
+    count = len(next(iter(values.values())))
     return {
-        "name": layer.name,
-        "shown": layer.is_shown,
-        "switch": layer.has_switch,
-        "shapes": [_shape(shape, where) for shape in layer.shapes],
+        "kind": type(shape).__name__.lower(),
+        **{name: _colours(value, count) if name == "colours" else _plain(value) for name, value in values.items()},
     }
 
 
-def _shape(shape: Shape, where: str) -> JsonObject:
-    """A shape with its kind, checked."""
-    if isinstance(shape, Surface):
-        return _surface(shape, f"{where}, surface")
-    if isinstance(shape, Rings):
-        return _rings(shape, f"{where}, rings")
-    if isinstance(shape, Segments):
-        return _segments(shape, f"{where}, segments")
-    if isinstance(shape, Cameras):
-        return _cameras(shape, f"{where}, cameras")
-    return _labels(shape, f"{where}, labels")
+def _plain(value: "Array | JsonValue") -> JsonValue:
+    return _packed(value) if isinstance(value, np.ndarray) else value
 
 
-def _surface(shape: Surface, where: str) -> JsonObject:
-    vertices = _floats(f"{where}: vertices_mm", shape.vertices_mm, (None, 3))
-    triangles = np.asarray(shape.triangles)
-    if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
-        raise ValueError(f"{where}: triangles must be whole numbers of shape (T, 3), not {_described(triangles)}")
-    if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(vertices):
-        raise ValueError(f"{where}: triangles must name vertices 0..{len(vertices) - 1}")
-    return {
-        "kind": "surface",
-        "vertices": _packed(vertices),
-        "triangles": _packed(_smallest(triangles)),
-        "colour": _colour(where, shape.colour),
-    }
-
-
-def _rings(shape: Rings, where: str) -> JsonObject:
-    center = _floats(f"{where}: center_mm", shape.center_mm, (None, 3))
-    count = len(center)
-    outer = _floats(f"{where}: radius_outer_mm", shape.radius_outer_mm, (count,))
-    inner = _floats(f"{where}: radius_inner_mm", shape.radius_inner_mm, (count,))
-    if not ((inner >= 0) & (inner < outer)).all():
-        raise ValueError(f"{where}: radius_inner_mm must be at least 0 and less than radius_outer_mm")
-    if shape.names and len(shape.names) != count:
-        raise ValueError(f"{where}: {len(shape.names)} names for {count} rings; give one each, or none")
-    return {
-        "kind": "rings",
-        "center": _packed(center),
-        "normal": _packed(_unit(f"{where}: normal", shape.normal, count)),
-        "outer": _packed(outer),
-        "inner": _packed(inner),
-        "colours": _colours(where, shape.colours, count),
-        "names": list(shape.names),
-    }
-
-
-def _segments(shape: Segments, where: str) -> JsonObject:
-    ends = _floats(f"{where}: ends_mm", shape.ends_mm, (None, 2, 3))
-    return {"kind": "segments", "ends": _packed(ends), "colours": _colours(where, shape.colours, len(ends))}
-
-
-def _cameras(shape: Cameras, where: str) -> JsonObject:
-    poses = _floats(f"{where}: target_from_cam", shape.target_from_cam, (None, 4, 4))
-    if len(shape.names) != len(poses):
-        raise ValueError(f"{where}: {len(shape.names)} names for {len(poses)} cameras; give one each")
-    return {
-        "kind": "cameras",
-        "poses": _packed(poses),
-        "rays": _packed(_floats(f"{where}: corner_rays", shape.corner_rays, (4, 3))),
-        "size": _length(f"{where}: size_mm", shape.size_mm),
-        "colours": _colours(where, shape.colours, len(poses)),
-        "names": list(shape.names),
-    }
-
-
-def _labels(shape: Labels, where: str) -> JsonObject:
-    position = _floats(f"{where}: position_mm", shape.position_mm, (None, 3))
-    if len(shape.texts) != len(position):
-        raise ValueError(f"{where}: {len(shape.texts)} texts for {len(position)} positions; give one each")
-    return {
-        "kind": "labels",
-        "position": _packed(position),
-        "normal": _packed(_unit(f"{where}: normal", shape.normal, len(position))),
-        "texts": list(shape.texts),
-        "size": _length(f"{where}: size_mm", shape.size_mm),
-    }
-
-
-def _described(array: NDArray[np.generic]) -> str:
-    return f"{array.dtype} of shape {array.shape}"
-
-
-def _floats(what: str, values: object, shape: tuple[int | None, ...]) -> NDArray[np.float32]:
-    """Numbers in single precision; None in `shape` stands for any length."""
-    array = np.asarray(values)
-    fits = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape, strict=True))
-    if not fits or array.dtype.kind not in "fiu":
-        wanted = ", ".join("any" if n is None else str(n) for n in shape)
-        raise ValueError(f"{what} must be numbers of shape ({wanted}), not {_described(array)}")
-    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        single = array.astype("<f4")
-    if not np.isfinite(single).all():
-        raise ValueError(f"{what} holds a number that is not finite, or too large to draw")
-    return single
-
-
-def _unit(what: str, values: object, count: int) -> NDArray[np.float32]:
-    """One unit vector each."""
-    normals = _floats(what, values, (count, 3))
-    if normals.size and np.abs(np.linalg.norm(normals.astype(np.float64), axis=1) - 1).max() > UNIT_TOLERANCE:
-        raise ValueError(f"{what} must hold unit vectors")
-    return normals
-
-
-def _direction(what: str, values: tuple[float, float, float]) -> list[float]:
-    """Any vector but zero, as plain numbers."""
-    direction = _floats(what, values, (3,))
-    if not direction.any():
-        raise ValueError(f"{what} must be a direction, not (0, 0, 0)")
-    return [float(x) for x in values]
-
-
-def _length(what: str, value: float) -> float:
-    """A length above 0."""
-    if not _floats(what, value, ()) > 0:
-        raise ValueError(f"{what} is {value:g}; it must be above 0")
-    return float(value)
-
-
-def _colour(where: str, colour: str) -> str:
-    if not _COLOUR.fullmatch(colour):
-        raise ValueError(f'{where}: the colour {colour!r} must be written "#rrggbb"')
-    return colour.lower()
-
-
-def _colours(where: str, colours: tuple[str, ...], count: int) -> JsonObject:
+def _colours(colours: Sequence[str], count: int) -> JsonObject:
     """The different colours in order of appearance, and which one each thing has."""
     if len(colours) not in (1, count):
-        raise ValueError(f"{where}: {len(colours)} colours for {count} things; give one each, or one for all")
-    row: dict[str, int] = {}
-    index = [row.setdefault(_colour(where, colour), len(row)) for colour in colours]
-    each = np.asarray(index if len(index) == count else index * count, dtype=np.int64)
-    return {"palette": list(row), "index": _packed(_smallest(each))}
-
-
-def _smallest(whole: NDArray[np.integer]) -> NDArray[np.unsignedinteger]:
-    """Whole numbers in 16 bits where they fit, in 32 otherwise."""
-    return whole.astype("<u2" if not whole.size or int(whole.max()) < 2**16 else "<u4")
+        raise ValueError(f"{len(colours)} colours for {count} things; give one each, or one for all")
+    row = {colour: number for number, colour in enumerate(dict.fromkeys(colours))}
+    index = [row[colour] for colour in colours]
+    return {"palette": list(row), "index": _packed(np.asarray(index if len(index) == count else index * count, int))}
 
 
 def _packed(array: NDArray[np.generic]) -> JsonObject:
-    return {
-        "type": array.dtype.str[1:],
-        "shape": list(array.shape),
-        "data": base64.b64encode(array.tobytes()).decode("ascii"),
-    }
+    """Whole numbers in 16 bits where they fit, in 32 otherwise; others in single precision."""
+    if array.dtype.kind in "iu":
+        packed = array.astype("<u2" if not array.size or array.max() < 2**16 else "<u4")
+    else:
+        with np.errstate(over="ignore"):
+            packed = array.astype("<f4")
+        if not np.isfinite(packed).all():
+            raise ValueError("a scene holds a number that is not finite, or too large to draw")
+    data = base64.b64encode(packed.tobytes()).decode("ascii")
+    return {"type": packed.dtype.str[1:], "shape": list(packed.shape), "data": data}

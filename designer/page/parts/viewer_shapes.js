@@ -29,7 +29,7 @@ const ringsolidShapes = (() => {
 
   function buildSurface(shape) {
     const geometry = new THREE.BufferGeometry();
-    const vertices = unpack(shape.vertices);
+    const vertices = unpack(shape.vertices_mm);
     geometry.setAttribute("position", new THREE.BufferAttribute(vertices, 3));
     geometry.setIndex(new THREE.BufferAttribute(unpack(shape.triangles), 1));
     const material = new THREE.MeshLambertMaterial({
@@ -46,10 +46,10 @@ const ringsolidShapes = (() => {
 
   /** Rings of like proportions share one geometry; to a two-hundredth of the radius, nobody sees the difference. */
   function buildRings(shape) {
-    const center = vectors(unpack(shape.center));
+    const center = vectors(unpack(shape.center_mm));
     const normal = vectors(unpack(shape.normal));
-    const outer = unpack(shape.outer);
-    const inner = unpack(shape.inner);
+    const outer = unpack(shape.radius_outer_mm);
+    const inner = unpack(shape.radius_inner_mm);
     const colours = unpackColours(shape.colours);
     const groups = new Map();
     outer.forEach((radius, ring) => {
@@ -114,15 +114,15 @@ const ringsolidShapes = (() => {
   }
 
   function buildSegments(shape) {
-    const ends = vectors(unpack(shape.ends));
+    const ends = vectors(unpack(shape.ends_mm));
     if (!ends.length) return { object: new THREE.Group(), points: [] };
     return { object: lines(ends, unpackColours(shape.colours), 1.6), points: ends };
   }
 
   /** Pyramids with a filled tick on the side that is up in the photo; faint walls make them easy to point at. */
   function buildCameras(shape) {
-    const poses = unpack(shape.poses);
-    const corners = vectors(unpack(shape.rays)).map((ray) => ray.multiplyScalar(shape.size / ray.z));
+    const poses = unpack(shape.target_from_cam);
+    const corners = vectors(unpack(shape.corner_rays)).map((ray) => ray.multiplyScalar(shape.size_mm / ray.z));
     const width = corners[0].distanceTo(corners[1]);
     const middle = corners[0].clone().add(corners[1]).multiplyScalar(0.5);
     const upwards = middle.clone().sub(corners[3].clone().add(corners[2]).multiplyScalar(0.5)).normalize();
@@ -164,11 +164,11 @@ const ringsolidShapes = (() => {
   }
 
   function buildLabels(shape) {
-    const position = vectors(unpack(shape.position));
+    const position = vectors(unpack(shape.position_mm));
     const normal = vectors(unpack(shape.normal));
     const object = new THREE.Group();
-    position.forEach((point, row) => object.add(label(shape.texts[row], point, normal[row], shape.size)));
-    const points = position.map((point, row) => point.clone().addScaledVector(normal[row], 0.75 * shape.size));
+    position.forEach((point, row) => object.add(label(shape.texts[row], point, normal[row], shape.size_mm)));
+    const points = position.map((point, row) => point.clone().addScaledVector(normal[row], 0.75 * shape.size_mm));
     return { object, points, labels: object.children };
   }
 

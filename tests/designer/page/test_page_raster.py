@@ -23,36 +23,6 @@ def ramp(height: int, width: int) -> np.ndarray:
     return np.tile(np.linspace(0, 255, width).round().astype(np.uint8), (height, 1))
 
 
-@pytest.mark.parametrize(
-    "options", [{}, {"progressive": True}, {"comment": b"x" * 5000}, {"exif": b"Exif\0\0" + b"\xff\xc0" * 9}]
-)
-@given(width=st.integers(1, 70), height=st.integers(1, 70))
-def test_jpeg_size(options: dict[str, object], width: int, height: int) -> None:
-    """The size of a JPEG is Pillow's, whatever segments stand before it."""
-    raster = raster_of(encoded(ramp(height, width), "JPEG", **options))
-    assert (raster.width_px, raster.height_px) == (width, height)
-
-
-@given(width=st.integers(1, 70), height=st.integers(1, 70))
-def test_png_size(width: int, height: int) -> None:
-    """The size of a PNG is Pillow's."""
-    raster = raster_of(encoded(ramp(height, width), "PNG"))
-    assert (raster.width_px, raster.height_px) == (width, height)
-
-
-def test_jpeg_size_past_every_prefix() -> None:
-    """A JPEG cut off anywhere before its size is refused, never misread, and never loops."""
-    content = encoded(ramp(20, 30), "JPEG", comment=b"y" * 40)
-    sizes = set()
-    for length in range(len(content)):
-        try:
-            raster = raster_of(content[:length])
-        except ValueError:
-            continue
-        sizes.add((raster.width_px, raster.height_px))
-    assert sizes == {(30, 20)}
-
-
 @given(st.binary(max_size=200))
 def test_any_bytes_after_a_jpeg_s_first(tail: bytes) -> None:
     """Whatever follows, there is a size of at least a pixel or a ValueError."""
