@@ -7,8 +7,8 @@ import typer
 
 from calib.commands.judged_page import criteria_templates
 from calib.show.screen import quoted, shown, waiting
-from calib.show.terminal import say_headline
 from designer.base.answer import Summary
+from designer.page.terminal import say_headline
 
 NEGATIVE = 1
 

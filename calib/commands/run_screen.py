@@ -12,10 +12,10 @@ from calib.metrics.errors import summarise
 from calib.show.run.evaluation_table import comparison_table, focal_length, parameters_table
 from calib.show.run.sections import finding_of, headline_of
 from calib.show.screen import quoted, shown, table_console
-from calib.show.terminal import say_facts, say_findings, say_headline, say_line, say_lines, say_table, say_written
 from calib.verdict.words import checks_table, criteria_line
 from designer.base.command import command_line
 from designer.page.blocks import Facts, Finding
+from designer.page.terminal import say_facts, say_findings, say_headline, say_line, say_lines, say_table, say_written
 
 MOST_SKIPPED, MOST_STEPS = 5, 3
 LONGEST_LINE = 400

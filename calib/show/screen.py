@@ -1,39 +1,16 @@
 """What commands show: tables on standard output, progress on standard error while there is a screen."""
 
 import math
-import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-from designer.base.words import printable
+from designer.page.terminal import quoted, shown, table_console
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
-WIDE = 240
+__all__ = ["progress_bar", "progress_bars", "quoted", "shown", "table_console", "waiting"]
 SAID_EVERY_S = 4.0
 """Between lines of progress where there is no terminal."""
-
-
-def shown(path: Path) -> str:
-    """A path as a line of the screen has it."""
-    return printable(str(path))
-
-
-def quoted(path: Path) -> str:
-    """A path as it is typed in a shell."""
-    return shlex.quote(shown(path))
-
-
-def table_console() -> "Console":
-    """Where tables go. Off a terminal nobody's window is narrow: a row is a line."""
-    from rich.console import Console
-
-    return Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDE)
 
 
 @contextmanager

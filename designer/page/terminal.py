@@ -1,11 +1,19 @@
 """Blocks as lines of a terminal: the answer first, then what matters, what was written, and what to do next."""
 
+import shlex
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from calib.show.screen import shown, table_console
 from designer.base.words import printable
 from designer.page.blocks import Facts, Finding, Headline, Level, Table
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+WIDE = 240
+"""Columns where there is no terminal: nobody's window is narrow, so a row is a line."""
 
 MARKS: dict[Level, tuple[str, str]] = {
     "good": ("good", "green"), "usable": ("usable", "yellow"), "bad": ("bad", "red"), "note": ("note", "dim"),
@@ -17,6 +25,23 @@ MOST_FILES = 6
 """That are named of a folder; the others are counted."""
 
 
+def shown(path: Path) -> str:
+    """A path as a line of the screen has it."""
+    return printable(str(path))
+
+
+def quoted(path: Path) -> str:
+    """A path as it is typed in a shell."""
+    return shlex.quote(shown(path))
+
+
+def table_console() -> "Console":
+    """Where tables go."""
+    from rich.console import Console
+
+    return Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDE)
+
+
 def say_headline(headline: Headline) -> None:
     """The answer."""
     from rich.text import Text
@@ -26,9 +51,10 @@ def say_headline(headline: Headline) -> None:
 
 
 def say_facts(facts: Facts) -> None:
-    """Names and their values, a line each."""
+    """Names and their values, a line each, one below the other."""
+    width = max((len(name) for name, _ in facts.rows), default=0)
     for name, value in facts.rows:
-        say_line(name, value)
+        say_line(name.ljust(width), value)
 
 
 def say_findings(findings: Iterable[Finding]) -> None:
