@@ -16,16 +16,18 @@ if TYPE_CHECKING:
     from calib.api.evaluating import EvaluationResult, evaluate
     from calib.api.loading import load_camera, load_observations
     from calib.api.measuring import MeasureResult, RescaledTarget, measure, rescale
-    from calib.api.posing import PoseResult, pose
+    from calib.api.posing import pose
     from calib.api.rendering import RenderedPhotos, render
     from calib.api.run_result import RunResult
     from calib.api.running import NothingFoundError, run, solve
     from calib.api.tolerancing import ToleranceResult, tolerance
-    from calib.api.undistorting import UndistortedFiles, Undistorter, undistort
+    from calib.api.undistorting import Undistorter, undistort
     from calib.cameras.camera import Camera
     from calib.cameras.undistortion import Undistorted
     from calib.core.types import Detections, Observations
+    from calib.pipeline.target_poses import PoseResult
     from calib.renderer.options import RenderOptions
+    from calib.show.photos.undistorted_photos import UndistortedFiles
     from calib.solver.calibration import Calibration
     from designer.base.errors import InputError
 
@@ -93,10 +95,7 @@ _HOMES = {
         "measure",
         "rescale",
     ),
-    "calib.api.posing": (
-        "PoseResult",
-        "pose",
-    ),
+    "calib.api.posing": ("pose",),
     "calib.api.rendering": (
         "RenderedPhotos",
         "render",
@@ -112,7 +111,6 @@ _HOMES = {
         "tolerance",
     ),
     "calib.api.undistorting": (
-        "UndistortedFiles",
         "Undistorter",
         "undistort",
     ),
@@ -122,7 +120,9 @@ _HOMES = {
         "Detections",
         "Observations",
     ),
+    "calib.pipeline.target_poses": ("PoseResult",),
     "calib.renderer.options": ("RenderOptions",),
+    "calib.show.photos.undistorted_photos": ("UndistortedFiles",),
     "calib.solver.calibration": ("Calibration",),
     "designer.base.errors": ("InputError",),
 }

@@ -1,47 +1,16 @@
 """Where a known camera stood before a target, photo by photo."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from pathlib import Path
 
 from calib.api.loading import Place, camera_of, photos_of, target_of
 from calib.api.progress import Progress, unheard
-from calib.api.searching import Search, search_once
+from calib.api.searching import search_once
 from calib.cameras.camera import Camera
-from calib.core.files import write_files
-from calib.pipeline.target_poses import TargetPose, check_output, poses_to_csv, poses_to_json, target_poses
+from calib.pipeline.target_poses import PoseResult, target_poses
 from designer.target import TargetGeometry
 
 TOO_FEW = "too few rings for a pose, or all on a line"
 NOT_SOLVED = "no pose fits the rings that were found; check the camera file"
-
-
-@dataclass(frozen=True, eq=False)
-class PoseResult:
-    """The poses in some photos: `found.save("poses.csv")`."""
-
-    target: TargetGeometry
-    camera: Camera
-    search: Search
-    poses: tuple[TargetPose, ...]  # in the order of the photos
-    without_pose: tuple[tuple[str, str], ...]  # the other photos, and why
-
-    def save(self, path: str | Path) -> Path:
-        """Write `poses.json` or `poses.csv`, by the suffix; return its place.
-
-        Raises:
-            InputError: another suffix, or a file of somebody else's.
-        """
-        place = Path(path)
-        check_output(place)
-        is_table = place.suffix.lower() == ".csv"
-        content = (
-            poses_to_csv(self.poses)
-            if is_table
-            else poses_to_json(self.poses, self.target, self.camera, self.without_pose)
-        )
-        write_files({place: content})
-        return place
 
 
 def pose(

@@ -8,7 +8,6 @@ from functools import cached_property
 from pathlib import Path
 
 from calib.api.page_shown import ShownAsPage
-from calib.api.searching import Search
 from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
 from calib.cameras.camera import Camera
 from calib.core.files import check_folder, write_files
@@ -16,8 +15,8 @@ from calib.core.types import Detections, Observations
 from calib.figures import CALIBRATION_PICTURE, COMPARISON_PICTURE, calibration_figures, comparison_figures
 from calib.metrics.evaluation import Evaluation
 from calib.observe.dataset import write_detections
-from calib.observe.photos import FoundPhotos, PhotoResult, detect_photos
-from calib.observe.records import ImageRecord, Records, read_records, records_path
+from calib.observe.photos import FoundPhotos, PhotoResult, Search, detect_photos
+from calib.observe.records import Records, read_records, records_path
 from calib.pipeline.solving import Solution, SolveTask, preference
 from calib.records.calibration_file import (
     CALIBRATION_FILE,
@@ -285,11 +284,7 @@ class RunWriter:
 
 def write_search(table: Path, search: Search) -> Records:
     """Write the detections and their records, photos that could not be searched among them; the records."""
-    failed = [
-        ImageRecord(result.photo.name, None, 0, 0, (), (), result.failure)
-        for result in search.results
-        if result.seen is None
-    ]
+    failed = [result.record for result in search.results if result.seen is None]
     return write_detections(
         table, search.detections, search.target, detector=program(), failed=failed, rendered_id=search.rendered_id
     )

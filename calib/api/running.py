@@ -8,11 +8,11 @@ from pathlib import Path
 from calib.api.loading import Observed, Place, observations_of, photos_of, rendered_id_of, target_of
 from calib.api.progress import Progress, unheard
 from calib.api.run_result import DETECTIONS_FILE, RunResult, RunWriter, best_of
-from calib.api.searching import Search, search_twice, truth_of
+from calib.api.searching import search_twice, truth_of
 from calib.cameras import learned_models, models_of_all
 from calib.core.files import named_in_files
 from calib.observe.observations import observations_from_detections
-from calib.observe.photos import named_photos
+from calib.observe.photos import Search, named_photos
 from calib.observe.truth import Truth
 from calib.pipeline.solving import (
     ALL,

@@ -21,6 +21,7 @@ from calib.observe.photos import (
     PhotoResult,
     Pixels,
     Read,
+    Search,
     detect_photos,
     named_photos,
     reading_once,
@@ -33,34 +34,6 @@ from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
 NOTHING_LEFT = "no photos left to search"
-
-
-@dataclass(frozen=True, eq=False)
-class Search:
-    """What was found in photos."""
-
-    target: TargetGeometry
-    results: tuple[PhotoResult, ...]  # of each photo, in order
-    missing: tuple[str, ...]  # arguments that stood for no photo, one line each
-    overlays_left_out: int  # of an earlier run among the photos
-    seconds: float
-    rendered_id: str = ""  # of the geometry that the photos were rendered of; "": real photos
-    remarks: tuple[str, ...] = ()  # on the search as a whole
-
-    @property
-    def detections(self) -> tuple[Detections, ...]:
-        """Of each photo that could be searched."""
-        return tuple(result.seen for result in self.results if result.seen is not None)
-
-    @property
-    def with_target(self) -> tuple[Detections, ...]:
-        """Of each photo that shows the target."""
-        return tuple(seen for seen in self.detections if len(seen.ring))
-
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """What could not be read or searched, one line each."""
-        return (*self.missing, *(result.failure for result in self.results if result.failure))
 
 
 def search_once(

@@ -1,7 +1,6 @@
 """Photos as a pinhole camera would have taken them: an array, or files into a folder."""
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
 
@@ -19,24 +18,11 @@ from calib.cameras.undistortion import Undistorted, pinhole_of
 from calib.core.files import distinct_stems, write_files
 from calib.observe.images import Grey, read_colour
 from calib.observe.photos import PhotoFile, named_photos
+from calib.show.photos.undistorted_photos import CAMERA_FILE, MARK, UndistortedFile, UndistortedFiles
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours
 
-MARK = ".undistorted"
-"""Stands in the name of each undistorted photo, so that one is not taken for a photo of the camera."""
-CAMERA_FILE = "camera.json"
 FOCAL_RANGE_PX = (1.0, 1e7)
-
-
-@dataclass(frozen=True)
-class UndistortedFile:
-    """What came of one photo."""
-
-    photo: PhotoFile
-    place: Path | None = None  # of the undistorted photo; None: there is none
-    share_filled: float = 0.0
-    remarks: tuple[str, ...] = ()
-    failure: str = ""  # one line that names the file
 
 
 class Undistorter:
@@ -79,7 +65,7 @@ class Undistorter:
 
     def write(
         self, photos: Place | Iterable[Place], folder: Place, *, progress: Progress = unheard
-    ) -> "UndistortedFiles":
+    ) -> UndistortedFiles:
         """Write each photo as `NAME.undistorted.png` into a folder, with the `camera.json` that belongs to them.
 
         Args:
@@ -156,43 +142,6 @@ class Undistorter:
                 "check the camera file"
             )
         return made
-
-
-@dataclass(frozen=True, eq=False)
-class UndistortedFiles:
-    """What came of many photos: `made.pinhole`, `made.failures`."""
-
-    folder: Path
-    camera: Camera  # that took the photos
-    pinhole: Camera  # that the undistorted ones are of, in `camera_file`
-    photos: tuple[UndistortedFile, ...]
-    missing: tuple[str, ...]  # arguments that stood for no photo, one line each
-    left_out: int  # undistorted photos of an earlier run among them
-
-    @property
-    def good(self) -> tuple[tuple[UndistortedFile, Path], ...]:
-        """The photos that were undistorted, and where they are."""
-        return tuple((one, one.place) for one in self.photos if one.place is not None)
-
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """Why others were not, one line each."""
-        return (*self.missing, *(one.failure for one in self.photos if one.failure))
-
-    @property
-    def share_filled(self) -> float:
-        """Of the pixels of the worst photo; the others are black."""
-        return min(one.share_filled for one, _ in self.good)
-
-    @property
-    def camera_file(self) -> Path:
-        """Of the camera that belongs to them."""
-        return self.folder / CAMERA_FILE
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """All that was written."""
-        return (*(place for _, place in self.good), *((self.camera_file,) if self.good else ()))
 
 
 class UndistortionStoppedError(KeyboardInterrupt):

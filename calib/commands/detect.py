@@ -1,24 +1,18 @@
 """The command `calib detect`."""
 
-import math
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from calib.commands.answers.photos import detections_answer
-from calib.commands.folder_page import folder_page, say_next
-from calib.show.screen import progress_bars, quoted
+from calib.commands.folder_page import say_next
+from calib.show.screen import progress_bars, quoted, shown
 from designer.base.answer import Summary
 from designer.kinds.presets import camera_templates
 
-if TYPE_CHECKING:
-    from calib.api.searching import Search
-
 NOTHING_FOUND = 1
-DETECTIONS = "detections"
-"""The kind of a folder's page."""
 
 
 def detect(
@@ -50,10 +44,11 @@ def detect(
     from calib.api.searching import search_once, truth_of
     from calib.api.staging import keep_pictures, staging_folder
     from calib.commands.camera_argument import read_camera
-    from calib.commands.run_screen import say_search
+    from calib.commands.photo_screen import say_photos, with_photos_page
     from calib.observe.dataset import check_output
     from calib.observe.photos import find_photos
     from calib.observe.records import records_path
+    from calib.show.photos.detected_photos import told_detected
     from designer.target import load_target
 
     geometry = load_target(target, "rings")
@@ -71,48 +66,24 @@ def detect(
             )  # fmt: skip
         write_search(table, search)
         pictures = () if staging is None or overlay is None else keep_pictures(staging, overlay)
-    say_search(search)
-    _say_files(table, overlay, len(pictures))
-    pages: tuple[Path, ...] = ()
-    remarks = () if named is None else named.remarks
-    if overlay is not None:
-        pages, more = overlays_page(overlay, target, search, table)
-        remarks = (*remarks, *more)
+    told = told_detected(search, target, table, overlay)
+    say_photos(told)
+    print(f"wrote {shown(table)}: one line a feature, which is what a calibration reads")
+    print(f"      {shown(records_path(table))}: what was read of each face, and why rings are missing")
+    if overlay is not None and pictures:
+        print(f"      {shown(overlay)}: {len(pictures)} overlays; look at them before you trust the numbers")
     is_found = bool(search.with_target)
     summary = Summary(
         detections_answer(search),
-        (table, records_path(table), *pictures, *pages),
+        (table, records_path(table), *pictures),
         (f"calib solve {quoted(table)} --target {quoted(target)} -o DIR",) if is_found else (),
-        remarks,
+        () if named is None else named.remarks,
         exit_code=0 if is_found else NOTHING_FOUND,
     )
-    return summary if overlay is None else say_next(summary, overlay)
-
-
-def overlays_page(
-    folder: Path, target: Path, search: "Search", table: Path, *, overlays: Path | None = None
-) -> tuple[tuple[Path, ...], tuple[str, ...]]:
-    """Write the page of what was found; its files, or a remark that says why there is none.
-
-    Args:
-        folder: of the page.
-        target: its file.
-        search: what was found.
-        table: the detections.
-        overlays: the pictures' folder (default: the page's).
-    """
-    from calib.commands.photo_table import median_sigma_px
-    from calib.show.photos.detected_photos import detected, told_detected
-    from calib.show.photos.photos_file import write_photos
-
-    def keep() -> tuple[Path, ...]:
-        sigmas_px = [math.nan if result.seen is None else median_sigma_px(result.seen) for result in search.results]
-        made = detected(
-            folder, target, search.target, table, search.results, sigmas_px, search.missing, overlays=overlays
-        )
-        return (write_photos(folder, told_detected(made)),)
-
-    return folder_page(folder, DETECTIONS, keep)
+    if overlay is None:
+        print("next  the same command with --overlay DIR draws what was and was not found")
+        return summary
+    return say_next(with_photos_page(summary, overlay, told), overlay)
 
 
 def _table_path(out: Path | None, target: Path) -> Path:
@@ -125,15 +96,3 @@ def _table_path(out: Path | None, target: Path) -> Path:
 def exports_folder(target: Path) -> Path:
     """Where a target's results go if nobody says otherwise."""
     return Path("exports") / target.name.removesuffix(".json").removesuffix(".target")
-
-
-def _say_files(table: Path, overlay: Path | None, pictures: int) -> None:
-    """What was written, and what it is for."""
-    from calib.observe.records import records_path
-
-    print(f"wrote    {table}: one line a feature, which is what a calibration reads")
-    print(f"         {records_path(table)}: what was read of each face, and why rings are missing")
-    if overlay is not None and pictures:
-        print(f"         {overlay}: {pictures} overlays; look at them before you trust the numbers")
-    else:
-        print("next     the same command with --overlay DIR draws what was and was not found")

@@ -11,14 +11,6 @@ from designer.base.errors import InputError, NotWrittenError
 from designer.base.words import printable
 
 
-def folder_page(
-    folder: Path, kind: str, keep: Callable[[], tuple[Path, ...]]
-) -> tuple[tuple[Path, ...], tuple[str, ...]]:
-    """The files of a folder's page, or a remark that says why there is none."""
-    summary = with_page(Summary(), folder, kind, keep)
-    return summary.wrote, summary.remarks
-
-
 def with_page(summary: Summary, folder: Path, kind: str, keep: Callable[[], tuple[Path, ...]] = tuple) -> Summary:
     """What came of a command whose results lie in a folder, with the folder's page.
 

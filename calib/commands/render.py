@@ -7,18 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast, get_args
 
 import typer
 
-from calib.commands.folder_page import folder_page
-from calib.show.screen import progress_bars, quoted
+from calib.show.screen import progress_bars, shown
 from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
 from designer.kinds.presets import camera_templates, one_of
 
 if TYPE_CHECKING:
     from calib.api.rendering import RenderedPhotos
-    from calib.renderer.job import Rendered, RenderJob
 
-PHOTOS = "photos"
-"""The kind of a folder's page."""
 REGIONS = ("hemisphere", "sphere", "cap")
 
 
@@ -137,10 +133,8 @@ def _bits(bits: int) -> Literal[8, 16]:
 
 def _run(photos: "RenderedPhotos", target: Path, out: Path, jobs: int | None, overwrite: bool) -> Summary:
     """Render the set, and say what was done and what to do next."""
-    from calib.show.parts.kept_target import keep_target
-    from calib.show.parts.origin import is_of_kind
-    from calib.show.photos.photos_file import write_photos
-    from calib.show.photos.rendered_photos import told_rendered
+    from calib.commands.photo_screen import say_photos, with_photos_page
+    from calib.show.photos.rendered_photos import commands_after, told_rendered
 
     job = photos.job
     try:
@@ -152,20 +146,13 @@ def _run(photos: "RenderedPhotos", target: Path, out: Path, jobs: int | None, ov
             f"stopped; {len(done)} of {len(job.file_names)} images are in {out}; the same command renders the others",
             Summary({"images": len(done), "asked": len(job.file_names)}, done),
         ) from None
-    steps: tuple[str, ...] = (f"calib run {quoted(target)} {quoted(out)} -o {quoted(_camera_folder(out))}",)
-    if job.target.is_dot.all():
-        steps = ()  # dots alone are not detected here
-    _summarise(job, rendered, out)
-    again = is_of_kind(out, PHOTOS)
-
-    def keep() -> tuple[Path, ...]:
-        kept = keep_target(out, job.target, is_again=again)
-        return (*kept, write_photos(out, told_rendered(job, kept[0].name if kept else "NAME.target.json")))
-
-    pages, remarks = folder_page(out, PHOTOS, keep)
-    for step in steps:
-        print(f"next  {step}")
-    return Summary(
+    told = told_rendered(job, target, out)
+    say_photos(told, has_table=False)
+    there = f", {rendered.kept} were there already" if rendered.kept else ""
+    speed = f"; {rendered.seconds:.1f} s in {rendered.processes} process{'es' * (rendered.processes > 1)}"
+    print(f"wrote {shown(out)}: {rendered.written} images and truth.json{there}{speed if rendered.written else ''}")
+    steps = tuple(command.line for command in commands_after(job, target, out))
+    summary = Summary(
         {
             "folder": str(out),
             "images": len(job.cam_from_target),
@@ -177,24 +164,10 @@ def _run(photos: "RenderedPhotos", target: Path, out: Path, jobs: int | None, ov
             "seconds": rendered.seconds,
             "processes": rendered.processes,
         },
-        (*(out / name for name in job.file_names), out / "truth.json", *pages),
+        (*(out / name for name in job.file_names), out / "truth.json"),
         steps,
-        remarks,
     )
-
-
-def _camera_folder(photos: Path) -> Path:
-    """A folder beside that of the photos, for the camera that took them."""
-    return Path("camera") if photos.name in ("", "..") else photos.with_name(f"{photos.name}-camera")
-
-
-def _summarise(job: "RenderJob", rendered: "Rendered", out: Path) -> None:
-    width, height = job.camera.image_size
-    total = len(job.cam_from_target)
-    kept = f" ({rendered.kept} were there already)" if rendered.kept else ""
-    images = "1 image" if total == 1 else f"{total} images"
-    print(f"{out}: {images} of {width} x {height} px{kept} and truth.json, seed {job.seed}")
-    if rendered.written:
-        each = rendered.seconds / rendered.written
-        noun = "process" if rendered.processes == 1 else "processes"
-        print(f"  {rendered.seconds:.1f} s, {each:.2f} s a view with {rendered.processes} {noun}")
+    summary = with_photos_page(summary, out, told, job.target)
+    for step in steps:
+        print(f"next  {step}")
+    return summary

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.commands.answers.solutions import run_answer
-from calib.commands.detect import exports_folder, overlays_page
+from calib.commands.detect import exports_folder
 from calib.commands.folder_page import say_next as say_next_of_overlays
 from calib.commands.judged_page import DEFAULT_CRITERIA, CriteriaOption, PageOption, VerboseOption
 from calib.commands.running import negative, report_of, stopped
@@ -112,22 +112,20 @@ def _nothing_found(error: "NothingFoundError", target: Path, writer: "RunWriter"
     from calib.api.run_result import DETECTIONS_FILE, OVERLAYS
     from calib.commands.answers.photos import detections_answer
     from calib.commands.answers.solutions import solutions_answer
-    from calib.commands.run_screen import say_search
+    from calib.commands.photo_screen import say_photos, with_photos_page
     from calib.records.run_folder import is_run_folder
+    from calib.show.photos.detected_photos import told_detected
 
     search, folder = error.search, writer.folder
-    say_search(search)
     overlays = folder / OVERLAYS
     place = overlays if is_run_folder(folder) else folder
-    pages: tuple[Path, ...] = ()
-    remarks: tuple[str, ...] = ()
-    if page:
-        pages, remarks = overlays_page(place, target, search, folder / DETECTIONS_FILE, overlays=overlays)
+    told = told_detected(search, target, folder / DETECTIONS_FILE, place, overlays)
+    say_photos(told)
     again, more = command_line(), ": the page says more" if page else ""
     summary = Summary(
         {"detections": detections_answer(search), **solutions_answer((), None, writer.place_of), "verdict": None},
-        (*writer.files, *pages),
+        tuple(writer.files),
         (f"{again}   # with the right target file, or other photos{more}",) if again else (),
-        (*search.remarks, *remarks), NOTHING_FOUND,
+        search.remarks, NOTHING_FOUND,
     )  # fmt: skip
-    return say_next_of_overlays(summary, place)
+    return say_next_of_overlays(with_photos_page(summary, place, told) if page else summary, place)

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.api.run_result import RunResult
-from calib.api.searching import Search
-from calib.commands.photo_table import expected_features, photo_table, remarks_on
+from calib.commands.photo_screen import photo_table
 from calib.core.number_text import figure
 from calib.metrics.errors import summarise
+from calib.observe.photos import Search
 from calib.show.run.evaluation_table import comparison_table, focal_length, parameters_table
 from calib.show.run.sections import finding_of, headline_of
 from calib.show.screen import quoted, shown, table_console
@@ -66,8 +66,7 @@ def _facts(run: RunResult) -> tuple[tuple[str, str], ...]:
 
 def photo_words(search: Search) -> str:
     """How many photos show the target, and how much of it."""
-    found = sum(len(seen.ring) for seen in search.detections)
-    expected = sum(map(expected_features, search.detections))
+    found, expected = search.counts
     counts = f", {found} of {expected} features of the faces seen that could be measured" if found else ""
     return (
         f"{len(search.with_target) or 'none'} of {len(search.results)} with the target{counts}; "
@@ -77,7 +76,7 @@ def photo_words(search: Search) -> str:
 
 def _photo_remarks(search: Search) -> tuple[str, ...]:
     """Photos without the target, and pictures that could not be drawn."""
-    empty = [f"{seen.image}: {'; '.join(remarks_on(seen))}" for seen in search.detections if not len(seen.ring)]
+    empty = [f"{seen.image}: {'; '.join(seen.remarks)}" for seen in search.detections if not len(seen.ring)]
     without = (f"without the target: {line}" for line in _some(empty, MOST_SKIPPED))
     return (*without, *(result.overlay_failure for result in search.results if result.overlay_failure))
 
@@ -119,17 +118,6 @@ def _status(run: RunResult, model: str) -> str:
     one = next(solution.calibration for solution in run.solutions if solution.model == model)
     scale = f"{one.scale:.3g} times the stated sigma" if one.weighted else f"{one.scale:.4f} px"
     return f"{one.status}; an observation's standard deviation is {scale}; {one.seconds:.2f} s"
-
-
-def say_search(search: Search, *, verbose: bool = True) -> None:
-    """What was found in photos, without a camera."""
-    if verbose:
-        say_table(photo_table(search))
-    _say_skipped(search)
-    say_findings(Finding("note", "", one.overlay_failure) for one in search.results if one.overlay_failure)
-    if search.overlays_left_out:
-        say_line("left out", f"{search.overlays_left_out} overlays of an earlier run")
-    say_line("photos", photo_words(search))
 
 
 def say_files(folder: Path, files: Sequence[Path], remarks: Sequence[str]) -> None:

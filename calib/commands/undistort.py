@@ -8,16 +8,11 @@ import typer
 
 from calib.commands.answers.cameras import camera_answer
 from calib.commands.camera_argument import CameraArgument, read_camera
-from calib.commands.folder_page import folder_page
-from calib.show.screen import progress_bars, quoted
+from calib.show.screen import progress_bars, quoted, shown
 from designer.base.answer import StoppedError, Summary
-from designer.base.words import printable
 
 if TYPE_CHECKING:
-    from calib.api.undistorting import UndistortedFiles
-
-UNDISTORTED = "undistorted"
-"""The kind of a folder's page."""
+    from calib.show.photos.undistorted_photos import UndistortedFiles
 
 
 def undistort(
@@ -38,6 +33,8 @@ def undistort(
     Each becomes NAME.undistorted.png with its bit depth and channels. The new camera.json belongs to them.
     """
     from calib.api.undistorting import Undistorter, UndistortionStoppedError
+    from calib.commands.photo_screen import say_photos, with_photos_page
+    from calib.show.photos.undistorted_photos import told_undistorted
 
     named = read_camera(camera)
     undistorter = Undistorter(named.camera, alpha=alpha, focal_px=focal_px)
@@ -46,28 +43,13 @@ def undistort(
             made = undistorter.write(photos, out, progress=progress)
     except UndistortionStoppedError as stop:
         raise StoppedError(str(stop), _summary(stop.so_far)) from None
-    if made.left_out:
-        print(f"left out: {made.left_out} undistorted photos of an earlier run")
+    told = told_undistorted(made, camera)
+    say_photos(told)
+    print(f"wrote {shown(out)}: NAME.undistorted.png, and {made.camera_file.name}, which belongs to them")
     step = f"calib convert {quoted(made.camera_file)} --to colmap -o cameras.txt"
-    _summarise(made)
-    pages, remarks = folder_page(out, UNDISTORTED, lambda: (_keep(made, camera),))
+    summary = with_photos_page(replace(_summary(made), next_steps=(step,), remarks=named.remarks), out, told)
     print(f"next  {step}  writes it for COLMAP")
-    summary = _summary(made)
-    remarks = (*named.remarks, *remarks)
-    return replace(summary, wrote=(*summary.wrote, *pages), next_steps=(step,), remarks=remarks)
-
-
-def _keep(made: "UndistortedFiles", camera_name: str) -> Path:
-    """Write what the folder's page is built from."""
-    from calib.api.undistorting import MARK
-    from calib.show.photos.photos_file import write_photos
-    from calib.show.photos.undistorted_photos import UndistortedPhoto, UndistortedSet, told_undistorted
-
-    photos = tuple(UndistortedPhoto(one.photo.name, place.name, one.remarks) for one, place in made.good)
-    names = {photo.path for photo in photos}
-    earlier = sum(place.name not in names for place in made.folder.glob(f"*{MARK}.png"))
-    told = UndistortedSet(camera_name, made.camera, made.pinhole, photos, made.failures, made.share_filled, earlier)
-    return write_photos(made.folder, told_undistorted(told))
+    return summary
 
 
 def _summary(made: "UndistortedFiles") -> Summary:
@@ -86,23 +68,3 @@ def _summary(made: "UndistortedFiles") -> Summary:
         },
         made.files,
     )  # fmt: skip
-
-
-def _summarise(made: "UndistortedFiles") -> None:
-    """What was done, what was not, and what the new camera is."""
-    for failure in made.failures:
-        print(f"skipped {printable(failure)}")
-    for one, _ in made.good:
-        for remark in one.remarks:
-            print(f"{printable(one.photo.name)}: {remark}")
-    fx, fy, cx, cy = made.pinhole.params
-    before = made.camera.params[0]
-    kept = "as the camera's" if fx == before else f"the camera has {before:.2f}"
-    count = len(made.good)
-    photos = "1 photo" if count == 1 else f"{count} photos"
-    print(f"{photos} undistorted, {len(made.failures)} failures; focal length {fx:.2f} px ({kept})")
-    if made.share_filled < 1:
-        black = 100 * (1 - made.share_filled)
-        print(f"  {black:.1f} % of the pixels are black: the photos show nothing there; --alpha 0 avoids it")
-    print(f"wrote {made.folder}: NAME.undistorted.png")
-    print(f"      {made.camera_file}: their pinhole, fx {fx:.3f} fy {fy:.3f} cx {cx:.3f} cy {cy:.3f} px")

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.observe.images import SUFFIXES_OF, Photo, read_image
+from calib.observe.records import ImageRecord, image_record
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
@@ -59,6 +60,47 @@ class PhotoResult:
     failure: str = ""  # one line that names the file
     overlay: Path | None = None
     overlay_failure: str = ""  # why it was not drawn, in one line that names the photo
+
+    @property
+    def record(self) -> ImageRecord:
+        """What happened to it."""
+        if self.seen is None:
+            return ImageRecord(self.photo.name, None, 0, 0, (), (), self.failure)
+        return image_record(self.seen)
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What was found in photos."""
+
+    target: TargetGeometry
+    results: tuple[PhotoResult, ...]  # of each photo, in order
+    missing: tuple[str, ...]  # arguments that stood for no photo, one line each
+    overlays_left_out: int  # of an earlier run among the photos
+    seconds: float
+    rendered_id: str = ""  # of the geometry that the photos were rendered of; "": real photos
+    remarks: tuple[str, ...] = ()  # on the search as a whole
+
+    @property
+    def detections(self) -> tuple[Detections, ...]:
+        """Of each photo that could be searched."""
+        return tuple(result.seen for result in self.results if result.seen is not None)
+
+    @property
+    def with_target(self) -> tuple[Detections, ...]:
+        """Of each photo that shows the target."""
+        return tuple(seen for seen in self.detections if len(seen.ring))
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Features that were found, and that could have been measured of the faces that show."""
+        records = [image_record(seen) for seen in self.detections]
+        return sum(record.features for record in records), sum(record.expected for record in records)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What could not be read or searched, one line each."""
+        return (*self.missing, *(result.failure for result in self.results if result.failure))
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,12 @@
 """The records of a detection run: what happened to each photo, and why rings are missing."""
 
+import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from calib.core.types import Detections, FaceRecord
 from designer.base.file_kind import FileKind
@@ -19,6 +23,24 @@ class ImageRecord:
     faces: tuple[FaceRecord, ...]
     remarks: tuple[str, ...]
     failure: str = ""  # why it could not be read or searched
+
+    @property
+    def named(self) -> tuple[FaceRecord, ...]:
+        """The faces that were named."""
+        return tuple(face for face in self.faces if face.face is not None)
+
+    @property
+    def expected(self) -> int:
+        """How many features of these faces could have been measured."""
+        return sum(face.measurable for face in self.named)
+
+    @property
+    def missing(self) -> Counter[str]:
+        """Why features of these faces are missing: how many of each reason."""
+        missing = Counter[str]()
+        for face in self.named:
+            missing.update(dict(face.missing))
+        return missing
 
 
 @dataclass(frozen=True)
@@ -39,6 +61,13 @@ def image_record(seen: Detections) -> ImageRecord:
     """The record of a photo that was searched."""
     rejected = 0 if seen.rejected_px is None else len(seen.rejected_px)
     return ImageRecord(seen.image, seen.image_size, len(seen.ring), rejected, seen.faces, seen.remarks)
+
+
+def median_sigma_px(seen: Detections) -> float:
+    """Median of the centres' standard deviations, along their worse axis; nan without centres."""
+    if not len(seen.ring):
+        return math.nan
+    return float(np.median(np.sqrt(np.linalg.eigvalsh(seen.cov_px2)[:, 1])))
 
 
 def common_remarks(remarks: Sequence[Sequence[str]]) -> tuple[str, ...]:

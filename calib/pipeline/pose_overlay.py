@@ -1,5 +1,6 @@
 """A picture of a pose: the target's axes as the camera sees them, and how far its centres are off, enlarged."""
 
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -8,11 +9,15 @@ from PIL import Image, ImageDraw, ImageFont
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
+from calib.core.files import distinct_stems
 from calib.core.se3 import transform
 from calib.core.types import Detections
 from calib.detector.canvas import Canvas, Colour, canvas_between
-from calib.detector.overlay import pale
-from calib.pipeline.target_poses import TargetPose
+from calib.detector.overlay import pale, write_overlay
+from calib.observe.images import read_image
+from calib.observe.photos import OVERLAY_MARK
+from calib.pipeline.target_poses import PoseResult, TargetPose
+from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
 
 Array: TypeAlias = NDArray[np.float64]
@@ -26,6 +31,30 @@ _PAPER: Colour = (250, 250, 248)
 _INK: Colour = (30, 33, 38)
 _STEPS = 40
 _ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
+
+
+def draw_poses(found: PoseResult, folder: Path) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Draw the photos that have a pose into a folder.
+
+    What goes wrong with one does not stop the others.
+
+    Returns:
+        The pictures' names, by name of the photo; and why others have none, a line each.
+    """
+    poses = {pose.image: pose for pose in found.poses}
+    drawn, failures = dict[str, str](), []
+    stems = distinct_stems([result.photo.name for result in found.search.results])
+    for result, stem in zip(found.search.results, stems, strict=True):
+        name, seen = result.photo.name, result.seen
+        if seen is None or name not in poses:
+            continue
+        try:
+            picture = draw_pose(read_image(result.photo.path).pixels, seen, found.target, found.camera, poses[name])
+            drawn[name] = write_overlay(folder / f"{stem}.pose{OVERLAY_MARK}", picture).name
+        except Exception as error:
+            why = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
+            failures.append(f"no overlay for {name}: {why}")
+    return drawn, tuple(failures)
 
 
 def draw_pose(

@@ -2,34 +2,38 @@
 
 import csv
 import io
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
+from calib.core.files import write_files
 from calib.core.se3 import log_rotation, skew
 from calib.core.types import Detections
 from calib.observe.observations import observations_for_poses
+from calib.observe.photos import Search
 from calib.solver.pose import solve_poses
 from designer.base.errors import InputError
+from designer.base.file_kind import FileKind
+from designer.base.marks import Key, Shape
 from designer.base.own_files import require_ours
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
 
-FORMAT = "ringsolid.poses"
-VERSION = 1
+POSES_VERSION = 1
 CSV_COLUMNS = (
     "image", "rings", "rms_px", "x_mm", "y_mm", "z_mm", "sx_mm", "sy_mm", "sz_mm", "distance_mm", "sdistance_mm",
     "srotation_deg", "rx_rad", "ry_rad", "rz_rad", "tx_mm", "ty_mm", "tz_mm",
     *(f"c{row}{column}" for row in range(6) for column in range(row, 6)),
 )  # fmt: skip
 CSV_EXPLAINED = (
-    f"# ringsolid poses, version {VERSION}",
+    f"# ringsolid poses, version {POSES_VERSION}",
     "# x y z: the camera in the target's frame; s: standard deviations, that of the rotation about its least sure axis",
     "# r t: cam_from_target as rotation vector and translation, camera x right, y down, z forward",
     "# c00..c55: covariance of a further rotation vector (rad) and translation (mm), both in the camera's axes",
@@ -41,16 +45,82 @@ SUFFIXES = (".json", ".csv")
 class TargetPose:
     """The pose in one photo. Standard deviations hold if errors of the rings' centres are independent."""
 
-    image: str
+    image: Annotated[str, Key("file")]
     rings: int  # that were used
-    cam_from_target: Array  # (4, 4)
-    covariance: Array  # (6, 6) rotation vector (rad) and translation (mm), both in the camera's axes
     rms_px: float  # of the distances between measured and predicted centres
-    camera_mm: Array  # (3,) the camera's centre in the target's frame
-    camera_sigma_mm: Array  # (3,)
+    camera_mm: Annotated[Array, Shape(3)]  # the camera's centre in the target's frame
+    camera_sigma_mm: Annotated[Array, Shape(3)]
     distance_mm: float  # from the camera to the target's origin
     distance_sigma_mm: float
     rotation_sigma_rad: float  # about the axis it is least sure about
+    cam_from_target: Annotated[Array, Shape(4, 4)]
+    covariance: Annotated[Array, Shape(6, 6)]  # rotation vector (rad) and translation (mm), both in the camera's axes
+
+
+@dataclass(frozen=True)
+class PhotoWithoutPose:
+    """A photo that gives none."""
+
+    image: Annotated[str, Key("file")]
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class PosesDocument:
+    """The keys of `poses.json`."""
+
+    geometry_id: str
+    camera: Camera
+    views: tuple[TargetPose, ...]
+    failed: tuple[PhotoWithoutPose, ...]
+    covariance: str = "rotation vector (rad), translation (mm), in the camera's axes"
+
+
+POSES = FileKind(
+    PosesDocument, "poses", "a poses.json", "find the poses again", POSES_VERSION, largest_bytes=256 * 2**20
+)
+"""`calib render --poses` reads it, too."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseResult:
+    """The poses in some photos: `found.save("poses.csv")`."""
+
+    target: TargetGeometry
+    camera: Camera
+    search: Search
+    poses: tuple[TargetPose, ...]  # in the order of the photos
+    without_pose: tuple[tuple[str, str], ...]  # the other photos, and why
+
+    @property
+    def usual_px(self) -> float:
+        """The RMS residual of the median photo; nan without one."""
+        known = [pose.rms_px for pose in self.poses if np.isfinite(pose.rms_px)]
+        return float(np.median(known)) if known else np.nan
+
+    def save(self, path: str | PathLike[str]) -> Path:
+        """Write `poses.json` or `poses.csv`, by the suffix; return its place.
+
+        Raises:
+            InputError: another suffix, or a file of somebody else's.
+        """
+        place = Path(path)
+        check_output(place)
+        write_files({place: poses_to_csv(self.poses) if place.suffix.lower() == ".csv" else self._json()})
+        return place
+
+    def _json(self) -> bytes:
+        failed = tuple(PhotoWithoutPose(image, reason) for image, reason in self.without_pose)
+        return POSES.text(PosesDocument(self.target.geometry_id, self.camera, self.poses, failed))
+
+
+@dataclass(frozen=True, eq=False)
+class FoundPoses:
+    """What came of several photos."""
+
+    poses: tuple[TargetPose, ...]  # in the order of the photos
+    too_few: tuple[str, ...]  # photos with too few rings for a pose, or all on a line
+    not_solved: tuple[str, ...]  # photos whose rings no pose fits
 
 
 def check_output(path: Path) -> None:
@@ -61,16 +131,7 @@ def check_output(path: Path) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: poses are a .json or a .csv file; name it so, such as poses.json")
-    require_ours(path, kind=FORMAT)
-
-
-@dataclass(frozen=True, eq=False)
-class FoundPoses:
-    """What came of several photos."""
-
-    poses: tuple[TargetPose, ...]  # in the order of the photos
-    too_few: tuple[str, ...]  # photos with too few rings for a pose, or all on a line
-    not_solved: tuple[str, ...]  # photos whose rings no pose fits
+    require_ours(path, kind=POSES.format)
 
 
 def target_poses(photos: Sequence[Detections], target: TargetGeometry, camera: Camera, *, weighted: bool) -> FoundPoses:
@@ -126,50 +187,6 @@ def _target_pose(image: str, cam_from_target: Array, covariance: Array, residual
         distance_sigma_mm=float(np.sqrt(sight @ covariance[3:, 3:] @ sight)),
         rotation_sigma_rad=float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])),
     )
-
-
-def poses_to_json(
-    poses: Sequence[TargetPose], target: TargetGeometry, camera: Camera, failed: Sequence[tuple[str, str]]
-) -> bytes:
-    """The content of a poses file, one line a view; `calib render --poses` reads it, too.
-
-    Args:
-        poses: what was found.
-        target: the target.
-        camera: the camera.
-        failed: images without a pose, and why.
-    """
-    head: dict[str, object] = {
-        "format": FORMAT,
-        "version": VERSION,
-        "geometry_id": target.geometry_id,
-        "camera": {"model": camera.model, "image_size": list(camera.image_size), "params": camera.params.tolist()},
-        "covariance": "rotation vector (rad), translation (mm), in the camera's axes",
-    }
-    lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in head.items()]
-    lines += [_json_rows("views", [_view(pose) for pose in poses])]
-    lines += [_json_rows("failed", [{"file": image, "reason": reason} for image, reason in failed])]
-    return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
-
-
-def _json_rows(key: str, rows: Sequence[dict[str, object]]) -> str:
-    body = ",\n".join(json.dumps(row, allow_nan=False) for row in rows)
-    return f'"{key}": [\n{body}\n]' if rows else f'"{key}": []'
-
-
-def _view(pose: TargetPose) -> dict[str, object]:
-    return {
-        "file": pose.image,
-        "rings": pose.rings,
-        "rms_px": pose.rms_px,
-        "camera_mm": pose.camera_mm.tolist(),
-        "camera_sigma_mm": pose.camera_sigma_mm.tolist(),
-        "distance_mm": pose.distance_mm,
-        "distance_sigma_mm": pose.distance_sigma_mm,
-        "rotation_sigma_deg": float(np.degrees(pose.rotation_sigma_rad)),
-        "cam_from_target": pose.cam_from_target.tolist(),
-        "covariance": pose.covariance.tolist(),
-    }
 
 
 def poses_to_csv(poses: Sequence[TargetPose]) -> bytes:

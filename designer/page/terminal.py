@@ -94,15 +94,17 @@ def say_written(folder: Path, files: Sequence[Path]) -> None:
 
 
 def say_table(table: Table) -> None:
-    """A table as the page has it."""
+    """A table as the page has it, without columns that are empty."""
     from rich.table import Table as Grid
     from rich.text import Text
 
     grid = Grid(title=printable(table.title) or None, title_justify="left", box=None, padding=(0, 2, 0, 0))
-    for column in table.columns:
+    filled = [at for at in range(len(table.columns)) if any(row[at].text for row in table.rows)]
+    for column in (table.columns[at] for at in filled):
         grid.add_column(printable(column.title), justify="right" if column.is_number else "left", overflow="fold")
     for row in table.rows:
-        grid.add_row(*(Text(printable(cell.text), MARKS[cell.level][1] if cell.level else "") for cell in row))
+        cells = (row[at] for at in filled)
+        grid.add_row(*(Text(printable(cell.text), MARKS[cell.level][1] if cell.level else "") for cell in cells))
     table_console().print(grid)
     if table.note:
         print(printable(table.note))

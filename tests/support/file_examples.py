@@ -13,6 +13,7 @@ from calib.cameras.camera import Camera, CameraDocument, LearnedMap
 from calib.core.types import FaceRecord
 from calib.metrics.errors import ErrorSummary
 from calib.observe.records import ImageRecord, Records
+from calib.pipeline.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
 from calib.records.calibration_file import CalibrationRecord, MadeWith, Provenance, SolvedView, TargetPart
 from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.renderer.job import FileOptions, RenderRecord, TrueView
@@ -176,6 +177,11 @@ def _photos() -> ToldPhotos:
     )  # fmt: skip
 
 
+def _poses() -> PosesDocument:
+    pose = TargetPose("a b.png", 3, 0.1, np.arange(3) / 3, np.ones(3) / 7, 1.0, 0.2, 1e-300, POSE, np.eye(6) / 3)
+    return PosesDocument("g1", PINHOLE, (pose,), (PhotoWithoutPose("c.png", "too few"),))
+
+
 EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.camera": _camera,
     "ringsolid.verdict": _verdict,
@@ -189,5 +195,6 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.as_built": _as_built,
     "ringsolid.calibration": _calibration,
     "ringsolid.photos": _photos,
+    "ringsolid.poses": _poses,
     "ringsolid.report": lambda: Origin("calibration", "calib run target.json photos/*.jpg", "ringsolid 1.0"),
 }

@@ -7,19 +7,18 @@ import numpy as np
 
 from calib.cameras.camera import Camera, camera_to_json
 from calib.core.types import TOO_FLAT, Detections, FaceRecord
-from calib.observe.photos import PhotoFile, PhotoResult
-from calib.pipeline.target_poses import TargetPose
+from calib.observe.photos import PhotoFile, PhotoResult, Search
+from calib.pipeline.target_poses import PoseResult, TargetPose
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
-from calib.show.parts.kept_target import TARGET_FILE, keep_target
+from calib.show.parts.kept_target import keep_target
 from calib.show.parts.origin import Origin
-from calib.show.photos.detected_photos import detected as detected_in
 from calib.show.photos.detected_photos import told_detected
 from calib.show.photos.photos_file import write_photos
 from calib.show.photos.photos_page import photos_page
-from calib.show.photos.posed_photos import Posed, told_posed
+from calib.show.photos.posed_photos import told_posed
 from calib.show.photos.rendered_photos import told_rendered
-from calib.show.photos.undistorted_photos import UndistortedPhoto, UndistortedSet, told_undistorted
+from calib.show.photos.undistorted_photos import UndistortedFile, UndistortedFiles, told_undistorted
 from designer.page.blocks import Page
 from designer.target import TargetGeometry
 from tests.support.calibrations import board, icosahedron, poses_around
@@ -50,7 +49,7 @@ def rendered(
     job = RenderJob(target, CAMERA, poses(views), options, seed=5)
     pictures(folder, job.file_names, content)
     (folder / "truth.json").write_text(truth_text(job))
-    write_photos(folder, told_rendered(job, TARGET_FILE))
+    write_photos(folder, told_rendered(job, Path("my.target.json"), folder))
     keep_target(folder, target, is_again=True)
     return job
 
@@ -59,11 +58,14 @@ def undistorted(
     folder: Path, names: Sequence[str] = ("a", "b"), failures: Sequence[str] = (), earlier: int = 0
 ) -> None:
     """What `calib undistort` leaves."""
-    pictures(folder, [f"{name}.undistorted.png" for name in names])
+    pictures(folder, [f"{name}.undistorted.png" for name in (*names, *(f"earlier{row}" for row in range(earlier)))])
     (folder / "camera.json").write_text(camera_to_json(PINHOLE))
-    photos = tuple(UndistortedPhoto(f"{name}.png", f"{name}.undistorted.png") for name in names)
-    made = UndistortedSet("camera.json", CAMERA, PINHOLE, photos, tuple(failures), 0.875, earlier)
-    write_photos(folder, told_undistorted(made))
+    photos = tuple(
+        UndistortedFile(PhotoFile(Path(f"{name}.png"), f"{name}.png"), folder / f"{name}.undistorted.png", 0.875)
+        for name in names
+    )
+    made = UndistortedFiles(folder, CAMERA, PINHOLE, photos, tuple(failures), 0)
+    write_photos(folder, told_undistorted(made, "camera.json"))
 
 
 def face(found: int, expected: int, number: int = 0, flat: int = 0) -> FaceRecord:
@@ -94,10 +96,9 @@ def detected(
 ) -> None:
     """What `calib detect --overlay` leaves."""
     folder.mkdir(parents=True, exist_ok=True)
-    sigmas_px = [0.02 if one.seen is not None and len(one.seen.ring) else float("nan") for one in results]
     table = table or folder.parent / "detections.csv"
-    made = detected_in(folder, Path("my.target.json"), target, table, results, sigmas_px, failures)
-    write_photos(folder, told_detected(made))
+    search = Search(target, tuple(results), tuple(failures), 0, 1.0)
+    write_photos(folder, told_detected(search, Path("my.target.json"), table, folder))
 
 
 def overlaid(folder: Path) -> None:
@@ -112,13 +113,14 @@ def posed(folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: S
     names = [f"{row}.png" for row in range(len(rms_px) + len(reasons))]
     overlays = {name: f"{Path(name).stem}.pose.overlay.png" for name in names[: len(rms_px)]}
     pictures(folder, list(overlays.values()))
-    found = {
-        name: TargetPose(name, 30, pose, np.eye(6), rms, np.arange(3.0), np.full(3, 0.01), 500.0, 0.02, 1e-4)
+    found = tuple(
+        TargetPose(name, 30, rms, np.arange(3.0), np.full(3, 0.01), 500.0, 0.02, 1e-4, pose, np.eye(6))
         for name, rms, pose in zip(names, rms_px, poses(max(len(rms_px), 1)), strict=False)
-    }
-    why = dict(zip(names[len(rms_px) :], reasons, strict=True))
-    target, out = Path("my.target.json"), Path("poses.json")
-    write_photos(folder, told_posed(Posed(target, ICO, "camera.json", CAMERA, out, names, found, why, overlays, ())))
+    )
+    why = tuple(zip(names[len(rms_px) :], reasons, strict=True))
+    search = Search(ICO, tuple(result(name) for name in names), (), 0, 1.0)
+    made = PoseResult(ICO, CAMERA, search, found, why)
+    write_photos(folder, told_posed(made, Path("my.target.json"), "camera.json", Path("poses.json"), overlays))
     keep_target(folder, ICO, is_again=True)
 
 

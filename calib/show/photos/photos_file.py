@@ -4,7 +4,7 @@ The command that made the pictures knows all there is to be said. It says it onc
 makes the page of them, at once and whenever it is built again.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
@@ -22,12 +22,28 @@ from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph, Steps, Table
 
 PHOTOS_FILE = "photos.json"
+GOOD_SHARE, USABLE_SHARE = 0.95, 0.5
+"""Of the rings that could have been measured, of the readable photos with the target or a pose, and of the photos that
+could be read. From 95 % on, what is missing is what nobody can see to: a hair on a ring, a finger at the edge. Below a
+half, something is wrong with target file, light or focus, and what was found is no fair sample of the image."""
+SHARE_RULE = f"good from {100 * GOOD_SHARE:.0f} %, usable from {100 * USABLE_SHARE:.0f} %"
+_WORST_FIRST: tuple[Level, ...] = ("bad", "usable", "good")
 MOST_PHOTOS = 100_000
 Kind: TypeAlias = Literal["photos", "undistorted", "detections", "poses"]
 KIND_WORDS: Mapping[Kind, str] = {
     "photos": "Rendered photos", "undistorted": "Undistorted photos", "detections": "Detections",
     "poses": "Camera poses",
 }  # fmt: skip
+
+
+def level_of_share(share: float) -> Level:
+    """Of a share of what should have been found."""
+    return "good" if share >= GOOD_SHARE else "usable" if share >= USABLE_SHARE else "bad"
+
+
+def worst_level(rows: Iterable[Finding]) -> Level:
+    """Of checks."""
+    return min((row.level for row in rows), key=_WORST_FIRST.index)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +109,15 @@ class ToldPhotos:
     def cam_from_target(self) -> NDArray[np.float64]:
         """Where these were taken.  # (V, 4, 4)"""
         return np.array([photo.cam_from_target for photo in self.posed], dtype=np.float64).reshape(-1, 4, 4)
+
+
+def told_table(told: ToldPhotos, is_linked: Callable[[str], bool] = lambda path: False) -> Table:
+    """A row a photo, whose name leads to its picture where that is linked."""
+    rows = tuple(
+        (Cell(photo.name, path=photo.picture if is_linked(photo.picture) else "", level=photo.level), *photo.cells)
+        for photo in told.photos
+    )
+    return Table("All photos", (Column("photo", is_number=False), *told.columns), rows, told.table_note)
 
 
 PHOTOS = FileKind(

@@ -8,9 +8,8 @@ from calib.show.parts.folder_blocks import files_section, warnings
 from calib.show.parts.gallery import Shot, gallery, is_there, spread, title_of_pictures
 from calib.show.parts.kept_target import kept_target
 from calib.show.parts.origin import Origin
-from calib.show.photos.photos_file import KIND_WORDS, ToldPhotos, ToldSection, read_photos
-from calib.show.photos.undistortion import undistortion_figure
-from designer.page.blocks import Block, Cell, Column, Command, Facts, Figure, Findings, Page, Section, Table
+from calib.show.photos.photos_file import KIND_WORDS, ToldPhotos, ToldSection, read_photos, told_table
+from designer.page.blocks import Block, Command, Facts, Figure, Findings, Page, Section
 
 
 def photos_page(folder: Path, origin: Origin) -> Page:
@@ -23,7 +22,7 @@ def photos_page(folder: Path, origin: Origin) -> Page:
     places, wrong = _places(folder, told)
     blocks: tuple[Block, ...] = (
         *((Findings(told.notes),) if told.notes else ()), *warnings("File", (wrong,) if wrong else ()),
-        *gallery(folder, _shots(told), told.order), _table(folder, told),
+        *gallery(folder, _shots(told), told.order), told_table(told, lambda path: is_there(folder, path)),
     )  # fmt: skip
     sections = (
         *map(_section, told.before), Section("Photos", blocks, lead=told.lead), *places, *map(_section, told.after),
@@ -31,7 +30,7 @@ def photos_page(folder: Path, origin: Origin) -> Page:
     )  # fmt: skip
     return Page(
         title=title_of_pictures(folder), kind=KIND_WORDS[told.kind], headline=told.headline, sections=sections,
-        lead=(*_bent(folder, told), Facts(told.facts)), made_by=origin.command, program=origin.program,
+        lead=(*_bent(told), Facts(told.facts)), made_by=origin.command, program=origin.program,
     )  # fmt: skip
 
 
@@ -49,16 +48,6 @@ def _shots(told: ToldPhotos) -> Sequence[Shot]:
     return shots if is_sorted else spread(shots)
 
 
-def _table(folder: Path, told: ToldPhotos) -> Table:
-    """A row a photo, whose name leads to its picture."""
-    rows = tuple(
-        (Cell(photo.name, path=photo.picture if is_there(folder, photo.picture) else "", level=photo.level),
-         *photo.cells)
-        for photo in told.photos
-    )  # fmt: skip
-    return Table("All photos", (Column("photo", is_number=False), *told.columns), rows, told.table_note)
-
-
 def _places(folder: Path, told: ToldPhotos) -> tuple[tuple[Section, ...], str]:
     """Where the photos were taken, around the target if it lies there; and why it is not used if it is no use."""
     if told.camera is None or not told.posed:
@@ -73,9 +62,10 @@ def _places(folder: Path, told: ToldPhotos) -> tuple[tuple[Section, ...], str]:
     return (Section("Camera positions", (view,), lead=place_words(target, told.cam_from_target)),), wrong
 
 
-def _bent(folder: Path, told: ToldPhotos) -> tuple[Figure, ...]:
+def _bent(told: ToldPhotos) -> tuple[Figure, ...]:
     """What undistortion did to the photos of the camera, if it is that what the pictures are."""
     if told.camera is None or told.pinhole is None:
         return ()
-    taken, pinhole = told.camera, told.pinhole
-    return (undistortion_figure(taken, pinhole),)
+    from calib.show.photos.undistorted_photos import undistortion_figure  # slow to load, and of no use to detections
+
+    return (undistortion_figure(told.camera, told.pinhole),)

@@ -1,11 +1,10 @@
-"""What `calib pose` tells of its photos: where the camera stood, how surely, and what is left over."""
+"""What `calib pose` tells of its photos: where the camera stood, how surely, and how large the residuals are."""
 
 import math
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
 
 import numpy as np
 
@@ -13,21 +12,27 @@ from calib.cameras import LINEAR
 from calib.cameras.camera import Camera
 from calib.core.number_text import figure as digits
 from calib.core.number_text import with_digits
+from calib.observe.photos import PhotoResult
+from calib.observe.records import common_remarks
+from calib.pipeline.target_poses import PoseResult, TargetPose
 from calib.show.parts.folder_blocks import number, some_of, whole
 from calib.show.parts.gallery import shortened
 from calib.show.parts.kept_target import TARGET_FILE, target_words
-from calib.show.photos.levels import SHARE_RULE, level_of_share, worst_level
-from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
+from calib.show.photos.photos_file import (
+    PHOTOS_FILE,
+    SHARE_RULE,
+    ToldPhoto,
+    ToldPhotos,
+    ToldSection,
+    level_of_share,
+    worst_level,
+)
 from calib.show.photos.place_scene import distance_words
 from calib.show.run.photos import STANDS_OUT
 from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headline, Level, Paragraph
 
-if TYPE_CHECKING:
-    from calib.pipeline.target_poses import TargetPose
-    from designer.target import TargetGeometry
-
 GOOD_RMS_PX, USABLE_RMS_PX = 0.5, 2.0
-"""What is left over in the median photo. A ring's centre is good to a few hundredths of a pixel, so half a pixel is
+"""Of the residuals in the median photo. A ring's centre is good to a few hundredths of a pixel, so half a pixel is
 lens or target: the pose is still fine for most uses. Two pixels are another focus, camera or print."""
 WORDS: Mapping[Level, str] = {"good": "good", "usable": "usable", "bad": "do not use", "note": ""}
 FILES = (
@@ -42,124 +47,128 @@ COLUMNS = (
     Column("distance mm", note="from the camera to the target's origin"),
     Column("σ distance mm", note="standard deviation of the distance"),
     Column("σ turn °", note="standard deviation of the rotation about its least sure axis"),
+    Column("remark", is_number=False),
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Posed:
-    """Poses in photos, and what they were found with."""
+def told_posed(
+    found: PoseResult,
+    target: Path,
+    camera_name: str,
+    out: Path | None = None,
+    overlays: Mapping[str, str] = MappingProxyType({}),
+) -> ToldPhotos:
+    """What is to be said of photos for which poses were searched.
 
-    target: Path
-    geometry: "TargetGeometry"
-    camera_name: str  # as it was given
-    camera: Camera
-    out: Path | None  # the file of poses
-    names: Sequence[str]  # of the photos, in their order
-    poses: "Mapping[str, TargetPose]"  # by name
-    reasons: Mapping[str, str]  # why others have none, by name
-    overlays: Mapping[str, str]  # names of pictures in the folder, by name of the photo
-    failures: Sequence[str]  # arguments that stood for no photo, one line each
-
-    @property
-    def usual_px(self) -> float:
-        """What is left over in the median photo; nan without one."""
-        known = [pose.rms_px for pose in self.poses.values() if math.isfinite(pose.rms_px)]
-        return float(np.median(known)) if known else math.nan
-
-
-def told_posed(made: Posed) -> ToldPhotos:
-    """What the page of the overlays says."""
-    usual_px, rows = made.usual_px, _checks(made)
-    without = [*made.failures, *(f"{name}: {shortened(_reason(made, name))}" for name in made.names
-                                 if name not in made.poses)]  # fmt: skip
+    Args:
+        found: the poses.
+        target: the target's file.
+        camera_name: as it was given.
+        out: the file of poses; None: there is none.
+        overlays: names of pictures in the page's folder, by name of the photo.
+    """
+    rows, reasons, poses = _checks(found), dict(found.without_pose), {pose.image: pose for pose in found.poses}
+    failed = [*found.search.missing, *(result.failure for result in found.search.results if result.failure)]
+    searched = {seen.image for seen in found.search.detections}
+    without = [*failed, *(f"{name}: {shortened(why)}" for name, why in reasons.items() if name in searched)]
+    common = common_remarks([seen.remarks for seen in found.search.detections])
     # A learned map would be most of the file, and only the pyramids are drawn: by its linear part.
-    learned = made.camera.learned is not None
-    drawn = Camera(LINEAR, made.camera.params[:4], made.camera.image_size) if learned else made.camera
+    camera = found.camera
+    drawn = camera if camera.learned is None else Camera(LINEAR, camera.params[:4], camera.image_size)
     return ToldPhotos(
-        "poses", _headline(made, rows), _facts(made), COLUMNS,
-        tuple(_photo(made, name, usual_px) for name in made.names),
-        "The photos with most left over first.", FILES, lead=_left_words(made),
-        notes=tuple(Finding("usable", "No pose", line) for line in some_of(without)),
-        table_note=f"Marked: more than {STANDS_OUT:g} times as much left over as in the usual photo. Without numbers: "
-        "no pose.",
+        "poses", _headline(found, rows), _facts(found, target, camera_name, out), COLUMNS,
+        tuple(_photo(result, poses, reasons, overlays, common, found.usual_px) for result in found.search.results),
+        "The photos with the largest residuals first.", FILES, lead=_residual_words(found),
+        notes=(
+            *(Finding("note", "All photos", shortened(remark)) for remark in common),
+            *(Finding("usable", "No pose", line) for line in some_of(without)),
+        ),
+        table_note=f"Marked: residuals more than {STANDS_OUT:g} times the usual photo's. Without numbers: no pose.",
         before=(ToldSection("Can the poses be used?", (Findings(rows),), "The headline is the worst of these."),),
-        after=(ToldSection("Next", (_next(made.out),)),),
-        geometry_id=made.geometry.geometry_id, camera=drawn,
+        after=(ToldSection("Next", (_next(out),)),),
+        geometry_id=found.target.geometry_id, camera=drawn,
     )  # fmt: skip
 
 
-def _reason(made: Posed, name: str) -> str:
-    return made.reasons.get(name, "") or "no pose"
-
-
-def _checks(made: Posed) -> tuple[Finding, ...]:
+def _checks(found: PoseResult) -> tuple[Finding, ...]:
     """How many photos have a pose, and how well the camera explains them."""
-    found, total, usual_px = len(made.poses), len(made.names) + len(made.failures), made.usual_px
+    count, total, usual_px = len(found.poses), len(found.search.results) + len(found.search.missing), found.usual_px
     rows = [Finding(
-        level_of_share(found / total), "Photos with a pose", "The others are listed with the reason.",
-        f"{found} of {total}", SHARE_RULE,
+        level_of_share(count / total), "Photos with a pose", "The others are listed with the reason.",
+        f"{count} of {total}", SHARE_RULE,
     )]  # fmt: skip
     if math.isfinite(usual_px):
         fit: Level = "good" if usual_px <= GOOD_RMS_PX else "usable" if usual_px <= USABLE_RMS_PX else "bad"
         rows.append(Finding(
-            fit, "What is left over", "Median over the photos of the RMS distance between measured and predicted "
-            "rings; more than the noise of a ring is lens, focus or print.",
+            fit, "Residuals", "Median over the photos of the RMS distance between measured and predicted rings; more "
+            "than the noise of a ring is lens, focus or print.",
             f"{digits(usual_px, 2)} px", f"good up to {GOOD_RMS_PX:g} px, usable up to {USABLE_RMS_PX:g} px",
         ))  # fmt: skip
     return tuple(rows)
 
 
-def _distances(made: Posed) -> str:
-    return distance_words(np.array([pose.cam_from_target for pose in made.poses.values()]))
-
-
-def _headline(made: Posed, rows: tuple[Finding, ...]) -> Headline:
-    found, total = len(made.poses), len(made.names)
-    if not found:
+def _headline(found: PoseResult, rows: tuple[Finding, ...]) -> Headline:
+    count, total = len(found.poses), len(found.search.results)
+    if not count:
         return Headline("bad", "no pose", f"None of {total} photo{'s' * (total != 1)} gives a pose.")
     level = worst_level(rows)
+    distance = distance_words(np.array([pose.cam_from_target for pose in found.poses]))
     sentence = (
-        f"{found} of {total} photo{'s' * (total != 1)} give{'s' * (total == 1)} a pose, {_distances(made)} from the "
-        f"target's origin; {digits(made.usual_px, 2)} px are left over in the usual photo."
+        f"{count} of {total} photo{'s' * (total != 1)} give{'s' * (total == 1)} a pose, {distance} from the target's "
+        f"origin; the residuals are {digits(found.usual_px, 2)} px RMS in the usual photo."
     )
     return Headline(level, WORDS[level], sentence)
 
 
-def _facts(made: Posed) -> tuple[tuple[str, str], ...]:
-    width, height = made.camera.image_size
-    sigma_mm = [pose.distance_sigma_mm for pose in made.poses.values()]
+def _facts(found: PoseResult, target: Path, camera_name: str, out: Path | None) -> tuple[tuple[str, str], ...]:
+    width, height = found.camera.image_size
+    sigma_mm = [pose.distance_sigma_mm for pose in found.poses]
     facts = [
-        ("target", f"{made.target} ({target_words(made.geometry)})"),
-        ("camera", f"{made.camera_name} (model {made.camera.model}), {width} x {height} px"),
-        ("photos", str(len(made.names))),
+        ("target", f"{target} ({target_words(found.target)})"),
+        ("camera", f"{camera_name} (model {found.camera.model}), {width} x {height} px"),
+        ("photos", str(len(found.search.results))),
     ]  # fmt: skip
     if sigma_mm and np.isfinite(sigma_mm).all():
         facts.append(("sigma of the distance", f"{digits(float(np.median(sigma_mm)), 2)} mm in the usual photo"))
-    return (*facts, ("written to", "nowhere: add -o poses.json" if made.out is None else os.fspath(made.out)))
+    return (*facts, ("written to", "nowhere: add -o poses.json" if out is None else os.fspath(out)))
 
 
-def _left_words(made: Posed) -> str:
-    known = [(pose.rms_px, name) for name, pose in made.poses.items()]
+def _residual_words(found: PoseResult) -> str:
+    known = [(pose.rms_px, pose.image) for pose in found.poses]
     if not known:
         return ""
     least, most = min(known), max(known)
     return (
-        f"What is left over of one is {digits(least[0], 2)} to {digits(most[0], 2)} px, most in {most[1]}. "
+        f"The RMS residuals of a photo are {digits(least[0], 2)} to {digits(most[0], 2)} px, largest in {most[1]}. "
         "Standard deviations hold if the camera file is exact and errors of the rings are independent."
     )
 
 
-def _photo(made: Posed, name: str, usual_px: float) -> ToldPhoto:
-    pose, overlay = made.poses.get(name), made.overlays.get(name, "")
+def _photo(
+    result: PhotoResult,
+    poses: Mapping[str, TargetPose],
+    reasons: Mapping[str, str],
+    overlays: Mapping[str, str],
+    common: tuple[str, ...],
+    usual_px: float,
+) -> ToldPhoto:
+    name, seen = result.photo.name, result.seen
+    pose, overlay = poses.get(name), overlays.get(name, "")
+    remarks = [] if seen is None else [remark for remark in seen.remarks if remark not in common]
     if pose is None:
-        reason = shortened(_reason(made, name))
-        return ToldPhoto(name, (Cell(""),) * len(COLUMNS), overlay, reason, "bad")
+        rings = 0 if seen is None else len(seen.ring)
+        reason = reasons.get(name, "no pose")
+        text = shortened("; ".join([*remarks, reason] if rings else [reason]))
+        return ToldPhoto(name, (whole(rings), *(Cell(""),) * (len(COLUMNS) - 2), Cell(text)), overlay, text, "bad")
+    if seen is not None and pose.rings < len(seen.ring):
+        remarks.append(f"{len(seen.ring) - pose.rings} more rings lie where the camera knows no light")
     place = zip(pose.camera_mm.tolist(), pose.camera_sigma_mm.tolist(), strict=True)
     cells = (
         whole(pose.rings), number(pose.rms_px), *(Cell(with_digits(value, sigma), value) for value, sigma in place),
         number(float(pose.camera_sigma_mm.max()), 2),
         Cell(with_digits(pose.distance_mm, pose.distance_sigma_mm), pose.distance_mm),
         number(pose.distance_sigma_mm, 2), number(math.degrees(pose.rotation_sigma_rad), 2),
+        Cell(shortened("; ".join(remarks))),
     )  # fmt: skip
     caption = f"{pose.rings} rings, RMS {digits(pose.rms_px, 2)} px, {digits(pose.distance_mm)} mm away"
     level: Level | None = "usable" if pose.rms_px > STANDS_OUT * usual_px else None

@@ -1,6 +1,8 @@
 """What `calib render` tells of its photos: what they show of the target, and what makes them less than ideal."""
 
+import shlex
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.show.photos.place_scene import distance_words, tilts_deg
 from calib.show.run.sections import field_of_view_words
+from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Command, Finding, Headline
 
 FILES = (
@@ -43,12 +46,13 @@ class RenderedPhoto:
         return self.largest_px < LEAST_RADIUS_PX
 
 
-def told_rendered(job: RenderJob, target_file: str) -> ToldPhotos:
-    """What the page of a finished set says.
+def told_rendered(job: RenderJob, target: Path, folder: Path) -> ToldPhotos:
+    """What is to be said of a finished set.
 
     Args:
         job: that made it.
-        target_file: its target as it lies in the folder, or what stands for it.
+        target: the target's file, as it was given.
+        folder: of the photos.
     """
     photos, is_flat = _photos(job), job.target.is_planar
     too_small = _too_small(photos) if any(photo.is_too_small for photo in photos) else ""
@@ -63,8 +67,21 @@ def told_rendered(job: RenderJob, target_file: str) -> ToldPhotos:
         ),
         "In the order they were rendered.", FILES, lead=_rings_words(photos),
         notes=(Finding("usable", "Rings too small", too_small),) if too_small else (),
-        after=(_next(target_file),), geometry_id=job.target.geometry_id, camera=job.camera,
+        after=(ToldSection("Next", commands_after(job, target, folder)),),
+        geometry_id=job.target.geometry_id, camera=job.camera,
     )  # fmt: skip
+
+
+def commands_after(job: RenderJob, target: Path, folder: Path) -> tuple[Command, ...]:
+    """What the photos are for; dots alone are not detected here."""
+    if job.target.is_dot.all():
+        return ()
+    camera = Path("camera") if folder.name in ("", "..") else folder.with_name(f"{folder.name}-camera")
+    shown, photos, out = (shlex.quote(printable(str(path))) for path in (target, folder, camera))
+    return (Command(
+        f"calib run {shown} {photos} -o {out}",
+        f"calibrates from these photos, and compares with {TRUTH_FILE}; type it where calib render was typed",
+    ),)  # fmt: skip
 
 
 def _photos(job: RenderJob) -> list[RenderedPhoto]:
@@ -190,16 +207,3 @@ def _columns(*, is_flat: bool) -> tuple[Column, ...]:
 def _cells(photo: RenderedPhoto, *, is_flat: bool) -> tuple[Cell, ...]:
     side = number(photo.tilt_deg, 2) if is_flat else whole(photo.faces)
     return number(photo.distance_mm), side, whole(photo.rings), number(photo.radius_px, 3)
-
-
-def _next(target_file: str) -> ToldSection:
-    """What these photos are for."""
-    run = Command(
-        f"calib run {target_file} . -o calibration",
-        f"in this folder: calibrates from these photos, and compares with {TRUTH_FILE}",
-    )
-    see = Command(
-        f"calib detect {target_file} . -o detections/detections.csv --overlay detections",
-        "only finds the rings, and shows what was found",
-    )
-    return ToldSection("Next", (run, see))

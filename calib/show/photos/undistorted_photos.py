@@ -1,87 +1,150 @@
-"""What `calib undistort` tells of its photos: as a pinhole would have taken them, and that pinhole."""
+"""What `calib undistort` tells of its photos: as a pinhole would have taken them, that pinhole, and what moved."""
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.core.number_text import figure as digits
+from calib.observe.photos import PhotoFile
 from calib.show.parts.folder_blocks import some_of
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
-from calib.show.photos.undistortion import Change, change_of
 from calib.show.run.sections import field_of_view_words
-from designer.base.words import capital
-from designer.page.blocks import Cell, Column, Command, Finding, Headline, Table
+from designer.page.blocks import Cell, Column, Command, Figure, Finding, Headline, Table
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+MARK = ".undistorted"
+"""Stands in the name of each undistorted photo, so that one is not taken for a photo of the camera."""
 CAMERA_FILE = "camera.json"
 FILES = (
     (CAMERA_FILE, "the pinhole that belongs to the undistorted photos"),
     (PHOTOS_FILE, "the camera that took the photos, and what became of each"),
 )
+STEPS = 61
+"""Of the grid on the photo, along each side, by which it is judged."""
+LINES, POINTS = 13, 101
+"""Drawn along each side, and points of each."""
+MOST_BEYOND = 0.5
+"""Of the frame's width or height: what a figure shows beyond it."""
 
 
 @dataclass(frozen=True)
-class UndistortedPhoto:
-    """A photo that was undistorted."""
+class UndistortedFile:
+    """What came of one photo."""
 
-    image: str  # the photo's name
-    path: str  # of the undistorted photo, within the folder
+    photo: PhotoFile
+    place: Path | None = None  # of the undistorted photo; None: there is none
+    share_filled: float = 0.0
     remarks: tuple[str, ...] = ()
+    failure: str = ""  # one line that names the file
 
 
 @dataclass(frozen=True, eq=False)
-class UndistortedSet:
-    """A set of undistorted photos."""
+class UndistortedFiles:
+    """What came of many photos: `made.pinhole`, `made.failures`."""
 
-    camera_name: str  # as it was given
-    taken: Camera  # that took the photos
-    pinhole: Camera  # that the undistorted ones are of
-    photos: tuple[UndistortedPhoto, ...]
-    failures: tuple[str, ...]  # why others could not be, one line each
-    share_filled: float  # of the pixels of each, the others are black
-    earlier: int = 0  # undistorted photos in the folder that are not of this set
+    folder: Path
+    camera: Camera  # that took the photos
+    pinhole: Camera  # that the undistorted ones are of, in `camera_file`
+    photos: tuple[UndistortedFile, ...]
+    missing: tuple[str, ...]  # arguments that stood for no photo, one line each
+    left_out: int  # undistorted photos of an earlier run among them
 
     @property
-    def change(self) -> Change:
-        """What happens to a photo's pixels."""
-        return change_of(self.taken, self.pinhole)
+    def good(self) -> tuple[tuple[UndistortedFile, Path], ...]:
+        """The photos that were undistorted, and where they are."""
+        return tuple((one, one.place) for one in self.photos if one.place is not None)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Why others were not, one line each."""
+        return (*self.missing, *(one.failure for one in self.photos if one.failure))
+
+    @property
+    def share_filled(self) -> float:
+        """Of the pixels of the worst photo; the others are black."""
+        return min(one.share_filled for one, _ in self.good)
+
+    @property
+    def camera_file(self) -> Path:
+        """Of the camera that belongs to them."""
+        return self.folder / CAMERA_FILE
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All that was written."""
+        return (*(place for _, place in self.good), *((self.camera_file,) if self.good else ()))
+
+    @property
+    def earlier(self) -> int:
+        """Undistorted photos in the folder that are not of this set."""
+        names = {place.name for _, place in self.good}
+        return sum(place.name not in names for place in self.folder.glob(f"*{MARK}.png"))
 
 
-def told_undistorted(made: UndistortedSet) -> ToldPhotos:
-    """What the folder's page says."""
-    change = made.change
-    remarks = tuple("; ".join(photo.remarks) for photo in made.photos)
+@dataclass(frozen=True)
+class Change:
+    """What happens to the pixels of a photo."""
+
+    share_kept: float  # of the photo, inside the new frame; the rest is cut off
+    shift_px: float  # the farthest that a pixel moves, of those kept; nan: none is
+
+    @property
+    def shift_words(self) -> str:
+        """How far pixels move."""
+        return f"{digits(self.shift_px, 3)} px" if np.isfinite(self.shift_px) else "an unknown distance"
+
+
+def change_of(taken: Camera, pinhole: Camera) -> Change:
+    """What happens to a grid of the photo's pixels."""
+    last = np.array(taken.image_size) - 1.0
+    grid = np.stack(np.meshgrid(*(np.linspace(0, end, STEPS) for end in last)), axis=-1).reshape(-1, 2)
+    place = project(pinhole, rays(taken, grid))
+    inside = ((place >= -0.5) & (place <= last + 0.5)).all(axis=1)
+    shift = np.linalg.norm(place - grid, axis=1)[inside]
+    return Change(float(inside.mean()), float(shift.max()) if len(shift) else np.nan)
+
+
+def told_undistorted(made: UndistortedFiles, camera_name: str) -> ToldPhotos:
+    """What is to be said of undistorted photos; the camera's name is as it was given."""
+    change = change_of(made.camera, made.pinhole)
+    remarks = tuple("; ".join(one.remarks) for one, _ in made.good)
     columns = (Column("remark", is_number=False),) if any(remarks) else ()
-    notes = tuple(Finding("usable", "Not in this set", line) for line in _not_here(made))
+    notes = [Finding("usable", "Not undistorted", line) for line in some_of(made.failures)]
+    if made.left_out:
+        notes.append(Finding("note", "Left out", f"{made.left_out} undistorted photos of an earlier run"))
+    if made.earlier:
+        words = f"{made.earlier} more undistorted photos are in this folder: {CAMERA_FILE} may not be theirs"
+        notes.append(Finding("usable", "Of an earlier run", words))
     return ToldPhotos(
-        "undistorted", _headline(made, change), _facts(made, change), columns,
+        "undistorted", _headline(made, change), _facts(made, change, camera_name), columns,
         tuple(
-            ToldPhoto(photo.image, (Cell(remark),) if columns else (), photo.path, remark)
-            for photo, remark in zip(made.photos, remarks, strict=True)
+            ToldPhoto(one.photo.name, (Cell(remark),) if columns else (), place.name, remark)
+            for (one, place), remark in zip(made.good, remarks, strict=True)
         ),
-        "In the order they were given.", FILES, notes=notes,
+        "In the order they were given.", FILES, notes=tuple(notes),
         after=(
             ToldSection("The new camera", (_parameters(made),), lead=_pinhole_words(made)),
             ToldSection("Next", _next(made, change)),
         ),
-        camera=made.taken, pinhole=made.pinhole,
+        camera=made.camera, pinhole=made.pinhole,
     )  # fmt: skip
 
 
-def _not_here(made: UndistortedSet) -> list[str]:
-    lines = some_of(made.failures)
-    if made.earlier:
-        lines.append(
-            f"{made.earlier} more undistorted photos are in this folder, of an earlier run: {CAMERA_FILE} may not be "
-            "theirs"
-        )
-    return lines
-
-
-def _headline(made: UndistortedSet, change: Change) -> Headline:
-    count, failed, black = len(made.photos), len(made.failures), 1 - made.share_filled
+def _headline(made: UndistortedFiles, change: Change) -> Headline:
+    count, failed, black = len(made.good), len(made.failures), 1 - made.share_filled
     kept = f"{_percent(1 - change.share_kept)} of a photo is" if change.share_kept < 1 else "nothing of a photo is"
     filled = f"{_percent(black)} of the pixels are" if black else "no pixel is"
     sentence = (
-        f"{capital('1 photo' if count == 1 else f'{count} photos')} as a pinhole of "
+        f"{'1 photo' if count == 1 else f'{count} photos'} as a pinhole of "
         f"{digits(float(made.pinhole.params[0]), 6)} px focal length would have taken "
         f"{'it' if count == 1 else 'them'}; {kept} cut off, and {filled} black."
     )
@@ -94,11 +157,11 @@ def _percent(share: float) -> str:
     return "less than 0.1 %" if 0 < share < 0.001 else f"{100 * share:.1f} %"
 
 
-def _facts(made: UndistortedSet, change: Change) -> tuple[tuple[str, str], ...]:
-    taken, pinhole = made.taken, made.pinhole
+def _facts(made: UndistortedFiles, change: Change, camera_name: str) -> tuple[tuple[str, str], ...]:
+    taken, pinhole = made.camera, made.pinhole
     width, height = pinhole.image_size
     return (
-        ("camera of the photos", f"{made.camera_name} (model {taken.model})"),
+        ("camera of the photos", f"{camera_name} (model {taken.model})"),
         ("image", f"{width} x {height} px"),
         ("focal length", f"{digits(float(pinhole.params[0]), 6)} px; before {digits(float(taken.params[0]), 6)} px"),
         ("field of view", f"{field_of_view_words(pinhole)}; before {field_of_view_words(taken)}"),
@@ -108,24 +171,24 @@ def _facts(made: UndistortedSet, change: Change) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _pinhole_words(made: UndistortedSet) -> str:
-    kept = "as the camera's" if made.pinhole.params[0] == made.taken.params[0] else "chosen for these photos"
+def _pinhole_words(made: UndistortedFiles) -> str:
+    kept = "as the camera's" if made.pinhole.params[0] == made.camera.params[0] else "chosen for these photos"
     return (
         f"A pinhole without distortion, its focal length {kept}. Use it with the undistorted photos only, and the "
         "camera's own file with the photos as they were taken."
     )
 
 
-def _parameters(made: UndistortedSet) -> Table:
+def _parameters(made: UndistortedFiles) -> Table:
     columns = (Column("parameter", is_number=False), Column("px"), Column("before px", note="of the photos' camera"))
     rows = tuple(
         (Cell(name), Cell(f"{new:.3f}", float(new)), Cell(f"{old:.3f}", float(old)))
-        for name, new, old in zip(("fx", "fy", "cx", "cy"), made.pinhole.params, made.taken.params, strict=False)
+        for name, new, old in zip(("fx", "fy", "cx", "cy"), made.pinhole.params, made.camera.params, strict=False)
     )
     return Table("Parameters", columns, rows, "Pixel (0, 0) is the centre of the top-left pixel.")
 
 
-def _next(made: UndistortedSet, change: Change) -> tuple[Command, ...]:
+def _next(made: UndistortedFiles, change: Change) -> tuple[Command, ...]:
     again = "calib undistort CAMERA PHOTOS -o DIR --alpha"
     black, cut = made.share_filled < 1, change.share_kept < 1
     return (
@@ -134,3 +197,40 @@ def _next(made: UndistortedSet, change: Change) -> tuple[Command, ...]:
         *((Command(f"{again} 0", "the same without black regions, with less of the photos"),) if black else ()),
         *((Command(f"{again} 1", "the same with all that the photos show, black beside it"),) if cut else ()),
     )
+
+
+def undistortion_figure(taken: Camera, pinhole: Camera) -> Figure:
+    """Lines that were straight and level in the photo, in the undistorted frame."""
+    from calib.show.run.figures import image_panel
+
+    width, height = taken.image_size
+    u, v = np.linspace(0, width - 1, POINTS), np.linspace(0, height - 1, POINTS)
+    across = [np.column_stack([u, np.full(POINTS, y)]) for y in np.linspace(0, height - 1, LINES)]
+    down = [np.column_stack([np.full(POINTS, x), v]) for x in np.linspace(0, width - 1, LINES)]
+    lines = [project(pinhole, rays(taken, line)) for line in (*across, *down)]
+
+    def draw(axes: "Axes") -> None:
+        from calib.figures.style import image_axes
+
+        image_axes(axes, taken.image_size, "")
+        for line in lines:
+            axes.plot(*line.T, color="#0072b2", linewidth=0.8)
+        axes.plot([0, width, width, 0, 0], [0, 0, height, height, 0], color="#1a1a1a", linewidth=2)
+        (left, right), (top, bottom) = (_span(lines, axis, side) for axis, side in enumerate(taken.image_size))
+        axes.set(xlim=(left, right), ylim=(bottom, top))
+
+    shift = change_of(taken, pinhole).shift_words
+    words = f"Rows and columns of the photo when they are undistorted: pixels move by up to {shift}"
+    caption = (
+        f"{words}. The thick frame is the new image: lines outside are cut off, and where none reaches it is black."
+    )
+    return image_panel("What undistortion moves", taken.image_size, draw, words, caption, has_bar=False)
+
+
+def _span(lines: list[Array], axis: int, side: int) -> tuple[float, float]:
+    """What a figure shows along an axis: the frame, and lines that go beyond it, but not too far."""
+    values = np.concatenate([line[:, axis] for line in lines])
+    values = values[np.isfinite(values)]
+    margin, most = 0.03 * side, MOST_BEYOND * side
+    low, high = min(0.0, *values), max(float(side), *values)
+    return max(low, -most) - margin, min(high, side + most) + margin

@@ -88,11 +88,11 @@ def test_a_folder_becomes_a_table(folder: Path, capsys: pytest.CaptureFixture[st
     assert [one.image for one in data] == ["img2.png", "img10.png", "img11.png"]
     assert [len(one.ring) for one in data] == [len(SEEN.ring), len(SEEN.ring), 0]
     said = capsys.readouterr().out
-    count = f"{len(SEEN.ring)}/{BOARD.ring_count}"
-    assert re.search(rf"img10\.png +{count} ", said)
-    assert re.search(r"img11\.png +none +no ring found", said)
-    assert f"2 of 3 with the target, {2 * len(SEEN.ring)} of {2 * BOARD.ring_count} features" in said
-    assert "wrote    exports/board/detections.csv" in said
+    assert re.search(rf"img10\.png +{len(SEEN.ring)} +{BOARD.ring_count} ", said)
+    assert re.search(r"img11\.png +0 +0 .*no ring found", said)
+    counts = f"{2 * len(SEEN.ring)} of the {2 * BOARD.ring_count} rings"
+    assert said.startswith(f"found in part: The target was found in 2 of 3 photos, with {counts}")
+    assert "wrote exports/board/detections.csv" in said
     assert "next" in said
 
 
@@ -104,12 +104,12 @@ def test_bad_photos_among_good_ones_are_named_and_skipped(folder: Path, capsys: 
     assert run("photos", "missing.png", "none-*.jpg", "empty") == 0
     said = capsys.readouterr().out
     for line in (
-        r"skipped  photos/broken\.png: is cut off",
-        r"skipped  missing\.png: cannot be read",
-        r"skipped  none-\*\.jpg: no file matches",
-        r"skipped  empty: no images",
-        r"skipped  photos/white\.png: the search failed: RuntimeError: white corner",
-        r"5 failures",
+        r"Not searched: photos/broken\.png: is cut off",
+        r"Not searched: missing\.png: cannot be read",
+        r"Not searched: none-\*\.jpg: no file matches",
+        r"Not searched: empty: no images",
+        r"Not searched: photos/white\.png: the search failed: RuntimeError: white corner",
+        r"3 could not be read",
     ):
         assert re.search(line, said), line
     records = read_records(Path("exports/board/detections.records.json"))
@@ -145,9 +145,9 @@ def test_overlays_are_written_and_never_taken_for_photos(folder: Path, capsys: p
         assert run("photos", overlay="photos", out="d.csv") == 0
         pictures = {path.name for path in Path("photos").iterdir() if ".overlay" in path.name}
         assert pictures == {"img2.overlay.jpg", "img10.overlay.jpg", "img11.overlay.jpg"}
-        assert "of 3 with the target" in capsys.readouterr().out
+        assert "found in 2 of 3 photos" in capsys.readouterr().out
     assert run("photos/*.*g", overlay="photos", out="d.csv") == 0
-    assert "left out 3 overlays" in capsys.readouterr().out
+    assert "Left out: 3 overlays" in capsys.readouterr().out
     assert not list(folder.rglob(".unfinished*"))
 
 
@@ -167,7 +167,6 @@ def test_a_photo_without_overlay_does_not_stop_the_others(
     said, errors = capsys.readouterr()
     assert errors == ""
     assert "no overlay for img2.png: ZeroDivisionError: flat" in said
-    assert "0 failures" in said
     assert "3 overlays" in said
     assert len(read_detections(Path("d.csv"), BOARD, target_path=Path("t"))) == 4
     assert len(list(Path("o").glob("*.overlay.jpg"))) == 3

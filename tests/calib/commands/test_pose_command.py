@@ -13,14 +13,15 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera, camera_to_json
-from calib.commands.pose import _table
 from calib.commands.pose import pose as pose_command
 from calib.core.se3 import exp_rotation, transform
 from calib.core.types import Detections
 from calib.observe.observations import known_points
-from calib.observe.photos import PhotoFile, PhotoResult, find_photos
-from calib.pipeline.target_poses import CSV_COLUMNS, TargetPose, poses_to_csv, poses_to_json, target_poses
+from calib.observe.photos import PhotoFile, PhotoResult, Search, find_photos
+from calib.pipeline.target_poses import CSV_COLUMNS, POSES, PoseResult, TargetPose, poses_to_csv, target_poses
 from calib.renderer.poses import load_poses
+from calib.show.photos.posed_photos import told_posed
+from designer.base.codec import encode
 from designer.base.errors import InputError
 from designer.target import TargetGeometry, target_to_json
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by
@@ -117,12 +118,13 @@ def test_files_hold_the_poses_to_the_last_bit(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     poses = target_poses(photos_from(ICO, poses_around(4, rng), rng), ICO, CAMERA, weighted=False).poses
     path = tmp_path / "poses.json"
-    path.write_bytes(poses_to_json(poses, ICO, CAMERA, [("lost.png", "too few rings")]))
+    PoseResult(ICO, CAMERA, Search(ICO, (), (), 0, 1.0), poses, (("lost.png", "too few rings"),)).save(path)
     document = json.loads(path.read_bytes())
     assert document["geometry_id"] == ICO.geometry_id
     assert document["failed"] == [{"file": "lost.png", "reason": "too few rings"}]
     assert np.array_equal(load_poses(path), [one.cam_from_target for one in poses])
-    assert np.array_equal([view["covariance"] for view in document["views"]], [one.covariance for one in poses])
+    for stored, one in zip(POSES.read(path).views, poses, strict=True):
+        assert encode(TargetPose, stored) == encode(TargetPose, one)
     lines = [line for line in poses_to_csv(poses).decode().splitlines() if not line.startswith("#")]
     rows = list(csv.DictReader(lines))
     assert tuple(rows[0]) == CSV_COLUMNS
@@ -212,11 +214,11 @@ def test_the_table_tells_where_the_camera_was(folder: Path, capsys: pytest.Captu
     said = capsys.readouterr().out
     cells = column(said, "b.png")
     assert cells[1] == str(len(SEEN[1].ring))
-    place, sigma = np.array(cells[2:5], dtype=float), np.array(cells[5:8], dtype=float)
+    place, sigma = np.array(cells[3:6], dtype=float), float(cells[6])
     assert (np.abs(place - centre(TRUTH[1])) < 5 * sigma + 0.01).all()
-    assert float(cells[8]) == pytest.approx(np.linalg.norm(TRUTH[1, :3, 3]), abs=0.1)
-    assert all(len(cell.rstrip("0").replace("0.", "").lstrip("0")) <= 2 for cell in cells[5:8])
-    assert "2 images searched, 2 with a pose; 0 failures" in said
+    assert float(cells[7]) == pytest.approx(np.linalg.norm(TRUTH[1, :3, 3]), abs=0.1)
+    assert all(len(cell.rstrip("0").replace("0.", "").lstrip("0")) <= 2 for cell in (cells[6], *cells[8:]))
+    assert said.startswith("good: 2 of 2 photos give a pose")
     assert len(Path("poses.csv").read_text().splitlines()) == 4 + 1 + 2
 
 
@@ -228,12 +230,12 @@ def test_photos_without_a_pose_are_named_with_the_reason(folder: Path, capsys: p
     photo("photos/f.png", 10, (50, 40))
     assert run("photos", "missing.png", out="poses.json") == 0
     said = capsys.readouterr().out
-    assert re.search(r"c\.png +none +no grid of rings was found", said)
+    assert re.search(r"c\.png +0 +no grid of rings was found", said)
     assert re.search(r"d\.png +3 +too few rings for a pose", said)
-    assert "skipped photos/e.png: the search failed: RuntimeError: grey" in said
-    assert "skipped photos/f.png: has 50 x 40 px, but the camera file is of one with" in said
-    assert "skipped missing.png: cannot be read" in said
-    assert "4 images searched, 2 with a pose; 3 failures" in said
+    assert "No pose: photos/e.png: the search failed: RuntimeError: grey" in said
+    assert "No pose: photos/f.png: has 50 x 40 px, but the camera file is of one with" in said
+    assert "No pose: missing.png: cannot be read" in said
+    assert said.startswith("bad: 2 of 7 photos give a pose") or "2 of 7 photos give a pose" in said
     document = json.loads(Path("poses.json").read_text())
     assert [view["file"] for view in document["views"]] == ["a.png", "b.png"]
     assert {one["file"] for one in document["failed"]} == {"c.png", "d.png", "e.png", "f.png", "missing.png"}
@@ -296,15 +298,14 @@ def test_no_empty_folder_is_left(folder: Path) -> None:
 def test_what_the_deviations_leave_out_is_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """They are of the centres alone, so the camera is taken for exact, and rings that it cannot show are counted."""
     assert run("photos") == 0
-    assert "sigma: standard deviation, if the camera file is exact and errors of the rings are independent" in (
-        capsys.readouterr().out
-    )
+    said = capsys.readouterr().out
+    assert "Standard deviations hold if the camera file is exact and errors of the rings are independent" in said
     seen = SEEN[0]
     one = target_poses([seen], BOARD, CAMERA, weighted=False).poses[0]
-    result = PhotoResult(PhotoFile(Path(seen.image), seen.image), seen)
+    search = Search(BOARD, (PhotoResult(PhotoFile(Path(seen.image), seen.image), seen),), (), 0, 1.0)
     for lost, said in ((0, ""), (3, "3 more rings lie where the camera knows no light")):
-        table = _table([result], {seen.image: replace(one, rings=one.rings - lost)}, {}, ())
-        assert [str(cell) for cell in table.columns[-1].cells] == [said]
+        found = PoseResult(BOARD, CAMERA, search, (replace(one, rings=one.rings - lost),), ())
+        assert told_posed(found, Path("t"), "c").photos[0].cells[-1].text == said
 
 
 def test_one_broken_picture_does_not_stop_the_others(

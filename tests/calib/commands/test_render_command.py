@@ -151,7 +151,7 @@ def test_the_command_renders_and_says_what_comes_next(target_file: Path, tmp_pat
         "photos.json",
         "truth.json", "target.json", "view_0000.png", "view_0001.png", "view_0002.png",
     }  # fmt: skip
-    assert "3 images of 160 x 120 px" in done.stdout
+    assert "3 photos of 160 x 120 px" in done.stdout
     assert re.search(r"^next  calib run .*board\.target\.json set ", done.stdout, re.MULTILINE)
     again = calib(*arguments, "--distance", "12cm", "--blur", "0.7px", cwd=tmp_path)
     assert "3 were there already" in again.stdout

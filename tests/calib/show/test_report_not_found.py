@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from calib.commands.judged_page import criteria_templates
 from calib.core.types import Detections
+from calib.observe.photos import Search
 from calib.observe.records import Records, image_record
 from calib.records.run_folder import read_run
 from calib.show.folder import origin_in, why_no_page
 from calib.show.parts.origin import ORIGIN, Origin, origin_of
-from calib.show.photos.detected_photos import detected, told_detected
+from calib.show.photos.detected_photos import told_detected
 from calib.show.photos.photos_file import read_photos, write_photos
 from calib.show.photos.why_nothing import explained, why_nothing
 from calib.show.run.photos import photo_rows
@@ -74,10 +75,8 @@ def test_a_page_without_any_target_gives_the_reason(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     pictures(folder / "overlays", ["a.overlay.png"])
     one = replace(result("a.png", overlay="a.overlay.png"), seen=seen)
-    made = detected(
-        folder, Path("t.json"), BOARD, folder / "d.csv", [one], [float("nan")], (), overlays=folder / "overlays"
-    )
-    write_photos(folder, told_detected(made))
+    search = Search(BOARD, (one,), (), 0, 1.0)
+    write_photos(folder, told_detected(search, Path("t.json"), folder / "d.csv", folder, folder / "overlays"))
     page = page_of("detections", folder)
     assert page.headline is not None
     assert (page.headline.level, page.headline.sentence) == (
@@ -115,7 +114,7 @@ def test_rings_of_a_photo_are_counted_as_commands_count_them(tmp_path: Path) -> 
     geometry = board()
     records = Records("x", geometry.layout_id, geometry.geometry_id, (record,))
     row = photo_rows(replace(run, records=records), run.best())[0]
-    assert row.expected == sum(face.measurable for face in record.faces) == 33
+    assert row.expected == record.expected == 33
 
 
 @pytest.mark.parametrize("grade", ["bad", "usable"])

@@ -26,7 +26,7 @@ from calib.show.parts.origin import ORIGIN, Origin
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhotos
 from calib.show.photos.place_scene import MOST_VIEWS, place_view
 from calib.show.photos.rendered_photos import option_words
-from calib.show.photos.undistortion import change_of
+from calib.show.photos.undistorted_photos import change_of
 from designer.base.errors import InputError
 from designer.page.blocks import Block, Fold, Gallery, Page, Table, View3d
 from designer.page.scene import Cameras, Rings
