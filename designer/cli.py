@@ -122,12 +122,12 @@ def make(
 def _design(values: Given, origin: str, out: Path | None, must_fit: bool) -> Summary:
     """Design, write, and say what was done."""
     from designer.designing import designed
-    from designer.report.summary import design_summary, print_design, progress
+    from designer.report.summary import design_summary, progress, say_design
 
     target = designed(values, origin, must_fit=must_fit)
     with progress() as on_stage:
         written = target.save(out, on_stage)
-    print_design(target.design, target.remarks, target.check, written)
+    say_design(target.design, target.remarks, written)
     return design_summary(target.design, target.remarks, target.check, written)
 
 
@@ -138,7 +138,7 @@ def templates() -> Summary:
     from designer.kinds.presets import preset_names, preset_or_file
     from designer.kinds.sizing import printer_profile, size_job
     from designer.kinds.spec_file import parse_spec, read_spec_file
-    from designer.report.summary import print_templates, templates_summary
+    from designer.report.summary import say_templates, templates_summary
     from designer.tolerance.error_file import error_model
 
     targets = []
@@ -150,7 +150,7 @@ def templates() -> Summary:
         for name in preset_names("printers")
     ]
     errors = [(name, error_model(name).title) for name in preset_names("errors")]
-    print_templates(targets, printers, errors)
+    say_templates(targets, printers, errors)
     return templates_summary(targets, printers, errors)
 
 
@@ -168,7 +168,7 @@ def check(
     from designer.kinds.sizing import size_job, size_printing
     from designer.kinds.spec_file import parse_printing, parse_spec, read_spec_file, replaced
     from designer.make.printability import check_printability
-    from designer.report.summary import check_summary, print_check
+    from designer.report.summary import check_summary, say_check
     from designer.target import load_target
 
     if file.suffix.lower() == ".json":
@@ -179,7 +179,7 @@ def check(
         job = size_job(parse_spec(replaced(read_spec_file(path), _given(options)), str(file))).job
         target, printing = lay_out(job.target), job.printing
     result = check_printability(target, printing, bed_is_rule=True)
-    print_check(str(file), target, printing, result)
+    say_check(str(file), target, printing, result)
     return check_summary(target, printing, result)
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from numbers import Real
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from designer.base.errors import InputError
-from designer.formats.folder import OutputFile, Written, files_left, replaced_target, write_folder
+from designer.formats.folder import OutputFile, files_left, replaced_target, write_folder
 from designer.kinds.presets import preset_or_file
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import RawValue, parse_spec, read_spec_file, replaced
@@ -17,6 +17,10 @@ from designer.make.printability import PrintCheck, check_printability
 from designer.produce import Design, make_files
 from designer.spec.kind import KINDS
 from designer.target import TargetGeometry
+
+if TYPE_CHECKING:
+    from designer.page.blocks import Page
+    from designer.report.design_page import Written
 
 Place: TypeAlias = str | PathLike[str]
 Wish: TypeAlias = str | float | bool | tuple[float, ...] | tuple[str, ...] | None
@@ -55,13 +59,18 @@ class DesignedTarget:
         Raises:
             InputError: one cannot be made as asked.
         """
-        from designer.report.design_page import design_report
+        return self._with_page(on_stage)[0]
+
+    def _with_page(self, on_stage: Callable[[str], None]) -> tuple[tuple[OutputFile, ...], "Page"]:
+        """The files, and the page before it was written down."""
+        from designer.report.design_page import design_page, page_file
 
         files = make_files(self.design, on_stage)
         on_stage("page")
-        return (*files, design_report(self.design, self.check, files))
+        page = design_page(self.design, self.check, files)
+        return (*files, page_file(page)), page
 
-    def save(self, folder: Place | None = None, on_stage: Callable[[str], None] = unheard) -> Written:
+    def save(self, folder: Place | None = None, on_stage: Callable[[str], None] = unheard) -> "Written":
         """Write the files that `design` writes: `target.save("exports/ico")`; what was written.
 
         Args:
@@ -73,9 +82,11 @@ class DesignedTarget:
         """
         place = Path("exports") / self.name if folder is None else Path(folder)
         replaced_lines = replaced_target(place, self.name, self.geometry)
-        files = self.files(on_stage)
+        from designer.report.design_page import Written
+
+        files, page = self._with_page(on_stage)
         write_folder(place, files)
-        return Written(place, files, files_left(place, self.name, files), replaced_lines)
+        return Written(place, files, files_left(place, self.name, files), replaced_lines, page)
 
 
 def design(kind: str, *, must_fit: bool = False, **wishes: Wish) -> DesignedTarget:

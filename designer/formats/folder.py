@@ -21,16 +21,6 @@ class OutputFile:
     purpose: str  # one phrase for the person
 
 
-@dataclass(frozen=True)
-class Written:
-    """What a run wrote, and what an earlier run of the same name left beside it."""
-
-    folder: Path
-    files: tuple[OutputFile, ...]
-    left: tuple[str, ...]
-    replaced: tuple[str, ...] = ()  # a line on another target that stood under this name
-
-
 def replaced_target(folder: Path, name: str, target: TargetGeometry) -> tuple[str, ...]:
     """What to say of an earlier target of this name that is about to be replaced by another one.
 

@@ -146,12 +146,15 @@ class Widths:
     border_mm: float  # 0 without one
 
     @property
+    def inked_sides(self) -> int:
+        """Of a margin that are ink: both if there is a border."""
+        return 2 if self.border_mm > 0 else 1
+
+    @property
     def ink_offset_range_mm(self) -> tuple[float, float]:
         """Between these offsets no stroke and no white closes."""
         shrink = min(self.stroke_mm / 2, self.border_mm if self.border_mm > 0 else np.inf)
-        # Both sides of a gap are ink; so are those of a margin, if there is a border.
-        margin = self.margin_mm / 2 if self.border_mm > 0 else self.margin_mm
-        return -shrink, min(self.centre_mm / 2, self.gap_mm / 2, margin)
+        return -shrink, min(self.centre_mm / 2, self.gap_mm / 2, self.margin_mm / self.inked_sides)
 
 
 def narrowest_widths(target: TargetGeometry) -> Widths:

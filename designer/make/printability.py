@@ -10,12 +10,17 @@ from dataclasses import dataclass
 from typing import Literal
 
 from designer.base.units import round_down
-from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_depth, narrowest_widths
+from designer.base.words import capital
+from designer.kinds.layout import Widths, border_width_mm, deepest_inlay_mm, inset_per_depth, narrowest_widths
 from designer.make.bed import overhang, printed_size_mm
+from designer.page.blocks import Finding, Findings
+from designer.page.blocks import Level as PageLevel
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
 Level = Literal["violation", "warning", "note"]
+LEVELS: Mapping[Level, PageLevel] = {"violation": "bad", "warning": "usable", "note": "note"}
+"""On a page, the worst first."""
 
 _ROUNDING_MM = 1e-6
 """Centres in a target file are rounded, so a width may miss its design by a little."""
@@ -39,43 +44,73 @@ class PrintFinding:
 
 
 @dataclass(frozen=True)
+class Narrow:
+    """A width that can be made, but less well than a wider one."""
+
+    size: str  # what it is, and how wide
+    limit: str  # "two lines (0.9mm)"
+    effect: tuple[str, str]  # what comes of it, of one and of several: "prints less truly", "print less truly"
+    remedy: str
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a rule looked at, and what it has to say."""
+
+    measured: str = ""  # with its unit
+    limit: str = ""  # from where on it is good
+    said: tuple[tuple[Level, str | Narrow], ...] = ()
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing stands against the print."""
+        return all(level == "note" for level, _ in self.said)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A design rule; its look is None where it does not apply."""
+
+    title: str
+    look: Callable[[TargetGeometry, PrintSpec], Look | None]
+    holding: str = "Two lines or more."  # said where it holds
+
+
+@dataclass(frozen=True)
 class PrintCheck:
-    """All findings, and the rules that hold; a rule that does not apply is in neither."""
+    """All findings, and what each rule that applies looked at."""
 
     findings: tuple[PrintFinding, ...]
-    holding: tuple[str, ...]
+    looks: Mapping[str, Look]
+
+    @property
+    def holding(self) -> tuple[str, ...]:
+        """The rules that hold."""
+        return tuple(name for name, look in self.looks.items() if look.holds)
 
     @property
     def violations(self) -> tuple[PrintFinding, ...]:
         """The findings that forbid the print."""
         return tuple(f for f in self.findings if f.level == "violation")
 
-
-@dataclass(frozen=True)
-class Narrow:
-    """A width that can be made, but less well than a wider one."""
-
-    what: str
-    width_mm: float
-    limit: str  # "two lines (0.9mm)"
-    effect: tuple[str, str]  # what comes of it, of one and of several: "prints less truly", "print less truly"
-    remedy: str
-
-    @property
-    def size(self) -> str:
-        """What it is, and how wide."""
-        return f"{self.what} {self.width_mm:.3g}mm"
+    def told(self) -> Findings:
+        """The findings for a reader, worst first, then the rules that hold without a word."""
+        rows = []
+        for found in sorted(self.findings, key=lambda finding: [*LEVELS].index(finding.level)):
+            look = self.looks[found.rule] if found.rule in self.looks else Look()
+            title = ", ".join(RULES[rule].title for rule in found.rules)
+            rows.append(Finding(LEVELS[found.level], title, sentence(found.text), look.measured, look.limit))
+        said = {rule for finding in self.findings for rule in finding.rules}
+        for name in self.holding:
+            if name not in said:
+                rule, look = RULES[name], self.looks[name]
+                rows.append(Finding("good", rule.title, rule.holding, look.measured, look.limit))
+        return Findings(tuple(rows))
 
 
-Remarks = Iterator[tuple[Level, str | Narrow]]
-
-
-@dataclass(frozen=True)
-class Rule:
-    """A design rule: whether it applies, and what it has to say."""
-
-    applies: Callable[[TargetGeometry, PrintSpec], bool]
-    look: Callable[[TargetGeometry, PrintSpec], Remarks]
+def sentence(remark: str) -> str:
+    """A remark as a sentence."""
+    return f"{capital(remark)}."
 
 
 def check_printability(target: TargetGeometry, printing: PrintSpec, *, bed_is_rule: bool) -> PrintCheck:
@@ -86,21 +121,16 @@ def check_printability(target: TargetGeometry, printing: PrintSpec, *, bed_is_ru
         printing: how it is to be made.
         bed_is_rule: whether a part larger than the bed is a violation (else a warning).
     """
+    looks = {name: look for name, rule in RULES.items() if (look := rule.look(target, printing)) is not None}
     findings: list[PrintFinding] = []
-    holding: list[str] = []
     narrow: dict[str, Narrow] = {}
-    for name, rule in RULES.items():
-        if not rule.applies(target, printing):
-            continue
-        said = list(rule.look(target, printing))
-        for level, text in said:
+    for name, look in looks.items():
+        for level, text in look.said:
             if isinstance(text, Narrow):
                 narrow[name] = text
             else:
                 findings.append(PrintFinding(name, "warning" if name == "bed" and not bed_is_rule else level, text))
-        if not any(level != "note" for level, _ in said):
-            holding.append(name)
-    return PrintCheck((*_said_once(narrow), *findings), tuple(holding))
+    return PrintCheck((*_said_once(narrow), *findings), looks)
 
 
 def _said_once(narrow: Mapping[str, Narrow]) -> Iterator[PrintFinding]:
@@ -119,46 +149,52 @@ def _said_once(narrow: Mapping[str, Narrow]) -> Iterator[PrintFinding]:
         yield PrintFinding(", ".join(alike), "warning", text)
 
 
-def _width(what: str, width: float, remedy: str, printing: PrintSpec) -> Remarks:
-    """A width the nozzle can lay is needed, one line fills well, two lines are good."""
-    least, line = printing.pattern_least_mm, printing.pattern_line_mm
-    if width < least - _ROUNDING_MM:
-        yield "violation", f"{what} {width:.3g}mm is less than {least:g}mm, the least that can be made; {remedy}"
-    elif width < line - _ROUNDING_MM:
-        yield "warning", Narrow(what, width, f"one line ({line:g}mm)", ("over-extrudes", "over-extrude"), remedy)
-    elif width < 2 * line - _ROUNDING_MM:
-        effect = ("prints less truly", "print less truly")
-        yield "warning", Narrow(what, width, f"two lines ({2 * line:g}mm)", effect, remedy)
+def _width(
+    what: str, remedy: str, width_mm: Callable[[Widths, float], float]
+) -> Callable[[TargetGeometry, PrintSpec], Look | None]:
+    """The rule of a width: what the nozzle can lay is needed, one line fills well, two lines are good.
+
+    Args:
+        what: it is the width of.
+        remedy: what makes it wider.
+        width_mm: of a target's narrowest widths and the ink offset; infinite where there is no such thing.
+    """
+
+    def look(target: TargetGeometry, printing: PrintSpec) -> Look | None:
+        width = width_mm(narrowest_widths(target), printing.ink_offset_mm)
+        if math.isinf(width):
+            return None
+        least, line = printing.pattern_least_mm, printing.pattern_line_mm
+        size, said = f"{what} {width:.3g}mm", tuple[tuple[Level, str | Narrow], ...]()
+        if width < least - _ROUNDING_MM:
+            said = (("violation", f"{size} is less than {least:g}mm, the least that can be made; {remedy}"),)
+        elif width < line - _ROUNDING_MM:
+            effect = ("over-extrudes", "over-extrude")
+            said = (("warning", Narrow(size, f"one line ({line:g}mm)", effect, remedy)),)
+        elif width < 2 * line - _ROUNDING_MM:
+            effect = ("prints less truly", "print less truly")
+            said = (("warning", Narrow(size, f"two lines ({2 * line:g}mm)", effect, remedy)),)
+        return Look(f"{width:.3g} mm", f"at least {2 * line:g} mm", said)
+
+    return look
 
 
-def _stroke(target: TargetGeometry, printing: PrintSpec) -> Remarks:
-    width = narrowest_widths(target).stroke_mm + 2 * printing.ink_offset_mm
-    return _width("ring stroke", width, "use larger rings or a finer nozzle", printing)
+_border_look = _width("border", "use a wider border or a finer nozzle", lambda w, offset: w.border_mm + offset)
 
 
-def _centre(target: TargetGeometry, printing: PrintSpec) -> Remarks:
-    width = narrowest_widths(target).centre_mm - 2 * printing.ink_offset_mm
-    return _width("white ring centre", width, "use larger rings or a finer nozzle", printing)
+def _border(target: TargetGeometry, printing: PrintSpec) -> Look | None:
+    """A plate may do without."""
+    return _border_look(target, printing) if not target.is_planar or border_width_mm(target) > 0 else None
 
 
-def _gap(target: TargetGeometry, printing: PrintSpec) -> Remarks:
-    width = narrowest_widths(target).gap_mm - 2 * printing.ink_offset_mm
-    return _width("gap between rings", width, "use a larger pitch or smaller rings", printing)
+def _inlay(target: TargetGeometry, printing: PrintSpec) -> Look | None:
+    if not printing.is_two_filament:
+        return None
+    said = tuple(_inlay_remarks(target, printing))
+    return Look(f"{printing.inlay_mm:g} mm", f"layers of {printing.printer.layer_height_mm:g} mm", said)
 
 
-def _margin(target: TargetGeometry, printing: PrintSpec) -> Remarks:
-    widths = narrowest_widths(target)
-    inked_sides = 2 if widths.border_mm > 0 else 1
-    width = widths.margin_mm - inked_sides * printing.ink_offset_mm
-    return _width("white around the rings", width, "use a larger margin or fewer rings", printing)
-
-
-def _border(target: TargetGeometry, printing: PrintSpec) -> Remarks:
-    width = border_width_mm(target) + printing.ink_offset_mm
-    return _width("border", width, "use a wider border or a finer nozzle", printing)
-
-
-def _inlay(target: TargetGeometry, printing: PrintSpec) -> Remarks:
+def _inlay_remarks(target: TargetGeometry, printing: PrintSpec) -> Iterator[tuple[Level, str]]:
     depth, layer = printing.inlay_mm, printing.printer.layer_height_mm
     layers = depth / layer
     if layers < 1 - 1e-9:
@@ -185,45 +221,57 @@ def _inlay(target: TargetGeometry, printing: PrintSpec) -> Remarks:
         )
 
 
-def _bed(target: TargetGeometry, printing: PrintSpec) -> Remarks:
+def _bed(target: TargetGeometry, printing: PrintSpec) -> Look | None:
+    if printing.build == "sheet":
+        return None
     size, bed = printed_size_mm(target, printing), printing.printer.bed_mm
+    room, said = " x ".join(f"{length:g}" for length in bed), tuple[tuple[Level, str], ...]()
     is_too_wide = min(size[:2]) > min(bed[:2]) or max(size[:2]) > max(bed[:2])
     if is_too_wide or size[2] > bed[2]:
         shown = " x ".join(f"{length:.1f}" for length in size)
-        room = " x ".join(f"{length:g}" for length in bed)
-        yield (
-            "violation",
+        text = (
             f"the part needs {shown} mm, the bed of {printing.printer.name} has {room} mm; "
-            "use a smaller target or a larger printer",
+            "use a smaller target or a larger printer"
         )
+        said = (("violation", text),)
+    return Look(f"{' x '.join(f'{length:.0f}' for length in size)} mm", f"of {room} mm", said)
 
 
-def _overhang(target: TargetGeometry, printing: PrintSpec) -> Remarks:
+def _overhang(target: TargetGeometry, printing: PrintSpec) -> Look | None:
     over = overhang(target, printing)
-    if over is not None:
-        count, slope = over
-        yield (
-            "note",
-            f"the {COUNT[count]} faces beside the bottom face rise at {math.degrees(slope):.1f} deg from the bed: "
-            "most printers do that without supports; put supports on if yours does not",
-        )
-
-
-def _always(target: TargetGeometry, printing: PrintSpec) -> bool:
-    return True
-
-
-def _has_rings(target: TargetGeometry, printing: PrintSpec) -> bool:
-    return not target.is_dot.all()
+    if over is None:
+        return None
+    count, slope = over
+    text = (
+        f"the {COUNT[count]} faces beside the bottom face rise at {math.degrees(slope):.1f} deg from the bed: "
+        "most printers do that without supports; put supports on if yours does not"
+    )
+    return Look(said=(("note", text),))
 
 
 RULES: dict[str, Rule] = {
-    "stroke": Rule(_has_rings, _stroke),
-    "centre": Rule(_has_rings, _centre),
-    "gap": Rule(_always, _gap),
-    "margin": Rule(_always, _margin),
-    "border": Rule(lambda target, printing: not target.is_planar or border_width_mm(target) > 0, _border),
-    "inlay": Rule(lambda target, printing: printing.is_two_filament, _inlay),
-    "bed": Rule(lambda target, printing: printing.build != "sheet", _bed),
-    "overhang": Rule(lambda target, printing: overhang(target, printing) is not None, _overhang),
+    "stroke": Rule(
+        "Stroke of the rings",
+        _width("ring stroke", "use larger rings or a finer nozzle", lambda w, offset: w.stroke_mm + 2 * offset),
+    ),
+    "centre": Rule(
+        "White centre of the rings",
+        _width("white ring centre", "use larger rings or a finer nozzle", lambda w, offset: w.centre_mm - 2 * offset),
+    ),
+    "gap": Rule(
+        "Gap between rings",
+        _width("gap between rings", "use a larger pitch or smaller rings", lambda w, offset: w.gap_mm - 2 * offset),
+    ),
+    "margin": Rule(
+        "White around the rings",
+        _width(
+            "white around the rings",
+            "use a larger margin or fewer rings",
+            lambda w, offset: w.margin_mm - w.inked_sides * offset,
+        ),
+    ),
+    "border": Rule("Border", _border),
+    "inlay": Rule("Depth of the ink", _inlay, "Whole layers, and no deeper than border or plate allow."),
+    "bed": Rule("Size on the bed", _bed, "The part fits."),
+    "overhang": Rule("Overhang", _overhang),
 }

@@ -4,6 +4,8 @@ It follows from the spec and the files alone, so `design make` on the folder's T
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 from designer.base.answer import program
 from designer.base.solid import CODES, code_positions
@@ -12,7 +14,7 @@ from designer.base.words import capital, with_article
 from designer.formats.folder import OutputFile
 from designer.kinds.layout import adjacent_faces, narrowest_widths, opposite_faces
 from designer.make.bed import printed_size_mm
-from designer.make.printability import PrintCheck
+from designer.make.printability import RULES, PrintCheck, sentence
 from designer.page.blocks import (
     Block,
     Cell,
@@ -21,13 +23,11 @@ from designer.page.blocks import (
     Figure,
     FileList,
     FileRow,
-    Gallery,
     Headline,
     Leaf,
     Link,
     Page,
     Paragraph,
-    Picture,
     Section,
     Table,
     View3d,
@@ -38,7 +38,6 @@ from designer.report.making import (
     PURGE_G_PER_CHANGE,
     SPREAD,
     Filament,
-    FilamentAmount,
     Shells,
     colour_words,
     expected_filament,
@@ -50,18 +49,29 @@ from designer.report.making import (
 )
 from designer.report.measuring import measure_blocks, photo_blocks
 from designer.report.pictures import Panels, preview_panels, printed_ink, printed_scene, sheet_picture
-from designer.report.rule_findings import rule_findings, rule_lead, sentence
+from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
 PAGE_FILE = "index.html"
+RULES_TITLE = "Printability"
 MOST_SHEETS = 10
 """Pages of stickers that are shown; the others are in the PDF file."""
 
 
-def design_report(design: Design, check: PrintCheck, files: Sequence[OutputFile]) -> OutputFile:
+@dataclass(frozen=True, eq=False)
+class Written:
+    """What a run wrote, and what an earlier run of the same name left beside it."""
+
+    folder: Path
+    files: tuple[OutputFile, ...]
+    left: tuple[str, ...]
+    replaced: tuple[str, ...]  # a line on another target that stood under this name
+    page: Page  # of which the terminal tells the lead
+
+
+def page_file(page: Page) -> OutputFile:
     """The page as a file of the folder. The same spec gives the same bytes."""
-    content = page_html(design_page(design, check, files))
-    return OutputFile(PAGE_FILE, content, "this folder at a glance: open it in a browser")
+    return OutputFile(PAGE_FILE, page_html(page), "this folder at a glance: open it in a browser")
 
 
 def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile]) -> Page:
@@ -78,10 +88,10 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile]) 
     return Page(
         title=job.name,
         kind="Target",
-        headline=headline(design, check),
+        headline=headline(job.printing, check),
         lead=_lead(design, filament, panels),
         sections=(
-            Section("Printability", (rule_findings(design, check),), rule_lead(design, check)),
+            Section(RULES_TITLE, (check.told(),), _rule_lead(job.printing, check)),
             Section("Making it", _making_blocks(design, filament, files), _making_lead(design)),
             *(() if filament is None else (Section("Expected filament", *_filament_section(filament, design)),)),
             Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
@@ -99,27 +109,31 @@ _MEASURE_LEAD = (
 )
 
 
-def headline(design: Design, check: PrintCheck) -> Headline:
-    """Whether it can be made, and why."""
+def headline(printing: PrintSpec, check: PrintCheck) -> Headline:
+    """Whether a target can be made, and why."""
     if check.violations:
         return Headline("bad", "not printable", check.violations[0].text)
     warnings = [finding for finding in check.findings if finding.level == "warning"]
     warned = sum(len(finding.rules) for finding in warnings)
     count = len(check.holding) + warned
-    how = _how(design)
+    machine = f"{printing.printer.name} with a {printing.printer.nozzle_mm:g} mm nozzle"
+    how = {"stickers": f"printed stickers on a body from {machine}", "sheet": "a printed sheet"}.get(
+        printing.build, machine
+    )
     if not warnings:
         return Headline("good", "printable", f"All {count} design rules hold on {how}.")
-    more = f" ({warned} of {count} rules warn)" if len(warnings) > 1 else ""
-    return Headline("usable", "printable with care", f"On {how}: {warnings[0].text}{more}.")
+    which = ", ".join(RULES[rule].title.lower() for finding in warnings for rule in finding.rules)
+    return Headline("usable", "printable with care", f"{warned} of {count} design rules warn on {how}: {which}.")
 
 
-def _how(design: Design) -> str:
-    """What it is made on."""
-    printing, printer = design.job.printing, design.job.printing.printer
-    machine = f"{printer.name} with a {printer.nozzle_mm:g} mm nozzle"
-    if printing.build == "stickers":
-        return f"printed stickers on a body from {machine}"
-    return "a printed sheet" if printing.build == "sheet" else machine
+def _rule_lead(printing: PrintSpec, check: PrintCheck) -> str:
+    """What the rules were held to."""
+    held = f"Held to lines of {printing.pattern_line_mm:g} mm"
+    if printing.is_two_filament:
+        held += f" and layers of {printing.printer.layer_height_mm:g} mm"
+    if any(finding.level == "warning" for finding in check.findings):
+        return f"{held}. What warns can be made, but comes out less true to the drawing."
+    return f"{held}."
 
 
 def _lead(design: Design, filament: Filament | None, panels: Panels | None) -> tuple[Block, ...]:
@@ -180,19 +194,17 @@ def _making_blocks(design: Design, filament: Filament | None, files: Sequence[Ou
 
 def _sheets(design: Design) -> tuple[Leaf, ...]:
     """The pages to print."""
-    name, pages = design.job.name, design.pages[:MOST_SHEETS]
-    note = "Magenta lines are cut, not printed."
-    if len(pages) == 1:
-        size = f"{pages[0].width_mm:.0f} x {pages[0].height_mm:.0f} mm"
-        files = (Link(f"{name}.pdf", f"{name}.pdf"),) if "pdf" in design.job.formats else ()
-        alt = f"One page of {size} with the pattern, cut lines and a scale bar."
-        return (Figure("What is printed", sheet_picture(pages[0]), alt, f"{size}. {note}", files),)
-    pictures = tuple(
-        Picture(sheet_picture(page), f"page {number}", f"{page.width_mm:.0f} x {page.height_mm:.0f} mm")
-        for number, page in enumerate(pages, start=1)
-    )
-    left = len(design.pages) - len(pages)
-    return (Gallery(pictures, f"{note} {left} more pages are in {name}.pdf." if left else note),)
+    name, count, shown = design.job.name, len(design.pages), design.pages[:MOST_SHEETS]
+    files = (Link(f"{name}.pdf", f"{name}.pdf"),) if "pdf" in design.job.formats else ()
+    figures = []
+    for number, page in enumerate(shown, start=1):
+        size = f"{page.width_mm:.0f} x {page.height_mm:.0f} mm"
+        title = "What is printed" if count == 1 else f"Page {number} of {count}"
+        alt = f"A page of {size} with the pattern, cut lines and a scale bar."
+        caption = f"{size}. Magenta lines are cut, not printed."
+        figures.append(Figure(title, sheet_picture(page), alt, caption, files if number == 1 else ()))
+    more = (Paragraph(f"{count - len(shown)} more pages are in {name}.pdf."),) if count > len(shown) else ()
+    return (*figures, *more)
 
 
 def _filament_section(filament: Filament, design: Design) -> tuple[tuple[Block, ...], str]:
@@ -208,10 +220,15 @@ def _filament_section(filament: Filament, design: Design) -> tuple[tuple[Block, 
         Column("weight"),
         Column("length", note="of filament of 1.75 mm"),
     )
-    rows = tuple((Cell(slot), Cell(colour), *_amount_cells(amount)) for slot, colour, amount in slots)
+    rows = tuple(
+        (Cell(slot), Cell(colour), Cell(amount.mass_text, amount.mass_g), Cell(amount.length_text, amount.length_m))
+        for slot, colour, amount in slots
+    )
+    left_out = "Brim and purge are" if filament.changes else "Brim is"
+    stand = ", nor is the stand" if printing.stand else ""
     note = (
         f"Computed from the volumes for PLA (1.24 g/cm³), {filament.shells.text}; PrusaSlicer agrees within "
-        f"{100 * SPREAD:g} %. Brim{_purge_word(filament)} not in it{_stand_words(design)}."
+        f"{100 * SPREAD:g} %. {left_out} not in it{stand}."
     )
     lead = f"{filament.body.mass_text} of body"
     lead += f" and {filament.ink.mass_text} of ink." if filament.ink else "."
@@ -219,18 +236,6 @@ def _filament_section(filament: Filament, design: Design) -> tuple[tuple[Block, 
     if filament.changes:
         blocks.append(Paragraph(_purge_words(filament)))
     return tuple(blocks), lead
-
-
-def _purge_word(filament: Filament) -> str:
-    return " and purge are" if filament.changes else " is"
-
-
-def _stand_words(design: Design) -> str:
-    return ", nor is the stand" if design.job.printing.stand else ""
-
-
-def _amount_cells(amount: FilamentAmount) -> tuple[Cell, Cell]:
-    return Cell(amount.mass_text, amount.mass_g), Cell(amount.length_text, amount.length_m)
 
 
 def _purge_words(filament: Filament) -> str:

@@ -1,74 +1,75 @@
 """What the commands of `design` say at their end, to a person and to a program."""
 
-import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 from designer.base.answer import Summary, Value
-from designer.base.units import NO_SKEW, format_skew
-from designer.formats.folder import Written
 from designer.make.bed import printed_size_mm
 from designer.make.printability import PrintCheck
+from designer.page.blocks import Cell, Column, Facts, Finding, Findings, Table
+from designer.page.terminal import quoted, say_facts, say_findings, say_headline, say_lines, say_table, say_written
 from designer.produce import Design
+from designer.report.design_page import PAGE_FILE, RULES_TITLE, Written, headline
+from designer.report.pictures import printed_ink
 from designer.spec.kind import spec_to_mapping
 from designer.spec.spec import Job, PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
 
 VIOLATED = 1
 
-_MARK = {"violation": "[bold red]VIOLATED[/]", "warning": "[yellow]warning[/]", "note": "[dim]note[/]"}
-
-
-def _console() -> Console:
-    return Console(highlight=False, soft_wrap=True)
-
 
 @contextmanager
 def progress() -> Iterator[Callable[[str], None]]:
     """Show the stage at work on standard error, while there is one."""
-    console = Console(stderr=True)
-    with console.status("designing") as status:
+    from rich.console import Console
+
+    with Console(stderr=True).status("designing") as status:
         yield lambda stage: status.update(f"making {stage}")
 
 
-def print_design(design: Design, remarks: Sequence[str], check: PrintCheck, written: Written) -> None:
-    """Sizes, files, findings and the next command after a target was made."""
-    job, target, console = design.job, design.target, _console()
-    console.print(f"[bold]{job.name}[/]  target id {target.geometry_id}")
-    pattern = design.printed_pattern if job.printing.is_two_filament else design.artwork
-    facts = [*_facts(job, target), ("chosen", "\n".join([*remarks, pattern.lettering.remark]))]
-    console.print(_two_columns(facts))
-    _print_rules(console, check)
-    console.print(f"\nwrote {len(written.files)} files to [bold]{_escaped(str(written.folder))}[/]")
-    table = Table.grid(padding=(0, 2))
-    table.add_column(overflow="fold")
-    for file in written.files:
-        table.add_row(f"  {file.name}", _bytes(len(file.content)), f"[dim]{file.purpose}[/]")
-    console.print(table)
-    for line in written.replaced:
-        console.print(f"[yellow]{_escaped(line)}[/]")
+def say_design(design: Design, remarks: Sequence[str], written: Written) -> None:
+    """The answer, sizes and findings of the page, what was chosen and written, and what comes next."""
+    page = written.page
+    if page.headline is not None:
+        say_headline(page.headline)
+    for block in page.lead:
+        if isinstance(block, Facts):
+            say_facts(block)
+    say_lines("chosen", _chosen(design, remarks))
+    for section in page.sections:
+        if section.title == RULES_TITLE:
+            _say_rules([row for block in section.blocks if isinstance(block, Findings) for row in block.rows])
+    say_findings(Finding("usable", "", line) for line in written.replaced)
     if written.left:
-        console.print(
-            f"[yellow]left from an earlier run, maybe of another target:[/] {_escaped(', '.join(written.left))}"
-        )
-    console.print(f"\n[bold]next[/]  {_next_step(job, written.folder)}")
+        text = f"{', '.join(written.left)}; maybe of another target"
+        say_findings([Finding("usable", "left from an earlier run", text)])
+    say_written(written.folder, [written.folder / file.name for file in written.files])
+    say_lines("next", _next_steps(design.job, written.folder))
+
+
+def _say_rules(rows: Sequence[Finding]) -> None:
+    """What rules say against a print; of those that hold only which they are."""
+    say_findings(row for row in rows if row.level != "good")
+    if holding := [row.title for row in rows if row.level == "good"]:
+        say_findings([Finding("good", "", ", ".join(holding))])
+
+
+def _chosen(design: Design, remarks: Sequence[str]) -> tuple[str, ...]:
+    """What was chosen for the person, a line each."""
+    return (*remarks, printed_ink(design).lettering.remark)
 
 
 def design_summary(design: Design, remarks: Sequence[str], check: PrintCheck, written: Written) -> Summary:
     """The same for a program."""
-    job, target = design.job, design.target
-    pattern = design.printed_pattern if job.printing.is_two_filament else design.artwork
+    job, geometry = design.job, design.target
     answer: dict[str, Value] = {
         "name": job.name,
-        **_target_numbers(target),
+        **_target_numbers(geometry),
         "spec": spec_to_mapping(job.target),
         "printing": asdict(job.printing),
-        "printed_size_mm": list(printed_size_mm(target, job.printing)),
+        "printed_size_mm": list(printed_size_mm(geometry, job.printing)),
         **_findings(check),
         "files": [{"name": one.name, "bytes": len(one.content), "purpose": one.purpose} for one in written.files],
         "left_from_earlier": written.left,
@@ -77,7 +78,7 @@ def design_summary(design: Design, remarks: Sequence[str], check: PrintCheck, wr
         answer,
         tuple(written.folder / file.name for file in written.files),
         (_run_line(job, written.folder),),
-        (*remarks, pattern.lettering.remark, *written.replaced),
+        (*_chosen(design, remarks), *written.replaced),
     )
 
 
@@ -102,46 +103,52 @@ def check_summary(target: TargetGeometry, printing: PrintSpec, check: PrintCheck
     return Summary(answer, exit_code=VIOLATED if check.violations else 0)
 
 
-def print_check(name: str, target: TargetGeometry, printing: PrintSpec, check: PrintCheck) -> None:
+def say_check(name: str, target: TargetGeometry, printing: PrintSpec, check: PrintCheck) -> None:
     """The findings of `design check`."""
-    console, printer = _console(), printing.printer
-    console.print(
-        f"[bold]{_escaped(name)}[/]  target id {target.geometry_id}, {printing.build} on {_escaped(printer.name)}, "
-        f"nozzle {printer.nozzle_mm:g}mm, lines {printer.line_width_mm:g}mm, layers {printer.layer_height_mm:g}mm"
+    printer = printing.printer
+    how = (
+        f"{printing.build} on {printer.name}, nozzle {printer.nozzle_mm:g} mm, lines {printer.line_width_mm:g} mm, "
+        f"layers {printer.layer_height_mm:g} mm"
     )
-    _print_rules(console, check)
+    say_headline(headline(printing, check))
+    say_facts(Facts((("file", name), ("target id", target.geometry_id), ("made", how))))
+    _say_rules(check.told().rows)
 
 
-def print_templates(
+def _text_columns(*titles: str) -> tuple[Column, ...]:
+    """Heads of columns of text."""
+    return tuple(Column(title, is_number=False) for title in titles)
+
+
+def say_templates(
     targets: Sequence[tuple[str, Job, TargetGeometry]],
     printers: Sequence[PrinterProfile],
     errors: Sequence[tuple[str, str]],
 ) -> None:
     """What `design make`, `--printer` and `--errors` know."""
-    console = _console()
-    table = Table(title="targets: design make NAME", title_justify="left", box=None, padding=(0, 2, 0, 0))
-    for heading in ("name", "size", "rings per face", "in all", "diameter", "pitch", "build"):
-        table.add_column(heading)
-    for name, job, target in targets:
-        spec = job.target
-        table.add_row(
-            name, spec.size_words, str(target.ring_count // target.face_count), str(target.ring_count),
-            f"{spec.ring_diameter_mm:g}mm", f"{spec.pitch_mm:g}mm", job.printing.build,
-        )  # fmt: skip
-    console.print(table)
-    table = Table(title="\nprinters: --printer NAME", title_justify="left", box=None, padding=(0, 2, 0, 0))
-    for heading in ("name", "bed", "nozzle", "line", "layer"):
-        table.add_column(heading)
-    for printer in printers:
-        bed = " x ".join(f"{length:g}" for length in printer.bed_mm)
-        widths = (printer.nozzle_mm, printer.line_width_mm, printer.layer_height_mm)
-        table.add_row(printer.name, f"{bed}mm", *(f"{width:g}mm" for width in widths))
-    console.print(table)
-    table = Table("name", "of", title="\nerrors: design tolerance TARGET.json --errors NAME", title_justify="left",
-                  box=None, padding=(0, 2, 0, 0))  # fmt: skip
-    for row in errors:
-        table.add_row(*row)
-    console.print(table)
+    rows = [
+        (
+            name, job.target.size_words, str(target.ring_count // target.face_count), str(target.ring_count),
+            f"{job.target.ring_diameter_mm:g}mm", f"{job.target.pitch_mm:g}mm", job.printing.build,
+        )
+        for name, job, target in targets
+    ]  # fmt: skip
+    heads = ("name", "size", "rings per face", "in all", "diameter", "pitch", "build")
+    _say_rows("targets: design make NAME", heads, rows)
+    machines = [
+        (
+            one.name,
+            " x ".join(f"{length:g}" for length in one.bed_mm) + "mm",
+            *(f"{width:g}mm" for width in (one.nozzle_mm, one.line_width_mm, one.layer_height_mm)),
+        )
+        for one in printers
+    ]
+    _say_rows("printers: --printer NAME", ("name", "bed", "nozzle", "line", "layer"), machines)
+    _say_rows("errors: design tolerance TARGET.json --errors NAME", ("name", "of"), errors)
+
+
+def _say_rows(title: str, heads: Sequence[str], rows: Sequence[tuple[str, ...]]) -> None:
+    say_table(Table(title, _text_columns(*heads), tuple(tuple(map(Cell, row)) for row in rows)))
 
 
 def templates_summary(
@@ -161,42 +168,9 @@ def templates_summary(
     })  # fmt: skip
 
 
-def _facts(job: Job, target: TargetGeometry) -> list[tuple[str, str]]:
-    """Sizes of a target and its print."""
-    spec, printing = job.target, job.printing
-    dots = int(target.is_dot.sum())
-    per_face = target.ring_count // target.face_count
-    faces = f"{target.ring_count}" if target.is_planar else f"{per_face} per face, {target.ring_count} in all"
-    printed = " x ".join(f"{length:.1f}" for length in printed_size_mm(target, printing))
-    printer = printing.printer
-    facts = [
-        ("target", f"{spec.facts()[0][1]}; {spec.facts()[-1][1]}; {printing.build}"),
-        ("rings", f"{faces}, of which {dots} are dots"),
-        ("", f"diameter {spec.ring_diameter_mm:g}mm, pitch {spec.pitch_mm:g}mm, border {spec.border_mm:g}mm"),
-        ("printed size", f"{printed} mm"),
-        ("printer", f"{_escaped(printer.name)}, nozzle {printer.nozzle_mm:g}mm, layers {printer.layer_height_mm:g}mm"),
-    ]
-    if printing.is_two_filament:
-        facts.append(("ink", f"{printing.inlay_mm:g}mm deep, offset {printing.ink_offset_mm:g}mm"))
-    if printing.shrink_compensation_percent:
-        facts.append(("shrinkage", f"printed {printing.shrink_compensation_percent:g} % larger"))
-    if printing.skew_compensation_rad != NO_SKEW:
-        skew = format_skew(printing.skew_compensation_rad)
-        facts.append(("skew", f"sheared against {skew}; print it as it lies in the files, do not turn it"))
-    return facts
-
-
-def _print_rules(console: Console, check: PrintCheck) -> None:
-    rows = [(_MARK[finding.level], f"{finding.rule}: {_escaped(finding.text)}") for finding in check.findings]
-    if check.holding:
-        rows.insert(0, ("[green]hold[/]", ", ".join(check.holding)))
-    console.print("\n[bold]design rules[/]")
-    console.print(_two_columns(rows))
-
-
-def _next_step(job: Job, folder: Path) -> str:
+def _next_steps(job: Job, folder: Path) -> tuple[str, ...]:
     """What a maker does with the files."""
-    name = folder / job.name
+    name, page = folder / job.name, folder / PAGE_FILE
     if job.printing.is_two_filament:
         slicers = f"{name}.bambu.3mf in Bambu Studio or OrcaSlicer, or {name}.prusa.3mf in PrusaSlicer"
         what = f"open {slicers}; filament 1 is the body, 2 the ink"
@@ -206,27 +180,13 @@ def _next_step(job: Job, folder: Path) -> str:
         )
     else:
         what = f"have {name}.pdf printed at 100 % and measure its scale bar"
-    page = f"open {_escaped(str(folder / 'index.html'))} in a browser: how to print and measure it, and its photos"
-    run = f"{_escaped(_run_line(job, folder))}   [dim]# when there are photos of it, in the folder photos[/]"
-    return f"{page}\n      {_escaped(what)}\n      {run}"
+    return (
+        f"open {page} in a browser: how to print and measure it, and its photos",
+        what,
+        f"{_run_line(job, folder)}   # when there are photos of it, in the folder photos",
+    )
 
 
 def _run_line(job: Job, folder: Path) -> str:
     """The command that follows when the target is made and photographed."""
-    return f"calib run {shlex.quote(str(folder / f'{job.name}.target.json'))} photos -o camera"
-
-
-def _two_columns(rows: Sequence[tuple[str, str]]) -> Table:
-    table = Table.grid(padding=(0, 2))
-    for left, right in rows:
-        table.add_row(f"  {left}", right)
-    return table
-
-
-def _bytes(count: int) -> str:
-    return f"{count / 1e6:.1f} MB" if count >= 1e6 else f"{count / 1e3:.1f} kB"
-
-
-def _escaped(text: str) -> str:
-    """Text that rich prints as it is."""
-    return text.replace("[", r"\[")
+    return f"calib run {quoted(folder / f'{job.name}.target.json')} photos -o camera"

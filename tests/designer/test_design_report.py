@@ -34,12 +34,11 @@ from designer.kinds.layout import lay_out, opposite_faces
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec
 from designer.make.bed import bed_from_target
-from designer.make.printability import PrintCheck, check_printability
-from designer.make.printability import PrintFinding as RuleFinding
+from designer.make.printability import PrintCheck, PrintFinding, check_printability
 from designer.page.blocks import Block, Command, FileList, Fold, Leaf, Page, Steps, Table, View3d
 from designer.page.scene import Rings, Surface
 from designer.produce import Design, make_files
-from designer.report.design_page import DOT, PAGE_FILE, code_blocks, design_page, design_report, headline
+from designer.report.design_page import DOT, PAGE_FILE, code_blocks, design_page, headline, page_file
 from designer.report.making import BODY_SLOT, INK_SLOT, usual_slicer
 from designer.report.measuring import (
     IMAGE_HALF_DIAGONAL,
@@ -54,7 +53,6 @@ from designer.report.measuring import (
     skew_effect_mm,
     skew_per_mm_deg,
 )
-from designer.report.rule_findings import rule_findings, rule_limits
 from designer.spec.options import Asked
 from designer.target import bounding_radius_mm
 from tests.support.browser import open_page, overflow_px, unresolved
@@ -134,9 +132,9 @@ def test_page_follows_from_the_written_spec_alone() -> None:
         (spec,) = [file for file in files if file.name.endswith(".toml")]
         again = Design(size_job(parse_spec(tomllib.loads(spec.content.decode()), "again")).job)
         check_again = check_printability(again.target, again.job.printing, bed_is_rule=False)
-        page = design_report(again, check_again, make_files(again, lambda stage: None))
+        page = page_file(design_page(again, check_again, make_files(again, lambda stage: None)))
         assert page.name == PAGE_FILE
-        assert page.content == design_report(design, check, files).content
+        assert page.content == page_file(design_page(design, check, files)).content
 
 
 def test_caliper_lengths_are_distances_in_the_geometry() -> None:
@@ -363,26 +361,28 @@ def test_compensation_is_said_where_it_is_in_the_files() -> None:
 
 
 def test_headline_says_the_worst_of_the_check() -> None:
-    """No warnings: printable; warnings: with care, and the first one's words; a violation, if ever: not printable."""
-    assert headline(made("board")[0], made("board")[1]).word == "printable"
+    """No warnings: printable; warnings: with care, and which rules warn; a violation, if ever: not printable."""
+    assert headline(made("board")[0].job.printing, made("board")[1]).word == "printable"
     design, check, _ = made("ico")
-    careful = headline(design, check)
+    careful = headline(design.job.printing, check)
     assert (careful.level, careful.word) == ("usable", "printable with care")
-    assert "ring stroke" in careful.sentence
-    broken = replace(check, findings=(*check.findings, RuleFinding("bed", "violation", "too large")))
-    assert (headline(design, broken).level, headline(design, broken).sentence) == ("bad", "too large")
+    assert "stroke of the rings" in careful.sentence
+    broken = replace(check, findings=(*check.findings, PrintFinding("bed", "violation", "too large")))
+    assert (headline(design.job.printing, broken).level, headline(design.job.printing, broken).sentence) == (
+        "bad",
+        "too large",
+    )
 
 
 @pytest.mark.parametrize("build", BUILDS)
 def test_every_rule_that_applies_is_shown_once(build: str) -> None:
     """Findings and holding rules are each on the page; widths that hold are above the limit shown, others below."""
     design, check, _ = made(build)
-    shown = rule_findings(design, check).rows
+    shown = check.told().rows
     assert len(shown) == len({finding.rule for finding in check.findings} | set(check.holding))
-    limits = rule_limits(design)
     good_mm = 2 * design.job.printing.pattern_line_mm
-    for rule in ("stroke", "centre", "gap", "margin", "border"):
-        width_mm = float(limits[rule].measured.removesuffix(" mm"))
+    for rule in {"stroke", "centre", "gap", "margin", "border"} & check.looks.keys():
+        width_mm = float(check.looks[rule].measured.removesuffix(" mm"))
         if rule in check.holding:
             assert width_mm >= good_mm - 1e-6
         elif any(rule in finding.rules for finding in check.findings):
@@ -436,7 +436,7 @@ def test_markup_in_a_printers_name_stays_text() -> None:
     design, check, files = made("ico")
     hostile = "<script>alert(1)</script><img src=x onerror=alert(1)>"
     printing = replace(design.job.printing, printer=replace(design.job.printing.printer, name=hostile))
-    content = design_report(Design(replace(design.job, printing=printing)), check, files).content
+    content = page_file(design_page(Design(replace(design.job, printing=printing)), check, files)).content
     assert b"<script>alert" not in content
     assert b"<img src=x" not in content
     assert b"&lt;script&gt;alert(1)" in content
@@ -445,7 +445,7 @@ def test_markup_in_a_printers_name_stays_text() -> None:
 @pytest.mark.parametrize("build", BUILDS)
 def test_pages_stay_small(build: str) -> None:
     """A page is below 2.5 MB."""
-    assert len(design_report(*made(build)).content) < 2_500_000
+    assert len(page_file(page_of(build)).content) < 2_500_000
 
 
 def test_page_without_a_preview_has_no_poster() -> None:
@@ -461,7 +461,7 @@ def test_pages_open_in_a_browser(tmp_path: Path, browser: Browser) -> None:
     for build in ("stickers", "board"):
         design, check, files = made(build)
         folder = tmp_path / build
-        write_folder(folder, (*files, design_report(design, check, files)))
+        write_folder(folder, (*files, page_file(design_page(design, check, files))))
         with open_page(browser, folder / PAGE_FILE, width=390) as page:
             assert unresolved(page, folder / PAGE_FILE) == []
             assert overflow_px(page) == 0
