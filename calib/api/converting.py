@@ -13,9 +13,8 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import FOCAL_AND_CENTRE, Refit
 from calib.core.files import write_files
 from calib.interop import FORMATS, OWN
-from calib.interop.converting import fit_to_format
 from calib.interop.format import CameraFormat, ReadCamera
-from calib.interop.reading import OpenedCamera, find_format, open_camera
+from calib.interop.reading import OpenedCamera, find_format, fit_to_format, open_camera
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours, signed
 from designer.base.words import shown

@@ -7,9 +7,8 @@ from calib.api.loading import Place
 from calib.api.run_result import RunResult
 from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
-from calib.metrics.evaluation import Evaluation
+from calib.metrics.evaluation import LEAST_FOLDS, Evaluation, evaluate_held_out
 from calib.metrics.evaluation import evaluate as evaluate_all
-from calib.metrics.held_out import LEAST_FOLDS, evaluate_held_out
 from calib.observe.truth import Truth, read_truth
 from calib.pipeline.solving import calibrate
 from calib.records.calibration_file import CALIBRATION_FILE, read_calibration

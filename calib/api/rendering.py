@@ -16,13 +16,13 @@ from calib.api.loading import Place, camera_of, target_of
 from calib.api.progress import Progress, unheard
 from calib.cameras.camera import Camera
 from calib.core.types import LEAST_RADIUS_PX
+from calib.renderer.faces import ring_truth, target_fits
 from calib.renderer.job import TRUTH_FILE, FileFormat, Rendered, RenderJob, run_job
+from calib.renderer.optics import Levels
 from calib.renderer.options import RenderOptions
 from calib.renderer.poses import MAX_VIEWS, PoseGrid, Region, grid_poses, load_poses
 from calib.renderer.quantities import choice, whole
-from calib.renderer.rings import ring_truth, target_fits
 from calib.renderer.scene import RenderScene, scene_from_target
-from calib.renderer.sensor import Levels
 from calib.renderer.view import render_view
 from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
@@ -183,7 +183,7 @@ def _checked_poses(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     Raises:
         InputError: another shape, or no rigid motions.
     """
-    from calib.core.rigid import rigid_fault
+    from calib.core.se3 import rigid_fault
 
     where = np.asarray(poses, dtype=np.float64)
     where = where[None] if where.ndim == 2 else where

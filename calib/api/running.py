@@ -24,7 +24,7 @@ from calib.pipeline.solving import (
     solve_models,
 )
 from calib.show.run.judging import inputs_of, judge_cameras
-from calib.solver.degeneracy import UndeterminedError
+from calib.solver.accuracy import UndeterminedError
 from calib.verdict.criteria import STANDARD, Criteria, read_criteria
 from calib.virtual.solve_virtual import Reference
 from designer.base.errors import InputError

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from calib.as_built.unknowns import TargetUnknowns, Unknowns
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
+from calib.solver.options import Tie
 from calib.solver.problem import Problem, pack
-from calib.solver.tie import Tie
 
 Array = NDArray[np.float64]
 

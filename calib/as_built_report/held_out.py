@@ -22,7 +22,7 @@ from calib.metrics.errors import Errors
 from calib.metrics.evaluation import evaluate
 from calib.observe.observations import known_points
 from calib.solver.calibration import Calibration
-from calib.solver.pose import solve_poses
+from calib.solver.poses import solve_poses
 from calib.solver.solve import solve
 from designer.base.errors import InputError
 from designer.base.marks import Count, Number, Word

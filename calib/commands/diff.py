@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from calib.cameras.camera_difference import CameraDifference
+    from calib.cameras.refit import CameraDifference
     from calib.interop.reading import OpenedCamera
 
 WHOLE = "whole image"
@@ -42,7 +42,7 @@ def diff(
 
     The frames of two calibrations are never quite parallel, so the best rotation between them is removed first.
     """
-    from calib.cameras.camera_difference import camera_difference
+    from calib.cameras.refit import camera_difference
     from calib.interop.reading import open_camera
 
     opened = [open_camera(name) for name in (a, b)]

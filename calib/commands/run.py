@@ -71,7 +71,7 @@ def run(
     from calib.api.running import run as run_all
     from calib.api.searching import truth_beside
     from calib.observe.photos import find_photos
-    from calib.solver.degeneracy import UndeterminedError
+    from calib.solver.accuracy import UndeterminedError
 
     writer = RunWriter(out if out is not None else exports_folder(target) / "calibration", models_of(model))
     try:

@@ -95,7 +95,7 @@ def solve(
     from calib.api.run_result import RunWriter
     from calib.api.running import models_of
     from calib.api.running import solve as solve_all
-    from calib.solver.degeneracy import UndeterminedError
+    from calib.solver.accuracy import UndeterminedError
 
     writer = RunWriter(out, models_of(model))
     observations = read_input(detections, target, image_size, grid, pitch)

@@ -10,6 +10,8 @@ Array = NDArray[np.float64]
 
 SMALL_ANGLE_RAD = 1e-4
 """Below it the series of sin(a)/a and its like, cut after two terms, are exact to the last bit."""
+RIGID = 1e-6
+MAX_DISTANCE_MM = 1e7
 
 
 def exp_rotation(vector_rad: Array) -> Array:
@@ -123,3 +125,26 @@ def look_at(eye: Array, aim: Array, roll_rad: Array | float = 0.0) -> Array:
 def _unit(vector: Array) -> Array:
     unit: Array = vector / np.linalg.norm(vector, axis=-1, keepdims=True)
     return unit
+
+
+def rigid_fault(poses: NDArray[np.float64]) -> tuple[int, str] | None:
+    """The first of poses (V, 4, 4) that is no rigid motion, and what is wrong with it; None if all are."""
+    rotation, shift = poses[:, :3, :3], poses[:, :3, 3]
+    with np.errstate(invalid="ignore", over="ignore"):
+        product = rotation @ rotation.transpose(0, 2, 1)
+        determinant = np.linalg.det(np.where(np.abs(rotation) < 2, rotation, 0))
+        is_right_handed = np.abs(determinant - 1) < 10 * RIGID
+        faults = (
+            (~np.isfinite(np.abs(poses).max(axis=(1, 2))), "holds a number that is not finite"),
+            (
+                ~(np.abs(product - np.eye(3)).max(axis=(1, 2)) < RIGID) | ~is_right_handed,
+                "has no rotation in it",
+            ),
+            (np.abs(poses[:, 3] - np.eye(4)[3]).max(axis=1) > 0, "must end with the row 0 0 0 1"),
+            (np.abs(shift).max(axis=1) > MAX_DISTANCE_MM, f"lies more than {MAX_DISTANCE_MM:g} mm away"),
+        )
+    for number in range(len(poses)):
+        for is_faulty, what in faults:
+            if is_faulty[number]:
+                return number, what
+    return None

@@ -1,10 +1,19 @@
-"""Spread compiled work, which releases the interpreter's lock, over threads."""
+"""How many threads work: compiled work spread over them, linear algebra kept on one."""
 
 import os
+import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache, wraps
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 _SMALLEST_CHUNK = 16
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
 
 
 def in_chunks(work: Callable[[int, int], None], count: int) -> None:
@@ -17,3 +26,35 @@ def in_chunks(work: Callable[[int, int], None], count: int) -> None:
     with ThreadPoolExecutor(threads) as pool:
         for done in [pool.submit(work, at, min(at + chunk, count)) for at in range(0, count, chunk)]:
             done.result()
+
+
+def one_thread(function: Callable[Given, Result]) -> Callable[Given, Result]:
+    """The function, its matrix products and factors made by one thread."""
+
+    @wraps(function)
+    def limited(*args: Given.args, **kwargs: Given.kwargs) -> Result:
+        with _libraries("scipy.linalg" in sys.modules).limit(limits=1):
+            return function(*args, **kwargs)
+
+    return limited
+
+
+def one_thread_with_scipy(function: Callable[Given, Result]) -> Callable[Given, Result]:
+    """As `one_thread`, for what imports SciPy's linear algebra: its library can be limited only once it is there."""
+    limited = one_thread(function)
+
+    @wraps(function)
+    def after_scipy(*args: Given.args, **kwargs: Given.kwargs) -> Result:
+        import scipy.linalg  # noqa: F401  # loads the library
+
+        return limited(*args, **kwargs)
+
+    return after_scipy
+
+
+@lru_cache(maxsize=2)
+def _libraries(_has_scipy: bool) -> "ThreadpoolController":
+    """The libraries of linear algebra; with SciPy comes another. Finding them takes as long as a small solution."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit
-from calib.detector.binarise import Threshold, binarise, is_speckle
-from calib.detector.borders import Borders, find_borders
-from calib.detector.seeds import refine_seeds
+from calib.detector.borders import Borders, Threshold, binarise, find_borders, is_speckle, refine_seeds
 
 Floats: TypeAlias = NDArray[np.float64]
 

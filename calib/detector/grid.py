@@ -4,6 +4,7 @@ Each ring's ellipse says how the plane lies around it, up to a turn; the step by
 every step is predicted from its own ring alone, and perspective and lens distortion may bend the grid as they like.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -12,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit
+from calib.detector import homography
 from calib.detector.candidates import Candidates
-from calib.detector.lattice import Lattice
+from designer.target import TargetGeometry
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -30,6 +32,54 @@ SCALE_LEAST = 6
 """From so many rings the image's own ratio of pitch and radius is taken."""
 HALF_SPAN = 512
 """Grids reach so many steps from their seed at most."""
+NEIGHBOURHOOD = 2
+"""A part is fitted to a member and those so many steps around it ..."""
+TOLERANCE = 0.25
+"""... and takes in all members closer than this share of the pitch to where the fit puts them."""
+SMALLEST = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """K moves to neighbours, and the S proper and S mirrored integer matrices that map the lattice onto itself."""
+
+    move: Integers  # (K, 2) steps in i and j
+    move_in_radii: Floats  # (K, 2) the same in outer radii, y down as an image shows it
+    turns: Integers  # (S, 2, 2) index' = turn @ index
+    mirrors: Integers  # (S, 2, 2)
+
+
+def lattice_of(target: TargetGeometry) -> Lattice:
+    """The lattice of a target's faces, which all share one.
+
+    Raises:
+        ValueError: the faces' lattices differ, or a lattice's two steps lie on one line.
+    """
+    steps = target.lattice_mm[0]
+    if np.abs(target.lattice_mm - steps).max() > 0.05 * np.linalg.norm(steps, axis=1).min():
+        raise ValueError("the faces' lattices differ; all faces must share one lattice")
+    if abs(np.linalg.det(steps)) < 0.1 * float(np.linalg.norm(steps[0]) * np.linalg.norm(steps[1])):
+        raise ValueError("lattice_mm holds two steps along one line; a lattice needs two directions")
+    return lattice_from(steps, float(np.median(target.radius_outer_mm)))
+
+
+def lattice_from(steps: Floats, radius: float) -> Lattice:
+    """The lattice of two steps, y up, and rings of a radius.  # (2, 2)"""
+    move = np.array([m for m in itertools.product((-1, 0, 1), repeat=2) if m != (0, 0)])
+    length = np.linalg.norm(move @ steps, axis=1)
+    move = move[length < 1.25 * length.min()]
+    turns, mirrors = _isometries(steps)
+    return Lattice(move, (move @ steps) * np.array([1.0, -1.0]) / radius, turns, mirrors)
+
+
+def _isometries(steps: Floats) -> tuple[Integers, Integers]:
+    """Integer matrices that keep all lengths and angles of the lattice, by the sign of their determinant."""
+    gram = steps @ steps.T
+    matrices = np.array(list(itertools.product((-1, 0, 1), repeat=4))).reshape(-1, 2, 2)
+    moved = np.einsum("nki,kl,nlj->nij", matrices, gram, matrices)
+    keeps = np.abs(moved - gram).max(axis=(1, 2)) < 0.1 * gram.max()
+    det = matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
+    return matrices[keeps & (det == 1)], matrices[keeps & (det == -1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,3 +318,41 @@ def _pitch_scale(candidates: Candidates, lattice: Lattice) -> float:
     scale = near / np.linalg.norm(lattice.move_in_radii, axis=1).min()
     likely = scale[(scale > SHORTEST) & (scale < LONGEST)]
     return float(np.median(likely)) if len(likely) >= max(SCALE_LEAST, len(scale) // 3) else 1.0
+
+
+def planar_parts(candidates: Candidates, grid: Grid, pitch_radii: float) -> tuple[Grid, ...]:
+    """The parts of a grid, the largest first; members of no part are left out.
+
+    Args:
+        candidates: what the grid's rows refer to.
+        grid: of the grid growth.
+        pitch_radii: distance of neighbours in outer radii.
+    """
+    parts = []
+    left = np.arange(len(grid.row))
+    while len(left) >= SMALLEST:
+        inside = _largest_part(
+            grid.index[left].astype(np.float64),
+            candidates.ellipse[grid.row[left], :2],
+            TOLERANCE * pitch_radii * candidates.radius_px[grid.row[left]],
+        )
+        if inside.sum() < SMALLEST:
+            break
+        part = left[inside]
+        parts.append(Grid(grid.row[part], grid.index[part], grid.turn_rad[part]))
+        left = left[~inside]
+    return tuple(parts)
+
+
+def _largest_part(index: Floats, point: Floats, reach_px: Floats) -> NDArray[np.bool_]:
+    """Members that one homography places within their reach, for the neighbourhood that has most of them.  # (N,)"""
+    best = np.zeros(len(index), dtype=np.bool_)
+    for middle in index:
+        near = np.abs(index - middle).max(axis=1) <= NEIGHBOURHOOD
+        if near.sum() < SMALLEST or not homography.is_determined(index[near]):
+            continue
+        off = np.linalg.norm(homography.apply(homography.direct(index[near], point[near]), index) - point, axis=1)
+        inside = off < reach_px
+        if inside.sum() > best.sum():
+            best = np.asarray(inside)
+    return best

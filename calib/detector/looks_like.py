@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detector.candidates import Candidates
-from calib.detector.grid import Grid, grow_grids
-from calib.detector.lattice import Lattice, lattice_from
+from calib.detector.grid import Grid, Lattice, grow_grids, lattice_from
 from designer.spec.spec import RING_RATIO
 
 Floats: TypeAlias = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Reading what stands at a lattice position: a ring, a dot, or nothing that can be told."""
+"""Reading what stands at a lattice position, and whether a fit is the feature it was made for."""
 
 import math
 from typing import Final, TypeAlias
@@ -7,15 +7,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit
-from calib.detector.plane_distance import upright
+from calib.detector.candidates import plane_offset
+from calib.detector.plan import TargetPlan
+from calib.detector.ring_fit import RingFits
+from calib.detector.ring_model import E00, E11, RATIO, upright
 
 Floats: TypeAlias = NDArray[np.float64]
 
 RING: Final = 1
 DOT: Final = 2
 UNREADABLE: Final = 0
-
 SAMPLES = 16
+COVERED = "covered, washed out or too blurred"
+FAINT = "too little contrast"
+ODD_SHAPE = "not the shape a feature has there"
+VAGUE = "too blurred to be placed well"
+OFF_GRID = "off the grid"
+MAX_STRETCH = 0.25
+"""How much longer or shorter, as a logarithm, a circle may look in any direction than its place predicts."""
+MAX_OFF_RADII = 0.2
+"""Nothing may lie farther from its place than this share of its radius, however uncertain it is."""
+MAX_SIGMA_PX = 0.5
+"""Centres less certain than this (2-D) would only do harm to who does not weigh them."""
 
 
 @jit
@@ -90,3 +103,64 @@ def zone_levels(image: NDArray[np.generic], ellipse: Floats, *, ratio: float, ar
     level = np.full((len(ellipse), 5), np.nan)
     _sample_marks(image, np.ascontiguousarray(ellipse), ratio, around, level)
     return level
+
+
+def judge(
+    fits: RingFits, residual_px: Floats | None, is_dot: NDArray[np.bool_], shape: Floats, plan: TargetPlan
+) -> NDArray[np.str_]:
+    """Why a fit is refused; empty: it stands.  # (N,)
+
+    Args:
+        fits: the fits.
+        residual_px: distances from where the grid puts them, if that is known.  # (N, 2)
+        is_dot: which are dots.  # (N,)
+        shape: E that the placement predicts.  # (N, 3)
+        plan: the target's.
+    """
+    count = len(fits.ok)
+    reason = np.full(count, "", dtype="<U40")
+    if not count:
+        return reason
+    contrast = fits.contrast
+    good = fits.ok & (contrast > 0)
+    usual_contrast = float(np.median(contrast[good])) if good.any() else 1.0
+    roughness = fits.noise / np.maximum(contrast, 1e-9)
+    usual_roughness = float(np.median(roughness[good])) if good.any() else 0.0
+    stretch = stretch_of(fits.params[:, E00 : E11 + 1], shape)
+    usual_stretch = float(np.median(stretch[good])) if good.any() else 0.0
+    ratio = fits.params[:, RATIO]
+    rings = good & ~is_dot
+    usual_ratio = float(np.median(ratio[rings])) if rings.any() else plan.ratio
+    distance = np.zeros(count) if residual_px is None else np.linalg.norm(residual_px, axis=1)
+    sigma = np.sqrt(np.trace(fits.cov_px2, axis1=1, axis2=2))
+    usual_distance = float(np.median(distance[good])) if good.any() else 0.0
+    if residual_px is not None:
+        in_radii = np.linalg.norm(plane_offset(shape, residual_px), axis=1)
+        reason[in_radii > MAX_OFF_RADII] = OFF_GRID
+    reason[distance > 8 * usual_distance + 5 * np.where(good, sigma, 0) + 0.1] = OFF_GRID
+    odd = (np.abs(stretch - usual_stretch) > MAX_STRETCH).any(axis=1)
+    odd |= ~is_dot & (np.abs(ratio - usual_ratio) > 0.2)
+    reason[odd] = ODD_SHAPE
+    reason[sigma > MAX_SIGMA_PX] = VAGUE
+    reason[roughness > 3 * usual_roughness + 0.04] = COVERED
+    reason[contrast < 0.3 * usual_contrast] = FAINT
+    reason[~good] = COVERED
+    return reason
+
+
+def stretch_of(shape: Floats, predicted: Floats) -> Floats:
+    """Logarithms of the two scales between predicted circles and those seen: the singular values of E_p inv(E).
+
+    Args:
+        shape: E as seen.  # (N, 3)
+        predicted: E_p.  # (N, 3)
+    """
+    # M = E_p inv(E) of lower triangles: its singular values are s +- d with 2 s = |(a + d, c)| and 2 d = |(a - d, c)|.
+    area = shape[:, 0] * shape[:, 2]
+    is_flat = np.abs(area) < 1e-12
+    e00, e10, e11 = np.where(is_flat[:, None], np.array([1.0, 0.0, 1.0]), shape).T
+    a, d = predicted[:, 0] / e00, predicted[:, 2] / e11
+    c = (predicted[:, 1] - d * e10) / e00
+    half_sum, half_difference = 0.5 * np.hypot(a + d, c), 0.5 * np.hypot(a - d, c)
+    scale = np.stack([half_sum + half_difference, np.abs(half_sum - half_difference)], axis=1)
+    return np.asarray(np.log(np.maximum(scale, 1e-12)))

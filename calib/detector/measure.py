@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.types import CUT_OFF, OUTSIDE, TOO_FLAT
-from calib.detector.blur_growth import blur_growth, is_noticed, left_covariance
 from calib.detector.candidates import MIN_RADIUS_PX, Candidates, semi_axes_px
-from calib.detector.judge import COVERED, judge
 from calib.detector.lens import Lens, local_form
-from calib.detector.lines import Lines, Seen, fit_lens, fit_lines
-from calib.detector.marks import DOT, RING, read_marks
+from calib.detector.lines import Lines, Seen, blur_growth, fit_lens, fit_lines, is_noticed, left_covariance
+from calib.detector.marks import COVERED, DOT, RING, judge, read_marks
 from calib.detector.pair_fit import fit_pairs
 from calib.detector.place import Naming, Placement, Places, predict
 from calib.detector.plan import TargetPlan

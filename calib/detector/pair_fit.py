@@ -13,14 +13,6 @@ from numpy.typing import NDArray
 from calib.core.jit import jit, jit_sums
 from calib.core.small_solve import cholesky_solve
 from calib.core.threads import in_chunks
-from calib.detector.plane_distance import (
-    LENS_NUMBERS,
-    Numbers,
-    bend_of,
-    offset_on_circle,
-    parameters_of,
-    plane_distance,
-)
 from calib.detector.ring_equations import CHUNK, add_products
 from calib.detector.ring_model import (
     BLUR,
@@ -30,9 +22,15 @@ from calib.detector.ring_model import (
     E00,
     E11,
     GEOMETRY_PARAMETERS,
+    LENS_NUMBERS,
     PARAMETERS,
     RATIO,
     WHITE,
+    Numbers,
+    bend_of,
+    offset_on_circle,
+    parameters_of,
+    plane_distance,
 )
 
 Floats: TypeAlias = NDArray[np.float64]

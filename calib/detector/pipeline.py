@@ -1,5 +1,6 @@
 """From a photo's pixels to named centres: the steps of the detector in order."""
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -7,20 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.core.types import Detections, FaceRecord
-from calib.detector.binarise import reduced, reduction, thresholds
+from calib.core.types import Detections, FaceRecord, Mark
+from calib.detector.borders import reduced, reduction, thresholds
 from calib.detector.candidates import Candidates, find_candidates, merged, semi_axes_px
 from calib.detector.grid import Grid, grow_grids
 from calib.detector.lens import CameraLens, Lens, estimate_lens, misfit_px
+from calib.detector.marks import DOT, RING
 from calib.detector.measure import Measured, measure
-from calib.detector.name_board import BoardName, name_board
-from calib.detector.name_faces import NamedGrid, name_faces
+from calib.detector.naming import BoardName, NamedGrid, name_board, name_faces
 from calib.detector.place import Naming, Placement, complete, predict, without_strangers
 from calib.detector.plan import TargetPlan, plan_for
-from calib.detector.records import face_records
 from calib.detector.verify import gather, proportion_remark, refusal
 from designer.target import TargetGeometry
 
+_WORDS: dict[int, Mark] = {DOT: "dot", RING: "ring"}
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
 
@@ -30,6 +31,38 @@ EASY_RADIUS_PX = 4.0
 LEAST_SIDE_PX = 16
 BYTES_IN_WORDS = (257, 256)
 MIRRORED = "mirrored: the image shows the target in a mirror, or was flipped; flip it back and detect again"
+
+
+def face_records(
+    plan: TargetPlan, named: tuple[NamedGrid, ...], placement: Placement, measured: Measured
+) -> tuple[FaceRecord, ...]:
+    """A record for each face that shows, in the order of the faces."""
+    read = {item.face: item for item in named}
+    face_of = plan.target.ring_face
+    found = Counter(face_of[measured.ring].tolist())
+    records = []
+    for face in placement.seen().tolist():
+        missing = Counter(reason for row, reason in measured.missing if face_of[row] == face)
+        item = read.get(face)
+        records.append(
+            FaceRecord(
+                face=face,
+                code_read=() if item is None else tuple(_WORDS.get(mark, "unreadable") for mark in item.marks),
+                margin=0 if item is None else item.margin,
+                rings_found=found.get(face, 0),
+                rings_expected=int(np.count_nonzero(face_of == face)),
+                missing=tuple(sorted(missing.items())),
+                remark=_remark(item, found.get(face, 0)),
+            )
+        )
+    return tuple(records)
+
+
+def _remark(item: NamedGrid | None, found: int) -> str:
+    """How a face came to its name, where it was not by its own code."""
+    if item is not None:
+        return ""
+    return "named by the other faces" if found else "turned to the camera, but nothing on it could be measured"
 
 
 @dataclass(frozen=True, eq=False)

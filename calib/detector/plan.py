@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.detector.lattice import Lattice, lattice_of
+from calib.detector.grid import Lattice, lattice_of
 from designer.target import TargetGeometry
 
 Floats: TypeAlias = NDArray[np.float64]

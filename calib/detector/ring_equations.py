@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit, jit_inside, jit_sums
-from calib.detector.plane_distance import Distance, Numbers, bend_of, parameters_of, plane_distance
 from calib.detector.ring_model import (
     BLUR,
     CENTER_U,
@@ -21,6 +20,11 @@ from calib.detector.ring_model import (
     PARAMETERS,
     RATIO,
     WHITE,
+    Distance,
+    Numbers,
+    bend_of,
+    parameters_of,
+    plane_distance,
 )
 
 Floats: TypeAlias = NDArray[np.float64]

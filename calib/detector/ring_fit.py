@@ -25,11 +25,12 @@ from calib.detector.ring_model import (
     E11,
     M0,
     M1,
+    MAX_PIXELS,
     PARAMETERS,
     RATIO,
     WHITE,
+    choose_pixels,
 )
-from calib.detector.ring_pixels import MAX_PIXELS, choose_pixels
 from calib.detector.ring_scores import SCORES_ROOM, Scores, score_ring
 
 Floats: TypeAlias = NDArray[np.float64]

@@ -24,9 +24,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit, jit_inside, jit_sums
-from calib.detector.plane_distance import Numbers, bend_of, parameters_of
 from calib.detector.ring_equations import CHUNK, DISTANCE, RESIDUAL, ROOM, fill_rows
-from calib.detector.ring_model import CENTER_U, CENTER_V, E00, E10, E11, M0, PARAMETERS, RATIO
+from calib.detector.ring_model import (
+    CENTER_U,
+    CENTER_V,
+    E00,
+    E10,
+    E11,
+    M0,
+    PARAMETERS,
+    RATIO,
+    Numbers,
+    bend_of,
+    parameters_of,
+)
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]

@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from calib.core.types import LEAST_RADIUS_PX
 from calib.detector.alignment import largest_overlap
 from calib.detector.candidates import Candidates, nearest_candidates, semi_axes_px
-from calib.detector.face_spacing import lattice_over_spacing
 from calib.detector.grid import Grid
-from calib.detector.judge import stretch_of
-from calib.detector.marks import RING, read_marks
+from calib.detector.marks import RING, read_marks, stretch_of
 from calib.detector.measure import Measured
-from calib.detector.pattern_end import depth, face_end
+from calib.detector.photo_checks import depth, face_end, lattice_over_spacing
 from calib.detector.place import REACH, SIZE_RATIO, Naming, Placement, Places, imaged, predict
 from calib.detector.plan import TargetPlan
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras.camera_difference import CameraDifference, image_centre
+from calib.cameras.refit import CameraDifference, image_centre
 from designer.base.words import NAME
 
 if TYPE_CHECKING:

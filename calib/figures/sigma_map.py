@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.refit import image_grid
+from calib.solver.accuracy import projected_sigma_px, sigma_over_image_px
 from calib.solver.calibration import Calibration
-from calib.solver.uncertainty import projected_sigma_px, sigma_over_image_px
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from calib.cameras import LINEAR
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
-from calib.interop.values import image_size, make_camera, number, pick, real
+from calib.interop.parsing import image_size, make_camera, number, pick, real
 from designer.base.errors import InputError
 from designer.base.words import shown
 

@@ -6,8 +6,17 @@ from calib.cameras import LINEAR
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
-from calib.interop.values import image_size, make_camera, mapping, numbers, pick, real, required, shown_plain
-from calib.interop.yaml_text import parse_yaml
+from calib.interop.parsing import (
+    image_size,
+    make_camera,
+    mapping,
+    numbers,
+    parse_yaml,
+    pick,
+    real,
+    required,
+    shown_plain,
+)
 from designer.base.errors import InputError
 
 _RECOGNISED = re.compile(

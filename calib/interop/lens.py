@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from calib.cameras import COMMON, LINEAR
 from calib.cameras.refit import fit_rays, image_grid
 from calib.interop.format import ReadCamera
-from calib.interop.values import make_camera
+from calib.interop.parsing import make_camera
 from designer.base.errors import InputError
 
 Complex = NDArray[np.complex128]

@@ -14,8 +14,7 @@ from xml.etree.ElementTree import Element
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import Complex, brown_camera, fit_lens
-from calib.interop.values import image_size, number, pick, real
-from calib.interop.xml_text import parse_xml
+from calib.interop.parsing import image_size, number, parse_xml, pick, real
 from designer.base.errors import InputError
 from designer.base.words import shown
 

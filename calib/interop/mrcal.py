@@ -7,7 +7,7 @@ from calib.cameras import LINEAR
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
-from calib.interop.values import image_size, make_camera, mapping, numbers, real, required, shown_plain
+from calib.interop.parsing import image_size, make_camera, mapping, numbers, real, required, shown_plain
 from designer.base.errors import InputError
 from designer.base.words import shown
 

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
-from calib.interop.values import image_size, mapping, numbers, real, required
-from calib.interop.yaml_text import only_keys, parse_yaml
+from calib.interop.parsing import image_size, mapping, numbers, only_keys, parse_yaml, real, required
 from designer.base.errors import InputError
 
 MATRIX = ("camera_matrix", "cameraMatrix", "K")

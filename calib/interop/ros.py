@@ -6,8 +6,7 @@ from calib.cameras.camera import Camera
 from calib.interop.format import CameraFormat, ReadCamera
 from calib.interop.lens import brown_camera
 from calib.interop.opencv import linear_part
-from calib.interop.values import image_size, mapping, numbers, real, required, shown_plain
-from calib.interop.yaml_text import only_keys, parse_yaml
+from calib.interop.parsing import image_size, mapping, numbers, only_keys, parse_yaml, real, required, shown_plain
 from designer.base.errors import InputError
 
 BROWN = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,)}

@@ -11,15 +11,13 @@ from calib.core.types import Observations
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.observe.truth import Truth
+from calib.solver.accuracy import UndeterminedError
 from calib.solver.calibration import Calibration
-from calib.solver.degeneracy import UndeterminedError
 from calib.solver.image_field import with_image_field
-from calib.solver.options import SolveOptions
+from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.solve import solve
 from calib.solver.target_error import with_target_error
-from calib.solver.tie import tie_parameters
-from calib.virtual.reference_photo import on_plane_mm
-from calib.virtual.solve_virtual import Reference, solve_virtual
+from calib.virtual.solve_virtual import Reference, on_plane_mm, solve_virtual
 from designer.base.errors import InputError
 from designer.base.words import suggestion
 from designer.target import TargetGeometry

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera, camera_to_json
 from calib.core.files import write_files
-from calib.core.rigid import rigid_fault
+from calib.core.se3 import rigid_fault
 from calib.core.types import KnownPoints, Observations
 from calib.records.observation_table import MAX_RESIDUAL_PX, observations_to_csv, read_sightings
 from calib.solver.calibration import Calibration, ImageField, Status, TargetError

@@ -7,13 +7,11 @@ from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.camera import Camera
-from calib.renderer.faces import Box, SeenFace, seen_faces, union
-from calib.renderer.lens import blurred, blurred_by, defocus_sigma_px, vignette
+from calib.renderer.faces import Box, SeenFace, ring_truth, seen_faces, union
 from calib.renderer.lighting import add_glare, gradient_at, to_face
+from calib.renderer.optics import Levels, add_noise, blurred, blurred_by, defocus_sigma_px, quantised, vignette
 from calib.renderer.options import RenderOptions
-from calib.renderer.rings import ring_truth
 from calib.renderer.scene import RenderScene, scene_from_target
-from calib.renderer.sensor import Levels, add_noise, quantised
 from calib.renderer.setting import Surroundings, clean_rings, make_setting, shaded
 from calib.renderer.trace import set_depth, trace_face
 from designer.target import TargetGeometry

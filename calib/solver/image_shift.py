@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
+from calib.solver.options import Tie
 from calib.solver.schur import reduced_blocks
-from calib.solver.tie import Tie
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.one_thread import one_thread
-from calib.solver.degeneracy import NO_FIT
+from calib.core.threads import one_thread
+from calib.solver.accuracy import NO_FIT
 from calib.studies.draw import draw_counts
 from calib.studies.from_scratch import solve_from_scratch
 from calib.studies.near import find_near

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import solve_square, symmetric_inverse
+from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
-from calib.solver.covariance import accuracy_of
 from calib.solver.levenberg import is_allowed, move_poses, turn_of_centre
+from calib.solver.options import Tie
 from calib.solver.problem import Problem
 from calib.solver.schur import reduced_normal
-from calib.solver.tie import Tie
 from calib.studies.gradients import gradients_of
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.jit import jit
+from calib.solver.accuracy import SINGULAR, UNSURE_FOCAL
 from calib.solver.blocks import RobustLoss, view_blocks
-from calib.solver.degeneracy import SINGULAR, UNSURE_FOCAL
 from calib.solver.levenberg import is_allowed, move_poses, turn_of_centre
 from calib.solver.problem import MANY, select
 from calib.solver.schur import damped_step
@@ -193,7 +193,7 @@ def _zero_of(total: _GradientSum) -> tuple[Array, float]:
 
 
 def _is_determined(pool: Pool, expansion: Expansion, views: Count, weight: Count) -> bool:
-    """Whether the sample is well clear of what `calib.solver.degeneracy` calls degenerate."""
+    """Whether the sample is well clear of what `calib.solver.accuracy` calls degenerate."""
     free = expansion.normal.shape[1]
     points = np.diff(pool.problem.view_start)[views]
     if 2 * int(weight @ points) - free - 6 * int(weight.sum()) <= 0:

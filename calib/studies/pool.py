@@ -12,9 +12,8 @@ from calib.observe.truth import Truth, true_poses
 from calib.pipeline.solving import calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.descend import is_robust
-from calib.solver.options import SolveOptions
+from calib.solver.options import SolveOptions, Tie, tie_parameters
 from calib.solver.problem import Problem, pack
-from calib.solver.tie import Tie, tie_parameters
 from calib.studies.expansion import Expansion, expand
 from calib.studies.sample import SampleResult
 from designer.base.errors import InputError

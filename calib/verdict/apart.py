@@ -1,6 +1,6 @@
 """How far two solutions of one camera lie apart over a part of the image, and how far their covariances allow.
 
-As in `calib.cameras.camera_difference` and `calib.solver.uncertainty`, a common rotation does not count; here the
+As in `calib.cameras.refit` and `calib.solver.accuracy`, a common rotation does not count; here the
 rotation is the best one of the pixels looked at, so that corners where nothing was seen do not turn the rest.
 """
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import linearise, project, rays
 from calib.cameras.camera import Camera
-from calib.cameras.camera_difference import camera_difference
+from calib.cameras.refit import camera_difference
 from calib.core.linear_algebra import least_squares
 from calib.core.types import frozen_array
 from calib.verdict.coverage import Coverage

@@ -13,9 +13,9 @@ from calib.cameras.refit import image_grid
 from calib.metrics.errors import Errors, summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, residuals_of
+from calib.solver.accuracy import sigma_over_image_px
 from calib.solver.calibration import Calibration, ImageField, Status, TargetError
 from calib.solver.outliers import deviations
-from calib.solver.uncertainty import sigma_over_image_px
 from calib.verdict.apart import Known, apart, sigma_over
 from calib.verdict.coverage import Coverage, coverage_of
 from calib.verdict.halves import HalfSplit, NoHalves, halves_apart

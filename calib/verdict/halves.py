@@ -13,8 +13,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.one_thread import one_thread
 from calib.core.selection import keep_sightings, keep_views
+from calib.core.threads import one_thread
 from calib.core.types import Observations
 from calib.pipeline.solving import calibrate
 from calib.solver.calibration import Calibration

@@ -25,14 +25,13 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import COLUMNS, image_grid
 from calib.core.linear_algebra import covariance_with_prior, pseudo_inverse, symmetric_inverse
 from calib.core.selection import keep_views, sightings_per_view
+from calib.solver.accuracy import projected_change
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
+from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.problem import pack
 from calib.solver.schur import reduced_normal
 from calib.solver.target_error import left_open
-from calib.solver.tie import tie_parameters
-from calib.solver.uncertainty import projected_change
 from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import covariance_with_prior
-from calib.core.rigid import rigid_fault
-from calib.core.se3 import transform
+from calib.core.se3 import rigid_fault, transform
 from calib.core.types import frozen_array
+from calib.solver.accuracy import NO_FIT
 from calib.solver.calibration import Calibration
-from calib.solver.degeneracy import NO_FIT
 from calib.verdict.candidate_views import CandidateViews, faces_seen
 from calib.verdict.choose_views import (
     COARSE_MAP,

@@ -1,11 +1,16 @@
 """Learning the map from measured pixels to a distortion-free sensor, by Gaussian-process regression.
 
+With `K = variance exp(-d^2 / (2 length^2)) + diag(noise)` over the samples' distances d, and y a column of their
+values, `log p = -y' K^-1 y / 2 - log |K| / 2 - n log(2 pi) / 2`, and its derivative by what K depends on is
+`tr((w w' - K^-1) dK) / 2` with the weights `w = K^-1 y`. Columns are independent: their likelihoods add up.
+
 The targets of the regression are points of the sensor whose pixels were measured; what a homography does not explain
 of them is the process's. Its amplitude and length are those of the greatest marginal likelihood (Rasmussen and
 Williams 2006, eq. 5.8), within bounds that keep unknown what is far from all data. Nothing is random: the same data
 give the same map.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,14 +18,16 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import MAX_LENGTHS, LearnedMap
 from calib.cameras.learned import correlation, jacobian_with, square_distances, to_sensor, trend_at
-from calib.core.one_thread import one_thread_with_scipy
+from calib.core.threads import one_thread_with_scipy
 from calib.detector.homography import fit
-from calib.virtual.image_cells import MAX_CELLS, cells_of
-from calib.virtual.likelihood import likeliest, weights_of
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 
+MAX_CELLS = 600
+SHRINK = 0.95
+SMALL_CHANGE = 1e-6
+"""Ends the search for the greatest likelihood, as a part of its logarithm."""
 MIN_SAMPLES = 12
 AMPLITUDE_PX = (1.0, 1e4)
 """Bounds of the process's standard deviation. That a lens bends nothing by a pixel is never taken for granted."""
@@ -41,6 +48,137 @@ ROUNDS = 2
 THINNED_ROUNDS = 4
 IMPROVED_ROUND = 2
 """Of them, beside the first, finds the most likely process."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """The image in N cells: which of them M sightings lie in, and where on average."""
+
+    of_sighting: NDArray[np.int64]  # (M,)
+    share: Array  # (M,) of a sighting in its cell's mean
+    pixel: Array  # (N, 2)
+    variance: Array  # (N,) of the mean, in units of the sightings' variances
+    measurements: NDArray[np.int64]  # (N,) how many sightings it holds
+
+    def mean(self, values: Array, used: NDArray[np.bool_] | None = None) -> Array:
+        """Means (N, 2) of the values (M, 2) of the sightings used; 0 in cells without any."""
+        count = len(self.pixel)
+        share = self.share if used is None else self.share * used
+        total = np.bincount(self.of_sighting, share, count)
+        columns = [np.bincount(self.of_sighting, share * column, count) for column in values.T]
+        return np.stack(columns, axis=1) / np.where(total > 0, total, 1.0)[:, None]
+
+
+def cells_of(pixel: Array, variance: Array, most: int = MAX_CELLS) -> Cells:
+    """Square cells, as small as they may be for at most so many to hold a sighting.
+
+    Args:
+        pixel: of the sightings (M, 2).
+        variance: of the sightings (M,), which count inversely to it.
+        most: at most so many cells.
+    """
+    offset = pixel - pixel.min(axis=0)
+    extent = np.ptp(pixel, axis=0)
+    # Cells of this size are too few by far, unless all lie in a row.
+    side = max(2 * float(np.sqrt(extent.prod() / most)), 2 * float(extent.max()) / most) + 1.0
+    of_sighting = _cell_numbers(offset, side)
+    while side > 1e-3 and (finer := _cell_numbers(offset, SHRINK * side)).max() < most:
+        side, of_sighting = SHRINK * side, finer
+    total = np.bincount(of_sighting, 1 / variance)
+    share = 1 / (variance * total[of_sighting])
+    mean: Array = np.stack([np.bincount(of_sighting, share * column) for column in pixel.T], axis=1, dtype=np.float64)
+    return Cells(of_sighting, share, mean, 1 / total, np.bincount(of_sighting))
+
+
+def _cell_numbers(offset: Array, side: float) -> NDArray[np.int64]:
+    """Number of the cell of each offset (M, 2), without gaps."""
+    column, row = np.floor(offset / side).astype(np.int64).T
+    numbers: NDArray[np.int64] = np.unique(row * (column.max() + 1) + column, return_inverse=True)[1]
+    return numbers
+
+
+def weights_of(values: Array, gram: Array) -> Array:
+    """`K^-1 y` of columns of values (N, 2) and K (N, N), which is overwritten.
+
+    Raises:
+        np.linalg.LinAlgError: K is not positive definite.
+    """
+    from scipy.linalg.lapack import dpotrs
+
+    solved: Array = dpotrs(_factor(gram), values, lower=1)[0]
+    return solved
+
+
+def likeliest(
+    square_px2: Array, values: Array, noise: Array, start: Sequence[float], bounds: Sequence[tuple[float, float]]
+) -> tuple[Array, Array]:
+    """Variance, length and, if there is a third, even noise of the greatest likelihood within bounds; weights there.
+
+    Args:
+        square_px2: squared distances of the samples (N, N).
+        values: of the samples (N, 2).
+        noise: variances that are known beforehand (N,).
+        start: of the search.
+        bounds: least and greatest.
+    """
+    from scipy.optimize import minimize
+
+    def objective(logarithm: Array) -> tuple[float, Array]:
+        likelihood, slope, _ = log_likelihood(square_px2, values, noise, np.exp(logarithm))
+        return -likelihood, -slope
+
+    found = minimize(
+        objective, np.log(start), method="L-BFGS-B", jac=True, bounds=np.log(bounds), options={"ftol": SMALL_CHANGE}
+    )
+    process = np.exp(found.x)
+    return process, log_likelihood(square_px2, values, noise, process)[2]
+
+
+def log_likelihood(square_px2: Array, values: Array, noise: Array, process: Array) -> tuple[float, Array, Array]:
+    """The logarithm of the likelihood, its derivatives by those of the process's numbers, and the weights (N, 2).
+
+    Minus infinity where K is not positive definite in floating point.
+
+    Args:
+        square_px2: squared distances of the samples (N, N).
+        values: of the samples (N, 2).
+        noise: variances that are known beforehand (N,).
+        process: variance, length and, if there is a third, the variance of noise that all samples have besides.
+    """
+    from scipy.linalg.lapack import dpotri, dpotrs
+
+    variance, length, *even = process.tolist()
+    count, columns = values.shape
+    noise = noise + sum(even)
+    signal = variance * correlation(square_px2, length)
+    gram = signal.copy()
+    gram[np.diag_indices(count)] += noise
+    try:
+        factor = _factor(gram)
+    except np.linalg.LinAlgError:
+        return -np.inf, np.zeros(len(process)), np.zeros_like(values)
+    log_root = float(np.log(np.diagonal(factor)).sum())
+    weight = dpotrs(factor, values, lower=1)[0]
+    below = dpotri(factor, lower=1, overwrite_c=1)[0].T  # the inverse's triangle, the other one zero
+    inverse_diagonal = np.diagonal(below)
+    signal *= square_px2
+    slope = [
+        (weight * values).sum() - (noise @ weight**2).sum() - columns * (count - inverse_diagonal @ noise),
+        ((weight * (signal @ weight)).sum() - 2 * columns * np.vdot(below, signal)) / length**2,
+        *(one * ((weight**2).sum() - columns * inverse_diagonal.sum()) for one in even),
+    ]
+    likelihood = -0.5 * float((weight * values).sum()) - columns * (log_root + 0.5 * count * np.log(2 * np.pi))
+    return likelihood, 0.5 * np.array(slope), weight
+
+
+def _factor(gram: Array) -> Array:
+    """The lower Cholesky factor of a symmetric matrix, in its place and in Fortran's order, zero above the diagonal."""
+    from scipy.linalg.lapack import dpotrf
+
+    factor, failed = dpotrf(gram.T, lower=1, overwrite_a=1)
+    if failed:
+        raise np.linalg.LinAlgError("not positive definite")
+    return np.asarray(factor)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,8 +22,7 @@ from calib.core.types import Observations
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.virtual.image_cells import Cells, cells_of
-from calib.virtual.learn_map import Learned, MapSamples, Process, learn_map
+from calib.virtual.learn_map import Cells, Learned, MapSamples, Process, cells_of, learn_map
 from calib.virtual.solve_on_sensor import move_to_sensor, rows_of_views
 from designer.base.errors import InputError
 

@@ -18,7 +18,7 @@ from calib.core.selection import keep_views
 from calib.core.types import Observations
 from calib.metrics.evaluation import evaluate
 from calib.observe.observations import known_points
-from calib.solver.pose import solve_poses
+from calib.solver.poses import solve_poses
 from calib.solver.solve import solve
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from calib.cameras.refit import image_grid
 from calib.core.selection import without_empty_views
 from calib.core.types import KnownPoints, Observations
+from calib.solver.accuracy import projected_sigma_px
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
-from calib.solver.uncertainty import projected_sigma_px
 from calib.verdict.next_views import next_views, share_px
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, observe, poses_around
 

@@ -25,7 +25,7 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MK
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
-from calib.cameras.camera_difference import camera_difference  # noqa: E402
+from calib.cameras.refit import camera_difference  # noqa: E402
 from calib.core.types import Camera  # noqa: E402
 from calib.pipeline.solving import calibrate, with_made  # noqa: E402
 from calib.solver.calibration import Calibration  # noqa: E402

@@ -22,8 +22,8 @@ from calib.as_built.lengths import length_in
 from calib.as_built_report.length_words import parse_length
 from calib.commands.camera_argument import read_camera
 from calib.commands.render import render
+from calib.renderer.faces import ring_truth
 from calib.renderer.poses import PoseGrid, grid_poses
-from calib.renderer.rings import ring_truth
 from calib.renderer.scene import scene_from_target
 from designer.base.errors import InputError
 from designer.base.solid import CODES, TRIANGLE_POSITIONS

@@ -11,7 +11,7 @@ from calib.cameras import rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.interop import FORMATS
-from calib.interop.converting import fit_to_format
+from calib.interop.reading import fit_to_format
 
 SIZE = (1024, 768)
 CAMERAS = {

@@ -11,7 +11,7 @@ from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector.candidates import Candidates
 from calib.renderer import RenderOptions, View, render_view
-from calib.renderer.rings import RingTruth, ring_truth
+from calib.renderer.faces import RingTruth, ring_truth
 from calib.renderer.scene import scene_from_target
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec

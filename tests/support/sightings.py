@@ -8,7 +8,7 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import look_at
 from calib.core.types import Detections, FaceRecord
 from calib.renderer import RenderOptions, render_view
-from calib.renderer.rings import ring_truth
+from calib.renderer.faces import ring_truth
 from calib.renderer.scene import scene_from_target
 from designer.target import TargetGeometry
 

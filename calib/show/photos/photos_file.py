@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.files import write_files
-from calib.core.rigid import rigid_fault
+from calib.core.se3 import rigid_fault
 from designer.base.file_kind import FileKind
 from designer.base.marks import Length, Shape
 from designer.base.small_file import JsonValue

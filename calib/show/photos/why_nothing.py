@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.types import LEAST_RADIUS_PX, Detections
-from calib.detector.binarise import reduced, reduction, thresholds
+from calib.detector.borders import reduced, reduction, thresholds
 from calib.detector.candidates import Candidates, find_candidates
 from calib.detector.looks_like import looks_like
 from calib.detector.plan import plan_for

@@ -17,7 +17,7 @@ from calib.metrics.evaluation import errors_of
 from calib.pipeline.solving import ALL_VIEWS, calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.options import AS_THE_PAPER
-from calib.solver.pose import solve_poses
+from calib.solver.poses import solve_poses
 from calib.studies.compare.objects import VIRTUAL
 from calib.studies.compare.pool import ScenePool
 from calib.studies.compare.scene import ComparedScene, stream, take_photos
@@ -109,7 +109,7 @@ def metrics_of(solved: Calibration) -> MetricRow:
 def _held_out(solved: Calibration, held: Observations) -> tuple[float, float, float, float]:
     """The errors in photos that were not solved, and the share of their sightings that has rays and poses.
 
-    Each photo's pose comes from its own rings, with the camera as it is; as in `calib.metrics.held_out`.
+    Each photo's pose comes from its own rings, with the camera as it is; as in `calib.metrics.evaluation`.
     """
     has_ray = errors.is_known(rays(solved.camera, held.center_px))
     enough = np.bincount(held.view[has_ray], minlength=held.view_count) >= LEAST_SIGHTINGS

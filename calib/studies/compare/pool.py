@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.one_thread import one_thread
+from calib.core.threads import one_thread
 from calib.studies.compare.scene import ComparedScene
 from calib.studies.sample import SampleResult
 

@@ -9,9 +9,9 @@ from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.levenberg import is_allowed, minimise, move_poses, turn_of_centre
+from calib.solver.options import Tie
 from calib.solver.problem import Problem
 from calib.solver.schur import reduced_normal
-from calib.solver.tie import Tie
 from calib.studies.gradients import gradients_of
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.one_thread import one_thread
+from calib.core.threads import one_thread
 from calib.studies.tolerance.draw import drawn_noise, drawn_values
 from calib.studies.tolerance.first_order import FirstOrder
 from calib.studies.tolerance.noise_response import noise_squares

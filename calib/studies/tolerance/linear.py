@@ -9,7 +9,7 @@ no draws; their responses are added before they are squared. What noise costs is
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.one_thread import one_thread
+from calib.core.threads import one_thread
 from calib.studies.tolerance.draw import solved
 from calib.studies.tolerance.first_order import FirstOrder, first_order
 from calib.studies.tolerance.noise_response import noise_squares

@@ -1,4 +1,4 @@
-"""How far a camera is off over the image, its best rotation removed, fast: as `calib.cameras.camera_difference`.
+"""How far a camera is off over the image, its best rotation removed, fast: as `calib.cameras.refit`.
 
 The pixels and rays of the true camera are the same each time, so the rays are computed once. Only the part of the image
 counts in which rings were seen, their convex hull: beyond it a lens polynomial is extrapolated, and means nothing.

@@ -29,7 +29,7 @@ rotation are those of `calib.metrics`.
 Focal length: root mean square of fx and fy; principal point: distance; both against the camera of the model that fits
 the noise-free views of the nominal target best, which is the true camera if the model is its own. Camera
 where the target was seen: distances between the pixels that both cameras give to one direction, after the best
-rotation, as in `calib.cameras.camera_difference`, within the convex hull of all sightings: a lens that is
+rotation, as in `calib.cameras.refit`, within the convex hull of all sightings: a lens that is
 extrapolated beyond says nothing.
 """
 

@@ -13,13 +13,12 @@ from calib.core.se3 import transform
 from calib.core.types import Observations, frozen_array
 from calib.observe.observations import known_points
 from calib.renderer.poses import PoseGrid, Region, grid_poses
+from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
-from calib.solver.covariance import accuracy_of
 from calib.solver.descend import is_robust
 from calib.solver.levenberg import minimise
-from calib.solver.options import AS_THE_PAPER, SolveOptions
+from calib.solver.options import AS_THE_PAPER, SolveOptions, Tie, tie_parameters
 from calib.solver.problem import Problem, pack
-from calib.solver.tie import Tie, tie_parameters
 from calib.studies.tolerance.anchor import Anchor, factorise
 from calib.studies.tolerance.map_error import ImageGrid, grid_of
 from calib.studies.tolerance.noise import CONTRAST_TO_NOISE, centre_covariances

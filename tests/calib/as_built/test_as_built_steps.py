@@ -18,9 +18,8 @@ from calib.as_built.solve import measure
 from calib.as_built.unknowns import TargetUnknowns, in_face_mm, moved_shape, place_rings, unknowns_of
 from calib.core.types import Observations
 from calib.solver.levenberg import move_poses
-from calib.solver.options import SolveOptions
+from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.solve import solve
-from calib.solver.tie import tie_parameters
 from designer.target import TargetGeometry
 from tests.support.as_built_scenes import photos, plate, printed, random_shape, solid
 

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
-from calib.cameras.camera_difference import camera_difference
+from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation
 from calib.figures.difference_picture import difference_picture, scale_end
 from calib.interop import FORMATS

@@ -9,7 +9,7 @@ from calib.cameras.camera import Camera, LearnedMap
 from calib.cameras.refit import fit_rays, image_grid, refit
 from calib.core.se3 import exp_rotation
 from calib.interop import FORMATS
-from calib.interop.converting import fit_to_format
+from calib.interop.reading import fit_to_format
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE
 

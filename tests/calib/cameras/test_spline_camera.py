@@ -9,8 +9,7 @@ from calib.cameras.camera import Camera, camera_from_mapping, camera_or_preset
 from calib.cameras.refit import refit
 from calib.cameras.spline import COLUMNS, FIRST, ROWS, _scale
 from calib.pipeline.solving import plan_from_words
-from calib.solver.options import SolveOptions
-from calib.solver.tie import tie_parameters
+from calib.solver.options import SolveOptions, tie_parameters
 from designer.base.errors import InputError
 from tests.support.lenses import SIZE, bent
 

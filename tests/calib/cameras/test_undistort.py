@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera, LearnedMap
-from calib.cameras.resample import TAPS, Pixels, resample
-from calib.cameras.undistortion import pinhole_of, source_places, undistort
+from calib.cameras.undistortion import TAPS, Pixels, pinhole_of, resample, source_places, undistort
 from calib.core.se3 import transform
 from calib.detector.pipeline import detect
 from designer.base.errors import InputError

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calib.cameras.camera import Camera, camera_to_json
-from calib.cameras.camera_difference import camera_difference
+from calib.cameras.refit import camera_difference
 from calib.commands.diff import diff
 from calib.interop import FORMATS
 from designer.base.errors import InputError

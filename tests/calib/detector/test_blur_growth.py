@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.detector.blur_growth import blur_growth, is_noticed, left_covariance
+from calib.detector.lines import blur_growth, is_noticed, left_covariance
 from calib.detector.ring_fit import fit_rings
 from calib.detector.ring_model import BLUR, M0
 from tests.benchmarks.synthetic import Box, ring_shade

@@ -7,8 +7,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.detector.binarise import Threshold, binarise, noise_level, reduced, reduction, thresholds
-from calib.detector.borders import Borders, find_borders
+from calib.detector.borders import (
+    Borders,
+    Threshold,
+    binarise,
+    find_borders,
+    noise_level,
+    reduced,
+    reduction,
+    thresholds,
+)
 from calib.detector.candidates import Candidates, find_candidates, merged, semi_axes_px
 from tests.support.ring_images import Ring, mosaic, random_rings, triangle_of
 

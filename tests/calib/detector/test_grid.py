@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import camera_or_preset
 from calib.detector.candidates import Candidates
-from calib.detector.grid import Grid, grow_grids
-from calib.detector.lattice import lattice_of
+from calib.detector.grid import Grid, grow_grids, lattice_of
 from designer.target import TargetGeometry
 from tests.support.ring_views import Scene, board, ico, scene_of
 

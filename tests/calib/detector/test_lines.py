@@ -7,13 +7,12 @@ import pytest
 
 from calib.cameras import rays
 from calib.cameras.camera import camera_or_preset
-from calib.detector.grid import Grid
+from calib.detector.grid import Grid, planar_parts
 from calib.detector.lens import CameraLens, NoLens
 from calib.detector.lines import Seen, fit_lines
 from calib.detector.pipeline import detect
 from calib.detector.place import place_faces
 from calib.detector.plan import plan_for
-from calib.detector.planar_parts import planar_parts
 from tests.calib.detector.test_place import true_naming
 from tests.support.ring_views import CAMERA, board, ico, scene_of, view_of
 

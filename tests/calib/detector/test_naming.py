@@ -8,8 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.detector.alignment import Alignment, agreement, alignments, largest_overlap
-from calib.detector.grid import Grid
-from calib.detector.lattice import lattice_of
+from calib.detector.grid import Grid, lattice_of
 from calib.detector.marks import DOT, RING, UNREADABLE
 from calib.detector.pipeline import detect
 from calib.detector.plan import plan_for

@@ -14,7 +14,7 @@ from calib.detector.canvas import Canvas, ellipse_points, text_mask
 from calib.detector.overlay import draw_overlay, write_overlay
 from calib.detector.overlay_frame import FACE_COLOURS, MISSING, REJECTED, SIGMA_RANGE_PX, face_colours, sigma_colour
 from calib.detector.where_expected import imaged_face
-from calib.renderer.rings import ring_truth
+from calib.renderer.faces import ring_truth
 from calib.renderer.scene import scene_from_target
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job

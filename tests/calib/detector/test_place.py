@@ -8,8 +8,8 @@ from calib.cameras import project
 from calib.cameras.camera import camera_or_preset
 from calib.core.se3 import transform
 from calib.detector.candidates import Candidates
-from calib.detector.face_spacing import lattice_over_spacing
 from calib.detector.lens import CameraLens, NoLens
+from calib.detector.photo_checks import lattice_over_spacing
 from calib.detector.place import (
     Naming,
     Placement,

@@ -13,11 +13,20 @@ from numpy.typing import NDArray
 from scipy.stats import ncx2, norm
 
 from calib.core.threads import in_chunks
-from calib.detector.plane_distance import LENS_NUMBERS, plane_distance
 from calib.detector.ring_equations import CHUNK, FAR, MOST_GROWN, ROOM, accumulate, blurs_from_edge, edges
 from calib.detector.ring_fit import RingFits, fit_rings
-from calib.detector.ring_model import BLUR, DARKNESS, M0, PARAMETERS, RATIO, WHITE
-from calib.detector.ring_pixels import MAX_PIXELS, choose_pixels
+from calib.detector.ring_model import (
+    BLUR,
+    DARKNESS,
+    LENS_NUMBERS,
+    M0,
+    MAX_PIXELS,
+    PARAMETERS,
+    RATIO,
+    WHITE,
+    choose_pixels,
+    plane_distance,
+)
 from tests.support.ring_images import (
     CELL,
     INK_LEVEL,

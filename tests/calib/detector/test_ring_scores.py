@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from calib.detector.measure import ODD_EDGES
 from calib.detector.pipeline import detect
-from calib.detector.plane_distance import parameters_of
 from calib.detector.ring_equations import DISTANCE
 from calib.detector.ring_fit import RingFits, fit_rings
-from calib.detector.ring_model import M0, PARAMETERS, RATIO
+from calib.detector.ring_model import M0, PARAMETERS, RATIO, parameters_of
 from calib.detector.ring_scores import (
     LEAST_OF_A_FACE,
     PLACE,

@@ -7,10 +7,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from calib.detector.binarise import Threshold
-from calib.detector.borders import find_borders
+from calib.detector.borders import Threshold, find_borders, midpoint_on_line, refine_seeds
 from calib.detector.candidates import find_candidates
-from calib.detector.seeds import midpoint_on_line, refine_seeds
 from tests.support.ring_images import Ring, mosaic, random_rings
 
 

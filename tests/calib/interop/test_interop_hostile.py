@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from calib.interop import FORMATS
 from calib.interop.format import MAX_FILE_BYTES
+from calib.interop.parsing import DEEPEST, MOST_NODES, parse_yaml
 from calib.interop.reading import open_camera
-from calib.interop.yaml_text import DEEPEST, MOST_NODES, parse_yaml
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import written
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.core.rigid import rigid_fault
-from calib.core.se3 import exp_rotation, make_pose
+from calib.core.se3 import exp_rotation, make_pose, rigid_fault
 from calib.observe.truth import Truth, read_truth, true_poses
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions

@@ -15,9 +15,9 @@ from playwright.sync_api import Browser
 
 from calib.cameras.camera import Camera
 from calib.observe.photos import find_photos
+from calib.renderer.faces import ring_truth
 from calib.renderer.job import run_job
 from calib.renderer.options import RenderOptions
-from calib.renderer.rings import ring_truth
 from calib.renderer.scene import scene_from_target
 from calib.show.folder import why_no_page
 from calib.show.parts.gallery import MOST_PICTURES, Shot, spread

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.selection import keep_sightings
 from calib.core.types import Observations
+from calib.solver.accuracy import projected_change
 from calib.solver.calibration import Calibration, ImageField
 from calib.solver.image_field import with_image_field
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.solver.uncertainty import projected_change
 from tests.support.solver_scenes import SIZE, icosahedron, observe, poses_around
 
 Array = NDArray[np.float64]

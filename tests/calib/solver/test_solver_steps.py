@@ -10,15 +10,14 @@ from calib.cameras import parameter_names, project
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, make_pose, transform
 from calib.core.types import KnownPoints, Observations
+from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import KNEE, RobustLoss, view_blocks, view_misfit
-from calib.solver.covariance import accuracy_of
 from calib.solver.levenberg import move_poses
 from calib.solver.linear_pose import LinearViews, poses_of
-from calib.solver.options import Loss, SolveOptions
+from calib.solver.options import Loss, SolveOptions, tie_parameters
 from calib.solver.problem import few_per_view, pack, select
 from calib.solver.schur import damped_step, reduced_blocks
 from calib.solver.start import coarse_camera
-from calib.solver.tie import tie_parameters
 from tests.support.solver_scenes import CAMERAS, board, observe, poses_around, random_covariances
 
 Array = NDArray[np.float64]

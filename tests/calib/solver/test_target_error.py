@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.solve import measure
 from calib.cameras.camera import Camera
-from calib.cameras.camera_difference import camera_difference
+from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation
 from calib.observe.observations import known_points
 from calib.pipeline.solving import prior_of, with_made
 from calib.records.calibration_file import Provenance, read_calibration, write_calibration
+from calib.solver.accuracy import sigma_over_image_px
 from calib.solver.calibration import Calibration
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.solver.target_error import extended, with_target_error
-from calib.solver.uncertainty import sigma_over_image_px
 from calib.verdict.criteria import read_criteria
 from calib.verdict.evidence import evidence_of, noise_factor
 from calib.verdict.halves import half_split

@@ -15,10 +15,10 @@ from calib.cameras import parameter_names, project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.core.se3 import exp_rotation, log_rotation
+from calib.solver.accuracy import GRID, projected_covariance_px2, projected_sigma_px
 from calib.solver.calibration import Calibration
 from calib.solver.options import Loss, SolveOptions
 from calib.solver.solve import solve
-from calib.solver.uncertainty import GRID, projected_covariance_px2, projected_sigma_px
 from tests.support.solver_scenes import (
     CAMERAS,
     NOISE_PX,

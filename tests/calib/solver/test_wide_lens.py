@@ -13,11 +13,10 @@ from calib.core.se3 import look_at, transform
 from calib.core.types import Observations
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
-from calib.solver.options import SolveOptions
+from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.problem import pack
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
-from calib.solver.tie import tie_parameters
 from tests.support.solver_scenes import board, rows_of
 
 Array = NDArray[np.float64]

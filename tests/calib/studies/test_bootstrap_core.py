@@ -20,15 +20,14 @@ from calib.metrics.prediction import predict
 from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
 from calib.observe.truth import Truth
+from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
-from calib.solver.covariance import accuracy_of
 from calib.solver.levenberg import move_poses, turn_of_centre
-from calib.solver.options import SolveOptions
+from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.problem import pack
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
-from calib.solver.tie import tie_parameters
 from calib.studies.bootstrap import run_chunk, run_sample
 from calib.studies.draw import draw_counts
 from calib.studies.from_scratch import expanded, solve_from_scratch

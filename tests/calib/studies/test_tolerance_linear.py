@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.core.se3 import exp_rotation, log_rotation, transform
+from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
-from calib.solver.covariance import accuracy_of
 from calib.studies.tolerance.anchor import minimum_of
 from calib.studies.tolerance.draw import drawn_noise, run_cases, run_draws, seen_px
 from calib.studies.tolerance.first_order import first_order

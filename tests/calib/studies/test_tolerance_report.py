@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from calib.core.types import LEAST_RADIUS_PX
+from calib.renderer.faces import target_fits
 from calib.renderer.poses import PoseGrid, grid_poses
-from calib.renderer.rings import target_fits
 from calib.studies.table_files import rows_to_csv
 from calib.studies.tolerance.budget import Allowed
 from calib.studies.tolerance.control import control_of

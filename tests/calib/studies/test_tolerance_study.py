@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.cameras.camera_difference import camera_difference
+from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation, invert, make_pose, transform
 from calib.core.types import KnownPoints
 from calib.metrics.errors import summarise
@@ -18,7 +18,7 @@ from calib.metrics.prediction import predict
 from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
 from calib.metrics.rotation import rotation
-from calib.renderer.rings import ring_truth
+from calib.renderer.faces import ring_truth
 from calib.renderer.scene import scene_from_target
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.options import SolveOptions

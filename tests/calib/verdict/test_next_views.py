@@ -15,9 +15,9 @@ from calib.cameras.refit import image_grid
 from calib.core.se3 import look_at, make_pose, transform
 from calib.core.selection import without_empty_views
 from calib.core.types import Observations
+from calib.solver.accuracy import projected_sigma_px
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
-from calib.solver.uncertainty import projected_sigma_px
 from calib.verdict.candidate_views import TILTS_DEG, candidates_of, faces_seen, shown_in, tilt_rotation
 from calib.verdict.coverage import coverage, coverage_of
 from calib.verdict.information import eliminated, image_change, knowledge_of, sigma_px, view_information

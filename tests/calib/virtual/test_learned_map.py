@@ -18,9 +18,7 @@ from calib.cameras.learned import (
     to_sensor,
     trend_at,
 )
-from calib.virtual.image_cells import cells_of
-from calib.virtual.learn_map import MapSamples, learn_from_many, learn_map
-from calib.virtual.likelihood import log_likelihood
+from calib.virtual.learn_map import MapSamples, cells_of, learn_from_many, learn_map, log_likelihood
 from designer.base.errors import InputError
 from tests.support.solver_scenes import SIZE
 from tests.support.virtual_scenes import (

@@ -12,11 +12,10 @@ from calib.core.se3 import exp_rotation, invert, look_at, transform
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
-from calib.solver.pose import solve_poses
+from calib.solver.poses import solve_poses
 from calib.solver.solve import solve
 from calib.virtual.learn_views import _without_gauge
-from calib.virtual.reference_photo import choose_view, on_plane_mm, sensor_points
-from calib.virtual.solve_virtual import solve_virtual
+from calib.virtual.solve_virtual import choose_view, on_plane_mm, sensor_points, solve_virtual
 from designer.base.errors import InputError
 from tests.support.solver_scenes import (
     CAMERAS,

@@ -1,4 +1,4 @@
-"""What a lens does to an image of light: blur, defocus, dark corners."""
+"""What a lens does to an image of light (blur, defocus, dark corners), and a sensor to what arrives (noise, a tone)."""
 
 import math
 
@@ -6,14 +6,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.renderer.options import RenderOptions
+
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
-
 BAND_ROWS = 256
 TAIL = 4.0
 """Standard deviations at which the point-spread function ends."""
 LEVEL_PX = 0.5
 """Step of the blurs between which a depth-dependent blur is interpolated."""
+Levels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
 
 
 def psf_weights(sigma_px: float) -> Array:
@@ -78,3 +80,25 @@ def vignette(u: Array, v: Array, image_size: tuple[int, int], loss: float) -> Ar
     square = ((u - middle[0]) ** 2 + (v - middle[1]) ** 2) / max(float(middle @ middle), 1.0)
     light: Array = 1 - loss * square
     return light
+
+
+def add_noise(light: Image, even_sigma: float, full_well: float, rng: np.random.Generator) -> None:
+    """Add even noise, and shot noise in its normal limit: its variance is the light over the full well's electrons."""
+    noise = rng.standard_normal(light.shape, dtype=np.float32)
+    if full_well:
+        noise *= np.sqrt(np.maximum(light, 0) / np.float32(full_well) + np.float32(even_sigma**2))
+    else:
+        noise *= np.float32(even_sigma)
+    light += noise
+
+
+def quantised(light: Image, options: RenderOptions) -> Levels:
+    """Light as the file's numbers: clipped, through the tone curve, rounded; unchanged for 32 bits."""
+    if options.bits == 32:
+        return light
+    shown = np.clip(light, 0, 1)
+    if options.gamma != 1:
+        shown **= np.float32(1 / options.gamma)
+    shown *= 2**options.bits - 1
+    np.rint(shown, out=shown)
+    return shown.astype(np.uint8) if options.bits == 8 else shown.astype(np.uint16)

@@ -1,0 +1,218 @@
+"""How sure a solution is: covariances at the minimum, in the image, and why data do not determine a camera.
+
+A camera that is turned a little shows the same with its poses turned back. So of every change of the parameters the
+rotation that best explains it over the image is taken off, as mrcal does ("projection uncertainty"), with the points at
+infinity: what remains is the error of the angles between directions.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras import linearise, parameter_names, rays
+from calib.cameras.camera import Camera
+from calib.cameras.refit import image_grid
+from calib.core.linear_algebra import least_squares
+from calib.core.types import Observations
+from calib.solver.levenberg import Minimum
+from calib.solver.linear_pose import FLAT
+from calib.solver.options import Tie
+from calib.solver.outliers import MEDIAN_LENGTH
+from calib.solver.schur import reduced_normal
+from designer.base.errors import InputError
+
+Array = NDArray[np.float64]
+
+GRID = (24, 18)
+"""Pixels over which the best rotation is found."""
+SHARE_PERCENT = 95
+"""Of the image, where one number stands for all of it."""
+UNSURE_FOCAL = 0.05
+"""Standard deviation of a focal length, as a part of it, that is no measurement."""
+NO_FIT = 0.03
+"""Median residual, as a part of the image's longer side, that no lens explains."""
+SINGULAR = 1e-13
+LITTLE_TILT_DEG = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Accuracy:
+    """What is known of the unknowns, with the posterior scale factor in it; nan where they are not determined."""
+
+    scale: float  # sqrt(sum of squares / redundancy)
+    param_covariance: Array  # (P, P)
+    pose_covariance: Array  # (V, 6, 6)
+    weakest: Array  # (P,) the least determined direction, each parameter in units of its own conditional deviation
+    weakest_eigenvalue: float  # of the normal matrix with a diagonal of ones; 0: not determined
+
+
+def accuracy_of(
+    products: Array, tie: NDArray[np.int64], used: int, robust: tuple[float, float] | None = None
+) -> Accuracy:
+    """The covariances of camera and poses.
+
+    With the normal matrix `[A B; B' C]`, that of the camera is `S^-1` of `S = A - B C^-1 B'`, and that of a pose
+    `C^-1 + C^-1 B' S^-1 B C^-1`; both times the scale squared.
+
+    Args:
+        products: the views' blocks at the minimum (V, P + 7, P + 7).
+        tie: the free parameter that each parameter follows (P,); -1: fixed.
+        used: observations that count.
+        robust: if weights were lowered, the standard deviation of an observation, which the squares then do not tell,
+            and the factor that makes the inverse normal matrix a covariance.
+    """
+    views, parameters = len(products), len(tie)
+    free = int(tie.max(initial=-1)) + 1
+    redundancy = 2 * used - free - 6 * views
+    squares = float(products[:, -1, -1].sum())
+    scale = float(np.sqrt(squares / redundancy)) if redundancy > 0 else float("nan")
+    factor = scale**2
+    if robust is not None and redundancy > 0:
+        scale, factor = robust[0], robust[1] * 2 * used / redundancy
+    spread: Array = (tie[:, None] == np.arange(free)).astype(np.float64)  # (P, Q)
+    nothing = Accuracy(
+        scale, np.full((parameters, parameters), np.nan), np.full((views, 6, 6), np.nan), np.zeros(parameters), 0.0
+    )
+    try:
+        normal, inverse_times = reduced_normal(products, tie)
+        pose_inverse = np.linalg.inv(products[:, -7:-1, -7:-1])
+    except np.linalg.LinAlgError:
+        return nothing
+    if free == 0:
+        return Accuracy(
+            scale, np.zeros((parameters, parameters)), np.asarray(factor * pose_inverse), np.zeros(parameters), 1.0
+        )
+    diagonal = np.diagonal(normal)
+    before = np.einsum("vpp->p", products[:, :parameters, :parameters]) @ spread
+    # Against what a parameter had before the poses were let free: a direction that they take up whole is close to 0.
+    if not (np.isfinite(normal).all() and (before > 0).all() and (diagonal > 0).all()):
+        return nothing
+    root = np.sqrt(diagonal)
+    values, vectors = np.linalg.eigh(normal / (root[:, None] * root))
+    weakest_eigenvalue = float(values[0] * min((diagonal / before).min(), 1.0))
+    weakest = spread @ vectors[:, 0]
+    if not values[0] > 0:
+        return Accuracy(scale, nothing.param_covariance, nothing.pose_covariance, weakest, 0.0)
+    inverse = (vectors / values) @ vectors.T / (root[:, None] * root)
+    pose = pose_inverse + inverse_times @ inverse @ inverse_times.transpose(0, 2, 1)
+    return Accuracy(scale, factor * spread @ inverse @ spread.T, factor * pose, weakest, weakest_eigenvalue)
+
+
+def projected_change(camera: Camera, pixel: Array) -> Array:
+    """How each parameter moves where the camera shows the directions it has at pixels (N, 2, P); nan where it has none.
+
+    With G = du/dparams and R = du/drotation at a pixel, and W the least-squares rotation over the image for each
+    parameter, that is `G + R W`.
+    """
+    by_params, by_rotation = _derivatives(camera, image_grid(camera.image_size, *GRID).reshape(-1, 2))
+    seen: NDArray[np.bool_] = np.asarray(np.isfinite(by_params).all(axis=(1, 2)))
+    turn = least_squares(by_rotation[seen].reshape(-1, 3), -by_params[seen].reshape(-1, by_params.shape[2]))
+    here_params, here_rotation = _derivatives(camera, pixel)
+    change: Array = here_params + here_rotation @ turn
+    return change
+
+
+def projected_covariance_px2(camera: Camera, param_covariance: Array, pixel: Array) -> Array:
+    """Covariances (N, 2, 2) of where the camera shows the directions it has at pixels (N, 2); nan where it has none."""
+    change = projected_change(camera, pixel)
+    covariance: Array = change @ param_covariance @ change.transpose(0, 2, 1)
+    return covariance
+
+
+def projected_sigma_px(camera: Camera, param_covariance: Array, pixel: Array) -> Array:
+    """Standard deviations (N,) of the same along their worse axes."""
+    covariance = projected_covariance_px2(camera, param_covariance, pixel)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
+    largest = np.linalg.eigvalsh(np.where(known[:, None, None], covariance, 0.0))[:, 1]
+    return np.where(known, np.sqrt(np.maximum(largest, 0.0)), np.nan)
+
+
+def sigma_over_image_px(camera: Camera, param_covariance: Array) -> float:
+    """What 95 % of the image stays within; infinite if less of it is known."""
+    sigma = projected_sigma_px(camera, param_covariance, image_grid(camera.image_size).reshape(-1, 2))
+    everywhere = np.where(np.isfinite(sigma), sigma, np.inf)
+    return float(np.percentile(everywhere, SHARE_PERCENT, method="inverted_cdf"))
+
+
+def _derivatives(camera: Camera, pixel: Array) -> tuple[Array, Array]:
+    """Derivatives of the image of each pixel's direction by the parameters (N, 2, P) and by a rotation (N, 2, 3)."""
+    ray = rays(camera, pixel)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(ray).all(axis=1))
+    point = np.where(known[:, None], ray, [0.0, 0.0, 1.0])
+    seen = linearise(camera, np.ascontiguousarray(point.T))
+    by_params = seen.by_params.transpose(2, 0, 1)
+    by_rotation = np.cross(point[:, None, :], seen.by_point.transpose(2, 0, 1))
+    lost = ~known[:, None, None]
+    return np.where(lost, np.nan, by_params), np.where(lost, np.nan, by_rotation)
+
+
+class UndeterminedError(InputError):
+    """Too few observations for any camera."""
+
+
+def why_degenerate(observations: Observations, found: Minimum, sigma_px: float, accuracy: Accuracy, tie: Tie) -> str:
+    """One line with the reason and the remedy; empty if the camera is determined.
+
+    Args:
+        observations: that were solved.
+        found: the minimum.
+        sigma_px: robust standard deviation of its residuals' coordinates.
+        accuracy: what is known of the unknowns.
+        tie: which parameters are free.
+    """
+    # First, because nonsense may also leave next to nothing that counts.
+    typical = MEDIAN_LENGTH * sigma_px
+    if not typical < NO_FIT * max(observations.image_size):
+        return f"residuals of {typical:.3g} px: the points and the pixels do not belong together; check their names"
+    if not np.isfinite(accuracy.scale):
+        return "as many unknowns as equations: no accuracy can be stated; take more photos"
+    sigma = np.sqrt(np.diagonal(accuracy.param_covariance)[:2])
+    focal = found.camera.params[:2]
+    sure = np.isfinite(sigma).all() and (sigma < UNSURE_FOCAL * focal).all()
+    determined = bool(sure and accuracy.weakest_eigenvalue > SINGULAR)
+    if determined and found.converged:
+        return ""
+    if _is_planar(observations) and (tie.row[:2] >= 0).any():
+        views = observations.view_count
+        seen = "the one view" if views == 1 else f"all {views} views"
+        tilt = _largest_tilt_deg(observations, found.cam_from_target)
+        if tilt < LITTLE_TILT_DEG:
+            return (
+                f"{seen} of a plane seen straight on (tilted {tilt:.1f} deg at most): focal length and distance cannot "
+                f"be told apart; tilt the target by 20 to 50 deg, or fix the focal length"
+            )
+        if not sure:
+            return (
+                f"{seen} of a plane: the focal length is not determined ({_focal_text(focal, sigma)}); take more "
+                f"views from different sides, photograph a 3D target, or fix parameters"
+            )
+    names = parameter_names(found.camera.model)
+    part = np.abs(accuracy.weakest)
+    weak = [name for name, share in zip(names, part.tolist(), strict=True) if share > 0.3 * max(part.max(), 1e-300)]
+    if determined:
+        return ""
+    if not sure:
+        return f"the focal length is not determined ({_focal_text(focal, sigma)}); take more views, or fix parameters"
+    return f"{', '.join(weak)} cannot be told apart; take views that fill the image, or fix one of them"
+
+
+def _focal_text(focal: Array, sigma: Array) -> str:
+    if not np.isfinite(sigma).all():
+        return "its standard deviation is without bound"
+    return f"{focal[0]:.0f} px with a standard deviation of {sigma[0]:.0f} px"
+
+
+def _is_planar(observations: Observations) -> bool:
+    """Whether all points that were seen lie in one plane."""
+    seen = observations.points.position_mm[np.unique(observations.point)]
+    extent = np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)
+    return bool(extent[-1] < FLAT * extent[0]) if len(extent) == 3 else True
+
+
+def _largest_tilt_deg(observations: Observations, cam_from_target: Array) -> float:
+    """Angle between the plane's normal and the viewing direction, of the most tilted view."""
+    seen = observations.points.position_mm[np.unique(observations.point)]
+    normal = np.linalg.svd(seen - seen.mean(axis=0))[2][2]
+    cosine = np.abs(cam_from_target[:, 2, :3] @ normal)
+    return float(np.rad2deg(np.arccos(np.minimum(cosine, 1.0))).max())
