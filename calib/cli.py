@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-from calib.commands.compare import compare
 from calib.commands.convert import convert
 from calib.commands.detect import detect
 from calib.commands.diff import diff
@@ -35,7 +34,6 @@ TASKS: tuple[tuple[str, tuple[Command, ...]], ...] = (
 for task, functions in TASKS:
     for function in functions:
         command(app, task=task)(function)
-command(study)(compare)
 app.add_typer(study, name="study", rich_help_panel="Study")
 
 

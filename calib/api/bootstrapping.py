@@ -24,11 +24,12 @@ from calib.pipeline.solving import SolvePlan, plan_from_words
 from calib.renderer.quantities import whole
 from calib.studies import pool as pools
 from calib.studies.identity import StudyIdentity, identity_of
-from calib.studies.outputs import STUDY_FILE, study_output
+from calib.studies.outputs import STUDY_FILE
 from calib.studies.paper_table import TARGETS
-from calib.studies.runner import run_cases
-from calib.studies.statistics import Case, CaseSummary, summarise
+from calib.studies.runner import StudyStoppedError, run_cases
+from calib.studies.statistics import Case, CaseSummary
 from calib.studies.store import check_place, open_study, read_study
+from calib.studies.study_table import StudyCases, StudyTable, cases_of, study_table
 from calib.studies.workers import CaseSpec
 from designer.base.errors import InputError
 from designer.base.words import printable
@@ -47,10 +48,17 @@ class BootstrapResult(ShownAsPage):
     In a notebook the result shows its page.
     """
 
-    summaries: tuple[CaseSummary, ...]  # of each size
+    table: StudyTable  # what the samples say
+    cases: StudyCases  # the samples
     sampled: DrawCount
     remarks: tuple[str, ...]  # on the photos, one line each
     study: bytes  # every sample, as `study.sqlite` holds them
+    kind: str = "bootstrap"  # of its page
+
+    @property
+    def summaries(self) -> tuple[CaseSummary, ...]:
+        """The errors of each size."""
+        return self.table.cases
 
     def save(self, folder: Place) -> tuple[Path, ...]:
         """Write every sample, the tables and the figures; return the files.
@@ -58,21 +66,88 @@ class BootstrapResult(ShownAsPage):
         Raises:
             InputError: the folder takes no files, or holds another study.
         """
+        from calib.show.studies.study_files import study_files
+
         place = Path(folder)
         check_folder(place)
         path = place / STUDY_FILE
         if path.exists() and path.read_bytes() != self.study:
             raise InputError(f"{path}: there is another study; choose another folder")
-        write_files({path: self.study})
-        with read_study(path) as study:
-            files = study_output(study, place).files
+        if not path.exists():
+            write_files({path: self.study})
+        files = study_files(self.cases, self.table, place)
         write_files(files)
         return (*files, path)
 
     def _write_all(self, folder: Path) -> tuple[Path, ...]:
         from calib.show.folder import write_folder_page
 
-        return (*self.save(folder), *write_folder_page(folder, "bootstrap", "")[0])
+        return (*self.save(folder), *write_folder_page(folder, self.kind, "")[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Sampling:
+    """Where the samples of a study are kept, and who computes them."""
+
+    path: Path  # of the study's file
+    jobs: int | None  # processes; None: one per core
+    dask: str | None  # address of a cluster's scheduler, which computes the samples instead
+    resume: bool
+    progress: Progress
+
+    def check(self, identity: StudyIdentity) -> None:
+        """Refuse a place or a cluster that cannot be used, before there is much work behind us.
+
+        Raises:
+            InputError: so it is.
+        """
+        check_place(self.path, identity, resume=self.resume)
+        if self.dask is not None:
+            from calib.studies.dask_cluster import check_cluster
+
+            self.progress("asking the cluster", 0, 0)
+            check_cluster(self.dask)
+
+    def run(
+        self, identity: StudyIdentity, groups: Sequence[tuple[Sequence[CaseSpec], int]], chunk: int | None = None
+    ) -> DrawCount:
+        """Compute the samples that are missing.
+
+        Args:
+            identity: what makes it this study.
+            groups: cases, and how many samples are wanted of each of them.
+            chunk: samples that are computed at a time; None: as many as take a moment.
+
+        Raises:
+            StudyStoppedError: interrupted, or no workers are left; what there is, is kept.
+        """
+        total, start = sum(len(specs) * count for specs, count in groups), time.perf_counter()
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        new = before = 0
+        with open_study(self.path, identity, resume=self.resume) as study:
+            for specs, samples in groups:
+                counts: list[int] = []
+                done = before + new
+
+                def tell(count: int, counts: list[int] = counts, done: int = done) -> None:
+                    counts.append(count)
+                    self.progress("sampling", done + count, total)
+
+                try:
+                    run_cases(
+                        specs, study, samples=samples, seed=identity.seed, jobs=self.jobs or os.cpu_count() or 1,
+                        dask=self.dask, on_progress=tell, chunk=chunk,
+                    )  # fmt: skip
+                except StudyStoppedError as error:
+                    raise StudyStoppedError(error.reason, done + error.done, total, by_user=error.by_user) from None
+                before, new = before + counts[0], new + counts[-1] - counts[0]
+        return DrawCount(new, before, time.perf_counter() - start)
+
+    def result(self, sampled: DrawCount, remarks: Sequence[str], kind: str) -> BootstrapResult:
+        """What the samples say that are kept now."""
+        with read_study(self.path) as study:
+            cases, mixed = cases_of(study), study.mixed_programs()
+        return BootstrapResult(study_table(cases), cases, sampled, (*remarks, *mixed), self.path.read_bytes(), kind)
 
 
 def bootstrap(
@@ -133,7 +208,7 @@ def bootstrap(
         raise InputError(f"--model {model}: a study is of one model; give {', '.join(solved_models())}")
     views, count = [whole("--sizes", size, 1, MAX_SIZE) for size in sizes], whole("--samples", samples, 1, MAX_SAMPLES)
     seed = whole("--seed", seed, 0, MAX_SEED)
-    processes = os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, 1024)
+    processes = None if jobs is None else whole("--jobs", jobs, 1, 1024)
     if out is not None:
         check_folder(Path(out))
     if isinstance(observed, str | PathLike):
@@ -149,48 +224,15 @@ def bootstrap(
     identity = _identity(seed, {"model": model, "name": name, **kept}, observations, observed, target, truth)
     with TemporaryDirectory() as aside:
         path = Path(aside if out is None else out) / STUDY_FILE
-        check_place(path, identity, resume=resume)
-        if dask is not None:
-            from calib.studies.dask_cluster import check_cluster
-
-            progress("asking the cluster", 0, 0)
-            check_cluster(dask)
+        sampling = Sampling(path, processes, dask, resume, progress)
+        sampling.check(identity)
         progress("solving all views", 0, 0)
         pool = pools.make_pool(observations, model, plan.options_of(model), known)
         for size in views:
             pools.require_enough(pool, size)
         specs = [CaseSpec(Case(name, size, pool.view_count), pool) for size in views]
-        path.parent.mkdir(parents=True, exist_ok=True)
-        sampled = _sampled(path, identity, specs, count, seed, processes, dask, progress, resume=resume)
-        with read_study(path) as study:
-            found = tuple(
-                summarise(one.case, study.load(one.case.name)) for one in study.cases() if study.done(one.case.name)
-            )
-        return BootstrapResult(found, sampled, (*observations.remarks, *pool.remarks), path.read_bytes())
-
-
-def _sampled(
-    path: Path,
-    identity: StudyIdentity,
-    specs: Sequence[CaseSpec],
-    samples: int,
-    seed: int,
-    jobs: int,
-    dask: str | None,
-    progress: Progress,
-    *,
-    resume: bool,
-) -> DrawCount:
-    """Compute the samples that are missing."""
-    total, counts, start = samples * len(specs), [0], time.perf_counter()
-
-    def tell(done: int) -> None:
-        counts.append(done)
-        progress("sampling", done, total)
-
-    with open_study(path, identity, resume=resume) as study:
-        run_cases(specs, study, samples=samples, seed=seed, jobs=jobs, dask=dask, on_progress=tell)
-    return DrawCount(counts[-1] - counts[1], counts[1], time.perf_counter() - start)
+        sampled = sampling.run(identity, [(specs, count)])
+        return sampling.result(sampled, (*observations.remarks, *pool.remarks), "bootstrap")
 
 
 def _identity(

@@ -2,11 +2,10 @@
 
 import json
 import os
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -24,23 +23,23 @@ from calib.commands.solve import (
     grid_of,
     image_size_of,
 )
-from calib.core.files import check_folder
-from calib.show.screen import progress_bar, progress_bars, quoted, shown, table_console, waiting
-from designer.base.answer import StoppedError, Summary, Value, program
+from calib.show.screen import progress_bars, quoted, waiting
+from calib.show.terminal import say_findings, say_headline, say_line, say_table, say_written
+from designer.base.answer import StoppedError, Summary, Value
+from designer.base.codec import encode
 from designer.base.command import command
 from designer.base.errors import InputError
-from designer.base.words import printable
-from designer.kinds.presets import one_of
+from designer.kinds.presets import camera_templates, one_of
 
 if TYPE_CHECKING:
-    from calib.studies.findings import HeldClaim
-    from calib.studies.paper_study import PaperStudy
-    from calib.studies.store import Study
-    from calib.studies.workers import CaseSpec
+    from calib.api.bootstrapping import BootstrapResult
+    from calib.api.tolerancing import DrawCount
+    from calib.studies.study_table import StudyTable
 
 MAX_SIZE = 100_000
 MAX_SAMPLES = 1_000_000
 MAX_SEED = 2**63 - 1
+MAX_PRINTS, MAX_SETS = 10_000, 1000
 KEPT = "stopped; what is finished is kept: go on with --resume"
 
 app = typer.Typer(
@@ -97,11 +96,9 @@ def bootstrap(
 ) -> Summary:
     """Draw views with replacement, calibrate and measure, thousands of times: errors with their spread."""
     from calib.api.bootstrapping import bootstrap as find_spread
-    from calib.studies.outputs import STUDY_FILE
-    from calib.studies.store import read_study
 
     words = {"image_size": image_size, "grid": grid, "pitch": pitch}
-    with kept_when_stopped(), stopped_in_a_line():
+    with kept_when_stopped():
         with progress_bars() as progress:
             found = find_spread(
                 detections, target, truth=truth, sizes=parse_sizes(sizes), samples=samples, model=model, fix=fix or (),
@@ -110,13 +107,7 @@ def bootstrap(
                 resume=resume, out=out, progress=progress,
                 settings=tuple((name, text) for name, text in words.items() if text is not None),
             )  # fmt: skip
-        for remark in found.remarks:
-            print(printable(remark))
-        done = found.sampled
-        say_sampled(done.new, done.before, done.seconds, jobs or os.cpu_count() or 1, dask)
-        with read_study(out / STUDY_FILE) as study:
-            summary = show(study, out, found.remarks)
-        return say_next(with_page(summary, out, "bootstrap"), out)
+        return _told(found, out, jobs, dask)
 
 
 @command(app)
@@ -133,23 +124,61 @@ def paper(
 
     It takes about half an hour on two cores; photos, detections and samples are kept, so that it can be stopped.
     """
-    from calib.studies import paper_study
-    from calib.studies.outputs import STUDY_FILE
-    from calib.studies.store import check_place, open_study
+    from calib.api.studying import study_paper
 
-    check_folder(out)
-    work = paper_study.quick_study(out, seed) if quick else paper_study.full_study(out, seed)
-    check_place(out / STUDY_FILE, paper_study.settings_of(work), resume=resume)
     with kept_when_stopped():
-        _check_cluster(dask)
-        _photograph_and_search(work, jobs)
-        identity = paper_study.identity(work)
-        with waiting("solving all views of each set"):
-            specs = list(paper_study.cases_of(work))
-        with open_study(out / STUDY_FILE, identity, resume=resume) as study:
-            sample(specs, study, samples=work.samples, seed=seed, jobs=jobs, dask=dask)
-            summary = show(study, out)
-        return say_next(with_page(summary, out, "paper"), out)
+        with progress_bars() as progress:
+            found = study_paper(out, quick=quick, seed=seed, jobs=jobs, dask=dask, resume=resume, progress=progress)
+        return _told(found, out, jobs, dask)
+
+
+@command(app)
+def compare(
+    *,
+    out: OutOption,
+    quick: Annotated[bool, typer.Option("--quick", help="2 prints and 2 sets: which way it goes, in a minute")] = False,
+    prints: Annotated[
+        int, typer.Option(min=1, max=MAX_PRINTS, help="of each object, each with errors of its own")
+    ] = 12,
+    sets: Annotated[int, typer.Option(min=1, max=MAX_SETS, help="of photos of each print")] = 12,
+    virtual_sets: Annotated[
+        int, typer.Option(min=1, max=MAX_SETS, help="of them solved with the virtual camera, which is slow")
+    ] = 1,
+    camera: Annotated[
+        str, typer.Option(help="template or file; it takes the photos", autocompletion=camera_templates)
+    ] = "phase-one-ixg",
+    seed: SeedOption = 1,
+    jobs: JobsOption = None,
+    resume: ResumeOption = False,
+) -> Summary:
+    """Simulate the paper's real-world figure: five made objects, three camera models, 12 sets of photos a print.
+
+    Each print is one draw of the object's errors; errors are measured against the drawing, as the paper had to. Says
+    which errors explain the paper's medians, and whether the virtual camera wins behind a lens no Brown model fits.
+    """
+    from calib.api.studying import compare_objects
+    from calib.show.studies.compare_tables import objects_table
+    from calib.show.studies.compare_words import compare_headline
+    from calib.studies.compare.results import ComparisonTable
+    from calib.studies.outputs import STUDY_FILE
+
+    with kept_when_stopped():
+        with progress_bars() as progress:
+            found = compare_objects(
+                out, camera=camera, prints=prints, sets=sets, virtual_sets=virtual_sets, quick=quick, seed=seed,
+                jobs=jobs, resume=resume, progress=progress,
+            )  # fmt: skip
+        with waiting("drawing"):
+            files = (*found.save(out), out / STUDY_FILE)
+        table = found.results.table
+        say_headline(compare_headline(table))
+        print()
+        say_table(objects_table(table))
+        say_sampled(found.sampled, jobs)
+        say_written(out, files)
+        step = f"calib study compare -o {quoted(out)} --resume --prints {2 * table.plan.prints}   # adds prints"
+        summary = Summary(cast("dict[str, Value]", encode(ComparisonTable, table)), files, (step,))
+        return say_next(with_page(summary, out, "compare"), out)
 
 
 @command(app)
@@ -161,15 +190,65 @@ def plot(
     ] = None,
 ) -> Summary:
     """Make the tables and figures of a study again, of a running one too."""
-    from calib.studies.outputs import STUDY_FILE
-    from calib.studies.store import read_study
+    from calib.api.studying import draw_again
 
-    path = folder / STUDY_FILE if folder.is_dir() else folder
-    place = path.parent if out is None else out
-    check_folder(place)
-    with read_study(path) as study:
-        summary = show(study, place)
-    return say_next(with_page_again(summary, place, ("bootstrap", "paper")), place)
+    with waiting("drawing"):
+        drawn = draw_again(folder, out)
+    _say(drawn.table, drawn.remarks)
+    say_written(drawn.folder, drawn.files)
+    step = f"calib study plot {quoted(drawn.study)} -o {quoted(drawn.folder)}   # draws all again"
+    summary = Summary(_answer(drawn.table), (*drawn.files, drawn.study), (step,), drawn.remarks)
+    return say_next(with_page_again(summary, drawn.folder, ("bootstrap", "paper")), drawn.folder)
+
+
+def _told(found: "BootstrapResult", folder: Path, jobs: int | None, dask: str | None) -> Summary:
+    """Write the tables and figures, and say what they say."""
+    with waiting("drawing"):
+        files = found.save(folder)
+    _say(found.table, found.remarks)
+    say_sampled(found.sampled, jobs, dask)
+    say_written(folder, files)
+    step = f"calib study plot {quoted(files[-1])} -o {quoted(folder)}   # draws all again"
+    summary = Summary(_answer(found.table), files, (step,), found.remarks)
+    return say_next(with_page(summary, folder, found.kind), folder)
+
+
+def _say(table: "StudyTable", remarks: tuple[str, ...]) -> None:
+    """The answer, its tables, and what is to be known of them."""
+    from calib.show.studies.study_page import study_headline, study_tables
+    from calib.show.studies.study_words import not_converged
+
+    say_headline(study_headline(table))
+    print()
+    for one in study_tables(table):
+        say_table(one)
+    say_findings(finding for one in table.cases if (finding := not_converged(one)) is not None)
+    for remark in remarks:
+        say_line("note", remark)
+
+
+def _answer(table: "StudyTable") -> Mapping[str, Value]:
+    from calib.studies.study_table import StudyTable
+
+    return cast("dict[str, Value]", encode(StudyTable, table))
+
+
+def table_answer(table: bytes) -> dict[str, Value]:
+    """What a study's table.json holds, which is made for programs."""
+    document: dict[str, Value] = json.loads(table)
+    return {key: value for key, value in document.items() if key not in ("format", "version")}
+
+
+def say_sampled(sampled: "DrawCount", jobs: int | None, dask: str | None = None) -> None:
+    """Say how many samples were computed, and how fast."""
+    from calib.core.number_text import figure
+
+    count = jobs or os.cpu_count() or 1
+    by = f"{count} process{'es' if count > 1 else ''}" if dask is None else f"the cluster at {dask}"
+    there = f", {sampled.before} were there" if sampled.before else ""
+    if sampled.new:
+        rate = figure(sampled.new / sampled.seconds, 3)
+        say_line("sampled", f"{sampled.new} samples in {sampled.seconds:.1f} s, {rate} a second by {by}{there}")
 
 
 def parse_sizes(text: str) -> tuple[int, ...]:
@@ -192,150 +271,16 @@ def parse_sizes(text: str) -> tuple[int, ...]:
     return tuple(sizes)
 
 
-def sample(
-    specs: "Sequence[CaseSpec]", study: "Study", *, samples: int, seed: int, jobs: int | None, dask: str | None
-) -> None:
-    """Compute the samples that are missing, and say how long it took."""
-    from calib.studies.runner import run_cases
-
-    total, counts = samples * len(specs), [0]
-    processes = jobs or os.cpu_count() or 1
-    start = time.perf_counter()
-    with stopped_in_a_line(), progress_bar("sampling", total, rate=True) as bar:
-        run_cases(specs, study, samples=samples, seed=seed, jobs=processes, dask=dask, on_progress=_told(counts, bar))
-    say_sampled(counts[-1] - counts[1], counts[1], time.perf_counter() - start, processes, dask)
-
-
-def say_sampled(new: int, before: int, seconds: float, processes: int, dask: str | None) -> None:
-    """Say how many samples were computed, and how fast."""
-    from calib.core.number_text import figure
-
-    by = f"{processes} process{'es' if processes > 1 else ''}" if dask is None else f"the cluster at {dask}"
-    there = f", {before} were there" if before else ""
-    if new:
-        print(f"{new} samples in {seconds:.1f} s, {figure(new / seconds, 3)} a second by {printable(by)}{there}")
-
-
-def _told(counts: list[int], bar: Callable[[float], None]) -> Callable[[int], None]:
-    """Note progress, and show it."""
-
-    def tell(done: int) -> None:
-        counts.append(done)
-        bar(done)
-
-    return tell
-
-
-def show(study: "Study", folder: Path, remarks: Sequence[str] = ()) -> Summary:
-    """Write tables and figures, print the tables and what they say.
-
-    Args:
-        study: finished or not.
-        folder: for the files.
-        remarks: on the photos, said already.
-    """
-    from calib.core.files import write_files
-    from calib.show.studies.study_words import OWN
-    from calib.studies.outputs import FIGURES_FOLDER, study_output
-    from calib.studies.table import notes, screen_tables
-    from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
-
-    with waiting("drawing"):
-        output = study_output(study, folder)
-        write_files(output.files)
-    console = table_console()
-    for table in screen_tables(output.summaries):
-        console.print(table)
-        print()
-    for line in notes(output.summaries):
-        print(f"- {printable(line)}")
-    if output.findings:
-        print()
-        _say_findings(output.findings)
-        for line in output.reasons:
-            print(f"- {printable(line.removeprefix(OWN))}")
-    mixed = tuple(_mixed_programs(study))
-    for line in mixed:
-        print(f"- {line}")
-    pictures = [path for path in output.files if path.suffix == ".png"]
-    print(f"\nwrote {shown(folder / MARKDOWN_FILE)}, {CSV_FILE}, {JSON_FILE}: the tables")
-    print(f"      {shown(folder / FIGURES_FOLDER)}: {', '.join(path.name for path in pictures)}, as PDF and SVG too")
-    print(f"      {shown(study.path)}: every sample")
-    step = f"calib study plot {quoted(study.path)} -o {quoted(folder)}   # draws all again"
-    answer = table_answer(output.files[folder / JSON_FILE])
-    return Summary(answer, (*output.files, study.path), (step,), (*remarks, *mixed))
-
-
-def _say_findings(found: "Sequence[HeldClaim]") -> None:
-    """What holds of the paper's findings; of a person's own photos only how sigma falls, which is no claim."""
-    from calib.show.studies.study_words import fall_in_words
-    from calib.studies.table import finding_in_words, findings_table
-
-    if not any(one.ratios for one in found):
-        falls = {(fall.target, fall.metric): fall for one in found for fall in one.falls}
-        for fall in falls.values():
-            print(f"- {printable(fall.target)}, {fall.metric} error: {fall_in_words(fall.exponent, fall.error)}")
-        return
-    table_console().print(findings_table(found))
-    for one in found:
-        if one.verdict != "holds":
-            print(f"- {printable(finding_in_words(one))}")
-
-
-def table_answer(table: bytes) -> dict[str, Value]:
-    """What a study's table.json holds, which is made for programs."""
-    document: dict[str, Value] = json.loads(table)
-    return {key: value for key, value in document.items() if key not in ("format", "version")}
-
-
-def _mixed_programs(study: "Study") -> Iterator[str]:
-    """Programs of which several versions computed the samples."""
-    programs = [name for name, _ in study.programs()]
-    for name in sorted({name for name in programs if programs.count(name) > 1}):
-        versions = ", ".join(version for other, version in study.programs() if other == name)
-        yield f"the samples were computed by several versions of {printable(name)}: {printable(versions)}"
-
-
-def _photograph_and_search(work: "PaperStudy", jobs: int | None) -> None:
-    """Targets, photos and detections, as far as they are not there."""
-    from calib.core.files import write_files
-    from calib.studies import paper_study
-
-    processes = jobs or os.cpu_count() or 1
-    write_files(paper_study.missing_targets(work))
-    with progress_bar("rendering", work.photo_count) as tell:
-        paper_study.make_photos(work, jobs=processes, tell=tell)
-    with progress_bar("searching", work.photo_count) as tell:
-        paper_study.make_detections(work, detector=program(), jobs=processes, tell=tell)
-    print(f"{shown(work.folder / 'photos')}: {work.photo_count} photos in {len(work.sets)} sets, detected")
-
-
-def _check_cluster(dask: str | None) -> None:
-    """Refuse a cluster that cannot be used before there is much work behind us."""
-    if dask is not None:
-        from calib.studies.dask_cluster import check_cluster
-
-        with waiting("asking the cluster"):
-            check_cluster(dask)
-
-
 @contextmanager
-def stopped_in_a_line() -> Iterator[None]:
-    """Say in one line that a run was stopped, and how to go on."""
+def kept_when_stopped() -> Iterator[None]:
+    """Say in one line that a run was stopped, and how to go on: what is finished stays."""
     from calib.studies.runner import StudyStoppedError
 
     try:
         yield
+    except KeyboardInterrupt:
+        raise StoppedError(KEPT) from None
     except StudyStoppedError as error:
         if not error.by_user:
             raise InputError(str(error)) from None
         raise StoppedError(str(error), Summary({"samples": error.done, "asked": error.total})) from None
-
-
-@contextmanager
-def kept_when_stopped() -> Iterator[None]:
-    """Say after Ctrl-C that what is finished stays."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise StoppedError(KEPT) from None

@@ -10,7 +10,7 @@ from calib.cameras import DEFAULT, fitted_models
 from calib.commands.camera_argument import read_camera
 from calib.commands.figure_formats import FiguresOption, figure_formats
 from calib.commands.folder_page import say_next, with_page
-from calib.commands.study import kept_when_stopped, stopped_in_a_line, table_answer
+from calib.commands.study import kept_when_stopped, table_answer
 from calib.commands.tolerance_screen import say_files, say_report
 from calib.show.screen import progress_bars, quoted, waiting
 from designer.base.answer import Summary
@@ -87,7 +87,7 @@ def tolerance(
     formats = figure_formats(figures)
     far = None if against_distance is None else length("--against-distance", against_distance, *DISTANCES_MM)
     read_camera(camera)
-    with nullcontext() if linear else kept_when_stopped(), stopped_in_a_line():
+    with nullcontext() if linear else kept_when_stopped():
         with progress_bars() as progress:
             found = find_tolerance(
                 target, errors, changes=changes or (), views=views,

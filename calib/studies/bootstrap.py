@@ -7,11 +7,10 @@ from numpy.typing import NDArray
 
 from calib.core.threads import one_thread
 from calib.solver.accuracy import NO_FIT
-from calib.studies.draw import draw_counts
 from calib.studies.from_scratch import solve_from_scratch
 from calib.studies.near import find_near
 from calib.studies.pool import Pool
-from calib.studies.sample import SampleResult
+from calib.studies.sample import SampleResult, draw_counts
 from calib.studies.sample_metrics import Sample, sample_errors
 
 

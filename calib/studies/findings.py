@@ -3,13 +3,14 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
 
 from calib.studies.paper_table import BOARD, ICOSAHEDRON, TARGETS, paper_value
-from calib.studies.statistics import METRICS, Case, CaseSummary, Distribution, Over
+from calib.studies.statistics import METRICS, Case, CaseSummary, Distribution, Over, Setting
+from designer.base.marks import Count, Gap, Length, Line, Word
 from designer.base.words import printable
 
 SIGNIFICANT = 2.0
@@ -57,87 +58,66 @@ CLAIMS = (
 
 @dataclass(frozen=True)
 class Ratio:
-    """A statistic of the target that the paper finds lower, over that of the other."""
+    """A statistic of the target that the paper finds lower, over that of the other, at a number of views."""
 
-    size: int
-    value: float
-    deviation: float  # of its logarithm from 0, in standard errors: of the samples drawn and of the set of views
-    paper: float  # nan if it has no such case
+    size: Count
+    ratio: Gap
+    standard_errors: Gap  # of its logarithm from 0: of the samples drawn and of the set of views
+    paper: Gap  # nan if it has no such case
 
 
 @dataclass(frozen=True)
 class Fall:
     """The exponent `a` in `sigma = c N^a`, fitted to several sizes."""
 
-    target: str
-    metric: str
-    exponent: float
-    error: float  # standard error, by the number of samples
+    metric: Word
+    exponent: Gap
+    error: Gap  # standard error, by the number of samples
     is_monotone: bool  # every larger size has the lower sigma
-    paper: float  # nan if it has no such cases
+    paper: Gap  # nan if it has no such cases
 
 
 @dataclass(frozen=True)
 class HeldClaim:
     """A claim held against the cases of one way of sampling and counting."""
 
-    claim: str
-    sampling: str
-    sightings: str
+    claim: Line
+    about: Literal["comparison", "fall", "root"]  # of two targets; of sigma with N, and as 1/sqrt(N), of one
+    metric: Word  # that is compared; "" for all
+    statistic: Word  # that is compared, or that falls
+    target: Word  # that has the lower value, or whose sigma falls
+    sampling: Word
+    sightings: Word
     verdict: Verdict  # over all samples that have the error
-    of_converged: Verdict  # over converged samples
-    evidence: str  # the numbers, in one line
-    ratios: tuple[Ratio, ...] = ()
-    falls: tuple[Fall, ...] = ()
-    elsewhere: str = ""  # where else it holds, if not here: what it depends on
+    verdict_of_converged: Verdict  # over converged samples
+    ratios: Annotated[tuple[Ratio, ...], Length(0, 100)] = ()
+    exponents: Annotated[tuple[Fall, ...], Length(0, 100)] = ()
 
     @property
-    def numbers(self) -> str:
-        """The ratios from the smallest size up, or the exponents metric by metric."""
-        return ", ".join([f"{one.value:.2f}" for one in self.ratios] + [f"{one.exponent:.2f}" for one in self.falls])
-
-    @property
-    def sentence(self) -> str:
-        """All of it in one line."""
-        converged = "" if self.of_converged == self.verdict else f"; over converged samples alone: {self.of_converged}"
-        elsewhere = f"; {self.elsewhere}" if self.elsewhere else ""
-        return f"{self.claim}: {self.verdict} ({self.evidence}{converged}{elsewhere})"
+    def setting(self) -> Setting:
+        """The way of sampling and counting."""
+        return self.sampling, self.sightings
 
 
 def findings(summaries: Sequence[CaseSummary]) -> tuple[HeldClaim, ...]:
     """All claims in all ways of sampling and counting, claim by claim; those of two targets need both."""
     found: list[HeldClaim] = []
     targets = tuple(dict.fromkeys(one.case.target for one in summaries))
+    ways = tuple(dict.fromkeys(one.case.setting for one in summaries))
     for claim in CLAIMS if set(targets) >= set(TARGETS) else ():
-        found += [_compare(claim, *setting, _of(summaries, setting)) for setting in settings(summaries)]
+        found += [_compare(claim, way, _of(summaries, way)) for way in ways]
     for is_root in (False, True):
         for target in targets:
-            for setting in settings(summaries):
-                cases = [one for one in _of(summaries, setting) if one.case.target == target]
+            for way in ways:
+                cases = [one for one in _of(summaries, way) if one.case.target == target]
                 if len(cases) > 1:
-                    found.append(_fall_of_target(target, *setting, cases, is_root=is_root))
-    return tuple(replace(one, elsewhere=_elsewhere(one, found)) for one in found)
+                    found.append(_fall_of_target(target, way, cases, is_root=is_root))
+    return tuple(found)
 
 
-def _elsewhere(one: HeldClaim, found: Sequence[HeldClaim]) -> str:
-    """Where a claim holds that does not hold here, only the sampling or only the sightings being others."""
-    if one.verdict == "holds":
-        return ""
-    holding = [other for other in found if other.claim == one.claim and other.verdict == "holds"]
-    places = [f"with {printable(other.sampling)} sampling" for other in holding if other.sightings == one.sightings]
-    places += [f"over {printable(other.sightings)}" for other in holding if other.sampling == one.sampling]
-    return f"it holds {' and '.join(places)}, all else equal" if places else ""
-
-
-def settings(summaries: Sequence[CaseSummary]) -> tuple[tuple[str, str], ...]:
-    """The ways of sampling and counting, in the order of the cases."""
-    return tuple(dict.fromkeys((one.case.sampling, one.case.sightings) for one in summaries))
-
-
-def _of(summaries: Sequence[CaseSummary], setting: tuple[str, str]) -> list[CaseSummary]:
+def _of(summaries: Sequence[CaseSummary], setting: Setting) -> list[CaseSummary]:
     """The cases of one way of sampling and counting, the smallest size first."""
-    chosen = [one for one in summaries if (one.case.sampling, one.case.sightings) == setting]
-    return sorted(chosen, key=lambda one: one.case.size)
+    return sorted((one for one in summaries if one.case.setting == setting), key=lambda one: one.case.size)
 
 
 def relative_error(case: Case, found: Distribution, statistic: Statistic) -> float:
@@ -155,11 +135,12 @@ def relative_error(case: Case, found: Distribution, statistic: Statistic) -> flo
     return math.hypot(found.sigma_error, found.sigma / math.sqrt(2 * max(case.pool - 1, 1))) / value
 
 
-def _compare(claim: Claim, sampling: str, sightings: str, cases: Sequence[CaseSummary]) -> HeldClaim:
+def _compare(claim: Claim, setting: Setting, cases: Sequence[CaseSummary]) -> HeldClaim:
     ratios = _ratios(claim, cases, "all")
-    verdict, of_converged = _verdict(ratios), _verdict(_ratios(claim, cases, "converged"))
-    evidence = _ratios_in_words(claim, ratios) if ratios else "not defined in these cases"
-    return HeldClaim(claim.text, sampling, sightings, verdict, of_converged, evidence, ratios=ratios)
+    return HeldClaim(
+        claim.text, "comparison", claim.metric, claim.statistic, claim.lower, *setting, _verdict(ratios),
+        _verdict(_ratios(claim, cases, "converged")), ratios=ratios,
+    )  # fmt: skip
 
 
 def _ratios(claim: Claim, cases: Sequence[CaseSummary], over: Over) -> tuple[Ratio, ...]:
@@ -197,36 +178,20 @@ def _verdict(ratios: Sequence[Ratio]) -> Verdict:
     """Of ratios that the claim says are below 1."""
     if not ratios:
         return "no data"
-    below = [one.deviation <= -SIGNIFICANT for one in ratios]
-    above = [one.deviation >= SIGNIFICANT for one in ratios]
+    below = [one.standard_errors <= -SIGNIFICANT for one in ratios]
+    above = [one.standard_errors >= SIGNIFICANT for one in ratios]
     if any(below):
         return "holds" if all(below) else "holds in part"
     return "does not hold" if any(above) else "not decided"
 
 
-def _ratios_in_words(claim: Claim, ratios: Sequence[Ratio]) -> str:
-    parts = []
-    for one in ratios:
-        side = "below" if one.deviation < 0 else "above"
-        paper = "" if math.isnan(one.paper) else f"; paper {one.paper:.2f}"
-        parts.append(f"N = {one.size}: {one.value:.2f}, {abs(one.deviation):.1f} standard errors {side} 1{paper}")
-    return f"{claim.statistic} of the {claim.lower} / {claim.higher}: {' | '.join(parts)}"
-
-
-def _fall_of_target(
-    target: str, sampling: str, sightings: str, cases: Sequence[CaseSummary], *, is_root: bool
-) -> HeldClaim:
+def _fall_of_target(target: str, setting: Setting, cases: Sequence[CaseSummary], *, is_root: bool) -> HeldClaim:
     """Whether sigma falls with the number of views, or as the root of it, for all metrics of a target."""
-    claim = f"sigma falls {'about as 1/sqrt(N)' if is_root else 'with N'} for the {printable(target)}"
     falls, of_converged = _falls(target, cases, "all"), _falls(target, cases, "converged")
-    parts = []
-    for one in falls:
-        paper = "" if math.isnan(one.paper) else f", paper {one.paper:.2f}"
-        parts.append(f"{one.metric} N^({one.exponent:.2f} +- {one.error:.2f}{paper})")
     return HeldClaim(
-        claim, sampling, sightings, _verdict_of_falls(falls, is_root=is_root),
-        _verdict_of_falls(of_converged, is_root=is_root), "; ".join(parts) or "not defined in these cases",
-        falls=falls,
+        f"sigma falls {'about as 1/sqrt(N)' if is_root else 'with N'} for the {printable(target)}",
+        "root" if is_root else "fall", "", "sigma", target, *setting, _verdict_of_falls(falls, is_root=is_root),
+        _verdict_of_falls(of_converged, is_root=is_root), exponents=falls,
     )  # fmt: skip
 
 
@@ -257,7 +222,7 @@ def _fall(target: str, metric: str, cases: Sequence[CaseSummary], over: Over) ->
     paper = math.nan
     if len(known) == len(sizes):
         paper, _ = _exponent(sizes, [sigma for _, sigma in known], [1.0] * len(sizes))
-    return Fall(target, metric, exponent, error, is_monotone, paper)
+    return Fall(metric, exponent, error, is_monotone, paper)
 
 
 def _exponent(sizes: Sequence[int], sigmas: Sequence[float], errors: Sequence[float]) -> tuple[float, float]:
@@ -280,34 +245,3 @@ def _verdict_of_root(fall: Fall) -> Verdict:
     if off <= ABOUT:
         return "holds" if margin < -ROOT else "not decided"
     return "does not hold" if off > ABOUT + margin else "not decided"
-
-
-@dataclass(frozen=True)
-class PaperFactor:
-    """A statistic of ours over the paper's."""
-
-    case: Case
-    metric: str
-    statistic: Statistic
-    ours: float  # in the paper's unit
-    paper: float
-    value: float  # ours / paper; nan if ours is not defined
-
-
-def against_paper(summaries: Sequence[CaseSummary]) -> tuple[PaperFactor, ...]:
-    """Every mean and standard deviation that the paper has too."""
-    factors = []
-    for one in summaries:
-        for metric in METRICS:
-            paper = paper_value(one.case.target, metric.name, one.case.size)
-            if paper is None:
-                continue
-            found = one.of(metric.name)
-            pairs: tuple[tuple[Statistic, float, float], ...] = (
-                ("mu", found.mu, paper.mu),
-                ("sigma", found.sigma, paper.sigma),
-            )
-            for statistic, ours, theirs in pairs:
-                scaled = metric.in_paper_units(ours)
-                factors.append(PaperFactor(one.case, metric.name, statistic, scaled, theirs, scaled / theirs))
-    return tuple(factors)

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.studies.draw import draw_counts
-from calib.studies.sample import SampleResult
+from calib.studies.sample import SampleResult, draw_counts
 from calib.studies.store import Study
 from calib.studies.stored_samples import StoredCase
 from calib.studies.workers import (
@@ -37,7 +36,7 @@ class StudyStoppedError(Exception):
 
     def __init__(self, reason: str, done: int, total: int, *, by_user: bool) -> None:
         super().__init__(f"{reason} after {done} of {total} samples, which are kept; go on with --resume")
-        self.done, self.total, self.by_user = done, total, by_user
+        self.reason, self.done, self.total, self.by_user = reason, done, total, by_user
 
 
 def run_cases(

@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.studies.paper_table import PaperValue, paper_value
 from calib.studies.sample import SampleStatus
+from designer.base.marks import INLINE, Count, Gap, Length, Word
 
 Array = NDArray[np.float64]
 
@@ -53,16 +55,29 @@ METRICS = (
 )
 """In the order of the paper's table."""
 
+Setting = tuple[str, str]
+"""A way of sampling, and of counting observations."""
+
 
 @dataclass(frozen=True)
 class Case:
-    """What is sampled: a target's photos, which sightings of them count, and how many views a sample has."""
+    """What is sampled: a target's photos, which observations of them count, and how many views a sample has."""
 
-    target: str
-    size: int  # views drawn for a sample
-    pool: int  # views they are drawn from
-    sampling: str = ""  # of rendered photos, "binary" or "area"
-    sightings: str = ""  # which count, such as "all"
+    target: Word
+    size: Count  # views drawn for a sample
+    pool: Count  # views they are drawn from
+    sampling: Word = ""  # of rendered photos, "binary" or "area"
+    sightings: Word = ""  # which observations count, such as "all"
+
+    @property
+    def setting(self) -> Setting:
+        """The way of sampling and counting."""
+        return self.sampling, self.sightings
+
+    @property
+    def pool_key(self) -> tuple[str, str, str]:
+        """What tells the views that samples are drawn from, whatever their number."""
+        return self.target, self.sampling, self.sightings
 
     @property
     def name(self) -> str:
@@ -97,44 +112,63 @@ Shape = Literal[
 
 @dataclass(frozen=True)
 class Distribution:
-    """One metric in the samples of a case; nan where it is not defined."""
+    """One error in the samples of a case, and the paper's; nan where it is not defined."""
 
-    metric: Metric
-    count: int  # samples in it
-    without: int  # samples that have no such error
-    mu: float = math.nan
-    sigma: float = math.nan  # of the unbiased variance
-    mu_error: float = math.nan  # standard error of `mu` by the number of samples
-    sigma_error: float = math.nan
-    fit: tuple[float, float] = (math.nan, math.nan)  # 95 % of the fitted Gaussian
-    percentiles: tuple[float, float] = (math.nan, math.nan)  # 95 % of the samples
-    skewness: float = math.nan
-    excess_kurtosis: float = math.nan
-    p_value: float = math.nan  # of a Gaussian, by D'Agostino and Pearson
+    over: Over
+    metric: Word
+    unit: Word
+    count: Count  # samples in it
+    without: Count  # samples that have no such error
     shape: Shape = "too few"
+    mu: Gap = math.nan
+    mu_error: Gap = math.nan  # standard error of `mu` by the number of samples
+    sigma: Gap = math.nan  # of the unbiased variance
+    sigma_error: Gap = math.nan
+    fit_low: Gap = math.nan  # 95 % of the fitted Gaussian
+    fit_high: Gap = math.nan
+    percentile_low: Gap = math.nan  # 95 % of the samples
+    percentile_high: Gap = math.nan
+    skewness: Gap = math.nan
+    excess_kurtosis: Gap = math.nan
+    p_value: Gap = math.nan  # of a Gaussian, by D'Agostino and Pearson
+    paper_mu: Gap = math.nan  # in the same unit
+    paper_sigma: Gap = math.nan
+    paper_low: Gap = math.nan
+    paper_high: Gap = math.nan
+    mu_by_paper: Gap = math.nan  # ours over the paper's
+    sigma_by_paper: Gap = math.nan
+
+    @property
+    def has_paper(self) -> bool:
+        """Whether the paper has this case."""
+        return math.isfinite(self.paper_mu)
 
 
 @dataclass(frozen=True)
 class CaseSummary:
     """All that is said of the samples of a case."""
 
-    case: Case
-    statuses: tuple[tuple[SampleStatus, int], ...]  # how many samples ended how, zeros included
-    all: tuple[Distribution, ...]  # of METRICS, over every sample that has the error
-    converged: tuple[Distribution, ...]  # over converged samples
+    case: Annotated[Case, INLINE]
+    samples: Count  # of any status
+    converged: Count
+    stopped: Count
+    degenerate: Count
+    failed: Count
+    metrics: Annotated[tuple[Distribution, ...], Length(0, 16)]  # of METRICS, over all and over converged samples
 
     @property
-    def samples(self) -> int:
-        """How many samples, of any status."""
-        return sum(count for _, count in self.statuses)
+    def statuses(self) -> tuple[tuple[SampleStatus, int], ...]:
+        """How many samples ended how, zeros included."""
+        return tuple(zip(STATUSES, (self.converged, self.stopped, self.degenerate, self.failed), strict=True))
 
-    def counted(self, status: SampleStatus) -> int:
-        """How many samples ended so."""
-        return dict(self.statuses)[status]
+    def every(self, over: Over = "all") -> tuple[Distribution, ...]:
+        """The distributions over all samples, or over converged ones."""
+        return tuple(one for one in self.metrics if one.over == over)
 
     def of(self, metric: str, over: Over = "all") -> Distribution:
-        """The distribution of a metric."""
-        return next(one for one in (self.all if over == "all" else self.converged) if one.metric.name == metric)
+        """The distribution of an error; an empty one if there is none."""
+        found = (one for one in self.metrics if (one.metric, one.over) == (metric, over))
+        return next(found, Distribution(over, metric, "", 0, self.samples))
 
 
 STATUSES: tuple[SampleStatus, ...] = ("converged", "stopped", "degenerate", "failed")
@@ -152,14 +186,19 @@ def summarise(case: Case, samples: SampleArrays) -> CaseSummary:
     if unknown:
         # Else the counts would not add up to the samples.
         raise ValueError(f"samples of unknown status: {', '.join(sorted(unknown))}")
-    statuses = tuple((name, int((status == name).sum())) for name in STATUSES)
-    is_converged = status == "converged"
-    every = tuple(distribution(metric, samples.metrics[:, metric.column]) for metric in METRICS)
-    good = tuple(distribution(metric, samples.metrics[is_converged, metric.column]) for metric in METRICS)
-    return CaseSummary(case, statuses, every, good)
+    chosen: tuple[tuple[Over, Array], ...] = (
+        ("all", samples.metrics), ("converged", samples.metrics[status == "converged"]),
+    )  # fmt: skip
+    found = tuple(
+        distribution(metric, values[:, metric.column], over, paper_value(case.target, metric.name, case.size))
+        for over, values in chosen
+        for metric in METRICS
+    )
+    converged, stopped, degenerate, failed = (int((status == name).sum()) for name in STATUSES)
+    return CaseSummary(case, len(status), converged, stopped, degenerate, failed, found)
 
 
-def distribution(metric: Metric, values: Array) -> Distribution:
+def distribution(metric: Metric, values: Array, over: Over = "all", paper: PaperValue | None = None) -> Distribution:
     """The Gaussian fitted to values, and how well that describes them.
 
     The standard error of `sigma` is that of any distribution with four moments: the variance of the sample variance
@@ -168,29 +207,48 @@ def distribution(metric: Metric, values: Array) -> Distribution:
     Args:
         metric: what they are.
         values: (S,) nan where a sample has none.
+        over: which samples they are of.
+        paper: what the paper has.
     """
     known = values[np.isfinite(values)]
-    count, without = len(known), len(values) - len(known)
+    count = len(known)
+    empty = Distribution(over, metric.name, metric.unit, count, len(values) - count)
+    if paper is not None:
+        unit = 10.0**metric.power
+        empty = replace(
+            empty, paper_mu=paper.mu * unit, paper_sigma=paper.sigma * unit, paper_low=paper.low * unit,
+            paper_high=paper.high * unit,
+        )  # fmt: skip
     if count < 2:
-        return Distribution(metric, count, without, *known.tolist())
+        return _beside_paper(replace(empty, mu=float(known[0])) if count else empty)
     # In units of the largest, so that the wild error of a degenerate sample has finite powers.
-    unit = float(np.abs(known).max()) or 1.0
-    scaled = known / unit
+    largest = float(np.abs(known).max()) or 1.0
+    scaled = known / largest
     mean, spread = float(scaled.mean()), float(scaled.std(ddof=1))
-    mu, sigma = mean * unit, spread * unit
+    mu, sigma = mean * largest, spread * largest
     low, high = np.percentile(known, [50 * (1 - SHARE), 50 * (1 + SHARE)]).tolist()
+    found = replace(empty, mu=mu, percentile_low=low, percentile_high=high)
     if spread <= NO_SPREAD * abs(mean):
-        return Distribution(metric, count, without, mu, 0.0, 0.0, 0.0, (mu, mu), (low, high), shape="constant")
+        return _beside_paper(replace(
+            found, mu_error=0.0, sigma=0.0, sigma_error=0.0, fit_low=mu, fit_high=mu, shape="constant"
+        ))  # fmt: skip
     standard = (scaled - mean) / spread
     fourth = float((standard**4).mean())
     skewness = float((standard**3).mean()) * (count / (count - 1)) ** 1.5
     kurtosis = fourth * (count / (count - 1)) ** 2 - 3.0
     relative = math.sqrt(max(fourth - (count - 3) / (count - 1), 0.0) / count) / 2
     p_value = _p_of_gaussian(standard)
-    return Distribution(
-        metric, count, without, mu, sigma, sigma / math.sqrt(count), sigma * relative,
-        (mu - HALF_WIDTH * sigma, mu + HALF_WIDTH * sigma), (low, high), skewness, kurtosis, p_value,
-        _shape(p_value, skewness, kurtosis),
+    return _beside_paper(replace(
+        found, mu_error=sigma / math.sqrt(count), sigma=sigma, sigma_error=sigma * relative,
+        fit_low=mu - HALF_WIDTH * sigma, fit_high=mu + HALF_WIDTH * sigma, skewness=skewness, excess_kurtosis=kurtosis,
+        p_value=p_value, shape=_shape(p_value, skewness, kurtosis),
+    ))  # fmt: skip
+
+
+def _beside_paper(found: Distribution) -> Distribution:
+    """With its factors over the paper's."""
+    return replace(
+        found, mu_by_paper=found.mu / found.paper_mu, sigma_by_paper=found.sigma / found.paper_sigma
     )  # fmt: skip
 
 

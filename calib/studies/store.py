@@ -13,6 +13,7 @@ from calib.studies.identity import StudyIdentity, program_versions
 from calib.studies.sample import SampleResult
 from calib.studies.stored_samples import Samples, StoredCase, case_from_row, row_of, row_of_case, samples_from_rows
 from designer.base.errors import InputError
+from designer.base.words import printable
 
 APPLICATION_ID = 0x52465354
 """In the header of the file: "RFST"."""
@@ -142,6 +143,17 @@ class Study:
         with _one_line(self.path):
             rows = self.connection.execute("SELECT name, version FROM program ORDER BY name, version")
             return tuple((str(name), str(version)) for name, version in _few(self.path, rows, "programs"))
+
+    def mixed_programs(self) -> tuple[str, ...]:
+        """A line for each program of which several versions computed the samples."""
+        found: dict[str, list[str]] = {}
+        for name, version in self.programs():
+            found.setdefault(name, []).append(version)
+        return tuple(
+            printable(f"the samples were computed by several versions of {name}: {', '.join(versions)}")
+            for name, versions in found.items()
+            if len(versions) > 1
+        )
 
     def _case(self, name: str) -> StoredCase:
         record = {one.case.name: one for one in self.cases()}.get(name)

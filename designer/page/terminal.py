@@ -98,10 +98,12 @@ def say_table(table: Table) -> None:
     from rich.table import Table as Grid
     from rich.text import Text
 
-    grid = Grid(title=printable(table.title) or None, title_justify="left", box=None, padding=(0, 2, 0, 0))
+    title = Text(printable(table.title)) if table.title else None
+    grid = Grid(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
     filled = [at for at in range(len(table.columns)) if any(row[at].text for row in table.rows)]
     for column in (table.columns[at] for at in filled):
-        grid.add_column(printable(column.title), justify="right" if column.is_number else "left", overflow="fold")
+        side = "right" if column.is_number else "left"
+        grid.add_column(Text(printable(column.title)), justify=side, overflow="fold")
     for row in table.rows:
         cells = (row[at] for at in filled)
         grid.add_row(*(Text(printable(cell.text), MARKS[cell.level][1] if cell.level else "") for cell in cells))

@@ -31,9 +31,9 @@ from calib.solver.problem import pack  # noqa: E402
 from calib.solver.schur import damped_step  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
 from calib.studies.bootstrap import run_chunk, run_sample  # noqa: E402
-from calib.studies.draw import draw_counts  # noqa: E402
 from calib.studies.from_scratch import expanded  # noqa: E402
 from calib.studies.pool import Pool, make_pool  # noqa: E402
+from calib.studies.sample import draw_counts  # noqa: E402
 from tests.benchmarks.synthetic import row  # noqa: E402
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around  # noqa: E402
 

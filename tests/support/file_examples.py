@@ -22,15 +22,11 @@ from calib.show.parts.origin import Origin
 from calib.show.photos.photos_file import ToldPhoto, ToldPhotos, ToldSection
 from calib.solver.calibration import ImageField
 from calib.solver.options import SolveOptions
-from calib.studies.compare.comparison_file import AloneRow, CaseRow, ComparisonFile, ComparisonPlan
-from calib.studies.study_table_file import (
-    StudyCase,
-    StudyExponent,
-    StudyFinding,
-    StudyMetric,
-    StudyRatio,
-    StudyTable,
-)  # fmt: skip
+from calib.studies.compare.cases import Plan
+from calib.studies.compare.results import CaseRow, ComparisonTable, Explanation
+from calib.studies.findings import Fall, HeldClaim, Ratio
+from calib.studies.statistics import Case, CaseSummary, Distribution
+from calib.studies.study_table import CameraSpread, SpreadParameter, StrongestTie, StudyTable
 from calib.studies.tolerance.table_file import (
     AllowedRow,
     BudgetRow,
@@ -105,19 +101,22 @@ def _metrics() -> Metrics:
 
 
 def _study() -> StudyTable:
-    numbers = (1 / 3, None, 1e-9)
-    metric = StudyMetric("all", "pose", "mm", 20, 1, "normal", *numbers, *[0.5] * 14)
-    case = StudyCase("ico", "area", "all", 10, 100, 21, 20, 1, 0, 0, (metric,))
-    ratios, exponents = (StudyRatio(10, *numbers),), (StudyExponent("pose", -0.5, None, -0.48),)
-    finding = StudyFinding("it holds", "area", "all", "holds", "holds", "", "as seen", ratios, exponents)
-    return StudyTable((case,), ("a note",), (finding,), ())
+    gap = math.nan
+    found = Distribution("all", "pose", "mm", 20, 1, "normal", 1 / 3, gap, 1e-9, *[0.5] * 14)
+    case = Case("ico", 10, 100, "area", "all")
+    claim = HeldClaim(
+        "it holds", "comparison", "pose", "mu", "ico", "area", "all", "holds", "no data",
+        (Ratio(10, 1 / 3, gap, 1e-9),), (Fall("pose", -0.5, gap, True, -0.48),),
+    )  # fmt: skip
+    camera = CameraSpread(case, 20, (SpreadParameter("k1", "", 0.1, 1e-9, gap),), StrongestTie("fx_px", "fy_px", -1.0))
+    return StudyTable((CaseSummary(case, 21, 20, 1, 0, 0, (found,)),), (camera,), (claim,))
 
 
-def _comparison() -> ComparisonFile:
-    case = CaseRow("ico", "figure", "opencv", "pose", "mm", 0.5, None, 0.7, 3, 30, 0, 1, None)
-    alone = AloneRow("ico", "scale", 2.0, None, None, "0.1%", 0.2, 0.3, None, 3, 0, "")
-    plan = ComparisonPlan("a camera", 3, 10, 2, 0)
-    return ComparisonFile(plan, {"ico": 500.0}, (case,), (alone,), ("a note",), ("in words",))
+def _comparison() -> ComparisonTable:
+    gap = math.nan
+    case = CaseRow("ico", "figure", "opencv", "pose", "mm", 0.5, gap, 0.7, 3, 30, 0, 1, gap)
+    alone = Explanation("ico", "scale", 2.0, gap, gap, "0.1%", 0.2, 0.3, gap, 3, 0, "")
+    return ComparisonTable(Plan("a camera", 3, 10, 2, 1, 0), {"ico": 500.0}, (case,), (alone,))
 
 
 def _tolerance() -> ToleranceFile:

@@ -17,16 +17,17 @@ from calib.as_built_report.length_words import AskedLength
 from calib.as_built_report.picture import report_picture
 from calib.show.folder import build_page
 from calib.show.parts.origin import Origin
-from calib.studies.compare.cases import FIGURE, LENS_DRAWN, Comparison, Plan
-from calib.studies.compare.results import METRICS, CaseResult, Explanation, Results
-from calib.studies.compare.table import files_of_table
-from calib.studies.figures import convergence_files
+from calib.show.studies.compare_page import table_files_of
+from calib.show.studies.study_figures import convergence_files
+from calib.show.studies.study_files import table_files
+from calib.studies.compare.cases import FIGURE, LENS_DRAWN, Plan
+from calib.studies.compare.results import METRICS, CaseResult, Explanation, tabulated
 from calib.studies.identity import StudyIdentity
 from calib.studies.sample import SampleResult
-from calib.studies.statistics import Case, summarise
+from calib.studies.statistics import Case
 from calib.studies.store import open_study
 from calib.studies.stored_samples import StoredCase
-from calib.studies.table_files import table_files
+from calib.studies.study_table import StudyCases, study_table
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.explore import budgets_of, reaches
 from calib.studies.tolerance.files import tolerance_file
@@ -39,7 +40,7 @@ from calib.studies.tolerance.table_file import TOLERANCE_TABLE
 from designer.page.blocks import Block, Figure, Finding, Findings, Fold, Page, Table
 from designer.tolerance.error_file import error_model
 from tests.support.as_built_scenes import photos, printed, random_shape, solid
-from tests.support.study_cases import NAMES, Made, gamma, made, paper_cases
+from tests.support.study_cases import NAMES, Made, gamma, made, paper_cases, table_of_cases
 from tests.support.tolerance_settings import board_setting, ico_setting
 
 Files = Mapping[str, bytes]
@@ -103,9 +104,10 @@ def _samples(size: int) -> Made:
 def bootstrap_files() -> Files:
     """A bootstrap of a person's board with two numbers of views, and its study file."""
     cases = {Case(TARGET, size, POOL): _samples(size) for size in SIZES}
-    summaries = [summarise(case, samples) for case, samples in cases.items()]
     place = Path("x")
-    files = _relative(table_files(summaries, place) | convergence_files(summaries, place / "figures"), place)
+    pool = {case.pool_key: 1e-6 * np.eye(len(NAMES)) for case in cases}
+    table = study_table(StudyCases("luhmann", cases, pool))
+    files = _relative(table_files(table, place) | convergence_files(table.cases, place / "figures"), place)
     fakes = {f"figures/{stem}.svg": SVG for stem in ("histograms", "correlations")}
     return files | fakes | {"study.sqlite": _study(cases)}
 
@@ -131,10 +133,9 @@ def _result(number: int, samples: Made) -> SampleResult:
 @cache
 def paper_files() -> Files:
     """The paper's study with its own means and deviations."""
-    summaries = [summarise(case, samples) for case, samples in paper_cases(80).items()]
     ways = ("binary_all", "binary_75_deg", "area_all", "area_75_deg")
     stems = [f"{name}_{way}" for name in ("histograms", "correlations") for way in ways] + ["sigma_all", "sigma_75_deg"]
-    return _relative(table_files(summaries, Path("x"), ("binary, all: a reason",)), Path("x")) | {
+    return _relative(table_files(table_of_cases(paper_cases(80)), Path("x")), Path("x")) | {
         f"figures/{stem}.svg": SVG for stem in stems
     }
 
@@ -178,12 +179,12 @@ def compare_files() -> Files:
         for key, size in sizes.items()
     )
     alone = (
-        Explanation("AluBoard", "warp", 8.0, 7.0, 9.0, "1.2mm", 6.0, 0.52, 0.5, 6, 0, ""),
-        Explanation("AluBoard", "noise", 1e4, 1e4, 1e4, "", 6.0, 0.1, 0.5, 6, 0, ""),
-        Explanation("AluBoard", "skew", NAN, NAN, NAN, "", NAN, NAN, 0.5, 0, 6, "skew has no effect"),
+        Explanation("AluBoard", "warp", 8.0, 7.0, 9.0, "1.2mm", 0.52, 0.5, 6.0, 6, 0, ""),
+        Explanation("AluBoard", "noise", 1e4, 1e4, 1e4, "", 0.1, 0.5, 6.0, 6, 0, ""),
+        Explanation("AluBoard", "skew", NAN, NAN, NAN, "", NAN, 0.5, NAN, 0, 6, "skew has no effect"),
     )  # fmt: skip
     plan = Plan("phase-one-ixg", 3, 2)
-    files = files_of_table(Results(Comparison(plan, {}, {}, ()), cases, alone), Path("x"))
+    files = table_files_of(tabulated(plan, {}, cases, alone).table, Path("x"))
     return _relative(files, Path("x")) | {f"figures/{stem}.svg": SVG for stem in ("objects", "lens", "alone")}
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.studies.paper_table import POOL, SIZES, TARGETS, paper_value
-from calib.studies.statistics import METRICS, Case
+from calib.studies.statistics import METRICS, Case, CaseSummary, summarise
+from calib.studies.study_table import StudyCases, StudyTable, study_table
 
 NAMES = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2")
 SETTINGS = tuple((sampling, sightings) for sampling in ("binary", "area") for sightings in ("all", "<= 75 deg"))
@@ -64,6 +65,22 @@ def covariance(target: str) -> NDArray[np.float64]:
         correlation[a, b] = correlation[b, a] = share
     sigma = np.array([1.0, 1, 0.5, 0.5, 1e-3, 1e-2, 3e-2, 1e-5, 1e-5])
     return correlation * sigma[:, None] * sigma
+
+
+def studied(cases: dict[Case, Made], *, has_covariance: bool = True) -> StudyCases:
+    """A study of these samples."""
+    pools = {case.pool_key: covariance(case.target) for case in cases} if has_covariance else {}
+    return StudyCases("luhmann", cases, pools)
+
+
+def summaries_of(cases: dict[Case, Made]) -> list[CaseSummary]:
+    """The summaries of several cases."""
+    return [summarise(case, samples) for case, samples in cases.items()]
+
+
+def table_of_cases(cases: dict[Case, Made]) -> StudyTable:
+    """What a study of these samples says."""
+    return study_table(studied(cases))
 
 
 def paper_cases(count: int, seed: int = 1, settings: tuple[tuple[str, str], ...] = SETTINGS) -> dict[Case, Made]:

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.solver.options import SolveOptions
-from calib.studies.draw import draw_counts
 from calib.studies.pool import Pool, make_pool
-from calib.studies.sample import SampleResult
+from calib.studies.sample import SampleResult, draw_counts
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
 

@@ -1,24 +1,30 @@
-"""The page of `calib study compare`: the paper's objects simulated, and a lens that no Brown model fits."""
+"""A comparison of the paper's objects as blocks, for page, terminal and Markdown, and its files."""
 
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
-from calib.show.parts.folder_blocks import files_section, notes, question_section, warnings
+from calib.observe.csv_table import ANY_NAME
+from calib.show.markdown import markdown
+from calib.show.parts.folder_blocks import files_section, question_section, warnings
 from calib.show.parts.origin import Origin
+from calib.show.studies.compare_figures import FIGURES, comparison_figures
 from calib.show.studies.compare_tables import alone_table, lens_table, objects_table
 from calib.show.studies.compare_words import (
     alone_alt,
     alone_sentence,
     compare_headline,
     lens_alt,
+    lens_notes,
     lens_sentence,
+    object_notes,
     objects_alt,
-    split_sentences,
+    setting_notes,
 )
 from calib.show.studies.study_folder import NO_TABLE, FigureText, figures, read_identity
-from calib.studies.compare.comparison_file import COMPARISON, ComparisonFile
-from calib.studies.compare.outputs import FIGURES
-from calib.studies.outputs import STUDY_FILE
-from calib.studies.table_files import JSON_FILE
+from calib.studies.compare.results import COMPARISON, CaseRow, ComparisonTable, Results
+from calib.studies.outputs import FIGURES_FOLDER, STUDY_FILE
+from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE, rows_to_csv
 from designer.page.blocks import Block, Command, Finding, Findings, Page, Section, Steps
 
 QUESTION = (
@@ -29,64 +35,89 @@ QUESTION = (
 TITLE = "The paper's objects, simulated"
 FILES = (
     ("table.md", "the tables, to paste into a text"), ("table.csv", "every median, a line a case and error"),
-    ("table.json", "the same for programs, with what it says"), (STUDY_FILE, "every set of photos"),
+    ("table.json", "the same for programs"), (STUDY_FILE, "every set of photos"),
 )  # fmt: skip
 FEW_PRINTS = 12
 
+Drawn = Callable[[Sequence[FigureText]], tuple[Block, ...]]
+"""Gives the figures that are told of."""
+
 
 def compare_page(folder: Path, origin: Origin) -> Page:
-    """The page of a comparison.
+    """The page of `calib study compare`.
 
     Raises:
         InputError: `table.json` is damaged.
     """
     table = COMPARISON.read_if_there(folder / JSON_FILE)
     again = Command("calib report .", "in this folder: makes this page again")
+    files = files_section(folder, FILES, again)
     if table is None:
-        missing = Findings((Finding("usable", "No tables", NO_TABLE),))
-        short = (question_section(QUESTION, (), missing), files_section(folder, FILES, again))
-        return Page(TITLE, "Comparison", None, short, made_by=origin.command, program=origin.program)
-    said = {name: notes(lines) for name, lines in split_sentences(table).items()}
-    objects = FigureText(FIGURES[0], "Errors of the five objects", objects_alt(table), "Dashed: the paper's medians.")
-    lens = FigureText(FIGURES[1], "Camera models behind a smooth lens", lens_alt(table))
-    alone = FigureText(FIGURES[2], "Single errors that would give the paper's numbers", alone_alt(table))
+        missing = question_section(QUESTION, (), Findings((Finding("usable", "No tables", NO_TABLE),)))
+        return Page(TITLE, "Comparison", None, (missing, files), made_by=origin.command, program=origin.program)
+    _, wrong = read_identity(folder)
     sections = (
-        _setting(folder, table, said["setting"]),
-        Section(
-            "The five objects", (*figures(folder, [objects]), objects_table(table), *said["objects"]),
-            lead=objects_alt(table),
-        ),
-        Section(
-            "A smooth lens", (*figures(folder, [lens]), lens_table(table), *said["lens"]),
-            lead=lens_sentence(table),
-        ),
-        Section(
-            "Explanations", (*figures(folder, [alone]), alone_table(table), *said["alone"]),
-            lead=alone_sentence(table),
-        ),
-        Section("Next", (_next(table),)), files_section(folder, FILES, again),
+        question_section(QUESTION, _facts(table), *warnings("Study file", wrong), setting_notes(table)),
+        *compare_sections(table, partial(figures, folder)), Section("Next", (_next(table),)), files,
     )  # fmt: skip
     return Page(
         TITLE, "Comparison", compare_headline(table), sections, made_by=origin.command, program=origin.program
     )  # fmt: skip
 
 
-def _setting(folder: Path, table: ComparisonFile, lines: tuple[Block, ...]) -> Section:
-    """The question, and how much was simulated."""
+def compare_sections(table: ComparisonTable, drawn: Drawn = lambda texts: ()) -> tuple[Section, ...]:
+    """All that is told of a comparison.
+
+    Args:
+        table: its result.
+        drawn: gives its figures.
+    """
+    objects = FigureText(FIGURES[0], "Errors of the five objects", objects_alt(table), "Dashed: the paper's medians.")
+    lens = FigureText(FIGURES[1], "Camera models behind a smooth lens", lens_alt(table))
+    alone = FigureText(FIGURES[2], "Single errors that would give the paper's numbers", alone_alt(table))
+    parts = (
+        ("The five objects", objects, objects_alt(table), objects_table(table), object_notes(table)),
+        ("A smooth lens", lens, lens_sentence(table), lens_table(table), lens_notes(table)),
+        ("Explanations", alone, alone_sentence(table), alone_table(table), ()),
+    )
+    return tuple(
+        Section(title, (*drawn([text]), shown, *((Findings(notes),) if notes else ())), lead=lead)
+        for title, text, lead, shown, notes in parts
+    )
+
+
+def comparison_files(results: Results, folder: Path) -> dict[Path, bytes]:
+    """The files of a comparison and their contents.
+
+    Args:
+        results: what it says.
+        folder: where they are to lie.
+    """
+    return table_files_of(results.table, folder) | comparison_figures(results, folder / FIGURES_FOLDER)
+
+
+def table_files_of(table: ComparisonTable, folder: Path) -> dict[Path, bytes]:
+    """The files without pictures."""
+    asked = question_section(QUESTION, _facts(table), setting_notes(table))
+    told = markdown(TITLE, (asked, *compare_sections(table)), compare_headline(table).sentence)
+    return {
+        folder / MARKDOWN_FILE: told.encode("utf-8", ANY_NAME),
+        folder / CSV_FILE: rows_to_csv(CaseRow, table.cases),
+        folder / JSON_FILE: COMPARISON.text(table),
+    }
+
+
+def _facts(table: ComparisonTable) -> tuple[tuple[str, str], ...]:
+    """How much was simulated."""
     plan = table.plan
-    _, wrong = read_identity(folder)
-    distances = ", ".join(f"{name} {distance:g} mm" for name, distance in table.distance_mm.items())
-    facts = [
+    return (
         ("camera", plan.camera), ("prints of each object", str(plan.prints)),
-        ("sets of photos of each print", f"{plan.sets} ({plan.virtual_sets} for the virtual camera)"),
-        ("distances", distances), ("seed", str(plan.seed)),
-    ]  # fmt: skip
-    return question_section(
-        QUESTION, facts, *warnings("Study file", wrong), *lines, *notes(table.notes[:1]),
+        ("sets of photos of each print", f"{plan.sets} ({plan.slow_sets} for the virtual camera)"),
+        ("seed", str(plan.seed)),
     )  # fmt: skip
 
 
-def _next(table: ComparisonFile) -> Steps:
+def _next(table: ComparisonTable) -> Steps:
     """What to do with the answer."""
     steps = [
         "Study a target of your own with errors of your own printer: design tolerance TARGET --errors NAME.",

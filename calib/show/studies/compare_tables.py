@@ -1,33 +1,32 @@
-"""The tables of the page of a comparison."""
+"""The tables of a comparison, for page, terminal and Markdown."""
+
+import math
 
 from calib.core.number_text import figure
+from calib.show.studies.study_tables import NOT_KNOWN, text_cell
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, PLAIN_DRAWN
-from calib.studies.compare.comparison_file import AloneRow, CaseRow, ComparisonFile
 from calib.studies.compare.objects import OBJECTS
-from calib.studies.compare.results import NEAR, REACH, short
+from calib.studies.compare.results import NEAR, REACH, CaseRow, ComparisonTable, Explanation, short
 from designer.page.blocks import Cell, Column, Level, Table
 
-NOT_KNOWN = Cell("-")
-MOST_ROWS = 600
 LENSES = {
     LENS_DRAWN: "smooth lens, target as drawn", LENS_MADE: "smooth lens, target as made",
     PLAIN_DRAWN: "no distortion, target as drawn",
 }  # fmt: skip
-MADE_AS = {one.name: one.errors for one in OBJECTS}
-PAPER_WORDS = {one.name: one.intersection_text for one in OBJECTS}
+OBJECT_OF = {one.name: one for one in OBJECTS}
 
 
 def median_cell(found: CaseRow | None, factor: float = 1.0, digits: int = 3) -> Cell:
     """A median and between what 95 % of the prints lie."""
-    if found is None or found.median is None:
+    if found is None:
         return NOT_KNOWN
     text = figure(factor * found.median, digits)
-    if found.prints > 1 and found.low is not None and found.high is not None:
+    if found.prints > 1:
         text += f" [{figure(factor * found.low, digits)}, {figure(factor * found.high, digits)}]"
     return Cell(text, factor * found.median)
 
 
-def objects_table(table: ComparisonFile) -> Table:
+def objects_table(table: ComparisonTable) -> Table:
     """The paper's figure: objects, camera models and errors."""
     columns = (
         Column("object", is_number=False), Column("made as", is_number=False), Column("camera model", is_number=False),
@@ -39,85 +38,76 @@ def objects_table(table: ComparisonFile) -> Table:
         inter, recon, repro = (
             table.of(name, part, model, metric) for metric in ("intersection", "reconstruction", "reprojection")
         )
-        bad = 0 if inter is None else inter.without_camera + inter.not_converged
+        one, bad = OBJECT_OF.get(name), 0 if inter is None else inter.without_camera + inter.not_converged
         rows.append((
-            Cell(name), Cell(MADE_AS.get(name, "-")), Cell(model), median_cell(inter), _paper(inter, is_text=True),
-            median_cell(recon), _paper(recon), median_cell(repro),
-            NOT_KNOWN if inter is None else Cell(str(inter.samples), inter.samples),
+            Cell(name), Cell("-" if one is None else one.errors), Cell(model), median_cell(inter),
+            _paper(inter, "" if one is None else one.intersection_text), median_cell(recon), _paper(recon),
+            median_cell(repro), NOT_KNOWN if inter is None else Cell(str(inter.samples), inter.samples),
             Cell(str(bad), bad, level="usable" if bad else None),
         ))  # fmt: skip
     note = (
         "Median over prints of the median of a print's sets of photos; in brackets what 95 % of the prints lie between."
     )
-    return Table("The paper's objects, simulated", columns, tuple(rows[:MOST_ROWS]), note, visible_rows=16)
+    return Table("The paper's objects, simulated", columns, tuple(rows), note, visible_rows=16)
 
 
-def _paper(found: CaseRow | None, *, is_text: bool = False) -> Cell:
-    if found is None or found.paper is None:
-        return NOT_KNOWN
-    text = PAPER_WORDS.get(found.object, "") if is_text else ""
-    return Cell(text or f"{found.paper:g}", found.paper)
+def _paper(found: CaseRow | None, text: str = "") -> Cell:
+    """The paper's median, as it prints it."""
+    return NOT_KNOWN if found is None else text_cell(found.paper, text or f"{found.paper:g}")
 
 
-def lens_table(table: ComparisonFile) -> Table:
+def lens_table(table: ComparisonTable) -> Table:
     """Camera models behind a lens that no Brown model fits, in photos held out too."""
     columns = (
         Column("lens and target", is_number=False), Column("object", is_number=False),
         Column("camera model", is_number=False), Column("intersection [mm]"), Column("held out [mm]"),
-        Column("reprojection [px]"), Column("held out [px]"), Column("image with rays [%]"),
+        Column("reprojection [px]"), Column("held out [px]"), Column("held-out rings with rays [%]"),
+        Column("image with rays [%]"),
     )  # fmt: skip
-    rows = [
+    metrics = ("intersection", "held_intersection", "reprojection", "held_reprojection")
+    rows = tuple(
         (
             Cell(LENSES.get(part, part)), Cell(name), Cell(model),
-            *(median_cell(table.of(name, part, model, metric))
-              for metric in ("intersection", "held_intersection", "reprojection", "held_reprojection")),
-            median_cell(table.of(name, part, model, "image_share"), 100.0, 2),
+            *(median_cell(table.of(name, part, model, metric)) for metric in metrics),
+            *(median_cell(table.of(name, part, model, share), 100.0, 2) for share in ("held_share", "image_share")),
         )
         for name, part, model in table.keys(LENS_DRAWN, LENS_MADE, PLAIN_DRAWN)
-    ]  # fmt: skip
+    )  # fmt: skip
     note = "Held out: photos that the camera was not solved from."
-    return Table("A lens that no Brown model fits", columns, tuple(rows[:MOST_ROWS]), note, visible_rows=22)
+    return Table("A lens that no Brown model fits", columns, rows, note, visible_rows=22)
 
 
-def alone_table(table: ComparisonFile) -> Table:
+def alone_table(table: ComparisonTable) -> Table:
     """Single errors scaled until the intersection error is the paper's."""
     columns = (
         Column("object", is_number=False), Column("error", is_number=False), Column("amount it takes"),
         Column("times the template's"), Column("reconstruction [mm]"), Column("paper [mm]"),
         Column("reprojection [px]"), Column("explains both", is_number=False),
     )  # fmt: skip
-    rows = tuple(_alone_row(one) for one in table.alone)
+    rows = tuple(map(_alone_row, table.alone))
     note = (
         f"Yes: the reconstruction error is within {100 * NEAR:.0f} % of the paper's too, at no more than {REACH:g} "
         "times what is assumed of such prints."
     )
-    return Table(
-        "Single errors that give the paper's intersection error", columns, rows[:MOST_ROWS], note, visible_rows=20
-    )
+    return Table("Single errors that give the paper's intersection error", columns, rows, note, visible_rows=20)
 
 
-def _alone_row(one: AloneRow) -> tuple[Cell, ...]:
+def _alone_row(one: Explanation) -> tuple[Cell, ...]:
     names = Cell(one.object), Cell(one.source.replace("_", " "))
-    paper = one.paper_reconstruction_mm
-    theirs = NOT_KNOWN if paper is None else Cell(f"{paper:g}", paper)
-    if not one.prints or one.multiple is None or one.reconstruction_mm is None:
+    theirs = text_cell(one.paper_reconstruction_mm, f"{one.paper_reconstruction_mm:g}")
+    if not one.prints or math.isnan(one.multiple):
         return (*names, *[NOT_KNOWN] * 3, theirs, NOT_KNOWN, Cell(one.why or "-"))
-    ends = ", ".join(short(end) for end in (one.multiple_low, one.multiple_high) if end is not None)
-    times = Cell(f"{short(one.multiple)}" + (f" [{ends}]" if ends else ""), one.multiple)
+    times = f"{short(one.multiple)} [{short(one.multiple_low)}, {short(one.multiple_high)}]"
     word, level = explains(one)
-    reprojection = one.reprojection_px
     return (
-        *names, Cell(one.amount or "-", one.multiple), times,
+        *names, Cell(one.amount or "-", one.multiple), Cell(times, one.multiple),
         Cell(figure(one.reconstruction_mm, 2), one.reconstruction_mm), theirs,
-        NOT_KNOWN if reprojection is None else Cell(figure(reprojection, 2), reprojection), Cell(word, level=level),
+        Cell(figure(one.reprojection_px, 2), one.reprojection_px), Cell(word, level=level),
     )  # fmt: skip
 
 
-def explains(one: AloneRow) -> tuple[str, Level]:
+def explains(one: Explanation) -> tuple[str, Level]:
     """Whether an error gives both of the paper's numbers."""
-    paper = one.paper_reconstruction_mm
-    if not paper or one.reconstruction_mm is None or abs(one.reconstruction_mm / paper - 1) > NEAR:
+    if not one.fits:
         return "no", "bad"
-    if one.multiple is None or one.multiple > REACH:
-        return "beyond reach", "usable"
-    return "yes", "good"
+    return ("yes", "good") if one.is_within_reach else ("beyond reach", "usable")

@@ -1,33 +1,34 @@
-"""The pages of bootstrap studies: of a person's photos, and of the paper's study made again."""
+"""Bootstrap studies as blocks, of a person's photos and of the paper's study: page, terminal and Markdown use them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
-from calib.show.parts.folder_blocks import files_section, notes, question_section, warnings
+from calib.show.parts.folder_blocks import files_section, question_section, warnings
 from calib.show.parts.origin import Origin
-from calib.show.studies.parameter_spread import Spread, spreads
+from calib.show.studies.study_figures import slug
 from calib.show.studies.study_folder import NO_TABLE, FigureText, figures, identity_facts, read_identity
 from calib.show.studies.study_tables import (
-    LEVEL_OF_VERDICT,
     errors_table,
     factors_table,
     falls_table,
     findings_table,
     parameters_table,
+    setting_in_words,
 )
 from calib.show.studies.study_words import (
-    OWN,
     bootstrap_headline,
     correlations_alt,
+    finding_of,
     histograms_alt,
     interval_sentence,
     paper_headline,
+    reasons,
     sigma_alt,
+    study_notes,
 )
-from calib.studies.figures import slug
 from calib.studies.outputs import STUDY_FILE
-from calib.studies.study_table_file import STUDY_TABLE, StudyFinding, StudyTable
-from calib.studies.table import setting_in_words
+from calib.studies.study_table import STUDY_TABLE, StudyTable
 from calib.studies.table_files import JSON_FILE
 from designer.base.words import printable
 from designer.page.blocks import (
@@ -38,11 +39,11 @@ from designer.page.blocks import (
     Findings,
     Fold,
     Headline,
-    Leaf,
     Page,
     Paragraph,
     Section,
     Steps,
+    Table,
 )
 
 BOOTSTRAP_QUESTION = (
@@ -53,6 +54,7 @@ PAPER_QUESTION = (
     "Do the findings of Ruppel, Kutlu et al., Beyond Reprojection Error: Camera Calibration with 3D Targets, come out "
     "again when its study (Table 2) is made from nothing: targets, photos, detections and bootstrap samples?"
 )
+PAPER_TITLE = "The paper's study, made again"
 SETTING_NAMES = {
     "model": "camera model", "views": "photos rendered of each set", "weighted": "weighted", "loss": "loss",
     "reject": "left out beyond, sigmas", "fix": "fixed parameters", "share": "shared parameters",
@@ -64,8 +66,10 @@ FILES = (
 )  # fmt: skip
 AGAIN = Command(f"calib study plot {STUDY_FILE} -o .", "in this folder: makes tables and figures again")
 ENOUGH_SAMPLES = 1000
-MOST_FAILING = 100
 BELOW_AND_ABOVE = "Below the diagonal: over the samples; above: as the solution of all views states it."
+
+Drawn = Callable[[Sequence[FigureText]], tuple[Block, ...]]
+"""Gives the figures that are told of."""
 
 
 def bootstrap_page(folder: Path, origin: Origin) -> Page:
@@ -74,18 +78,9 @@ def bootstrap_page(folder: Path, origin: Origin) -> Page:
     Raises:
         InputError: `table.json` is damaged.
     """
-    table, found = STUDY_TABLE.read_if_there(folder / JSON_FILE), spreads(folder)
-    sections: list[Section] = [_setting(folder, table, BOOTSTRAP_QUESTION)]
-    headline: Headline | None = None
-    if table is not None:
-        headline = bootstrap_headline(table, found)
-        sections += [_errors(folder, table, found), _views(folder, table), _correlations(folder, table, found)]
-        sections += [_notes(table), Section("Next", (_next_of_bootstrap(table),))]
-    sections.append(files_section(folder, FILES, AGAIN))
-    return Page(
-        _title(folder, table), "Bootstrap study", headline, tuple(sections), made_by=origin.command,
-        program=origin.program,
-    )  # fmt: skip
+    table = STUDY_TABLE.read_if_there(folder / JSON_FILE)
+    title = ", ".join(map(printable, table.targets)) if table is not None else printable(folder.absolute().name)
+    return _page(folder, origin, table, title or "study", "Bootstrap study", BOOTSTRAP_QUESTION)
 
 
 def paper_page(folder: Path, origin: Origin) -> Page:
@@ -94,166 +89,157 @@ def paper_page(folder: Path, origin: Origin) -> Page:
     Raises:
         InputError: `table.json` is damaged.
     """
-    table, found = STUDY_TABLE.read_if_there(folder / JSON_FILE), spreads(folder)
-    sections: list[Section] = [_setting(folder, table, PAPER_QUESTION)]
-    headline: Headline | None = None
+    table = STUDY_TABLE.read_if_there(folder / JSON_FILE)
+    return _page(folder, origin, table, PAPER_TITLE, "Study of the paper", PAPER_QUESTION)
+
+
+def _page(folder: Path, origin: Origin, table: StudyTable | None, title: str, kind: str, question: str) -> Page:
+    sections = [_setting(folder, table, question)]
     if table is not None:
-        headline = paper_headline(table)
-        sections += [_findings(table), _table_2(table), _views(folder, table)]
-        sections += [_histograms(folder, table), _correlations(folder, table, found), _notes(table)]
-        sections.append(Section("Next", (_next_of_paper(table),)))
+        sections += study_sections(table, partial(figures, folder))
+        sections.append(Section("Next", (_next_of_paper(table) if table.is_compared else _next_of_bootstrap(table),)))
     sections.append(files_section(folder, FILES, AGAIN))
-    return Page(
-        "The paper's study, made again", "Study of the paper", headline, tuple(sections), made_by=origin.command,
-        program=origin.program,
-    )  # fmt: skip
+    headline = None if table is None else study_headline(table)
+    return Page(title, kind, headline, tuple(sections), made_by=origin.command, program=origin.program)
 
 
-def _title(folder: Path, table: StudyTable | None) -> str:
-    return printable(folder.absolute().name) or "study" if table is None else ", ".join(table.targets)
+def study_headline(table: StudyTable) -> Headline:
+    """The answer: of the paper's study what holds, of any other how sure the camera is."""
+    return paper_headline(table) if table.is_compared else bootstrap_headline(table)
+
+
+def study_tables(table: StudyTable) -> tuple[Table, ...]:
+    """The tables that a terminal shows."""
+    last = findings_table(table.findings) if table.is_compared else falls_table(table)
+    return (*(errors_table(table, target) for target in table.targets), *(() if last is None else (last,)))
+
+
+def study_sections(table: StudyTable, drawn: Drawn = lambda texts: ()) -> tuple[Section, ...]:
+    """All that is told of a study.
+
+    Args:
+        table: its result.
+        drawn: gives its figures.
+    """
+    notes = study_notes(table)
+    last = (Section("Notes", (Findings(notes),)),) if notes else ()
+    if table.is_compared:
+        return (
+            _findings(table), _table_2(table), _views(table, drawn), _histograms(table, drawn),
+            _correlations(table, drawn), *last,
+        )  # fmt: skip
+    return (_errors(table, drawn), _views(table, drawn), _correlations(table, drawn), *last)
 
 
 def _setting(folder: Path, table: StudyTable | None, question: str) -> Section:
     """The question, and what is stored of the setting."""
     identity, wrong = read_identity(folder)
     facts = []
-    if table is not None:
-        pools = sorted({one.pool for one in table.cases})
-        counts = sorted({one.samples for one in table.cases})
-        ways = [setting_in_words(*setting) for setting in table.settings]
-        facts += [
-            ("target" if len(table.targets) == 1 else "targets", ", ".join(table.targets)),
-            ("views drawn from", " to ".join(map(str, dict.fromkeys((pools[0], pools[-1])))) + " usable views"),
-            ("views of a sample", ", ".join(map(str, table.sizes))),
-            ("samples of each case", " to ".join(map(str, dict.fromkeys((counts[0], counts[-1]))))),
-        ]
-        facts += [("ways of sampling and counting", "; ".join(ways))] if len(ways) > 1 else []
-    facts += identity_facts(identity, SETTING_NAMES)
     missing: tuple[Block, ...] = ()
     if table is None:
         missing = (Findings((Finding("usable", "No tables", NO_TABLE),)),)
+    else:
+        ways = [setting_in_words(setting) for setting in table.settings]
+        facts += [
+            ("target" if len(table.targets) == 1 else "targets", ", ".join(map(printable, table.targets))),
+            ("views drawn from", f"{_range([one.case.pool for one in table.cases])} usable views"),
+            ("views of a sample", ", ".join(map(str, table.sizes))),
+            ("samples of each case", _range([one.samples for one in table.cases])),
+        ]
+        facts += [("ways of sampling and counting", "; ".join(ways))] if len(ways) > 1 else []
+    facts += identity_facts(identity, SETTING_NAMES)
     return question_section(question, facts, *warnings("Study file", wrong), *missing)
 
 
-def _errors(folder: Path, table: StudyTable, found: Sequence[Spread]) -> Section:
+def _range(numbers: Sequence[int]) -> str:
+    return " to ".join(map(str, dict.fromkeys((min(numbers), max(numbers)))))
+
+
+def _errors(table: StudyTable, drawn: Drawn) -> Section:
     """Errors and parameters of a person's study, and their histograms."""
-    blocks: list[Block] = [errors_table(table, target) for target in table.targets]
-    parameters = parameters_table(found)
-    if parameters is not None:
-        blocks.append(parameters)
-    blocks += figures(folder, _histogram_texts(table))
-    return Section("How sure the calibration is", tuple(blocks), lead=interval_sentence(table))
-
-
-def _histograms(folder: Path, table: StudyTable) -> Section:
+    tables = [*(errors_table(table, target) for target in table.targets), parameters_table(table)]
+    shown = (one for one in tables if one is not None)
     return Section(
-        "Distributions", _folded(figures(folder, _histogram_texts(table))),
+        "How sure the calibration is", (*shown, *drawn(_histogram_texts(table))), lead=interval_sentence(table)
+    )  # fmt: skip
+
+
+def _histograms(table: StudyTable, drawn: Drawn) -> Section:
+    return Section(
+        "Distributions", _folded(drawn(_histogram_texts(table))),
         lead="The samples with fitted Gaussians: where they are skewed, a mean and a sigma say too little.",
     )  # fmt: skip
 
 
 def _histogram_texts(table: StudyTable) -> list[FigureText]:
-    return [
-        FigureText(
-            f"histograms{slug('_'.join(setting))}", f"Distributions{_of(setting)}", histograms_alt(table, setting)
-        )
-        for setting in table.settings
-    ]
+    texts = []
+    for setting in table.settings:
+        of = f": {setting_in_words(setting)}" if any(setting) else " of the errors"
+        stem = f"histograms{slug('_'.join(setting))}"
+        texts.append(FigureText(stem, f"Distributions{of}", histograms_alt(table, setting)))
+    return texts
 
 
-def _of(setting: tuple[str, str]) -> str:
-    return f": {setting_in_words(*setting)}" if any(setting) else " of the errors"
-
-
-def _views(folder: Path, table: StudyTable) -> Section:
+def _views(table: StudyTable, drawn: Drawn) -> Section:
     """What more views bring."""
     if len(table.sizes) < 2:
         line = f"All samples have {table.sizes[0]} views: give several --sizes to see what more views bring."
         return Section("More views", (Paragraph(line),))
-    sightings = tuple(dict.fromkeys(one.sightings for one in table.cases))
     texts = [
-        FigureText(f"sigma{slug(one)}", "Sigma over the number of views" + (f", {one}" if one else ""),
+        FigureText(f"sigma{slug(one)}", "Sigma over the number of views" + (f", {printable(one)}" if one else ""),
                    sigma_alt(table, one), "Both axes logarithmic; the line is 1/sqrt(N).")
-        for one in sightings
+        for one in dict.fromkeys(one.case.sightings for one in table.cases)
     ]  # fmt: skip
-    blocks = list(figures(folder, texts))
-    falls = [one for one in table.findings if one.exponents]
-    is_own = len(falls) == len(table.findings)
-    claims = falls_table(falls) if is_own else None
+    falls = None if table.is_compared else falls_table(table)
     return Section(
-        "More views", (*blocks, *((claims,) if claims is not None else ())),
+        "More views", (*drawn(texts), *(() if falls is None else (falls,))),
         lead="Where sigma falls as 1/sqrt(N), four times as many views halve it.",
     )  # fmt: skip
 
 
-def _correlations(folder: Path, table: StudyTable, found: Sequence[Spread]) -> Section:
-    texts = [
-        FigureText(
-            f"correlations{slug('_'.join(setting))}", f"Correlations of the parameters{_of_way(setting)}",
-            correlations_alt(table, found, setting), BELOW_AND_ABOVE,
-        )
-        for setting in table.settings
-    ]  # fmt: skip
-    blocks = figures(folder, texts)
+def _correlations(table: StudyTable, drawn: Drawn) -> Section:
+    texts = []
+    for setting in table.settings:
+        way = f": {setting_in_words(setting)}" if any(setting) else ""
+        stem, title = f"correlations{slug('_'.join(setting))}", f"Correlations of the parameters{way}"
+        texts.append(FigureText(stem, title, correlations_alt(table, setting), BELOW_AND_ABOVE))
+    blocks = drawn(texts)
     lead = "Parameters that go together are known less well one by one than in what they do together."
     return Section("Correlations", _folded(blocks) if len(texts) > 1 else blocks, lead=lead)
 
 
-def _of_way(setting: tuple[str, str]) -> str:
-    return f": {setting_in_words(*setting)}" if any(setting) else ""
-
-
 def _folded(blocks: Sequence[Block]) -> tuple[Block, ...]:
     """Figures under headings that open, the first open."""
-    shown: list[Block] = []
-    for block in blocks:
-        if isinstance(block, Figure):
-            shown.append(Fold(block.title, (block,), is_open=not shown))
-        else:
-            shown.append(block)
-    return tuple(shown)
+    first = next((block for block in blocks if isinstance(block, Figure)), None)
+    return tuple(
+        Fold(block.title, (block,), is_open=block is first) if isinstance(block, Figure) else block for block in blocks
+    )  # fmt: skip
 
 
 def _findings(table: StudyTable) -> Section:
-    """The paper's claims, and why some do not hold."""
-    claims = findings_table(table.findings, "The paper's findings with our numbers")
-    if claims is None:
-        return Section("The paper's findings", (Paragraph("This study has too few cases to check any."),))
-    failing = [one for one in table.findings if one.verdict != "holds"][:MOST_FAILING]
-    rows = tuple(_finding(one) for one in failing)
-    blocks: list[Block] = [claims]
-    blocks += notes(table.reasons)
-    if rows:
-        numbers: tuple[Leaf, ...] = (Findings(rows),)
-        blocks.append(Fold(f"The numbers behind the {len(rows)} that do not hold in full", numbers))
+    """The paper's claims, why some do not hold, and the numbers behind these."""
+    claims, why = findings_table(table.findings), reasons(table)
+    failing = tuple(finding_of(one, table.findings) for one in table.findings if one.verdict != "holds")
+    blocks: list[Block] = [] if claims is None else [claims]
+    blocks += [Findings(why)] if why else []
+    if failing:
+        title = f"The numbers behind the {len(failing)} that do not hold in full"
+        blocks.append(Fold(title, (Findings(failing),)))
     lead = "Each is held against the errors of our samples, in each way of sampling and counting."
     return Section("The paper's findings", tuple(blocks), lead=lead)
 
 
-def _finding(one: StudyFinding) -> Finding:
-    text = f"{setting_in_words(*one.setting)}: {one.evidence}" + (f"; {one.elsewhere}" if one.elsewhere else "")
-    return Finding(LEVEL_OF_VERDICT.get(one.verdict, "note"), f"{one.claim}: {one.verdict}", text)
-
-
 def _table_2(table: StudyTable) -> Section:
     """The paper's table with our rows, and ours over the paper's."""
-    blocks: list[Block] = [errors_table(table, target) for target in table.targets]
-    factors = factors_table(table)
-    if factors is not None:
-        blocks.append(factors)
-    return Section("Table 2", tuple(blocks), lead="In the paper's units; its own rows stand first.")
-
-
-def _notes(table: StudyTable) -> Section:
-    reasons = () if any(one.ratios for one in table.findings) else table.reasons
-    return Section("Notes", notes((*table.notes, *(line.removeprefix(OWN) for line in reasons))))
+    tables = [*(errors_table(table, target) for target in table.targets), factors_table(table)]
+    shown = tuple(one for one in tables if one is not None)
+    return Section("Table 2", shown, lead="In the paper's units; its own rows stand first.")
 
 
 def _next_of_bootstrap(table: StudyTable) -> Steps:
     """What to do with the answer."""
-    largest = max(table.cases, key=lambda one: one.size)
     steps = [
-        f"If the spread with {largest.size} views is too large for your work, take more photos: four times as many "
+        f"If the spread with {table.sizes[-1]} views is too large for your work, take more photos: four times as many "
         "views halve it where sigma falls as 1/sqrt(N).",
         "Give --truth with photos that were rendered, and the error of poses is measured too.",
     ]

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import COMMON
 from calib.studies.compare.photographed import MetricRow, calibrate_with, metrics_of
-from calib.studies.compare.pool import ScenePool
-from calib.studies.compare.scene import stream, take_photos
+from calib.studies.compare.scene import ScenePool, stream, take_photos
 from calib.studies.sample import SampleResult
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values

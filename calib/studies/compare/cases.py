@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera, camera_or_preset
@@ -14,6 +15,7 @@ from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec
 from designer.base.errors import InputError
+from designer.base.marks import Count, Key, Line
 from designer.kinds.presets import preset_or_file
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
@@ -36,12 +38,12 @@ WITHOUT_EFFECT = ("scale", "ink_bleed", "thermal")
 class Plan:
     """How much of the comparison."""
 
-    camera: str  # template or file, of the paper's figure
-    prints: int
-    sets: int = SETS  # of photos of each print
-    slow_sets: int = 1  # of them, solved with the models that are slow
-    alone: int = 6  # prints for each source alone
-    seed: int = 1
+    camera: Line  # template or file, of the paper's figure
+    prints: Count
+    sets: Count = SETS  # of photos of each print
+    slow_sets: Annotated[Count, Key("virtual_sets")] = 1  # of them, solved with the models that are slow
+    alone: Count = 6  # prints for each source alone
+    seed: Count = 1
 
 
 @dataclass(frozen=True, eq=False)

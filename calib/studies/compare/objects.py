@@ -38,6 +38,11 @@ class PaperObject:
         """Whether the text gives numbers."""
         return math.isfinite(self.intersection_mm)
 
+    @property
+    def is_board(self) -> bool:
+        """Whether it is flat, and photographed as boards are."""
+        return self.views == BOARD_VIEWS
+
     def median(self, metric: str) -> float:
         """The paper's median of a metric, mm; nan where there is none."""
         return {"intersection": self.intersection_mm, "reconstruction": self.reconstruction_mm}.get(metric, math.nan)

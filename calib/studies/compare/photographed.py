@@ -19,8 +19,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.options import AS_THE_PAPER
 from calib.solver.poses import solve_poses
 from calib.studies.compare.objects import VIRTUAL
-from calib.studies.compare.pool import ScenePool
-from calib.studies.compare.scene import ComparedScene, stream, take_photos
+from calib.studies.compare.scene import ComparedScene, ScenePool, stream, take_photos
 from calib.studies.sample import SampleResult
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values

@@ -1,21 +1,24 @@
-"""What the samples of a comparison say: medians over sets and prints, and what single errors would explain."""
+"""The result of a comparison, of which `table.json` is the file: medians over sets and prints, and single errors."""
 
 import math
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.studies.compare.alone import NOISE, TOGETHER
 from calib.studies.compare.alone import VALUES as ALONE_VALUES
-from calib.studies.compare.cases import ALIKE, ALONE, Comparison
+from calib.studies.compare.cases import ALIKE, ALONE, FIGURE, Comparison, Plan
 from calib.studies.compare.objects import object_named
 from calib.studies.compare.photographed import VALUES, SetsOfPhotos, grouped
 from calib.studies.store import Study
 from calib.studies.stored_samples import Samples
+from designer.base.file_kind import FileKind
+from designer.base.marks import AGAIN, MOST_ROWS, Count, Gap, Length, Line, Number, Word
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.source import format_quantity
@@ -29,7 +32,6 @@ METRICS: Mapping[str, str] = MappingProxyType(
 """Name and unit."""
 _COLUMN = {"reprojection": 0, "intersection": 1, "reconstruction": 2}
 LOW, HIGH = 2.5, 97.5
-SPLIT = re.compile(r"([-+.0-9e]+)(.*)")
 NEAR = 0.25
 """A source that gives the paper's intersection error explains its reconstruction error if it is as near as this."""
 REACH = 10.0
@@ -37,18 +39,87 @@ REACH = 10.0
 
 
 @dataclass(frozen=True)
-class Middle:
-    """The median of the prints' medians, and what 95 % of the prints lie between."""
+class CaseRow:
+    """One error of an object, part and camera model: the median of the prints' medians; nan where there is none."""
 
-    median: float
-    low: float
-    high: float
-    prints: int
+    object: Word
+    part: Word
+    model: Word
+    metric: Word
+    unit: Word
+    median: Gap
+    low: Gap  # between this and `high` lie 95 % of the prints
+    high: Gap
+    prints: Count
+    samples: Count
+    without_camera: Count
+    not_converged: Count
+    paper: Gap
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """One source scaled until it gives the paper's intersection error alone; medians over prints."""
+
+    object: Word
+    source: Word
+    multiple: Gap  # of the template's amount; nan: no multiple does it
+    multiple_low: Gap
+    multiple_high: Gap
+    amount: Word  # that it takes, root mean square, with its unit
+    reconstruction_mm: Gap
+    paper_reconstruction_mm: Gap
+    reprojection_px: Gap
+    prints: Count
+    without: Count  # prints that no multiple does it for
+    why: Line  # if none
+
+    @property
+    def fits(self) -> bool:
+        """Whether it gives both of the paper's errors."""
+        return abs(self.reconstruction_mm / self.paper_reconstruction_mm - 1) <= NEAR
+
+    @property
+    def is_within_reach(self) -> bool:
+        """Whether a print may be so."""
+        return self.multiple <= REACH
+
+
+@dataclass(frozen=True)
+class ComparisonTable:
+    """All that a comparison says."""
+
+    plan: Plan
+    distance_mm: Annotated[dict[Word, Number], Length(0, 100)]
+    cases: Annotated[tuple[CaseRow, ...], Length(0, MOST_ROWS)]
+    alone: Annotated[tuple[Explanation, ...], Length(0, 1000)]
+
+    @cached_property
+    def _by_key(self) -> dict[tuple[str, str, str, str], CaseRow]:
+        return {(one.object, one.part, one.model, one.metric): one for one in self.cases}
+
+    def of(self, name: str, part: str, model: str, metric: str) -> CaseRow | None:
+        """A row that has a number; None if there is none."""
+        found = self._by_key.get((name, part, model, metric))
+        return None if found is None or math.isnan(found.median) else found
+
+    def median(self, name: str, part: str, model: str, metric: str) -> float:
+        """A median; nan if there is none."""
+        found = self.of(name, part, model, metric)
+        return math.nan if found is None else found.median
+
+    def keys(self, *parts: str) -> tuple[tuple[str, str, str], ...]:
+        """Object, part and model of the cases of these parts, part by part."""
+        found = dict.fromkeys((one.part, one.object, one.model) for one in self.cases)
+        return tuple((name, part, model) for wanted in parts for part, name, model in found if part == wanted)
+
+
+COMPARISON = FileKind(ComparisonTable, "comparison", "the table of a comparison", AGAIN, version=2)
 
 
 @dataclass(frozen=True, eq=False)
 class CaseResult:
-    """One object, part and camera model."""
+    """The errors of all samples of one object, part and camera model."""
 
     name: str  # of the object
     part: str
@@ -57,15 +128,19 @@ class CaseResult:
     without: int  # samples without a camera
     unsure: int  # samples whose solution did not converge
 
-    def middle(self, metric: str) -> Middle:
-        """Over sets, then over prints."""
+    def row(self, metric: str) -> CaseRow:
+        """The median over sets, then over prints."""
         table = self.values[metric]
         known = table[np.isfinite(table).any(axis=1)]
-        if not len(known):
-            return Middle(math.nan, math.nan, math.nan, 0)
-        medians = np.nanmedian(known, axis=1)
-        low, high = np.percentile(medians, [LOW, HIGH])
-        return Middle(float(np.median(medians)), float(low), float(high), len(medians))
+        median = low = high = math.nan
+        if len(known):
+            medians = np.nanmedian(known, axis=1)
+            median, (low, high) = float(np.median(medians)), np.percentile(medians, [LOW, HIGH]).tolist()
+        paper = object_named(self.name).median(metric) if self.part == FIGURE else math.nan
+        return CaseRow(
+            self.name, self.part, self.model, metric, METRICS[metric], median, low, high, len(known),
+            len(self.flat(metric)), self.without, self.unsure, paper,
+        )  # fmt: skip
 
     def flat(self, metric: str) -> Array:
         """All sets of all prints that have the error."""
@@ -73,46 +148,12 @@ class CaseResult:
         return table[np.isfinite(table)]
 
 
-@dataclass(frozen=True)
-class Explanation:
-    """One source scaled until it gives the paper's intersection error alone; medians over prints."""
-
-    name: str  # of the object
-    source: str
-    multiple: float  # of the template's amount; nan: no multiple does it
-    multiple_low: float
-    multiple_high: float
-    amount: str  # that it takes, root mean square, with its unit
-    reprojection_px: float
-    reconstruction_mm: float
-    paper_reconstruction_mm: float
-    prints: int
-    without: int  # prints that no multiple does it for
-    why: str  # if none
-
-    @property
-    def ratio(self) -> float:
-        """The reconstruction error it gives over the paper's."""
-        return self.reconstruction_mm / self.paper_reconstruction_mm
-
-    @property
-    def fits(self) -> bool:
-        """Whether it gives both of the paper's errors."""
-        return abs(self.ratio - 1) <= NEAR
-
-    @property
-    def is_within_reach(self) -> bool:
-        """Whether a print may be so."""
-        return self.multiple <= REACH
-
-
 @dataclass(frozen=True, eq=False)
 class Results:
-    """All that a comparison says."""
+    """What a comparison says, and the samples that say it."""
 
-    comparison: Comparison
+    table: ComparisonTable
     cases: tuple[CaseResult, ...]
-    explanations: tuple[Explanation, ...]
 
     def of(self, name: str, part: str, model: str) -> CaseResult | None:
         """A case; None if it has no samples."""
@@ -122,16 +163,24 @@ class Results:
 def results_of(study: Study, plan: Comparison) -> Results:
     """The results of all samples that a study has."""
     known = {one.case.name for one in study.cases()}
-    cases, explanations = [], []
+    cases, alone = [], []
     for group in plan.groups:
         for spec in group.specs:
             if spec.name not in known or not len((samples := study.load(spec.name)).number):
                 continue
             if spec.case.sampling == ALONE:
-                explanations.append(_explanation(samples, spec.case.target, spec.case.sightings, plan))
+                alone.append(_explanation(samples, spec.case.target, spec.case.sightings, plan))
             elif isinstance(spec.pool, SetsOfPhotos):
                 cases.append(_case_result(samples, spec.case.target, spec.case.sampling, spec.pool))
-    return Results(plan, tuple(cases), tuple(explanations))
+    return tabulated(plan.plan, {name: scene.distance_mm for name, scene in plan.scenes.items()}, cases, alone)
+
+
+def tabulated(
+    plan: Plan, distance_mm: dict[str, float], cases: Sequence[CaseResult], alone: Sequence[Explanation]
+) -> Results:
+    """The table of cases beside them."""
+    rows = tuple(one.row(metric) for one in cases for metric in METRICS)
+    return Results(ComparisonTable(plan, distance_mm, rows, tuple(alone)), tuple(cases))
 
 
 def _case_result(samples: Samples, name: str, part: str, pool: SetsOfPhotos) -> CaseResult:
@@ -140,10 +189,8 @@ def _case_result(samples: Samples, name: str, part: str, pool: SetsOfPhotos) -> 
     columns |= {value.removesuffix("_px").removesuffix("_mm"): samples.params[:, k] for k, value in enumerate(VALUES)}
     values = {metric: grouped(columns[metric], numbers, pool.sets) for metric in METRICS}
     statuses = samples.status.tolist()
-    return CaseResult(
-        name, part, pool.camera_model, values, statuses.count("failed"),
-        sum(status in ("stopped", "degenerate") for status in statuses),
-    )  # fmt: skip
+    unsure = statuses.count("stopped") + statuses.count("degenerate")
+    return CaseResult(name, part, pool.camera_model, values, statuses.count("failed"), unsure)
 
 
 def _explanation(samples: Samples, name: str, source: str, plan: Comparison) -> Explanation:
@@ -155,8 +202,8 @@ def _explanation(samples: Samples, name: str, source: str, plan: Comparison) -> 
         for metric in ("reprojection", "reconstruction")
     )
     return Explanation(
-        name, source, middle, low, high, _amount(plan.errors[name], source, middle), reprojection, reconstruction,
-        object_named(name).reconstruction_mm, int(met.sum()), int((~met).sum()),
+        name, source, middle, low, high, _amount(plan.errors[name], source, middle), reconstruction,
+        object_named(name).reconstruction_mm, reprojection, int(met.sum()), int((~met).sum()),
         next((message for message in samples.message if message), ""),
     )  # fmt: skip
 
@@ -166,8 +213,9 @@ def _amount(errors: ErrorModel, source: str, multiple: float) -> str:
     if not math.isfinite(multiple) or source in (NOISE, TOGETHER):
         return ""
     chosen = "face_offset" if source == ALIKE else source
-    number, unit = SPLIT.findall(format_quantity(multiple * errors.amount(chosen).sigma, SOURCES[chosen].unit))[0]
-    return f"{short(float(number))}{unit}"
+    size, unit = multiple * errors.amount(chosen).sigma, SOURCES[chosen].unit
+    rounded = math.radians(float(short(math.degrees(size)))) if unit == "rad" else float(short(size))
+    return format_quantity(rounded, unit)
 
 
 def short(number: float) -> str:

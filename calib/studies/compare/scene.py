@@ -1,7 +1,9 @@
 """A target before a camera, and sets of simulated photos of what was made of it."""
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +11,11 @@ from numpy.typing import NDArray
 from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, transform
+from calib.core.threads import one_thread
 from calib.core.types import Observations
 from calib.observe.observations import known_points
 from calib.renderer.poses import PoseGrid, grid_poses
-from calib.studies.draw import keyed_generator
+from calib.studies.sample import SampleResult, keyed_generator
 from calib.studies.tolerance.noise import CONTRAST_TO_NOISE
 from calib.studies.tolerance.setting import LEAST_RINGS, seen_in
 from designer.base.errors import InputError
@@ -127,3 +130,42 @@ def _poses(scene: ComparedScene, rng: np.random.Generator, views: int) -> Array:
         turn[:3, :3] = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
     turned: Array = poses @ turn
     return turned
+
+
+@dataclass(frozen=True, eq=False)
+class ScenePool(ABC):
+    """Samples of one scene, as `calib.studies.workers.SamplePool`."""
+
+    kind: ClassVar[str]  # of the values that a sample has beside the errors
+    values: ClassVar[tuple[str, ...]]  # their names
+    scene: ComparedScene
+
+    @property
+    def view_count(self) -> int:
+        """Photos of a set."""
+        return self.scene.views
+
+    @property
+    def model(self) -> str:
+        """The kind of values."""
+        return self.kind
+
+    @property
+    def value_count(self) -> int:
+        """How many."""
+        return len(self.values)
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """They have none."""
+        return np.zeros((0, 0))
+
+    @one_thread
+    def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
+        """The samples of some numbers."""
+        del case, size
+        return [self.sample(seed, number) for number in numbers]
+
+    @abstractmethod
+    def sample(self, seed: int, number: int) -> SampleResult:
+        """One sample; what is random hangs on scene, seed and number alone."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.cameras import project
 from calib.core.jit import jit
 from calib.core.threads import one_thread
-from calib.studies.draw import keyed_generator
+from calib.studies.sample import keyed_generator
 from calib.studies.tolerance.anchor import AnchoredMinimum, minimum_of
 from calib.studies.tolerance.measures import NONE, MadeSolution, measures
 from calib.studies.tolerance.quantities import QUANTITIES

@@ -19,7 +19,7 @@ from calib.show.photos.detected_photos import told_detected
 from calib.show.photos.photos_file import read_photos, write_photos
 from calib.show.photos.why_nothing import explained, why_nothing
 from calib.show.run.photos import photo_rows
-from calib.show.studies.study_words import fall_in_words
+from calib.show.studies.study_tables import fall_in_words
 from calib.verdict.verdict import Verdict
 from designer.base.errors import InputError
 from tests.support.calibrations import board

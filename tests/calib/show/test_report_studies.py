@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -97,9 +98,9 @@ def test_an_empty_folder_has_a_short_page(kind: str, tmp_path: Path) -> None:
     "harm",
     [
         lambda text: text[: len(text) // 2],
-        lambda text: text.replace('"version": 1', '"version": 2'),
+        lambda text: re.sub('"version": [12]', '"version": 9', text),
         lambda text: text.replace('"format": "ringsolid.', '"format": "other.'),
-        lambda text: text.replace('"notes": [', '"notes": [1, ').replace('"remarks": [', '"remarks": [1, '),
+        lambda text: re.sub('"(notes|remarks|cameras|alone)": \\[', r'"\1": [1, ', text),
         lambda text: text.replace('"unit": "mm"', '"unit": ["mm"]').replace('"status": "', '"status": "un'),
         lambda text: "[" * 100_000,
         lambda text: "",
@@ -180,4 +181,3 @@ def test_a_damaged_study_file_is_said(tmp_path: Path) -> None:
     page = page_of("bootstrap", written({**FOLDERS["bootstrap"](), "study.sqlite": b"SQLite no more"}, tmp_path))
     assert any(one.title == "Study file" and "study.sqlite" in one.text for one in findings_of(page))
     assert page.headline is not None
-    assert "focal length" not in page.headline.sentence

@@ -29,12 +29,11 @@ from calib.solver.problem import pack
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
 from calib.studies.bootstrap import run_chunk, run_sample
-from calib.studies.draw import draw_counts
 from calib.studies.from_scratch import expanded, solve_from_scratch
 from calib.studies.gradients import gradients_of
 from calib.studies.near import find_near
 from calib.studies.pool import Pool, make_pool
-from calib.studies.sample import SampleResult
+from calib.studies.sample import SampleResult, draw_counts
 from calib.studies.sample_metrics import Sample, SampleErrors, sample_errors
 from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around, random_covariances, rows_of

@@ -13,14 +13,14 @@ import typer
 from typer.testing import CliRunner
 
 from calib.cameras.camera import Camera, camera_or_preset
-from calib.commands.compare import compare
+from calib.commands.study import compare
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
+from calib.show.studies.compare_page import comparison_files
 from calib.studies.compare import cases
 from calib.studies.compare.alone import NO_EFFECT, NOISE, OneSource
 from calib.studies.compare.cases import FIGURE, Comparison, Plan, comparison, identity, quick
 from calib.studies.compare.objects import OBJECTS, make_target, object_named
-from calib.studies.compare.outputs import comparison_output
 from calib.studies.compare.photographed import SetsOfPhotos, calibrate_with, grouped, made_mm
 from calib.studies.compare.results import CaseResult, Explanation, results_of
 from calib.studies.compare.scene import ComparedScene, fitting_distance_mm, scene_of, stream, take_photos
@@ -168,14 +168,14 @@ def test_failures_become_samples() -> None:
 def test_middle_is_over_sets_then_prints() -> None:
     """The median of the prints' medians: one print with many bad sets does not outweigh the others."""
     table = np.array([[1.0, 1.0, 9.0], [2.0, 2.0, np.nan], [30.0, 31.0, 32.0]])
-    middle = CaseResult("x", FIGURE, "opencv", {"intersection": table}, 0, 0).middle("intersection")
+    middle = CaseResult("MattIco", FIGURE, "opencv", {"intersection": table}, 0, 0).row("intersection")
     assert (middle.median, middle.prints) == (2.0, 3)
     assert 1.0 <= middle.low < 2.0 < middle.high <= 31.0
 
 
 def test_an_explanation_gives_both_numbers() -> None:
     """A source fits if its reconstruction error is the paper's too, and is within reach of its template."""
-    one = Explanation("AluBoard", "warp", 8.0, 7.0, 9.0, "1.2mm", 6.0, 0.52, 0.5, 6, 0, "")
+    one = Explanation("AluBoard", "warp", 8.0, 7.0, 9.0, "1.2mm", 0.52, 0.5, 6.0, 6, 0, "")
     assert one.fits
     assert one.is_within_reach
     assert not replace(one, reconstruction_mm=0.3).fits
@@ -212,7 +212,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Comparison
                 spec for spec in group.specs if spec.case.sightings in ("opencv", "virtual", "warp", "scale", NOISE)
             ]
             run_cases(chosen, study, samples=group.samples, seed=1, jobs=1, chunk=8)
-        for path, content in comparison_output(study, whole, folder)[1].items():
+        for path, content in comparison_files(results_of(study, whole), folder).items():
             path.parent.mkdir(exist_ok=True)
             path.write_bytes(content)
     return folder, whole
@@ -241,7 +241,7 @@ def test_the_same_study_gives_the_same_files(finished: tuple[Path, Comparison]) 
     """Output made again from the study's file is the same, byte for byte."""
     folder, whole = finished
     with open_study(folder / "study.sqlite", identity(whole.plan), resume=True) as study:
-        again = comparison_output(study, whole, folder)[1]
+        again = comparison_files(results_of(study, whole), folder)
     assert all(path.read_bytes() == content for path, content in again.items())
 
 
@@ -250,7 +250,7 @@ def test_a_study_without_samples_draws(tmp_path: Path, finished: tuple[Path, Com
     _, whole = finished
     with open_study(tmp_path / "study.sqlite", identity(whole.plan), resume=False) as study:
         assert not results_of(study, whole).cases
-        assert comparison_output(study, whole, tmp_path)[1]
+        assert comparison_files(results_of(study, whole), tmp_path)
 
 
 def command(*words: str) -> str:

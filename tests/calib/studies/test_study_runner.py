@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from calib.studies.bootstrap import run_chunk
-from calib.studies.draw import draw_counts
 from calib.studies.pool import Pool
 from calib.studies.runner import StudyStoppedError, run_cases
+from calib.studies.sample import draw_counts
 from calib.studies.store import open_study, read_study
 from calib.studies.stored_samples import row_of
 from calib.studies.workers import RunChunk

@@ -8,19 +8,19 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from calib.studies.findings import Verdict, against_paper, findings, relative_error
-from calib.studies.paper_table import BOARD, CORRECTED, ICOSAHEDRON, SIZES, TABLE, TARGETS, paper_value
+from calib.show.studies.study_words import elsewhere
+from calib.studies.findings import Verdict, findings, relative_error
+from calib.studies.paper_table import BOARD, ICOSAHEDRON, SIZES, TABLE, TARGETS, paper_value
 from calib.studies.statistics import (
     METRICS,
     Case,
-    CaseSummary,
     Shape,
     correlations,
     distribution,
     predicted_correlations,
     summarise,
 )
-from tests.support.study_cases import NAMES, Made, covariance, gamma, made, paper_cases, with_failures
+from tests.support.study_cases import NAMES, Made, covariance, gamma, made, paper_cases, summaries_of, with_failures
 
 Array = NDArray[np.float64]
 POSE = METRICS[3]
@@ -31,18 +31,15 @@ def rng(seed: int = 1) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def summaries_of(cases: dict[Case, Made]) -> list[CaseSummary]:
-    """The summaries of several cases."""
-    return [summarise(case, samples) for case, samples in cases.items()]
-
-
 def test_the_fit_and_the_check_are_those_of_scipy() -> None:
     """Mean, deviation, moments, p value and the Gaussian's interval equal SciPy's."""
     values = gamma(2.0, 0.5, 500, rng())
     found = distribution(POSE, values)
     assert (found.mu, found.sigma) == pytest.approx((values.mean(), values.std(ddof=1)), rel=1e-12)
-    assert found.fit == pytest.approx(stats.norm.interval(0.95, found.mu, found.sigma), rel=1e-12)
-    assert found.percentiles == pytest.approx(np.quantile(values, [0.025, 0.975]), rel=1e-12)
+    assert (found.fit_low, found.fit_high) == pytest.approx(stats.norm.interval(0.95, found.mu, found.sigma), rel=1e-12)
+    assert [found.percentile_low, found.percentile_high] == pytest.approx(
+        np.quantile(values, [0.025, 0.975]), rel=1e-12
+    )
     assert found.skewness == pytest.approx(stats.skew(values), rel=1e-9)
     assert found.excess_kurtosis == pytest.approx(stats.kurtosis(values), rel=1e-9)
     assert found.p_value == pytest.approx(stats.normaltest(values).pvalue, rel=1e-6)
@@ -124,7 +121,7 @@ def test_an_unknown_status_is_refused() -> None:
 def test_metrics_are_taken_from_their_columns() -> None:
     """Reprojection, intersection, reconstruction, pose is the order of a sample; the table's is another."""
     summary = summarise(CASE, made(np.tile([1.0, 2.0, 3.0, 4.0], (30, 1))))
-    found = {one.metric.name: one.mu for one in summary.all}
+    found = {one.metric: one.mu for one in summary.every()}
     assert found == {"reprojection": 1.0, "intersection": 2.0, "reconstruction": 3.0, "pose": 4.0}
 
 
@@ -161,7 +158,7 @@ def test_the_papers_table_is_whole_and_means_what_it_says() -> None:
     """24 cases, each mean within its interval, and one interval not as printed; the numbers its text quotes."""
     assert set(TABLE) == {(target, metric.name, size) for target in TARGETS for metric in METRICS for size in SIZES}
     assert all(value.low < value.mu < value.high for value in TABLE.values())
-    assert [key for key, value in TABLE.items() if value.mark == CORRECTED] == [(BOARD, "intersection", 20)]
+    assert [key for key, value in TABLE.items() if value.is_corrected] == [(BOARD, "intersection", 20)]
     quoted = {
         (BOARD, "reprojection", 120): (1.25, 0.02), (ICOSAHEDRON, "reprojection", 120): (1.35, 0.01),
         (BOARD, "intersection", 120): (4.32, 0.20), (ICOSAHEDRON, "intersection", 120): (2.57, 0.05),
@@ -194,11 +191,13 @@ def test_the_papers_own_numbers_bear_its_findings() -> None:
     assert len(compared) == 8
     assert {one.verdict for one in compared if one.claim not in undecided} == {"holds"}
     for one in compared:
-        assert [ratio.value for ratio in one.ratios] == pytest.approx([ratio.paper for ratio in one.ratios], rel=0.1)
+        assert [ratio.ratio for ratio in one.ratios] == pytest.approx([ratio.paper for ratio in one.ratios], rel=0.1)
     falling = [one for one in found if one.claim.startswith("sigma falls with N")]
     assert [one.verdict for one in falling] == ["holds", "holds"]
     for one in falling:
-        assert [fall.exponent for fall in one.falls] == pytest.approx([fall.paper for fall in one.falls], abs=0.05)
+        assert [fall.exponent for fall in one.exponents] == pytest.approx(
+            [fall.paper for fall in one.exponents], abs=0.05
+        )
 
 
 def test_the_other_way_round_does_not_hold() -> None:
@@ -238,7 +237,7 @@ def test_the_exponent_of_sigma(exponent: float, falls: Verdict, root: Verdict) -
     assert set(found) == {"sigma falls with N for the cube", "sigma falls about as 1/sqrt(N) for the cube"}
     assert found["sigma falls with N for the cube"].verdict == falls
     assert found["sigma falls about as 1/sqrt(N) for the cube"].verdict == root
-    for fall in found["sigma falls with N for the cube"].falls:
+    for fall in found["sigma falls with N for the cube"].exponents:
         assert abs(fall.exponent - exponent) < 4 * fall.error
 
 
@@ -261,20 +260,6 @@ def test_another_set_of_views_is_within_the_stated_error() -> None:
     assert found[0].mu_error < 0.2 * np.std([one.mu for one in found])
 
 
-def test_lost_samples_that_change_a_verdict_are_named() -> None:
-    """One degenerate sample may decide over sigma; what the converged say is said beside it."""
-    cases = paper_cases(2000, settings=ONE_SETTING)
-    for case, samples in cases.items():
-        if case.target == ICOSAHEDRON:
-            cases[case] = with_failures(samples, rng(), degenerate=60, failed=0)
-    found = {one.claim: one for one in findings(summaries_of(cases))}[
-        "intersection error is more stable for the icosahedron"
-    ]
-    assert found.verdict != "holds"
-    assert found.of_converged == "holds"
-    assert "over converged samples alone: holds" in found.sentence
-
-
 def test_what_a_claim_depends_on_is_named() -> None:
     """A claim that fails with one sampling only is said to hold with the other."""
     cases = paper_cases(2000, settings=(("binary", "all"), ("area", "all")))
@@ -285,12 +270,12 @@ def test_what_a_claim_depends_on_is_named() -> None:
         one for one in findings(summaries_of(cases)) if one.claim == "intersection error is lower for the icosahedron"
     ]
     assert [one.verdict for one in found] == ["holds", "not decided"]
-    assert [one.elsewhere for one in found] == ["", "it holds with binary sampling, all else equal"]
+    assert [elsewhere(one, found) for one in found] == ["", "it holds with binary sampling, all else equal"]
 
 
 def test_factors_against_the_paper() -> None:
-    """Samples with a third of the paper's errors give a third, in the paper's units."""
-    factors = against_paper(summaries_of(paper_cases(3000, settings=(("area", "all"),))))
-    assert len(factors) == 48
-    assert [one.value for one in factors] == pytest.approx([1 / 3] * 48, rel=0.1)
-    assert all(one.ours == pytest.approx(one.value * one.paper) for one in factors)
+    """Samples with a third of the paper's errors give a third, in their own units."""
+    found = [one for case in summaries_of(paper_cases(3000, settings=(("area", "all"),))) for one in case.every()]
+    factors = [factor for one in found for factor in (one.mu_by_paper, one.sigma_by_paper)]
+    assert factors == pytest.approx([1 / 3] * 48, rel=0.1)
+    assert all(one.mu == pytest.approx(one.mu_by_paper * one.paper_mu) for one in found)

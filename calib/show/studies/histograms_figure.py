@@ -1,14 +1,14 @@
 """Histograms of a study's errors with the Gaussians fitted to them, as in the paper."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib.core.number_text import figure as digits
 from calib.figures.style import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, note, nothing
-from calib.studies.statistics import METRICS, Array, Case, CaseSummary, Distribution, Metric, SampleArrays, summarise
-from calib.studies.table import setting_in_words
+from calib.show.studies.study_tables import setting_in_words, unit_words
+from calib.studies.statistics import METRICS, Array, CaseSummary, Distribution, Metric, SampleArrays
 from designer.base.words import printable
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ BINS_PER_SIGMA, FEWEST_BINS, MOST_BINS = 3.0, 24, 140
 LARGEST = 1e300
 ROOM = 0.12
 """Of the panel's height for the interval of one size."""
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def histograms_height_px(columns: int) -> int:
@@ -35,31 +34,23 @@ def histograms_height_px(columns: int) -> int:
     return HEAD_PX + len(METRICS) * (PANEL_PX if columns > 1 else PANEL_PX - 20)
 
 
-def unit_of(metric: Metric) -> str:
-    """The paper's unit as text."""
-    return f"10{str(metric.power).translate(SUPERSCRIPTS)} {metric.unit}"
-
-
-def draw_histograms(page: "Figure", cases: Mapping[Case, SampleArrays]) -> None:
+def draw_histograms(page: "Figure", cases: Sequence[tuple[CaseSummary, SampleArrays]]) -> None:
     """A row a metric, a column a target, all sizes in one panel.
 
     Args:
         page: an empty figure.
         cases: of one way of sampling and counting.
     """
-    targets = list(dict.fromkeys(case.target for case in cases))
-    sizes = sorted({case.size for case in cases})
-    summaries = {case: summarise(case, samples) for case, samples in cases.items()}
+    targets = list(dict.fromkeys(one.case.target for one, _ in cases))
+    sizes = sorted({one.case.size for one, _ in cases})
     axes = page.subplots(len(METRICS), len(targets), squeeze=False)
     for column, target in enumerate(targets):
-        chosen = sorted((case for case in cases if case.target == target), key=lambda case: case.size)
+        chosen = sorted((pair for pair in cases if pair[0].case.target == target), key=lambda pair: pair[0].case.size)
         for row, metric in enumerate(METRICS):
-            drawn = [
-                (cases[case].metrics[:, metric.column], summaries[case], sizes.index(case.size)) for case in chosen
-            ]
+            drawn = [(samples.metrics[:, metric.column], one, sizes.index(one.case.size)) for one, samples in chosen]
             _draw_panel(axes[row, column], metric, target, drawn)
-    first = next(iter(cases))
-    setting = f" ({setting_in_words(first.sampling, first.sightings)})" if first.sampling or first.sightings else ""
+    first = cases[0][0].case.setting
+    setting = f" ({setting_in_words(first)})" if any(first) else ""
     page.suptitle(
         f"Bootstrap errors{setting}: samples and fitted Gaussians. Bars: 95 % of a Gaussian; ticks: of the samples",
         fontsize=15, fontweight="bold", x=0.01, ha="left",
@@ -69,7 +60,7 @@ def draw_histograms(page: "Figure", cases: Mapping[Case, SampleArrays]) -> None:
 def _draw_panel(axes: "Axes", metric: Metric, target: str, drawn: list[tuple[Array, CaseSummary, int]]) -> None:
     """One metric of one target: samples (S,), their statistics, and the place of the colour."""
     axes.set_title(f"{printable(target)}: {metric.name} error")
-    axes.set_xlabel(f"{metric.name} error in {unit_of(metric)}")
+    axes.set_xlabel(f"{metric.name} error in {unit_words(metric)}")
     axes.set_ylabel("share of samples, %")
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -83,11 +74,13 @@ def _draw_panel(axes: "Axes", metric: Metric, target: str, drawn: list[tuple[Arr
     top = 0.0
     for values, one, (_, summary, place) in zip(scaled, found, drawn, strict=True):
         if len(values):
-            top = max(top, _draw_case(axes, edges, values, one, summary.case.size, COLOURS[place % len(COLOURS)]))
+            top = max(
+                top, _draw_case(axes, edges, values, metric, one, summary.case.size, COLOURS[place % len(COLOURS)])
+            )
     scale = 1 + ROOM * (len(drawn) + 0.5)
     for row, (one, (_, _, place)) in enumerate(zip(found, drawn, strict=True)):
         height = top * (1 + ROOM * (len(drawn) - row))
-        _draw_interval(axes, height, one, COLOURS[place % len(COLOURS)])
+        _draw_interval(axes, height, metric, one, COLOURS[place % len(COLOURS)])
     axes.set_xlim(edges[0], edges[-1])
     axes.locator_params(axis="x", nbins=6)  # numbers of many digits must not run into each other
     axes.set_ylim(0, top * scale)
@@ -109,10 +102,12 @@ def _edges(scaled: list[Array]) -> Array:
     return np.linspace(low, high, bins + 1)
 
 
-def _draw_case(axes: "Axes", edges: Array, values: Array, found: Distribution, size: int, colour: str) -> float:
+def _draw_case(
+    axes: "Axes", edges: Array, values: Array, metric: Metric, found: Distribution, size: int, colour: str
+) -> float:
     """Histogram and Gaussian of one size; returns how high they are."""
     share = 100 * np.histogram(values, edges)[0] / len(values)
-    mu, sigma = found.metric.in_paper_units(found.mu), found.metric.in_paper_units(found.sigma)
+    mu, sigma = metric.in_paper_units(found.mu), metric.in_paper_units(found.sigma)
     label = f"N = {size}: {found.shape}\nµ {digits(mu, 3)}  σ {digits(sigma, 2)}"
     axes.stairs(share, edges, fill=True, color=colour, alpha=0.35)
     if not 0 < sigma < LARGEST:
@@ -124,11 +119,10 @@ def _draw_case(axes: "Axes", edges: Array, values: Array, found: Distribution, s
     return float(max(share.max(), gauss.max()))
 
 
-def _draw_interval(axes: "Axes", height: float, found: Distribution, colour: str) -> None:
+def _draw_interval(axes: "Axes", height: float, metric: Metric, found: Distribution, colour: str) -> None:
     """The intervals of one size above the histograms: a bar with a point at the mean, ticks at the percentiles."""
-    low, high, left, right, mu = (
-        found.metric.in_paper_units(value) for value in (*found.fit, *found.percentiles, found.mu)
-    )
+    ends = (found.fit_low, found.fit_high, found.percentile_low, found.percentile_high, found.mu)
+    low, high, left, right, mu = map(metric.in_paper_units, ends)
     if not np.isfinite([low, high]).all():
         return
     axes.plot([low, high], [height, height], color=colour, linewidth=4, solid_capstyle="butt")
@@ -142,9 +136,9 @@ def _remark(scaled: list[Array], edges: Array, summaries: list[CaseSummary], fou
     beyond = sum(int(((values < edges[0]) | (values > edges[-1])).sum()) for values in scaled)
     parts = [f"{samples} samples"]
     for status in ("stopped", "degenerate", "failed"):
-        count = sum(one.counted(status) for one in summaries)
+        count = sum(dict(one.statuses)[status] for one in summaries)
         parts += [f"{count} {status}"] if count else []
-    undefined = sum(one.without for one in found) - sum(one.counted("failed") for one in summaries)
+    undefined = sum(one.without for one in found) - sum(one.failed for one in summaries)
     parts += [f"{undefined} without this error"] if undefined > 0 else []
     parts += [f"{beyond} beyond the axis"] if beyond else []
     return ", ".join(parts)

@@ -1,34 +1,36 @@
+"""Why findings of the paper do not hold: only what the study's own numbers say."""
+
 from dataclasses import replace
 
 import numpy as np
 
-from calib.studies.findings import findings
+from calib.show.studies.study_words import reasons
 from calib.studies.paper_table import BOARD, ICOSAHEDRON, SIZES
-from calib.studies.reasons import reasons
-from calib.studies.statistics import Case, CaseSummary, summarise
-from tests.support.study_cases import paper_samples
+from calib.studies.statistics import Case
+from calib.studies.study_table import StudyCases, study_table
+from tests.support.study_cases import NAMES, Made, paper_samples
 
 SETTING = ("area", "all")
 
 
-def summaries(pose_factor: float) -> list[CaseSummary]:
+def cases(pose_factor: float) -> dict[Case, Made]:
     """Cases with the paper's moments, the icosahedron's pose errors times a factor."""
     rng = np.random.default_rng(4)
-    made = []
+    made = {}
     for target in (BOARD, ICOSAHEDRON):
         for size in SIZES:
             samples = paper_samples(target, size, 400, rng)
             metrics = samples.metrics.copy()
             metrics[:, 3] *= pose_factor if target == ICOSAHEDRON else 1.0
-            made.append(summarise(Case(target, size, 200, *SETTING), replace(samples, metrics=metrics)))
+            made[Case(target, size, 200, *SETTING)] = replace(samples, metrics=metrics)
     return made
 
 
 def said(pose_factor: float, focal_px: dict[str, float]) -> str:
     """The reasons for cases with these standard deviations of the focal length."""
-    found = summaries(pose_factor)
-    covariance = {(target, *SETTING): np.diag([sigma**2, 1.0]) for target, sigma in focal_px.items()}
-    return "\n".join(reasons(findings(found), found, covariance))
+    stated = {(target, *SETTING): np.diag([sigma**2, *[1.0] * (len(NAMES) - 1)]) for target, sigma in focal_px.items()}
+    table = study_table(StudyCases("luhmann", cases(pose_factor), stated))
+    return "\n".join(one.text for one in reasons(table))
 
 
 def test_a_worse_pose_is_explained_by_the_focal_length() -> None:

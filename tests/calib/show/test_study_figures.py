@@ -9,13 +9,29 @@ import pytest
 from PIL import Image
 
 from calib.figures.style import picture
-from calib.studies.figure_convergence import draw_convergence
-from calib.studies.figure_correlations import Pair, draw_correlations, merged
-from calib.studies.figure_histograms import _edges, draw_histograms, histograms_height_px, unit_of
-from calib.studies.figures import convergence_files, study_figures
-from calib.studies.paper_table import BOARD, ICOSAHEDRON, TARGETS
-from calib.studies.statistics import METRICS, Case, correlations, predicted_correlations, summarise
-from tests.support.study_cases import NAMES, Made, covariance, made, paper_cases, with_failures
+from calib.show.studies.histograms_figure import _edges, draw_histograms, histograms_height_px
+from calib.show.studies.study_figures import (
+    Pair,
+    convergence_files,
+    draw_convergence,
+    draw_correlations,
+    merged,
+    study_figures,
+)
+from calib.show.studies.study_tables import unit_words
+from calib.studies.paper_table import BOARD, ICOSAHEDRON
+from calib.studies.statistics import METRICS, Case, CaseSummary, correlations, predicted_correlations
+from tests.support.study_cases import (
+    NAMES,
+    Made,
+    covariance,
+    made,
+    paper_cases,
+    studied,
+    summaries_of,
+    table_of_cases,
+    with_failures,
+)
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -31,8 +47,7 @@ def few(size: int = 20, count: int = 50) -> dict[Case, Made]:
 def test_a_study_has_its_pictures_in_three_formats() -> None:
     """Histograms, correlations and sigma over N, named by sampling and sightings; the same again from the same data."""
     cases = paper_cases(300, settings=ONE_SETTING)
-    predicted = {(target, *ONE_SETTING[0]): covariance(target) for target in TARGETS}
-    files = study_figures(cases, NAMES, Path("folder"), predicted)
+    files = study_figures(studied(cases), table_of_cases(cases), Path("folder"))
     names = ("histograms_binary_75_deg", "correlations_binary_75_deg", "sigma_75_deg")
     assert list(files) == [Path("folder") / f"{name}.{suffix}" for name in names for suffix in ("png", "pdf", "svg")]
     for path, content in files.items():
@@ -41,9 +56,13 @@ def test_a_study_has_its_pictures_in_three_formats() -> None:
     svg = files[Path("folder") / "sigma_75_deg.svg"].decode()
     assert "Reconstruction error" in svg  # text stays text
     assert Image.open(io.BytesIO(files[Path("folder") / "sigma_75_deg.png"])).width == 1600
-    summaries = [summarise(case, samples) for case, samples in cases.items()]
-    again = convergence_files(summaries, Path("folder"), "<= 75 deg")
+    again = convergence_files(summaries_of(cases), Path("folder"))
     assert again == {path: files[path] for path in again}
+
+
+def beside(cases: dict[Case, Made]) -> list[tuple[CaseSummary, Made]]:
+    """Samples with what they say."""
+    return list(zip(summaries_of(cases), cases.values(), strict=True))
 
 
 def constant(samples: Made) -> Made:
@@ -78,16 +97,15 @@ def lost(samples: Made) -> Made:
 )
 def test_any_samples_can_be_drawn(cases: dict[Case, Made]) -> None:
     """No number of samples, size of an error, or name stops a picture; nothing is warned of."""
-    content = picture(histograms_height_px(1), lambda page: draw_histograms(page, cases))
+    content = picture(histograms_height_px(1), lambda page: draw_histograms(page, beside(cases)))
     assert Image.open(io.BytesIO(content)).height == histograms_height_px(1)
-    summaries = [summarise(case, samples) for case, samples in cases.items()]
-    picture(800, lambda page: draw_convergence(page, summaries))
+    picture(800, lambda page: draw_convergence(page, summaries_of(cases)))
 
 
 def test_a_single_size_has_no_line_over_sizes_and_fixed_parameters_no_matrix() -> None:
     """What would show nothing is not made."""
     cases = {case: replace(samples, params=np.zeros((50, 9))) for case, samples in few().items()}
-    files = study_figures(cases, NAMES, Path())
+    files = study_figures(studied(cases), table_of_cases(cases), Path())
     assert sorted(files) == [Path("histograms.pdf"), Path("histograms.png"), Path("histograms.svg")]
 
 
@@ -127,12 +145,12 @@ def test_bins_resolve_the_narrowest_distribution_and_hold_all_but_the_wildest() 
 
 def test_units_are_the_papers() -> None:
     """With real superscripts: the style reads no formulae."""
-    assert [unit_of(metric) for metric in METRICS] == ["10⁻² mm", "10⁻² mm", "10⁻¹ px", "10⁻¹ mm"]
+    assert [unit_words(metric) for metric in METRICS] == ["10⁻² mm", "10⁻² mm", "10⁻¹ px", "10⁻¹ mm"]
 
 
 def test_board_and_icosahedron_stand_side_by_side() -> None:
     """The histograms of both, wider than high panels."""
     cases = paper_cases(200, settings=ONE_SETTING)
     shown = {case: samples for case, samples in cases.items() if case.target in (BOARD, ICOSAHEDRON)}
-    content = picture(histograms_height_px(2), lambda page: draw_histograms(page, shown))
+    content = picture(histograms_height_px(2), lambda page: draw_histograms(page, beside(shown)))
     assert Image.open(io.BytesIO(content)).size == (1600, histograms_height_px(2))

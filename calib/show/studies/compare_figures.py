@@ -1,16 +1,19 @@
-"""The paper's figure made again: box plots of the errors of each object with each camera model."""
+"""The pictures of a comparison: boxes of each object's errors, and which single error gives the paper's numbers."""
 
 import math
 from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.figures.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, nothing
+from calib.figures.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, note, nothing
+from calib.studies import figures
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJECTS
-from calib.studies.compare.objects import MODELS, OBJECTS
+from calib.studies.compare.objects import MODELS, OBJECTS, PaperObject
 from calib.studies.compare.photographed import ALL_PHOTOS
-from calib.studies.compare.results import METRICS, CaseResult, Results
+from calib.studies.compare.results import METRICS, NEAR, REACH, CaseResult, Explanation, Results, short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,11 +22,20 @@ if TYPE_CHECKING:
 COLOURS = dict(zip((*MODELS, ALL_PHOTOS), (BLUE, ORANGE, GREEN, VERMILION), strict=True))
 WIDTH = 0.24
 PAPER_LABEL, PAPER_LINE = "the paper's median", (0, (3, 1.5))
+FIGURES = ("objects", "lens", "alone")
+BOXES_PX, ALONE_PX = 860, 1150
+PLATE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1}
+ROOM = 1.37
+"""To the right of the largest value, for words."""
 
 
-def boxes_height_px() -> int:
-    """Of both figures."""
-    return 860
+def comparison_figures(results: Results, folder: Path) -> dict[Path, bytes]:
+    """All pictures of a comparison, in a folder."""
+    pages = ((BOXES_PX, draw_boxes), (BOXES_PX, draw_lens), (ALONE_PX, draw_alone))
+    files: dict[Path, bytes] = {}
+    for name, (height_px, draw) in zip(FIGURES, pages, strict=True):
+        files |= figures.files_of(folder / name, height_px, partial(draw, results=results))
+    return files
 
 
 def draw_boxes(page: "Figure", results: Results) -> None:
@@ -41,16 +53,9 @@ def draw_boxes(page: "Figure", results: Results) -> None:
                 text = one.intersection_text if metric == "intersection" else f"{value:g}"
                 _mark_paper(axes, place, value, text)
         if metric == "reprojection":
-            axes.text(
-                0.98,
-                0.97,
-                "the paper's text gives no numbers",
-                ha="right",
-                transform=axes.transAxes,
-                fontsize=11,
-                color=GREY,
-            )
-    plan = results.comparison.plan
+            text = "the paper's text gives no numbers"
+            axes.text(0.98, 0.97, text, ha="right", transform=axes.transAxes, fontsize=11, color=GREY)
+    plan = results.table.plan
     _head(
         page, f"Five objects, three models: {plan.prints} simulated prints of each, {plan.sets} sets of photos a print",
         f"Camera {plan.camera}. Boxes: quartiles of all sets of all prints; whiskers: 95 % of them. "
@@ -156,3 +161,47 @@ def _legend(page: "Figure", models: Sequence[str], *, paper: bool) -> None:
     if paper:
         handles.append(Line2D([], [], color=INK, linewidth=2.2, linestyle=PAPER_LINE, label=PAPER_LABEL))
     page.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+
+
+def draw_alone(page: "Figure", results: Results) -> None:
+    """Reconstruction error of each source where its intersection error is the paper's."""
+    known = [one for one in OBJECTS if one.is_known]
+    every = page.subplots(2, 2).ravel()
+    for axes, one in zip(every, known, strict=True):
+        found = [row for row in results.table.alone if row.object == one.name and row.prints]
+        _alone_panel(axes, one, sorted(found, key=lambda row: -row.multiple))
+    page.suptitle(
+        "Each error scaled until it alone gives the paper's intersection error: what reconstruction error then?\n"
+        f"Green: within {100 * NEAR:.0f} % of the paper's (band); pale: more than {REACH:g} times the template's. "
+        "Beside: the amount it takes, and how many times the template's it is",
+        fontsize=13, x=0.01, ha="left",
+    )  # fmt: skip
+
+
+def _alone_panel(axes: "Axes", one: PaperObject, rows: Sequence[Explanation]) -> None:
+    axes.set_title(f"{one.label} {one.name}")
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    if not rows:
+        nothing(axes, "no samples yet")
+        return
+    note(axes, f"paper: intersection {one.intersection_text} mm, reconstruction {one.reconstruction_mm:g} mm")
+    axes.axvspan(
+        (1 - NEAR) * one.reconstruction_mm, (1 + NEAR) * one.reconstruction_mm, color=EMPTY, linewidth=0, zorder=0
+    )
+    axes.axvline(one.reconstruction_mm, color=INK, linewidth=1.8, linestyle=(0, (3, 1.5)))
+    for place, row in enumerate(rows):
+        alpha = 0.85 if row.is_within_reach else 0.4
+        axes.barh(
+            place, row.reconstruction_mm, height=0.62, color=GREEN if row.fits else BLUE, alpha=alpha, zorder=2
+        )  # fmt: skip
+        times = f"{short(row.multiple)} x"
+        axes.annotate(
+            f"{row.amount}, {times}" if row.amount else times, (row.reconstruction_mm, place), (6, 0),
+            textcoords="offset points", va="center", fontsize=10, color=INK if row.fits else GREY, zorder=3, bbox=PLATE,
+        )  # fmt: skip
+    axes.set_yticks(range(len(rows)), [row.source.replace("_", " ") for row in rows])
+    axes.tick_params(axis="y", length=0)
+    largest = max(one.reconstruction_mm, *(row.reconstruction_mm for row in rows))
+    axes.set_xlim(0, largest * ROOM)
+    axes.set_xlabel("reconstruction error in mm")

@@ -1,0 +1,165 @@
+"""The paper's studies made again from nothing, and the tables and figures of any study, from its samples."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib.api.bootstrapping import BootstrapResult, Sampling
+from calib.api.loading import Place
+from calib.api.page_shown import ShownAsPage
+from calib.api.progress import Progress, unheard
+from calib.api.tolerancing import DrawCount
+from calib.core.files import check_folder, write_files
+from calib.studies import paper_study
+from calib.studies.compare import cases
+from calib.studies.compare.results import Results, results_of
+from calib.studies.outputs import STUDY_FILE
+from calib.studies.store import read_study
+from calib.studies.study_table import StudyTable, cases_of, study_table
+from designer.base.answer import program
+from designer.base.errors import InputError
+
+
+def study_paper(
+    folder: Place,
+    *,
+    quick: bool = False,
+    seed: int = 1,
+    jobs: int | None = None,
+    dask: str | None = None,
+    resume: bool = False,
+    progress: Progress = unheard,
+) -> BootstrapResult:
+    """Make the paper's study again from nothing: `study_paper("paper", quick=True).save("paper")`.
+
+    Targets, photos, detections and samples are kept in the folder, so that a stopped study goes on.
+
+    Args:
+        folder: for all of it.
+        quick: 60 photos a set and 300 samples a case.
+        seed: of all that is random.
+        jobs: processes; None: one per core.
+        dask: address of a cluster's scheduler, which computes the samples instead.
+        resume: go on with the study in the folder.
+        progress: is told what is being done.
+
+    Raises:
+        InputError: the folder holds something else, or the cluster cannot be used.
+        StudyStoppedError: interrupted, or no workers are left; the samples are kept.
+    """
+    place, processes = Path(folder), jobs or os.cpu_count() or 1
+    check_folder(place)
+    work = paper_study.quick_study(place, seed) if quick else paper_study.full_study(place, seed)
+    sampling = Sampling(place / STUDY_FILE, jobs, dask, resume, progress)
+    sampling.check(paper_study.settings_of(work))
+    write_files(paper_study.missing_targets(work))
+    count = work.photo_count
+    paper_study.make_photos(work, jobs=processes, tell=lambda done: progress("rendering", done, count))
+    paper_study.make_detections(
+        work, detector=program(), jobs=processes, tell=lambda done: progress("searching", done, count)
+    )
+    progress("solving all views of each set", 0, 0)
+    sampled = sampling.run(paper_study.identity(work), [(list(paper_study.cases_of(work)), work.samples)])
+    return sampling.result(sampled, (), "paper")
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnStudy:
+    """What a study says, and the files that were written to say it."""
+
+    table: StudyTable
+    remarks: tuple[str, ...]
+    study: Path  # its samples
+    folder: Path  # of the files
+    files: tuple[Path, ...]
+
+
+def draw_again(study: Place, out: Place | None = None) -> DrawnStudy:
+    """Write the tables and figures of a study again, of a running one too: `draw_again("study")`.
+
+    Args:
+        study: its folder, or its `study.sqlite`.
+        out: for the files; None: the study's folder.
+
+    Raises:
+        InputError: there is no study, it has no samples, or the folder takes no files.
+    """
+    from calib.show.studies.study_files import study_files
+
+    path = Path(study) / STUDY_FILE if Path(study).is_dir() else Path(study)
+    place = path.parent if out is None else Path(out)
+    check_folder(place)
+    with read_study(path) as kept:
+        samples, mixed = cases_of(kept), kept.mixed_programs()
+    table = study_table(samples)
+    files = study_files(samples, table, place)
+    write_files(files)
+    return DrawnStudy(table, mixed, path, place, tuple(files))
+
+
+@dataclass(frozen=True, eq=False)
+class ComparisonResult(ShownAsPage):
+    """The paper's real-world figure in simulation: `found.results.table`, `found.save("compare")`."""
+
+    results: Results
+    sampled: DrawCount
+
+    def save(self, folder: Place) -> tuple[Path, ...]:
+        """Write the tables and figures; return the files."""
+        from calib.show.studies.compare_page import comparison_files
+
+        files = comparison_files(self.results, Path(folder))
+        write_files(files)
+        return tuple(files)
+
+    def _write_all(self, folder: Path) -> tuple[Path, ...]:
+        from calib.show.folder_page import write_folder_page
+
+        return (*self.save(folder), *write_folder_page(folder, "compare", "")[0])
+
+
+def compare_objects(
+    folder: Place,
+    *,
+    camera: str = cases.CAMERA,
+    prints: int = 12,
+    sets: int = 12,
+    virtual_sets: int = 1,
+    quick: bool = False,
+    seed: int = 1,
+    jobs: int | None = None,
+    resume: bool = False,
+    progress: Progress = unheard,
+) -> ComparisonResult:
+    """Simulate the paper's five objects as made: `compare_objects("compare", quick=True).save("compare")`.
+
+    Args:
+        folder: where every set of photos is kept, so that a stopped comparison goes on.
+        camera: template or file; it takes the photos.
+        prints: of each object, each with errors of its own.
+        sets: of photos of each print.
+        virtual_sets: of them solved with the virtual camera, which is slow.
+        quick: 2 prints and 2 sets.
+        seed: of all that is random.
+        jobs: processes; None: one per core.
+        resume: go on with the comparison in the folder.
+        progress: is told what is being done.
+
+    Raises:
+        InputError: numbers, a camera or a folder that cannot be used.
+        StudyStoppedError: interrupted; what is finished is kept.
+    """
+    if virtual_sets > sets:
+        raise InputError(f"--virtual-sets {virtual_sets}: there are {sets} sets of a print; give at most as many")
+    check_folder(Path(folder))
+    plan = cases.Plan(camera, prints, sets, virtual_sets, seed=seed)
+    plan = cases.quick(plan) if quick else plan
+    cases.usable_camera(camera)
+    identity = cases.identity(plan)
+    sampling = Sampling(Path(folder) / STUDY_FILE, jobs, None, resume, progress)
+    sampling.check(identity)
+    progress("placing cameras", 0, 0)
+    whole = cases.comparison(plan)
+    sampled = sampling.run(identity, [(group.specs, group.samples) for group in whole.groups], chunk=1)
+    with read_study(sampling.path) as study:
+        return ComparisonResult(results_of(study, whole), sampled)
