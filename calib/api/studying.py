@@ -113,7 +113,7 @@ class ComparisonResult(ShownAsPage):
         return tuple(files)
 
     def _write_all(self, folder: Path) -> tuple[Path, ...]:
-        from calib.show.folder_page import write_folder_page
+        from calib.show.folder import write_folder_page
 
         return (*self.save(folder), *write_folder_page(folder, "compare", "")[0])
 

@@ -24,12 +24,12 @@ from calib.commands.solve import (
     image_size_of,
 )
 from calib.show.screen import progress_bars, quoted, waiting
-from calib.show.terminal import say_findings, say_headline, say_line, say_table, say_written
 from designer.base.answer import StoppedError, Summary, Value
 from designer.base.codec import encode
 from designer.base.command import command
 from designer.base.errors import InputError
 from designer.kinds.presets import camera_templates, one_of
+from designer.page.terminal import say_findings, say_headline, say_line, say_table, say_written
 
 if TYPE_CHECKING:
     from calib.api.bootstrapping import BootstrapResult

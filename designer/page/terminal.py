@@ -102,8 +102,8 @@ def say_table(table: Table) -> None:
     grid = Grid(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
     filled = [at for at in range(len(table.columns)) if any(row[at].text for row in table.rows)]
     for column in (table.columns[at] for at in filled):
-        side = "right" if column.is_number else "left"
-        grid.add_column(Text(printable(column.title)), justify=side, overflow="fold")
+        title = Text(printable(column.title))
+        grid.add_column(title, justify="right" if column.is_number else "left", overflow="fold")
     for row in table.rows:
         cells = (row[at] for at in filled)
         grid.add_row(*(Text(printable(cell.text), MARKS[cell.level][1] if cell.level else "") for cell in cells))
