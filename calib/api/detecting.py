@@ -75,8 +75,8 @@ class Detector:
 
         pixels = grey_pixels(image)
         if pixels.dtype == np.float32:  # of any scale: a picture shows what lies between its darkest and its lightest
-            low, high = float(np.nanmin(pixels)), float(np.nanmax(pixels))
-            pixels = np.nan_to_num((pixels - low) * (255 / max(high - low, 1e-9))).astype(np.uint8)
+            low, high = float(pixels.min()), float(pixels.max())
+            pixels = ((pixels - low) * (255 / max(high - low, 1e-9))).astype(np.uint8)
         return draw_overlay(pixels, found, self.target)
 
 
@@ -123,4 +123,7 @@ def require_image(image: Pixels) -> Grey:
         raise InputError(f"an array of shape {image.shape} is no image; give (H, W), or (H, W, 3) in blue, green, red")
     if image.dtype not in DEPTHS:
         raise InputError(f"an image of {image.dtype}: give uint8, uint16 or float32")
+    if image.dtype == np.float32 and not np.isfinite(image).all():
+        at = np.argwhere(~np.isfinite(image))[0].tolist()
+        raise InputError(f"an image with {image[tuple(at)]} at {at}: all its values must be finite; fill its gaps")
     return cast("Grey", image)  # or of float32, a depth that OpenCV converts too

@@ -1,5 +1,6 @@
 """What public functions take: a value, or the file that it stands in."""
 
+import os
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
@@ -15,10 +16,13 @@ from calib.observe.correspondences import read_observations
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import FoundPhotos, find_photos
 from calib.observe.records import read_records, records_path
+from calib.renderer.quantities import whole
 from designer.base.errors import InputError
+from designer.base.words import shown
 from designer.target import Needs, TargetGeometry, load_target
 
 Place: TypeAlias = str | PathLike[str]
+MOST_JOBS = 1024
 Observed: TypeAlias = Observations | Place | Iterable[Detections]
 """What a camera is solved from: observations, a file of them, or what was found in photos."""
 
@@ -33,7 +37,7 @@ def load_camera(name: Place) -> Camera:
     Raises:
         InputError: no such file, of no known kind, or not valid.
     """
-    return open_camera(fspath(name)).read.camera
+    return open_camera(fspath(_place(name, "a file or a template"))).read.camera
 
 
 def load_observations(
@@ -54,11 +58,15 @@ def load_observations(
     Raises:
         InputError: the file cannot be read, something else is needed, or nothing is left to solve from.
     """
-    place = Path(path)
+    place = Path(_place(path, "a file of observations"))
     if not place.is_file():
         why = "is a folder" if place.is_dir() else "no such file"
         raise InputError(f"{place}: {why}; give a detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl")
-    geometry = target if target is None or isinstance(target, TargetGeometry) else Path(target)
+    geometry = (
+        target
+        if target is None or isinstance(target, TargetGeometry)
+        else Path(_place(target, "a target, or its file"))
+    )
     return read_observations(place, geometry, image_size=image_size, grid=grid)
 
 
@@ -72,6 +80,8 @@ def observations_of(observed: Observed, target: TargetGeometry | Place | None) -
         return observed
     if isinstance(observed, str | PathLike):
         return load_observations(observed, target)
+    if not isinstance(observed, Iterable):
+        raise InputError(f"{type(observed).__name__}: give observations, their file, or detections")
     if target is None:
         raise InputError("detections: give the target they show too")
     geometry = target_of(target)
@@ -112,13 +122,38 @@ def rendered_id_of(observed: Observed) -> str:
 
 
 def target_of(target: TargetGeometry | Place, needs: Needs = "points") -> TargetGeometry:
-    """A target, or that of a file."""
-    return target if isinstance(target, TargetGeometry) else load_target(Path(target), needs)
+    """A target, or that of a file.
+
+    Raises:
+        InputError: neither, or a file that cannot be read.
+    """
+    if isinstance(target, TargetGeometry):
+        return target
+    return load_target(Path(_place(target, "a target geometry, or its file")), needs)
 
 
 def camera_of(camera: Camera | Place) -> Camera:
-    """A camera, or that of a file or template."""
-    return camera if isinstance(camera, Camera) else load_camera(camera)
+    """A camera, or that of a file or template.
+
+    Raises:
+        InputError: neither, or a file that cannot be read.
+    """
+    return camera if isinstance(camera, Camera) else load_camera(_place(camera, "a camera, its file, or a template"))
+
+
+def _place(value: object, wanted: str) -> Place:
+    if not isinstance(value, str | PathLike):
+        raise InputError(f"{shown(repr(value))}: is of type {type(value).__name__}; give {wanted}")
+    return value
+
+
+def processes_of(jobs: int | None) -> int:
+    """How many things are done at a time; None: one per core.
+
+    Raises:
+        InputError: none, or absurdly many.
+    """
+    return os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, MOST_JOBS)
 
 
 def photos_of(photos: Place | Iterable[Place]) -> FoundPhotos:

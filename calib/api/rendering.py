@@ -1,7 +1,6 @@
 """Synthetic photos of a target from known poses: one as an array, or a set in a folder."""
 
 import math
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,16 +11,17 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import Place, camera_of, target_of
+from calib.api.loading import Place, camera_of, processes_of, target_of
 from calib.api.progress import Progress, unheard
 from calib.cameras.camera import Camera
+from calib.core.se3 import rigid_fault
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.faces import ring_truth, target_fits
 from calib.renderer.job import TRUTH_FILE, FileFormat, Rendered, RenderJob, run_job
 from calib.renderer.optics import Levels
-from calib.renderer.options import RenderOptions
+from calib.renderer.options import LIMITS, Bits, RenderOptions, Sampling
 from calib.renderer.poses import MAX_VIEWS, PoseGrid, Region, grid_poses, load_poses
-from calib.renderer.quantities import choice, whole
+from calib.renderer.quantities import choice, real, whole
 from calib.renderer.scene import RenderScene, scene_from_target
 from calib.renderer.view import render_view
 from designer.base.errors import InputError
@@ -29,6 +29,7 @@ from designer.target import TargetGeometry, bounding_radius_mm
 
 CHECKED_VIEWS = 50
 MAX_SEED = 2**63 - 1
+DISTANCES_MM = (1.0, 10_000.0)
 HALF_ANGLE_RAD = {"hemisphere": math.pi / 2, "sphere": math.pi}
 
 
@@ -75,7 +76,7 @@ class RenderedPhotos:
         Raises:
             InputError: the folder holds another set, or images of unknown origin.
         """
-        processes = os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, 1024)
+        processes = processes_of(jobs)
         return run_job(
             self.job, Path(folder), processes=processes, overwrite=overwrite,
             on_view=lambda done, total: progress("rendering", done, total),
@@ -141,7 +142,14 @@ def render(
 
 
 def _check(options: RenderOptions, file_format: FileFormat) -> None:
-    """Refuse what does not go together."""
+    """Refuse what is out of its limits, or does not go together."""
+    for name, (low, high) in LIMITS.items():
+        if (value := getattr(options, name)) is not None:
+            real(f"--{name.removesuffix('_px').removesuffix('_mm').replace('_', '-')}", value, low, high)
+    whole("--clutter", options.clutter, 0, int(LIMITS["clutter"][1]))
+    choice("--sampling", options.sampling, get_args(Sampling))
+    if options.bits not in get_args(Bits):
+        raise InputError(f"--bits {options.bits}: must be 8 or 16, or 32 for arrays of float32")
     if options.white <= options.black:
         raise InputError(
             f"--white {100 * options.white:g}% is not lighter than --black {100 * options.black:g}%; the target would "
@@ -165,7 +173,9 @@ def _grid(
     random_roll: bool,
 ) -> PoseGrid:
     """Poses on a Fibonacci grid."""
-    near, far = distance_mm if isinstance(distance_mm, tuple) else (distance_mm, distance_mm)
+    both = distance_mm if isinstance(distance_mm, tuple) and len(distance_mm) == 2 else (distance_mm, distance_mm)
+    near, far = (real("--distance", one, *DISTANCES_MM, "mm") for one in both)
+    aim_offset_mm = real("--aim-offset", aim_offset_mm, 0, DISTANCES_MM[1], "mm")
     inside = bounding_radius_mm(target)
     if not inside + aim_offset_mm < near <= far:
         raise InputError(
@@ -173,7 +183,7 @@ def _grid(
             f"and the aim {aim_offset_mm:g}mm; stay farther away"
         )
     where = choice("--region", region or ("cap" if target.is_planar else "sphere"), get_args(Region))
-    half_angle = {**HALF_ANGLE_RAD, "cap": cap_rad}[where]
+    half_angle = {**HALF_ANGLE_RAD, "cap": real("--cap-angle", cap_rad, 0, math.pi, " rad")}[where]
     return PoseGrid(whole("--views", views, 1, MAX_VIEWS), half_angle, (near, far), random_roll, aim_offset_mm)
 
 
@@ -183,9 +193,10 @@ def _checked_poses(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     Raises:
         InputError: another shape, or no rigid motions.
     """
-    from calib.core.se3 import rigid_fault
-
-    where = np.asarray(poses, dtype=np.float64)
+    try:
+        where = np.asarray(poses, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError("poses are no numbers: give cam_from_target (V, 4, 4)") from None
     where = where[None] if where.ndim == 2 else where
     if where.shape[1:] != (4, 4) or not len(where):
         raise InputError(f"poses of shape {where.shape}: give cam_from_target (V, 4, 4)")

@@ -13,7 +13,7 @@ from calib.cameras import learned_models, models_of_all
 from calib.core.files import named_in_files
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import Search, named_photos
-from calib.observe.truth import Truth
+from calib.observe.truth import Truth, read_truth
 from calib.pipeline.solving import (
     ALL,
     ALL_VIEWS,
@@ -132,7 +132,7 @@ def solve(
     weighted: bool = True,
     reference: Reference | None = None,
     made: str | None = None,
-    truth: Truth | None = None,
+    truth: Truth | Place | None = None,
     rendered_id: str = "",
     criteria: Criteria | Place = STANDARD,
     progress: Progress = unheard,
@@ -156,7 +156,7 @@ def solve(
         weighted: by covariances, or all alike.
         reference: of model `virtual`.
         made: how the target was made.
-        truth: of rendered photos.
+        truth: of rendered photos, or its `truth.json`.
         rendered_id: of the geometry that the photos were rendered of; "": what the records beside a file say.
         criteria: limits of the verdict.
         progress: is told what is being done.
@@ -175,7 +175,8 @@ def solve(
     way = how_made(geometry, made, rendered_id=rendered_id or rendered_id_of(observed))
     reference = _checked_reference(reference, plan, observations.view_names)
     layout_id = "" if geometry is None else geometry.layout_id
-    task = SolveTask(observations, plan, layout_id, tuple(settings), reference, truth, way)
+    known = truth if truth is None or isinstance(truth, Truth) else read_truth(Path(truth))
+    task = SolveTask(observations, plan, layout_id, tuple(settings), reference, known, way)
     return _solved(task, geometry, None, limits, progress, writer, is_whole=not isinstance(out, RunWriter))
 
 

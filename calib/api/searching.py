@@ -1,11 +1,11 @@
 """Photos searched for a target: once, or twice with the lens known the second time."""
 
-import os
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from calib.api.loading import processes_of
 from calib.api.progress import Progress, unheard
 from calib.cameras import COMMON
 from calib.cameras.camera import Camera
@@ -126,7 +126,7 @@ def _search(
     named = named_photos(photos.paths)
     results: list[PhotoResult] = []
     for result in detect_photos(
-        named, target, detect=detect, camera=camera, overlay_folder=overlay_folder, jobs=jobs or os.cpu_count() or 1,
+        named, target, detect=detect, camera=camera, overlay_folder=overlay_folder, jobs=processes_of(jobs),
         read=read,
     ):  # fmt: skip
         results.append(result)

@@ -18,6 +18,7 @@ from calib.cameras.undistortion import Undistorted, pinhole_of
 from calib.core.files import distinct_stems, write_files
 from calib.observe.images import Grey, read_colour
 from calib.observe.photos import PhotoFile, named_photos
+from calib.renderer.quantities import real
 from calib.show.photos.undistorted_photos import CAMERA_FILE, MARK, UndistortedFile, UndistortedFiles
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours
@@ -44,10 +45,10 @@ class Undistorter:
     def __init__(self, camera: Camera | Place, *, alpha: float | None = None, focal_px: float | None = None) -> None:
         if alpha is not None and focal_px is not None:
             raise InputError("--alpha and --focal-px both set the focal length; give one of them")
-        if alpha is not None and not 0 <= alpha <= 1:
-            raise InputError(f"--alpha {alpha:g}: must be from 0 to 1")
-        if focal_px is not None and not FOCAL_RANGE_PX[0] <= focal_px <= FOCAL_RANGE_PX[1]:
-            raise InputError(f"--focal-px {focal_px:g}: must be from {FOCAL_RANGE_PX[0]:g} to {FOCAL_RANGE_PX[1]:g}")
+        if alpha is not None:
+            real("--alpha", alpha, 0, 1)
+        if focal_px is not None:
+            real("--focal-px", focal_px, *FOCAL_RANGE_PX)
         self.camera = camera_of(camera)
         self.pinhole = pinhole_of(self.camera, alpha=alpha, focal_px=focal_px)
 

@@ -1,26 +1,18 @@
 """The command `calib diff`."""
 
-import math
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from calib.commands.answers.cameras import camera_answer
-from calib.show.screen import table_console
+from calib.show.screen import shown
 from designer.base.answer import Summary, Value
-from designer.base.errors import InputError
 from designer.base.words import printable
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from calib.cameras.refit import CameraDifference
-    from calib.interop.reading import OpenedCamera
-
-WHOLE = "whole image"
+    from calib.api.diffing import ComparedCameras, ZoneDifference
+    from designer.page.blocks import Table
 
 
 def diff(
@@ -42,162 +34,85 @@ def diff(
 
     The frames of two calibrations are never quite parallel, so the best rotation between them is removed first.
     """
-    from calib.cameras.refit import camera_difference
-    from calib.interop.reading import open_camera
+    import numpy as np
 
-    opened = [open_camera(name) for name in (a, b)]
+    from calib.api.diffing import diff as compare
+    from designer.page.terminal import say_table
+
+    compared = compare(a, b, radius_px=radius, picture=picture)
     if picture is not None:
-        _check_picture(picture, opened)
-    difference = camera_difference(opened[0].read.camera, opened[1].read.camera, radius_px=radius)
-    if picture is not None:
-        _draw(picture, difference, f"from {printable(a)} to {printable(b)}")
-    for mark, name, one in zip("AB", (a, b), opened, strict=True):
+        compared.save_picture(picture)
+    say_table(_table(compared))
+    pixel, off = compared.largest
+    du, dv = np.round(off, 4) + 0.0  # no -0.0000
+    print(f"largest at pixel ({pixel[0]:.0f}, {pixel[1]:.0f}): B sees its light ({du:+.4f}, {dv:+.4f}) px away")
+    if compared.not_compared:
+        looked = f"{compared.not_compared} of {compared.difference.length_px.size} pixels looked at"
+        print(f"not compared: {looked}, where a camera does not know what it sees")
+    print(compared.rotation_words)
+    for mark, name, one in zip("AB", compared.names, compared.opened, strict=True):
         width, height = one.read.camera.image_size
         print(f"{mark}  {printable(name)}: {one.format.title}, {one.read.camera.model}, {width} x {height} px")
         for remark in one.read.remarks:
             fitted = "" if one.read.refit is None else f": max {one.read.refit.max_px:.4f} px off"
             print(f"   {remark}{fitted}")
-    print(f"{_rotation(difference)}\n")
-    _table(difference)
-    _say_where(difference)
     if picture is None:
         print("next  the same command with --picture FILE.png draws the map")
     else:
-        print(f"wrote {printable(str(picture))}: the map; arrows lead from where A sees the light to where B does")
-    cameras = {
-        mark: {"file": name, "format": one.format.name, **camera_answer(one.read.camera)}
-        for mark, name, one in zip("ab", (a, b), opened, strict=True)
-    }
-    return Summary(
-        {**cameras, **_numbers(difference)},
-        () if picture is None else (picture,),
-        remarks=tuple(
-            f"{printable(name)}: {line}" for name, one in zip((a, b), opened, strict=True) for line in one.read.remarks
-        ),
+        print(f"wrote {shown(picture)}: the map; arrows lead from where A sees the light to where B does")
+    remarks = (
+        f"{printable(name)}: {line}"
+        for name, one in zip(compared.names, compared.opened, strict=True)
+        for line in one.read.remarks
     )
+    return Summary(_answer(compared), () if picture is None else (picture,), remarks=tuple(remarks))
 
 
-def _check_picture(picture: Path, opened: "Sequence[OpenedCamera]") -> None:
-    """Refuse a place that is no PNG file, an input, or holds something else, before any work is done."""
-    from designer.base.own_files import require_ours
-
-    if picture.suffix.lower() != ".png":
-        raise InputError(f"{picture}: the picture is a .png file; name it so, such as {picture.stem or 'diff'}.png")
-    if any(one.is_file(picture) for one in opened):
-        raise InputError(f"{picture}: is a file to read; choose another name with --picture")
-    require_ours(picture)
-
-
-def _draw(picture: Path, difference: "CameraDifference", what: str) -> None:
-    """The map into its file."""
-    from calib.core.files import write_files
-    from calib.figures.difference_picture import difference_picture
-
-    rms, _, largest = _summary(difference.length_px)
-    note = f"RMS {rms:.4f} px, max {largest:.4f} px"
-    write_files({picture: difference_picture(difference, f"{what}; {_rotation(difference)}", note)})
-
-
-def _rotation(difference: "CameraDifference") -> str:
-    """What was removed."""
-    import numpy as np
-
-    if difference.radius_px == 0:
-        return "no rotation removed"
-    whole = difference.radius_px >= np.hypot(*difference.image_size) / 2
-    where = "the whole image" if whole else f"{difference.radius_px:g} px about the centre"
-    return f"rotation removed: {np.degrees(difference.turn_rad):.4f} deg, fitted to {where}"
-
-
-def _table(difference: "CameraDifference") -> None:
+def _table(compared: "ComparedCameras") -> "Table":
     """RMS, median and max of the whole image, and from its centre to its corners."""
-    import numpy as np
-    from rich.table import Table
+    from designer.page.blocks import Cell, Column, Table
 
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    table.add_column("difference (px)")
-    for column in ("RMS", "median", "max"):
-        table.add_column(column, justify="right")
-    for name, lengths in _zones(difference):
-        label = _label(name, float(np.isfinite(lengths).mean()) if lengths.size else 0.0)
-        if np.isfinite(lengths).any():
-            table.add_row(label, *(f"{value:.4f}" for value in _summary(lengths)))
-        else:
-            table.add_row(label, "not known", "", "")
-    table_console().print(table)
+    rows = []
+    for name, zone in compared.zones.items():
+        numbers = (zone.rms_px, zone.median_px, zone.max_px)
+        texts = [f"{number:.4f}" for number in numbers] if zone.share else ["not known", "", ""]
+        rows.append((Cell(_label(name, zone.share)), *map(Cell, texts)))
+    head = (Column("difference (px)", is_number=False), *map(Column, ("RMS", "median", "max")))
+    return Table("", head, tuple(rows))
 
 
 def _label(zone: str, known: float) -> str:
-    """What a zone is called: one that is compared in part must not pass for all of it.
-
-    Args:
-        zone: a name of `_zones`.
-        known: the share of it in which both cameras know what they see.
-    """
-    if known == 1 or not known:
+    """What a zone is called: one that is compared in part must not pass for all of it."""
+    if known in (0, 1):
         return zone
     share = f"{100 * known:.0f} %" if known < 0.995 else "> 99 %"
-    return f"where both are known ({share})" if zone == WHOLE else f"{zone} ({share} of it)"
+    return f"where both are known ({share})" if zone == "whole image" else f"{zone} ({share} of it)"
 
 
-def _zones(difference: "CameraDifference") -> "tuple[tuple[str, NDArray[np.float64]], ...]":
-    """Lengths in px over the whole image, and from its centre to its corners."""
-    import numpy as np
-
-    part = difference.off_centre_px / (np.hypot(*difference.image_size) / 2)
-    length = difference.length_px
-    return (
-        (WHOLE, length.ravel()),
-        ("centre", length[part < 1 / 3]),
-        ("between", length[(part >= 1 / 3) & (part < 2 / 3)]),
-        ("corners", length[part >= 2 / 3]),
-    )
-
-
-def _numbers(difference: "CameraDifference") -> dict[str, Value]:
+def _answer(compared: "ComparedCameras") -> dict[str, Value]:
     """What differs, for a program; null where nothing is known."""
-    import numpy as np
-
-    zones: dict[str, Value] = {}
-    for name, lengths in _zones(difference):
-        known = lengths[np.isfinite(lengths)]
-        rms, median, largest = _summary(known) if len(known) else (math.nan,) * 3
-        percentile = float(np.percentile(known, 95)) if len(known) else math.nan
-        zones[name.replace(" ", "_")] = {
-            "rms_px": rms, "median_px": median, "percentile_95_px": percentile, "max_px": largest,
-        }  # fmt: skip
-    length = difference.length_px
-    row, column = np.unravel_index(np.nanargmax(length), length.shape)
-    whole = zones.pop("whole_image")
+    zones = {name: _numbers(zone) for name, zone in compared.zones.items()}
+    difference, (pixel, off) = compared.difference, compared.largest
+    cameras: dict[str, Value] = {
+        mark: {"file": name, "format": one.format.name, **camera_answer(one.read.camera)}
+        for mark, name, one in zip("ab", compared.names, compared.opened, strict=True)
+    }
     return {
+        **cameras,
         "rotation_removed_rad": difference.turn_rad if difference.radius_px else 0.0,
         "rotation_fitted_within_px": difference.radius_px,
-        **(whole if isinstance(whole, dict) else {}),
+        **zones.pop("whole image"),
         "zones": zones,
-        "largest_at_px": difference.pixel[row, column].tolist(),
-        "largest_difference_px": difference.difference_px[row, column].tolist(),
-        "pixels": length.size,
-        "pixels_not_compared": int(np.isnan(length).sum()),
+        "largest_at_px": pixel.tolist(),
+        "largest_difference_px": off.tolist(),
+        "pixels": difference.length_px.size,
+        "pixels_not_compared": compared.not_compared,
     }
 
 
-def _summary(length_px: "NDArray[np.float64]") -> tuple[float, float, float]:
-    """RMS, median and max of the lengths that are known."""
-    import numpy as np
+def _numbers(zone: "ZoneDifference") -> dict[str, Value]:
+    from calib.api.diffing import ZoneDifference
+    from designer.base.codec import encode
 
-    known = length_px[np.isfinite(length_px)]
-    return float(np.sqrt(np.mean(known**2))), float(np.median(known)), float(known.max())
-
-
-def _say_where(difference: "CameraDifference") -> None:
-    """Where the difference is largest, and how much of the image is compared."""
-    import numpy as np
-
-    length = difference.length_px
-    row, column = np.unravel_index(np.nanargmax(length), length.shape)
-    u, v = difference.pixel[row, column]
-    du, dv = np.round(difference.difference_px[row, column], 4) + 0.0  # no -0.0000
-    print(f"\nlargest at pixel ({u:.0f}, {v:.0f}): B sees its light ({du:+.4f}, {dv:+.4f}) px away")
-    unknown = int(np.isnan(length).sum())
-    if unknown:
-        print(f"not compared: {unknown} of {length.size} pixels looked at, where a camera does not know what it sees")
+    keys = cast("dict[str, Value]", encode(ZoneDifference, zone))
+    return {name: value for name, value in keys.items() if name != "share"}

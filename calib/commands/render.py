@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, cast, get_args
+from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
@@ -70,10 +70,11 @@ def render(
     Photos that a camera can be calibrated with come from several distances, with --random-roll, and with an
     --aim-offset that brings rings into the corners of the image; the page of a design has the line for its target.
     """
+    from calib.api.loading import processes_of
     from calib.api.rendering import render as photos_of
     from calib.commands.camera_argument import read_camera
     from calib.renderer.job import FileFormat
-    from calib.renderer.options import RenderOptions, Sampling
+    from calib.renderer.options import LIMITS, Bits, RenderOptions, Sampling
     from calib.renderer.poses import Region
     from calib.renderer.quantities import (
         bounded,
@@ -84,28 +85,36 @@ def render(
         parse_number,
         parse_pixels,
         share,
-        whole,
     )
+
+    if bits not in (8, 16):
+        raise InputError(f"--bits {bits}: must be 8 or 16")
+
+    def part(name: str, text: str) -> float:
+        low, high = LIMITS[name]
+        return share(f"--{name.replace('_', '-')}", text, 100 * low, 100 * high)
 
     options = RenderOptions(
         sampling=cast("Sampling", choice("--sampling", sampling, get_args(Sampling))),
-        black=share("--black", black, 0, 100),
-        white=share("--white", white, 0, 100),
-        background=share("--background", background, 0, 100),
-        light_gradient=share("--light-gradient", light_gradient, 0, 190),
-        shading=share("--shading", shading, 0, 100),
-        glare=share("--glare", glare, 0, 1000),
-        clutter=whole("--clutter", clutter, 0, 10_000),
-        occlusion=share("--occlusion", occlusion, 0, 90),
-        blur_px=bounded("--blur", blur, parse_pixels, 0, 50, "px"),
-        aperture_mm=length("--aperture", aperture, 0, 500),
-        focus_mm=length("--focus", focus, 1, 10_000) if focus else None,
-        vignetting=share("--vignetting", vignetting, 0, 95),
-        contrast_to_noise=bounded("--contrast-to-noise", contrast_to_noise, parse_number, 0, 1e6, ""),
-        read_noise=share("--read-noise", read_noise, 0, 100),
-        full_well=bounded("--full-well", full_well, parse_number, 0, 1e9, ""),
-        gamma=bounded("--gamma", gamma, parse_number, 0.2, 5, ""),
-        bits=_bits(bits),
+        black=part("black", black),
+        white=part("white", white),
+        background=part("background", background),
+        light_gradient=part("light_gradient", light_gradient),
+        shading=part("shading", shading),
+        glare=part("glare", glare),
+        clutter=clutter,
+        occlusion=part("occlusion", occlusion),
+        blur_px=bounded("--blur", blur, parse_pixels, *LIMITS["blur_px"], "px"),
+        aperture_mm=length("--aperture", aperture, *LIMITS["aperture_mm"]),
+        focus_mm=length("--focus", focus, *LIMITS["focus_mm"]) if focus else None,
+        vignetting=part("vignetting", vignetting),
+        contrast_to_noise=bounded(
+            "--contrast-to-noise", contrast_to_noise, parse_number, *LIMITS["contrast_to_noise"], ""
+        ),
+        read_noise=part("read_noise", read_noise),
+        full_well=bounded("--full-well", full_well, parse_number, *LIMITS["full_well"], ""),
+        gamma=bounded("--gamma", gamma, parse_number, *LIMITS["gamma"], ""),
+        bits=cast("Bits", bits),
     )
     named = read_camera(camera)
     photos = photos_of(
@@ -115,20 +124,11 @@ def render(
         random_roll=random_roll, aim_offset_mm=length("--aim-offset", aim_offset, 0, 10_000), poses=poses,
         options=options, seed=seed, file_format=cast("FileFormat", file_format), quality=quality,
     )  # fmt: skip
-    if jobs is not None:
-        whole("--jobs", jobs, 1, 1024)
+    processes_of(jobs)
     for warning in photos.warnings:
         typer.echo(f"warning: {warning}", err=True)
     done = _run(photos, target, out, jobs, overwrite)
     return replace(done, remarks=(*named.remarks, *photos.warnings, *done.remarks))
-
-
-def _bits(bits: int) -> Literal[8, 16]:
-    if bits == 8:
-        return 8
-    if bits == 16:
-        return 16
-    raise InputError(f"--bits {bits}: must be 8 or 16")
 
 
 def _run(photos: "RenderedPhotos", target: Path, out: Path, jobs: int | None, overwrite: bool) -> Summary:

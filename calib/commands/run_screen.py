@@ -70,7 +70,7 @@ def photo_words(search: Search) -> str:
     counts = f", {found} of {expected} features of the faces seen that could be measured" if found else ""
     return (
         f"{len(search.with_target) or 'none'} of {len(search.results)} with the target{counts}; "
-        f"{len(search.failures)} failures; {search.seconds:.1f} s"
+        f"{len(search.results) - len(search.detections)} failures; {search.seconds:.1f} s"
     )
 
 

@@ -12,8 +12,6 @@ from designer.base.errors import InputError
 if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
-SUFFIX = ".target.json"
-
 
 def target(
     file: Annotated[Path | None, typer.Argument(help="a target file (NAME.target.json)")] = None,
@@ -33,6 +31,8 @@ def target(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="the target file to make: NAME.target.json")] = None,
 ) -> Summary:
     """Read a target file and say what it holds, or make one of a table of points."""
+    from calib.api.pointing import target_of_points
+    from calib.renderer.quantities import length
     from designer.target import load_target
 
     if from_ is None:
@@ -41,50 +41,16 @@ def target(
         lost = {"-o": out, "--planes": planes, "--diameter": diameter, "--inside": inside or None}
         if given := [option for option, value in lost.items() if value is not None]:
             raise InputError(f"{given[0]}: belongs to --from POINTS.csv, which is missing")
-        geometry = load_target(file)
-        return Summary(_say(file, geometry))
+        return Summary(_say(file, load_target(file)))
     if file is not None or out is None:
         raise InputError("--from: makes a file: give -o NAME.target.json, and no other target")
-    if inside and planes is not None:
-        raise InputError(
-            f"--inside: of fitted planes, but {planes} gives them with their normals; leave one of both out"
-        )
-    geometry = _made(from_, planes, diameter or "0mm", inside=inside, out=out)
+    diameter_mm = length("--diameter", diameter or "0mm", 0, 1000)
+    geometry = target_of_points(from_, out, planes=planes, diameter_mm=diameter_mm, inside=inside)
     answer = _say(out, geometry)
     print(f"wrote  {shown(out)}")
-    step = f"calib measure {quoted(out)} sightings.csv -o measured/{quoted(Path(out.name))}"
-    print(f"next   {step}   # sightings.csv: image,u,v,id or image,u,v,X,Y,Z")
+    step = f"calib measure {quoted(out)} observations.csv -o measured/{quoted(Path(out.name))}"
+    print(f"next   {step}   # observations.csv: image,u,v,id or image,u,v,X,Y,Z")
     return Summary(answer, (out,), (step,))
-
-
-def _made(points: Path, planes: Path | None, diameter: str, *, inside: bool, out: Path) -> "TargetGeometry":
-    """Make the target file."""
-    from calib.core.files import write_files
-    from calib.observe.point_target import read_planes, read_points, target_from_points
-    from designer.base.own_files import require_ours
-    from designer.base.units import parse_length_mm
-    from designer.target import FORMAT, load_target, target_to_json
-
-    if not out.name.endswith(SUFFIX) or out.name == SUFFIX:
-        raise InputError(f"-o {out}: target files end in {SUFFIX}; call it {out.stem.split('.')[0] or 'my'}{SUFFIX}")
-    require_ours(out, kind=FORMAT)
-    if (
-        out.exists()
-        and out.stat().st_size
-        and (there := load_target(out))
-        and (there.spec or there.source != "nominal")
-    ):
-        raise InputError(f"-o {out}: exists and holds a target that was not made of points; choose another name")
-    try:
-        diameter_mm = parse_length_mm(diameter)
-    except ValueError as error:
-        raise InputError(f"--diameter {diameter!r}: {error}") from None
-    if not 0 <= diameter_mm <= 1000:
-        raise InputError(f"--diameter {diameter!r}: must be from 0mm to 1000mm")
-    given = None if planes is None else read_planes(planes)
-    geometry = target_from_points(read_points(points), given, diameter_mm=diameter_mm, inside=inside)
-    write_files({out: target_to_json(geometry).encode()})
-    return geometry
 
 
 def _say(file: Path, geometry: "TargetGeometry") -> dict[str, Value]:

@@ -1,10 +1,18 @@
 """What a synthetic photo is to look like."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 Sampling = Literal["area", "binary"]
 Bits = Literal[8, 16, 32]
+LIMITS: Mapping[str, tuple[float, float]] = {
+    "black": (0, 1), "white": (0, 1), "background": (0, 1), "light_gradient": (0, 1.9), "shading": (0, 1),
+    "glare": (0, 10), "clutter": (0, 10_000), "occlusion": (0, 0.9), "blur_px": (0, 50), "aperture_mm": (0, 500),
+    "focus_mm": (1, 10_000), "vignetting": (0, 0.95), "contrast_to_noise": (0, 1e6), "read_noise": (0, 1),
+    "full_well": (0, 1e9), "gamma": (0.2, 5),
+}  # fmt: skip
+"""Of each number in `RenderOptions`."""
 
 
 @dataclass(frozen=True)

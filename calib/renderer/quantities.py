@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable
+from numbers import Integral, Real
 
 from designer.base.errors import InputError
 from designer.base.units import parse_length_mm, parse_percent
@@ -44,15 +45,30 @@ def length(option: str, text: str, low: float, high: float) -> float:
     return bounded(option, text, parse_length_mm, low, high, "mm")
 
 
-def whole(option: str, value: int, low: int, high: int) -> int:
+def whole(option: str, value: object, low: int, high: int) -> int:
     """A whole number within its limits.
 
     Raises:
-        InputError: out of the limits.
+        InputError: something else, or out of the limits.
     """
-    if not low <= value <= high:
-        raise InputError(f"{option} {value}: must be from {low} to {high}")
-    return value
+    if not isinstance(value, Integral) or isinstance(value, bool) or not low <= int(value) <= high:
+        what = "" if isinstance(value, Integral) else "a whole number "
+        raise InputError(f"{option} {shown(value) if what else value}: must be {what}from {low} to {high}")
+    return int(value)
+
+
+def real(option: str, value: object, low: float, high: float, unit: str = "") -> float:
+    """A number within its limits.
+
+    Raises:
+        InputError: something else, nan, or out of the limits.
+    """
+    if not isinstance(value, Real) or isinstance(value, bool) or not low <= float(value) <= high:
+        what = "" if isinstance(value, Real) else "a number "
+        raise InputError(
+            f"{option} {shown(value) if what else value}: must be {what}from {low:g}{unit} to {high:g}{unit}"
+        )
+    return float(value)
 
 
 def choice(option: str, text: str, known: tuple[str, ...]) -> str:

@@ -91,7 +91,7 @@ def _from_folder(path: Path, folder: Path) -> str:
 
 def _checks(search: Search) -> tuple[Finding, ...]:
     """What was found against what could have been."""
-    searched, asked = len(search.detections), len(search.results) + len(search.missing)
+    searched, asked = len(search.detections), len(search.results)
     rows = [_check("Photos that show the target", len(search.with_target), searched, "Of photos that could be read.")]
     if search.with_target:
         flat = "Rings that are seen too flat are not counted."

@@ -92,7 +92,7 @@ def told_posed(
 
 def _checks(found: PoseResult) -> tuple[Finding, ...]:
     """How many photos have a pose, and how well the camera explains them."""
-    count, total, usual_px = len(found.poses), len(found.search.results) + len(found.search.missing), found.usual_px
+    count, total, usual_px = len(found.poses), len(found.search.results), found.usual_px
     rows = [Finding(
         level_of_share(count / total), "Photos with a pose", "The others are listed with the reason.",
         f"{count} of {total}", SHARE_RULE,

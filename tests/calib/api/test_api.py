@@ -1,5 +1,6 @@
 """The public functions: what a command does, in one call that returns a value and prints nothing."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -83,3 +84,34 @@ def test_render_gives_a_view_as_an_array_and_a_set_as_files() -> None:
         calib.render(BOARD, CAMERA, poses=2 * np.eye(4))
     with pytest.raises(calib.InputError, match="stay farther away"):
         calib.render(BOARD, CAMERA, distance_mm=10.0)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"distance_mm": np.nan}, {"distance_mm": np.inf}, {"distance_mm": "400mm"}, {"aim_offset_mm": np.nan},
+        {"cap_rad": np.nan}, {"views": 2.5}, {"views": True}, {"seed": -1}, {"poses": "none.json"}, {"poses": "x"},
+        {"poses": [["a"]]}, {"options": calib.RenderOptions(blur_px=np.nan)}, {"region": "ball"},
+        {"options": calib.RenderOptions(glare=np.inf)}, {"options": calib.RenderOptions(clutter=1.5)},  # type: ignore[arg-type]
+    ],
+)  # fmt: skip
+def test_what_is_no_photo_to_render_is_refused(options: dict[str, object]) -> None:
+    """Numbers that are none, beyond their limits or of another type end in one line, before any work."""
+    with pytest.raises(calib.InputError):
+        calib.render(BOARD, CAMERA, **{"distance_mm": 120.0, **options})  # type: ignore[arg-type]
+
+
+def test_wrong_types_are_refused_in_one_line() -> None:
+    """Whatever stands where a target, camera, image, photo or number of jobs should."""
+    gap = np.full((120, 160), np.nan, np.float32)
+    wrong: tuple[Callable[[], object], ...] = (
+        lambda: calib.detect(gap, BOARD), lambda: calib.detect(np.zeros((120, 160), np.uint8), 5),  # type: ignore[arg-type]
+        lambda: calib.load_camera(5), lambda: calib.undistort(gap, None),  # type: ignore[arg-type]
+        lambda: calib.undistort(np.zeros((120, 160), np.uint8), CAMERA, alpha=np.nan),
+        lambda: calib.pose(BOARD, CAMERA, 5), lambda: calib.pose(BOARD, CAMERA, "*.png", jobs=-1),  # type: ignore[arg-type]
+        lambda: calib.run(BOARD, "*.png", jobs=0), lambda: calib.solve(5, BOARD), lambda: calib.load_observations(5),  # type: ignore[arg-type]
+    )  # fmt: skip
+    for call in wrong:
+        with pytest.raises(calib.InputError) as refused:
+            call()
+        assert "\n" not in str(refused.value)
