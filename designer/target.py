@@ -1,7 +1,7 @@
 """The target geometry: what was (or is to be) printed, as the detector and the calibrator read it.
 
-`NAME.target.json` holds it. Reading a written file gives back the same numbers, bit for bit. This module needs
-numpy and the standard library only, because everything else imports it.
+`NAME.target.json` holds it, as `target.schema.json` beside this file describes. Reading a written file gives back the
+same numbers, bit for bit. This module needs numpy and the standard library only, because everything else imports it.
 """
 
 import hashlib
@@ -10,7 +10,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import resources
 from os import PathLike
 from pathlib import Path
 from typing import Literal, cast, get_args
@@ -30,7 +29,6 @@ DIGESTED = bytes.fromhex("72696e67666f7267652e7461726765742031")
 VERSION = 1
 MAX_FILE_BYTES = 64 * 2**20
 MAX_INDEX = 1_000_000
-SCHEMA_FILE = "target.schema.json"
 
 Source = Literal["nominal", "measured", "perturbed"]
 Needs = Literal["points", "marks", "rings"]
@@ -339,11 +337,6 @@ def load_target(path: str | PathLike[str], needs: Needs = "points") -> TargetGeo
             "image,u,v,id"
         )
     return target
-
-
-def target_schema() -> str:
-    """The JSON Schema of target files (draft 2020-12), as text."""
-    return resources.files("designer").joinpath(SCHEMA_FILE).read_text(encoding="utf-8")
 
 
 def bounding_radius_mm(target: TargetGeometry) -> float:

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,11 @@ class Polyhedron:
         return int(self.faces.shape[1])
 
     @property
+    def lattice(self) -> Literal["square", "triangular"]:
+        """Of each face."""
+        return "square" if self.sides == 4 else "triangular"
+
+    @property
     def face_inradius(self) -> float:
         """From a face's centroid to its sides."""
         return 0.5 / math.tan(math.pi / self.sides)
@@ -57,11 +63,9 @@ class Polyhedron:
         return np.array([np.roll(face, -corner) for face, corner in zip(self.faces, self.code_corner, strict=True)])
 
     def index(self, per_side: int) -> list[tuple[int, int]]:
-        """Lattice indices of a face with so many features a side: i and j count along the sides at the code's corner.
-
-        The lattice is square on a square; on a triangle it is triangular.
-        """
-        return [(i, j) for i in range(per_side) for j in range(per_side if self.sides == 4 else per_side - i)]
+        """Lattice indices of a face with so many features a side: i and j count along the sides at its code."""
+        is_square = self.lattice == "square"
+        return [(i, j) for i in range(per_side) for j in range(per_side if is_square else per_side - i)]
 
     def unfolded(self) -> tuple[Array, Array]:
         """The net of edge length 1 as seen from outside, its lower left corner at (0, 0).

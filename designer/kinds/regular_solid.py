@@ -108,11 +108,10 @@ class SolidSpec(Spec):
 
     def facts(self) -> tuple[tuple[str, str], ...]:
         """Shape, distance of opposite faces, and lattice."""
-        lattice = {3: "triangular", 4: "square"}[self.shape().sides]
         return (
             ("shape", f"{self.shape().name}, edge {self.edge_mm:g} mm"),
             ("face to face", f"{2 * self.solid.inradius_mm:.2f} mm"),
-            ("lattice", f"{lattice}, {self.rings_per_side} rings a side"),
+            ("lattice", f"{self.shape().lattice}, {self.rings_per_side} rings a side"),
         )
 
     def options(self) -> Mapping[str, SpecValue]:

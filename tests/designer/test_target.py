@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import designer.target
 from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
@@ -23,7 +24,6 @@ from designer.target import (
     bounding_radius_mm,
     load_target,
     target_from_json,
-    target_schema,
     target_to_json,
 )
 
@@ -78,7 +78,9 @@ TARGETS: dict[str, Callable[[], TargetGeometry]] = {
     "board": cache(lambda: lay_out(BOARD)),
     "others": cache(made_by_others),
 }
-SCHEMA = jsonschema.Draft202012Validator(json.loads(target_schema()))
+SCHEMA = jsonschema.Draft202012Validator(
+    json.loads((Path(designer.target.__file__).parent / "target.schema.json").read_text())
+)
 
 
 @pytest.fixture(params=TARGETS)
@@ -293,12 +295,7 @@ UNSOUND: dict[str, Callable[[Document], object]] = {
     "another source": lambda d: d.update(source="guessed"),
     "id of another shape": lambda d: d.update(layout_id="0"),
     "spec as text": lambda d: d.update(spec="board"),
-    "spec of unknown kind": lambda d: d["spec"].update(kind="cube"),
-    "spec field missing": lambda d: d["spec"].pop("dots"),
-    "spec field unknown": lambda d: d["spec"].update(colour="red"),
-    "spec with text for a number": lambda d: d["spec"].update(size_mm=["90", "60"]),
     "spec with truth for a number": lambda d: d["spec"].update(pitch_mm=True),
-    "spec with a fraction for a count": lambda d: d["spec"].update(rows=2.5),
     "point with two numbers": lambda d: d["center_mm"][0].pop(),
     "null": lambda d: d.update(center_mm=None),
     "null in an array": lambda d: d["center_mm"][0].__setitem__(0, None),
@@ -319,6 +316,25 @@ UNSOUND: dict[str, Callable[[Document], object]] = {
     "another build": lambda d: d.update(build="glued"),
     "covariance with five rows": lambda d: d.update(face_covariance=[[[0.0] * 6] * 5]),
 }
+
+
+UNSOUND_SPECS: dict[str, Callable[[Document], object]] = {
+    "spec of unknown kind": lambda d: d["spec"].update(kind="cube"),
+    "spec field missing": lambda d: d["spec"].pop("dots"),
+    "spec field unknown": lambda d: d["spec"].update(colour="red"),
+    "spec with text for a number": lambda d: d["spec"].update(size_mm=["90", "60"]),
+    "spec with a fraction for a count": lambda d: d["spec"].update(rows=2.5),
+}
+
+
+@pytest.mark.parametrize("change", UNSOUND_SPECS.values(), ids=UNSOUND_SPECS)
+def test_a_spec_is_that_of_its_kind(change: Callable[[Document], object], tmp_path: Path) -> None:
+    """Fields that are a kind's own are held to it: the program names the file, in one line."""
+    path = tmp_path / "a.target.json"
+    path.write_text(json.dumps(edited(change)), encoding="utf-8")
+    with pytest.raises(InputError, match=r"a\.target\.json: .*spec") as raised:
+        load_target(path)
+    assert len(str(raised.value).splitlines()) == 1
 
 
 @pytest.mark.parametrize("change", UNSOUND.values(), ids=UNSOUND)

@@ -14,6 +14,8 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 import calib
+import designer
+import designer.designing
 import designer.kinds.spec_file
 import designer.spec.kind
 from calib.cameras.camera import Camera
@@ -25,8 +27,6 @@ from designer.cli import app as design_app
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec
-from designer.produce import Design, make_files
-from designer.target import target_from_json, target_to_json
 from designer.tolerance.shape import shape_of, target_of
 from tests.support.ring_views import view_of
 from tests.support.sightings import pinhole
@@ -79,14 +79,16 @@ def test_kind_of_ones_own_is_designed_and_found_in_a_photo(monkeypatch: pytest.M
     module = example("OctaSpec")
     monkeypatch.setitem(sys.modules, "designer.kinds.octa", module)
     monkeypatch.setattr(designer.spec.kind, "KINDS", (*designer.spec.kind.KINDS, "octa"))
-    monkeypatch.setattr(designer.kinds.spec_file, "KINDS", designer.spec.kind.KINDS)
-    values = {"kind": "octa", "edge": "100mm", "chord_error": "50um", "formats": ["pdf"], "stand": True}
-    design = Design(size_job(parse_spec(values, "test")).job)
-    files = {file.name for file in make_files(design, lambda _: None)}
-    assert {"octa-100mm.prusa.3mf", "octa-100mm.png", "octa-100mm.pdf", "octa-100mm.stand.stl"} <= files
+    for module_of in (designer.kinds.spec_file, designer.designing):
+        monkeypatch.setattr(module_of, "KINDS", designer.spec.kind.KINDS)
+    made = designer.design("octa", edge_mm=100, chord_error="50um", formats="pdf", stand=True)
+    files = {file.name for file in made.save(tmp_path).files}
+    assert {"octa-100mm.prusa.3mf", "octa-100mm.png", "octa-100mm.pdf", "octa-100mm.stand.stl", "index.html"} <= files
+    assert designer.load(tmp_path / "octa-100mm.toml").geometry == made.geometry
+    assert designer.load_target(tmp_path / "octa-100mm.target.json") == made.geometry
+    design = made.design
     target, frame = design.target, design.target.target_from_face
     np.testing.assert_allclose((frame[:, :3, 2] * frame[:, :3, 3]).sum(axis=1), 100 / np.sqrt(6), atol=1e-6)
-    assert target_from_json(target_to_json(target)) == target
     solid = math.sqrt(2) / 3 * 100**3
     assert design.part.ink is not None
     assert design.part.body.volume_mm3 + design.part.ink.volume_mm3 == pytest.approx(solid, rel=1e-9)

@@ -4,7 +4,6 @@ import ast
 import io
 import json
 import re
-from dataclasses import fields
 from pathlib import Path
 
 import jsonschema
@@ -21,7 +20,7 @@ from designer.make.bed import bed_from_target
 from designer.make.printability import check_printability
 from designer.spec.kind import KINDS, kind_named, spec_from_mapping, spec_to_mapping
 from designer.spec.options import is_required, options_of
-from designer.target import target_from_json, target_schema, target_to_json
+from designer.target import target_from_json, target_to_json
 from tests.support.designs import COARSE, SMALL, asked_for, ink_of, packages_of, small
 from tests.support.ring_views import CAMERA, USUAL, misplaced, pose_of
 
@@ -83,15 +82,10 @@ def test_layout_is_read_back_bit_for_bit(name: str) -> None:
 
 
 @each_kind
-def test_published_schema_tells_the_spec(name: str) -> None:
-    """The schema takes the files of the kind, and knows every field of its spec and no other."""
-    schema = json.loads(target_schema())
-    document = json.loads(target_to_json(small(name).target))
-    jsonschema.validate(document, schema)
-    for field in fields(kind_named(name).spec):  # type: ignore[arg-type]
-        spec = {key: value for key, value in document["spec"].items() if key != field.name}
-        with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate({**document, "spec": spec}, schema)
+def test_published_schema_takes_the_files(name: str) -> None:
+    """The schema takes the files of the kind, whatever fields its spec has of its own."""
+    schema = json.loads((ROOT / "designer/target.schema.json").read_text())
+    jsonschema.validate(json.loads(target_to_json(small(name).target)), schema)
 
 
 @each_kind
