@@ -12,7 +12,7 @@ from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector import pipeline
 from calib.detector.pipeline import Found
-from calib.observe.exif import exif_focal_px
+from calib.observe.image_headers import exif_focal_px
 from calib.observe.images import read_image
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import (

@@ -17,13 +17,12 @@ from scipy.spatial import cKDTree
 
 from calib.core.types import KnownPoints, Observations
 from calib.observe.corners_vnl import PointGrid, is_corners, observations_from_corners
-from calib.observe.csv_table import CsvTable, read_table, read_text
-from calib.observe.dataset import FIRST_LINE, MAX_SIDE_PX, is_covariance, read_detections
-from calib.observe.known_planes import MAX_FACE, points_with_planes
+from calib.observe.csv_table import COVARIANCE, CsvTable, column_fault, read_table, read_text
+from calib.observe.dataset import FIRST_LINE, MAX_SIDE_PX, read_detections
 from calib.observe.observations import known_points, observations_from_detections, prepare
-from calib.observe.point_target import ids_of
+from calib.observe.point_target import MAX_FACE, ids_of, points_with_planes
 from designer.base.errors import InputError
-from designer.base.words import shown, suggestion
+from designer.base.words import shown
 from designer.target import TargetGeometry, load_target
 
 Array = NDArray[np.float64]
@@ -31,7 +30,6 @@ Size = tuple[int, int]
 
 SEEN, ID = ("image", "u", "v"), "id"
 REQUIRED = (*SEEN, "X", "Y", "Z")
-COVARIANCE = ("suu", "suv", "svv")
 OPTIONAL = ("face", "sigma", *COVARIANCE)
 MAX_FILE_BYTES = 128 * 2**20
 """As text in memory a table takes about ten times as much."""
@@ -180,12 +178,8 @@ def _column_fault(columns: tuple[str, ...], *, of_target: bool) -> str:
     if len(columns) == 1 and re.search(r"[;\t]", columns[0]):
         return "values must be separated by commas"
     required = SEEN if of_target and ID in columns else REQUIRED
-    missing = [name for name in required if name not in columns]
-    if missing:
-        return f"column {missing[0]!r} is missing{suggestion(missing[0], list(columns))}; {wanted}"
-    again = next((name for name in columns if columns.count(name) > 1), None)
-    if again is not None:
-        return f"column {shown(again)} a second time; keep one"
+    if fault := column_fault(columns, required, wanted):
+        return fault
     some = [name for name in COVARIANCE if name in columns]
     if some and (len(some) < len(COVARIANCE) or "sigma" in columns):
         return "the accuracy is sigma, or suu,suv,svv, and not a part or both of them"
@@ -204,10 +198,7 @@ def _all_rows(table: CsvTable, size: Size, target: TargetGeometry | None) -> Obs
     point, points, remarks = (
         _own_points(table) if target is None else (_points_of(table, target), known_points(target), ())
     )
-    order = np.lexsort((point, view))
-    again = np.zeros(len(order), dtype=bool)
-    again[order[1:]] = (np.diff(view[order]) == 0) & (np.diff(point[order]) == 0)
-    table.require(~again, "the same point of the same image a second time; keep one")
+    order = table.sorted_once(view, point, "the same point of the same image a second time; keep one")
     return Observations(
         size, tuple(names), view[order], point[order], np.stack([u, v], axis=1)[order],
         None if covariance is None else covariance[order], points, remarks,
@@ -264,10 +255,7 @@ def _covariance(table: CsvTable) -> Array | None:
         return np.asarray(sigma[:, None, None] ** 2 * np.eye(2))
     if COVARIANCE[0] not in table.cells:
         return None
-    suu, suv, svv = (table.reals(name) for name in COVARIANCE)
-    covariance = np.stack([suu, suv, suv, svv], axis=1).reshape(-1, 2, 2)
-    table.require(is_covariance(covariance), "suu, suv, svv must be a covariance, which is positive definite")
-    return covariance
+    return table.covariances()
 
 
 def _require_inside(every: Observations, path: Path) -> None:

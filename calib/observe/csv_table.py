@@ -3,7 +3,7 @@
 import csv
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from designer.base.errors import InputError
 from designer.base.small_file import read_small_text
+from designer.base.words import shown, suggestion
 
 MAX_FILE_BYTES = 512 * 2**20
+COVARIANCE = ("suu", "suv", "svv")
 ANY_NAME = "surrogatepass"
 """Python's way with file names that are no text: they are read back as they were."""
 
@@ -46,9 +48,41 @@ class CsvTable:
         self.require(np.abs(numbers) < np.inf, f"{name} must be a finite number")
         return numbers
 
+    def covariances(self) -> NDArray[np.float64]:
+        """The columns suu, suv, svv as matrices.  # (M, 2, 2)"""
+        suu, suv, svv = (self.reals(name) for name in COVARIANCE)
+        matrices = np.stack([suu, suv, suv, svv], axis=1).reshape(-1, 2, 2)
+        self.require(is_covariance(matrices), "suu, suv, svv must be a covariance, which is positive definite")
+        return matrices
+
+    def sorted_once(self, first: NDArray[np.int64], then: NDArray[np.int64], rule: str) -> NDArray[np.int64]:
+        """The order (M,) of the rows by two numbers, which no two rows share."""
+        order = np.lexsort((then, first))
+        again = np.zeros(len(order), dtype=bool)
+        again[order[1:]] = (np.diff(first[order]) == 0) & (np.diff(then[order]) == 0)
+        self.require(~again, rule)
+        return order
+
     def _require_pattern(self, name: str, pattern: re.Pattern[str], what: str) -> None:
         ok = np.array([pattern.fullmatch(cell) is not None for cell in self.cells[name]], dtype=bool)
         self.require(ok, f"{name} must be {what}")
+
+
+def is_covariance(cov: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which matrices are positive definite.  # (N, 2, 2) -> (N,)"""
+    with np.errstate(over="ignore", invalid="ignore"):
+        determinant = cov[:, 0, 0] * cov[:, 1, 1] - cov[:, 0, 1] ** 2
+    ok: NDArray[np.bool_] = (cov[:, 0, 0] > 0) & (determinant > 0) & np.isfinite(determinant)
+    return ok
+
+
+def column_fault(columns: tuple[str, ...], required: Sequence[str], wanted: str) -> str:
+    """What is wrong with the names of columns: one is missing, or stands there twice; "" if nothing."""
+    missing = [name for name in required if name not in columns]
+    if missing:
+        return f"column {missing[0]!r} is missing{suggestion(missing[0], list(columns))}; {wanted}"
+    again = next((name for name in columns if columns.count(name) > 1), None)
+    return "" if again is None else f"column {shown(again)} a second time; keep one"
 
 
 def read_text(path: Path, kind: str, max_bytes: int = MAX_FILE_BYTES) -> str:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from calib.core.files import write_files
 from calib.core.types import Detections
-from calib.observe.csv_table import ANY_NAME, CsvTable, read_table, read_text
+from calib.observe.csv_table import ANY_NAME, CsvTable, is_covariance, read_table, read_text
 from calib.observe.records import RECORDS, ImageRecord, Records, image_record, read_records, records_path
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours
@@ -32,7 +32,6 @@ MAX_SIDE_PX = 1_000_000
 
 _KIND = "# ringsolid detections, version "
 _COVARIANCE_FORMAT = ".5e"
-_REALS = ("u", "v", "suu", "suv", "svv", "X", "Y", "Z")
 _IMAGE_LINE = re.compile(r'# image (\d{1,7}) x (\d{1,7}) px (".*")')
 _ID_LINE = re.compile(r"# (layout_id|geometry_id|detector) (\S.*)")
 
@@ -136,14 +135,6 @@ def _storable(one: Detections) -> Detections:
     return replace(one.keep(ok), remarks=(*one.remarks, remark))
 
 
-def is_covariance(cov: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which matrices are positive definite.  # (N, 2, 2) -> (N,)"""
-    with np.errstate(over="ignore", invalid="ignore"):
-        determinant = cov[:, 0, 0] * cov[:, 1, 1] - cov[:, 0, 1] ** 2
-    ok: NDArray[np.bool_] = (cov[:, 0, 0] > 0) & (determinant > 0) & np.isfinite(determinant)
-    return ok
-
-
 def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) -> tuple[Detections, ...]:
     """Read `detections.csv` for a target with the same layout: each photo's, without contours and faces.
 
@@ -165,15 +156,12 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
     view_of = {name: k for k, name in enumerate(header.sizes)}
     view = np.array([view_of.get(name, -1) for name in table.cells["image"]], dtype=np.int64)
     table.require(view >= 0, "its image has no '# image' line above the column names")
-    real = {name: table.reals(name) for name in _REALS}
-    center: NDArray[np.float64] = np.stack([real["u"], real["v"]], axis=1)
-    cov = np.stack([real[name] for name in ("suu", "suv", "suv", "svv")], axis=1).reshape(-1, 2, 2)
-    table.require(np.hypot(real["u"], real["v"]) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
-    table.require(is_covariance(cov), "suu, suv, svv must be a covariance, which is positive definite")
-    order = np.lexsort((ring, view))
-    again = np.zeros(len(ring), dtype=bool)
-    again[order[1:]] = (np.diff(view[order]) == 0) & (np.diff(ring[order]) == 0)
-    table.require(~again, "the same ring of the same image a second time; keep one")
+    center: NDArray[np.float64] = np.stack([table.reals(name) for name in "uv"], axis=1)
+    table.require(np.hypot(*center.T) <= MAX_SIDE_PX, f"u or v is beyond {MAX_SIDE_PX} px")
+    cov = table.covariances()
+    for name in "XYZ":  # those of the target count
+        table.reals(name)
+    order = table.sorted_once(view, ring, "the same ring of the same image a second time; keep one")
     start = np.searchsorted(view[order], np.arange(len(header.sizes) + 1))
     remarks = _remarks_beside(path, header)
     return tuple(

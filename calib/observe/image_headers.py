@@ -1,13 +1,17 @@
 """What an image file says of itself before a pixel is decoded: format, size, orientation, and whether it is whole.
 
 The formats are told by their first bytes, never by the name. Sizes are read here, and not by a decoder, so that a
-small file cannot make a decoder ask for more memory than the machine has.
+small file cannot make a decoder ask for more memory than the machine has; nor by Pillow, which has no depth of 16-bit
+colours, says what is odd as warnings of the whole process while photos are read by several threads, and takes files
+that are cut off.
 """
 
+import math
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 Format = Literal["PNG", "JPEG", "TIFF", "BMP", "PNM"]
@@ -18,6 +22,7 @@ MAX_SCANS = 200
 MAX_PAGES = 100
 """Pages of a TIFF that are counted."""
 
+DIAGONAL_OF_35_MM = math.hypot(36, 24)
 EOI, SOS, APP1, APP14 = 0xD9, 0xDA, 0xE1, 0xEE
 """Markers of a JPEG."""
 FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
@@ -40,17 +45,25 @@ class DamagedError(ValueError):
 
 
 @dataclass(frozen=True)
+class Exif:
+    """What a camera noted in its photo."""
+
+    orientation: int = 1  # 1 is as the sensor saw it
+    focal_in_35_mm: int = 0  # focal length of a camera of 36 x 24 mm with the same diagonal field of view; 0: not known
+    upright: tuple[int, bytes] = (0, b"")  # where the orientation stands, and the bytes of "1"
+
+
+@dataclass(frozen=True)
 class Header:
     """What is known of an image before it is decoded."""
 
     format: Format
     width: int  # px
     height: int  # px
-    orientation: int = 1  # EXIF: 1 is as the sensor saw it
+    exif: Exif = Exif()
     page_count: int = 1
     pixel_bytes: int = 1  # as decoded
     is_white_zero: bool = False  # TIFF: the smallest number is white
-    orientation_at: tuple[int, bytes] | None = None  # TIFF: where the tag's value lies, and the bytes of "1"
 
 
 def read_header(data: bytes) -> Header:
@@ -115,21 +128,9 @@ def _png_header(data: bytes) -> Header:
     width, height = struct.unpack_from(">II", data, 16)
     depth, colour = struct.unpack_from("BB", data, 24)
     pixel_bytes = {2: 3, 3: 3, 4: 4, 6: 4}.get(colour, 1) * (2 if depth == 16 else 1)
-    return Header("PNG", width, height, _exif_orientation(png_exif(data)), pixel_bytes=pixel_bytes)
-
-
-def png_exif(data: bytes) -> bytes:
-    """The EXIF block of a PNG, which may stand before its pixels or after them; empty if there is none.
-
-    Only names and lengths are read: what is cut off shows when the pixels are read.
-    """
-    block, at = b"", len(_PNG_START)
-    while at + 12 <= len(data):
-        (length,) = struct.unpack_from(">I", data, at)
-        if data[at + 4 : at + 8] == b"eXIf":
-            block = data[at + 8 : at + 8 + length]
-        at += 12 + length
-    return block
+    # The block may stand before the pixels or after them.
+    noted = [bytes(chunk[8:-4]) for name, chunk in _png_chunks(memoryview(data)) if name == b"eXIf"]
+    return Header("PNG", width, height, _exif(noted[-1]) if noted else Exif(), pixel_bytes=pixel_bytes)
 
 
 def jpeg_segments(data: bytes) -> Iterator[tuple[int, bytes, int]]:
@@ -156,11 +157,11 @@ def jpeg_segments(data: bytes) -> Iterator[tuple[int, bytes, int]]:
 
 def _jpeg_header(data: bytes) -> Header:
     """What the segments up to the first scan say."""
-    orientation, is_adobe = 1, False
+    exif, is_adobe = Exif(), False
     frame: tuple[int, int, int, int] | None = None  # marker, height, width, components
     for marker, body, after in jpeg_segments(data):
         if marker == APP1 and body.startswith(b"Exif\0\0"):
-            orientation = _exif_orientation(body[6:])
+            exif = _exif(body[6:])
         is_adobe |= marker == APP14 and body.startswith(b"Adobe")
         if marker in FRAMES:
             depth, height, width, components = struct.unpack_from(">BHHB", body)
@@ -169,7 +170,7 @@ def _jpeg_header(data: bytes) -> Header:
             frame = marker, height, width, components
         if marker == SOS and frame is not None:
             _check_jpeg(data, after, frame, scan_components=body[0], is_adobe=is_adobe)
-            return Header("JPEG", frame[2], frame[1], orientation)
+            return Header("JPEG", frame[2], frame[1], exif)
         if marker == SOS:
             raise DamagedError("has no size before its pixels; copy it again")
     raise DamagedError("is cut off before its first pixel; copy it again")
@@ -239,8 +240,7 @@ def _tiff_header(data: bytes) -> Header:
             raise DamagedError("is cut off: a page is missing; copy it again") from None
         pages += 1
     pixel_bytes = max(1, min(value.get(277, 1), 4)) * (2 if value.get(258, 1) > 8 else 1)
-    at = (tags[274][1], struct.pack(order + "H", 1)) if 274 in tags else None
-    return Header("TIFF", value[256], value[257], _valid(value.get(274, 1)), pages, pixel_bytes, photometric == 0, at)
+    return Header("TIFF", value[256], value[257], _exif(data), pages, pixel_bytes, photometric == 0)
 
 
 def _byte_order(data: bytes) -> str:
@@ -269,17 +269,29 @@ def _big_tiff(_: bytes) -> Header:
     raise DamagedError("is a BigTIFF; save it as an ordinary TIFF or as PNG")
 
 
-def _exif_orientation(exif: bytes) -> int:
-    """The orientation in an EXIF block, which is a TIFF directory; 1 if there is none that can be read."""
+def _exif(block: bytes) -> Exif:
+    """What a camera noted in a TIFF, or in an EXIF block, which is one; nothing where that cannot be read."""
     try:
-        tags, _, _ = _directory(exif, struct.unpack_from(_byte_order(exif) + "I", exif, 4)[0])
+        tags, order, _ = _directory(block, struct.unpack_from(_byte_order(block) + "I", block, 4)[0])
+        orientation, at = tags.get(274, (1, 0))
+        inner = _directory(block, tags[0x8769][0])[0] if 0x8769 in tags else {}
     except struct.error:
-        return 1
-    return _valid(tags.get(274, (1, 0))[0])
+        return Exif()
+    focal = inner.get(0xA405, (0, 0))[0]
+    return Exif(orientation if 1 <= orientation <= 8 else 1, focal, (at, struct.pack(order + "H", 1)))
 
 
-def _valid(orientation: int) -> int:
-    return orientation if 1 <= orientation <= 8 else 1
+def exif_focal_px(path: Path) -> float | None:
+    """A first guess of the focal length in pixels, or None if the photo does not say.
+
+    The tag `FocalLengthIn35mmFilm` compares diagonals, is rounded to whole millimetres, and knows of no crop.
+    """
+    try:
+        header = read_header(path.read_bytes())
+    except (OSError, ValueError):
+        return None  # a photo may hold anything; the solver needs no guess
+    focal_mm = header.exif.focal_in_35_mm
+    return focal_mm / DIAGONAL_OF_35_MM * math.hypot(header.width, header.height) if 1 <= focal_mm <= 5000 else None
 
 
 _READERS: Mapping[bytes, Callable[[bytes], Header]] = {

@@ -164,8 +164,9 @@ def _decode(data: bytes, header: Header, *, in_colour: bool, shrink: int = 1) ->
         flags = cv2.IMREAD_IGNORE_ORIENTATION | (coloured if in_colour else cv2.IMREAD_GRAYSCALE)
     elif header.format == "PNG":
         data = needed_png(data)
-    elif header.format == "TIFF" and header.orientation != 1 and header.orientation_at is not None:
-        data = _patched(data, *header.orientation_at)
+    elif header.format == "TIFF" and header.exif.orientation != 1:
+        at, one = header.exif.upright
+        data = data[:at] + one + data[at + len(one) :]
     elif data[:2] in {b"P1", b"P2", b"P3"}:
         data += b"\n"  # a text may end in a digit
     # The decoders' complaints go to standard error, into the progress bar; what is wrong is said here.
@@ -202,21 +203,14 @@ def grey_of(image: Grey) -> Grey:
     return cast("Grey", cv2.cvtColor(image, code))
 
 
-def _patched(data: bytes, at: int, value: bytes) -> bytes:
-    """The bytes with some replaced."""
-    changed = bytearray(data)
-    changed[at : at + len(value)] = value
-    return bytes(changed)
-
-
 def _remarks(path: Path, decoded: _Decoded, *, drops_alpha: bool) -> list[str]:
     """What a person should know of the file."""
     header, remarks = decoded.header, [decoded.doubt] if decoded.doubt else []
     if path.suffix.lower() not in SUFFIXES_OF[header.format]:
         remarks.append(f"the file is {header.format}, whatever its name says")
-    if header.orientation != 1:
-        turn = _TURNS[header.orientation]
-        remarks.append(f"read as the sensor saw it: viewers show it {turn} (orientation {header.orientation})")
+    if header.exif.orientation != 1:
+        turn = _TURNS[header.exif.orientation]
+        remarks.append(f"read as the sensor saw it: viewers show it {turn} (orientation {header.exif.orientation})")
     if header.page_count > 1:
         remarks.append(f"page 1 of {header.page_count} read")
     if drops_alpha:

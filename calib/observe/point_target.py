@@ -1,8 +1,8 @@
 """A target that others made, from a table of its points: a cube, or a room with sheets on its walls.
 
 The table is a CSV with X, Y, Z in mm, and may hold the plane that each point lies in and an id, a whole number by which
-tables of sightings name it. The planes are fitted, or stand in a table of their own: plane,nx,ny,nz,d with the normal n
-on the side that is seen, and n X = d.
+tables of observations name it. The planes are fitted, or stand in a table of their own: plane,nx,ny,nz,d with the
+normal n on the side that is seen, and n X = d.
 """
 
 import io
@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from calib.observe.csv_table import CsvTable, read_table, read_text
+from calib.core.types import KnownPoints
+from calib.observe.csv_table import CsvTable, column_fault, read_table, read_text
 from designer.base.errors import InputError
-from designer.base.words import shown, suggestion
+from designer.base.words import shown
 from designer.target import MAX_INDEX, TargetGeometry
 
 Array = NDArray[np.float64]
@@ -33,6 +34,12 @@ OFF_PLANE = 0.01
 """Of a plane's extent: a point that is farther off does not lie in it."""
 THIN = 1e-3
 """Points this much thinner than long lie on a line, and tell no plane."""
+FLAT, UNEVEN = 1e-6, 1e-3
+"""Points lie in one plane if none is farther off than this share of their extent; a face is worth a remark beyond."""
+THINNEST = 1e-6
+"""As `THIN`, of points whose plane only tells the sides they are seen from."""
+MAX_FACE = 9999
+_NAMED = 4
 _POINT_COLUMNS, _PLANE_COLUMNS = ("X", "Y", "Z"), ("plane", "nx", "ny", "nz", "d")
 
 
@@ -56,6 +63,30 @@ class Plane:
 
     normal: Array  # (3,)
     offset_mm: float
+
+    @property
+    def row(self) -> Array:
+        """Normal and offset.  # (4,)"""
+        return np.append(self.normal, self.offset_mm)
+
+    def off_mm(self, position_mm: Array) -> float:
+        """The largest distance of points (N, 3) from it."""
+        return float(np.abs(position_mm @ self.normal - self.offset_mm).max())
+
+
+def _least_squares_plane(position: Array, thin: float) -> Plane | None:
+    """The plane with the least squares of distances; its normal's largest component is positive.
+
+    None: the points lie on a line, to a share of their length, and tell no plane.
+    """
+    if len(position) < 3:
+        return None
+    middle = position.mean(axis=0)
+    _, singular, axes = np.linalg.svd(position - middle, full_matrices=False)
+    if not singular[1] > thin * singular[0]:
+        return None
+    normal = axes[2] * np.sign(axes[2][np.argmax(np.abs(axes[2]))])
+    return Plane(normal, float(normal @ middle))
 
 
 def target_from_points(
@@ -107,7 +138,7 @@ def target_from_points(
 
 
 def ids_of(target: TargetGeometry) -> Numbers:
-    """By what tables of sightings name a target's features: a point's id, a designed feature's row.  # (R,)"""
+    """By what tables of observations name a target's features: a point's id, a designed feature's row.  # (R,)"""
     ids = target.ring_index[:, 0]
     is_points = target.spec is None and not target.ring_index[:, 1].any() and len(np.unique(ids)) == len(ids)
     return ids if is_points else np.arange(target.ring_count)
@@ -171,12 +202,7 @@ def _table(path: Path, columns: Sequence[str], kind: str, most: int) -> CsvTable
     """The rows of a file."""
 
     def fault(names: tuple[str, ...]) -> str:
-        missing = [name for name in columns if name not in names]
-        again = next((name for name in names if names.count(name) > 1), None)
-        if missing:
-            wanted = f"{kind} has the columns {','.join(columns)}"
-            return f"column {missing[0]!r} is missing{suggestion(missing[0], list(names))}; {wanted}"
-        return "" if again is None else f"column {shown(again)} a second time; keep one"
+        return column_fault(names, columns, f"{kind} has the columns {','.join(columns)}")
 
     stream = io.StringIO(read_text(path, kind, MAX_FILE_BYTES), newline="")
     table = read_table(path, stream, 1, fault, skip_spaces=True)
@@ -193,20 +219,17 @@ def _words(name: str) -> str:
 
 
 def _fitted(position: Array, name: str, middle: Array, *, inside: bool) -> Plane:
-    """The plane with the least squares of distances."""
+    """The plane of least squares, its normal away from the middle of all points, or towards it."""
     if len(position) < 3:
         raise InputError(f"{_words(name)}: {len(position)} points; a plane is told by 3 or more that lie on no line")
-    own = position.mean(axis=0)
-    _, length, axes = np.linalg.svd(position - own, full_matrices=False)
-    if not length[1] > THIN * length[0]:
+    plane = _least_squares_plane(position, THIN)
+    if plane is None:
         raise InputError(f"{_words(name)}: its {len(position)} points lie on a line; add some beside it")
-    normal = axes[2]
-    outwards = float(normal @ (own - middle))
-    if abs(outwards) > THIN * length[0]:
-        normal = normal * np.sign(outwards) * (-1 if inside else 1)
-    else:  # all points lie in one plane: the side of its largest component
-        normal = normal * np.sign(normal[np.argmax(np.abs(normal))])
-    return Plane(normal, float(normal @ own))
+    outwards = plane.offset_mm - float(plane.normal @ middle)
+    extent = float(np.linalg.svd(position - position.mean(axis=0), compute_uv=False)[0])
+    if abs(outwards) <= THIN * extent or (outwards > 0) != inside:
+        return plane  # also if all points lie in one plane
+    return Plane(-plane.normal, -plane.offset_mm)
 
 
 def _given(planes: dict[str, Plane], name: str) -> Plane:
@@ -244,3 +267,40 @@ def _face(plane: Plane, position: Array, diameter_mm: float) -> tuple[Array, Arr
     frame[:3, 3] = turn @ np.append(0.5 * (low + high), plane.offset_mm)
     outline = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     return frame, outline, step
+
+
+def points_with_planes(position_mm: Array, face: NDArray[np.int64] | None) -> tuple[KnownPoints, tuple[str, ...]]:
+    """The points with the one plane that they all lie in, else with the planes of their faces.
+
+    Args:
+        position_mm: the points (K, 3).
+        face: the number of the face that each lies in (K,), -1 for none; None: not known.
+
+    Returns:
+        The points, and remarks: their extent, and faces that are no planes.
+    """
+    extent = np.ptp(position_mm, axis=0)
+    said = [f"X, Y, Z are taken as mm: the points span {' x '.join(f'{side:.6g}' for side in extent)} mm"]
+    whole = _least_squares_plane(position_mm, THINNEST)
+    if whole is not None and whole.off_mm(position_mm) <= FLAT * float(np.linalg.norm(extent)):
+        return KnownPoints(position_mm, np.zeros(len(position_mm), dtype=np.int64), whole.row[None]), tuple(said)
+    if face is None:
+        return KnownPoints(position_mm, np.full(len(position_mm), -1), np.zeros((0, 4))), tuple(said)
+    count = int(face.max(initial=-1)) + 1
+    known = np.full(len(position_mm), -1)
+    planes = np.tile([0.0, 0.0, 1.0, 0.0], (count, 1))  # stays so for numbers that no plane has
+    uneven: list[str] = []
+    order = np.argsort(face, kind="stable")
+    for number, rows in enumerate(np.split(order, np.searchsorted(face[order], np.arange(count + 1)))[1:-1]):
+        plane = _least_squares_plane(position_mm[rows], THINNEST)
+        if plane is None:
+            continue
+        planes[number], known[rows] = plane.row, number
+        if (off_mm := plane.off_mm(position_mm[rows])) > UNEVEN * float(
+            np.linalg.norm(np.ptp(position_mm[rows], axis=0))
+        ):
+            uneven.append(f"{number} by {off_mm:.3g} mm")
+    if uneven:
+        more = f" and {len(uneven) - _NAMED} more" if len(uneven) > _NAMED else ""
+        said.append(f"faces whose points are off their mean plane: {', '.join(uneven[:_NAMED])}{more}")
+    return KnownPoints(position_mm, known, planes), tuple(said)

@@ -19,7 +19,7 @@ from PIL import Image
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import read_detections
-from calib.observe.exif import EXIF_IFD, FOCAL_LENGTH_IN_35_MM
+from calib.observe.image_headers import EXIF_IFD, FOCAL_LENGTH_IN_35_MM
 from calib.pipeline.solving import calibrate
 from calib.records.calibration_file import read_calibration
 from calib.renderer.job import RenderJob, truth_text

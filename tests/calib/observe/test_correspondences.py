@@ -14,8 +14,8 @@ from calib.core.types import Detections, KnownPoints, Observations
 from calib.observe.corners_vnl import PointGrid
 from calib.observe.correspondences import parse_pair, read_correspondences, read_observations
 from calib.observe.dataset import write_detections
-from calib.observe.known_planes import points_with_planes
 from calib.observe.observations import known_points
+from calib.observe.point_target import points_with_planes
 from designer.base.errors import InputError
 from designer.target import target_to_json
 from tests.support.calibrations import board, camera, icosahedron, poses_around, seen_by

@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-from calib.observe.exif import EXIF_IFD, FOCAL_LENGTH_IN_35_MM, exif_focal_px
+from calib.observe.image_headers import exif_focal_px
 
-MAKE = 0x10F
+MAKE, EXIF_IFD, FOCAL_LENGTH_IN_35_MM = 0x10F, 0x8769, 0xA405
 
 
 def photo(path: Path, length: object, size: tuple[int, int] = (600, 400)) -> Path:
