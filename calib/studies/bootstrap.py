@@ -1,17 +1,137 @@
-"""One bootstrap sample: draw views with replacement, solve, evaluate."""
+"""Bootstrap samples of a camera: the views that they are drawn from, and how each is solved and evaluated."""
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.se3 import make_pose
+from calib.core.selection import keep_sightings
 from calib.core.threads import one_thread
+from calib.core.types import Observations
+from calib.metrics.errors import Errors, summarise
+from calib.metrics.evaluation import truth_remarks
+from calib.metrics.intersection import intersection
+from calib.metrics.pose import pose
+from calib.metrics.prediction import centers_mm, predict
+from calib.metrics.reconstruction import reconstruction
+from calib.metrics.reprojection import reprojection
+from calib.observe.truth import Truth, true_poses
+from calib.pipeline.solving import calibrate
 from calib.solver.accuracy import NO_FIT
-from calib.studies.from_scratch import solve_from_scratch
-from calib.studies.near import find_near
-from calib.studies.pool import Pool
-from calib.studies.sample import SampleResult, draw_counts
+from calib.solver.calibration import Calibration
+from calib.solver.descend import is_robust
+from calib.solver.options import SolveOptions, Tie, tie_parameters
+from calib.solver.problem import Problem, pack
+from calib.studies.near import Expansion, expand, find_near
+from calib.studies.sample import SampleResult, draw_counts, failed_sample
 from calib.studies.sample_metrics import Sample, sample_errors
+from designer.base.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """V views, the camera of all of them, and what is known about it."""
+
+    observations: Observations  # of the views that have a pose
+    model: str
+    options: SolveOptions
+    calibration: Calibration  # of all views
+    problem: Problem
+    tie: Tie
+    cam_from_target: Array  # (V, 4, 4) from the problem's origin
+    true_center_mm: Array | None  # (V, 3) where the cameras were, if known; nan for views of which it is not
+    remarks: tuple[str, ...]  # on the solution of all views, and on the truth
+    expansion: Expansion | None  # None: every sample is to be solved from scratch
+
+    @property
+    def view_count(self) -> int:
+        """V."""
+        return self.observations.view_count
+
+    @property
+    def value_count(self) -> int:
+        """P, of the camera's parameters."""
+        return len(self.calibration.camera.params)
+
+    @property
+    def covariance(self) -> Array:
+        """(P, P) of the camera's parameters in the solution of all views."""
+        return self.calibration.param_covariance
+
+    @one_thread
+    def run(self, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
+        """The samples of some numbers, each a function of seed, case and number alone.
+
+        Args:
+            case: the name of what is sampled.
+            size: how many views to draw.
+            seed: of the study.
+            numbers: of the samples.
+        """
+        return [run_sample(self, draw_counts(seed, case, n, size, self.view_count), n) for n in numbers]
+
+
+def make_pool(observations: Observations, model: str, options: SolveOptions, truth: Truth | None) -> Pool:
+    """Solve the camera of all views, and expand it.
+
+    Views that the solution leaves out are not in the pool; the calibration's remarks name them. Samples are solved
+    from scratch, which is slow, if the model is not its parameters alone or if outliers are weighed anew in each.
+
+    Args:
+        observations: what was seen.
+        model: a camera model's name.
+        options: weights, losses, fixed and shared parameters.
+        truth: of the photos, if they were rendered.
+
+    Raises:
+        InputError: all views together do not determine the camera, or the truth is of other photos.
+    """
+    calibration = calibrate(observations, model, options)
+    if calibration.status == "degenerate":
+        raise InputError(
+            f"all {observations.view_count} views together do not determine the camera: {calibration.remarks[0]}; "
+            "there is nothing to draw from: take more photos, from more sides, or a model with fewer parameters"
+        )
+    kept = calibration.observations
+    center: Array | None = None
+    remarks = calibration.remarks
+    if truth is not None:
+        remarks += truth_remarks(calibration, truth)
+        center = centers_mm(true_poses(truth, kept.view_names))
+    problem = pack(kept, weighted=options.weighted)
+    poses = np.array(calibration.cam_from_target)
+    poses[:, :3, 3] += poses[:, :3, :3] @ problem.origin_mm
+    tie = tie_parameters(model, options)
+    expansion = None
+    if calibration.camera.learned is None and not is_robust(options) and calibration.status == "converged":
+        expansion = expand(problem, calibration, poses, tie)
+    return Pool(kept, model, options, calibration, problem, tie, poses, center, remarks, expansion)
+
+
+def require_enough(pool: Pool, size: int) -> None:
+    """Refuse samples that cannot determine the camera, whichever views are drawn.
+
+    A view of n points has 2n - 6 equations beyond those that its own pose takes.
+
+    Args:
+        pool: what is drawn from.
+        size: views of a sample.
+
+    Raises:
+        InputError: fewer equations than parameters.
+    """
+    unknown = len(set(pool.tie.row[pool.tie.row >= 0].tolist()))
+    spare = np.sort(2 * np.bincount(pool.observations.view, minlength=pool.view_count) - 6)[::-1].cumsum()
+    if size < pool.view_count and spare[size - 1] < unknown:
+        least = int(np.argmax(spare >= unknown)) + 1
+        raise InputError(
+            f"size {size}: so few views give at most {spare[size - 1]} equations for {unknown} parameters of "
+            f"the camera; draw {least} or more"
+        )
 
 
 def run_sample(pool: Pool, counts: NDArray[np.int64], number: int) -> SampleResult:
@@ -24,7 +144,7 @@ def run_sample(pool: Pool, counts: NDArray[np.int64], number: int) -> SampleResu
     """
     views = np.flatnonzero(counts)
     weight = counts[views]
-    found = find_near(pool, views, weight)
+    found = None if pool.expansion is None else find_near(pool.expansion, views, weight)
     if found is None:
         return solve_from_scratch(pool, counts, number)
     is_plain = not pool.calibration.weighted
@@ -42,15 +162,47 @@ def run_sample(pool: Pool, counts: NDArray[np.int64], number: int) -> SampleResu
     )  # fmt: skip
 
 
-@one_thread
-def run_chunk(pool: Pool, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:
-    """The samples of some numbers, each a function of seed, case and number alone.
+def solve_from_scratch(pool: Pool, counts: NDArray[np.int64], number: int) -> SampleResult:
+    """A sample as anyone would solve it: each view as often as it was drawn, from the first guess, and all metrics.
 
     Args:
         pool: the views.
-        case: the name of what is sampled.
-        size: how many views to draw.
-        seed: of the study.
-        numbers: of the samples.
+        counts: (V,) how often each is drawn.
+        number: of the sample.
     """
-    return [run_sample(pool, draw_counts(seed, case, n, size, pool.view_count), n) for n in numbers]
+    drawn = np.repeat(np.arange(len(counts)), counts)
+    distinct = int((counts > 0).sum())
+    try:
+        found = calibrate(expanded(pool.observations, drawn), pool.model, pool.options)
+    except (InputError, np.linalg.LinAlgError) as error:
+        return failed_sample(number, distinct, pool.value_count, str(error))
+    prediction = predict(found, _true_poses(pool, found))
+    says = found.status != "converged" or found.observations.view_count < len(drawn)
+    return SampleResult(
+        number, found.status, distinct, _rmse(reprojection(prediction)), _rmse(intersection(prediction)),
+        _rmse(reconstruction(prediction)), _rmse(pose(prediction)), tuple(found.camera.params.tolist()),
+        found.iterations, "; ".join(found.remarks) if says else "",
+    )  # fmt: skip
+
+
+def expanded(observations: Observations, drawn: NDArray[np.int64]) -> Observations:
+    """The observations of views (N,), one that is named twice as two views that look alike."""
+    start = np.searchsorted(observations.view, np.arange(observations.view_count + 1))
+    length = np.diff(start)[drawn]
+    place = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
+    rows = np.repeat(start[drawn], length) + place
+    names = tuple(observations.view_names[view] for view in drawn.tolist())
+    return replace(keep_sightings(observations, rows), view_names=names, view=np.repeat(np.arange(len(drawn)), length))
+
+
+def _true_poses(pool: Pool, found: Calibration) -> Array | None:
+    """Poses with the true centres of the views that were solved; their axes mean nothing, and no metric here asks."""
+    if pool.true_center_mm is None:
+        return None
+    row = {name: view for view, name in enumerate(pool.observations.view_names)}
+    center = pool.true_center_mm[[row[name] for name in found.observations.view_names]]
+    return make_pose(np.eye(3), -center)
+
+
+def _rmse(errors: Errors | None) -> float:
+    return math.nan if errors is None else summarise(errors).rmse

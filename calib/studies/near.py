@@ -1,8 +1,14 @@
-"""The camera of a sample from what the pool knows: no solution from scratch, the same minimum.
+"""The camera of a sample from an expansion about the camera of all views: no solution from scratch, the same minimum.
 
-The expansion of the sample's views gives a camera and poses next to the minimum. There the true gradient is taken, and
-led to zero with the second derivatives of the expansion, again if once is not enough. Where these are too far off, as
-for few views and much noise, a few Gauss-Newton steps follow.
+Whatever the camera, a view's best pose follows from its own points. With the pose always at its best, the cost of a
+view is a function `F_v` of the camera (variable projection; Golub and Pereyra 1973), and that of a sample the sum of
+`w_v F_v` with `w_v` how often the view was drawn. So the gradient of each `F_v` and the pose that goes with it, as
+polynomials of second order about the camera of all views, bring any sample next to its minimum without a look at the
+observations. Coordinates y of the camera are `params = params_0 + direction y`, in which the camera of all views has
+unit covariance.
+
+There the true gradient is taken, and led to zero with the second derivatives of the expansion, again if once is not
+enough. Where these are too far off, as for few views and much noise, a few Gauss-Newton steps follow.
 """
 
 from dataclasses import dataclass, replace
@@ -12,17 +18,22 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.jit import jit
-from calib.solver.accuracy import SINGULAR, UNSURE_FOCAL
+from calib.core.linear_algebra import solve_square, symmetric_inverse
+from calib.solver.accuracy import SINGULAR, UNSURE_FOCAL, accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
+from calib.solver.calibration import Calibration
 from calib.solver.levenberg import is_allowed, move_poses, turn_of_centre
-from calib.solver.problem import MANY, select
-from calib.solver.schur import damped_step
-from calib.studies.expansion import Expansion
+from calib.solver.options import Tie
+from calib.solver.problem import MANY, Problem, select
+from calib.solver.schur import damped_step, reduced_normal
 from calib.studies.gradients import gradients_of
-from calib.studies.pool import Pool
 
 Array = NDArray[np.float64]
 Count = NDArray[np.int64]
+
+STEP = 3.0
+"""Of the differences, in standard deviations: samples of a tenth of the views are about that far off."""
+
 
 CLOSE = 1e-7
 """Distance from the minimum, in standard deviations of all unknowns, that is none."""
@@ -37,6 +48,120 @@ STEADY = 0.1
 MOST_STEPS = 10
 MARGIN = 4.0
 """Of the limits to what is degenerate, which are asked for at the pool's camera and not at the sample's."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExpansionPoint:
+    """The minimum of all views, where the expansion is taken, and how poses follow there."""
+
+    problem: Problem
+    camera: Camera
+    scale: float  # of the residuals, in sigmas
+    row: Count  # (P,) of the free parameters, -1 for those that are fixed
+    cam_from_target: Array  # (V, 4, 4) from the problem's origin
+    direction: Array  # (P, Q)
+    extra: Array  # (V, P + 6, 6) second derivatives by all unknowns and the pose, less the normal matrix
+    pose_inverse: Array  # (V, 6, 6) inverse of the second derivatives by the pose
+    pose_slope: Array  # (V, 6, Q)
+
+
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """Of V views: gradient by y (Q) and pose step (6), together (Q + 6), with Q free parameters."""
+
+    at: ExpansionPoint
+    value: Array  # (V, Q + 6) at y = 0
+    slope: Array  # (V, Q + 6, Q)
+    bend: Array  # (V, Q + 6, Q, Q) second derivatives
+    normal: Array  # (V, Q, Q) of the free parameters, poses eliminated
+    before: Array  # (V, Q) its diagonal before they were
+
+
+def expand(problem: Problem, calibration: Calibration, cam_from_target: Array, tie: Tie) -> Expansion | None:
+    """The expansion of every view at a minimum of all; None if that is not determined, or too near to a bound.
+
+    By central differences of the gradients. Each needs a look at the observations where the pose is right to first
+    order already; what is left of it is put into the pose, and its effect into the gradient.
+
+    Args:
+        problem: what was seen.
+        calibration: of all views.
+        cam_from_target: poses from the problem's origin (V, 4, 4).
+        tie: free, fixed and shared parameters.
+    """
+    camera, free = calibration.camera, int(tie.row.max(initial=-1)) + 1
+    products = view_blocks(problem, camera, cam_from_target, RobustLoss()).products
+    accuracy = accuracy_of(products, tie.row, int(problem.is_used.sum()))
+    if free == 0 or not np.isfinite(accuracy.param_covariance).all():
+        return None
+    spread: Array = (tie.row[:, None] == np.arange(free)).astype(np.float64)  # (P, Q)
+    leader = np.argmax(spread, axis=0)
+    try:
+        root = np.linalg.cholesky(accuracy.param_covariance[np.ix_(leader, leader)])
+    except np.linalg.LinAlgError:
+        return None
+    extra, inverse, slope = _second_by_pose(problem, camera, cam_from_target, spread @ root, products, accuracy.scale)
+    at = ExpansionPoint(
+        problem, camera, calibration.scale, tie.row, cam_from_target, spread @ root, extra, inverse, slope
+    )  # fmt: skip
+    middle = _look(at, np.zeros(free))
+    axis = STEP * np.eye(free)
+    ahead = np.stack([_look(at, y) for y in axis], axis=-1)  # (V, Q + 6, Q)
+    behind = np.stack([_look(at, -y) for y in axis], axis=-1)
+    bend = np.empty((*middle.shape, free, free))
+    for i in range(free):
+        bend[..., i, i] = ahead[..., i] + behind[..., i] - 2 * middle
+    for i in range(free):
+        for j in range(i):
+            both = _look(at, axis[i] + axis[j]) + _look(at, -axis[i] - axis[j]) - 2 * middle
+            bend[..., i, j] = bend[..., j, i] = 0.5 * (both - bend[..., i, i] - bend[..., j, j])
+    slope = (ahead - behind) / (2 * STEP)
+    if not (np.isfinite(bend).all() and np.isfinite(slope).all()):
+        return None
+    camera_block = products[:, : len(tie.row), : len(tie.row)]
+    normal = np.stack([reduced_normal(products[view : view + 1], tie.row)[0] for view in range(len(products))])
+    before = np.einsum("vpp,pq->vq", camera_block, spread)
+    return Expansion(at, middle, slope, bend / STEP**2, normal, before)
+
+
+def _second_by_pose(
+    problem: Problem, camera: Camera, cam_from_target: Array, direction: Array, products: Array, scale: float
+) -> tuple[Array, Array, Array]:
+    """Second derivatives by the poses: true ones, as residuals times curvature slow down a descent without them.
+
+    At the minimum the gradient by each pose is zero, so it does not matter how a pose is moved. Returns `extra`,
+    `pose_inverse` and `pose_slope` of `ExpansionPoint`.
+    """
+    views, parameters = np.arange(problem.view_count), len(direction)
+    sigma = scale / np.sqrt(np.einsum("vkk->vk", products[:, -7:-1, -7:-1]))  # (V, 6)
+    columns = []
+    for k in range(6):
+        step = np.zeros((len(views), 6))
+        step[:, k] = sigma[:, k]
+        ends = [gradients_of(problem, views, camera, move_poses(cam_from_target, sign * step)) for sign in (1, -1)]
+        columns.append((ends[0].gradient - ends[1].gradient) / (2 * sigma[:, k : k + 1]))
+    second = np.stack(columns, axis=-1)  # (V, P + 6, 6)
+    pose = second[:, parameters:]
+    inverse = symmetric_inverse(0.5 * (pose + pose.transpose(0, 2, 1))).inverse
+    slope = -inverse @ second[:, :parameters].transpose(0, 2, 1) @ direction
+    extra = second - products[:, :-1, -7:-1]
+    return extra, inverse, slope
+
+
+def _look(at: ExpansionPoint, y: Array) -> Array:
+    """Gradients and pose steps of all views at y; nan where there is no such camera.  # (V, Q + 6)"""
+    trial = replace(at.camera, params=at.camera.params + at.direction @ y)
+    step = at.pose_slope @ y
+    if not is_allowed(trial):
+        return np.full((len(step), len(y) + 6), np.nan)
+    poses = move_poses(at.cam_from_target, step, turn_of_centre(at.camera, trial))
+    products = view_blocks(at.problem, trial, poses, RobustLoss()).products
+    parameters = len(at.direction)
+    pose = products[:, parameters:-1, parameters:-1] + at.extra[:, parameters:]
+    coupling = at.direction.T @ (products[:, :parameters, parameters:-1] + at.extra[:, :parameters])
+    rest = -solve_square(pose, products[:, parameters:-1, -1:])
+    reduced = products[:, :parameters, -1] @ at.direction + (coupling @ rest)[..., 0]
+    return np.concatenate([reduced, step + rest[..., 0]], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,33 +192,29 @@ class _GradientSum:
         return self.slope + self.bend @ y
 
 
-def find_near(pool: Pool, views: Count, weight: Count) -> NearMinimum | None:
-    """The minimum of a sample; None if the pool does not lead there, or if the sample may be degenerate.
+def find_near(expansion: Expansion, views: Count, weight: Count) -> NearMinimum | None:
+    """The minimum of a sample; None if the expansion does not lead there, or if the sample may be degenerate.
 
     Args:
-        pool: the views, expanded.
+        expansion: of all views.
         views: (D,) those drawn.
         weight: (D,) how often.
     """
-    expansion = pool.expansion
-    if expansion is None or not _is_determined(pool, expansion, views, weight):
+    if not _is_determined(expansion, views, weight):
         return None
-    total = _weighted(expansion, views, weight)
+    at, total = expansion.at, _weighted(expansion, views, weight)
     y, bending = _zero_of(total)
     step, follow = _pose_steps(expansion, views, y)
-    start = pool.calibration.camera
-    camera = replace(start, params=start.params + expansion.direction @ y)
+    camera = replace(at.camera, params=at.camera.params + at.direction @ y)
     if not (np.isfinite(y).all() and is_allowed(camera)):
         return None
-    poses = move_poses(pool.cam_from_target[views], step, turn_of_centre(start, camera))
-    return _led_to_zero(
-        pool, expansion, views, weight, NearMinimum(camera, poses, np.nan, 0), total.second(y), follow, bending
-    )
+    poses = move_poses(at.cam_from_target[views], step, turn_of_centre(at.camera, camera))
+    near = NearMinimum(camera, poses, np.nan, 0)
+    return _led_to_zero(at, views, weight, near, total.second(y), follow, bending)
 
 
 def _led_to_zero(
-    pool: Pool,
-    expansion: Expansion,
+    at: ExpansionPoint,
     views: Count,
     weight: Count,
     near: NearMinimum,
@@ -106,8 +227,7 @@ def _led_to_zero(
     Costs are not compared: this near to the minimum their differences are lost in rounding.
 
     Args:
-        pool: the views.
-        expansion: of them.
+        at: the minimum of all views.
         views: (D,) those drawn.
         weight: (D,) how often.
         near: where to begin.
@@ -117,20 +237,18 @@ def _led_to_zero(
     """
     camera, poses, before = near.camera, near.cam_from_target, np.inf
     for look in range(1, MOST_STEPS + 1):
-        there = gradients_of(pool.problem, views, camera, poses)
-        reduced, rest, square = _reduced(
-            expansion.direction, expansion.pose_inverse, views, weight, there.gradient, follow
-        )
+        there = gradients_of(at.problem, views, camera, poses)
+        reduced, rest, square = _reduced(at.direction, at.pose_inverse, views, weight, there.gradient, follow)
         dy = _solved(second, -reduced)
         promised, cost = square - float(reduced @ dy), float(there.cost @ weight)
-        length = _length(promised, pool.calibration.scale)
-        trial = replace(camera, params=camera.params + expansion.direction @ dy)
+        length = _length(promised, at.scale)
+        trial = replace(camera, params=camera.params + at.direction @ dy)
         if not (np.isfinite(cost) and length <= NEAR and is_allowed(trial)):
             return None
         # Of a step's length, so much is left: as of the last one, or as the gradient is off a straight line.
         left = max(length / before, bending)
         if look > 1 and left > STEADY:
-            return _descended(pool, views, weight, NearMinimum(camera, poses, cost, look), before, bending)
+            return _descended(at, views, weight, NearMinimum(camera, poses, cost, look), before, bending)
         poses = move_poses(poses, rest + follow @ dy, turn_of_centre(camera, trial))
         camera, before = trial, length
         if SAFETY * left * length <= CLOSE:
@@ -139,20 +257,20 @@ def _led_to_zero(
 
 
 def _descended(
-    pool: Pool, views: Count, weight: Count, near: NearMinimum, before: float, bending: float
+    at: ExpansionPoint, views: Count, weight: Count, near: NearMinimum, before: float, bending: float
 ) -> NearMinimum | None:
     """The minimum by Gauss-Newton steps after a step of so many standard deviations; None if they do not shrink."""
     camera, poses = near.camera, near.cam_from_target
-    problem = select(pool.problem, views, MANY)
+    problem = select(at.problem, views, MANY)
     heavy = np.repeat(np.sqrt(weight), np.diff(problem.view_start))
     problem = replace(problem, whitener=problem.whitener * heavy)
     for look in range(near.looks + 1, MOST_STEPS + 1):
         blocks = view_blocks(problem, camera, poses, RobustLoss())
-        step = damped_step(blocks.products, pool.tie.row, 0.0)
-        length = _length(step.predicted, pool.calibration.scale)
+        step = damped_step(blocks.products, at.row, 0.0)
+        length = _length(step.predicted, at.scale)
         if not (step.solvable and length <= CONTRACTION * before):
             return None
-        trial = replace(camera, params=camera.params + np.where(pool.tie.row >= 0, step.free[pool.tie.row], 0.0))
+        trial = replace(camera, params=camera.params + np.where(at.row >= 0, step.free[at.row], 0.0))
         if not is_allowed(trial):
             return None
         poses = move_poses(poses, step.pose, turn_of_centre(camera, trial))
@@ -192,10 +310,10 @@ def _zero_of(total: _GradientSum) -> tuple[Array, float]:
     return np.full(len(y), np.nan), np.nan
 
 
-def _is_determined(pool: Pool, expansion: Expansion, views: Count, weight: Count) -> bool:
+def _is_determined(expansion: Expansion, views: Count, weight: Count) -> bool:
     """Whether the sample is well clear of what `calib.solver.accuracy` calls degenerate."""
-    free = expansion.normal.shape[1]
-    points = np.diff(pool.problem.view_start)[views]
+    at, free = expansion.at, expansion.normal.shape[1]
+    points = np.diff(at.problem.view_start)[views]
     if 2 * int(weight @ points) - free - 6 * int(weight.sum()) <= 0:
         return False
     normal, before = np.zeros((free, free)), np.zeros(free)
@@ -208,14 +326,13 @@ def _is_determined(pool: Pool, expansion: Expansion, views: Count, weight: Count
     if not values[0] * min(float((diagonal / before).min()), 1.0) > MARGIN * SINGULAR:
         return False
     inverse = (vectors / values) @ vectors.T / (root[:, None] * root)
-    camera = pool.calibration.camera
-    follows = pool.tie.row[:2]
-    sigma = pool.calibration.scale * np.sqrt(np.diagonal(inverse)[follows[follows >= 0]])
-    return bool((MARGIN * sigma < UNSURE_FOCAL * camera.params[:2][follows >= 0]).all())
+    follows = at.row[:2]
+    sigma = at.scale * np.sqrt(np.diagonal(inverse)[follows[follows >= 0]])
+    return bool((MARGIN * sigma < UNSURE_FOCAL * at.camera.params[:2][follows >= 0]).all())
 
 
 def _weighted(expansion: Expansion, views: Count, weight: Count) -> _GradientSum:
-    free = expansion.direction.shape[1]
+    free = expansion.at.direction.shape[1]
     total = _GradientSum(np.zeros(free), np.zeros((free, free)), np.zeros((free, free, free)))
     _add_gradients(
         expansion.value, expansion.slope, expansion.bend, views, weight, total.value, total.slope, total.bend

@@ -12,6 +12,7 @@ from calib.observe.observations import observations_from_detections
 from calib.observe.truth import read_truth
 from calib.renderer.job import TRUTH_FILE
 from calib.solver.options import AS_THE_PAPER
+from calib.studies.bootstrap import make_pool
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.paper_sets import (
     SAMPLINGS,
@@ -23,7 +24,6 @@ from calib.studies.paper_sets import (
     search_with_lens,
 )
 from calib.studies.paper_table import POOL, SAMPLES, SIZES, TARGETS
-from calib.studies.pool import make_pool
 from calib.studies.progress import Tell, after
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.studies.sample import SampleResult, draw_counts
+from calib.studies.sample import SampleResult, draw_counts, failed_sample
 from calib.studies.store import Study
 from calib.studies.stored_samples import StoredCase
 from calib.studies.workers import (
@@ -234,13 +234,8 @@ class _Run:
 
     def _fail(self, case: CaseSpec, number: int, reason: str) -> None:
         counts = draw_counts(self._seed, case.name, number, case.size, case.pool.view_count)
-        nothing = (float("nan"),) * case.pool.value_count
-        self._failures.append(
-            _Failure(
-                case,
-                SampleResult(number, "failed", int(np.count_nonzero(counts)), *(float("nan"),) * 4, nothing, 0, reason),
-            )
-        )
+        distinct = int(np.count_nonzero(counts))
+        self._failures.append(_Failure(case, failed_sample(number, distinct, case.pool.value_count, reason)))
         if self._any_good:
             self._keep_failures()
         elif len(self._failures) == HOPELESS:

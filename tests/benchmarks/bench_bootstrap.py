@@ -30,9 +30,12 @@ from calib.solver.options import SolveOptions  # noqa: E402
 from calib.solver.problem import pack  # noqa: E402
 from calib.solver.schur import damped_step  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
-from calib.studies.bootstrap import run_chunk, run_sample  # noqa: E402
-from calib.studies.from_scratch import expanded  # noqa: E402
-from calib.studies.pool import Pool, make_pool  # noqa: E402
+from calib.studies.bootstrap import (  # noqa: E402
+    Pool,
+    expanded,
+    make_pool,
+    run_sample,
+)
 from calib.studies.sample import draw_counts  # noqa: E402
 from tests.benchmarks.synthetic import row  # noqa: E402
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around  # noqa: E402
@@ -99,13 +102,13 @@ def opencv_seconds(pool: Pool, case: str, size: int, samples: int) -> float:
 def times(target: Target, model: str, samples: int, *, against_opencv: bool) -> None:
     """The rows of a target and a model."""
     pool, pool_s = make(target, model)
-    run_chunk(pool, "warm", SIZES[0], 1, range(3))
+    pool.run("warm", SIZES[0], 1, range(3))
     title = f"{target.name}, {model}"
     row(f"{title}: pool of {VIEWS} views", "", f"{pool_s:.2f} s", f"{len(pool.observations.view)} observations")
     ours, theirs = [], []
     for size in SIZES:
         begin = time.perf_counter()
-        results = run_chunk(pool, str(size), size, 0, range(samples))
+        results = pool.run(str(size), size, 0, range(samples))
         ours.append((time.perf_counter() - begin) / samples)
         looks = np.mean([one.iterations for one in results])
         bad = sum(one.status != "converged" for one in results)

@@ -36,9 +36,8 @@ from tests.benchmarks.bench_bootstrap import (  # sets one thread for all, befor
 import cv2  # isort: skip
 from joblib.externals.loky import get_reusable_executor  # isort: skip
 
-from calib.studies.bootstrap import run_chunk
+from calib.studies.bootstrap import Pool
 from calib.studies.identity import StudyIdentity
-from calib.studies.pool import Pool
 from calib.studies.runner import run_cases
 from calib.studies.statistics import Case
 from calib.studies.store import open_study
@@ -137,11 +136,11 @@ def compute(target: Target, pool: Pool, samples: int, barrier: Barrier, answers:
     """Compute samples of all sizes when all others are ready to."""
     cases = cases_of(target, pool)
     for case in cases:
-        run_chunk(pool, case.name, case.size, SEED, range(samples, samples + 2))
+        pool.run(case.name, case.size, SEED, range(samples, samples + 2))
     barrier.wait()
     begin, used = time.perf_counter(), time.process_time()
     for case in cases:
-        run_chunk(pool, case.name, case.size, SEED, range(samples))
+        pool.run(case.name, case.size, SEED, range(samples))
     seconds = time.perf_counter() - begin
     answers.put(Bare(seconds, (time.process_time() - used) / seconds))
 

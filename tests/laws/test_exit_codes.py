@@ -172,7 +172,7 @@ def test_the_table_is_of_all_commands_and_each_has_the_option(
         ((*SOLVE, "detections.csv"), "calib.pipeline.solving.calibrate"),
         (("study", "paper", "--quick", "-o", "out"), "calib.studies.paper_study.missing_targets"),
         (("study", "compare", "--quick", "-o", "out"), "calib.studies.compare.cases.comparison"),
-        (BOOTSTRAP, "calib.studies.pool.make_pool"),
+        (BOOTSTRAP, "calib.studies.bootstrap.make_pool"),
         (("convert", "camera.json", "--to", "ros", "-o", "c.yaml"), "calib.api.converting.fit_to_format"),
     ],
 )

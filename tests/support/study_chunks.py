@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.solver.options import SolveOptions
-from calib.studies.pool import Pool, make_pool
+from calib.studies.bootstrap import Pool, make_pool
 from calib.studies.sample import SampleResult, draw_counts
 from calib.studies.statistics import Case
 from calib.studies.workers import CaseSpec

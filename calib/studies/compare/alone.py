@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from calib.cameras import COMMON
 from calib.studies.compare.photographed import MetricRow, calibrate_with, metrics_of
 from calib.studies.compare.scene import ScenePool, stream, take_photos
-from calib.studies.sample import SampleResult
+from calib.studies.sample import SampleResult, failed_sample
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
 from designer.tolerance.shape import centers_mm
@@ -51,7 +51,7 @@ class OneSource(ScenePool):
         try:
             multiple, row = self._search(seed, number)
         except InputError as error:
-            return SampleResult(number, "failed", 0, *(math.nan,) * 4, (math.nan,), 0, str(error))
+            return failed_sample(number, 0, self.value_count, str(error))
         size = multiple * self._drawn_size(seed, number)
         is_met = abs(row.intersection_mm / self.wanted_mm - 1) < 4 * CLOSE
         return SampleResult(

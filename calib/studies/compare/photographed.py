@@ -20,7 +20,7 @@ from calib.solver.options import AS_THE_PAPER
 from calib.solver.poses import solve_poses
 from calib.studies.compare.objects import VIRTUAL
 from calib.studies.compare.scene import ComparedScene, ScenePool, stream, take_photos
-from calib.studies.sample import SampleResult
+from calib.studies.sample import SampleResult, failed_sample
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
 from designer.tolerance.shape import centers_mm
@@ -36,7 +36,6 @@ ALL_PHOTOS = "virtual, all photos"
 HELD_SHARE = 3
 """As many photos are held out as a set has, by this."""
 LEAST_SIGHTINGS = 4
-NOTHING = (math.nan,) * len(VALUES)
 
 
 class MetricRow(NamedTuple):
@@ -66,7 +65,7 @@ class SetsOfPhotos(ScenePool):
             seen = take_photos(scene, made, stream(seed, scene.name, copy, photos), scene.views)
             solved = calibrate_with(seen, self.camera_model)
         except InputError as error:
-            return SampleResult(number, "failed", 0, *(math.nan,) * 4, NOTHING, 0, str(error))
+            return failed_sample(number, 0, self.value_count, str(error))
         held = take_photos(scene, made, stream(seed, scene.name, copy, photos, "held"), -(-scene.views // HELD_SHARE))
         row = metrics_of(solved)
         values = (*_held_out(solved, held), _image_share(solved))

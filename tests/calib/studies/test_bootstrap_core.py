@@ -28,11 +28,9 @@ from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.problem import pack
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
-from calib.studies.bootstrap import run_chunk, run_sample
-from calib.studies.from_scratch import expanded, solve_from_scratch
+from calib.studies.bootstrap import Pool, expanded, make_pool, run_sample, solve_from_scratch
 from calib.studies.gradients import gradients_of
 from calib.studies.near import find_near
-from calib.studies.pool import Pool, make_pool
 from calib.studies.sample import SampleResult, draw_counts
 from calib.studies.sample_metrics import Sample, SampleErrors, sample_errors
 from designer.base.errors import InputError
@@ -89,7 +87,9 @@ def test_a_sample_is_what_a_solution_from_scratch_gives(target: str, model: str)
     for number, size in enumerate((10, 20, 50, 120)):
         counts = draw_counts(0, target, number, size, VIEWS)
         views = np.flatnonzero(counts)
-        assert find_near(pool, views, counts[views]) is not None  # the short way, not the long one compared with itself
+        assert (
+            find_near(pool.expansion, views, counts[views]) is not None
+        )  # the short way, not the long one compared with itself
         result = run_sample(pool, counts, number)
         long = solve(expanded(pool.observations, drawn(counts)), model)
         params, sigma = polished(long, SolveOptions())
@@ -117,7 +117,7 @@ def test_a_persons_choices_hold_in_samples(options: SolveOptions) -> None:
     pool = make_pool(seen, "opencv", options, truth)
     counts = draw_counts(3, "options", 0, 30, VIEWS)
     views = np.flatnonzero(counts)
-    assert find_near(pool, views, counts[views]) is not None
+    assert find_near(pool.expansion, views, counts[views]) is not None
     result = run_sample(pool, counts, 0)
     long = solve(expanded(pool.observations, drawn(counts)), "opencv", options)
     params, sigma = polished(long, options)
@@ -135,7 +135,7 @@ def test_much_noise_takes_more_looks_and_ends_at_the_same_minimum() -> None:
     for number in range(4):
         counts = draw_counts(0, "noisy", number, 25, VIEWS)
         views = np.flatnonzero(counts)
-        assert find_near(pool, views, counts[views]) is not None
+        assert find_near(pool.expansion, views, counts[views]) is not None
         result = run_sample(pool, counts, number)
         long = solve(expanded(pool.observations, drawn(counts)), "luhmann")
         params, sigma = polished(long, SolveOptions())
@@ -266,9 +266,9 @@ def test_draws_are_uniform() -> None:
 def test_chunks_do_not_matter() -> None:
     """Samples are the same bit by bit alone, in chunks, in any order, and from a pool that went to another process."""
     pool = pool_of("board", "opencv")
-    whole = run_chunk(pool, "chunks", 15, 9, range(6))
+    whole = pool.run("chunks", 15, 9, range(6))
     there: Pool = pickle.loads(pickle.dumps(pool))  # noqa: S301 - as a process pool does
-    parts = [*run_chunk(there, "chunks", 15, 9, range(3, 6)), *run_chunk(there, "chunks", 15, 9, range(3))]
+    parts = [*there.run("chunks", 15, 9, range(3, 6)), *there.run("chunks", 15, 9, range(3))]
     assert sorted(parts, key=lambda one: one.number) == whole
 
 

@@ -10,7 +10,7 @@ import pytest
 from calib.core.selection import keep_sightings
 from calib.core.types import Observations
 from calib.observe.dataset import write_detections
-from calib.studies import pool
+from calib.studies import bootstrap as pool
 from tests.support.calibrations import board
 from tests.support.command_line import detections_of, files_in, refused, write_inputs
 from tests.support.study_commands import (

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from calib.studies import dask_cluster, identity
-from calib.studies.pool import Pool
+from calib.studies.bootstrap import Pool
 from calib.studies.runner import StudyStoppedError, run_cases
 from calib.studies.store import open_study
 from designer.base.errors import InputError

@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.studies.bootstrap import run_chunk
-from calib.studies.pool import Pool
+from calib.studies.bootstrap import Pool
 from calib.studies.runner import StudyStoppedError, run_cases
 from calib.studies.sample import draw_counts
 from calib.studies.store import open_study, read_study
 from calib.studies.stored_samples import row_of
-from calib.studies.workers import RunChunk
+from calib.studies.workers import RunChunk, run_by_pool
 from designer.base.errors import InputError
 from tests.support.study_chunks import (
     FIRST,
@@ -70,10 +69,10 @@ def run_in(path: Path, pool: Pool, run: RunChunk, *, samples: int = SAMPLES, job
 
 def test_real_samples_do_not_depend_on_jobs_and_chunks(pool: Pool, tmp_path: Path) -> None:
     """Bootstrap samples are the same to the last bit for any number of processes and any size of chunk."""
-    plain = expected(pool, 30, run_chunk)
-    assert run_in(tmp_path / "a", pool, run_chunk, samples=30, jobs=1, chunk=7) == plain
-    assert run_in(tmp_path / "b", pool, run_chunk, samples=30, jobs=2, chunk=1) == plain
-    assert run_in(tmp_path / "c", pool, run_chunk, samples=30, jobs=2, chunk=None) == plain
+    plain = expected(pool, 30, run_by_pool)
+    assert run_in(tmp_path / "a", pool, run_by_pool, samples=30, jobs=1, chunk=7) == plain
+    assert run_in(tmp_path / "b", pool, run_by_pool, samples=30, jobs=2, chunk=1) == plain
+    assert run_in(tmp_path / "c", pool, run_by_pool, samples=30, jobs=2, chunk=None) == plain
 
 
 def test_more_samples_are_added(pool: Pool, tmp_path: Path) -> None:
