@@ -14,7 +14,7 @@ import numpy as np
 from calib.api.loading import Observed, Place, load_observations, observations_of, target_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.progress import Progress, unheard
-from calib.api.tolerancing import MAX_SEED, DrawCount
+from calib.api.tolerancing import MAX_SEED
 from calib.cameras import DEFAULT, solved_models
 from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
@@ -26,6 +26,7 @@ from calib.studies import bootstrap as pools
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.outputs import STUDY_FILE
 from calib.studies.paper_table import TARGETS
+from calib.studies.progress import DrawCount
 from calib.studies.runner import StudyStoppedError, run_cases
 from calib.studies.statistics import Case, CaseSummary
 from calib.studies.store import check_place, open_study, read_study

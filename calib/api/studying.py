@@ -8,12 +8,12 @@ from calib.api.bootstrapping import BootstrapResult, Sampling
 from calib.api.loading import Place
 from calib.api.page_shown import ShownAsPage
 from calib.api.progress import Progress, unheard
-from calib.api.tolerancing import DrawCount
 from calib.core.files import check_folder, write_files
 from calib.studies import paper_study
 from calib.studies.compare import cases
 from calib.studies.compare.results import Results, results_of
 from calib.studies.outputs import STUDY_FILE
+from calib.studies.progress import DrawCount
 from calib.studies.store import read_study
 from calib.studies.study_table import StudyTable, cases_of, study_table
 from designer.base.answer import program

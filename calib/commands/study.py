@@ -33,7 +33,7 @@ from designer.page.terminal import say_findings, say_headline, say_line, say_tab
 
 if TYPE_CHECKING:
     from calib.api.bootstrapping import BootstrapResult
-    from calib.api.tolerancing import DrawCount
+    from calib.studies.progress import DrawCount
     from calib.studies.study_table import StudyTable
 
 MAX_SIZE = 100_000

@@ -11,11 +11,10 @@ from calib.commands.camera_argument import read_camera
 from calib.commands.figure_formats import FiguresOption, figure_formats
 from calib.commands.folder_page import say_next, with_page
 from calib.commands.study import kept_when_stopped, table_answer
-from calib.commands.tolerance_screen import say_files, say_report
 from calib.show.screen import progress_bars, quoted, waiting
 from designer.base.answer import Summary
-from designer.base.words import printable
 from designer.kinds.presets import camera_templates, error_templates, one_of
+from designer.page.blocks import Finding
 
 if TYPE_CHECKING:
     from calib.api.tolerancing import ToleranceResult
@@ -100,23 +99,33 @@ def tolerance(
 
 
 def _write(found: "ToleranceResult", folder: Path, target: Path, formats: tuple[str, ...]) -> Summary:
-    """Print the tables and what they say, write the files, and say what to look at."""
+    """Write the files, and say what came out: the answer, what limits allow or else the ranking, and what to do."""
+    from calib.show.studies.tolerance_tables import budget_table, ranking_table, totals_table
+    from calib.show.studies.tolerance_words import cost_notes, prediction_sentence, tolerance_headline
     from calib.studies.table_files import JSON_FILE
     from calib.studies.tolerance.explore import AGAINST_FILE, STUDY_FILE
+    from designer.page.terminal import say_findings, say_headline, say_line, say_table, say_written
 
-    report, drawn = found.report, found.drawn
-    for line in report.lines:
-        print(printable(line))
-    if drawn.new:
-        before = f", {drawn.before} were there" if drawn.before else ""
-        print(f"{drawn.new} draws in {drawn.seconds:.1f} s{before}")
-    say_report(report)
+    study, drawn, other = found.study, found.drawn, found.study.crossovers
     with waiting("drawing figures"):
         files = found.save(folder, formats=formats)
+    say_headline(tolerance_headline(study))
+    settings = [(study.target, study.setting), *([] if other is None else [(other.target, other.setting)])]
+    warnings = [f"{name}: {line}" for name, setting in settings for line in setting.warnings]
+    remarks = [*study.setting.remarks, prediction_sentence(study)]
+    said = [Finding("usable", "", line) for line in warnings] + [Finding("note", "", line) for line in remarks]
+    say_findings([*said, *cost_notes(study)])
+    print()
+    limited = [budget_table(study, one) for one in study.budgets if one.met_by_noise_alone]
+    for table in (*(limited or [ranking_table(study)]), *([] if other is None else [totals_table(study, other)])):
+        say_table(table)
+    if drawn.new:
+        before = f", {drawn.before} were there" if drawn.before else ""
+        say_line("drawn", f"{drawn.new} draws in {drawn.seconds:.1f} s{before}")
+    names = (STUDY_FILE,) if other is None else (STUDY_FILE, AGAINST_FILE)
+    written = (*files, *(folder / name for name in names if study.draws))
+    say_written(folder, written)
     step = f"calib measure {quoted(target)} DETECTIONS -o measured/{quoted(Path(target.name))}"
     step += "   # takes the errors of your own print back, from photos of it"
-    say_files(report, folder, files)
-    names = (STUDY_FILE,) if report.against is None else (STUDY_FILE, AGAINST_FILE)
-    draws = [folder / name for name in names if report.table.draws]
     answer = table_answer((folder / JSON_FILE).read_bytes())
-    return Summary(answer, (*files, *draws), (step,), report.lines, 0 if found.is_kept else LIMIT_MISSED)
+    return Summary(answer, written, (step,), (*warnings, *remarks), 0 if found.is_kept else LIMIT_MISSED)

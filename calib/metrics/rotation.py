@@ -6,11 +6,14 @@ another image plane than the sensor's has other axes. Neither is an error of a v
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.core.se3 import log_rotation
 from calib.metrics.errors import Errors, first_reason, is_known
 from calib.metrics.pose import UNKNOWN
 from calib.metrics.prediction import Prediction
+
+Array = NDArray[np.float64]
 
 NAME, SUBJECT = "rotation", "a camera's axes"
 UNIT, AXES = "deg", ("x", "y", "z")
@@ -29,11 +32,16 @@ def rotation(prediction: Prediction) -> Errors | None:
     vector = np.full((len(true), 3), np.nan)
     if not is_alone:
         estimate = prediction.calibration.cam_from_target[has_truth, :3, :3]
-        turn = estimate @ true[has_truth, :3, :3].transpose(0, 2, 1)
-        left, _, right = np.linalg.svd(turn.sum(axis=0))
-        common = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
-        vector[has_truth] = np.degrees(log_rotation(common.T @ turn))
+        vector[has_truth] = np.degrees(turns_of_views(estimate, true[has_truth, :3, :3]))
     reason, reasons = first_reason(
         len(true), (UNKNOWN, ~has_truth), ("a single view has no turn to compare with", has_truth & is_alone)
     )
     return Errors(NAME, SUBJECT, UNIT, AXES, vector, reason, reasons, view=np.arange(len(true)))
+
+
+def turns_of_views(estimate: Array, true: Array) -> Array:
+    """Rotation vectors (V, 3) in radians from true rotations (V, 3, 3) to estimates, after the turn that all share."""
+    turn = estimate @ true.transpose(0, 2, 1)
+    left, _, right = np.linalg.svd(turn.sum(axis=0))
+    common = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    return log_rotation(common.T @ turn)

@@ -266,7 +266,7 @@ def help_texts(setting: Setting) -> None:
 def prediction(setting: Setting) -> None:
     """What a print's errors cost: the whole command, and the prediction alone."""
     from calib.cameras.camera import camera_or_preset
-    from calib.studies.tolerance.linear import linear_table
+    from calib.studies.tolerance.predict import linear_table
     from calib.studies.tolerance.setting import make_setting
     from designer.target import load_target
     from designer.tolerance.error_file import error_model

@@ -21,9 +21,9 @@ from calib.core.types import Camera  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
 from calib.studies.tolerance.anchor import minimum_of  # noqa: E402
 from calib.studies.tolerance.draw import drawn_noise, drawn_values, run_draws, seen_px  # noqa: E402
-from calib.studies.tolerance.linear import linear_table  # noqa: E402
+from calib.studies.tolerance.predict import linear_table  # noqa: E402
 from calib.studies.tolerance.quantities import NAMES  # noqa: E402
-from calib.studies.tolerance.result import ToleranceTable, relative_error, table_of_draws  # noqa: E402
+from calib.studies.tolerance.result import ToleranceTable, table_of_draws  # noqa: E402
 from calib.studies.tolerance.setting import Setting, make_setting  # noqa: E402
 from designer.kinds.ico import IcoSpec  # noqa: E402
 from designer.kinds.layout import lay_out  # noqa: E402
@@ -67,7 +67,7 @@ def compare(drawn: ToleranceTable, linear: ToleranceTable) -> None:
     line("draws / linear", *(name[:12] for name in NAMES))
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = drawn.cost.value / linear.cost.value
-        error = 100 * relative_error(drawn.cost)
+        error = 100 * drawn.cost.error / drawn.cost.value
     for place, source in enumerate(linear.sources):
         is_there = linear.cost.value[place] > NOT_THERE * linear.baseline.value
         cells = (

@@ -27,17 +27,19 @@ from calib.studies.compare.results import CaseRow, ComparisonTable, Explanation
 from calib.studies.findings import Fall, HeldClaim, Ratio
 from calib.studies.statistics import Case, CaseSummary, Distribution
 from calib.studies.study_table import CameraSpread, SpreadParameter, StrongestTie, StudyTable
-from calib.studies.tolerance.table_file import (
+from calib.studies.tolerance.quantities import NAMES as QUANTITY_NAMES
+from calib.studies.tolerance.record import (
     AllowedRow,
     BudgetRow,
     CostRow,
     CrossoverRow,
     Crossovers,
+    PhotographedSetting,
     SweepCosts,
     SweepRow,
     Together,
-    ToleranceFile,
-)  # fmt: skip
+    ToleranceStudy,
+)
 from calib.verdict.apart import Known
 from calib.verdict.criteria import Criteria, Limits
 from calib.verdict.halves import Half
@@ -119,15 +121,26 @@ def _comparison() -> ComparisonTable:
     return ComparisonTable(Plan("a camera", 3, 10, 2, 1, 0), {"ico": 500.0}, (case,), (alone,))
 
 
-def _tolerance() -> ToleranceFile:
-    cost = CostRow("scale", "normal", 0.1, 0.1, "1", "pose", "mm", 0.5, 0.4, 0.6, None, 1.0, 5.0, 4.0, 6.0, None)
-    allowed, together = AllowedRow("scale", "1", 0.2, None, None, True), Together(1.5, 1.4, 1.6, False)
-    sweep = SweepRow("scale", (0.1, 0.2), (SweepCosts("pose", (0.5, None), (0.4, 0.8), (0.6, 1.2), (0.5, 1.0)),))
-    crossed = CrossoverRow("scale", "1", "pose", "crosses", 0.1, None, None, 0.2, 0.3, 0.5)
-    return ToleranceFile(
-        "ico", ("30 views",), "draws", 100, (0, 1), "pose", (cost,),
+def _tolerance() -> ToleranceStudy:
+    numbers = (0.5, 0.4, math.nan, 0.5, 1.0, 5.0, 4.0, 6.0, math.inf)
+    costs = tuple(
+        CostRow(error, "normal", 0.1, 0.1, "1", name, "mm", *numbers)
+        for name in QUANTITY_NAMES
+        for error in ("none", "scale", "all")
+    )
+    allowed = AllowedRow("scale", "1", 0.2, math.inf, math.inf, by_draws=True, unchecked=False)
+    together = Together(1.5, 1.4, 1.6, by_draws=False, unchecked=True)
+    swept = ((0.5, math.nan), (0.4, 0.8), (0.6, 1.2), (0.5, 1.0))
+    sweep = SweepRow("scale", (0.1, 0.2), tuple(SweepCosts(name, *swept) for name in QUANTITY_NAMES))
+    crossed = tuple(
+        CrossoverRow("scale", "1", name, "crosses", 0.1, 0.05, math.inf, 0.2, 0.3, 0.2, 0.4, 0.5)
+        for name in QUANTITY_NAMES
+    )
+    setting = PhotographedSetting("30 views", 20, "pla: plastic", ("a remark",), ("a warning",))
+    return ToleranceStudy(
+        "ico", setting, "draws", 100, (0, 1, 0), "pose", costs,
         (BudgetRow("pose", 1.0, "mm", True, False, (allowed,), together),), (sweep,),
-        Crossovers("board", ("30 views",), "pla", (crossed,)), {"scale": "a book"}, ("a note",),
+        Crossovers("board", setting, "pla", "scale", crossed), {"scale": "a book"},
     )  # fmt: skip
 
 

@@ -2,7 +2,6 @@
 
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -28,20 +27,11 @@ from calib.studies.statistics import Case
 from calib.studies.store import open_study
 from calib.studies.stored_samples import StoredCase
 from calib.studies.study_table import StudyCases, study_table
-from calib.studies.tolerance.draw import run_draws
-from calib.studies.tolerance.explore import budgets_of, reaches
-from calib.studies.tolerance.files import tolerance_file
-from calib.studies.tolerance.first_order import first_order
-from calib.studies.tolerance.linear import linear_table
-from calib.studies.tolerance.report import Against, Requirement, ToleranceReport, all_crossovers, sweeps_from
-from calib.studies.tolerance.result import table_of_draws
-from calib.studies.tolerance.sweep import FACTORS
-from calib.studies.tolerance.table_file import TOLERANCE_TABLE
+from calib.studies.tolerance.record import TOLERANCE_TABLE
 from designer.page.blocks import Block, Figure, Finding, Findings, Fold, Page, Table
-from designer.tolerance.error_file import error_model
 from tests.support.as_built_scenes import photos, printed, random_shape, solid
 from tests.support.study_cases import NAMES, Made, gamma, made, paper_cases, table_of_cases
-from tests.support.tolerance_settings import board_setting, ico_setting
+from tests.support.tolerance_settings import tolerance_study
 
 Files = Mapping[str, bytes]
 
@@ -141,29 +131,11 @@ def paper_files() -> Files:
 
 
 @cache
-def tolerance_report() -> ToleranceReport:
-    """An icosahedron by a few draws, with a limit that is missed and one that is kept, and against a board."""
-    setting = ico_setting()
-    errors = error_model("fdm-dual").only("face_tilt", "ring_jitter", "scale", "ink_bleed")
-    draws = {factor: run_draws(setting, errors.scaled(factor), 1, range(12)) for factor in FACTORS}
-    linear, table = linear_table(setting, errors), table_of_draws(errors, draws[1.0])
-    lines = ("ico: 20 faces, 300 rings; 24 views", "errors fdm-dual: two filaments", "warning: it is near")
-    found = ToleranceReport("ico", lines, 20, table, linear, "intersection", sweeps_from(table, linear, draws))
-    held = reaches(first_order(setting), errors, found.ranking, linear.baseline.value, 1, lambda done: None)
-    found = replace(found, reaches=held)
-    limits = (Requirement("intersection", 0.01), Requirement("reprojection", 50.0))
-    found = replace(found, budgets=budgets_of(found, limits))
-    other = linear_table(board_setting(), error_model("fdm-board"))
-    against = Against("board", other, ("board: 1 face",), "face_tilt", all_crossovers(table, other))
-    return replace(found, against=against)
-
-
-@cache
 def tolerance_files() -> Files:
     """Its folder, without the draws."""
     stems = ("ranking", "budget", "crossover", "sweep_intersection", "sweep_reprojection")
     return {
-        "table.json": TOLERANCE_TABLE.text(tolerance_file(tolerance_report())),
+        "table.json": TOLERANCE_TABLE.text(tolerance_study()),
         **{f"figures/{stem}.svg": SVG for stem in stems},
     }
 

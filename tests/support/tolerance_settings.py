@@ -1,14 +1,23 @@
-"""Settings for the tests of tolerance studies: small enough for hundreds of draws."""
+"""Settings for the tests of tolerance studies, small enough for hundreds of draws, and a study of them."""
 
 from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.solver.options import SolveOptions
+from calib.studies.tolerance.explore import Keeping, PhotographedTarget, TolerancePlan, compared, explore
+from calib.studies.tolerance.predict import linear_table
+from calib.studies.tolerance.quantities import parse_requirements
+from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
+from calib.studies.tolerance.result import ToleranceTable
 from calib.studies.tolerance.setting import Setting, make_setting
+from designer.target import target_to_json
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
+from designer.tolerance.source import Amount
 from tests.support.perturbed_targets import board, ico
 from tests.support.solver_scenes import CAMERAS
 
@@ -39,3 +48,48 @@ def errors(name: str = "fdm-dual-calibrated") -> ErrorModel:
 def still(setting: Setting) -> Array:
     """No noise.  # (M, 2)"""
     return np.zeros_like(setting.observations.center_px)
+
+
+DRAWS = 12
+
+
+@cache
+def few_errors() -> ErrorModel:
+    """Five kinds of sources: of faces, of rings, of the print, one that does nothing, and one for boards."""
+    few = error_model("fdm-dual").only("face_tilt", "ring_jitter", "scale", "ink_bleed")
+    return few.with_amount("warp", Amount("uniform", 0.2))
+
+
+@cache
+def tolerance_study(*, linear: bool = False) -> ToleranceStudy:
+    """An icosahedron by a few draws, with a limit that is missed and one that is kept, and against a board."""
+    return _explored(linear=linear)[0]
+
+
+@cache
+def tolerance_table() -> ToleranceTable:
+    """The table of that study."""
+    return _explored(linear=False)[1]
+
+
+@cache
+def board_table() -> ToleranceTable:
+    """The prediction for the board."""
+    return linear_table(board_setting(), error_model("fdm-board"))
+
+
+@cache
+def _explored(*, linear: bool) -> tuple[ToleranceStudy, ToleranceTable]:
+    with TemporaryDirectory() as place:
+        file = Path(place) / "target.json"
+        file.write_text(target_to_json(ico()))
+        plan = TolerancePlan(
+            DRAWS, 1, parse_requirements(["intersection=0.01mm", "reprojection=50px"]), "intersection", full=False,
+            linear=linear, keeping=Keeping(Path(place), 1, None, resume=False), progress=lambda what, done, total: None,
+        )  # fmt: skip
+        words = PhotographedSetting("20 faces, 300 rings; 24 views", 20, "fdm-dual: two filaments", (), ("it is near",))
+        scene = PhotographedTarget("ico", file, ico_setting(), few_errors(), words)
+        study, table, _ = explore(scene, plan)
+        words = PhotographedSetting("1 face", 1, "fdm-board: two filaments")
+        other = PhotographedTarget("board", file, board_setting(), error_model("fdm-board"), words)
+        return compared(study, table, other, plan, None), table

@@ -1,40 +1,45 @@
 """The page of `design tolerance`: what manufacturing errors cost, how large they may be, and against another target."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 
-from calib.show.parts.folder_blocks import files_section, notes, question_section, warnings
+from calib.show.parts.folder_blocks import files_section, question_section, warnings
 from calib.show.parts.origin import Origin
 from calib.show.studies.study_folder import NO_TABLE, FigureText, figures, identity_facts, read_identity
 from calib.show.studies.tolerance_tables import (
     amounts_table,
-    assumed,
     budget_table,
     cost_table,
     crossover_table,
     quantities_wanted,
+    ranking_table,
     reach_table,
     sensitivity_table,
-    source_title,
     sweep_table,
     together_table,
     totals_table,
 )
 from calib.show.studies.tolerance_words import (
     against_sentence,
-    budget_alt,
     budget_finding,
+    budget_sentence,
+    cost_notes,
     cost_sentence,
     crossover_alt,
+    crossover_findings,
+    first_steps,
+    prediction_notes,
+    prediction_sentence,
     ranking_alt,
     sweep_alt,
+    swept_sources,
     tolerance_headline,
 )
 from calib.studies.outputs import STUDY_FILE
 from calib.studies.table_files import JSON_FILE
 from calib.studies.tolerance.explore import AGAINST_FILE
-from calib.studies.tolerance.report import FEWEST_TO_CHECK, of_name
-from calib.studies.tolerance.table_file import TOLERANCE_TABLE, BudgetRow, Crossovers, ToleranceFile
+from calib.studies.tolerance.quantities import quantity_named
+from calib.studies.tolerance.record import TOLERANCE_TABLE, Crossovers, PhotographedSetting, ToleranceStudy
 from designer.base.words import capital, printable
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Fold, Page, Section, Steps
 
@@ -55,9 +60,12 @@ FILES = (
 AGAIN = Command("calib report .", "in this folder: makes this page again")
 LIMITS = "Limits that were asked for, and how large errors may be to keep them."
 SWEEP_CAPTION = "Dots: draws; line: prediction; grey: where that is off by more than 10 %."
-WARNING = "warning: "
-OFF = ("prediction off:", "of a few prints,", "errors together over", "and ")
-"""What begins the notes that tell where the prediction fails."""
+MEASURE = Command(
+    "calib measure NAME.target.json detections.csv -o measured/NAME.target.json", "measures a print from photos of it"
+)
+
+Pictures = Callable[[FigureText], tuple[Block, ...]]
+"""A figure of the study, or what is said where there is none."""
 
 
 def tolerance_page(folder: Path, origin: Origin) -> Page:
@@ -66,145 +74,119 @@ def tolerance_page(folder: Path, origin: Origin) -> Page:
     Raises:
         InputError: `table.json` is damaged.
     """
-    table = TOLERANCE_TABLE.read_if_there(folder / JSON_FILE)
-    if table is None:
+    study = TOLERANCE_TABLE.read_if_there(folder / JSON_FILE)
+    files = files_section(folder, FILES, AGAIN)
+    if study is None:
         missing = Findings((Finding("usable", "No tables", NO_TABLE),))
-        sections = [question_section(QUESTION, (), missing), files_section(folder, FILES, AGAIN)]
-        title = printable(folder.absolute().name) or "study"
-        return Page(
-            title, "Tolerance study", None, tuple(sections), made_by=origin.command, program=origin.program
-        )  # fmt: skip
-    sections = [_setting(folder, table), _ranking(folder, table)]
-    sections += [_limits(folder, table)] if table.budgets else []
-    sections += [_sizes(folder, table)]
-    sections += [_against(folder, table, table.crossovers)] if table.crossovers is not None else []
-    sections += [_prediction(table), Section("Assumptions", (amounts_table(table),))]
-    sections += [Section("Next", (_next(table), *_commands())), files_section(folder, FILES, AGAIN)]
-    return Page(
-        table.target, "Tolerance study", tolerance_headline(table), tuple(sections), made_by=origin.command,
-        program=origin.program,
+        title, headline = printable(folder.absolute().name) or "study", None
+        sections: tuple[Section, ...] = (question_section(QUESTION, (), missing), files)
+    else:
+        identity, wrong = read_identity(folder)
+        facts, careful = identity_facts(identity, SETTING_NAMES), warnings("Study file", wrong)
+        title, headline = study.target, tolerance_headline(study)
+        told = study_sections(study, lambda text: figures(folder, [text]), tuple(facts), careful)
+        sections = (*told, Section("Next", (_next(study), MEASURE)), files)
+    return Page(title, "Tolerance study", headline, sections, made_by=origin.command, program=origin.program)
+
+
+def study_sections(
+    study: ToleranceStudy,
+    pictures: Pictures,
+    facts: tuple[tuple[str, str], ...] = (),
+    careful: tuple[Block, ...] = (),
+) -> tuple[Section, ...]:
+    """All that a study says.
+
+    Args:
+        study: what was found.
+        pictures: its figures.
+        facts: what else is known of its setting.
+        careful: what to know of its file.
+    """
+    other = study.crossovers
+    setting = (
+        *setting_facts(study.target, study.setting),
+        ("draws", f"{study.draws} made targets" if study.draws else "none: predicted from Jacobians"),
+        ("errors ranked by", quantity_named(study.ranked_by).title),
+    )
+    question = QUESTION if study.kind == "draws" else PREDICTED_QUESTION
+    sections = [
+        question_section(question, (*setting, *facts), *warnings("Warning", study.setting.warnings), *careful),
+        _costs(study, pictures),
+    ]
+    sections += [_limits(study, pictures)] if study.budgets else []
+    sections += [_sizes(study, pictures)]
+    sections += [_against(study, other, pictures)] if other is not None else []
+    prediction = (reach_table(study),) if study.is_checked else ()
+    notes = _findings(*prediction_notes(study))
+    sections.append(Section("Prediction", (*prediction, *notes), lead=prediction_sentence(study)))
+    return (*sections, Section("Assumptions", (amounts_table(study),)))
+
+
+def _findings(*rows: Finding) -> tuple[Block, ...]:
+    return (Findings(rows),) if rows else ()
+
+
+def setting_facts(target: str, setting: PhotographedSetting) -> tuple[tuple[str, str], ...]:
+    """What is photographed, and how."""
+    remarks = (("remark", line) for line in setting.remarks)
+    return ("target", target), ("photos", setting.photos), ("errors", setting.errors), *remarks
+
+
+def _costs(study: ToleranceStudy, pictures: Pictures) -> Section:
+    """The ranking first, then all the quantities."""
+    text = FigureText(
+        "ranking", f"What each error adds: {study.target}", ranking_alt(study),
+        "Bars: one error alone, and all together; dashed: noise alone.",
     )  # fmt: skip
+    tables = ranking_table(study), cost_table(study), together_table(study)
+    notes = _findings(*cost_notes(study))
+    return Section("Costs", (tables[0], *pictures(text), *tables[1:], *notes), lead=cost_sentence(study))
 
 
-def _setting(folder: Path, table: ToleranceFile) -> Section:
-    identity, wrong = read_identity(folder)
-    facts = setting_facts(table.setting)
-    facts.append(("draws", f"{table.draws} made targets" if table.draws else "none: predicted from Jacobians"))
-    facts.append(("errors ranked by", of_name(table.ranked_by).title))
-    facts += identity_facts(identity, SETTING_NAMES)
-    careful = warnings("Warning", warned(table.setting))
-    question = QUESTION if table.kind == "draws" else PREDICTED_QUESTION
-    return question_section(question, facts, *careful, *warnings("Study file", wrong))
-
-
-def setting_facts(lines: Sequence[str]) -> list[tuple[str, str]]:
-    """What stands in the lines of a setting but for warnings."""
-    facts = []
-    for place, line in enumerate(line for line in lines if not line.startswith(WARNING)):
-        name, _, rest = line.partition(": ") if place == 0 else line.partition(" ")
-        if place == 0 and rest:
-            facts += [("target", name), ("photos", rest)]
-        elif name == "errors":
-            facts.append(("errors", rest))
-        else:
-            facts.append(("remark", line))
-    return facts
-
-
-def warned(lines: Sequence[str]) -> list[str]:
-    """The warnings among the lines of a setting."""
-    return [line.removeprefix(WARNING) for line in lines if line.startswith(WARNING)]
-
-
-def _ranking(folder: Path, table: ToleranceFile) -> Section:
-    text = FigureText("ranking", f"What each error adds: {table.target}", ranking_alt(table),
-                      "Bars: one error alone, and all together; dashed: noise alone.")  # fmt: skip
-    told = (*OFF, f"{of_name(table.ranked_by).title}: ")  # elsewhere, and in the lead
-    others = [line for line in table.notes if not line.lower().startswith(tuple(map(str.lower, told)))]
-    return Section(
-        "Costs", (*figures(folder, [text]), cost_table(table), together_table(table), *notes(others)),
-        lead=cost_sentence(table, table.ranked_by),
-    )  # fmt: skip
-
-
-def _limits(folder: Path, table: ToleranceFile) -> Section:
+def _limits(study: ToleranceStudy, pictures: Pictures) -> Section:
     """How good a print must be."""
-    text = FigureText("budget", "How large may errors be?", budget_alt(table),
-                      "Green: there is room; red: this must come down, even alone.")  # fmt: skip
-    budgets: tuple[BudgetRow, ...] = table.budgets
-    blocks: list[Block] = [Findings(tuple(budget_finding(table, one) for one in budgets))]
-    blocks += figures(folder, [text])
-    blocks += [budget_table(table, one) for one in budgets if one.met_by_noise_alone]
-    return Section("Limits", tuple(blocks), lead=LIMITS)
+    alt = " ".join(budget_sentence(study, one) for one in study.budgets)
+    caption = "Green: there is room; red: this must come down, even alone."
+    drawn = pictures(FigureText("budget", "How large may errors be?", alt, caption))
+    tables = [budget_table(study, one) for one in study.budgets if one.met_by_noise_alone]
+    found = _findings(*(budget_finding(study, one) for one in study.budgets))
+    return Section("Limits", (*found, *drawn, *tables), lead=LIMITS)
 
 
-def _sizes(folder: Path, table: ToleranceFile) -> Section:
+def _sizes(study: ToleranceStudy, pictures: Pictures) -> Section:
     """What larger and smaller errors would cost."""
     blocks: list[Block] = []
-    if table.sweeps:
-        texts = [
-            FigureText(f"sweep_{name}", f"{capital(of_name(name).title)} by the size of each error",
-                       sweep_alt(table, name), SWEEP_CAPTION)
-            for name in quantities_wanted(table)
-        ]  # fmt: skip
-        blocks += figures(folder, texts)
-    swept = [found for name in quantities_wanted(table) if (found := sweep_table(table, name)) is not None]
-    blocks += [Fold("The same as numbers", tuple(swept))] if swept else []
-    blocks.append(sensitivity_table(table))
+    wanted = quantities_wanted(study) if study.sweeps else ()
+    for name in (name for name in wanted if swept_sources(study, name)):
+        title = f"{capital(quantity_named(name).title)} by the size of each error"
+        blocks += pictures(FigureText(f"sweep_{name}", title, sweep_alt(study, name), SWEEP_CAPTION))
+    if wanted:
+        blocks.append(Fold("The same as numbers", tuple(sweep_table(study, name) for name in wanted)))
     return Section(
-        "Sizes of errors", tuple(blocks),
+        "Sizes of errors", (*blocks, sensitivity_table(study)),
         lead="A cost grows in proportion to its error as long as errors are small: half the error costs half as much.",
     )  # fmt: skip
 
 
-def _against(folder: Path, table: ToleranceFile, other: Crossovers) -> Section:
-    text = FigureText("crossover", f"{table.target} against {other.target}", crossover_alt(table, other))
-    careful = warnings("Warning", warned(other.setting))
+def _against(study: ToleranceStudy, other: Crossovers, pictures: Pictures) -> Section:
+    text = FigureText("crossover", f"{study.target} against {other.target}", crossover_alt(study, other))
+    drawn = pictures(text) if other.vary else ()
+    tables = totals_table(study, other), crossover_table(study, other)
+    found = _findings(*crossover_findings(study, other))
+    careful = warnings("Warning", other.setting.warnings)
+    facts = Facts(setting_facts(other.target, other.setting))
     return Section(
-        f"Against {other.target}",
-        (*figures(folder, [text]), totals_table(table, other), crossover_table(table, other),
-         *careful, Facts(tuple(setting_facts(other.setting)))),
-        lead=against_sentence(table, other),
-    )  # fmt: skip
+        f"Against {other.target}", (*drawn, *tables, *found, *careful, facts), lead=against_sentence(study, other)
+    )
 
 
-def _prediction(table: ToleranceFile) -> Section:
-    """Where the prediction from Jacobians fails."""
-    off = [line for line in table.notes if line.startswith(OFF)]
-    reach = reach_table(table)
-    blocks: tuple[Block, ...] = (() if reach is None else (reach,)) + notes(off)
-    if table.kind == "linear":
-        lead = "All numbers are predicted for small errors; nothing has checked them: run it without --linear."
-    elif table.draws < FEWEST_TO_CHECK:
-        lead = f"{table.draws} draws are too few to check the prediction with; {FEWEST_TO_CHECK} do."
-    elif any(line.startswith(OFF[0]) for line in off):
-        lead = "The prediction is off for what is named below: trust the draws there."
-    else:
-        lead = "The prediction is within 10 % of the draws for every error: --linear, which takes seconds, will do."
-    return Section("Prediction", blocks, lead=lead)
-
-
-def _next(table: ToleranceFile) -> Steps:
+def _next(study: ToleranceStudy) -> Steps:
     """What to do with the answer."""
-    steps = []
-    if table.ranking:
-        first = table.ranking[0]
-        steps.append(
-            f"Better {source_title(first.error)} first (assumed {assumed(first)}): it is "
-            f"{100 * (first.share or 0.0):.0f} % of the {of_name(first.quantity).title}."
-        )
+    steps = [*first_steps(study)]
     steps.append("Or measure your own print with photos, which takes its errors back without printing better.")
-    if not table.budgets:
+    if not study.budgets:
         steps.append("Give --require, such as intersection=0.05mm, to learn how large each error may be.")
-    if table.crossovers is None:
+    if study.crossovers is None:
         steps.append("Give --against another target and --against-errors to see which is better made as it is.")
     return Steps(tuple(steps))
-
-
-def _commands() -> tuple[Command, ...]:
-    return (
-        Command(
-            "calib measure NAME.target.json detections.csv -o measured/NAME.target.json",
-            "measures a print from photos of it",
-        ),
-    )

@@ -1,161 +1,342 @@
-"""What the page of a tolerance study says in words: its answer, and what its figures show."""
+"""What a tolerance study says in words: its answer, what limits it keeps, and what else there is to know."""
 
 import math
+from collections.abc import Iterator
 
-from calib.core.number_text import figure
-from calib.show.studies.tolerance_tables import amount_of, assumed, other_totals, source_title
-from calib.studies.tolerance.report import MAIN, NEVER, of_name
-from calib.studies.tolerance.table_file import BudgetRow, CostRow, Crossovers, ToleranceFile
-from calib.studies.tolerance.tables import short
+from calib.core.number_text import figure, with_digits
+from calib.studies.statistics import HALF_WIDTH
+from calib.studies.tolerance.draw import BARE, TOGETHER
+from calib.studies.tolerance.quantities import MAIN, other_reference, quantity_named
+from calib.studies.tolerance.record import (
+    FEWEST_TO_CHECK,
+    NEVER,
+    OFF,
+    BudgetRow,
+    CostRow,
+    CrossoverRow,
+    Crossovers,
+    ErrorUnit,
+    ToleranceStudy,
+)
+from calib.studies.tolerance.sizes import FACTORS, LARGEST
 from designer.base.words import capital
 from designer.page.blocks import Finding, Headline
+from designer.tolerance.registry import SOURCES
 
-LARGE_SHARE = 0.1
-MOST_NAMED = 3
+BELOW = 0.1
+"""Of the noise: a cost below adds half a percent to an error, and is no more than told to be small."""
+EXACT = 2e-3
+"""A standard error below this share of its value is not shown."""
+SMALL_SHARE, LARGE_SHARE = 1e-3, 0.1
+MOST_NAMED, MOST_DEVIATIONS = 3, 8
+HUMAN: dict[ErrorUnit, tuple[str, float]] = {
+    "mm": ("mm", 1.0), "rad": ("deg", math.degrees(1.0)), "1": ("%", 100.0), "K": ("K", 1.0), "": ("", 1.0),
+}  # fmt: skip
+"""What a person calls a unit of errors, and how many there are in one."""
 
 
-def tolerance_headline(table: ToleranceFile) -> Headline:
+def source_title(error: str) -> str:
+    """An error in words."""
+    return SOURCES[error].title if error in SOURCES else error
+
+
+def short(quantity: str) -> str:
+    """A quantity's name as words."""
+    return quantity.replace("_", " ")
+
+
+def amount(unit: ErrorUnit, size: float) -> str:
+    """A size to three digits, in the unit that a person calls it by."""
+    name, per = HUMAN[unit]
+    return f"{float(f'{size * per:.3g}'):g}{name}" if math.isfinite(size) else "-"
+
+
+def assumed(one: CostRow) -> str:
+    """The amount of an error that was assumed, and how it is distributed if that is not normally."""
+    kind = "" if one.distribution in ("", "normal") else f"{one.distribution} "
+    return f"{kind}{amount(one.unit, one.size)}"
+
+
+def amount_of(one: CostRow, rms: float) -> str:
+    """A size whose root mean square is this, distributed as what was assumed."""
+    return amount(one.unit, one.size * rms / one.rms) if one.rms else "-"
+
+
+def share_text(share: float) -> str:
+    """A share of the squared costs."""
+    return "< 0.1 %" if share < SMALL_SHARE else f"{100 * share:.1f} %"
+
+
+def cost_text(one: CostRow, noise: float) -> str:
+    """A cost with its standard error; what is far below the noise, or not told from it, is only bounded."""
+    low, high = (one.cost if math.isnan(end) else end for end in (one.cost_low, one.cost_high))
+    if not math.isfinite(one.cost):
+        return "no solution"
+    if one.cost == 0 and high == 0:
+        return "0"
+    least = BELOW * noise
+    if one.cost < least or not low > 0:
+        return f"< {figure(max(high, least), 2)}"
+    error = (high - low) / (2 * HALF_WIDTH)
+    if not error > EXACT * one.cost:
+        return figure(one.cost, 3)
+    decimals = min(max(0, 1 - math.floor(math.log10(error))), 15)
+    return f"{with_digits(one.cost, error)} ± {error:.{decimals}f}"
+
+
+def tolerance_headline(study: ToleranceStudy) -> Headline:
     """Whether the limits are kept; without any, what the errors cost."""
-    missed = [one for one in table.budgets if not one.met_as_assumed]
+    missed = [one for one in study.budgets if not one.met_as_assumed]
     if missed:
-        return Headline("bad", "limit missed", " ".join(budget_sentence(table, one) for one in missed))
-    if table.budgets:
-        return Headline("good", "limit kept", " ".join(budget_sentence(table, one) for one in table.budgets))
-    against = f" {against_sentence(table, table.crossovers)}" if table.crossovers is not None else ""
-    return Headline("note", "answered", cost_sentence(table, table.ranked_by) + against)
+        return Headline("bad", "limit missed", " ".join(budget_sentence(study, one) for one in missed))
+    if study.budgets:
+        return Headline("good", "limit kept", " ".join(budget_sentence(study, one) for one in study.budgets))
+    sentence = cost_sentence(study)
+    if study.crossovers is not None:
+        sentence += f" {against_sentence(study, study.crossovers)}"
+    return Headline("note", "answered", sentence)
 
 
-def cost_sentence(table: ToleranceFile, quantity: str) -> str:
-    """What all errors make of a quantity, and which of them most."""
-    one = of_name(quantity)
-    total, noise = table.total(quantity), table.noise(quantity)
-    large = [
-        found for found in table.ranking if quantity == table.ranked_by and (found.share or 0.0) >= LARGE_SHARE
-    ][:MOST_NAMED]  # fmt: skip
-    names = ", ".join(f"{source_title(found.error)} ({100 * (found.share or 0.0):.0f} %)" for found in large)
-    most = f"; most of that is from {names}" if names else ""
+def cost_sentence(study: ToleranceStudy) -> str:
+    """What all errors make of the quantity that is ranked by, which of them most, and the same against the other shape.
+
+    An error may show against the drawing or against the true shape alone, so one without the other would mislead.
+    """
+    one, other = quantity_named(study.ranked_by), other_reference(study.ranked_by)
+    noise, first = study.noise(one.name), _large(study, one.name)[:1]
     text = (
-        f"With errors as assumed the {one.title} of {table.target} is {figure(total, 3)} {one.unit}, "
-        f"{figure(noise, 2)} {one.unit} from noise alone{most}."
+        f"With errors as assumed the {one.title} of {study.target} is {_value(study.total(one.name), one.unit)}, "
+        f"{figure(noise, 2)} {one.unit} from noise alone{_most_of(study, one.name)}."
     )
-    return text + (f" {_without(table, large[0])}" if large else "")
+    for row in first:
+        text += f" Without {source_title(row.error)} it would be {_value(study.without(row), one.unit)}."
+    if other is None:
+        return text
+    total = _value(study.total(other.name), other.unit)
+    return f"{text} The {other.title} is {total}{_most_of(study, other.name)}."
 
 
-def _without(table: ToleranceFile, one: CostRow) -> str:
-    """What would be left without the largest error."""
-    left = math.sqrt(max(table.total(one.quantity) ** 2 - (one.cost or 0.0) ** 2, 0.0))
-    return f"Without {source_title(one.error)} it would be {figure(left, 3)} {of_name(one.quantity).unit}."
+def _large(study: ToleranceStudy, quantity: str) -> list[CostRow]:
+    return [one for one in study.ranked(quantity) if one.share >= LARGE_SHARE][:MOST_NAMED]
 
 
-def budget_sentence(table: ToleranceFile, budget: BudgetRow) -> str:
+def _most_of(study: ToleranceStudy, quantity: str) -> str:
+    names = ", ".join(f"{source_title(one.error)} ({100 * one.share:.0f} %)" for one in _large(study, quantity))
+    return f"; most of that is from {names}" if names else ""
+
+
+def _value(value: float, unit: str) -> str:
+    return f"{figure(value, 3)} {unit}"
+
+
+def first_steps(study: ToleranceStudy) -> Iterator[str]:
+    """Which error to make smaller, against the drawing and against the true shape."""
+    for quantity in (quantity_named(study.ranked_by), other_reference(study.ranked_by)):
+        if quantity is not None and study.ranking:
+            first = study.ranked(quantity.name)[0]
+            yield (
+                f"For a smaller {quantity.title}, better {source_title(first.error)} first (assumed {assumed(first)}): "
+                f"it is {100 * first.share:.0f} % of it."
+            )
+
+
+def budget_sentence(study: ToleranceStudy, budget: BudgetRow) -> str:
     """Whether a limit is kept, and how much larger or smaller errors may be."""
-    one = of_name(budget.quantity)
-    total, limit = f"{figure(table.total(one.name), 3)} {one.unit}", f"{budget.limit:g} {one.unit}"
+    one = quantity_named(budget.quantity)
     verdict = "kept" if budget.met_as_assumed else "missed"
     return (
-        f"{capital(one.title)} of {table.target} is {total} where {limit} are allowed: {verdict}. "
-        f"{budget_advice(table, budget)}"
+        f"{capital(one.title)} of {study.target} is {_value(study.total(one.name), one.unit)} where {budget.limit:g} "
+        f"{one.unit} are allowed: {verdict}. {budget_advice(study, budget)}"
     )
 
 
-def budget_advice(table: ToleranceFile, budget: BudgetRow) -> str:
+def budget_advice(study: ToleranceStudy, budget: BudgetRow) -> str:
     """How much room errors have, or what must come down."""
-    one = of_name(budget.quantity)
+    one = quantity_named(budget.quantity)
     if not budget.met_by_noise_alone:
         return (
-            f"Noise alone gives {figure(table.noise(one.name), 2)} {one.unit}, so no print is good enough: take more "
+            f"Noise alone gives {figure(study.noise(one.name), 2)} {one.unit}, so no print is good enough: take more "
             "views, come nearer, or allow more."
         )
-    factor = budget.together.factor
-    if factor is None or factor > NEVER:
+    if budget.together.factor > NEVER:
         return "It is kept whatever these errors are."
-    return f"All errors together may be {figure(factor, 2)} times what is assumed.{_alone(table, budget)}"
-
-
-def _alone(table: ToleranceFile, budget: BudgetRow) -> str:
-    """The errors that break a limit even alone, and to what each must come down."""
-    allowed = {one.error: one for one in budget.alone}
-    broken = [
-        (one, allowed[one.error])
-        for one in table.ranking
-        if one.error in allowed
-        and one.rms
-        and (largest := allowed[one.error].largest_rms) is not None
-        and largest < one.rms
-    ]
+    text = f"All errors together may be {figure(budget.together.factor, 2)} times what is assumed."
+    largest = {one.error: one.largest_rms for one in budget.alone}
+    broken = [row for row in study.ranking if largest[row.error] < row.rms]
     parts = [
-        f"{source_title(one.error)} from {assumed(one)} to {amount_of(one, limit.largest_rms)}"
-        for one, limit in broken[:MOST_NAMED]
+        f"{source_title(row.error)} from {assumed(row)} to {amount_of(row, largest[row.error])}"
+        for row in broken[:MOST_NAMED]
     ]
-    if not parts:
-        return ""
     more = f" (and {len(broken) - MOST_NAMED} more)" if len(broken) > MOST_NAMED else ""
-    return f" Even alone these must come down: {', '.join(parts)}{more}."
+    return f"{text} Even alone these must come down: {', '.join(parts)}{more}." if parts else text
 
 
-def budget_finding(table: ToleranceFile, budget: BudgetRow) -> Finding:
+def budget_finding(study: ToleranceStudy, budget: BudgetRow) -> Finding:
     """A limit as something that was checked."""
-    one = of_name(budget.quantity)
+    one = quantity_named(budget.quantity)
     return Finding(
-        "good" if budget.met_as_assumed else "bad", f"{capital(one.title)}",
-        budget_advice(table, budget), f"{figure(table.total(one.name), 3)} {one.unit}",
-        f"at most {budget.limit:g} {one.unit}",
+        "good" if budget.met_as_assumed else "bad", capital(one.title), budget_advice(study, budget),
+        _value(study.total(one.name), one.unit), f"at most {budget.limit:g} {one.unit}",
     )  # fmt: skip
 
 
-def against_sentence(table: ToleranceFile, other: Crossovers) -> str:
+def elsewhere(study: ToleranceStudy, error: str, quantity: str) -> str:
+    """What an error that does nothing to a quantity costs against the other shape; "" if nothing."""
+    other = other_reference(quantity)
+    if other is None:
+        return ""
+    one, noise = study.cost(error, other.name), study.noise(other.name)
+    return f"costs {_value(one.cost, other.unit)} of the {other.title}" if one.cost > BELOW * noise else ""
+
+
+def against_sentence(study: ToleranceStudy, other: Crossovers) -> str:
     """Which target is better, by how many of the errors."""
-    theirs = other_totals(other)
-    known = [name for name in MAIN if theirs.get(name)]
+    known = [name for name in MAIN if other.totals[name] > 0]
     if not known:
         return ""
-    better = [name for name in known if table.total(name) < theirs[name]]
-    by = table.ranked_by if table.ranked_by in known else known[0]
-    ratio = max(table.total(by) / theirs[by], 1e-12)
+    better = [name for name in known if study.total(name) < other.totals[name]]
+    by = study.ranked_by if study.ranked_by in known else known[0]
+    ratio = max(study.total(by) / other.totals[by], 1e-12)
     word = "smaller" if ratio < 1 else "larger"
     return (
-        f"Against {other.target}, {table.target} is better by {len(better)} of {len(known)} errors; its "
-        f"{of_name(by).title} is {figure(max(ratio, 1 / ratio), 2)} times {word}."
+        f"Against {other.target}, {study.target} is better by {len(better)} of {len(known)} errors; its "
+        f"{quantity_named(by).title} is {figure(max(ratio, 1 / ratio), 2)} times {word}."
     )
 
 
-def ranking_alt(table: ToleranceFile) -> str:
+def cost_notes(study: ToleranceStudy) -> Iterator[Finding]:
+    """What to know of the table of costs."""
+    for error in study.idle:
+        yield Finding("note", error, f"{capital(_why_idle(study, error))}.")
+    for error, count in zip((BARE, *study.errors, TOGETHER), study.failed, strict=False):
+        if count:
+            text = f"{count} of {study.draws} draws have no solution and do not count."
+            yield Finding("usable", "all errors together" if error == TOGETHER else error, text)
+
+
+def _why_idle(study: ToleranceStudy, error: str) -> str:
+    """Why an error does nothing."""
+    if study.cost(error, MAIN[0]).rms == 0:
+        return "is 0"
+    is_solid, why = study.setting.faces > 1, ""
+    if error == "ink_bleed":
+        why = "it changes the rings' diameters, not their centres"
+    elif error == "warp" and is_solid:
+        why = "it is for boards; faces of a solid bend by face_bow"
+    elif error == "stair_steps" and not is_solid:
+        why = "the board lies flat on the printer's bed"
+    elif error in SOURCES and SOURCES[error].scope == "face" and not is_solid:
+        why = "a board is one face, and where it stands does not matter"
+    return f"does nothing to this target{f': {why}' if why else ''}"
+
+
+def prediction_sentence(study: ToleranceStudy) -> str:
+    """Whether the prediction from Jacobians holds."""
+    if study.kind == "linear":
+        return "All numbers are predicted for small errors; nothing has checked them: run it without --linear."
+    if study.draws < FEWEST_TO_CHECK:
+        return f"{study.draws} draws are too few to check the prediction with; {FEWEST_TO_CHECK} do."
+    if any(study.deviations()):
+        return "The prediction is off for what is named below: trust the draws there."
+    return "The prediction is within 10 % of the draws for every error: --linear, which takes seconds, will do."
+
+
+def prediction_notes(study: ToleranceStudy) -> Iterator[Finding]:
+    """Where the prediction fails, and where errors do not add in squares."""
+    found = list(study.deviations())
+    for one in found[:MOST_DEVIATIONS]:
+        quantity = quantity_named(one.quantity)
+        name = "all together" if one.error == TOGETHER else one.error
+        text = f"{_value(one.predicted, quantity.unit)} predicted, {_value(one.drawn, quantity.unit)} by draws."
+        yield Finding("usable", f"{name}, {quantity.title}", text)
+    if len(found) > MOST_DEVIATIONS:
+        yield Finding("usable", "", f"And {len(found) - MOST_DEVIATIONS} more: table.csv has all.")
+    if study.is_checked and study.ranking:
+        yield Finding("note", "Of a few prints", f"In these misses do not average out: {_reach_text(study)}.")
+    off = [(name, study.excess(name)) for name in MAIN]
+    parts = [f"{quantity_named(name).title} {value:.2f}" for name, value in off if abs(value - 1) > OFF]
+    if parts:
+        text = f"All together over the root of their summed squares: {', '.join(parts)}."
+        yield Finding("note", "Errors that do not add in squares", text)
+
+
+def _reach_text(study: ToleranceStudy) -> str:
+    """Up to which amounts the prediction holds."""
+    limited = [one for row in study.ranking if math.isfinite((one := study.first_off(row.error)).reach)]
+    parts = [f"{one.error} {amount_of(one, one.prediction_holds_to_rms)} ({short(one.quantity)})" for one in limited]
+    if len(limited) < len(study.ranking):
+        parts.append(f"{'the others' if limited else 'every error'} at least to {LARGEST:g} times what is assumed")
+    return f"the prediction is within 10 % up to {', '.join(parts)}"
+
+
+def crossover_findings(study: ToleranceStudy, other: Crossovers) -> Iterator[Finding]:
+    """At which amount of the varied error the target loses, for each main quantity."""
+    for name in MAIN if other.vary else ():
+        found, row = other.by_key[other.vary, name], study.cost(other.vary, name)
+        unit = quantity_named(name).unit
+        own, theirs = _value(found.own_without, unit), _value(found.other, unit)
+        title = capital(quantity_named(name).title)
+        if found.verdict == "loses at zero":
+            text = f"Loses already without {found.error}, {own} against {theirs}; {_reason(study, found)}."
+            yield Finding("bad", title, text)
+        elif found.rms > NEVER * row.rms:
+            yield Finding("good", title, f"{found.error} does not make it lose: {own} without it against {theirs}.")
+        else:
+            low, high = amount_of(row, found.rms_low), "any"
+            if math.isfinite(found.rms_high):
+                high = amount_of(row, found.rms_high)
+            interval = f" ({low} to {high})" if study.kind == "draws" else ""
+            wins = found.rms > row.rms
+            text = (
+                f"Loses from {found.error} {amount_of(row, found.rms)} on{interval}; {'wins' if wins else 'loses'} at "
+                f"{amount_of(row, row.rms)}; {own} without it against {theirs}."
+            )
+            yield Finding("good" if wins else "bad", title, text)
+
+
+def _reason(study: ToleranceStudy, found: CrossoverRow) -> str:
+    """Why a target loses without the varied error."""
+    if found.noise_share > 0.5:
+        return f"noise is {100 * found.noise_share:.0f} % of its square"
+    rest = [one for one in study.ranked(found.quantity) if one.error != found.error]
+    if not rest or not found.own_without > 0:
+        return "noise and its other errors"
+    return f"most of all by {rest[0].error}, {100 * (rest[0].cost / found.own_without) ** 2:.0f} % of its square"
+
+
+def ranking_alt(study: ToleranceStudy) -> str:
     """What the bars show."""
     parts = []
     for name in MAIN:
-        costs = [(table.value(one.error, name), one.error) for one in table.ranking]
-        if costs and max(costs)[0] > 0:
+        costs = [(one.cost, one.error) for one in study.ranked(name) if one.cost > 0]
+        if costs:
             value, error = max(costs)
-            parts.append(f"{short(name)} {source_title(error)}, {figure(value, 2)} {of_name(name).unit}")
+            parts.append(f"{short(name)} {source_title(error)}, {figure(value, 2)} {quantity_named(name).unit}")
     return f"The largest single cost of each error of the calibration: {'; '.join(parts) or 'none'}."
 
 
-def budget_alt(table: ToleranceFile) -> str:
-    """What the bars of the budgets show."""
-    return " ".join(budget_sentence(table, one) for one in table.budgets)
-
-
-def crossover_alt(table: ToleranceFile, other: Crossovers) -> str:
+def crossover_alt(study: ToleranceStudy, other: Crossovers) -> str:
     """What the curves of both targets show."""
-    return f"Errors of both targets over the size of one error. {against_sentence(table, other)}"
+    return f"Errors of both targets over the size of one error. {against_sentence(study, other)}"
 
 
-def sweep_alt(table: ToleranceFile, quantity: str) -> str:
+def swept_sources(study: ToleranceStudy, quantity: str) -> tuple[str, ...]:
+    """The errors that cost a quantity more than a tenth of the noise at some amount that is drawn, largest first."""
+    least = BELOW * study.cost(BARE, quantity).predicted / FACTORS[-1]
+    costs = {one.error: study.cost(one.error, quantity).predicted for one in study.sweeps}
+    return tuple(
+        sorted((error for error, cost in costs.items() if cost > max(least, 0.0)), key=lambda one: -costs[one])
+    )
+
+
+def sweep_alt(study: ToleranceStudy, quantity: str) -> str:
     """What the curves of a quantity show."""
-    one = of_name(quantity)
+    one = quantity_named(quantity)
     parts = []
-    for row in table.sweeps:
-        found = row.of(quantity)
-        costs = [] if found is None else [cost for cost in found.cost if cost is not None]
-        if costs and max(costs) > 0.1 * table.noise(quantity):
+    for row in study.sweeps:
+        costs = [cost for cost in row.of(quantity).cost if math.isfinite(cost)]
+        if max(costs, default=0.0) > BELOW * study.noise(quantity):
             parts.append(f"{source_title(row.error)} up to {figure(max(costs), 2)} {one.unit}")
-    off = [
-        row.error
-        for row in table.ranking
-        if (cost := table.cost(row.error, quantity)) is not None
-        and cost.prediction_holds_to_rms is not None
-        and row.rms is not None
-        and cost.prediction_holds_to_rms < row.rms
-    ]
+    off = [row.error for row in study.ranking if study.cost(row.error, quantity).reach < 1]
     fails = f" The prediction is off by more than 10 % at what is assumed for {', '.join(off)}." if off else ""
     return f"{capital(one.title)} by the size of each error: {'; '.join(parts) or 'none matters'}.{fails}"

@@ -16,8 +16,7 @@ from calib.core.types import Observations
 from calib.observe.observations import known_points
 from calib.renderer.poses import PoseGrid, grid_poses
 from calib.studies.sample import SampleResult, keyed_generator
-from calib.studies.tolerance.noise import CONTRAST_TO_NOISE
-from calib.studies.tolerance.setting import LEAST_RINGS, seen_in
+from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, LEAST_RINGS, seen_in
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 

@@ -1,29 +1,34 @@
 """The largest errors that keep a quantity below a limit."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.studies.progress import Tell
+from calib.studies.progress import Tell, after
 from calib.studies.statistics import HALF_WIDTH
-from calib.studies.tolerance.control import control_of
-from calib.studies.tolerance.draw import BareDraw, bare_draw, drawn_values, with_errors
+from calib.studies.tolerance.draw import TOGETHER, BareDraw, bare_draw, drawn_values, with_errors
 from calib.studies.tolerance.first_order import FirstOrder
-from calib.studies.tolerance.linear import linear_table
-from calib.studies.tolerance.quantities import NAMES, QUANTITIES, quantity_row
-from calib.studies.tolerance.result import ToleranceTable
+from calib.studies.tolerance.predict import control_of, linear_table
+from calib.studies.tolerance.quantities import Requirement, quantity_named, quantity_row
+from calib.studies.tolerance.record import NEVER, OFF, AllowedRow, BudgetRow, Together, nine_digits
+from calib.studies.tolerance.result import Cost, ToleranceTable
 from calib.studies.tolerance.setting import Setting
+from calib.studies.tolerance.sizes import Reach
 from designer.base.errors import InputError
-from designer.base.words import suggestion
 from designer.tolerance.model import ErrorModel
+from designer.tolerance.registry import SOURCES
 
 Array = NDArray[np.float64]
 
 ROUNDS = 8
 CLOSE = 1e-3
 BOLDEST = 16.0
+SEARCH_DRAWS = 24
 
 
 @dataclass(frozen=True)
@@ -36,68 +41,113 @@ class Allowed:
     factor: float
     low: float
     high: float
+    by: Literal["square law", "unchecked square law", "draws"] = "square law"
+
+
+NO_LIMIT = Allowed(math.inf, math.inf, math.inf)
 
 
 @dataclass(frozen=True)
 class Budget:
     """What a limit on one quantity allows."""
 
-    quantity: str
-    limit: float  # in the quantity's unit
+    required: Requirement
     is_met_without: bool  # noise alone is within the limit
-    alone: tuple[tuple[str, Allowed], ...]  # each source by name, as if it were the only one
-    together: Allowed  # all sources scaled alike
+    allowed: Mapping[str, Allowed]  # each source by name, as if it were the only one, and all, scaled alike
 
-    def amount(self, table: ToleranceTable, source: str) -> Allowed:
-        """The largest amount of a source alone, root mean square in its unit."""
-        sigma = table.errors.amount(source).sigma
-        found = dict(self.alone)[source]
-        return Allowed(*(sigma * bound if sigma > 0 else math.nan for bound in (found.factor, found.low, found.high)))
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """Where the square law is not known to hold: sources, or "all"."""
+        return tuple(name for name, one in self.allowed.items() if one.by == "unchecked square law")
 
 
-def checked_quantity(name: str) -> str:
-    """A quantity's name.
-
-    Raises:
-        InputError: there is none; the message suggests the nearest.
-    """
-    if name not in NAMES:
-        hint = suggestion(name, list(NAMES)) or f"; there are {', '.join(NAMES)}"
-        raise InputError(f"unknown quantity {name!r}{hint}")
-    return name
-
-
-def largest_allowed(table: ToleranceTable, quantity: str, limit: float) -> Budget:
+def largest_allowed(table: ToleranceTable, required: Requirement) -> Budget:
     """The largest errors from a table, by m^2 = m0^2 + f^2 cost^2 for the multiple f of the amounts.
 
     The intervals are of the table's draws; those of a prediction tell nothing of where errors are no longer small, for
-    which see `calib.studies.tolerance.reach` and `allowed_by_draws`.
+    which see `checked` and `allowed_by_draws`.
 
     Raises:
         InputError: an unknown quantity, or a limit that is not above 0.
     """
-    row = quantity_row(checked_quantity(quantity))
-    _check(limit, quantity)
-    base = table.baseline
-    rooms = tuple(math.sqrt(max(limit**2 - float(bound[row]) ** 2, 0.0)) for bound in (base.value, base.high, base.low))
+    row = _row(required)
+    rooms = [math.sqrt(max(required.limit**2 - bound**2, 0.0)) for bound in table.baseline[row].bounds]
 
-    def allowed(value: float, low: float, high: float) -> Allowed:
-        return Allowed(_ratio(rooms[0], value), _ratio(rooms[1], high), _ratio(rooms[2], low))
+    def allowed(cost: Cost) -> Allowed:
+        value, low, high = cost.bounds
+        return Allowed(_ratio(rooms[0], value), _ratio(rooms[2], high), _ratio(rooms[1], low))
 
-    alone = tuple(
-        (name, allowed(*(float(bound[place, row]) for bound in (table.cost.value, table.cost.low, table.cost.high))))
-        for place, name in enumerate(table.sources)
+    alone = {name: allowed(table.cost[place, row]) for place, name in enumerate(table.sources)}
+    return Budget(required, rooms[0] > 0, {**alone, TOGETHER: allowed(table.together[row])})
+
+
+def checked(budget: Budget, table: ToleranceTable, linear: ToleranceTable, reaches: Sequence[Reach]) -> Budget:
+    """The budget with what is unchecked: the square law may fail from the assumed amounts to the largest allowed ones.
+
+    A source that costs nothing to first order does not matter, whatever rounding in the draws says.
+
+    Args:
+        budget: by the square law.
+        table: it is of.
+        linear: the prediction.
+        reaches: of the sources, how far it holds; none: that was not tried.
+    """
+    row = quantity_row(budget.required.quantity)
+    reach = {one.source: float(one.factor[row]) for one in reaches}
+    share = dict(zip(table.sources, table.share[:, row].tolist(), strict=True))
+    reach[TOGETHER] = min((held for name, held in reach.items() if share[name] > OFF / 2), default=math.inf)
+    found = {}
+    for name, one in budget.allowed.items():
+        costs_nothing = name != TOGETHER and not linear.cost.value[linear.sources.index(name), row] > 0
+        allowed = NO_LIMIT if costs_nothing and one.factor != 0 else one
+        is_beyond = 0 < allowed.factor <= NEVER and max(allowed.factor, 1.0) > reach.get(name, math.inf)
+        found[name] = replace(allowed, by="unchecked square law") if is_beyond else allowed
+    return replace(budget, allowed=found)
+
+
+def searched(budget: Budget, first: FirstOrder, errors: ErrorModel, seed: int, count: int, tell: Tell) -> Budget:
+    """The budget with what is unchecked searched with draws, one by one; it stays where none is found."""
+    found = dict(budget.allowed)
+    for place, name in enumerate(budget.unchecked):
+        model, guess = errors if name == TOGETHER else errors.only(name), budget.allowed[name].factor
+        with suppress(InputError):
+            found[name] = allowed_by_draws(
+                first, model, budget.required, seed=seed, numbers=range(min(SEARCH_DRAWS, count)), guess=guess,
+                tell=after(place, tell),
+            )  # fmt: skip
+    return replace(budget, allowed=found)
+
+
+def budget_row(budget: Budget, table: ToleranceTable) -> BudgetRow:
+    """The budget as the study's file has it, in the units of the sources."""
+    quantity, limit = budget.required.quantity, budget.required.limit
+    alone = (
+        AllowedRow(name, SOURCES[name].unit, *_amounts(budget.allowed[name], sigma), *_origin(budget.allowed[name]))
+        for name, sigma in zip(table.sources, table.sigma.tolist(), strict=True)
     )
-    all_of = table.together
-    together = allowed(float(all_of.value[row]), float(all_of.low[row]), float(all_of.high[row]))
-    return Budget(quantity, limit, rooms[0] > 0, alone, together)
+    together = Together(*_amounts(budget.allowed[TOGETHER], 1.0), *_origin(budget.allowed[TOGETHER]))
+    is_kept = bool(table.total[quantity_row(quantity)] <= limit)
+    unit = quantity_named(quantity).unit
+    return BudgetRow(quantity, limit, unit, budget.is_met_without, is_kept, tuple(alone), together)
+
+
+def _amounts(allowed: Allowed, sigma: float) -> tuple[float, float, float]:
+    """The largest amount of a source of this size, and its interval; infinite where none is too large."""
+    value, low, high = (
+        nine_digits(sigma * end) if sigma > 0 or end == 0 else math.inf
+        for end in (allowed.factor, allowed.low, allowed.high)
+    )
+    return value, low, high
+
+
+def _origin(allowed: Allowed) -> tuple[bool, bool]:
+    return allowed.by == "draws", allowed.by == "unchecked square law"
 
 
 def allowed_by_draws(
     first: FirstOrder,
     errors: ErrorModel,
-    quantity: str,
-    limit: float,
+    required: Requirement,
     *,
     seed: int,
     numbers: range,
@@ -106,14 +156,13 @@ def allowed_by_draws(
 ) -> Allowed:
     """The largest multiple of all amounts of a model by draws, which holds where the table's square law does not.
 
-    The same draws are taken at each multiple, each against its prediction (`calib.studies.tolerance.control`), and the
+    The same draws are taken at each multiple, each against its prediction (`calib.studies.tolerance.predict`), and the
     multiple is bracketed, so a larger limit allows no less.
 
     Args:
         first: the derivatives of what is photographed.
         errors: all are scaled alike; for one source, `errors.only(name)`.
-        quantity: that is limited.
-        limit: in its unit.
+        required: the limit.
         seed: of the study.
         numbers: of the draws.
         guess: such as that of a table.
@@ -122,13 +171,13 @@ def allowed_by_draws(
     Raises:
         InputError: an unknown quantity, a limit that is not above 0, or no solutions.
     """
-    _check(limit, quantity)
+    row, limit = _row(required), required.limit
     if not math.isfinite(guess):
-        return Allowed(math.inf, math.inf, math.inf)
-    draws = _Draws.of(first, errors, quantity_row(checked_quantity(quantity)), seed, numbers)
+        return NO_LIMIT
+    draws = _Draws.of(first, errors, row, seed, numbers)
     room = limit**2 - draws.noise
     if room <= 0:
-        return Allowed(0.0, 0.0, 0.0)
+        return Allowed(0.0, 0.0, 0.0, "draws")
     factor, bracket = (guess if guess > 0 else 1.0), (0.0, math.inf)
     cost, spread = math.nan, math.nan
     for done in range(ROUNDS):
@@ -140,7 +189,7 @@ def allowed_by_draws(
             continue
         cost, spread = found
         if cost <= 0:
-            return Allowed(math.inf, 0.0, math.inf)
+            return Allowed(math.inf, 0.0, math.inf, "draws")
         bracket = (factor, bracket[1]) if cost <= room else (bracket[0], factor)
         step = min(math.sqrt(room / cost), BOLDEST)
         if abs(step - 1) < CLOSE:
@@ -150,7 +199,7 @@ def allowed_by_draws(
     if not math.isfinite(cost):
         raise InputError("no draw has a camera; use smaller errors, or more views")
     half = 0.5 * HALF_WIDTH * spread / cost
-    return Allowed(factor, factor * max(1 - half, 0.0), factor * (1 + half))
+    return Allowed(factor, factor * max(1 - half, 0.0), factor * (1 + half), "draws")
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +260,13 @@ def _ratio(room: float, cost: float) -> float:
     return room / cost if cost > 0 else math.inf
 
 
-def _check(limit: float, quantity: str) -> None:
-    unit = QUANTITIES[quantity_row(quantity)].unit
+def _row(required: Requirement) -> int:
+    """The row of a limited quantity.
+
+    Raises:
+        InputError: there is none of that name, or the limit is not above 0.
+    """
+    quantity, limit = quantity_named(required.quantity), required.limit
     if not (math.isfinite(limit) and limit > 0):
-        raise InputError(f"{quantity} {limit:g}{unit}: a limit must be more than 0")
+        raise InputError(f"{quantity.name} {limit:g}{quantity.unit}: a limit must be more than 0")
+    return quantity_row(quantity.name)

@@ -4,80 +4,71 @@ A target's errors are `m^2 = m0^2 + rest^2 + (x / sigma)^2 cost^2` for an amount
 sources as they are. It loses where that reaches the other target's m, which stays what it is.
 """
 
-import math
-from dataclasses import dataclass
-from typing import Literal
-
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.studies.tolerance.quantities import QUANTITIES
+from calib.studies.tolerance.quantities import NAMES, quantity_row
+from calib.studies.tolerance.record import CrossoverRow, nine_digits
 from calib.studies.tolerance.result import ToleranceTable
-from designer.base.errors import InputError
+from designer.tolerance.registry import SOURCES
 
 Array = NDArray[np.float64]
-Verdict = Literal["loses at zero", "crosses", "never loses"]
+ENDS = ("value", "high", "low")
+"""Of a target's costs, where the other's are at `OTHER_ENDS`: the amount and the interval that holds it by 95 %."""
+OTHER_ENDS = ("value", "low", "high")
 
 
-@dataclass(frozen=True)
-class Crossover:
-    """Of one quantity, at which amount a target loses to another."""
-
-    quantity: str
-    verdict: Verdict
-    amount: float  # root mean square in the source's unit; 0: it loses already without, inf: it never does
-    low: float  # interval that holds the amount by 95 %
-    high: float
-    own: float  # the quantity without this source
-    other: float  # of the other target
-    noise_share: float  # of the squared quantity without this source, what is noise
-
-
-def crossovers(table: ToleranceTable, source: str, other: ToleranceTable) -> tuple[Crossover, ...]:
-    """The crossover of each quantity.
+def crossovers(table: ToleranceTable, other: ToleranceTable) -> tuple[CrossoverRow, ...]:
+    """Of each source that has a size and each quantity, at which amount a target loses to another.
 
     Args:
-        table: of the target that the source is varied of, with the source in it.
-        source: the varied source.
+        table: of the target whose sources are varied, one at a time.
         other: of the other target, with all its errors.
-
-    Raises:
-        InputError: the source is not in the table, or has no size.
     """
-    if source not in table.sources:
-        raise InputError(f"{source} is not among the errors; there are {', '.join(table.sources)}")
-    place = table.sources.index(source)
-    sigma = float(table.sigma[place])
-    if sigma == 0:
-        raise InputError(f"{source} is 0: give it an amount, such as the preset's, to be scaled")
-    return tuple(_crossover(table, place, sigma, other, row) for row in range(len(QUANTITIES)))
+    return tuple(
+        row
+        for place, name in enumerate(table.sources)
+        if table.sigma[place] > 0
+        for row in _of_source(table, place, name, other)
+    )
 
 
-def _crossover(table: ToleranceTable, place: int, sigma: float, other: ToleranceTable, row: int) -> Crossover:
+def _of_source(table: ToleranceTable, place: int, name: str, other: ToleranceTable) -> list[CrossoverRow]:
+    goals = [_square(getattr(other.baseline, end), getattr(other.together, end)) for end in OTHER_ENDS]
     rest = np.arange(len(table.sources)) != place
-
-    def amount(own_base: Array, costs: Array, cost: float, goal: float) -> float:
-        room = goal - _square(own_base, costs, rest, row)
-        if room <= 0:
-            return 0.0
-        return sigma * math.sqrt(room) / cost if cost > 0 else math.inf
-
-    base, cost = table.baseline, table.cost
-    goals = [float(one[row]) ** 2 + float(two[row]) ** 2 for one, two in _bounds(other)]
-    value = amount(base.value, cost.value, float(cost.value[place, row]), goals[0])
-    low = amount(base.high, cost.high, float(cost.high[place, row]), goals[1])
-    high = amount(base.low, cost.low, float(cost.low[place, row]), goals[2])
-    own = _square(base.value, cost.value, rest, row)
-    verdict: Verdict = "loses at zero" if value == 0 else "never loses" if math.isinf(value) else "crosses"
-    share = float(base.value[row]) ** 2 / own if own > 0 else math.nan
-    return Crossover(QUANTITIES[row].name, verdict, value, low, high, math.sqrt(own), math.sqrt(goals[0]), share)
-
-
-def _bounds(table: ToleranceTable) -> list[tuple[Array, Array]]:
-    base, together = table.baseline, table.together
-    return [(base.value, together.value), (base.low, together.low), (base.high, together.high)]
+    own = [_square(getattr(table.baseline, end), getattr(table.cost, end)[rest]) for end in ENDS]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        noise_share = table.baseline.value**2 / np.where(own[0] > 0, own[0], np.nan)
+        amounts = [
+            _amount(goal - without, table.sigma[place], getattr(table.cost, end)[place])
+            for goal, without, end in zip(goals, own, ENDS, strict=True)
+        ]
+    numbers = np.array([*amounts, np.sqrt(own[0]), *np.sqrt(goals), noise_share])
+    return [
+        CrossoverRow(
+            name, SOURCES[name].unit, quantity,
+            "loses at zero" if amount == 0 else "never loses" if np.isinf(amount) else "crosses",
+            *map(nine_digits, column),
+        )
+        for quantity, amount, column in zip(NAMES, amounts[0], numbers.T.tolist(), strict=True)
+    ]  # fmt: skip
 
 
-def _square(base: Array, costs: Array, rest: NDArray[np.bool_], row: int) -> float:
-    """The squared quantity without the varied source."""
-    return float(base[row]) ** 2 + float((np.nan_to_num(costs[rest, row]) ** 2).sum())
+def _square(base: Array, costs: Array) -> Array:
+    """The squared quantities (Q,) of what noise and some sources give."""
+    square: Array = base**2 + (np.nan_to_num(costs) ** 2).reshape(-1, len(base)).sum(axis=0)
+    return square
+
+
+def _amount(room: Array, sigma: float, cost: Array) -> Array:
+    """The amounts (Q,) that fill a room of squares; 0 where there is none, infinite where the source costs nothing."""
+    filling = np.where(cost > 0, sigma * np.sqrt(np.maximum(room, 0.0)) / cost, np.inf)
+    return np.where(room <= 0, 0.0, filling)
+
+
+def default_vary(table: ToleranceTable, by: str) -> str:
+    """The source to vary against another target: the one of faces that costs most, else of all; "" if none does."""
+    row = quantity_row(by)
+    costly = [name for name in table.ranking(by) if table.cost.value[table.sources.index(name), row] > 0]
+    of_faces = [name for name in costly if SOURCES[name].scope == "face"]
+    return (of_faces or costly or [""])[0]

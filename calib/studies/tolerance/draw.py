@@ -11,10 +11,9 @@ from calib.core.jit import jit
 from calib.core.threads import one_thread
 from calib.studies.sample import keyed_generator
 from calib.studies.tolerance.anchor import AnchoredMinimum, minimum_of
-from calib.studies.tolerance.measures import NONE, MadeSolution, measures
+from calib.studies.tolerance.measures import NONE, TrueShape, measures, true_shape
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.setting import Setting
-from calib.studies.tolerance.true_shape import TrueShape, true_shape
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
 from designer.tolerance.shape import centers_mm
@@ -120,7 +119,7 @@ def _case(
 ) -> tuple[Array, AnchoredMinimum | None]:
     """Quantities (Q,) and the solution they are of."""
     try:
-        shape = displaced_shape(setting.target, values, model=errors, bed_from_target=setting.bed_from_target)
+        shape = displaced_shape(setting.target, values, model=errors)
     except InputError:
         return NONE, None
     made = centers_mm(shape)
@@ -140,7 +139,7 @@ def solved(
     found = minimum_of(setting.anchor, pixel, start)
     if found is None:
         return NONE, None
-    return measures(setting, MadeSolution(found, pixel, true)), found
+    return measures(setting, found, pixel, true), found
 
 
 def seen_px(setting: Setting, center_mm: Array) -> Array:

@@ -1,32 +1,35 @@
 """Everything a tolerance study computes, step by step, with its draws kept in a folder."""
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.studies.progress import Tell, after
-from calib.studies.tolerance.budget import Allowed, allowed_by_draws, largest_allowed
-from calib.studies.tolerance.control import control_of
-from calib.studies.tolerance.draw import TOGETHER
-from calib.studies.tolerance.first_order import FirstOrder
-from calib.studies.tolerance.reach import Reach, reach_of
-from calib.studies.tolerance.report import CheckedBudget, Requirement, ToleranceReport, checked_budget
-from calib.studies.tolerance.result import Control, ToleranceTable
+from calib.studies.progress import DrawCount, Tell, after
+from calib.studies.tolerance.budget import Budget, budget_row, checked, largest_allowed, searched
+from calib.studies.tolerance.crossover import crossovers, default_vary
+from calib.studies.tolerance.draw import BARE, TOGETHER
+from calib.studies.tolerance.first_order import FirstOrder, first_order
+from calib.studies.tolerance.predict import control_of, linear_table
+from calib.studies.tolerance.quantities import QUANTITIES, Quantity, Requirement
+from calib.studies.tolerance.record import CostRow, Crossovers, PhotographedSetting, ToleranceStudy, nine_digits
+from calib.studies.tolerance.result import Cost, ToleranceTable, table_of_draws
 from calib.studies.tolerance.setting import Setting
+from calib.studies.tolerance.sizes import FACTORS, Reach, reach_of, sweep_rows
 from calib.studies.tolerance.stored import tolerance_draws
-from calib.studies.tolerance.sweep import FACTORS
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
+from designer.tolerance.registry import SOURCES
 
 Array = NDArray[np.float64]
 
 STUDY_FILE, AGAINST_FILE, SWEEPS_FOLDER = "study.sqlite", "against.sqlite", "sweeps"
-SWEEP_DRAWS, SEARCH_DRAWS = 12, 24
-OTHER_FACTORS = tuple(factor for factor in FACTORS if factor != 1.0)
+SWEEP_DRAWS = 12
 
 
 @dataclass(frozen=True)
@@ -34,89 +37,221 @@ class Keeping:
     """Where draws are kept, and who computes them."""
 
     folder: Path
-    inputs: Mapping[str, Path]
-    seed: int
     jobs: int
     dask: str | None
     resume: bool
-    full: bool  # with images
 
-    def draws(self, setting: Setting, errors: ErrorModel, file: str, count: int, tell: Tell) -> Array:
-        """Draws of a file in the folder, the missing ones computed.  # (D, C, Q)
+    def check_unused(self, *, predicts: bool) -> None:
+        """Refuse a folder that holds a study already, unless it is gone on with.
+
+        Raises:
+            InputError: there is one.
+        """
+        sweeps = sorted((self.folder / SWEEPS_FOLDER).glob("*.sqlite"))
+        for path in (self.folder / STUDY_FILE, self.folder / AGAINST_FILE, *sweeps):
+            if path.exists() and predicts:
+                raise InputError(f"{path}: the folder holds a study with draws; choose another -o for the prediction")
+            if path.exists() and not self.resume:
+                raise InputError(f"{path}: there is a study already; go on with it with --resume, or choose another -o")
+
+
+@dataclass(frozen=True)
+class TolerancePlan:
+    """What is computed."""
+
+    draws: int
+    seed: int
+    requirements: tuple[Requirement, ...]
+    by: str  # quantity that errors are ranked by
+    full: bool  # with images
+    linear: bool  # without draws
+    keeping: Keeping
+    progress: Callable[[str, float, int], None] = field(repr=False)
+
+    def tell(self, what: str, total: int) -> Tell:
+        """Tells of one kind of work."""
+        self.progress(what, 0, total)
+        return lambda done: self.progress(what, done, total)
+
+
+@dataclass(frozen=True, eq=False)
+class PhotographedTarget:
+    """A target with its errors in front of a camera."""
+
+    name: str
+    file: Path
+    setting: Setting
+    errors: ErrorModel
+    words: PhotographedSetting
+
+    def draws(self, plan: TolerancePlan, file: str, count: int, tell: Tell, factor: float = 1.0) -> Array:
+        """Draws of all errors, times a factor, kept in a file of the folder; the missing ones computed.  # (D, C, Q)
 
         Raises:
             InputError: as `tolerance_draws`.
             StudyStoppedError: interrupted, or no workers are left.
         """
-        path = self.folder / file
+        path, keeping = plan.keeping.folder / file, plan.keeping
         path.parent.mkdir(parents=True, exist_ok=True)
+        errors = self.errors if factor == 1 else self.errors.scaled(factor)
         return tolerance_draws(
-            setting, errors, path, inputs=self.inputs, draws=count, seed=self.seed, jobs=self.jobs, dask=self.dask,
-            resume=self.resume, full=self.full, on_progress=tell,
+            self.setting, errors, path, inputs={"target": self.file}, draws=count, seed=plan.seed, jobs=keeping.jobs,
+            dask=keeping.dask, resume=keeping.resume, full=plan.full, on_progress=tell,
         )  # fmt: skip
 
 
-def sweep_draws(keeping: Keeping, setting: Setting, errors: ErrorModel, main: Array, tell: Tell) -> dict[float, Array]:
-    """The draws of all errors at each multiple; those of the amounts themselves are the study's own."""
-    count = min(SWEEP_DRAWS, len(main))
-    found = {1.0: main}
-    for place, factor in enumerate(OTHER_FACTORS):
-        found[factor] = keeping.draws(
-            setting, errors.scaled(factor), f"{SWEEPS_FOLDER}/{factor:g}x.sqlite", count,
-            after(place * count, tell),
-        )  # fmt: skip
+def explore(scene: PhotographedTarget, plan: TolerancePlan) -> tuple[ToleranceStudy, ToleranceTable, DrawCount]:
+    """Costs, sweeps, how far the prediction holds, and budgets; their table; and what was drawn for them."""
+    plan.progress("predicting", 0, 0)
+    linear = linear_table(scene.setting, scene.errors)
+    if plan.linear:
+        return _told(scene, plan, linear, linear), linear, DrawCount()
+    first, start, there = first_order(scene.setting), time.perf_counter(), list[float]()
+    tell = plan.tell("drawing", plan.draws)
+
+    def noted(done: float) -> None:
+        there.append(done)  # the first time as many as the folder had
+        tell(done)
+
+    drawn = scene.draws(plan, STUDY_FILE, plan.draws, noted)
+    before = int(there[0]) if there else plan.draws
+    count = DrawCount(plan.draws - before, before, time.perf_counter() - start)
+    plan.progress("comparing with the prediction", 0, 0)
+    table = _table(scene, plan, first, linear, drawn)
+    if plan.full:
+        return _told(scene, plan, table, linear), table, count
+    sweeps = _swept(scene, plan, first, linear, drawn)
+    reaches = _reaches(scene, plan, first, linear)
+    return _told(scene, plan, table, linear, sweeps, reaches, first), table, count
+
+
+def compared(
+    study: ToleranceStudy, table: ToleranceTable, other: PhotographedTarget, plan: TolerancePlan, vary: str | None
+) -> ToleranceStudy:
+    """The study with the other target's costs, and where the first loses to it.
+
+    Args:
+        study: of the first target.
+        table: it is of.
+        other: the other target.
+        plan: of both.
+        vary: the error that is looked at more closely; None: the worst one of faces.
+    """
+    plan.progress("predicting the other", 0, 0)
+    theirs = linear_table(other.setting, other.errors)
+    if not plan.linear:
+        drawn = other.draws(plan, AGAINST_FILE, plan.draws, plan.tell("drawing the other", plan.draws))
+        theirs = _table(other, plan, first_order(other.setting), theirs, drawn)
+    chosen, found = vary or default_vary(table, plan.by), crossovers(table, theirs)
+    return replace(study, crossovers=Crossovers(other.name, other.words, other.errors.name, chosen, found))
+
+
+def _told(
+    scene: PhotographedTarget,
+    plan: TolerancePlan,
+    table: ToleranceTable,
+    linear: ToleranceTable,
+    sweeps: Mapping[float, ToleranceTable] = MappingProxyType({}),
+    reaches: Sequence[Reach] = (),
+    first: FirstOrder | None = None,
+) -> ToleranceStudy:
+    """The study that tables tell.
+
+    Args:
+        scene: what is photographed.
+        plan: what is computed.
+        table: of draws, or the prediction.
+        linear: the prediction.
+        sweeps: tables at other multiples of the errors.
+        reaches: how far the prediction holds.
+        first: the derivatives; with them, limits are searched with draws where it does not.
+    """
+    budgets = [checked(largest_allowed(table, one), table, linear, reaches) for one in plan.requirements]
+    if first is not None:
+        budgets = _searched(budgets, scene, plan, first)
+    return ToleranceStudy(
+        scene.name, scene.words, table.kind, table.draws, table.failed, plan.by,
+        tuple(_cost_rows(table, linear, reaches)), tuple(budget_row(one, table) for one in budgets),
+        sweep_rows(sweeps, linear) if sweeps else (), None, dict(scene.errors.notes),
+    )  # fmt: skip
+
+
+def _table(
+    scene: PhotographedTarget,
+    plan: TolerancePlan,
+    first: FirstOrder,
+    linear: ToleranceTable,
+    drawn: Array,
+    factor: float = 1.0,
+) -> ToleranceTable:
+    """The table of draws (D, C, Q) of the errors times a factor, held against what is predicted of them."""
+    numbers = range(len(drawn))
+    control = control_of(first, linear, plan.seed, numbers, factor=factor, has_noise=not plan.full)
+    return table_of_draws(scene.errors.scaled(factor), drawn, control)
+
+
+def _swept(
+    scene: PhotographedTarget, plan: TolerancePlan, first: FirstOrder, linear: ToleranceTable, main: Array
+) -> dict[float, ToleranceTable]:
+    """The table of all errors at each multiple; the draws of the amounts themselves are the study's own."""
+    count, drawn, done = min(SWEEP_DRAWS, len(main)), {1.0: main}, 0
+    tell = plan.tell("sweeping", (len(FACTORS) - 1) * count)
+    for factor in FACTORS:
+        if factor != 1:
+            file = f"{SWEEPS_FOLDER}/{factor:g}x.sqlite"
+            drawn[factor] = scene.draws(plan, file, count, after(done, tell), factor)
+            done += count
+    plan.progress("comparing with the prediction", 0, 0)
+    return {factor: _table(scene, plan, first, linear, drawn[factor], factor) for factor in FACTORS}
+
+
+def _reaches(scene: PhotographedTarget, plan: TolerancePlan, first: FirstOrder, linear: ToleranceTable) -> list[Reach]:
+    """How far the prediction holds of each source that has an effect."""
+    names = [name for name, cost in zip(linear.sources, linear.cost.value, strict=True) if (cost > 0).any()]
+    tell, found = plan.tell("checking the prediction", len(names)), []
+    for place, name in enumerate(names):
+        found.append(reach_of(first, scene.errors, name, linear.baseline.value, seed=plan.seed))
+        tell(place + 1)
     return found
 
 
-def sweep_controls(
-    first: FirstOrder, linear: ToleranceTable, draws: Mapping[float, Array], seed: int
-) -> dict[float, Control]:
-    """What is predicted of the draws of each multiple."""
-    return {factor: control_of(first, linear, seed, range(len(one)), factor=factor) for factor, one in draws.items()}
+def _searched(budgets: list[Budget], scene: PhotographedTarget, plan: TolerancePlan, first: FirstOrder) -> list[Budget]:
+    """The budgets, searched with draws where errors are no longer small."""
+    total, done, found = sum(len(one.unchecked) for one in budgets), 0, []
+    if not total:
+        return budgets
+    tell = plan.tell("searching limits", total)
+    for one in budgets:
+        found.append(searched(one, first, scene.errors, plan.seed, plan.draws, after(done, tell)))
+        done += len(one.unchecked)
+    return found
 
 
-def reaches(
-    first: FirstOrder, errors: ErrorModel, sources: Sequence[str], baseline: Array, seed: int, tell: Tell
-) -> tuple[Reach, ...]:
-    """How far the prediction of each source holds."""
-    found = []
-    for place, name in enumerate(sources):
-        found.append(reach_of(first, errors, name, baseline, seed=seed))
-        tell(place + 1)
-    return tuple(found)
+def _cost_rows(table: ToleranceTable, linear: ToleranceTable, reaches: Sequence[Reach]) -> Iterator[CostRow]:
+    """For each quantity a row without errors, one for each source, and one for all together."""
+    reach = {one.source: one.factor for one in reaches}
+    unknown = math.nan
 
+    def of_no_source(error: str, cost: Cost, predicted: Cost, quantity: Quantity) -> CostRow:
+        return CostRow(
+            error, "", unknown, unknown, "", quantity.name, quantity.unit, *_numbers(cost, predicted), unknown,
+            unknown, unknown, unknown, math.inf,
+        )  # fmt: skip
 
-def budgets_of(report: ToleranceReport, requirements: Sequence[Requirement]) -> tuple[CheckedBudget, ...]:
-    """What each limit allows by the square law, and where that is not known to hold."""
-    return tuple(checked_budget(report, largest_allowed(report.table, one.quantity, one.limit)) for one in requirements)
-
-
-def searched(
-    first: FirstOrder, checked: CheckedBudget, errors: ErrorModel, seed: int, count: int, tell: Tell
-) -> tuple[tuple[str, Allowed], ...]:
-    """The budget of what lies beyond the square law, searched with draws one by one; left out where none is found."""
-    guess = dict(checked.budget.alone) | {TOGETHER: checked.budget.together}
-    found = []
-    for place, name in enumerate(checked.beyond):
-        model = errors if name == TOGETHER else errors.only(name)
-        with suppress(InputError):
-            allowed = allowed_by_draws(
-                first, model, checked.budget.quantity, checked.budget.limit, seed=seed,
-                numbers=range(min(SEARCH_DRAWS, count)), guess=guess[name].factor, tell=after(place, tell),
+    for row, quantity in enumerate(QUANTITIES):
+        yield of_no_source(BARE, table.baseline[row], linear.baseline[row], quantity)
+        for place, name in enumerate(table.sources):
+            amount, sigma, cost = table.errors.amount(name), float(table.sigma[place]), table.cost[place, row]
+            by_unit, low, high = (nine_digits(end / sigma) if sigma > 0 else unknown for end in cost.bounds)
+            holds_to = sigma * float(reach[name][row]) if name in reach else math.inf
+            yield CostRow(
+                name, amount.kind, nine_digits(amount.size), nine_digits(sigma), SOURCES[name].unit, quantity.name,
+                quantity.unit, *_numbers(cost, linear.cost[place, row]), nine_digits(table.share[place, row]),
+                by_unit, low, high, nine_digits(holds_to),
             )  # fmt: skip
-            found.append((name, allowed))
-    return tuple(found)
+        yield of_no_source(TOGETHER, table.together[row], linear.together[row], quantity)
 
 
-def check_unused(folder: Path, *, resume: bool, predicts: bool) -> None:
-    """Refuse a folder that holds a study already, unless it is gone on with.
-
-    Raises:
-        InputError: there is one.
-    """
-    there = [folder / STUDY_FILE, folder / AGAINST_FILE, *sorted((folder / SWEEPS_FOLDER).glob("*.sqlite"))]
-    for path in there:
-        if path.exists() and predicts:
-            raise InputError(f"{path}: the folder holds a study with draws; choose another -o for the prediction")
-        if path.exists() and not resume:
-            raise InputError(f"{path}: there is a study already; go on with it with --resume, or choose another -o")
+def _numbers(cost: Cost, predicted: Cost) -> tuple[float, float, float, float]:
+    value, low, high = map(nine_digits, cost.bounds)
+    return value, low, high, nine_digits(float(predicted.value))

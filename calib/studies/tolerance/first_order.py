@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import linearise
+from calib.core.se3 import skew
 from calib.metrics.reconstruction import LEAST_SPREAD_RAD
 from calib.studies.tolerance.map_error import turn_jacobian
 from calib.studies.tolerance.setting import Setting
@@ -127,25 +128,18 @@ def _sums(setting: Setting, jacobian: Array, on_face: Array, by_free: Array, is_
     share = setting.seen / setting.seen.sum()
     middle = share @ setting.target.center_mm
     by_motion = np.concatenate(
-        [turning(setting.target.center_mm - middle), np.tile(np.eye(3), (len(share), 1, 1))], axis=2
+        [skew(middle - setting.target.center_mm), np.tile(np.eye(3), (len(share), 1, 1))], axis=2
     )
     weighted = (share[:, None, None] * by_motion).reshape(-1, 6)
     motion = np.linalg.pinv(weighted.T @ by_motion.reshape(-1, 6), hermitian=True) @ weighted.T
     rotation = anchor.cam_from_target[:, :3, :3]
     pose_by_motion = np.zeros((len(views), 6, 6))
     pose_by_motion[:, :3, :3] = pose_by_motion[:, 3:, 3:] = rotation
-    pose_by_motion[:, 3:, :3] = rotation @ turning((anchor.problem.origin_mm - middle)[None])
+    pose_by_motion[:, 3:, :3] = rotation @ skew(middle - anchor.problem.origin_mm)
     return Sums(
         pixel, face, anchor.pose_inverse, anchor.follow, anchor.free_inverse, by_free, is_rebuilt,
         np.ascontiguousarray(motion.reshape(6, -1, 3)), by_motion, pose_by_motion,
     )  # fmt: skip
-
-
-def turning(arm: Array) -> Array:
-    """The matrices that take a turn w to `w x arm` for arms (N, 3).  # (N, 3, 3)"""
-    x, y, z = arm.T
-    zero = np.zeros_like(x)
-    return np.stack([np.stack([zero, z, -y], 1), np.stack([-z, zero, x], 1), np.stack([y, -x, zero], 1)], axis=1)
 
 
 def _rebuilt_by_pixel(setting: Setting, by_ring: Array, ray: Array) -> tuple[Array, NDArray[np.bool_]]:

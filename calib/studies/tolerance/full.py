@@ -13,10 +13,9 @@ from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
 from calib.renderer.view import render_view
 from calib.studies.tolerance.draw import drawn_values, solved, stream
-from calib.studies.tolerance.measures import NONE
-from calib.studies.tolerance.noise import CONTRAST_TO_NOISE
-from calib.studies.tolerance.setting import LEAST_RINGS, Setting, setting_of_sightings
-from calib.studies.tolerance.true_shape import true_shape
+from calib.studies.tolerance.measures import NONE, true_shape
+from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, LEAST_RINGS
+from calib.studies.tolerance.setting import Setting, setting_of_observations
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, displaced_shape
@@ -51,7 +50,7 @@ def run_full_draws(setting: Setting, errors: ErrorModel, seed: int, numbers: ran
 def _case(setting: Setting, errors: ErrorModel, values: Mapping[str, Array], seed: int, number: int) -> Array:
     """Quantities (Q,); nan where no target, no photos of it or no camera come out."""
     try:
-        shape = displaced_shape(setting.target, values, model=errors, bed_from_target=setting.bed_from_target)
+        shape = displaced_shape(setting.target, values, model=errors)
         found = photographed(setting, target_of(shape), seed, number)
         own, measured = setting_of_detections(setting, found)
     except InputError:
@@ -93,4 +92,4 @@ def setting_of_detections(setting: Setting, found: list[Detections]) -> tuple[Se
         center_px=np.concatenate([one.center_px[rows] for one, rows in some]),
         cov_px2=np.concatenate([one.cov_px2[rows] for one, rows in some]),
     )
-    return setting_of_sightings(setting, setting.cam_from_target[kept], seen), seen.center_px
+    return setting_of_observations(setting, setting.cam_from_target[kept], seen), seen.center_px

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.studies.tolerance.first_order import FirstOrder, turning
+from calib.core.se3 import skew
+from calib.studies.tolerance.first_order import FirstOrder
 
 Array = NDArray[np.float64]
 
@@ -110,7 +111,7 @@ def _rebuilt(first: FirstOrder, spread: _Spread) -> float:
 def _centre(first: FirstOrder, spread: _Spread) -> float:
     """Mean square error of the camera's centre, which moves by `s + t x w`."""
     free = first.free_count
-    by_turn = -turning(first.setting.anchor.cam_from_target[:, :3, 3])
+    by_turn = skew(first.setting.anchor.cam_from_target[:, :3, 3])
     by_pose = np.concatenate([by_turn, np.tile(np.eye(3), (len(by_turn), 1, 1))], axis=2)
     return float(((by_pose @ spread.unknowns[:, free:, free:]) * by_pose).sum() / len(by_pose))
 

@@ -1,7 +1,5 @@
 """The table of a tolerance study: what each error source costs each quantity."""
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -15,7 +13,6 @@ from calib.studies.tolerance.draw import case_names
 from calib.studies.tolerance.quantities import quantity_row
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
-from designer.tolerance.registry import SOURCES
 
 Array = NDArray[np.float64]
 
@@ -35,6 +32,20 @@ class Cost:
         for name in ("value", "low", "high"):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
 
+    @staticmethod
+    def exact(value: Array) -> "Cost":
+        """Without an interval."""
+        return Cost(value, value, value)
+
+    def __getitem__(self, place: int | slice | tuple[int, ...]) -> "Cost":
+        """Of a part."""
+        return Cost(np.asarray(self.value[place]), np.asarray(self.low[place]), np.asarray(self.high[place]))
+
+    @property
+    def bounds(self) -> tuple[float, float, float]:
+        """Value, low and high of a single cost."""
+        return float(self.value), float(self.low), float(self.high)
+
     @property
     def error(self) -> Array:
         """Standard errors, from the width of the interval."""
@@ -48,10 +59,6 @@ class Control:
 
     square: Array  # (D, C, Q)
     mean: Array  # (C, Q)
-
-    def of_cases(self, cases: Sequence[int]) -> "Control":
-        """Of some cases, in this order."""
-        return Control(self.square[:, cases], self.mean[cases])
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,17 +83,6 @@ class ToleranceTable:
         """How large each source is, root mean square in its unit (`SOURCES[name].unit`).  # (S,)"""
         return np.array([self.errors.amount(name).sigma for name in self.sources])
 
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Of the sources."""
-        return tuple(SOURCES[name].unit for name in self.sources)
-
-    @cached_property
-    def sensitivity(self) -> Cost:
-        """Cost by a unit of each source; nan for a source of size zero.  # (S, Q)"""
-        sigma = np.where(self.sigma > 0, self.sigma, np.nan)[:, None]
-        return Cost(self.cost.value / sigma, self.cost.low / sigma, self.cost.high / sigma)
-
     @cached_property
     def share(self) -> Array:
         """Of each source in the sum of the squared costs; 0 where there are none.  # (S, Q)"""
@@ -99,13 +95,6 @@ class ToleranceTable:
     def total(self) -> Array:
         """What a calibration shows with all errors: sqrt(m0^2 + cost^2).  # (Q,)"""
         return np.hypot(self.baseline.value, self.together.value)
-
-    @property
-    def excess(self) -> Array:
-        """Cost of all together over the root of the summed squares of each; 1 where errors add in squares.  # (Q,)"""
-        alone = np.sqrt((np.nan_to_num(self.cost.value) ** 2).sum(axis=0))
-        excess: Array = self.together.value / np.where(alone > 0, alone, np.nan)
-        return excess
 
     def ranking(self, quantity: str) -> tuple[str, ...]:
         """The sources, the one that costs a quantity most first.
@@ -140,18 +129,13 @@ def table_of_draws(errors: ErrorModel, draws: Array, control: Control | None = N
     expected = np.zeros(square.shape[1:])
     if control is not None:
         square, expected = square - control.square, control.mean
-    costs = [_root_of_mean(square[:, case], expected[case]) for case in range(draws.shape[1])]
-    alone = costs[1:-1]
-    empty = np.zeros((0, draws.shape[2]))
-    cost = Cost(
-        *(np.array([getattr(one, name) for one in alone]) if alone else empty for name in ("value", "low", "high"))
-    )
+    costs = _root_of_mean(square, expected)
     failed = tuple((~solved).sum(axis=0).tolist())
-    return ToleranceTable("draws", errors, costs[0], cost, costs[-1], len(draws), failed)
+    return ToleranceTable("draws", errors, costs[0], costs[1:-1], costs[-1], len(draws), failed)
 
 
 def _root_of_mean(square: Array, expected: Array) -> Cost:
-    """The root of what is expected (Q,) and the mean of what squares (D, Q) are beyond, which may be below zero."""
+    """The root of what is expected (C, Q) and the mean of what squares (D, C, Q) are beyond, which may be negative."""
     known = np.isfinite(square)
     count = known.sum(axis=0)
     kept = np.where(known, square, 0.0)
@@ -162,10 +146,3 @@ def _root_of_mean(square: Array, expected: Array) -> Cost:
     mean = expected + beyond
     half = np.where((mean == 0) & ~(half > 0), 0.0, half)
     return Cost(*(np.sqrt(np.maximum(bound, 0.0)) for bound in (mean, mean - half, mean + half)))
-
-
-def relative_error(cost: Cost) -> Array:
-    """Standard error over value; nan where there is no cost."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratio: Array = np.where(cost.value > 0, cost.error / cost.value, math.nan)
-    return ratio

@@ -15,7 +15,7 @@ import typer
 
 from calib.api.tolerancing import tolerance as tolerance_from_python
 from calib.commands.tolerance import tolerance
-from calib.studies.tolerance.report import MAIN
+from calib.studies.tolerance.quantities import MAIN
 from designer.base.command import run
 from designer.target import target_to_json
 from tests.support.command_line import PAGE, Answer, files_in
@@ -78,10 +78,11 @@ def test_a_prediction_answers_all_three_questions(folder: Path) -> None:
     assert files_in(folder / "out") == TABLES | PAGE | {
         f"figures/{name}.png" for name in ("ranking", "budget", "crossover")
     }
-    assert "warp: does nothing to this target: it is for boards" in said
-    assert "intersection error against the drawing up to 0.05mm: " in said
-    assert "worse than board from" in said
-    assert all(error in said for error in ("tilt of faces", "face_tilt 0.1deg", "all errors together", "noise alone"))
+    assert "warp: Does nothing to this target: it is for boards" in said
+    assert said.startswith("limit missed: Intersection error against the drawing of ico is ")
+    assert "For intersection error against the drawing up to 0.05 mm" in said
+    assert "Both as they are assumed to be made" in said
+    assert "Worse than board from" in Path("out/table.md").read_text()
     document = json.loads(Path("out/table.json").read_text())
     assert (document["kind"], document["draws"]) == ("linear", 0)
     assert document["crossovers"]["target"] == "board"
@@ -119,7 +120,7 @@ def test_a_study_is_kept_and_gone_on_with(folder: Path) -> None:
                              "thermal", "face_bow") for word in ("--set", f"{name}=0")]  # fmt: skip
     said = done("ico.target.json", *DRAWN, *few, "--figures", "svg", "-o", "out")
     assert "3 draws in " in said
-    assert "scale: is 0" in said
+    assert "scale: Is 0" in said
     names = {"ranking", "sweep_intersection"}
     assert files_in(folder / "out") == TABLES | PAGE | {"study.sqlite"} | {
         f"figures/{name}.{suffix}" for name in names for suffix in ("png", "svg")
@@ -139,14 +140,14 @@ def test_a_study_is_kept_and_gone_on_with(folder: Path) -> None:
     said = done("ico.target.json", *DRAWN, *few, "--resume", "--require", "reprojection=0.1px", "-o", "out", code=1)
     assert "draws in" not in said
     assert Path("out/table.csv").read_bytes() == first
-    assert "sweep_reprojection" in said
+    assert Path("out/figures/sweep_reprojection.png").exists()
     assert Path("out/figures/ranking.svg").stat().st_mtime > 0
 
 
 def test_a_target_that_does_not_fit_is_told(folder: Path) -> None:
     """Views that cut the target, and rings too small, are told with the distance that would do."""
     near = done("ico.target.json", *TAKEN[:4], "--distance", "140mm", "--linear", "-o", "near")
-    assert "warning: at 140mm the target reaches beyond the image" in near
+    assert "ico: at 140mm the target reaches beyond the image" in near
     assert "it fits from --distance " in near
     far = design("ico.target.json", *TAKEN[:4], "--distance", "5m", "--linear", "-o", "far")
     assert far.code == 2

@@ -1,102 +1,163 @@
-"""The page of a tolerance study: costs, limits and crossovers are those that were found."""
+"""What is shown of a tolerance study: page, tables, files and figures say what was found."""
 
+import csv
+import io
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
-from calib.studies.table_files import JSON_FILE
-from calib.studies.tolerance.files import tolerance_file
-from calib.studies.tolerance.quantities import quantity_row
-from calib.studies.tolerance.report import MAIN
-from calib.studies.tolerance.table_file import TOLERANCE_TABLE, ToleranceFile
-from calib.studies.tolerance.tables import budget_table, crossover_table
-from designer.page.blocks import Page
-from tests.support.report_folders import findings_of, page_of, table_of, tolerance_files, tolerance_report, written
+from calib.show.studies.tolerance_files import tolerance_files as files_of
+from calib.show.studies.tolerance_tables import budget_table, ranking_table
+from calib.show.studies.tolerance_words import amount_of, cost_text, crossover_findings, tolerance_headline
+from calib.studies.tolerance.budget import budget_row, largest_allowed
+from calib.studies.tolerance.predict import linear_table
+from calib.studies.tolerance.quantities import MAIN, NAMES, Requirement, quantity_row
+from calib.studies.tolerance.record import TOLERANCE_TABLE, BudgetRow
+from designer.page.blocks import Page, Table
+from designer.tolerance.error_file import parse_amount
+from designer.tolerance.registry import SOURCES
+from tests.support.report_folders import findings_of, page_of, table_of, tolerance_files, written
+from tests.support.tolerance_settings import board_table, few_errors, ico_setting, tolerance_study, tolerance_table
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """A study's folder."""
-    return written(tolerance_files(), tmp_path)
+def page(tmp_path: Path) -> Page:
+    """The study's page."""
+    return page_of("tolerance", written(tolerance_files(), tmp_path))
 
 
-@pytest.fixture
-def page(folder: Path) -> Page:
-    """Its page."""
-    return page_of("tolerance", folder)
+def texts_of(table: Table) -> dict[str, tuple[str, ...]]:
+    """The texts of each row by the first."""
+    return {row[0].text: tuple(cell.text for cell in row[1:]) for row in table.rows}
 
 
-def test_the_order_is_that_of_the_study(folder: Path) -> None:
-    """Errors are ranked as the study ranks them; what does nothing is left out."""
-    table = TOLERANCE_TABLE.read_if_there(folder / JSON_FILE)
-    assert isinstance(table, ToleranceFile)
-    assert [one.error for one in table.ranking] == list(tolerance_report().ranking)
+@pytest.mark.parametrize(
+    ("value", "low", "high", "text"),
+    [
+        (0.0, 0.0, 0.0, "0"),
+        (0.004, 0.0039, 0.0041, "< 0.010"),  # a tenth of the noise bounds what is far below it
+        (0.0, 0.0, 0.03, "< 0.030"),  # draws that do not tell it from the noise bound it by their interval
+        (0.5, 0.4804, 0.5196, "0.500 ± 0.010"),
+        (0.5, 0.5, 0.5, "0.500"),
+        (math.nan, math.nan, math.nan, "no solution"),
+    ],
+)
+def test_costs_are_told_as_far_as_they_are_known(value: float, low: float, high: float, text: str) -> None:
+    """A cost has its standard error; far below the noise, or not told from it, there is a bound and no tiny number."""
+    one = replace(tolerance_study().cost("scale", "pose"), cost=value, cost_low=low, cost_high=high)
+    assert cost_text(one, noise=0.1) == text
+
+
+@pytest.mark.parametrize("name", ["face_tilt", "ring_jitter", "scale", "warp"])
+def test_sizes_are_read_back_as_they_were_shown(name: str) -> None:
+    """A size in a table, typed in as it stands there, is that size to three digits."""
+    one = tolerance_study().cost(name, "pose")
+    text = amount_of(one, 0.12345 * one.rms)
+    assert parse_amount(text, SOURCES[name]).size == pytest.approx(0.12345 * one.size, rel=6e-3)
+    assert len(re.sub("[^0-9]", "", text).lstrip("0")) <= 3
+
+
+def test_the_answer_names_what_it_is_against() -> None:
+    """An error that shows against the true shape alone is in the headline, in the ranking, and beside a limit."""
+    study = tolerance_study()
+    sentence = tolerance_headline(replace(study, budgets=())).sentence
+    drawing, true = sentence.split("The intersection error against the true shape is ")
+    assert "intersection error against the drawing" in drawing
+    assert "scale of the print" not in drawing
+    assert "most of that is from scale of the print" in true
+    table = ranking_table(study)
+    shares = {column.title: place - 1 for place, column in enumerate(table.columns) if "share" in column.title}
+    scale = texts_of(table)["scale"]
+    assert scale[shares["share, drawing"]] == "< 0.1 %"
+    assert float(scale[shares["share, true shape"]].split()[0]) > 50
+    budget = texts_of(budget_table(study, study.budgets[0]))["scale"]
+    assert budget[1] == "any"
+    assert "of the intersection error against the true shape" in budget[-1]
 
 
 def test_costs_are_those_of_the_study(page: Page) -> None:
     """Each cost, all together and noise alone are the table's; what is left without an error is the rest of squares."""
-    report, table = tolerance_report(), table_of(page, "What each error costs")
-    rows = {row[0].text: row for row in table.rows}
+    study, table = tolerance_study(), tolerance_table()
+    ranked = {row[0].text: row for row in table_of(page, "What each error adds").rows}
+    rows = {row[0].text: row for row in table_of(page, "What each error costs").rows}
     row = quantity_row("intersection")
-    total = math.hypot(float(report.table.baseline.value[row]), float(report.table.together.value[row]))
-    for name in report.ranking:
-        cost = report.table.cost.value[report.table.sources.index(name)]
+    for one in study.ranking:
+        cost = table.cost.value[table.sources.index(one.error)]
         for place, quantity in enumerate(MAIN):
-            assert rows[name][4 + place].value == pytest.approx(cost[quantity_row(quantity)], rel=1e-8)
-        assert rows[name][3].value == pytest.approx(math.sqrt(total**2 - cost[row] ** 2))
-    assert rows.keys() == set(report.ranking)  # sorting must not mix sums with errors
+            assert rows[one.error][2 + place].value == pytest.approx(cost[quantity_row(quantity)], rel=1e-8)
+        assert ranked[one.error][-1].value == pytest.approx(math.sqrt(table.total[row] ** 2 - cost[row] ** 2))
+    assert rows.keys() == ranked.keys() == {one.error for one in study.ranking}  # sorting must not mix sums with errors
     rows = {row[0].text: row for row in table_of(page, "All errors together, and none").rows}
     for place, quantity in enumerate(MAIN):
         at = quantity_row(quantity)
-        assert rows["all errors together"][1 + place].value == pytest.approx(float(report.table.together.value[at]))
-        assert rows["no error: noise alone"][1 + place].value == pytest.approx(float(report.table.baseline.value[at]))
+        assert rows["all errors together"][1 + place].value == pytest.approx(float(table.together.value[at]))
+        assert rows["no error: noise alone"][1 + place].value == pytest.approx(float(table.baseline.value[at]))
 
 
-def test_the_largest_errors_are_those_of_the_study(page: Page) -> None:
-    """What keeps a limit stands as in the study's own table, and is marked where it is below what is assumed."""
-    report = tolerance_report()
-    own = budget_table(report, report.budgets[0])
-    shown = table_of(page, "For intersection up to 0.01")
-    words = {row[0].split("(")[-1].rstrip(")"): row[2] for row in own.body[:-1]}
-    for row in shown.rows[:-1]:
-        name = row[0].text.split("(")[-1].rstrip(")")
-        assert row[2].text == words[name]
+def test_what_does_nothing_is_told_with_the_reason(page: Page) -> None:
+    """Errors that do nothing to this target are no rows of its tables."""
+    told = {one.title: one.text for one in findings_of(page)}
+    assert "it changes the rings' diameters" in told["ink_bleed"]
+    assert "it is for boards" in told["warp"]
+
+
+def test_a_limit_is_kept_by_what_is_stated(page: Page) -> None:
+    """The stated size of one error, put into the prediction, just meets the limit; what is below the assumed is bad."""
+    shown = table_of(page, "For intersection error against the drawing up to 0.01")
+    errors = few_errors().only("face_tilt")
+    text = texts_of(shown)["face_tilt"][1]
+    predicted = linear_table(ico_setting(), errors.with_amount("face_tilt", parse_amount(text, SOURCES["face_tilt"])))
+    assert predicted.total[quantity_row("intersection")] == pytest.approx(0.01, rel=0.15)
+    for row in shown.rows:
         factor = row[4].value
         assert factor is None or row[4].level == ("good" if factor >= 1 else "bad")
 
 
-def test_a_missed_limit_comes_first(page: Page, tmp_path: Path) -> None:
+def test_a_limit_below_the_noise_is_told() -> None:
+    """Where noise alone is more than the limit, no print is said to be good enough."""
+    row = budget_row(largest_allowed(tolerance_table(), Requirement("reprojection", 1e-4)), tolerance_table())
+    assert not row.met_by_noise_alone
+    sentence = tolerance_headline(replace(tolerance_study(), budgets=(row,))).sentence
+    assert "Noise alone gives" in sentence
+    assert "no print is good enough" in sentence
+
+
+def test_a_missed_limit_comes_first(page: Page) -> None:
     """With one limit missed of two the answer is bad; with none missed it is good, and without limits a number."""
     assert page.headline is not None
     assert page.headline.level == "bad"
     assert "missed" in page.headline.sentence
     levels = {one.title: one.level for one in findings_of(page) if one.rule}
     assert levels == {"Intersection error against the drawing": "bad", "Reprojection error": "good"}
-    for budgets, level in ((tolerance_report().budgets[1:], "good"), ((), "note")):
-        other = tmp_path / level
-        written(
-            {"table.json": TOLERANCE_TABLE.text(tolerance_file(replace(tolerance_report(), budgets=budgets)))}, other
-        )
-        headline = page_of("tolerance", other).headline
-        assert headline is not None
-        assert headline.level == level
+    study = tolerance_study()
+    kept: tuple[tuple[tuple[BudgetRow, ...], str], ...] = ((study.budgets[1:], "good"), ((), "note"))
+    for budgets, level in kept:
+        assert tolerance_headline(replace(study, budgets=budgets)).level == level
 
 
 def test_crossovers_are_those_of_the_study(page: Page) -> None:
-    """From which size of an error on the target is worse stands as in the study's own table."""
-    report = tolerance_report()
-    assert report.against is not None
-    own = {row[0].split("\n")[0]: row[1:] for row in crossover_table(report, report.against).body}
-    for row in table_of(page, "Worse than board from").rows:
-        assert tuple(cell.text for cell in row[2:]) == own[row[0].text]
-    totals = table_of(page, "Both as they are assumed")
-    own_total, their_total = (own[f"{name}, as assumed"] for name in ("ico", "board"))
-    for place, row in enumerate(totals.rows):
-        assert (row[1].text.split()[0], row[2].text.split()[0]) == (own_total[place], their_total[place])
+    """The target loses now exactly where its error is the larger one, in words and in both tables."""
+    study, other = tolerance_study(), tolerance_study().crossovers
+    assert other is not None
+    lines, crossing = list(crossover_findings(study, other)), texts_of(table_of(page, "Worse than board from"))
+    totals = table_of(page, "Both as they are assumed").rows
+    assert len(lines) == len(totals) == len(MAIN)
+    for place, (name, line, row) in enumerate(zip(MAIN, lines, totals, strict=True)):
+        at = quantity_row(name)
+        alone = math.hypot(*tolerance_table().cost.value[:, at], tolerance_table().baseline.value[at])
+        loses = alone > other.totals[name]
+        assert loses == ("Loses already" in line.text or "; loses at 0.1deg" in line.text), line
+        assert row[1].value == pytest.approx(tolerance_table().total[at])
         assert row[3].level == ("good" if float(row[1].value or 0) < float(row[2].value or 0) else "bad")
+        cell = crossing["face_tilt"][1 + place]
+        assert cell in ("0", "never") or cell in line.text
+    assert board_table().total[0] > 0
 
 
 def test_warnings_of_the_setting_are_seen(page: Page) -> None:
@@ -106,13 +167,20 @@ def test_warnings_of_the_setting_are_seen(page: Page) -> None:
 
 def test_a_prediction_needs_no_draws(tmp_path: Path) -> None:
     """A study without draws says that nothing checked it, and has no intervals."""
-    report = tolerance_report()
-    linear = replace(report, table=report.linear, sweeps=(), reaches=(), against=None)
-    page = page_of("tolerance", written({"table.json": TOLERANCE_TABLE.text(tolerance_file(linear))}, tmp_path))
+    text = TOLERANCE_TABLE.text(tolerance_study(linear=True))
+    page = page_of("tolerance", written({"table.json": text}, tmp_path))
     prediction = next(one for one in page.sections if one.title == "Prediction")
     assert "without --linear" in prediction.lead
     assert "without a single draw" in page.sections[0].lead
     assert {row[3].text for row in table_of(page, "For intersection").rows} == {""}
+
+
+def test_few_draws_say_nothing_of_a_prediction(tmp_path: Path) -> None:
+    """Draws whose spread is not known do not call a prediction wrong, nor right."""
+    text = TOLERANCE_TABLE.text(replace(tolerance_study(), draws=3))
+    page = page_of("tolerance", written({"table.json": text}, tmp_path))
+    prediction = next(one for one in page.sections if one.title == "Prediction")
+    assert prediction.lead == "3 draws are too few to check the prediction with; 10 do."
 
 
 @pytest.mark.parametrize("value", [1e99, -1e99, 0, 1e-300])
@@ -125,3 +193,33 @@ def test_absurd_numbers_have_a_page(value: float, tmp_path: Path) -> None:
         row["other"] = row["rms"] = value
     page = page_of("tolerance", written({"table.json": json.dumps(document).encode()}, tmp_path))
     assert page.headline is not None
+
+
+def test_files_say_the_same(tmp_path: Path) -> None:
+    """CSV has every cost of every quantity; Markdown has the page's tables and findings."""
+    files = files_of(replace(tolerance_study(linear=True), crossovers=None), tmp_path)
+    lines = list(csv.DictReader(io.StringIO(files[tmp_path / "table.csv"].decode())))
+    assert len(lines) == len(NAMES) * (len(few_errors().sources) + 2)
+    text = files[tmp_path / "table.md"].decode()
+    for words in (
+        "**What each error adds to",
+        "**Cost by a unit of each error**",
+        "| face\\_tilt | 0.1deg |",
+        "missed",
+    ):
+        assert words in text
+
+
+def test_figures_are_readable_pictures(tmp_path: Path) -> None:
+    """All figures of a study are drawn as PNG, 1600 pixels wide and not empty; in other formats, those asked for."""
+    predicted = replace(tolerance_study(linear=True), crossovers=None, budgets=())
+    files = files_of(predicted, tmp_path, ("pdf", "svg"))
+    assert {path.name for path in files if path.parent != tmp_path} == {"ranking.png", "ranking.pdf", "ranking.svg"}
+    drawn = files_of(replace(tolerance_study(), budgets=tolerance_study().budgets[:1]), tmp_path)
+    names = {"ranking", "budget", "crossover", "sweep_intersection"}
+    assert {path.name for path in drawn if path.parent != tmp_path} == {f"{name}.png" for name in names}
+    for path, content in drawn.items():
+        if path.suffix == ".png":
+            with Image.open(io.BytesIO(content)) as picture:
+                assert picture.size[0] == 1600
+                assert np.asarray(picture.convert("L")).std() > 10

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.studies.tolerance.budget import allowed_by_draws, largest_allowed
-from calib.studies.tolerance.control import control_of
+from calib.studies.tolerance.budget import allowed_by_draws, budget_row, largest_allowed
 from calib.studies.tolerance.crossover import crossovers
-from calib.studies.tolerance.draw import run_draws
+from calib.studies.tolerance.draw import TOGETHER, run_draws
 from calib.studies.tolerance.first_order import first_order
-from calib.studies.tolerance.linear import linear_table
-from calib.studies.tolerance.quantities import QUANTITIES, quantity_row
+from calib.studies.tolerance.predict import control_of, linear_table
+from calib.studies.tolerance.quantities import NAMES, QUANTITIES, Requirement, quantity_row
+from calib.studies.tolerance.record import CrossoverRow
 from calib.studies.tolerance.result import Cost, ToleranceTable, table_of_draws
-from calib.studies.tolerance.sweep import sweep
+from calib.studies.tolerance.sizes import sweep_rows
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount
@@ -50,7 +50,6 @@ def test_table_of_made_draws() -> None:
     np.testing.assert_allclose(table.cost.value[0], np.sqrt((extra**2).mean(axis=0)[0]))
     half = 1.96 * (extra**2).std(axis=0, ddof=1)[0] / np.sqrt(200)
     np.testing.assert_allclose(table.cost.high[0] ** 2 - table.cost.value[0] ** 2, half, rtol=1e-3)
-    np.testing.assert_allclose(table.sensitivity.value[0], table.cost.value[0] / (0.3 / np.sqrt(3)))
     np.testing.assert_allclose(table.total, np.sqrt((worse**2).mean(axis=0)[0]))
     assert table.ranking("pose") == ("skew",)
     with pytest.raises(InputError, match="cases"):
@@ -62,16 +61,17 @@ def test_table_of_made_draws() -> None:
 def test_budget_fills_the_limit() -> None:
     """With the allowed amount a quantity is at its limit; more room allows more; what costs nothing may be anything."""
     made = made_table({"skew": [2.0, 1.8, 2.2], "ink_bleed": [0.0, 0.0, 0.0]}, [2.0, 1.8, 2.2], base=1.0)
-    budget = largest_allowed(made, "pose", 1.5)
-    allowed = dict(budget.alone)["skew"]
+    budget = largest_allowed(made, Requirement("pose", 1.5))
+    allowed = budget.allowed["skew"]
     assert np.hypot(1.0, 2.0 * allowed.factor) == pytest.approx(1.5)
     assert allowed.low < allowed.factor < allowed.high
-    assert budget.amount(made, "skew").factor == pytest.approx(0.5 * allowed.factor)
-    assert dict(budget.alone)["ink_bleed"].factor == np.inf
-    factors = [largest_allowed(made, "pose", limit).together.factor for limit in (0.5, 1.0, 1.2, 2.0, 9.0)]
+    assert budget_row(budget, made).alone[0].largest_rms == pytest.approx(0.5 * allowed.factor)
+    assert budget.allowed["ink_bleed"].factor == np.inf
+    limits = (Requirement("pose", limit) for limit in (0.5, 1.0, 1.2, 2.0, 9.0))
+    factors = [largest_allowed(made, one).allowed[TOGETHER].factor for one in limits]
     assert factors == sorted(factors)
     assert factors[:2] == [0.0, 0.0]
-    assert not largest_allowed(made, "pose", 0.5).is_met_without
+    assert not largest_allowed(made, Requirement("pose", 0.5)).is_met_without
 
 
 def test_budget_by_draws() -> None:
@@ -82,15 +82,16 @@ def test_budget_by_draws() -> None:
     control = control_of(first, linear, 0, numbers)
     table = table_of_draws(model, run_draws(setting, model, 0, numbers), control)
     limit = float(1.5 * table.total[quantity_row("intersection")])
-    budget = largest_allowed(table, "intersection", limit)
-    found = allowed_by_draws(first, model, "intersection", limit, seed=0, numbers=numbers)
-    assert found.factor == pytest.approx(budget.together.factor, rel=0.02)
+    required = Requirement("intersection", limit)
+    found = allowed_by_draws(first, model, required, seed=0, numbers=numbers)
+    assert found.factor == pytest.approx(largest_allowed(table, required).allowed[TOGETHER].factor, rel=0.02)
     drawn = run_draws(setting, model.scaled(found.factor), 0, numbers)
     again = table_of_draws(model, drawn, control_of(first, linear, 0, numbers, factor=found.factor))
     assert of(again.total, "intersection") == pytest.approx(limit, rel=2e-3)
     assert found.low < found.factor < found.high
     below = 0.5 * float(table.baseline.value[quantity_row("intersection")])
-    assert allowed_by_draws(first, model, "intersection", below, seed=0, numbers=range(3)).factor == 0
+    required = Requirement("intersection", below)
+    assert allowed_by_draws(first, model, required, seed=0, numbers=range(3)).factor == 0
 
 
 @pytest.mark.parametrize(
@@ -100,35 +101,39 @@ def test_budgets_that_mean_nothing_are_refused(quantity: str, limit: float, mess
     """An unknown quantity is met with the nearest name, a limit of zero with the rule."""
     table = made_table({"skew": [1.0, 1.0, 1.0]}, [1.0, 1.0, 1.0], base=0.0)
     with pytest.raises(InputError, match=message):
-        largest_allowed(table, quantity, limit)
+        largest_allowed(table, Requirement(quantity, limit))
 
 
 def test_sweep_goes_through_the_table() -> None:
-    """A sweep's point at the model's own amount is the source's cost in a study of the same draws."""
-    setting, model, numbers = ico_setting(), errors().only("skew", "face_tilt"), range(5)
-    table = table_of_draws(model, run_draws(setting, model, 0, numbers))
-    found = sweep(setting, model, "face_tilt", table, seed=0, numbers=numbers, factors=(0.5, 1.0, 2.0))
-    np.testing.assert_array_equal(found.cost.value[1], table.cost.value[1])
-    np.testing.assert_allclose(found.linear[2], 2 * table.cost.value[1])
-    np.testing.assert_allclose(found.amount, np.array([0.5, 1, 2]) * model.amount("face_tilt").sigma)
-    assert (np.diff(found.cost.value[:, quantity_row("reprojection")]) > 0).all()
+    """A sweep's point at the model's own amount is the source's cost there; its line is the prediction."""
+    own = made_table({"skew": [2.0, 1.8, 2.2], "ink_bleed": [0.0, 0.0, 0.0]}, [2.0, 1.8, 2.2], base=1.0)
+    twice = made_table({"skew": [3.0, 2.8, 3.2], "ink_bleed": [0.0, 0.0, 0.0]}, [3.0, 2.8, 3.2], base=1.0)
+    (found,) = sweep_rows({1.0: own, 2.0: twice}, own)
+    assert (found.error, found.rms) == ("skew", (0.5, 1.0))
+    for name in NAMES:
+        costs = found.of(name)
+        assert (costs.cost, costs.cost_low, costs.cost_high) == ((2.0, 3.0), (1.8, 2.8), (2.2, 3.2))
+        assert costs.predicted == (2.0, 4.0)
 
 
 def test_crossover() -> None:
     """At the crossover both targets have the same error; a target may lose at zero, or never."""
     other = made_table({"warp": [3.0, 2.9, 3.1]}, [3.0, 2.9, 3.1], base=0.5)
     own = made_table({"face_tilt": [2.0, 1.9, 2.1], "skew": [1.0, 0.9, 1.1]}, [2.2, 2.1, 2.3], base=0.2)
-    found = crossovers(own, "face_tilt", other)[0]
+    found = of_first(own, other)
     assert found.verdict == "crosses"
-    total = np.sqrt(0.2**2 + 1.0**2 + (found.amount / 0.5) ** 2 * 2.0**2)
+    total = np.sqrt(0.2**2 + 1.0**2 + (found.rms / 0.5) ** 2 * 2.0**2)
     assert total == pytest.approx(np.hypot(3.0, 0.5))
-    assert found.low < found.amount < found.high
+    assert found.rms_low < found.rms < found.rms_high
+    assert found.other_low < found.other < found.other_high
     assert found.noise_share == pytest.approx(0.04 / 1.04)
-    assert crossovers(other, "warp", own)[0].verdict == "crosses"
-    better = made_table({"warp": [0.1, 0.1, 0.1]}, [0.1, 0.1, 0.1], base=0.1)
-    lost = crossovers(own, "face_tilt", better)[0]
-    assert (lost.verdict, lost.amount) == ("loses at zero", 0.0)
+    assert of_first(other, own).verdict == "crosses"
+    lost = of_first(own, made_table({"warp": [0.1, 0.1, 0.1]}, [0.1, 0.1, 0.1], base=0.1))
+    assert (lost.verdict, lost.rms) == ("loses at zero", 0.0)
     harmless = made_table({"face_tilt": [0.0, 0.0, 0.0]}, [0.0, 0.0, 0.0], base=0.2)
-    assert crossovers(harmless, "face_tilt", other)[0].verdict == "never loses"
-    with pytest.raises(InputError, match="not among"):
-        crossovers(own, "warp", other)
+    assert of_first(harmless, other).verdict == "never loses"
+
+
+def of_first(table: ToleranceTable, other: ToleranceTable) -> CrossoverRow:
+    """Of the first source and quantity."""
+    return crossovers(table, other)[0]

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from calib.studies.tolerance.control import control_of
 from calib.studies.tolerance.draw import run_draws
 from calib.studies.tolerance.first_order import first_order
-from calib.studies.tolerance.linear import linear_table
+from calib.studies.tolerance.predict import control_of, linear_table
 from calib.studies.tolerance.quantities import NAMES, quantity_row
 from calib.studies.tolerance.result import table_of_draws
 from designer.tolerance.error_file import error_model

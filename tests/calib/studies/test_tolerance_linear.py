@@ -13,13 +13,14 @@ from calib.solver.blocks import RobustLoss, view_blocks
 from calib.studies.tolerance.anchor import minimum_of
 from calib.studies.tolerance.draw import drawn_noise, run_cases, run_draws, seen_px
 from calib.studies.tolerance.first_order import first_order
-from calib.studies.tolerance.linear import baseline, linear_table
 from calib.studies.tolerance.noise_response import noise_squares
+from calib.studies.tolerance.predict import baseline, linear_table
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES, quantity_row
-from calib.studies.tolerance.reach import OFF, reach_of
+from calib.studies.tolerance.record import OFF
 from calib.studies.tolerance.response import responses
 from calib.studies.tolerance.result import table_of_draws
 from calib.studies.tolerance.setting import Setting
+from calib.studies.tolerance.sizes import reach_of
 from designer.tolerance.model import ErrorModel, displaced_shape
 from designer.tolerance.prior import directions
 from designer.tolerance.registry import SOURCES
@@ -49,7 +50,7 @@ def params_at(setting: Setting, center_mm: Array) -> Array:
 def test_directions_are_derivatives_of_single_numbers(name: str) -> None:
     """A column of the directions is the derivative of all rings by that number alone."""
     setting = ico_setting()
-    columns = directions(setting.target, FULL, name, setting.bed_from_target)
+    columns = directions(setting.target, FULL, name)
     source = SOURCES[name]
     shape = (source.instances(setting.target), source.components)
     assert columns.shape == (setting.target.ring_count, 3, shape[0] * shape[1])
@@ -69,7 +70,7 @@ def test_responses_are_derivatives(name: str, make: type[Setting]) -> None:
     source = SOURCES[name]
     shape = (source.instances(setting.target), source.components)
     values = SMALL[source.unit] * np.random.default_rng(1).standard_normal(shape)
-    moved = directions(setting.target, FULL, name, setting.bed_from_target) @ values.reshape(-1)
+    moved = directions(setting.target, FULL, name) @ values.reshape(-1)
     found = responses(first_order(setting), moved[:, :, None])
     ahead, behind = (params_at(setting, centers(setting, name, sign * values)) for sign in (1, -1))
     unit = 1e-6 if name in SCALES else max(1e-3 * np.abs(found.params[:, 0]).max(), 1e-9)

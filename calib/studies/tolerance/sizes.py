@@ -1,9 +1,10 @@
-"""How far the linear prediction holds: the amount at which the exact cost of a source is 10 % off.
+"""What errors cost at other sizes than the assumed ones, and how far the straight line of the prediction holds.
 
-Both are taken without noise and of the same drawn numbers, scaled up and down, so that they differ by what is not
-linear and by nothing else.
+The prediction's reach is the amount at which the exact cost of a source is 10 % off. Both are taken without noise and
+of the same drawn numbers, scaled up and down, so that they differ by what is not linear and by nothing else.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,15 +13,18 @@ from numpy.typing import NDArray
 from calib.core.threads import one_thread
 from calib.studies.tolerance.draw import BareDraw, drawn_values, noiseless, with_errors
 from calib.studies.tolerance.first_order import FirstOrder
-from calib.studies.tolerance.quantities import QUANTITIES
+from calib.studies.tolerance.quantities import NAMES, QUANTITIES
+from calib.studies.tolerance.record import OFF, SweepCosts, SweepRow, nine_digits
 from calib.studies.tolerance.response import responses
+from calib.studies.tolerance.result import ToleranceTable
 from calib.studies.tolerance.setting import Setting
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.prior import directions
 
 Array = NDArray[np.float64]
 
-OFF = 0.1
+FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Multiples of the assumed amounts at which draws are made."""
 LARGEST, SMALLEST = 16.0, 1 / 64
 DRAWS = 4
 
@@ -51,7 +55,7 @@ def reach_of(
     """
     setting, only = first.setting, errors.only(source)
     numbers = [drawn_values(setting, only, seed, number)[source] for number in range(draws)]
-    columns = directions(setting.target, only, source, setting.bed_from_target)
+    columns = directions(setting.target, only, source)
     moves = np.stack([columns @ one.reshape(-1) for one in numbers], axis=2)
     linear: Array = np.sqrt(responses(first, moves).square.mean(axis=1))
     without = noiseless(setting)
@@ -100,3 +104,24 @@ def _exact(
     rows = [with_errors(setting, only, {source: factor * one}, without) for one in numbers]
     exact: Array = np.sqrt((np.array(rows) ** 2).mean(axis=0))
     return exact
+
+
+def sweep_rows(tables: Mapping[float, ToleranceTable], linear: ToleranceTable) -> tuple[SweepRow, ...]:
+    """The costs of each source that has an effect, from the tables of all errors at each multiple of their amounts.
+
+    A source's draws are the same alone and among others, so one run of all sources serves each.
+    """
+    factor = np.array(list(tables))
+    costs = np.array([(one.cost.value, one.cost.low, one.cost.high) for one in tables.values()])  # (K, 3, S, Q)
+    rows = []
+    for place, name in enumerate(linear.sources):
+        line = linear.cost.value[place]
+        if not (line > 0).any():
+            continue
+        told = np.concatenate([costs[:, :, place], (factor[:, None] * line)[:, None]], axis=1)  # (K, 4, Q)
+        quantities = tuple(
+            SweepCosts(quantity, *(tuple(map(nine_digits, told[:, end, row].tolist())) for end in range(4)))
+            for row, quantity in enumerate(NAMES)
+        )
+        rows.append(SweepRow(name, tuple((factor * linear.sigma[place]).tolist()), quantities))
+    return tuple(rows)
