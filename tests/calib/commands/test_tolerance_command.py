@@ -182,7 +182,7 @@ def test_a_measured_target_is_told(folder: Path) -> None:
         (["--figures", "pdf,tiff"], ["--figures 'tiff'", "pdf and svg"]),
         (["--jobs", "0"], ["--jobs 0", "must be from 1"]),
         (["--camera", "machine-visoin"], ["machine-visoin", "did you mean 'machine-vision'"]),
-        (["--model", "virtual"], ["model virtual", "opencv, luhmann"]),
+        (["--model", "virtual"], ["model virtual", "solves luhmann, opencv, pinhole"]),
         (["-o", "board.target.json"], ["board.target.json: is a file", "choose another"]),
         (["--against", "board.target.json"], ["--against board.target.json", "--against-errors"]),
         (["--against-errors", "fdm-board"], ["--against-errors fdm-board", "--against"]),
