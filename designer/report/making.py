@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from manifold3d import Manifold
-from numpy.typing import NDArray
 
 from designer.base.units import NO_SKEW, SCALE_BAR_MM, format_skew
+from designer.base.words import capital
 from designer.kinds.layout import adjacent_faces
 from designer.make.bed import bed_from_target, overhang, printed_corners_mm
+from designer.make.mesh import Mesh
 from designer.make.printability import COUNT
 from designer.page.blocks import Block, Cell, Column, Fold, Leaf, Paragraph, Steps, Table
 from designer.produce import Design
@@ -123,21 +124,18 @@ def expected_filament(design: Design, shells: Shells | None = None) -> Filament:
         return Filament(shells, body, None, 0, 0)
     layers = inked_layers(design)
     # Within a layer the printer begins with the filament that it ended the last one with: one change a layer.
-    last = 0 if layers >= _all_layers(design) else 1
+    last = 0 if layers >= _layers(design, design.part.body) else 1
     return Filament(shells, body, FilamentAmount(INK_FILL * part.ink.volume_mm3), layers + last, layers)
 
 
 def inked_layers(design: Design) -> int:
     """How many layers hold ink."""
-    ink = design.part.ink
-    if ink is None:
-        return 0
-    height = ink.vertices_mm @ bed_from_target(design.target, design.job.printing)[2, :3]
-    return round(float(np.ptp(height)) / design.job.printing.printer.layer_height_mm)
+    return 0 if design.part.ink is None else _layers(design, design.part.ink)
 
 
-def _all_layers(design: Design) -> int:
-    height = design.part.body.vertices_mm @ bed_from_target(design.target, design.job.printing)[2, :3]
+def _layers(design: Design, mesh: Mesh) -> int:
+    """How many layers a mesh reaches over."""
+    height = mesh.vertices_mm @ bed_from_target(design.target, design.job.printing)[2, :3]
     return round(float(np.ptp(height)) / design.job.printing.printer.layer_height_mm)
 
 
@@ -147,23 +145,13 @@ def _core_mm3(design: Design, shells: Shells) -> float:
     corners = printed_corners_mm(design.target, printing)
     up = bed_from_target(design.target, printing)[2, :3]
     core = Manifold.hull_points(corners)
-    for normal in _normals(design):
-        has_ink = printing.is_two_filament and _is_face(design, normal)
+    faces = design.target.target_from_face[:, :3, 2]
+    sides = faces if design.job.target.solid is not None else np.concatenate([np.eye(3), -np.eye(3)])
+    for normal in sides:
+        has_ink = printing.is_two_filament and bool((faces @ normal > 1 - _SAME_NORMAL).any())
         inset = _inset_mm(float(normal @ up), printing.printer, shells, printing.inlay_mm if has_ink else 0.0)
         core = core.trim_by_plane(tuple((-normal).tolist()), inset - float((corners @ normal).max()))
     return max(float(core.volume()), 0.0)
-
-
-def _normals(design: Design) -> NDArray[np.float64]:
-    """Outward normals of all faces, of a board also of its sides and its back.  # (N, 3)"""
-    if design.job.target.solid is None:
-        return np.concatenate([np.eye(3), -np.eye(3)])
-    return design.target.target_from_face[:, :3, 2]
-
-
-def _is_face(design: Design, normal: NDArray[np.float64]) -> bool:
-    """Whether a normal is that of a face with a pattern."""
-    return bool((design.target.target_from_face[:, :3, 2] @ normal > 1 - _SAME_NORMAL).any())
 
 
 def _inset_mm(upwards: float, printer: PrinterProfile, shells: Shells, inlay_mm: float) -> float:
@@ -190,11 +178,53 @@ BODY_SLOT, INK_SLOT = 1, 2
 
 @dataclass(frozen=True)
 class Slicer:
-    """A slicer: what it is called, which file it reads, and what to do in it."""
+    """A slicer that reads one of the two packages, and what is special about it."""
 
     title: str
-    file: str
-    steps: tuple[str, ...]
+    package: str  # suffix of the file that it reads
+    slot: str  # what it calls the place of a filament
+    choose: str  # the printer
+    opened: str  # said when the file is open
+    trap: str  # of its object list
+    purge: str
+    preview: str  # by what to look at it
+
+
+SLICERS = (
+    Slicer(
+        "Bambu Studio, OrcaSlicer",
+        "bambu.3mf",
+        "filament",
+        "Choose the printer and its nozzle, and put two filaments in the list.",
+        "A notice that the file is not from Bambu Lab and only geometry is loaded is right: the settings are yours. If "
+        "Bambu Studio asks for colours, give each colour its filament.",
+        "Don't print two separate objects: open the file as a whole.",
+        "Flushing volumes: let them be computed from the two colours; white after black needs several times as much as "
+        "black after white. Leave 'flush into objects' infill' off: dark infill shows through a white wall.",
+        "filament",
+    ),
+    Slicer(
+        "PrusaSlicer",
+        "prusa.3mf",
+        "extruder",
+        "Choose a printer with two filaments or more: an MMU or XL profile. With a profile of one filament PrusaSlicer "
+        "prints everything in that one, without a word.",
+        "It holds no settings, only the part; a notice about that is right.",
+        "The bambu.3mf falls into two objects in PrusaSlicer: don't take that one.",
+        "On an MMU, check the purging volumes: white after black needs the most.",
+        "tool",
+    ),
+    Slicer(
+        "Cura",
+        "bambu.3mf",
+        "extruder",
+        "Choose a printer with two extruders.",
+        "It carries Cura's extruder numbers too.",
+        "The two parts come as one group: don't ungroup them; Ctrl-click selects one alone.",
+        "",
+        "material colour",
+    ),
+)
 
 
 def colour_words(colour: str) -> str:
@@ -206,9 +236,9 @@ def colour_words(colour: str) -> str:
 def slicer_folds(design: Design, files: Sequence[str]) -> tuple[Fold, ...]:
     """One fold for each slicer whose file is in the folder, that of the printer open and first."""
     first = usual_slicer(design.job.printing.printer)
-    slicers = [slicer for slicer in _slicers(design) if slicer.file in files]
-    ordered = sorted(slicers, key=lambda slicer: slicer.title != first)
-    return tuple(Fold(s.title, (Steps(s.steps),), is_open=number == 0) for number, s in enumerate(ordered))
+    there = [one for one in SLICERS if f"{design.job.name}.{one.package}" in files]
+    ordered = sorted(there, key=lambda one: one.title != first)
+    return tuple(Fold(one.title, (_slicer_steps(design, one),), is_open=n == 0) for n, one in enumerate(ordered))
 
 
 def usual_slicer(printer: PrinterProfile) -> str:
@@ -219,127 +249,65 @@ def usual_slicer(printer: PrinterProfile) -> str:
     return "Cura" if "ultimaker" in name else "Bambu Studio, OrcaSlicer"
 
 
-def _slicers(design: Design) -> tuple[Slicer, ...]:
-    """All slicers that the two packages are made for."""
-    name, printing = design.job.name, design.job.printing
+def _slicer_steps(design: Design, slicer: Slicer) -> Steps:
+    """From the file to the preview."""
+    printing, slot = design.job.printing, slicer.slot
     body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
-    tower = _tower_words(design)
-    bambu = Slicer(
-        "Bambu Studio, OrcaSlicer",
-        f"{name}.bambu.3mf",
-        (
-            f"Choose the printer and its {printing.printer.nozzle_mm:g} mm nozzle. Put two filaments of one material "
-            f"in the list: {BODY_SLOT} is {body}, {INK_SLOT} is {ink}.",
-            f"Open {name}.bambu.3mf. A notice that the file is not from Bambu Lab and only geometry is loaded is "
-            "right: the settings are yours. If Bambu Studio asks for colours, give each colour its filament.",
-            f"Look at the object list: one object with two parts, body in filament {BODY_SLOT} and ink in filament "
-            f"{INK_SLOT}. If they differ, set the numbers there. Don't print two separate objects: open the file "
-            "as a whole.",
-            "Set layer height, line width, walls and infill as in the table above; supports and ironing off.",
-            "Flushing volumes: let them be computed from the two colours. White after black needs several times as "
-            "much as black after white; too little greys the white. Leave 'flush into objects' infill' off: dark "
-            "infill shows through a white wall.",
-            tower,
-            "Slice, and look at the preview by filament: every ring whole, no ink elsewhere. On a Bambu Lab printer, "
-            "give each filament its AMS slot before you send it.",
-        ),
-    )
-    prusa = Slicer(
-        "PrusaSlicer",
-        f"{name}.prusa.3mf",
-        (
-            "Choose a printer with two filaments or more: an MMU or XL profile. With a profile of one filament "
-            "PrusaSlicer prints everything in that one, without a word.",
-            f"Filament {BODY_SLOT} is {body}, filament {INK_SLOT} is {ink}, of one material.",
-            f"Open {name}.prusa.3mf. It holds no settings, only the part; a notice about that is right.",
-            f"Look at the object list: one object with two parts, body in extruder {BODY_SLOT} and ink in extruder "
-            f"{INK_SLOT}. The bambu.3mf falls into two objects in PrusaSlicer: don't take that one.",
-            "Set layer height and first layer height, extrusion widths, perimeters and infill as in the table above; "
-            "supports and ironing off.",
-            f"{tower} On an MMU, check the purging volumes: white after black needs the most.",
-            "Slice, and look at the preview by tool: every ring whole, no ink elsewhere.",
-        ),
-    )
-    cura = Slicer(
-        "Cura",
-        f"{name}.bambu.3mf",
-        (
-            f"Choose a printer with two extruders. Extruder {BODY_SLOT} gets {body}, extruder {INK_SLOT} {ink}, of one "
-            "material.",
-            f"Open {name}.bambu.3mf: it carries Cura's extruder numbers too. The two parts come as one group: don't "
-            "ungroup them.",
-            f"Ctrl-click a part to select it alone: body must be in extruder {BODY_SLOT}, ink in extruder {INK_SLOT}.",
-            "Set layer height and initial layer height, line width, wall count and infill as in the table above; "
-            "supports and ironing off.",
-            tower,
-            "Slice, and look at the preview by material colour: every ring whole, no ink elsewhere.",
-        ),
-    )
-    return bambu, prusa, cura
-
-
-def _tower_words(design: Design) -> str:
+    tower = "Prime tower on: only the first layers change the filament."
     if not design.target.is_planar:
-        return "Prime tower on. It grows as high as the part, since every layer changes the filament: leave it room."
-    return "Prime tower on: only the first layers change the filament."
+        tower = "Prime tower on. It grows as high as the part, since every layer changes the filament: leave it room."
+    return Steps((
+        slicer.choose,
+        f"{capital(slot)} {BODY_SLOT} is {body}, {slot} {INK_SLOT} is {ink}, of one material.",
+        f"Open {design.job.name}.{slicer.package}. {slicer.opened}",
+        f"Look at the object list: one object with two parts, body in {slot} {BODY_SLOT} and ink in {slot} {INK_SLOT}; "
+        f"if they differ, set the numbers there. {slicer.trap}",
+        "Set layer height, the first one's too, line width, walls and infill as in the table above; supports and "
+        "ironing off.",
+        f"{tower} {slicer.purge}".strip(),
+        f"Slice, and look at the preview by {slicer.preview}: every ring whole, no ink elsewhere.",
+    ))  # fmt: skip
 
 
 def print_settings(design: Design, shells: Shells) -> tuple[Leaf, ...]:
     """What holds in every slicer."""
     printing, printer = design.job.printing, design.job.printing.printer
     ink_layers = printing.inlay_mm / printer.layer_height_mm
-    depth = f"the ink is {printing.inlay_mm:g} mm deep, {ink_layers:.3g} layers of a flat face"
-    rows = [
-        ("printer", f"{printer.name}, nozzle {printer.nozzle_mm:g} mm"),
-        ("how it lies", _lying(design)),
-        ("filament 1", f"body, {colour_words(printing.body_colour)}"),
-        ("filament 2", f"ink, {colour_words(printing.ink_colour)}"),
-        ("surface", "matt for both: on glossy plastic lamps are mirrored, and glare hides the edges of rings"),
-        ("layer height", f"{printer.layer_height_mm:g} mm, the first layer too: {depth}"),
-        ("line width", f"{printer.line_width_mm:g} mm: the design rules above were held to it"),
-        ("walls, infill", f"{shells.text}; not critical, the filament below is for these"),
-        ("supports", _supports(design)),
-        ("brim", _brim(design)),
-        ("ironing", "off: it drags ink over white"),
-        ("outline", _outline_words(printing)),
-        ("size", _scale_words(printing)),
-        ("turning", _turn_words(printing)),
-        ("temperature", "as the filament's maker says; nothing in the design depends on it"),
-    ]
-    columns = (Column("setting", is_number=False), Column("value", is_number=False))
-    cells = tuple((Cell(name), Cell(value)) for name, value in rows)
-    return (Table("Settings in every slicer", columns, cells, visible_rows=len(rows)),)
-
-
-def _lying(design: Design) -> str:
-    if not design.target.is_planar:
-        return f"as the file has it: face {design.target.face_count - 1} down"
-    return "as the file has it: the printed side down, so that ink is in the first layers and the bed makes it flat"
-
-
-def _supports(design: Design) -> str:
-    over = overhang(design.target, design.job.printing)
-    if over is None:
-        return "off: nothing overhangs"
-    count, slope = over
-    return (
-        f"off: the steepest overhang rises at {math.degrees(slope):.1f} deg from the bed. Put them on if your printer "
-        f"cannot do that; they scar the {COUNT[count]} faces beside the lowest"
-    )
-
-
-def _brim(design: Design) -> str:
-    if not design.target.is_planar:
-        return "if the part comes loose: it stands on one face; cut it off flush, or it adds to the caliper's lengths"
-    return "worth it on a large board: corners that lift bend the plate; cut it off flush"
-
-
-def _outline_words(printing: PrintSpec) -> str:
+    lying = f"as the file has it: face {design.target.face_count - 1} down"
+    brim = "if the part comes loose: it stands on one face; cut it off flush, or it adds to the caliper's lengths"
+    if design.target.is_planar:
+        lying = (
+            "as the file has it: the printed side down, so that ink is in the first layers and the bed makes it flat"
+        )
+        brim = "worth it on a large board: corners that lift bend the plate; cut it off flush"
+    supports, over = "off: nothing overhangs", overhang(design.target, printing)
+    if over is not None:
+        supports = (
+            f"off: the steepest overhang rises at {math.degrees(over[1]):.1f} deg from the bed. Put them on if your "
+            f"printer cannot do that; they scar the {COUNT[over[0]]} faces beside the lowest"
+        )
     offset = f"this design has {printing.ink_offset_mm:+g} mm" if printing.ink_offset_mm else "this design has none"
-    return (
-        "elephant-foot and XY compensation of the slicer move the outline, not the ink; leave XY at 0. Ink that "
-        f"bleeds is corrected with --ink-offset ({offset})"
-    )
+    rows = {
+        "printer": f"{printer.name}, nozzle {printer.nozzle_mm:g} mm",
+        "how it lies": lying,
+        "filament 1": f"body, {colour_words(printing.body_colour)}",
+        "filament 2": f"ink, {colour_words(printing.ink_colour)}",
+        "surface": "matt for both: on glossy plastic lamps are mirrored, and glare hides the edges of rings",
+        "layer height": f"{printer.layer_height_mm:g} mm, the first layer too: the ink is {printing.inlay_mm:g} mm "
+        f"deep, {ink_layers:.3g} layers of a flat face",
+        "line width": f"{printer.line_width_mm:g} mm: the design rules above were held to it",
+        "walls, infill": f"{shells.text}; not critical, the filament below is for these",
+        "supports": supports,
+        "brim": brim,
+        "ironing": "off: it drags ink over white",
+        "outline": "elephant-foot and XY compensation of the slicer move the outline, not the ink; leave XY at 0. Ink "
+        f"that bleeds is corrected with --ink-offset ({offset})",
+        "size": _scale_words(printing),
+        "turning": _turn_words(printing),
+    }
+    columns = (Column("setting", is_number=False), Column("value", is_number=False))
+    cells = tuple((Cell(name), Cell(value)) for name, value in rows.items())
+    return (Table("Settings in every slicer", columns, cells, visible_rows=len(rows)),)
 
 
 def _scale_words(printing: PrintSpec) -> str:
@@ -359,21 +327,27 @@ def _turn_words(printing: PrintSpec) -> str:
 def sticker_blocks(design: Design, sheets: tuple[Leaf, ...]) -> tuple[Block, ...]:
     """A body in one filament, and sheets to glue on; `sheets` shows them."""
     job, printing = design.job, design.job.printing
-    inside = printing.sticker_thickness_mm
+    lay = "Lay it on any of its faces ('place on face', 'lay flat'); without ink all of them are alike."
     if printing.skew_compensation_rad != NO_SKEW:
         lay = f"{_turn_words(printing)}."
-    else:
-        lay = "Lay it on any of its faces ('place on face', 'lay flat'); without ink all of them are alike."
     body = Steps((
-        f"Open {job.name}.body.stl in your slicer; any one filament, matt. It is {inside:g} mm smaller on every face "
-        "than the finished target, the thickness of a sticker.",
+        f"Open {job.name}.body.stl in your slicer; any one filament, matt. It is {printing.sticker_thickness_mm:g} mm "
+        "smaller on every face than the finished target, the thickness of a sticker.",
         lay,
         f"{_scale_words(printing)}.",
         f"Layer height {printing.printer.layer_height_mm:g} mm, {Shells().text}; ironing off. Remove blobs and seams: "
         "a sticker over them is not flat.",
     ))  # fmt: skip
+    pages = f"{len(design.pages)} page{'s' if len(design.pages) > 1 else ''} of {job.page}"
+    sheet_steps = Steps((
+        f"Print {job.name}.pdf at 100 %, 'actual size', never 'fit to page', on matt label stock "
+        f"{printing.sticker_thickness_mm:g} mm thick, {pages}.",
+        f"Measure the scale bar of every sheet: {SCALE_BAR_MM:g} mm. Off by more than 0.1 mm (0.1 %): mend the "
+        "printer's scale and print again.",
+        "Cut along the thin line with knife and ruler; the marks at the corners show where to lay the ruler.",
+    ))  # fmt: skip
     beside = adjacent_faces(design.target)[0].tolist()
-    glue = (
+    glue = Steps((
         f"A triangle outside a sticker points at its code corner; 'FACE 0' is its number, 'joins {beside[0]}' names "
         "the face across that edge.",
         f"Glue face 0 on any face, its border along the {COUNT[len(beside)]} edges. Then go on with those that it "
@@ -381,31 +355,18 @@ def sticker_blocks(design: Design, sheets: tuple[Leaf, ...]) -> tuple[Block, ...
         "Rub each down from the middle outwards: bubbles and folds are errors of the target.",
         "Compare with the picture of the net before the glue sets: a face in another's place, or turned, does not fit "
         "the target file, and calib leaves it out.",
-    )
+    ))  # fmt: skip
     return (
         Fold("1. The body", (body,), is_open=True),
-        Fold("2. The sheets", (Steps(_sheet_steps(design)), *sheets), is_open=True),
-        Fold("3. Glue by numbers", (Steps(glue),), is_open=True),
-    )
-
-
-def _sheet_steps(design: Design) -> tuple[str, ...]:
-    name, printing = design.job.name, design.job.printing
-    bar = f"{SCALE_BAR_MM:g} mm"
-    return (
-        f"Print {name}.pdf at 100 %, 'actual size', never 'fit to page', on matt label stock "
-        f"{printing.sticker_thickness_mm:g} mm thick, {len(design.pages)} "
-        f"page{'s' if len(design.pages) > 1 else ''} of {design.job.page}.",
-        f"Measure the scale bar of every sheet: {bar}. Off by more than 0.1 mm (0.1 %): mend the printer's scale and "
-        "print again; a ruler is good enough to find 'fit to page', a caliper finds the rest.",
-        "Cut along the thin line with knife and ruler; the marks at the corners show where to lay the ruler.",
+        Fold("2. The sheets", (sheet_steps, *sheets), is_open=True),
+        Fold("3. Glue by numbers", (glue,), is_open=True),
     )
 
 
 def sheet_blocks(design: Design) -> tuple[Block, ...]:
     """Artwork for a print shop."""
     name = design.job.name
-    shop = (
+    shop = Steps((
         f"Send {name}.pdf, or {name}.svg to shops that cut: vector shapes at true size, to be printed at 100 %, not "
         "scaled and not traced. Magenta lines are the cut, everything else is ink.",
         "Matt surface, no gloss laminate: mirrored lamps hide rings. Deep black on white.",
@@ -414,9 +375,6 @@ def sheet_blocks(design: Design) -> tuple[Block, ...]:
         f"Measure the scale bar when it comes: {SCALE_BAR_MM:g} mm. Measure along both directions of the board: "
         "carriage and feed of a printer are driven apart, so both can be off by different amounts.",
         "Keep it flat: hold it by its edges, store it lying.",
-    )
-    plate = Paragraph(
-        f"{name}.body.stl is the bare plate, for those who want to print a carrier; printed plates warp, so a bought "
-        "plate is better."
-    )
-    return (Steps(shop), plate)
+    ))  # fmt: skip
+    plate = f"{name}.body.stl is the bare plate, to print a carrier; printed plates warp, so a bought plate is better."
+    return (shop, Paragraph(plate))

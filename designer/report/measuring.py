@@ -1,19 +1,20 @@
-"""What to measure on a print, what deviations mean, and what to type next, for a design's page."""
+"""What to measure on a print with a caliper, what deviations mean, and what to type next, for a design's page."""
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from designer.base.units import NO_SKEW, format_skew
+from designer.base.words import capital
 from designer.kinds.layout import PARALLEL, opposite_faces
 from designer.make.bed import bed_from_target
 from designer.page.blocks import Block, Cell, Column, Command, Leaf, Paragraph, Steps, Table
 from designer.produce import Design
 from designer.report.making import two_digits
-from designer.spec.spec import Build
 from designer.target import TargetGeometry, bounding_radius_mm
 from designer.tolerance.error_file import error_model
 from designer.tolerance.made import ERRORS_OF_BUILD
@@ -21,43 +22,99 @@ from designer.tolerance.model import ErrorModel
 
 REACH_MM = 150.0
 """Of the usual caliper."""
-UPRIGHT = "along z"
+_CALIPER_MM = 0.02
+_LEAST_EFFECT_MM = 0.005
+READING = "READING"
+"""What stands in the commands where a person's reading belongs: calib measure refuses it."""
+_LEAST_RING_PX = 10
+SIMULATED_CAMERA = "machine-vision"
+"""The camera template that calib render takes unless told otherwise."""
+IMAGE_HALF_HEIGHT = 0.4096
+"""Of that camera, at distance 1: tangents of half its angles of view, over the height and over the diagonal."""
+IMAGE_HALF_DIAGONAL = 0.6383
+_SIMULATED_VIEWS = 24
+_AIM_SHARE, _PLANAR_AIM_SHARE = 0.8, 0.7
+"""How far the camera looks past the target, of the distance from the image's middle to its corners: so far that rings
+come into the corners, and that nothing with one face loses the dots that name its rings."""
 
 
 @dataclass(frozen=True)
 class Caliper:
-    """One length that a caliper reaches."""
+    """One length that a caliper measures."""
 
     what: str  # "face 0 to face 15"
     length_mm: float  # of the design
-    how: str  # which axis of the printer it shows; "": that does not matter
+    lean_deg: float | None = None  # from the printer's upright axis; None: that does not matter
     option: str = ""  # the name in `calib measure --length NAME:VALUE`; "": not one of its lengths
     error_source: str = ""  # what is off at both of its ends, of the error models' sources
     is_modelled: bool = True  # whether the error models tell how far it usually is off
+    is_long: bool = False  # out of reach of the usual caliper; of rings over their outer edges
+
+    @property
+    def is_upright(self) -> bool:
+        """Whether it shows the printer's z axis alone."""
+        return self.lean_deg is not None and self.lean_deg < 1
+
+
+@dataclass(frozen=True)
+class _Measuring:
+    """A design, its lengths, and how its way of making usually comes out."""
+
+    design: Design
+
+    @cached_property
+    def lengths(self) -> tuple[Caliper, ...]:
+        """Worth measuring."""
+        return caliper_lengths(self.design)
+
+    @cached_property
+    def errors(self) -> ErrorModel:
+        """Of the build."""
+        return error_model(ERRORS_OF_BUILD[self.design.job.printing.build])
+
+    def sigma(self, source: str) -> float:
+        """Standard deviation of an error source."""
+        return self.errors.amount(source).sigma
+
+    def usual_mm(self, one: Caliper) -> float:
+        """Two standard deviations of a length: scales along it, and what is off at its two ends."""
+        ends = self.sigma(one.error_source) if one.error_source else 0.0
+        along = one.length_mm**2 * (self.sigma("scale") ** 2 + self.sigma("axis_scale") ** 2)
+        return 2 * math.sqrt(along + 2 * ends**2)
+
+    @cached_property
+    def example(self) -> Caliper:
+        """The longest length within a caliper's reach; where there is none, the shortest."""
+        named = [one for one in self.lengths if one.option]
+        within = [one for one in named if not one.is_long]
+        choose, among = (max, within) if within else (min, named)
+        return choose(among, key=lambda one: round(one.length_mm, 6))
+
+    @property
+    def is_face_to_face(self) -> bool:
+        """Whether the example is a pair of faces, of which all count alike."""
+        return self.example.option.startswith("face")
 
 
 def caliper_lengths(design: Design) -> tuple[Caliper, ...]:
     """The lengths worth measuring on this target."""
-    if design.target.is_planar:
-        return _board_lengths(design)
-    return _solid_lengths(design)
+    return _plate_lengths(design) if design.target.is_planar else _solid_lengths(design)
 
 
 def _solid_lengths(design: Design) -> tuple[Caliper, ...]:
     """All pairs of opposite faces; where they are out of reach of a caliper, also the sides of the topmost face."""
-    up = bed_from_target(design.target, design.job.printing)[2, :3]
-    normals = design.target.target_from_face[:, :3, 2]
+    target, is_printed = design.target, design.job.printing.is_two_filament
+    up, normals = bed_from_target(target, design.job.printing)[2, :3], target.target_from_face[:, :3, 2]
     rows = []
-    for first, second in opposite_faces(design.target):
+    for first, second in opposite_faces(target):
         lean = math.degrees(math.acos(min(abs(float(normals[first] @ up)), 1.0)))
-        how = UPRIGHT if lean < 1 else f"{lean:.1f}° off z"
-        if not design.job.printing.is_two_filament:  # nobody knows how the body lay
-            how = ""
-        name = f"face {first} to face {second}"
-        rows.append(Caliper(name, face_to_face_mm(design.target, first, second), how, name, "face_offset"))
+        name, length = f"face {first} to face {second}", face_to_face_mm(target, first, second)
+        # Nobody knows how the body below stickers lay.
+        lean_deg = lean if is_printed else None
+        rows.append(Caliper(name, length, lean_deg, name, "face_offset", is_long=length > REACH_MM))
     # Of stickers the length of a row is that of the sheet, not that of the body.
-    if design.job.printing.is_two_filament and all(needs_rule(design.target, one) for one in rows):
-        rows += _sides_of_face(design.target, int(np.argmax(normals @ up)))
+    if is_printed and all(one.is_long for one in rows):
+        rows += _sides_of_face(target, int(np.argmax(normals @ up)))
     return tuple(rows)
 
 
@@ -66,11 +123,9 @@ def _sides_of_face(target: TargetGeometry, face: int) -> list[Caliper]:
     (rings,) = np.nonzero(target.ring_face == face)
     place, outline = target.center_in_face_mm[rings, :2], target.outline_mm[face]
     nearest = rings[np.linalg.norm(place[:, None] - outline, axis=2).argmin(axis=0)].tolist()
-    # Counter-clockwise from the code corner on, which is held up.
-    names = ("code", "left", "right") if len(outline) == 3 else ("code", "left", "lowest", "right")
     return [
-        _between_rings(target, f"top face ({face}), {a} corner to {b} corner", first, second)
-        for (a, first), (b, second) in combinations(zip(names, nearest, strict=True), 2)
+        _between_rings(target, f"top face ({face}), corner {a} to corner {b}", nearest[a], nearest[b])
+        for a, b in combinations(range(len(outline)), 2)
     ]
 
 
@@ -89,34 +144,36 @@ def skew_effect_mm(design: Design, skew_rad: float) -> float:
     axes = bed_from_target(design.target, design.job.printing)[:3, :3]
     normals = design.target.target_from_face[:, :3, 2] @ axes.T
     distance = max(c.length_mm for c in caliper_lengths(design))
-    products = [normals[:, a] * normals[:, b] for a, b in ((0, 1), (0, 2), (1, 2))]
+    products = [normals[:, a] * normals[:, b] for a, b in combinations(range(3), 2)]
     return float(distance * math.tan(skew_rad) * np.abs(products).max())
 
 
-def _board_lengths(design: Design) -> tuple[Caliper, ...]:
+def _plate_lengths(design: Design) -> tuple[Caliper, ...]:
     """Outer size, and the distances of the four rings in the corners."""
-    corners = corner_rings(design.target)
+    target, corners = design.target, corner_rings(design.target)
     is_printed = design.job.printing.is_two_filament  # else a hand or a shop cuts the plate
-    width, height = np.ptp(design.target.outline_mm[0], axis=0).tolist()
+    sides = (*np.ptp(target.outline_mm[0], axis=0).tolist(), design.job.target.depth_mm)
     rows = [
-        Caliper("width of the plate", width, "", is_modelled=is_printed),
-        Caliper("height of the plate", height, "", is_modelled=is_printed),
-        Caliper("thickness of the plate", design.job.target.depth_mm, "", is_modelled=False),
+        Caliper(
+            f"{name} of the plate", length, is_modelled=is_printed and name != "thickness", is_long=length > REACH_MM
+        )
+        for name, length in zip(("width", "height", "thickness"), sides, strict=True)
     ]
-    names = ("lower row", "right column", "upper row", "left column", "diagonal up right", "diagonal up left")
-    pairs = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
-    for name, (a, b) in zip(names, pairs, strict=True):
-        first, second = corners[a], corners[b]
-        rows.append(_between_rings(design.target, name, first, second))
-    inside = _within_reach(design.target)
-    if inside != corners[0] and all(needs_rule(design.target, one) for one in rows if one.option):
-        rows.append(_between_rings(design.target, "part of the lower row", corners[0], inside))
-    return tuple(rows)
+    pairs = {
+        "lower row": (0, 1), "right column": (1, 2), "upper row": (2, 3), "left column": (3, 0),
+        "diagonal up right": (0, 2), "diagonal up left": (1, 3),
+    }  # fmt: skip
+    rings = [_between_rings(target, name, corners[a], corners[b]) for name, (a, b) in pairs.items()]
+    inside = _within_reach(target)
+    if inside != corners[0] and all(one.is_long for one in rings):
+        rings.append(_between_rings(target, "part of the lower row", corners[0], inside))
+    return (*rows, *rings)
 
 
 def _between_rings(target: TargetGeometry, name: str, first: int, second: int) -> Caliper:
-    option = f"ring {first} to ring {second}"
-    return Caliper(f"{name}: {option}", ring_to_ring_mm(target, first, second), "", option, "ring_jitter")
+    option, length = f"ring {first} to ring {second}", ring_to_ring_mm(target, first, second)
+    is_long = length + 2 * float(target.radius_outer_mm.max()) > REACH_MM
+    return Caliper(f"{name}: {option}", length, None, option, "ring_jitter", is_long=is_long)
 
 
 def _within_reach(target: TargetGeometry) -> int:
@@ -129,13 +186,8 @@ def _within_reach(target: TargetGeometry) -> int:
     return int(row[np.argmax(np.where(over_edges <= REACH_MM, distance, 0.0))])
 
 
-def needs_rule(target: TargetGeometry, one: Caliper) -> bool:
-    """Whether a length is out of the usual caliper's reach; of rings, over their outer edges."""
-    return one.length_mm + (2 * float(target.radius_outer_mm.max()) if "ring" in one.option else 0.0) > REACH_MM
-
-
 def corner_rings(target: TargetGeometry) -> tuple[int, int, int, int]:
-    """The rings nearest the corners of a board, counter-clockwise from the lower left."""
+    """The rings nearest the corners of a plate, counter-clockwise from the lower left."""
     place: NDArray[np.float64] = target.center_in_face_mm[:, :2]
     ways = ((-1, -1), (1, -1), (1, 1), (-1, 1))
     a, b, c, d = (int(np.argmax(place @ np.array(way, dtype=float))) for way in ways)
@@ -148,7 +200,7 @@ def ring_to_ring_mm(target: TargetGeometry, first: int, second: int) -> float:
 
 
 def skew_per_mm_deg(target: TargetGeometry) -> float:
-    """The skew that makes a board's two diagonals differ by 1 mm.
+    """The skew that makes a plate's two diagonals differ by 1 mm.
 
     With sides w and h and a lean a, the squares of the diagonals differ by 4 w h sin a.
     """
@@ -158,107 +210,73 @@ def skew_per_mm_deg(target: TargetGeometry) -> float:
     return math.degrees(2 * diagonal / (4 * width * height))
 
 
-_CALIPER_MM = 0.02
-_LEAST_EFFECT_MM = 0.005
-_SHEET_FIRST = "Measure the sheet on its carrier, as it will be used."
-READING = "READING"
-"""What stands in the commands where a person's reading belongs: calib measure refuses it."""
-_LEAST_RING_PX = 10
-SIMULATED_CAMERA = "machine-vision"
-"""The camera template that calib render takes unless told otherwise."""
-IMAGE_HALF_HEIGHT = 0.4096
-"""Of that camera, at distance 1: tangents of half its angles of view, over the height and over the diagonal."""
-IMAGE_HALF_DIAGONAL = 0.6383
-_SIMULATED_VIEWS = 24
-_AIM_SHARE, _PLANAR_AIM_SHARE = 0.8, 0.7
-"""How far the camera looks past the target, of the distance from the image's middle to its corners: so far that rings
-come into the corners, and that nothing with one face loses the dots that name its rings."""
-
-
-@dataclass(frozen=True)
-class Usual:
-    """How far a way of making is usually off: one standard deviation each."""
-
-    template: str
-    title: str
-    scale: float
-    axis_scale: float
-    skew_rad: float
-    model: ErrorModel
-
-    def of_length_mm(self, one: Caliper) -> float:
-        """Standard deviation of a length: scales along it, and what is off at its two ends."""
-        ends = self.model.amount(one.error_source).sigma if one.error_source else 0.0
-        return math.sqrt(one.length_mm**2 * (self.scale**2 + self.axis_scale**2) + 2 * ends**2)
-
-
-def usual_errors(build: Build) -> Usual:
-    """From the error template of a build."""
-    name = ERRORS_OF_BUILD[build]
-    model = error_model(name)
-    sigma = {source: model.amount(source).sigma for source in ("scale", "axis_scale", "skew")}
-    return Usual(name, model.title, sigma["scale"], sigma["axis_scale"], sigma["skew"], model)
-
-
 def measure_blocks(design: Design) -> tuple[Block, ...]:
     """The lengths, what a deviation means, and the commands that use them."""
-    usual = usual_errors(design.job.printing.build)
-    meaning = (_board_meaning if design.target.is_planar else _solid_meaning)(design, usual)
-    return (_length_table(design), _hints(design), meaning, *_measure_commands(design))
+    measuring = _Measuring(design)
+    if design.target.is_planar:
+        return (_length_table(measuring), _plate_hints(measuring), _plate_meaning(measuring), *_commands(measuring))
+    return (_length_table(measuring), _solid_hints(measuring), _solid_meaning(measuring), *_commands(measuring))
 
 
-def _length_table(design: Design) -> Table:
+def _length_table(measuring: _Measuring) -> Table:
     """Design values, and between which values a print usually lies."""
-    usual = usual_errors(design.job.printing.build)
     columns = (
         Column("length", is_number=False),
         Column("design, mm", note="what a perfect print has after cooling"),
-        Column("usual, mm", note=f"two standard deviations of the error template {usual.template}"),
+        Column("usual, mm", note=f"two standard deviations of the error template {measuring.errors.name}"),
     )
-    lengths = caliper_lengths(design)
-    has_long = any(needs_rule(design.target, one) for one in lengths)
-    long_words = f"* longer than a caliper of {REACH_MM:g} mm reaches." if has_long else ""
-    how_words = "z is the printer's upright axis." if any(one.how for one in lengths) else ""
-    rows = tuple(
-        (
-            Cell(f"{one.what}, {one.how}" if one.how else one.what),
-            Cell(f"{one.length_mm:.2f}{' *' * needs_rule(design.target, one)}", one.length_mm),
-            Cell(_usual_words(usual, one), 2 * usual.of_length_mm(one) if one.is_modelled else None),
-        )
-        for one in lengths
-    )
-    note = " ".join(filter(None, (long_words, how_words)))
-    return Table("Lengths for the caliper", columns, rows, note=note, visible_rows=13)
-
-
-def _usual_words(usual: Usual, one: Caliper) -> str:
-    """Two standard deviations, where they are known."""
-    return f"± {2 * usual.of_length_mm(one):.2f}" if one.is_modelled else ""
-
-
-def _hints(design: Design) -> Leaf:
-    """How to lay the caliper on."""
-    if not design.target.is_planar:
-        return Steps((
-            "Let the print cool to the room. Cut brim and blobs off.",
-            *_reach_words(design),
-            "Close the jaws flat on two opposite faces, in their middles, and turn the part a little for the least "
-            "reading.",
-            "Measure as many of the pairs as you can: their mean is the size, their differences are the shape. Over "
-            "the corners a caliper reads too little: print rounds them.",
+    notes, rows = [], []
+    for one in measuring.lengths:
+        axis = "" if one.lean_deg is None else ", along z" if one.is_upright else f", {one.lean_deg:.1f}° off z"
+        usual_mm = measuring.usual_mm(one) if one.is_modelled else None
+        rows.append((
+            Cell(f"{one.what}{axis}"),
+            Cell(f"{one.length_mm:.2f}{' *' * one.is_long}", one.length_mm),
+            Cell("" if usual_mm is None else f"± {usual_mm:.2f}", usual_mm),
         ))  # fmt: skip
+    if any(one.is_long for one in measuring.lengths):
+        notes.append(f"* longer than a caliper of {REACH_MM:g} mm reaches.")
+    if any(one.lean_deg is not None for one in measuring.lengths):
+        notes.append("z is the printer's upright axis.")
+    return Table("Lengths for the caliper", columns, tuple(rows), note=" ".join(notes), visible_rows=13)
+
+
+def _solid_hints(measuring: _Measuring) -> Steps:
+    """How to lay the caliper on."""
+    pairs = [one for one in measuring.lengths if one.option.startswith("face")]
+    reach: tuple[str, ...] = ()
+    if all(one.is_long for one in pairs):
+        words = f"Across the faces it is {pairs[0].length_mm:.2f} mm: that takes a caliper of 200 mm or a height gauge"
+        if not measuring.is_face_to_face:
+            words += (
+                f", and is the better length: 'face-to-face' in the commands below. With one of {REACH_MM:g} mm "
+                "measure the sides of the top face, opposite the face on the bed; its corners count counter-clockwise "
+                f"from the code corner, 0. {_ring_words(measuring)}"
+            )
+        reach = (f"{words.removesuffix('.')}.",)
     return Steps((
-        "Let the print cool to the room." if design.job.printing.is_two_filament else _SHEET_FIRST,
-        _ring_words(design),
+        "Let the print cool to the room. Cut brim and blobs off.",
+        *reach,
+        "Close the jaws flat on two opposite faces, in their middles, and turn the part for the least reading.",
+        "Measure as many of the pairs as you can: their mean is the size, their differences are the shape. Over the "
+        "corners a caliper reads too little: print rounds them.",
+    ))  # fmt: skip
+
+
+def _plate_hints(measuring: _Measuring) -> Steps:
+    """How to lay the caliper on."""
+    is_printed = measuring.design.job.printing.is_two_filament
+    return Steps((
+        "Let the print cool to the room." if is_printed else "Measure the sheet on its carrier, as it will be used.",
+        _ring_words(measuring),
         "The plate: outside, at both ends and in the middle; its thickness at the four corners.",
-        "Lay the board down and the tips of the jaws on it, without pressing.",
         "A straight edge along both diagonals shows how bent the plate is: light under it is an error of the target.",
     ))  # fmt: skip
 
 
-def _ring_words(design: Design) -> str:
+def _ring_words(measuring: _Measuring) -> str:
     """How the distance of two rings is taken."""
-    example, diameter = _example(design), 2 * float(design.target.radius_outer_mm.max())
+    example, diameter = measuring.example, 2 * float(measuring.design.target.radius_outer_mm.max())
     return (
         "Ring to ring is centre to centre: measure over the two outer edges, then between the edges that face each "
         f"other, and take the mean; bleeding ink cancels out. Of {example.option} these are "
@@ -266,65 +284,52 @@ def _ring_words(design: Design) -> str:
     )
 
 
-def _reach_words(design: Design) -> tuple[str, ...]:
-    """What to do where opposite faces are too far apart for the usual caliper."""
-    pairs = [one for one in caliper_lengths(design) if one.option.startswith("face")]
-    if not all(needs_rule(design.target, one) for one in pairs):
-        return ()
-    across = f"Across the faces it is {pairs[0].length_mm:.2f} mm: that takes a caliper of 200 mm or more"
-    if _example(design).option.startswith("face"):
-        return (f"{across}, or a height gauge.",)
-    return (
-        f"{across}, and is the better length: 'face-to-face' in the commands below. With one of {REACH_MM:g} mm "
-        "measure the sides of the top face, the one opposite the face on the bed; left and right are those of that "
-        f"face seen from outside, its code corner up. {_ring_words(design)}",
-    )
-
-
-def _solid_meaning(design: Design, usual: Usual) -> Leaf:
-    length = max(one.length_mm for one in caliper_lengths(design))
-    skew = skew_effect_mm(design, usual.skew_rad)
-    tell = "Photos tell the three angles: calib measure, then --skew-compensation"
+def _solid_meaning(measuring: _Measuring) -> Table:
+    design, skew_rad = measuring.design, measuring.sigma("skew")
+    length, skew = max(one.length_mm for one in measuring.lengths), skew_effect_mm(design, skew_rad)
+    differ = "axes of the printer that are off one by one; a skew changes none of these lengths"
     if skew > _LEAST_EFFECT_MM:
-        leans = f"a usual skew of {math.degrees(usual.skew_rad):.2g} deg changes a pair by up to {skew:.2f} mm"
-        differ = f"skewed axes of the printer: {leans}. {tell}"
-    else:
-        differ = f"axes of the printer that are off one by one; a skew changes none of these lengths. {tell}"
+        usual = f"a usual skew of {math.degrees(skew_rad):.2g} deg changes a pair by up to {skew:.2f} mm"
+        differ = f"skewed axes of the printer: {usual}"
     rows = [
-        ("all pairs off alike", f"size: 0.1 mm is {10 / length:.2g} %. {_remedy(design)}"),
-        ("pairs differ", differ),
+        ("all pairs off alike", f"size: 0.1 mm is {10 / length:.2g} %. {_size_remedy(design)}"),
+        ("pairs differ", f"{differ}. Photos tell the three angles: calib measure, then --skew-compensation"),
+        *(
+            (f"only {one.what}", "height: first layer squeezed, or the z axis. calib measure tells the axes")
+            for one in measuring.lengths
+            if one.is_upright
+        ),
     ]
-    upright = [one.what for one in caliper_lengths(design) if one.how == UPRIGHT]
-    if upright:
-        rows.append((f"only {upright[0]}", "height: first layer squeezed, or the z axis. calib measure tells the axes"))
     if design.job.printing.build == "stickers":
         rows.append(("one pair too long", "glue, bubbles, or a seam below a sticker"))
     return _meanings(rows)
 
 
-def _board_meaning(design: Design, usual: Usual) -> Leaf:
-    example, skew_deg = _example(design), skew_per_mm_deg(design.target)
-    percent, usual_deg = 10 / example.length_mm, math.degrees(usual.skew_rad)
+def _plate_meaning(measuring: _Measuring) -> Table:
+    design, example = measuring.design, measuring.example
     one_axis = "carriage or feed of the printer alone: calib measure tells it"
     if design.job.printing.is_two_filament:
         one_axis = "one axis of the printer alone: calib measure tells it, the slicer's scale of that axis corrects it"
-    diagonals = f"skew: each 0.1 mm between the two is {0.1 * skew_deg:.2g} deg; {usual_deg:.2g} deg is usual"
+    size = f"size: 0.1 mm of {example.option} is {10 / example.length_mm:.2g} %. {_size_remedy(design)}"
+    usual_deg = math.degrees(measuring.sigma("skew"))
+    skew = (
+        f"each 0.1 mm between the two is {0.1 * skew_per_mm_deg(design.target):.2g} deg; {usual_deg:.2g} deg is usual"
+    )
     return _meanings([
-        ("all lengths off alike", f"size: 0.1 mm of {example.option} is {percent:.2g} %. {_remedy(design)}"),
+        ("all lengths off alike", size),
         ("rows off, columns not", one_axis),
-        ("diagonals differ", diagonals),
+        ("diagonals differ", f"skew: {skew}"),
         ("light under the edge", "the plate is bent. calib measure takes a bow back, but not one that changes"),
     ])  # fmt: skip
 
 
-def _meanings(rows: list[tuple[str, str]]) -> Leaf:
+def _meanings(rows: list[tuple[str, str]]) -> Table:
     """What is seen and what it means."""
     columns = (Column("what you find", is_number=False), Column("what it means", is_number=False))
-    cells = tuple((Cell(found), Cell(meaning[0].upper() + meaning[1:])) for found, meaning in rows)
-    return Table("Deviations", columns, cells)
+    return Table("Deviations", columns, tuple((Cell(found), Cell(capital(meaning))) for found, meaning in rows))
 
 
-def _remedy(design: Design) -> str:
+def _size_remedy(design: Design) -> str:
     """What is done about a wrong size."""
     if design.job.printing.build == "sheet":
         return "Give the length to calib measure; a new sheet is not needed"
@@ -338,73 +343,72 @@ def _remedy(design: Design) -> str:
 
 def example_length(design: Design) -> str:
     """A length as calib measure reads it, once a reading stands in its place."""
-    example = _example(design)
-    name = "face-to-face" if example.option.startswith("face") else example.option
+    return _example_text(_Measuring(design))
+
+
+def _example_text(measuring: _Measuring) -> str:
+    name = "face-to-face" if measuring.is_face_to_face else measuring.example.option
     return f"{name}:{READING}mm+-{_CALIPER_MM:g}mm"
 
 
-def _example(design: Design) -> Caliper:
-    """The longest length within a caliper's reach; where there is none, the shortest."""
-    named = [one for one in caliper_lengths(design) if one.option]
-    within = [one for one in named if not needs_rule(design.target, one)]
-    if within:
-        return max(within, key=lambda one: round(one.length_mm, 6))
-    return min(named, key=lambda one: round(one.length_mm, 6))
-
-
-def _measure_commands(design: Design) -> tuple[Leaf, ...]:
-    name, length = design.job.name, example_length(design)
-    what = "the mean of your readings of all pairs" if length.startswith("face") else "your reading"
-    printing = design.job.printing
-    percent = printing.shrink_compensation_percent
+def _commands(measuring: _Measuring) -> tuple[Leaf, ...]:
+    """From a reading to the measured target file and the camera."""
+    job, length = measuring.design.job, _example_text(measuring)
+    what = "the mean of your readings of all pairs" if measuring.is_face_to_face else "your reading"
+    percent, skew_rad = job.printing.shrink_compensation_percent, job.printing.skew_compensation_rad
     made = shrunk = f" --shrink-compensation {percent:g}%" if percent else ""
-    if printing.skew_compensation_rad != NO_SKEW:
-        made += f' --skew-compensation "{format_skew(printing.skew_compensation_rad)}"'
+    if skew_rad != NO_SKEW:
+        made += f' --skew-compensation "{format_skew(skew_rad)}"'
+    target = f"{job.name}.target.json"
     return (
         Paragraph(
             f"Put {what} in place of {READING}, as in 12.34mm. The measured target file is then used instead of "
-            f"{name}.target.json, and no new print is needed."
+            f"{target}, and no new print is needed."
         ),
         Command(
-            f'calib measure {name}.target.json --measured-length "{length}"{shrunk} -o measured/{name}.target.json',
+            f'calib measure {target} --measured-length "{length}"{shrunk} -o measured/{target}',
             "the quick way: the size from one length, the shape as designed",
         ),
         Command(
-            f'calib measure {name}.target.json camera/detections.csv --length "{length}"{made} '
-            f"-o measured/{name}.target.json",
+            f'calib measure {target} camera/detections.csv --length "{length}"{made} -o measured/{target}',
             "the thorough way, after calib run: size, shape and every face, from the photos and one length",
         ),
-        Command(
-            f"calib run measured/{name}.target.json photos -o camera",
-            "the camera again, from the target as it was printed",
-        ),
+        Command(f"calib run measured/{target} photos -o camera", "the camera again, from the target as it was printed"),
     )
 
 
 def photo_blocks(design: Design) -> tuple[Block, ...]:
     """How to take the photos, and the commands that follow, run in the folder of the page."""
-    name = design.job.name
-    rules = [
+    name, ring_mm = design.job.name, design.job.target.ring_diameter_mm
+    count = (
+        "20 to 30 photos from all sides; turn the target between them. One can be solved, but hardly checked; to "
+        "measure the print takes 20 or more."
+    )
+    if design.target.is_planar:
+        count = (
+            "20 to 30 photos, tilted by 20 to 50 degrees about different axes, and a few straight on. Fewer than 6 "
+            "cannot be checked."
+        )
+    rules = Steps((
         "Fix focus, zoom and aperture; no image stabilisation, full resolution, no lens correction in the camera.",
         "Even, soft light: where a lamp is mirrored, rings are lost.",
-        _photo_count(is_solid=not design.target.is_planar),
+        count,
         "Fill the image: rings up to its edges and corners in some photos, two or more distances.",
         f"Near enough that a ring is {_LEAST_RING_PX} pixels or more across: no farther than "
-        f"{1000 * design.job.target.ring_diameter_mm / _LEAST_RING_PX:.0f} mm for each 1000 pixels of focal length.",
+        f"{1000 * ring_mm / _LEAST_RING_PX:.0f} mm for each 1000 pixels of focal length.",
         "The photos of one camera in a folder photos beside this page.",
-    ]
-    return (Steps(tuple(rules)), *_next_commands(design, name))
-
-
-def _photo_count(*, is_solid: bool) -> str:
-    if is_solid:
-        return (
-            "20 to 30 photos from all sides; turn the target between them. One can be solved, but hardly checked; to "
-            "measure the print takes 20 or more."
-        )
+    ))  # fmt: skip
+    errors = _Measuring(design).errors
     return (
-        "20 to 30 photos, tilted by 20 to 50 degrees about different axes, and a few straight on. Fewer than 6 cannot "
-        "be checked."
+        rules,
+        Command(f"calib run {name}.target.json photos -o camera", "from the photos to the camera, with a verdict"),
+        Command(simulated_line(design), "no print yet: simulated photos with known truth"),
+        Command(f"calib run {name}.target.json simulated -o simulated-camera", "and the camera that they give"),
+        Command(
+            f"design tolerance {name}.target.json --errors {errors.name} --linear -o tolerance",
+            f"what usual errors would cost, in seconds: {errors.title}",
+        ),
+        Command(f"design make {name}.toml -o .", "all files of this folder again, byte for byte"),
     )
 
 
@@ -413,26 +417,11 @@ def simulated_line(design: Design) -> str:
 
     From the nearest place the target's outline fills the height of the image.
     """
-    nearest = bounding_radius_mm(design.target) / IMAGE_HALF_HEIGHT
-    is_planar = design.target.is_planar
+    nearest, is_planar = bounding_radius_mm(design.target) / IMAGE_HALF_HEIGHT, design.target.is_planar
     aim = (_PLANAR_AIM_SHARE if is_planar else _AIM_SHARE) * IMAGE_HALF_DIAGONAL * nearest
     near, far, aside = (two_digits(length) for length in (nearest, 2 * nearest, aim))
     cap = " --cap-angle 45deg" if is_planar else ""
     return (
         f"calib render {design.job.name}.target.json -o simulated --views {_SIMULATED_VIEWS} "
         f"--distance {near}mm..{far}mm --aim-offset {aside}mm --random-roll{cap} --blur 0.7px --contrast-to-noise 50"
-    )
-
-
-def _next_commands(design: Design, name: str) -> tuple[Leaf, ...]:
-    errors = ERRORS_OF_BUILD[design.job.printing.build]
-    return (
-        Command(f"calib run {name}.target.json photos -o camera", "from the photos to the camera, with a verdict"),
-        Command(simulated_line(design), "no print yet: simulated photos with known truth"),
-        Command(f"calib run {name}.target.json simulated -o simulated-camera", "and the camera that they give"),
-        Command(
-            f"design tolerance {name}.target.json --errors {errors} --linear -o tolerance",
-            f"what usual errors would cost, in seconds: {usual_errors(design.job.printing.build).title}",
-        ),
-        Command(f"design make {name}.toml -o .", "all files of this folder again, byte for byte"),
     )

@@ -48,7 +48,6 @@ from designer.report.measuring import (
     caliper_lengths,
     corner_rings,
     example_length,
-    needs_rule,
     simulated_line,
     skew_effect_mm,
     skew_per_mm_deg,
@@ -154,7 +153,7 @@ def test_icosahedron_has_ten_pairs_of_faces_two_inradii_apart() -> None:
     assert sorted(face for pair in pairs for face in pair) == list(range(20))
     lengths = caliper_lengths(design)
     assert [one.length_mm for one in lengths] == pytest.approx([2 * icosahedron().inradius * 20] * 10)
-    assert [one.what for one in lengths if "along" in one.how] == ["face 2 to face 19"]
+    assert [one.what for one in lengths if one.is_upright] == ["face 2 to face 19"]
 
 
 def test_corner_rings_are_the_outermost() -> None:
@@ -227,7 +226,7 @@ def test_a_large_icosahedron_has_lengths_within_reach() -> None:
     design = Design(size_job(asked_for("ico", {"edge": "100mm"})).job)
     target = design.target
     lengths = caliper_lengths(design)
-    assert [needs_rule(target, one) for one in lengths] == [True] * 10 + [False] * 3
+    assert [one.is_long for one in lengths] == [True] * 10 + [False] * 3
     up = bed_from_target(target, design.job.printing)[2, :3]
     pairs = [tuple(map(int, re.findall(r"ring (\d+)", one.option))) for one in lengths[10:]]
     assert len({frozenset(pair) for pair in pairs}) == 3
