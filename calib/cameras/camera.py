@@ -105,11 +105,7 @@ class Camera:
 
     @classmethod
     def from_json(cls, value: JsonValue, place: str) -> "Camera":
-        """The camera in a document.
-
-        Raises:
-            InputError: it is none, or a value breaks a rule.
-        """
+        """The camera in a document."""
         return camera_from_mapping(value, place)
 
     def save(self, path: str | Path) -> Path:
@@ -264,11 +260,7 @@ def load_camera(path: Path) -> Camera:
 
 
 def camera_or_preset(name: str) -> Camera:
-    """The camera of a template, or of a person's .json or .toml file.
-
-    Raises:
-        InputError: neither a template nor a valid file; the message suggests the nearest template.
-    """
+    """The camera of a template, or of a person's .json or .toml file."""
     if Path(name).suffix.lower() == ".json":
         return load_camera(Path(name))
     return load_camera(preset_or_file("cameras", name))

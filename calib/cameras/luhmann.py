@@ -8,23 +8,22 @@ With y down, as everywhere else in this program, this is `D` of `calib.cameras.b
 -k1, -k2, p2, -p1, -k3.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.brown import BLOCK, distort, fold_radius, undistort_block
 from calib.cameras.camera import Camera
-from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows, room_for
+from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, CompiledModel, Parameter, keep_rows
 from calib.core.jit import jit, jit_sums
 
 Array = NDArray[np.float64]
 
 
-def _coefficients(params: Array) -> Array:
-    """The parameters k1 k2 k3 p1 p2 as coefficients of `D`."""
-    k1, k2, k3, p1, p2 = params[4:].tolist()
-    return np.array([-k1, -k2, p2, -p1, -k3])
+def _lens(camera: Camera) -> tuple[Array, float]:
+    """The parameters k1 k2 k3 p1 p2 as coefficients of `D`, and the radius beyond which that folds over."""
+    k1, k2, k3, p1, p2 = camera.params[4:].tolist()
+    coefficients = np.array([-k1, -k2, p2, -p1, -k3])
+    return coefficients, fold_radius(coefficients)
 
 
 @jit
@@ -106,40 +105,12 @@ def _fill(
         rows[24 * AT_ONCE + n], rows[25 * AT_ONCE + n] = vu * sa + vv * ab2, -(vu * ab2 + vv * sb)
 
 
-@dataclass(frozen=True)
-class Luhmann:
-    """Backward Brown distortion of a pinhole."""
-
-    name: str = "luhmann"
-    remedy: str = "virtual needs no lens formula"
-    opencv_lens: tuple[str, ...] | None = None
-    parameters: tuple[Parameter, ...] = (
-        *FOCAL_AND_CENTRE,
-        *(Parameter(name, "1") for name in ("k1", "k2", "k3", "p1", "p2")),
-    )
-
-    def rays(self, camera: Camera, pixel: Array) -> Array:
-        """Directions (..., 3) with z = 1, in closed form; nan where the lens folds over."""
-        coefficients = _coefficients(camera.params)
-        flat = np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 2)
-        ray = np.empty((len(flat), 3))
-        _rays(camera.params, coefficients, fold_radius(coefficients), flat, ray)
-        return ray.reshape(*np.shape(pixel)[:-1], 3)
-
-    def project(self, camera: Camera, point: Array) -> Array:
-        """Pixels (..., 2), by exact inversion; nan behind the camera and outside the lens's image."""
-        coefficients = _coefficients(camera.params)
-        flat = np.ascontiguousarray(point, dtype=np.float64).reshape(-1, 3)
-        pixel = np.empty((len(flat), 2))
-        _project(camera.params, coefficients, fold_radius(coefficients), flat, pixel)
-        return pixel.reshape(*np.shape(point)[:-1], 2)
-
-    def linearise(self, camera: Camera, point: Array) -> Linearised:
-        """Pixels of points (3, N) with their derivatives."""
-        coefficients = _coefficients(camera.params)
-        result = room_for(len(self.parameters), point.shape[1])
-        _linearise(camera.params, coefficients, fold_radius(coefficients), point, result.rows)
-        return result
-
-
-MODEL = Luhmann()
+MODEL = CompiledModel(
+    name="luhmann",
+    remedy="virtual needs no lens formula",
+    parameters=(*FOCAL_AND_CENTRE, *(Parameter(name, "1") for name in ("k1", "k2", "k3", "p1", "p2"))),
+    lens=_lens,
+    fill_rays=_rays,
+    fill_pixels=_project,
+    fill_linear=_linearise,
+)

@@ -3,14 +3,12 @@
 `u = fx x' + cx`, `v = fy y' + cy` with `(x', y') = D(X/Z, Y/Z)`, `D` as in `calib.cameras.brown`.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.brown import BLOCK, distort, fold_radius, undistort_block
 from calib.cameras.camera import Camera
-from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows, room_for
+from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, CompiledModel, Parameter, keep_rows
 from calib.core.jit import jit, jit_sums
 
 Array = NDArray[np.float64]
@@ -37,6 +35,11 @@ def _project(params: Array, fold: float, point: Array, pixel: Array) -> None:
             pixel[n, 0], pixel[n, 1] = params[0] * x + params[2], params[1] * y + params[3]
         else:
             pixel[n, 0], pixel[n, 1] = np.nan, np.nan
+
+
+def _fold(camera: Camera) -> tuple[float]:
+    """The radius beyond which the lens folds over."""
+    return (fold_radius(camera.params[4:]),)
 
 
 @jit
@@ -87,37 +90,13 @@ def _fill(
         rows[23 * AT_ONCE + n], rows[24 * AT_ONCE + n] = fy * sy, fy * xy2
 
 
-@dataclass(frozen=True)
-class OpenCv:
-    """Forward Brown distortion of a pinhole."""
-
-    name: str = "opencv"
-    remedy: str = "luhmann and virtual reach farther off the axis"
-    opencv_lens: tuple[str, ...] | None = ("k1", "k2", "p1", "p2", "k3")
-    parameters: tuple[Parameter, ...] = (
-        *FOCAL_AND_CENTRE,
-        *(Parameter(name, "1") for name in ("k1", "k2", "p1", "p2", "k3")),
-    )
-
-    def rays(self, camera: Camera, pixel: Array) -> Array:
-        """Directions (..., 3) with z = 1, by exact inversion; nan where no light arrives from."""
-        flat = np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 2)
-        ray = np.empty((len(flat), 3))
-        _rays(camera.params, fold_radius(camera.params[4:]), flat, ray)
-        return ray.reshape(*np.shape(pixel)[:-1], 3)
-
-    def project(self, camera: Camera, point: Array) -> Array:
-        """Pixels (..., 2); nan behind the camera and where the lens folds over."""
-        flat = np.ascontiguousarray(point, dtype=np.float64).reshape(-1, 3)
-        pixel = np.empty((len(flat), 2))
-        _project(camera.params, fold_radius(camera.params[4:]), flat, pixel)
-        return pixel.reshape(*np.shape(point)[:-1], 2)
-
-    def linearise(self, camera: Camera, point: Array) -> Linearised:
-        """Pixels of points (3, N) with their derivatives."""
-        result = room_for(len(self.parameters), point.shape[1])
-        _linearise(camera.params, fold_radius(camera.params[4:]), point, result.rows)
-        return result
-
-
-MODEL = OpenCv()
+MODEL = CompiledModel(
+    name="opencv",
+    remedy="luhmann and virtual reach farther off the axis",
+    parameters=(*FOCAL_AND_CENTRE, *(Parameter(name, "1") for name in ("k1", "k2", "p1", "p2", "k3"))),
+    opencv_lens=("k1", "k2", "p1", "p2", "k3"),
+    lens=_fold,
+    fill_rays=_rays,
+    fill_pixels=_project,
+    fill_linear=_linearise,
+)

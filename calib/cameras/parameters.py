@@ -1,11 +1,13 @@
-"""What a camera model says of its parameters, and of its derivatives."""
+"""What camera models are made of: their parameters, their derivatives, and compiled kernels called alike."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, prod
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.camera import Camera
 from calib.core.jit import jit_sums
 
 AT_ONCE = 128
@@ -62,9 +64,42 @@ class Linearised:
         return self.rows[8:].reshape(2, len(self.rows) // 2 - 4, -1)
 
 
-def room_for(parameters: int, count: int) -> Linearised:
-    """Room for the pixels of so many points and their derivatives."""
-    return Linearised(np.empty((8 + 2 * parameters, count)))
+@dataclass(frozen=True)
+class CompiledModel:
+    """A model (see `calib.cameras.CameraModel`) of compiled kernels.
+
+    A kernel takes the parameters, what `lens` makes of the camera, what comes in and what is to be filled: flat arrays,
+    points (N, 3) and pixels (N, 2); for derivatives points (3, N) and the rows of `Linearised`.
+    """
+
+    name: str
+    remedy: str
+    parameters: tuple[Parameter, ...]
+    fill_rays: Callable[..., None]
+    fill_pixels: Callable[..., None]
+    fill_linear: Callable[..., None]
+    lens: Callable[[Camera], tuple[object, ...]]
+    opencv_lens: tuple[str, ...] | None = None
+
+    def rays(self, camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Directions (..., 3) with z = 1 at pixels (..., 2); nan where there is none."""
+        flat = np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 2)
+        ray = np.empty((len(flat), 3))
+        self.fill_rays(camera.params, *self.lens(camera), flat, ray)
+        return ray.reshape(*np.shape(pixel)[:-1], 3)
+
+    def project(self, camera: Camera, point: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pixels (..., 2) of points (..., 3); nan behind the camera and where there is none."""
+        flat = np.ascontiguousarray(point, dtype=np.float64).reshape(-1, 3)
+        pixel = np.empty((len(flat), 2))
+        self.fill_pixels(camera.params, *self.lens(camera), flat, pixel)
+        return pixel.reshape(*np.shape(point)[:-1], 2)
+
+    def linearise(self, camera: Camera, point: NDArray[np.float64]) -> Linearised:
+        """Pixels of points (3, N) with their derivatives."""
+        rows = np.empty((8 + 2 * len(self.parameters), point.shape[1]))
+        self.fill_linear(camera.params, *self.lens(camera), np.ascontiguousarray(point, dtype=np.float64), rows)
+        return Linearised(rows)
 
 
 @jit_sums

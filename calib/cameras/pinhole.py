@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows, room_for
+from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows
 from calib.core.jit import jit, jit_sums
 
 Array = NDArray[np.float64]
@@ -64,9 +64,9 @@ class Pinhole:
 
     def linearise(self, camera: Camera, point: Array) -> Linearised:
         """Pixels of points (3, N) with their derivatives."""
-        result = room_for(len(self.parameters), point.shape[1])
-        _linearise(camera.params, point, result.rows)
-        return result
+        rows = np.empty((16, point.shape[1]))
+        _linearise(camera.params, point, rows)
+        return Linearised(rows)
 
 
 MODEL = Pinhole()

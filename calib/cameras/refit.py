@@ -108,11 +108,7 @@ def fit_rays(
     zero: Collection[str] = (),
     turn: bool = False,
 ) -> Refit:
-    """A camera that sees directions (N, 3) in pixels (N, 2); nan where a direction is not known.
-
-    Raises:
-        InputError: too few directions are known, or the model cannot take them.
-    """
+    """A camera that sees directions (N, 3) in pixels (N, 2); nan where a direction is not known."""
     known = np.isfinite(ray).all(axis=1)
     if known.sum() < MIN_PIXELS:
         raise InputError(

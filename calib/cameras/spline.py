@@ -6,13 +6,11 @@
 polynomial does: what a lens of many elements leaves over when its polynomial is taken away.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter, room_for
+from calib.cameras.parameters import FOCAL_AND_CENTRE, CompiledModel, Parameter
 from calib.core.jit import jit
 
 Array = NDArray[np.float64]
@@ -105,7 +103,8 @@ def _rays(params: Array, scale: Array, pixel: Array, ray: Array) -> None:
 
 
 @jit
-def _linearise(params: Array, scale: Array, point: Array, pixel: Array, by_point: Array, by_params: Array) -> None:
+def _linearise(params: Array, scale: Array, point: Array, rows: Array) -> None:
+    pixel, by_point, by_params = rows[:2], rows[2:8].reshape(2, 3, -1), rows[8:].reshape(2, len(params), -1)
     work, out = np.empty((4, 4)), np.empty(6)
     fx, fy, cx, cy = params[:FIRST]
     for n in range(point.shape[1]):
@@ -127,22 +126,18 @@ def _linearise(params: Array, scale: Array, point: Array, pixel: Array, by_point
                         by_params[axis, k, n] = work[0, i] * work[2, j]
 
 
-def _scale(image_size: tuple[int, int]) -> Array:
+def _scale(camera: Camera) -> tuple[Array]:
     """First pixel of the domain and spans per pixel, across and down.  # (2, 2)"""
     rows = []
-    for side, count in zip(image_size, (COLUMNS, ROWS), strict=True):
+    for side, count in zip(camera.image_size, (COLUMNS, ROWS), strict=True):
         rows.append((-0.5 - MARGIN * side, (count - DEGREE) / (side * (1 + 2 * MARGIN))))
-    return np.array(rows)
+    return (np.array(rows),)
 
 
-@dataclass(frozen=True)
-class Spline:
-    """A pinhole and a displacement of its image; for simulation only."""
-
-    name: str = "spline"
-    remedy: str = "show the target there too"
-    opencv_lens: tuple[str, ...] | None = None
-    parameters: tuple[Parameter, ...] = (
+MODEL = CompiledModel(
+    name="spline",
+    remedy="show the target there too",
+    parameters=(
         *FOCAL_AND_CENTRE,
         *(
             Parameter(f"d{axis}_row{row}_column{column}_px", "px")
@@ -150,29 +145,9 @@ class Spline:
             for row in range(ROWS)
             for column in range(COLUMNS)
         ),
-    )
-
-    def rays(self, camera: Camera, pixel: Array) -> Array:
-        """Directions (..., 3) with z = 1; nan where the splines have no inverse in their domain."""
-        flat = np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 2)
-        ray = np.empty((len(flat), 3))
-        _rays(camera.params, _scale(camera.image_size), flat, ray)
-        return ray.reshape(*np.shape(pixel)[:-1], 3)
-
-    def project(self, camera: Camera, point: Array) -> Array:
-        """Pixels (..., 2), in closed form; nan behind the camera and outside of the splines' domain."""
-        flat = np.ascontiguousarray(point, dtype=np.float64).reshape(-1, 3)
-        pixel = np.empty((len(flat), 2))
-        _project(camera.params, _scale(camera.image_size), flat, pixel)
-        return pixel.reshape(*np.shape(point)[:-1], 2)
-
-    def linearise(self, camera: Camera, point: Array) -> Linearised:
-        """Pixels of points (3, N) with their derivatives."""
-        count = point.shape[1]
-        result = room_for(len(self.parameters), count)
-        point = np.ascontiguousarray(point, dtype=np.float64)
-        _linearise(camera.params, _scale(camera.image_size), point, result.pixel, result.by_point, result.by_params)
-        return result
-
-
-MODEL = Spline()
+    ),
+    lens=_scale,
+    fill_rays=_rays,
+    fill_pixels=_project,
+    fill_linear=_linearise,
+)

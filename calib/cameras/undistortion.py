@@ -76,16 +76,7 @@ def _resample(source: NDArray[np.generic], place: Array, top: float, result: NDA
 
 
 def resample(source: Pixels, place: Array, result: Pixels) -> int:
-    """Fill rows of an image from places in another; black where there is none.
-
-    Args:
-        source: grey levels (H, W) or (H, W, C), of 8 or 16 bits.
-        place: u, v in `source` of each pixel, nan where there is none.  # (R, W', 2)
-        result: is written to, (R, W') or (R, W', C) of the same kind.
-
-    Returns:
-        How many pixels lie inside the source.
-    """
+    """Fill rows (R, W') or (R, W', C) of an image from places (R, W', 2) in another; count those that are not black."""
     layered = source.reshape(*source.shape[:2], -1)
     filled: int = _resample(layered, place, float(np.iinfo(source.dtype).max), result.reshape(*result.shape[:2], -1))
     return filled
@@ -187,17 +178,7 @@ def source_places(camera: Camera, pinhole: Camera, first: int, last: int) -> Arr
 def undistort(
     pixels: Pixels, camera: Camera, pinhole: Camera, *, progress: Callable[[float], None] = lambda _: None
 ) -> Undistorted:
-    """A photo as the pinhole camera would have taken it, black where it would see more.
-
-    Args:
-        pixels: the photo (H, W) or (H, W, C), of 8 or 16 bits.
-        camera: that took it.
-        pinhole: that is to have taken it.
-        progress: is told the share that is done.
-
-    Raises:
-        ValueError: the photo is not of the camera's size.
-    """
+    """A photo (H, W) or (H, W, C) of 8 or 16 bits as the pinhole would have taken it, black where it would see more."""
     if (pixels.shape[1], pixels.shape[0]) != camera.image_size:
         raise ValueError(f"the photo has the shape {pixels.shape}, the camera the size {camera.image_size}")
     width, height = pinhole.image_size

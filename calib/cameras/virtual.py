@@ -4,14 +4,12 @@
 Where the map is not known there are neither rays nor images.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.cameras.learned import MapTable, is_known, read, search, table_of
-from calib.cameras.parameters import FOCAL_AND_CENTRE, Linearised, Parameter, room_for
+from calib.cameras.parameters import FOCAL_AND_CENTRE, CompiledModel
 from calib.core.jit import jit
 
 Array = NDArray[np.float64]
@@ -42,7 +40,8 @@ def _project(params: Array, table: MapTable, point: Array, pixel: Array) -> None
 
 
 @jit
-def _linearise(params: Array, table: MapTable, point: Array, pixel: Array, by_point: Array, by_params: Array) -> None:
+def _linearise(params: Array, table: MapTable, point: Array, rows: Array) -> None:
+    pixel, by_point, by_params = rows[:2], rows[2:8].reshape(2, 3, -1), rows[8:].reshape(2, 4, -1)
     fx, fy, cx, cy = params
     for n in range(point.shape[1]):
         inverse_depth = 1.0 / point[2, n] if point[2, n] > 0 else np.nan
@@ -64,47 +63,19 @@ def _linearise(params: Array, table: MapTable, point: Array, pixel: Array, by_po
             by_point[k, 0, n], by_point[k, 1, n], by_point[k, 2, n] = gx, gy, -(gx * x + gy * y)
 
 
-def table_of_camera(camera: Camera) -> MapTable:
-    """The table of a virtual camera's map.
-
-    Raises:
-        ValueError: the camera has no map.
-    """
+def _table(camera: Camera) -> tuple[MapTable]:
+    """The table of a virtual camera's map."""
     if camera.learned is None:
         raise ValueError(f"a camera of model {camera.model!r} needs a learned map")
-    return table_of(camera.learned, camera.image_size)
+    return (table_of(camera.learned, camera.image_size),)
 
 
-@dataclass(frozen=True)
-class Virtual:
-    """A learned map, then a pinhole; the parameters are those of the pinhole, in pixels of the virtual sensor."""
-
-    name: str = VIRTUAL
-    remedy: str = "show the target there too"
-    opencv_lens: tuple[str, ...] | None = None
-    parameters: tuple[Parameter, ...] = FOCAL_AND_CENTRE
-
-    def rays(self, camera: Camera, pixel: Array) -> Array:
-        """Directions (..., 3) with z = 1; nan where the map is not known."""
-        flat = np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 2)
-        ray = np.empty((len(flat), 3))
-        _rays(camera.params, table_of_camera(camera), flat, ray)
-        return ray.reshape(*np.shape(pixel)[:-1], 3)
-
-    def project(self, camera: Camera, point: Array) -> Array:
-        """Pixels (..., 2), by exact inversion of the map; nan behind the camera and where the map is not known."""
-        flat = np.ascontiguousarray(point, dtype=np.float64).reshape(-1, 3)
-        pixel = np.empty((len(flat), 2))
-        _project(camera.params, table_of_camera(camera), flat, pixel)
-        return pixel.reshape(*np.shape(point)[:-1], 2)
-
-    def linearise(self, camera: Camera, point: Array) -> Linearised:
-        """Pixels of points (3, N) with their derivatives, by the implicit function theorem."""
-        count = point.shape[1]
-        result = room_for(len(self.parameters), count)
-        point = np.ascontiguousarray(point, dtype=np.float64)
-        _linearise(camera.params, table_of_camera(camera), point, result.pixel, result.by_point, result.by_params)
-        return result
-
-
-MODEL = Virtual()
+MODEL = CompiledModel(
+    name=VIRTUAL,
+    remedy="show the target there too",
+    parameters=FOCAL_AND_CENTRE,  # in pixels of the virtual sensor
+    lens=_table,
+    fill_rays=_rays,
+    fill_pixels=_project,
+    fill_linear=_linearise,
+)

@@ -13,11 +13,7 @@ PARENT_CHECK_S = 0.5
 
 
 def serve(parent: int) -> None:
-    """Make this process a servant: deaf to Ctrl-C, which is for its parent, and gone soon after that, however it ends.
-
-    Args:
-        parent: number of the process that started this one.
-    """
+    """Make this process a servant: deaf to Ctrl-C, which is for its parent, and gone soon after that ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:

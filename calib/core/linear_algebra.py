@@ -41,12 +41,8 @@ def symmetric_inverse(matrix: Array, rounding: float = ROUNDING) -> SymmetricInv
     """The inverse of symmetric positive semidefinite matrices (..., N, N) on what they determine.
 
     With `D` that scales the diagonal to one and `D A D = V diag(w) V'`, it is `D V diag(1 / w) V' D` over the
-    eigenvalues that are more than rounding. Unknowns whose diagonal is not positive, and all of a matrix with a number
-    that is not finite, are not determined.
-
-    Args:
-        matrix: such as normal matrices, information or covariances.
-        rounding: part of the largest eigenvalue that counts as zero.
+    eigenvalues that are more than `rounding` of the largest. Unknowns whose diagonal is not positive, and all of a
+    matrix with a number that is not finite, are not determined.
     """
     matrix = np.asarray(matrix, dtype=np.float64)
     scaled, scale = _unit_diagonal(matrix)

@@ -14,13 +14,7 @@ class Registry(Mapping[str, Entry]):
     """
 
     def __init__(self, package: str, word: str, names: Collection[str]) -> None:
-        """Remember the names.
-
-        Args:
-            package: whose files these are.
-            word: what a file calls its entry.
-            names: of the files, in the order in which they are offered.
-        """
+        """Remember the names, in the order in which they are offered, and the word by which a file calls its entry."""
         self._package, self._word, self._names = package, word, names
 
     def __getitem__(self, name: str) -> Entry:

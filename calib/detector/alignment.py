@@ -103,15 +103,7 @@ class GridReader:
 
 
 def alignments(plan: TargetPlan, face: int, grid: Grid, sure: NDArray[np.bool_], turns: Integers) -> list[Alignment]:
-    """All ways to lay a grid on a face so that its sure members fall on features.
-
-    Args:
-        plan: the target's.
-        face: which face.
-        grid: the grid.
-        sure: members that are rings beyond doubt.  # (N,)
-        turns: the lattice's turns to try, or its mirror images.  # (S, 2, 2)
-    """
+    """All ways to lay a grid on a face so that its sure members (N,) fall on features, by turns (S, 2, 2)."""
     table = plan.row_table[face] >= 0
     found = []
     index = grid.index[sure]
@@ -134,13 +126,7 @@ def alignments(plan: TargetPlan, face: int, grid: Grid, sure: NDArray[np.bool_],
 
 
 def largest_overlap(plan: TargetPlan, index: Integers, turns: Integers) -> int:
-    """How many rings of a grid fall on features of a face, laid on it as well as can be.
-
-    Args:
-        plan: the target's; its faces share one table but for their marks.
-        index: of the rings in the grid.  # (N, 2)
-        turns: the lattice's turns to try.  # (S, 2, 2)
-    """
+    """How many rings of a grid (N, 2) fall on features of a face, laid on it as well as the turns (S, 2, 2) allow."""
     table = (plan.row_table[0] >= 0).astype(np.float64)
     best = 0.0
     for turn in turns:

@@ -173,17 +173,9 @@ def _nearest(
 def nearest_candidates(
     candidates: Candidates, place: Floats, shape: Floats, *, reach: float, size_ratio: float
 ) -> tuple[NDArray[np.int64], Floats]:
-    """The candidate nearest to each place in the plane around it.
+    """The candidate nearest to each place (N, 2) in the plane around it, where a circle looks like E (N, 3).
 
-    Args:
-        candidates: among which to look.
-        place: where.  # (N, 2)
-        shape: E of the circle there.  # (N, 3)
-        reach: how far, in radii.
-        size_ratio: how much areas may differ.
-
-    Returns:
-        Rows of the candidates, -1 where there is none (N,), and their distances in radii (N,).
+    Rows, -1 where there is none within reach and of like area (N,), and distances in radii (N,).
     """
     order = np.argsort(candidates.ellipse[:, 0], kind="stable")
     distance = np.zeros(len(place))

@@ -50,11 +50,7 @@ class Lattice:
 
 
 def lattice_of(target: TargetGeometry) -> Lattice:
-    """The lattice of a target's faces, which all share one.
-
-    Raises:
-        ValueError: the faces' lattices differ, or a lattice's two steps lie on one line.
-    """
+    """The lattice of a target's faces, which all share one."""
     steps = target.lattice_mm[0]
     if np.abs(target.lattice_mm - steps).max() > 0.05 * np.linalg.norm(steps, axis=1).min():
         raise ValueError("the faces' lattices differ; all faces must share one lattice")
@@ -321,13 +317,7 @@ def _pitch_scale(candidates: Candidates, lattice: Lattice) -> float:
 
 
 def planar_parts(candidates: Candidates, grid: Grid, pitch_radii: float) -> tuple[Grid, ...]:
-    """The parts of a grid, the largest first; members of no part are left out.
-
-    Args:
-        candidates: what the grid's rows refer to.
-        grid: of the grid growth.
-        pitch_radii: distance of neighbours in outer radii.
-    """
+    """The parts of a grid, the largest first; members of no part are left out."""
     parts = []
     left = np.arange(len(grid.row))
     while len(left) >= SMALLEST:

@@ -112,17 +112,7 @@ def solve_direct(x: Floats, image: Floats, h: Floats) -> bool:
 def equations(
     x: Floats, image: Floats, weight: Floats, h: Floats, normal: Floats, gradient: Floats, residual: Floats
 ) -> None:
-    """Normal equations of the image distances at the entries `h` (lower triangle), and the residuals.
-
-    Args:
-        x: points in the plane.  # (N, 2)
-        image: their images.  # (N, 2)
-        weight: inverse variance of each.  # (N,)
-        h: the homography's nine entries, the last one 1.
-        normal: J'WJ.  # (8, 8)
-        gradient: J'Wr.  # (8,)
-        residual: images less mapped points.  # (N, 2)
-    """
+    """Normal equations (lower triangle) of the image distances at the entries h (9,), and residuals."""
     normal[:] = 0.0
     gradient[:] = 0.0
     row = np.zeros((2, ENTRIES))
@@ -189,12 +179,7 @@ def _direct(plane: Floats, image: Floats) -> Floats:
 
 
 def direct(plane: Floats, image: Floats) -> Floats:
-    """Direct linear transform of points which must be `is_determined`, its denominator 1 at their mean.
-
-    Args:
-        plane: points in the plane.  # (N, 2)
-        image: their images.  # (N, 2)
-    """
+    """Direct linear transform of points which must be `is_determined`, its denominator 1 at their mean."""
     return np.asarray(_direct(_as_kernels_want(plane), _as_kernels_want(image)))
 
 
@@ -214,13 +199,7 @@ def _fit(plane: Floats, image: Floats, weight: Floats, rounds: int) -> tuple[Flo
 
 
 def fit(plane: Floats, image: Floats, weight: Floats, rounds: int = 4) -> tuple[Floats, Floats, Floats]:
-    """Least squares on the image distances, by Gauss-Newton from the direct solution.
-
-    Args:
-        plane: points in the plane.  # (N, 2)
-        image: their images.  # (N, 2)
-        weight: inverse variance of each.  # (N,)
-        rounds: Gauss-Newton steps, one at least.
+    """Least squares on the image distances, by Gauss-Newton from the direct solution; weights are inverse variances.
 
     Returns:
         The homography (3, 3), the inverse of its normal matrix in its first eight entries with the points moved to
@@ -256,14 +235,7 @@ def _fit_near(
 def fit_near(
     plane: Floats, image: Floats, weight: Floats, *, slack: float, least: int
 ) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
-    """`fit`, and again without the points that lie far off, as long as enough of them stay.
-
-    Args:
-        plane: points in the plane.  # (N, 2)
-        image: their images.  # (N, 2)
-        weight: inverse variance of each.  # (N,)
-        slack: distances over sigma that are never too far.
-        least: so many points must stay.
+    """`fit`, and again without what lies far off, by more than `slack` sigmas, as long as `least` points stay.
 
     Returns:
         The homography (3, 3), its covariance (8, 8) as `fit` has it, the residuals of all points (N, 2), and which

@@ -53,13 +53,8 @@ def _lens_equations(
 ) -> tuple[float, float, float, float, float, float]:
     """Normal matrix and gradient of (k1, k2), every plane's homography eliminated; and the sum of squares, trimmed.
 
-    Args:
-        k1: of the lens.
-        k2: see k1.
-        plane: points of all groups, each group's at its mean.  # (N, 2)
-        offset: their pixels, from the middle, in half diagonals.  # (N, 2)
-        first: where each group begins, and where the last one ends.  # (G + 1,)
-        floor: a distance that is never too far, in half diagonals.
+    Points of the plane g, at their mean, are rows `first[g]` to `first[g + 1]`; offsets of their pixels from the middle
+    are in half diagonals, as is `floor`, a distance that is never too far.
     """
     n11 = n12 = n22 = g1 = g2 = cost = 0.0
     h = np.empty(9)
@@ -236,9 +231,7 @@ def local_form(lens: Lens, pixel: Floats, step_px: float = 2.0) -> tuple[Floats,
 def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, int]) -> Lens:
     """The radial lens that best turns planes' grids into homographies, if it explains more than chance would.
 
-    Args:
-        groups: points in a plane (N, 2) and their pixels (N, 2), plane by plane.
-        image_size: width, height in px.
+    Each group is the points in a plane (N, 2) and their pixels (N, 2).
     """
     middle = (0.5 * (image_size[0] - 1), 0.5 * (image_size[1] - 1))
     half_diagonal = 0.5 * float(np.hypot(*image_size))
@@ -263,9 +256,7 @@ def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, in
 def misfit_px(lens: Lens, groups: list[tuple[Floats, Floats]]) -> float:
     """How far, in the median, a lens leaves planes' grids from homographies; infinite where it has no rays for them.
 
-    Args:
-        lens: the lens.
-        groups: points in a plane (N, 2) and their pixels (N, 2), plane by plane; small planes do not count.
+    Groups are as for `estimate_lens`; small ones do not count.
     """
     off = [np.zeros(0)]
     for plane, pixel in groups:

@@ -42,17 +42,7 @@ OFF_ROW = 3
 
 
 def blur_growth(center_px: Floats, blur_px: Floats, is_known: NDArray[np.bool_], face: Integers) -> Floats:
-    """The gradient of the blur's logarithm over the image at each feature, per px; 0 on faces with few that tell it.
-
-    Args:
-        center_px: of the features.  # (N, 2)
-        blur_px: of their edges.  # (N,)
-        is_known: which of these count.  # (N,)
-        face: that each is on.  # (N,)
-
-    Returns:
-        Gradients.  # (N, 2)
-    """
+    """The gradient (N, 2) of the blur's logarithm at each feature, per px; 0 on faces with few whose blur is known."""
     growth = np.zeros_like(center_px)
     for f in np.unique(face[is_known]):
         known = is_known & (face == f)
@@ -79,17 +69,7 @@ def is_noticed(growth: Floats, blur_px: Floats) -> bool:
 
 
 def left_covariance(growth: Floats, blur_px: Floats, shape: Floats, ratio: Floats) -> Floats:
-    """What opposite edges that run into each other may do to centres.
-
-    Args:
-        growth: as `blur_growth` tells it.  # (N, 2)
-        blur_px: of the edges.  # (N,)
-        shape: E.  # (N, 3)
-        ratio: inner over outer radius; 0: a dot.  # (N,)
-
-    Returns:
-        Covariances to be added.  # (N, 2, 2)
-    """
+    """What opposite edges that run into each other may do to centres, of the shapes E (N, 3).  # (N, 2, 2)"""
     hole_px = np.where(ratio > 0, ratio, 1.0) * semi_axes_px(shape)[1]
     left = (NARROW * np.exp(-hole_px / blur_px) * blur_px**2)[:, None] * growth
     return np.asarray(left[:, :, None] * left[:, None, :])

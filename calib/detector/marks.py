@@ -71,14 +71,10 @@ def _sample_marks(image: NDArray[np.generic], ellipse: Floats, ratio: float, aro
 def read_marks(
     image: NDArray[np.generic], ellipse: Floats, *, ratio: float, around: float, contrast: float
 ) -> NDArray[np.int64]:
-    """RING, DOT or UNREADABLE at each place.
+    """RING, DOT or UNREADABLE at ellipses (N, 5): centre u v and E of the outer border, seen or predicted.
 
-    Args:
-        image: grey levels.  # (H, W)
-        ellipse: centre u v and E of the outer border, seen or predicted.  # (N, 5)
-        ratio: inner over outer radius of rings.
-        around: where white is looked for, in outer radii.
-        contrast: white minus ink of the rings nearby, in grey levels; less than a third of it cannot be read.
+    White is looked for `around` outer radii from the centre. Where it is brighter than ink by less than a third of
+    `contrast`, that of the rings nearby, nothing can be read.
     """
     level = zone_levels(image, ellipse, ratio=ratio, around=around)
     step = level[:, 2] - level[:, 1]
@@ -94,11 +90,7 @@ def read_marks(
 def zone_levels(image: NDArray[np.generic], ellipse: Floats, *, ratio: float, around: float) -> Floats:
     """Median levels of centre, ink and white around; shares of odd ink and odd white; nan: cut by the edge.  # (N, 5)
 
-    Args:
-        image: grey levels.  # (H, W)
-        ellipse: centre u v and E of the outer border, seen or predicted.  # (N, 5)
-        ratio: inner over outer radius of rings.
-        around: where white is looked for, in outer radii.
+    Arguments are those of `read_marks`.
     """
     level = np.full((len(ellipse), 5), np.nan)
     _sample_marks(image, np.ascontiguousarray(ellipse), ratio, around, level)
@@ -108,15 +100,7 @@ def zone_levels(image: NDArray[np.generic], ellipse: Floats, *, ratio: float, ar
 def judge(
     fits: RingFits, residual_px: Floats | None, is_dot: NDArray[np.bool_], shape: Floats, plan: TargetPlan
 ) -> NDArray[np.str_]:
-    """Why a fit is refused; empty: it stands.  # (N,)
-
-    Args:
-        fits: the fits.
-        residual_px: distances from where the grid puts them, if that is known.  # (N, 2)
-        is_dot: which are dots.  # (N,)
-        shape: E that the placement predicts.  # (N, 3)
-        plan: the target's.
-    """
+    """Why fits are refused, given the E predicted and how far they are from where the grid puts them; empty: not."""
     count = len(fits.ok)
     reason = np.full(count, "", dtype="<U40")
     if not count:

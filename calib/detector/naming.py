@@ -249,12 +249,7 @@ def _option(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridRe
 
 
 def _dots_on_rings(plan: TargetPlan, index: Integers) -> Integers:
-    """How many seen dots lie where each face has rings, other than at mark positions, which are scored apart.
-
-    Args:
-        plan: the target's.
-        index: of the dots on the face.  # (D, 2)
-    """
+    """How many seen dots lie where each face has rings, other than at mark positions, which are scored apart."""
     if not len(index):
         return np.zeros(plan.target.face_count, dtype=np.int64)
     at_mark = (index[:, None] == plan.mark_index[None]).all(axis=2).any(axis=1)

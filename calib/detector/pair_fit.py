@@ -229,11 +229,7 @@ def _fit_pair_range(image: NDArray[np.generic], params: Floats, rms: Floats, fir
 
 
 def fit_pairs(image: NDArray[np.generic], start: Floats) -> tuple[Floats, Floats]:
-    """Fit pairs of ellipses to the edges of rings.
-
-    Args:
-        image: grey levels.  # (H, W)
-        start: c, E, m and the ratio to start from.  # (N, 8)
+    """Fit pairs of ellipses to the edges of rings, from c, E, m and ratio (N, 8).
 
     Returns:
         Full parameters, blur and levels included, to start the direct fit from (N, 15), and the

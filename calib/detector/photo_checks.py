@@ -74,14 +74,7 @@ CHUNK = 256
 
 
 def lattice_over_spacing(plan: TargetPlan, lens: Lens, ring: Integers, center_px: Floats) -> float:
-    """The logarithm of k; 0 where k = 1 fits, where no other does much better, or the projection is open.
-
-    Args:
-        plan: the target's.
-        lens: straightens the image.
-        ring: rows of the target.  # (N,)
-        center_px: where they were measured.  # (N, 2)
-    """
+    """The logarithm of k; 0 where k = 1 fits, where no other does much better, or the projection is open."""
     straight = lens.straighten(center_px)
     has_ray = np.isfinite(straight).all(axis=1)
     ring, straight = ring[has_ray], straight[has_ray]
@@ -149,15 +142,7 @@ class FaceEnd:
 
 
 def face_end(image: NDArray[np.generic], plan: TargetPlan, places: Places, face: int, found: Flags) -> FaceEnd:
-    """Rows without a ring along the sides of a face, up to the outermost ring that was found.
-
-    Args:
-        image: grey levels.  # (H, W)
-        plan: the target's.
-        places: where its features must be.
-        face: which face.
-        found: which of the places hold what they should.  # (N,)
-    """
+    """Rows without a ring along the sides of a face, up to the outermost ring that was found."""
     target = plan.target
     mine = target.ring_face[places.ring] == face
     mine_found = found[mine]
@@ -216,15 +201,7 @@ def _beside_found(plan: TargetPlan, ring: Integers, face: int, found: Flags) -> 
 def _sight(
     image: NDArray[np.generic], plan: TargetPlan, places: Places, last_row_px: Floats, rings: Places
 ) -> tuple[Flags, Flags]:
-    """Whether the near half of places is bare white, and whether part of a ring is seen there.  # (N,), (N,)
-
-    Args:
-        image: grey levels.  # (H, W)
-        plan: the target's.
-        places: in the first row without rings.
-        last_row_px: places in the row further in.  # (M, 2)
-        rings: that were found.
-    """
+    """Whether the near half of places is bare white, and whether part of a ring is seen there.  # (N,), (N,)"""
     white_around = 0.4 + 0.6 * plan.limit
     known = zone_levels(image, np.hstack([rings.center_px, rings.shape]), ratio=plan.ratio, around=white_around)[:, :3]
     is_known = np.isfinite(known).all(axis=1)

@@ -85,12 +85,7 @@ class Found:
 def find(pixels: NDArray[np.generic], target: TargetGeometry) -> Found | None:
     """The half of the search that is the same for any lens, for a photo that is searched more than once.
 
-    Args:
-        pixels: as `detect` has them.
-        target: what was printed.
-
-    Returns:
-        What `detect` may be given; None if the image is too small to hold anything.
+    What `detect` may be given; None if the image is too small to hold anything.
     """
     if min(pixels.shape) < LEAST_SIDE_PX:
         return None

@@ -176,17 +176,7 @@ def imaged(
     radius_mm: Floats,
     image_size: tuple[int, int],
 ) -> Places:
-    """Circles in the planes of faces that show, as far as they lie in the image.
-
-    Args:
-        plan: the target's.
-        placement: where the faces are.
-        face: on which each circle is.  # (N,)
-        ring: what the circles are called in the result.  # (N,)
-        plane_mm: their centres in the face's frame.  # (N, 2)
-        radius_mm: their radii.  # (N,)
-        image_size: width, height in px.
-    """
+    """Circles in the planes of faces that show, as far as they lie in the image."""
     matrix, lens = placement.homography[face], placement.lens
     front = (matrix[:, 2, :2] * plane_mm).sum(axis=1) + matrix[:, 2, 2] > 0
     ring, plane_mm, radius_mm, matrix = ring[front], plane_mm[front], radius_mm[front], matrix[front]
@@ -200,14 +190,7 @@ def imaged(
 
 
 def _shape(matrix: Floats, jacobian: Floats, plane: Floats, radius_mm: Floats) -> Floats:
-    """E of circles in the image: E'E is the inverse of J J' R^2, J the derivative of the map from the plane.  # (N, 3)
-
-    Args:
-        matrix: straight image from plane, of each circle.  # (N, 3, 3)
-        jacobian: of the straight image by pixels.  # (N, 2, 2)
-        plane: the centres.  # (N, 2)
-        radius_mm: the radii.  # (N,)
-    """
+    """E of circles in the image: E'E is the inverse of J J' R^2, J the derivative of the map from the plane."""
     mapped = np.einsum("nij,nj->ni", matrix[:, :, :2], plane) + matrix[:, :, 2]
     straight = mapped[:, :2] / mapped[:, 2:]
     derivative = (matrix[:, :2, :2] - straight[:, :, None] * matrix[:, 2:, :2]) / mapped[:, 2:, None]

@@ -70,11 +70,7 @@ def _looked_up(table: Integers, at: Integers) -> Integers:
 
 @lru_cache(maxsize=8)
 def plan_for(target: TargetGeometry) -> TargetPlan:
-    """The plan of a target.
-
-    Raises:
-        ValueError: its faces' lattices differ, or it holds no rings.
-    """
+    """The plan of a target."""
     rings = ~target.is_dot
     if not rings.any():
         raise ValueError("the target holds dots only; the detector starts from rings")

@@ -262,18 +262,7 @@ def accumulate(
     gradient: Floats,
     rows: Floats,
 ) -> float:
-    """Sum of squared residuals; fills J'J (its lower triangle) and J'r.
-
-    Args:
-        pixels: u, v and grey level.  # (3, >= count)
-        count: how many.
-        p: parameters (`ring_model`).
-        q: the lens's bend.
-        origin: of the light's gradients.
-        normal: J'J.  # (PARAMETERS, PARAMETERS)
-        gradient: J'r.  # (PARAMETERS,)
-        rows: room.  # (ROOM,)
-    """
+    """Sum of squared residuals of the first `count` pixels (3, N); fills J'J (its lower triangle) and J'r."""
     total = np.zeros((PARAMETERS + 1, PARAMETERS + 1))
     parameters, bend = parameters_of(p), bend_of(q)
     for first in range(0, count, CHUNK):

@@ -187,19 +187,7 @@ def _mark_near(p: Numbers, q: Numbers, reach: float, limit: float, u: int, v: in
 
 @jit
 def choose_pixels(image: NDArray[np.generic], p: Floats, q: Floats, reach: float, limit: float, pixels: Floats) -> int:
-    """Pixels near the ring's edges: within `reach` px of one and no farther out than F = `limit`.
-
-    Args:
-        image: grey levels.  # (H, W)
-        p: the ring's parameters.
-        q: the lens's bend.
-        reach: in px.
-        limit: in outer radii.
-        pixels: the result: u, v and grey level.  # (3, MAX_PIXELS)
-
-    Returns:
-        How many.
-    """
+    """Pixels u, v, grey level within `reach` px of the ring's edges and no farther out than F = `limit`; how many."""
     height, width = image.shape
     s0 = math.sqrt(p[E00] * p[E00] + p[E10] * p[E10])
     det = p[E00] * p[E11]

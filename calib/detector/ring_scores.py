@@ -147,13 +147,7 @@ def _add_scores(filled: int, rows: Floats, score: Floats, leverage: Floats) -> N
 
 @jit_sums
 def _taken_up(leverage: Floats, inverse: Floats, p: Floats) -> float:
-    """What the fit takes up of the scores of even noise: the sum over |a - b| <= reach of l_a' inv(J'J) l_b.
-
-    Args:
-        leverage: l, sums of `h_i J_i'` by stretch.  # (2 STRETCHES, 2, PARAMETERS)
-        inverse: of the normal equations.  # (PARAMETERS, PARAMETERS)
-        p: the ring's parameters.
-    """
+    """What the fit takes up of the scores of even noise: the sum over |a - b| <= reach of l_a' inv(J'J) l_b."""
     radius_px = 1.0 / math.sqrt(p[E00] * p[E11])
     # By parameter, so that all stretches are worked out at once.
     own, near = np.empty((PARAMETERS, 4 * STRETCHES)), np.empty((PARAMETERS, 4 * STRETCHES))
@@ -269,12 +263,7 @@ def variance_ratios(
 ) -> Ratios:
     """The ratio of a photo from its usual rings, and that of each ring between the photo's and its own.
 
-    Args:
-        scores: of N rings.
-        params: of their fits.  # (N, PARAMETERS)
-        roughness: their residuals over their contrasts.  # (N,)
-        face: that each is on; -1: it does not count.  # (N,)
-        usual_ratio: what is expected of such a photo before its rings are asked.
+    Rings on face -1 do not count; `usual_ratio` is what is expected of such a photo before its rings are asked.
     """
     counts = (face >= 0) & (scores.alone > 0)
     is_usual = counts & (roughness <= MOST_ROUGH * np.median(roughness[counts])) if counts.any() else counts

@@ -152,19 +152,7 @@ def gather(
     placement: Placement,
     measured: Measured,
 ) -> Evidence:
-    """Hold what was seen against what the target has where it was placed.
-
-    Args:
-        image: grey levels.  # (H, W)
-        contrast: white minus ink of its rings, in grey levels.
-        plan: the target's.
-        candidates: what was seen.
-        grids: all that it forms.
-        naming: which of it has names.
-        dropped: how many lost theirs because their faces contradict the others.
-        placement: where the target must be then.
-        measured: what was measured there.
-    """
+    """Hold what was seen against what the target has where it was placed."""
     image_size = (image.shape[1], image.shape[0])
     places = predict(plan, placement, image_size)
     found = np.isin(places.ring, measured.ring)
@@ -203,12 +191,7 @@ def gather(
 
 
 def _radius_px(found: Floats, share: float) -> float:
-    """PLAIN_RADIUS_PX; of smaller features, the semi-minor axis that so large a share of those found has not.
-
-    Args:
-        found: E of those found.  # (N, 3)
-        share: 0 to 1.
-    """
+    """PLAIN_RADIUS_PX; of smaller features, the semi-minor axis that so large a share of those found has not."""
     return min(PLAIN_RADIUS_PX, float(np.quantile(semi_axes_px(found)[1], share))) if len(found) else PLAIN_RADIUS_PX
 
 

@@ -51,11 +51,7 @@ def write(camera: Camera) -> str:
 
 
 def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
-    """The camera in a text, or the one of that id.
-
-    Raises:
-        InputError: not such a file, or a lens that is no relative of Brown's.
-    """
+    """The camera in a text, or the one of that id."""
     lines: dict[str, tuple[int, list[str]]] = {}
     for row, line in enumerate(text.splitlines(), start=1):
         words = line.split("#", 1)[0].split()

@@ -12,11 +12,7 @@ def _recognises(head: str) -> bool:
 
 
 def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
-    """The camera in a text.
-
-    Raises:
-        InputError: not such a file, or a value that breaks a rule.
-    """
+    """The camera in a text."""
     return ReadCamera(camera_from_mapping(parse_json(text, Path(origin), "a camera file"), origin))
 
 

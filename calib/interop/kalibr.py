@@ -45,11 +45,7 @@ def write(camera: Camera) -> str:
 
 
 def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
-    """The camera in a text, or the one of that name.
-
-    Raises:
-        InputError: not such a file, or a lens that is no relative of Brown's.
-    """
+    """The camera in a text, or the one of that name."""
     tree = mapping(parse_yaml(text, origin), "the file", origin)
     chain = {"cam0": tree} if "intrinsics" in tree else {key: one for key, one in tree.items() if isinstance(one, dict)}
     values = mapping(pick(chain, name, origin), "a camera", origin)

@@ -32,11 +32,7 @@ TOLERANCE = 1e-12
 def brown_camera(
     linear: Sequence[float], coefficients: Sequence[float], image_size: tuple[int, int], origin: str
 ) -> ReadCamera:
-    """A camera with fx fy cx cy and up to 12 of OpenCV's coefficients.
-
-    Raises:
-        InputError: a value breaks a rule of cameras.
-    """
+    """A camera with fx fy cx cy and up to 12 of OpenCV's coefficients."""
     given = [*coefficients, *[0.0] * (12 - len(coefficients))]
     camera = make_camera(COMMON, [*linear, *given[:BROWN]], image_size, origin)
     if not any(given[BROWN:]):
@@ -58,11 +54,7 @@ def brown_camera(
 def fit_lens(
     distort: Distort, linear: Sequence[float], image_size: tuple[int, int], what: str, origin: str
 ) -> ReadCamera:
-    """The camera of model `opencv` nearest to one with another lens, behind fx fy cx cy.
-
-    Raises:
-        InputError: the lens has no inverse in the image, or is too far from any that the model can be.
-    """
+    """The camera of model `opencv` nearest to one with another lens, behind fx fy cx cy."""
     fx, fy, cx, cy = make_camera(LINEAR, linear, image_size, origin).params
     pixel = image_grid(image_size).reshape(-1, 2)
     with np.errstate(all="ignore"):  # where the lens has no inverse the numbers run away, and are left out

@@ -56,11 +56,7 @@ def write(camera: Camera) -> str:
 
 
 def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
-    """The camera in a text, or of exported cameras the sensor of that label.
-
-    Raises:
-        InputError: not such a file, or not a frame camera.
-    """
+    """The camera in a text, or of exported cameras the sensor of that label."""
     root = parse_xml(text, origin)
     if root.tag == "calibration":
         if name is not None:

@@ -56,11 +56,7 @@ def write(camera: Camera) -> str:
 
 
 def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
-    """The camera in a text.
-
-    Raises:
-        InputError: not such a file, or a lens that is no relative of Brown's.
-    """
+    """The camera in a text."""
     values = mapping(_literal(text, origin), "the file", origin)
     model = required(values, ("lensmodel", "lens_model", "distortion_model"), origin)
     name = model.replace("DISTORTION_", "LENSMODEL_") if isinstance(model, str) else ""

@@ -43,11 +43,7 @@ def _matrix(rows: int, columns: int, values: list[float]) -> str:
 
 
 def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
-    """The camera in a text.
-
-    Raises:
-        InputError: not such a file, or a lens that is no relative of Brown's.
-    """
+    """The camera in a text."""
     tree = parse_yaml(only_keys(text, (*MATRIX, *LENS, *SIZE, FISHEYE)), origin)
     values = mapping({} if tree is None else tree, "the file", origin)
     size = _image_size(values, origin)
@@ -74,11 +70,7 @@ def _data(matrix: object) -> object:
 
 
 def linear_part(matrix: list[float], origin: str) -> list[float]:
-    """Values fx fy cx cy of a camera matrix, row by row.
-
-    Raises:
-        InputError: a matrix with skew, or none at all.
-    """
+    """Values fx fy cx cy of a camera matrix, row by row."""
     fx, skew, cx, zero, fy, cy, *last = matrix
     if [zero, *last] != [0.0, 0.0, 0.0, 1.0]:
         raise InputError(f"{origin}: not a camera matrix: it must be fx 0 cx, 0 fy cy, 0 0 1, row by row")

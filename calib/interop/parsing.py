@@ -30,11 +30,7 @@ MAX_DEPTH = 40
 
 
 def number(value: object, name: str, origin: str) -> float:
-    """A finite number, given as such or as text.
-
-    Raises:
-        InputError: it is none.
-    """
+    """A finite number, given as such or as text."""
     if isinstance(value, str) and _NUMBER.fullmatch(value.strip()):
         value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -49,11 +45,7 @@ def number(value: object, name: str, origin: str) -> float:
 
 
 def numbers(value: object, name: str, origin: str, counts: Sequence[int]) -> list[float]:
-    """A list of finite numbers, as many as one of `counts` says.
-
-    Raises:
-        InputError: it is none.
-    """
+    """A list of finite numbers, as many as one of `counts` says."""
     if not isinstance(value, list | tuple):
         raise InputError(f"{origin}: {name} must be a list of numbers")
     if len(value) not in counts:
@@ -63,22 +55,14 @@ def numbers(value: object, name: str, origin: str, counts: Sequence[int]) -> lis
 
 
 def mapping(value: object, name: str, origin: str) -> Mapping[str, object]:
-    """A mapping whose keys are text.
-
-    Raises:
-        InputError: it is none.
-    """
+    """A mapping whose keys are text."""
     if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
         raise InputError(f"{origin}: {name} must hold names with values")
     return value
 
 
 def required(values: Mapping[str, object], names: Iterable[str], origin: str, hint: str = "") -> object:
-    """The value under the first of several names for one thing.
-
-    Raises:
-        InputError: there is none.
-    """
+    """The value under the first of several names for one thing."""
     names = tuple(names)
     for name in names:
         if name in values:
@@ -87,11 +71,7 @@ def required(values: Mapping[str, object], names: Iterable[str], origin: str, hi
 
 
 def image_size(given: object, origin: str) -> tuple[int, int]:
-    """Width and height in whole pixels.
-
-    Raises:
-        InputError: they are no whole numbers.
-    """
+    """Width and height in whole pixels."""
     sides = numbers(given, "image size", origin, (2,))
     for side, name in zip(sides, ("width", "height"), strict=True):
         if side != int(side) or side < 1:
@@ -100,11 +80,7 @@ def image_size(given: object, origin: str) -> tuple[int, int]:
 
 
 def make_camera(model: str, params: Sequence[float], size: tuple[int, int], origin: str) -> Camera:
-    """A camera, held to the same rules as one from `camera.json`.
-
-    Raises:
-        InputError: a value breaks a rule.
-    """
+    """A camera, held to the same rules as one from `camera.json`."""
     values = dict(zip(parameter_names(model), params, strict=True))
     document = {
         "format": CAMERA.format,
@@ -117,11 +93,7 @@ def make_camera(model: str, params: Sequence[float], size: tuple[int, int], orig
 
 
 def pick(cameras: Mapping[str, Item], wanted: str | None, origin: str) -> Item:
-    """The one camera of a file, or the one of several that is asked for by name.
-
-    Raises:
-        InputError: there is none, several and none is named, or none of that name.
-    """
+    """The one camera of a file, or the one of several that is asked for by name."""
     if not cameras:
         raise InputError(f"{origin}: holds no camera")
     names = ", ".join(list(cameras)[:8]) + (", ..." if len(cameras) > 8 else "")
@@ -156,12 +128,7 @@ class _BoundedLoader(yaml.BaseLoader):
         self.nodes = self.depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """A value and all in it.
-
-        Raises:
-            RecursionError: too deep.
-            yaml.YAMLError: too many.
-        """
+        """A value and all in it."""
         self.nodes, self.depth = self.nodes + 1, self.depth + 1
         if self.depth > DEEPEST:
             raise RecursionError
@@ -186,11 +153,7 @@ def only_keys(text: str, names: Collection[str]) -> str:
 
 
 def parse_yaml(text: str, origin: str) -> object:
-    """The first document in a YAML text: a tree of dict, list and str.
-
-    Raises:
-        InputError: not YAML, too long or nested too deep; the message names file and place.
-    """
+    """The first document in a YAML text: a tree of dict, list and str."""
     if len(text) - text.count("\n") > MAX_FILE_BYTES:
         raise InputError(f"{origin}: more than {MAX_FILE_BYTES} characters; a YAML camera file is smaller")
     try:
@@ -210,11 +173,7 @@ def parse_yaml(text: str, origin: str) -> object:
 
 
 def parse_xml(text: str, origin: str) -> Element:
-    """The root of an XML text.
-
-    Raises:
-        InputError: not XML, with a document type, or nested too deep; the message names file and place.
-    """
+    """The root of an XML text."""
     builder, depth = TreeBuilder(), 0
 
     def start(name: str, attributes: dict[str, str]) -> None:

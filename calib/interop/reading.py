@@ -70,11 +70,7 @@ def _is_ours_alone(path: Path) -> bool:
 
 
 def find_format(name: str) -> CameraFormat:
-    """The format of that name.
-
-    Raises:
-        InputError: there is none.
-    """
+    """The format of that name."""
     if name not in FORMATS:
         hint = suggestion(name, list(FORMATS)) or f"; there are {', '.join(FORMATS)}"
         raise InputError(f"unknown camera format {shown(name)}{hint}")

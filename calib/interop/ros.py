@@ -44,11 +44,7 @@ def _matrix(rows: int, columns: int, values: list[float]) -> str:
 
 
 def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
-    """The camera in a text.
-
-    Raises:
-        InputError: not such a file, or a lens that is no relative of Brown's.
-    """
+    """The camera in a text."""
     tree = parse_yaml(only_keys(text, KEYS), origin)
     values = mapping({} if tree is None else tree, "the file", origin)
     size = image_size([required(values, (f"image_{side}", side), origin) for side in ("width", "height")], origin)

@@ -88,13 +88,7 @@ def summarise(errors: Errors) -> ErrorSummary:
 
 
 def summarise_groups(errors: Errors, group: NDArray[np.int64], group_count: int) -> tuple[ErrorSummary, ...]:
-    """The summary of each group.
-
-    Args:
-        errors: N errors.
-        group: (N,) the group of each, 0 to `group_count` - 1; -1: in none.
-        group_count: how many groups there are.
-    """
+    """The summary of each group, numbered from 0, of errors (N,); -1: in none."""
     rows = np.flatnonzero(errors.is_counted & (group >= 0))
     size, group = errors.size[rows], group[rows]
     count = np.bincount(group, minlength=group_count)

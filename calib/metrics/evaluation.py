@@ -66,11 +66,7 @@ def errors_of(calibration: Calibration, truth: Truth | None) -> tuple[Errors, ..
 
 
 def truth_remarks(calibration: Calibration, truth: Truth) -> tuple[str, ...]:
-    """What to know of a truth that does not quite fit.
-
-    Raises:
-        InputError: it knows none of the views.
-    """
+    """What to know of a truth that does not quite fit."""
     names = calibration.observations.view_names
     known = len(set(names) & set(truth.files))
     if not known:
@@ -117,10 +113,7 @@ def by_face(evaluation: Evaluation, errors: Errors) -> tuple[ErrorSummary, ...] 
 def joined(calibration: Calibration, parts: Sequence[Errors], views: Sequence[NDArray[np.int64]]) -> Errors:
     """The errors of one metric in several sets of a calibration's views, as one.
 
-    Args:
-        calibration: of all views.
-        parts: errors of each set.
-        views: the numbers in the whole of each set's views, ascending.
+    `views` are the numbers in the whole of each set's views, ascending.
     """
     first = parts[0]
     rows = [np.flatnonzero(np.isin(calibration.observations.view, some)) for some in views]

@@ -33,12 +33,7 @@ class Prediction:
 
 
 def predict(calibration: Calibration, true_cam_from_target: Array | None = None) -> Prediction:
-    """The prediction of a calibration.
-
-    Args:
-        calibration: camera, poses and observations.
-        true_cam_from_target: the true poses (V, 4, 4), nan for views whose pose is not known.
-    """
+    """The prediction of a calibration; true poses (V, 4, 4) are nan where they are not known."""
     seen = calibration.observations
     position = seen.points.position_mm[seen.point]
     rotation, shift = calibration.cam_from_target[:, :3, :3], calibration.cam_from_target[:, :3, 3]

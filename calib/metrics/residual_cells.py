@@ -68,14 +68,7 @@ def columns_rows(image_size: tuple[int, int], sightings: int, per_cell: int = WA
 
 
 def cells_of(image_size: tuple[int, int], pixel: Array, residual_px: Array, shape: tuple[int, int]) -> ResidualCells:
-    """Sort residuals (N, 2) at pixels (N, 2) into cells; what lies outside the image goes into the nearest.
-
-    Args:
-        image_size: width, height in px.
-        pixel: where the residuals are.
-        residual_px: the residuals.
-        shape: columns and rows.
-    """
+    """Sort residuals (N, 2) at pixels (N, 2) into cells; what lies outside the image goes into the nearest."""
     columns, rows = shape
     edge_u, edge_v = (
         np.linspace(-0.5, image_size[0] - 0.5, columns + 1),

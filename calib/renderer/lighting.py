@@ -37,14 +37,7 @@ class Gradient:
 
 
 def place_lamp(center_mm: Array, normal: Array, size_mm: float, rng: np.random.Generator) -> Lamp:
-    """A lamp whose mirror image the camera sees on a random feature.
-
-    Args:
-        center_mm: (R, 3) features in the camera frame.
-        normal: (R, 3) outward normals there.
-        size_mm: of the target.
-        rng: chooses the feature, the lamp's distance and the lobe's width.
-    """
+    """A lamp whose mirror image the camera sees on a random one of the features (R, 3), given in the camera frame."""
     to_camera = -center_mm / np.linalg.norm(center_mm, axis=1, keepdims=True)
     cosine = (normal * to_camera).sum(axis=1)
     facing = np.flatnonzero(cosine > LEAST_COSINE)
@@ -58,14 +51,7 @@ def place_lamp(center_mm: Array, normal: Array, size_mm: float, rng: np.random.G
 
 
 def lambert(normal: Array, middle_mm: Array, lamp: Lamp, share: float) -> Array:
-    """Light of faces (F,) turned to a lamp: `1 - share + share cos`, over that of the brightest face.
-
-    Args:
-        normal: (F, 3) outward normals in the camera frame.
-        middle_mm: (F, 3) the faces' middles.
-        lamp: where the light comes from.
-        share: of the light that depends on the angle.
-    """
+    """Light of faces (F,) turned to a lamp, `1 - share + share cos`, over that of the brightest."""
     to_lamp = lamp.position_mm - middle_mm
     cosine = np.maximum(0.0, (normal * to_lamp).sum(axis=1) / np.linalg.norm(to_lamp, axis=1))
     light: Array = 1 - share + share * cosine

@@ -13,19 +13,7 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 
 
 def bounded(option: str, text: str, parse: Callable[[str], float], low: float, high: float, unit: str) -> float:
-    """A quantity within its limits.
-
-    Args:
-        option: named in messages.
-        text: as given.
-        parse: reads the text.
-        low: least value.
-        high: largest value.
-        unit: of the limits, for messages.
-
-    Raises:
-        InputError: no such quantity, or out of its limits.
-    """
+    """A quantity within its limits, whose unit messages name."""
     try:
         value = parse(text)
     except ValueError as error:
@@ -46,11 +34,7 @@ def length(option: str, text: str, low: float, high: float) -> float:
 
 
 def whole(option: str, value: object, low: int, high: int) -> int:
-    """A whole number within its limits.
-
-    Raises:
-        InputError: something else, or out of the limits.
-    """
+    """A whole number within its limits."""
     if not isinstance(value, Integral) or isinstance(value, bool) or not low <= int(value) <= high:
         what = "" if isinstance(value, Integral) else "a whole number "
         raise InputError(f"{option} {shown(value) if what else value}: must be {what}from {low} to {high}")
@@ -58,11 +42,7 @@ def whole(option: str, value: object, low: int, high: int) -> int:
 
 
 def real(option: str, value: object, low: float, high: float, unit: str = "") -> float:
-    """A number within its limits.
-
-    Raises:
-        InputError: something else, nan, or out of the limits.
-    """
+    """A number within its limits."""
     if not isinstance(value, Real) or isinstance(value, bool) or not low <= float(value) <= high:
         what = "" if isinstance(value, Real) else "a number "
         raise InputError(
@@ -72,11 +52,7 @@ def real(option: str, value: object, low: float, high: float, unit: str = "") ->
 
 
 def choice(option: str, text: str, known: tuple[str, ...]) -> str:
-    """One of a few words.
-
-    Raises:
-        InputError: another word; the message suggests the nearest.
-    """
+    """One of a few words."""
     if text not in known:
         hint = suggestion(text, list(known)) or f"; use {', '.join(known)}"
         raise InputError(f"{option} {shown(text)} is unknown{hint}")
@@ -84,38 +60,22 @@ def choice(option: str, text: str, known: tuple[str, ...]) -> str:
 
 
 def parse_degrees(text: str) -> float:
-    """An angle in degrees, `60deg` or `60`.
-
-    Raises:
-        ValueError: not a finite number of degrees.
-    """
+    """An angle in degrees, `60deg` or `60`."""
     return _with_unit(text, ("deg", "°", ""), "an angle such as 60deg")
 
 
 def parse_pixels(text: str) -> float:
-    """A length in the image, `0.7px` or `0.7`.
-
-    Raises:
-        ValueError: not a finite number of pixels.
-    """
+    """A length in the image, `0.7px` or `0.7`."""
     return _with_unit(text, ("px", ""), "pixels such as 0.7px")
 
 
 def parse_number(text: str) -> float:
-    """A plain number.
-
-    Raises:
-        ValueError: not a finite number.
-    """
+    """A plain number."""
     return _with_unit(text, ("",), "a number")
 
 
 def length_range(option: str, text: str, low: float, high: float) -> tuple[float, float]:
-    """`400mm`, or `250mm..800mm`, in millimetres and in order.
-
-    Raises:
-        InputError: no lengths, or out of the limits.
-    """
+    """`400mm`, or `250mm..800mm`, in millimetres and in order."""
     parts = text.split("..")
     if len(parts) > 2:
         raise InputError(f"{option} {shown(text)}: give one length, or two such as 250mm..800mm")

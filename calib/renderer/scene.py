@@ -46,11 +46,7 @@ class RenderScene:
 
 
 def scene_from_target(target: TargetGeometry) -> RenderScene:
-    """Flatten a target for the kernels.
-
-    Raises:
-        InputError: an outline or window that is not convex.
-    """
+    """Flatten a target for the kernels."""
     ring = np.column_stack([target.center_in_face_mm, target.radius_outer_mm, target.radius_inner_mm])
     faces = tuple(_face(target, number, ring) for number in range(target.face_count))
     return RenderScene(

@@ -110,14 +110,7 @@ def _draw_rings(image: Grey, middle_px: Array, radius_px: float, rng: np.random.
 def occlude(
     image_size: tuple[int, int], silhouette_px: list[Array], hidden: float, rng: np.random.Generator
 ) -> Occluders:
-    """Blobs and rods in front of the target that hide a share of its silhouette.
-
-    Args:
-        image_size: width, height.
-        silhouette_px: convex polygons (K, 2) whose union is the target's image.
-        hidden: share of the silhouette's area inside the image.
-        rng: draws the shapes.
-    """
+    """Blobs and rods in front of the target that hide a share of its silhouette, a union of convex polygons (K, 2)."""
     width, height = image_size
     result = Occluders(np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8))
     corners = np.concatenate([np.zeros((0, 2)), *silhouette_px])

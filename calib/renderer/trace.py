@@ -175,16 +175,7 @@ def _pixel(ray: Array, row: int, column: int, rotation: Array, height: float) ->
 def _cells(
     face: FaceArrays, origin: Array, p: _Pixel, cells: int, at_outline: bool, from_window: float
 ) -> tuple[float, float]:
-    """Share of a pixel that the face covers, and share that is white, cell by cell.
-
-    Args:
-        face: what to see there.
-        origin: (3,) the camera in the face frame.
-        p: the pixel.
-        cells: along its side.
-        at_outline: whether the outline crosses the pixel, which else lies inside.
-        from_window: signed distance (mm) of the pixel's centre from the window.
-    """
+    """Share of a pixel that the face covers, and share that is white, cell by cell."""
     outline, window, ring, raster, raster_origin = face.outline, face.window, face.ring, face.raster, face.raster_origin
     has_window, cells_per_mm = face.has_border and not face.is_plain, 1 / face.cell_mm
     at_window = has_window and abs(from_window) < p.reach

@@ -152,15 +152,7 @@ class UndeterminedError(InputError):
 
 
 def why_degenerate(observations: Observations, found: Minimum, sigma_px: float, accuracy: Accuracy, tie: Tie) -> str:
-    """One line with the reason and the remedy; empty if the camera is determined.
-
-    Args:
-        observations: that were solved.
-        found: the minimum.
-        sigma_px: robust standard deviation of its residuals' coordinates.
-        accuracy: what is known of the unknowns.
-        tie: which parameters are free.
-    """
+    """One line with the reason and the remedy; empty if the camera is determined."""
     # First, because nonsense may also leave next to nothing that counts.
     typical = MEDIAN_LENGTH * sigma_px
     if not typical < NO_FIT * max(observations.image_size):

@@ -121,16 +121,7 @@ class Descended:
 def descend(
     problem: Problem, camera: Camera, poses: Array, tie: Tie, options: SolveOptions, cov_px2: Array | None
 ) -> Descended:
-    """Down to the minimum, of a part of the observations first: the last steps are then two or three.
-
-    Args:
-        problem: what was seen.
-        camera: where to start.
-        poses: where to start (V, 4, 4).
-        tie: free, fixed and shared parameters.
-        options: losses and limits.
-        cov_px2: of the observations (M, 2, 2), if known.
-    """
+    """Down to the minimum, of a part of the observations first: the last steps are then two or three."""
     steps = options.max_iterations
     starts = [(camera, poses), (without_lens(camera, tie), poses)]
     few = few_per_view(problem.view_count)

@@ -131,12 +131,7 @@ def shape_equations(calibration: Calibration, basis: Array, modes_mm: Array, own
 
 
 def whitened_views(calibration: Calibration, basis: Array) -> Iterator[WhitenedView]:
-    """The sightings of each view that count, to first order.
-
-    Args:
-        calibration: the solution.
-        basis: directions of the camera's parameters (P, Q).
-    """
+    """The observations of each view that count, to first order; `basis` are directions of the parameters (P, Q)."""
     seen = calibration.observations
     for view, pose in enumerate(calibration.cam_from_target):
         row = np.flatnonzero((seen.view == view) & ~calibration.is_outlier)

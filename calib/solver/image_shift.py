@@ -35,13 +35,7 @@ LEAST_PX = 0.2
 
 
 def shifted_photo(products: Array, tie: Tie, names: Sequence[str]) -> list[str]:
-    """A word on the photo whose picture is shifted most, if that is not by chance.
-
-    Args:
-        products: the blocks of V views at the minimum (V, P + 7, P + 7).
-        tie: which parameters are free.
-        names: of the views.
-    """
+    """A word on the photo whose picture is shifted most, if not by chance, from the views' blocks at the minimum."""
     if len(products) < LEAST_VIEWS or (tie.row[PRINCIPAL_POINT] < 0).any():
         return []
     reduced = reduced_blocks(products)

@@ -287,12 +287,8 @@ def weak_perspective_poses(view_start: NDArray[np.int64], position_mm: Array, ra
     """Poses (V, 4, 4) as if all points were equally far: linear in the two first rows of the rotation.
 
     For views with too few points for a projection; nan where the points are in a plane. With m the mean of the points,
-    `x = s r1 (p - m) + x0` and `y = s r2 (p - m) + y0` (DeMenthon and Davis 1995, the first step).
-
-    Args:
-        view_start: first observation of each view (V + 1,).
-        position_mm: of the observations (3, M).
-        ray: x and y of their directions at z = 1 (2, M).
+    `x = s r1 (p - m) + x0` and `y = s r2 (p - m) + y0` (DeMenthon and Davis 1995, the first step). Rays are x and y
+    of directions at z = 1 (2, M).
     """
     first, count = view_start[:-1], np.diff(view_start)
     middle, sight = (np.add.reduceat(values, first, axis=1) / count for values in (position_mm, ray))

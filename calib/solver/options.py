@@ -41,12 +41,7 @@ class Tie:
 
 
 def tie_parameters(model: str, options: SolveOptions) -> Tie:
-    """The free parameters of a model under a person's choices.
-
-    Raises:
-        InputError: a model that is not solved, a name that the model does not have, a value out of bounds, or a
-            parameter named twice.
-    """
+    """The free parameters of a model under a person's choices."""
     if model not in solved_models():
         raise InputError(
             f"model {model}: photos are simulated with it, not solved; choose one of {', '.join(solved_models())}"

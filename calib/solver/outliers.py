@@ -50,10 +50,6 @@ def robust_covariance_factor(length: Array, loss: RobustLoss) -> float:
 
     With weights w(r) of residuals' lengths r, an M-estimator has the covariance `(J'J)^-1 E[w^2 r^2] / 2 / E[w + r w' /
     2]^2` (Huber 1981, section 7.6, in two dimensions), and the normal matrix is about `E[w] J'J`.
-
-    Args:
-        length: of the whitened residuals that count (M,).
-        loss: that they were solved with.
     """
     knee = KNEE[loss.kind] * loss.sigma
     if loss.kind == "huber":
@@ -66,16 +62,11 @@ def robust_covariance_factor(length: Array, loss: RobustLoss) -> float:
 
 
 def deviations(residual_px: Array, cov_px2: Array | None, sigma_px: float | None = None) -> Array:
-    """Lengths (M,) of residuals (2, M) in robust standard deviations.
+    """Lengths (M,) of residuals (2, M) in robust standard deviations, `sigma_px` if that is known already.
 
     With covariances, the shorter of the lengths in pixels and in stated standard deviations: a ring that is seen all
     but edge-on may be off by more pixels than others, and where the model's errors outgrow the noise, one that is
     seen well may be off by many of its small standard deviations. Neither is an outlier.
-
-    Args:
-        residual_px: the residuals.
-        cov_px2: of the observations (M, 2, 2), if known.
-        sigma_px: their `robust_sigma`, where it is known already.
     """
     length: Array = np.sqrt(_squares(residual_px)) / (robust_sigma(residual_px) if sigma_px is None else sigma_px)
     if cov_px2 is None:

@@ -129,13 +129,7 @@ class Poses:
 
 
 def solve_poses(camera: Camera, observations: Observations, *, weighted: bool = True) -> Poses:
-    """The pose of each view that minimises the squared distances in the image, the camera as it is.
-
-    Args:
-        camera: the known camera.
-        observations: what it saw; each view has four points or more.
-        weighted: by the covariances of the observations, where they are known.
-    """
+    """The pose of each view, of four points or more, with the least squared distances in the image."""
     problem = pack(observations, weighted=weighted)
     first = first_poses(problem, camera, is_robust=False)
     start = np.where(first.found[:, None, None], first.cam_from_target, np.eye(4))

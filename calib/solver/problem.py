@@ -42,15 +42,7 @@ class Problem:
 
 
 def pack(observations: Observations, *, weighted: bool) -> Problem:
-    """The problem of all views.
-
-    Args:
-        observations: what was seen; each view has some.
-        weighted: by the covariances, where they are known.
-
-    Raises:
-        ValueError: a view without observations, or a covariance that is none.
-    """
+    """The problem of all views, each of which has observations, weighted by their covariances if these are known."""
     count = len(observations.view)
     start = np.searchsorted(observations.view, np.arange(observations.view_count + 1))
     if (np.diff(start) == 0).any():

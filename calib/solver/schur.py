@@ -158,13 +158,7 @@ def _damped_step(
 
 
 def damped_step(products: Array, tie: NDArray[np.int64], damping: float) -> Step:
-    """The step that `(H + damping diag H) x = -g` asks for.
-
-    Args:
-        products: the views' blocks (V, P + 7, P + 7), see `calib.solver.blocks`.
-        tie: the free parameter that each parameter follows (P,); -1: fixed.
-        damping: Marquardt's factor.
-    """
+    """The step that `(H + damping diag H) x = -g` asks for, of blocks as `calib.solver.blocks` has them."""
     step = np.zeros(int(tie.max(initial=-1)) + 1)
     pose = np.zeros((len(products), 6))
     solvable, predicted = _damped_step(products, tie, damping, step, pose)
@@ -172,11 +166,7 @@ def damped_step(products: Array, tie: NDArray[np.int64], damping: float) -> Step
 
 
 def reduced_normal(products: Array, tie: NDArray[np.int64]) -> tuple[Array, Array]:
-    """The normal matrix of the free parameters with the poses eliminated (Q, Q), and `C^-1 B'` of each view (V, 6, Q).
-
-    Raises:
-        np.linalg.LinAlgError: a view's pose is not determined.
-    """
+    """The normal matrix (Q, Q) of the free parameters, the poses eliminated, and `C^-1 B'` of each view (V, 6, Q)."""
     free = int(tie.max(initial=-1)) + 1
     normal, inverse_times = np.zeros((free, free)), np.empty((len(products), 6, free + 1))
     if not _reduced_normal(products, tie, normal, inverse_times):
@@ -195,11 +185,7 @@ def _reduced_normal(products: Array, tie: NDArray[np.int64], normal: Array, inve
 
 
 def reduced_blocks(products: Array) -> Array:
-    """Each view's block over parameters and residual, its pose eliminated (V, P + 1, P + 1).
-
-    Raises:
-        np.linalg.LinAlgError: a view's pose is not determined.
-    """
+    """Each view's block over parameters and residual, its pose eliminated (V, P + 1, P + 1)."""
     size = products.shape[1] - 6
     reduced = np.empty((len(products), size, size))
     if not _reduce(products, np.arange(size - 1), reduced):

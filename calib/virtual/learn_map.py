@@ -70,13 +70,7 @@ class Cells:
 
 
 def cells_of(pixel: Array, variance: Array, most: int = MAX_CELLS) -> Cells:
-    """Square cells, as small as they may be for at most so many to hold a sighting.
-
-    Args:
-        pixel: of the sightings (M, 2).
-        variance: of the sightings (M,), which count inversely to it.
-        most: at most so many cells.
-    """
+    """Square cells, as small as may be for at most `most` to hold a pixel; these count inversely to their variance."""
     offset = pixel - pixel.min(axis=0)
     extent = np.ptp(pixel, axis=0)
     # Cells of this size are too few by far, unless all lie in a row.
@@ -98,11 +92,7 @@ def _cell_numbers(offset: Array, side: float) -> NDArray[np.int64]:
 
 
 def weights_of(values: Array, gram: Array) -> Array:
-    """`K^-1 y` of columns of values (N, 2) and K (N, N), which is overwritten.
-
-    Raises:
-        np.linalg.LinAlgError: K is not positive definite.
-    """
+    """`K^-1 y` of columns of values (N, 2) and K (N, N), which is overwritten."""
     from scipy.linalg.lapack import dpotrs
 
     solved: Array = dpotrs(_factor(gram), values, lower=1)[0]

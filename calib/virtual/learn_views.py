@@ -49,15 +49,7 @@ class FromViews:
 
 
 def learn_from_views(start: Calibration, options: SolveOptions) -> FromViews:
-    """Learn the map that fits all views.
-
-    Args:
-        start: the same views solved with a lens model, which gives the first poses and the first map.
-        options: of the solution.
-
-    Raises:
-        InputError: too few views.
-    """
+    """Learn the map that fits all views, from a solution with a lens model: the first poses and the first map."""
     seen = start.observations
     if seen.view_count < MIN_VIEWS:
         raise InputError(

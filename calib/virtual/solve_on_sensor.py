@@ -48,9 +48,6 @@ def solve_on_sensor(observations: Observations, learned: LearnedMap, options: So
     """Solve the pinhole of a virtual camera whose map is known; the map's own uncertainty is not in the covariances.
 
     Sightings where the map is not known are left out, and the remarks say so.
-
-    Raises:
-        InputError: too few sightings are left.
     """
     begin = time.perf_counter()
     kept, remarks = _known_part(observations, learned)

@@ -46,12 +46,7 @@ OUTLIER_ROUNDS = 5
 
 
 def on_plane_mm(points: KnownPoints, rows: NDArray[np.int64]) -> Array | None:
-    """Coordinates (K, 2) of points in the plane of those that are used, or None if these are not on one.
-
-    Args:
-        points: K of them.
-        rows: of the points that are used.
-    """
+    """Coordinates (K, 2) of points in the plane of those rows that are used, or None if these are not on one."""
     used = points.position_mm[np.unique(rows)]
     middle = used.mean(axis=0)
     _, extent, axes = np.linalg.svd(used - middle, full_matrices=False)
@@ -67,11 +62,7 @@ def on_plane_mm(points: KnownPoints, rows: NDArray[np.int64]) -> Array | None:
 
 
 def choose_view(observations: Observations, plane_mm: Array) -> int:
-    """The view that covers most of the image, from the front if there are several.
-
-    Raises:
-        InputError: no view shows the plane well enough.
-    """
+    """The view that covers most of the image, from the front if there are several."""
     coverage = np.zeros(observations.view_count)
     frontal = np.zeros(observations.view_count)
     for view in range(observations.view_count):
@@ -108,15 +99,7 @@ def _stretch(pixel: Array, plane: Array) -> Array:
 
 
 def sensor_points(pixel: Array, plane_mm: Array) -> Array:
-    """Points of a plane on a sensor of the same scale and orientation as the image, in about pixels.
-
-    The plane is turned, mirrored if its axes are seen from behind, scaled and moved as a whole, so that in the middle
-    of the pixels the sensor's axes are those of the image; it stays the image of a pinhole with square pixels.
-
-    Args:
-        pixel: where the points are seen (N, 2).
-        plane_mm: the points (N, 2).
-    """
+    """Points (N, 2) of a plane seen at pixels (N, 2), on a sensor of the image's scale and orientation, in pixels."""
     stretch = _stretch(pixel, plane_mm)
     if np.linalg.det(stretch) < 0:
         plane_mm, stretch = plane_mm * [1, -1], np.diag([1.0, -1.0]) @ stretch

@@ -20,7 +20,7 @@ ALLOWED = {
     "calib/as_built/solve.py _about_effective": "a normal matrix with a prior on each unknown",
     "calib/cameras/learned.py exact_variance": "a Gram matrix with the knots' noise on its diagonal",
     "calib/detector/lines.py fit_lines": "a covariance plus a floor",
-    "calib/detector/alignment.py _uprightness": "a shortest solution, which two columns always have",
+    "calib/detector/naming.py _uprightness": "a shortest solution, which two columns always have",
     "calib/detector/where_expected.py _plane_map": "shortest solutions, whose points were found to span a plane",
     "calib/metrics/reconstruction.py reconstruction": "of the rings whose rays were found to meet in a point",
     "calib/cameras/refit.py _adjust": "damped: a diagonal of ones with more on it",

@@ -26,7 +26,7 @@ def test_the_surface_is_a_tensor_product_of_scipys_splines() -> None:
     camera = bent(5)
     point = rays(camera, pixels(500))
     pinhole = point[:, :2] * PINHOLE[:2] + PINHOLE[2:]
-    scale = _scale(SIZE)
+    (scale,) = _scale(camera)
     across, down = (scale[k, 0] + (np.arange(count) - 1) / scale[k, 1] for k, count in enumerate((COLUMNS, ROWS)))
 
     def basis(where: np.ndarray, centers: np.ndarray) -> np.ndarray:
