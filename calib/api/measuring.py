@@ -1,7 +1,8 @@
 """A printed target as photos of it show it: what `calib measure` does."""
 
+import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -10,54 +11,48 @@ from typing import TypeAlias
 from calib.api.loading import Place, load_observations, observations_of, target_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.progress import Progress, unheard
-from calib.as_built.lengths import CaliperLength, length_in, rescaled
+from calib.as_built.cross_validation import cross_validate
+from calib.as_built.deviations import Compensation, Estimate
+from calib.as_built.lengths import CaliperLength, asked_length, doubt_about, length_in, rescaled
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.result import AsBuilt
 from calib.as_built.solve import measure as measure_print
 from calib.as_built.solve import with_known_weights
-from calib.as_built_report.deviations import Estimate
-from calib.as_built_report.files import TARGET_SUFFIX, MeasureReport, check_places, places_of, report_files, report_of
-from calib.as_built_report.held_out import LEAST_FOLDS, HeldOut, gain_on_held_out
-from calib.as_built_report.join import joined
-from calib.as_built_report.length_words import AskedLength, doubt_about, parse_length
-from calib.as_built_report.words import no_gain_line
-from calib.cameras import COMMON, DEFAULT, fitted_models, learned_models
+from calib.cameras import fitted_models
 from calib.core.files import write_files
 from calib.core.types import Detections, Observations
+from calib.metrics.evaluation import evaluate
 from calib.observe.dataset import read_detections
-from calib.observe.observations import observations_from_detections
-from calib.pipeline.solving import plan_from_words
+from calib.pipeline.solving import ALL, SolvePlan, plan_from_words, preference
+from calib.records.as_built_file import AsBuiltRecord, record_of
+from calib.show.measured.files import TARGET_SUFFIX, check_places, measured_files, places_of
+from calib.show.measured.words import why_not
+from calib.solver.solve import solve
+from calib.verdict.judge import VERDICT, VERDICT_FILE
 from designer.base.answer import program
 from designer.base.errors import InputError
-from designer.base.units import NO_SKEW, Skew
-from designer.base.words import suggestion
+from designer.base.units import NO_SKEW, Skew, format_skew
+from designer.base.words import shown
 from designer.target import TargetGeometry, target_to_json
 from designer.tolerance.made import EXACT, Made, how_made
 
 LEAST_VIEWS = 3
 """Of a camera: from fewer, a target that may have any shape does not tell the camera."""
-USUAL_FOLDS = 5
-Several: TypeAlias = Observations | Place | Sequence[Detections] | Sequence[Place] | Sequence[Observations]
+LEAST_PARTS, USUAL_PARTS = 2, 5
+Several: TypeAlias = Observations | Place | Iterable[Detections] | Iterable[Place | Observations]
 """What was observed of a print: of one camera, or of several a file or observations each."""
-MOST_COMPENSATION_PERCENT = 50.0
 
 
 @dataclass(frozen=True, eq=False)
 class MeasureResult(ShownAsPage):
-    """A target as it was printed, and what that is worth: `measured.target`, `measured.report.whole.size`.
+    """A target as it was printed, and what that is worth: `measured.target`, `measured.record.whole.size`.
 
     In a notebook the result shows its page.
     """
 
-    report: MeasureReport
-    remarks: tuple[str, ...]  # on photos, lengths and the way of making, one line each; `found` has its own
-    is_judged: bool  # whether the gain on photos held out was asked for
+    found: AsBuilt  # the solution: cameras, faces, rings and their covariances
+    record: AsBuiltRecord  # all that is told of it, as `NAME.as_built.json` has it
     measured_against: Path | None = None  # the file of the target as designed, which `save` leaves alone
-
-    @property
-    def found(self) -> AsBuilt:
-        """The solution: cameras, faces, rings and their covariances."""
-        return self.report.found
 
     @property
     def target(self) -> TargetGeometry:
@@ -65,11 +60,14 @@ class MeasureResult(ShownAsPage):
         return self.found.target
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a person must know, a line each."""
+        return self.record.remarks
+
+    @property
     def why_not(self) -> str:
         """Why the measured target is not to be used, in a line; "" if it is, or if nobody asked."""
-        if self.found.status == "degenerate":
-            return "no camera is determined"
-        return no_gain_line(self.report.held_out) if self.is_judged else ""
+        return why_not(self.record)
 
     def save(self, path: Place) -> tuple[Path, ...]:
         """Write `NAME.target.json`, and `NAME.as_built.json`, `.csv` and `.png` beside it; return the files.
@@ -77,11 +75,9 @@ class MeasureResult(ShownAsPage):
         Raises:
             InputError: another name, a file of somebody else's, or the target it was measured against.
         """
-        from calib.as_built_report.picture import report_picture
-
         places = places_of(Path(path))
         check_places(places, self.measured_against)
-        files = {**report_files(self.report, places), places.picture: report_picture(self.report)}
+        files = measured_files(places, self.record, self.target, self.found.nominal)
         write_files(files)
         return tuple(files)
 
@@ -95,16 +91,16 @@ def measure(
     target: TargetGeometry | Place,
     observed: Several,
     *,
-    lengths: Sequence[str | CaliperLength] = (),
-    model: str = COMMON,
+    lengths: str | CaliperLength | Iterable[str | CaliperLength] = (),
+    model: str | None = None,
     one_camera: bool = False,
     rings: str = "free",
     bow: bool | None = None,
     made: str | None = None,
     weighted: bool = True,
     reject_sigma: float | None = None,
-    fix: Sequence[str] = (),
-    share: Sequence[str] = (),
+    fix: Iterable[str] = (),
+    share: Iterable[str] = (),
     shrink_compensation_percent: float = 0.0,
     skew_compensation_rad: Skew = NO_SKEW,
     bed_turn_rad: float = 0.0,
@@ -112,7 +108,6 @@ def measure(
     held_out: int | None = None,
     truth: TargetGeometry | Place | None = None,
     progress: Progress = unheard,
-    settings: Sequence[tuple[str, str]] = (),
 ) -> MeasureResult:
     """Measure a print with photos of it: `measure("ico.target.json", "detections.csv").save("as_built.target.json")`.
 
@@ -124,7 +119,8 @@ def measure(
         observed: in photos of the print: a file, what was found in photos, or observations; several files or
             observations are of a camera each.
         lengths: of a caliper, which tell the size.
-        model: of the cameras.
+        model: of the cameras; None: that of the best camera of the run whose `detections.csv` is given, else the one
+            with the smaller residuals, as `run` chooses. `remarks` say which and why.
         one_camera: all files are of one camera.
         rings: `free`: each ring may be off a little; `rigid`: only faces move.
         bow: whether faces may be bent; None: a board may.
@@ -137,48 +133,62 @@ def measure(
         skew_compensation_rad: likewise, of xy, xz and yz.
         bed_turn_rad: by which the print was turned on the bed against `design`.
         image_size: of files that do not say it.
-        held_out: hold every N-th photo out in turn to judge the gain; None: 5, fewer of few; 0: do not.
+        held_out: hold every N-th photo out in turn (cross-validation) to judge the gain; None: 5, fewer of few; 0: do
+            not.
         truth: of rendered photos: the target they show, to judge the gain by too.
         progress: is told what is being done.
-        settings: names and values to keep in the record, instead of those that follow from the arguments.
 
     Raises:
         InputError: files or options that break a rule, or photos too few.
     """
     nominal = _nominal(target)
     way = _way(nominal, made)
-    asked = [_asked(one, nominal) for one in lengths]
-    options = _options(model, rings, fix, share, reject_sigma, way, weighted=weighted, bow=bow)
-    if not -MOST_COMPENSATION_PERCENT < shrink_compensation_percent < MOST_COMPENSATION_PERCENT:
-        raise InputError(f"--shrink-compensation {shrink_compensation_percent:g}%: must lie between -50% and 50%")
-    shape = None if truth is None else _truth(truth, nominal, target)
-    sets = _sets(observed, nominal, target, image_size, one_camera=one_camera)
-    remarks = (
-        *(line for one in sets for line in one.remarks),
-        *((way.sentence,) if way.because else ()),
-        *filter(None, (doubt_about(one, nominal, way.errors) for one in asked)),
+    given = (lengths,) if isinstance(lengths, str | CaliperLength) else tuple(lengths)
+    asked = [asked_length("--length", one, nominal) for one in given]
+    fix, share = ((words,) if isinstance(words, str) else tuple(words) for words in (fix, share))
+    plan = plan_from_words(
+        model or ALL, fix=fix, share=share, focal_px=None, loss="squares", reject=reject_sigma, weighted=weighted
     )
-    options = with_known_weights(options, sets)
-    folds = _folds(held_out, min(one.view_count for one in sets))
+    if model not in (None, *fitted_models()):
+        raise InputError(
+            f"--model {model}: its map is learned from the target's own rings, so it cannot measure them; measure with "
+            f"one of {', '.join(fitted_models())}, then solve {model} with the measured target"
+        )
+    if rings not in ("free", "rigid"):
+        raise InputError(f"--rings {rings!r}: it must be free or rigid")
+    made_with = Compensation(shrink_compensation_percent, skew_compensation_rad)
+    if not abs(bed_turn_rad) <= math.tau:
+        raise InputError(
+            f"--bed-turn {math.degrees(bed_turn_rad):g}deg: must be a full turn at most; give it in degrees"
+        )
+    shape = None if truth is None else _truth(truth, nominal, target)
+    items = _items(observed)
+    sets = _sets(items, nominal, target, image_size, one_camera=one_camera)
+    parts = _parts(held_out, min(one.view_count for one in sets))
     progress("measuring", 0, 0)
-    found = measure_print(sets, nominal, model, options, [one.length for one in asked])
-    held = _held_out(found, model, options, folds, shape, progress)
-    record = {
-        "target": _named(target), "detections": ", ".join(map(_named, _places(observed))), "model": model,
-        "rings": rings, "one-camera": str(one_camera), "weighted": str(options.solve.weighted),
-        "reject": f"{reject_sigma or ''}", "bow": {None: "default", True: "bow", False: "flat"}[bow],
-        "fix": " ".join(fix), "made": made or "", "share": " ".join(share),
-        "shrink-compensation": f"{shrink_compensation_percent:g}%",
-        "skew-compensation": " ".join(f"{one:g}rad" for one in skew_compensation_rad),
-        "bed-turn": f"{bed_turn_rad:g}rad", "length": "; ".join(one.text for one in asked), "held-out": str(folds),
-    }  # fmt: skip
-    report = report_of(
-        found, held, asked, made_with_percent=shrink_compensation_percent, made_with_skew_rad=skew_compensation_rad,
-        bed_turn_rad=bed_turn_rad, weighted=options.solve.weighted, program=program(),
-        settings=tuple({**record, **dict(settings)}.items()),
+    chosen, why = _chosen(plan, items, sets)
+    options = AsBuiltOptions(made=way, bow=bow, solve=plan.options_of(chosen))
+    options = with_known_weights(options if rings == "free" else replace(options, ring_sigma_mm=None), sets)
+    found = measure_print(sets, nominal, chosen, options, asked)
+    held = None
+    if held_out != 0 and found.status != "degenerate":
+        held = cross_validate(
+            found, chosen, options, parts, truth=shape, done=lambda part: progress("judging parts", part, parts)
+        )
+    record = record_of(
+        found, held, made_with, bed_turn_rad=bed_turn_rad, weighted=options.solve.weighted, program=program(),
+        remarks=(*why, *_remarks(sets, way, asked, nominal)),
+        settings={
+            "target": _named(target), "detections": ", ".join(map(_named, _paths(items))),
+            "model": chosen, "rings": rings, "one-camera": str(one_camera), "weighted": str(options.solve.weighted),
+            "reject": f"{reject_sigma or ''}", "bow": {None: "default", True: "bow", False: "flat"}[bow],
+            "fix": " ".join(fix), "made": made or "", "share": " ".join(share),
+            "shrink-compensation": f"{made_with.shrink_percent:g}%",
+            "skew-compensation": format_skew(made_with.skew_rad), "bed-turn": f"{math.degrees(bed_turn_rad):g}deg",
+            "length": "; ".join(one.text for one in asked), "held-out": str(parts),
+        },
     )  # fmt: skip
-    against = None if isinstance(target, TargetGeometry) else Path(target)
-    return MeasureResult(report, remarks, held_out != 0, against)
+    return MeasureResult(found, record, None if isinstance(target, TargetGeometry) else Path(target))
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,19 +197,19 @@ class RescaledTarget:
 
     nominal: TargetGeometry
     target: TargetGeometry
-    asked: AskedLength
-    remarks: tuple[str, ...]  # why the length may be no reading
+    length: CaliperLength
+    remarks: tuple[str, ...]  # on the length, a line each
     measured_against: Path | None = None
 
     @property
     def factor(self) -> float:
         """How many times as large it is."""
-        return self.asked.length.value_mm / length_in(self.nominal, self.asked.length.name)
+        return self.length.value_mm / length_in(self.nominal, self.length.name)
 
     @property
     def size(self) -> Estimate:
         """How much larger than designed, as a share."""
-        return Estimate(self.factor - 1, self.asked.length.sigma_mm / self.asked.length.value_mm)
+        return Estimate(self.factor - 1, self.length.sigma_mm / self.length.value_mm)
 
     def save(self, path: Place) -> Path:
         """Write `NAME.target.json`; return its place.
@@ -226,10 +236,9 @@ def rescale(target: TargetGeometry | Place, length: str | CaliperLength, *, made
     """
     nominal = _nominal(target)
     way = _way(nominal, made)
-    asked = _asked(length, nominal, "--measured-length")
+    asked = asked_length("--measured-length", length, nominal)
     against = None if isinstance(target, TargetGeometry) else Path(target)
-    doubts = tuple(filter(None, (doubt_about(asked, nominal, way.errors),)))
-    return RescaledTarget(nominal, rescaled(nominal, asked.length), asked, doubts, against)
+    return RescaledTarget(nominal, rescaled(nominal, asked), asked, _doubts([asked], way, nominal), against)
 
 
 def _nominal(target: TargetGeometry | Place) -> TargetGeometry:
@@ -251,38 +260,14 @@ def _way(target: TargetGeometry, made: str | None) -> Made:
     return way
 
 
-def _asked(length: str | CaliperLength, target: TargetGeometry, option: str = "--length") -> AskedLength:
-    if isinstance(length, str):
-        return parse_length(option, length, target)
-    return parse_length(option, f"{length.name}:{length.value_mm!r}mm+-{length.sigma_mm!r}mm", target)
-
-
-def _options(
-    model: str,
-    rings: str,
-    fix: Sequence[str],
-    share: Sequence[str],
-    reject_sigma: float | None,
-    made: Made,
-    *,
-    weighted: bool,
-    bow: bool | None,
-) -> AsBuiltOptions:
-    if model in learned_models():
-        raise InputError(
-            f"--model {model}: its map is learned from the target's own rings, so it cannot measure them; measure with "
-            f"{COMMON} or {DEFAULT}, then solve {model} with the measured target"
-        )
-    if model not in fitted_models():
-        hint = suggestion(model, list(fitted_models())) or f"; there are {', '.join(fitted_models())}"
-        raise InputError(f"--model {model!r}: cannot measure a target{hint}")
-    if rings not in ("free", "rigid"):
-        raise InputError(f"--rings {rings!r}: it must be free or rigid")
-    plan = plan_from_words(
-        model, fix=fix, share=share, focal_px=None, loss="squares", reject=reject_sigma, weighted=weighted
+def _doubts(lengths: Sequence[CaliperLength], way: Made, nominal: TargetGeometry) -> tuple[str, ...]:
+    """What is assumed of lengths, and why they may be no readings."""
+    usual = (
+        f"length {one.text}: the sigma is the usual of a caliper; another with NAME:VALUE+-SIGMA"
+        for one in lengths
+        if one.is_usual_sigma
     )
-    options = AsBuiltOptions(made=made, bow=bow, solve=plan.options)
-    return options if rings == "free" else replace(options, ring_sigma_mm=None)
+    return (*usual, *filter(None, (doubt_about(one, nominal, way.errors) for one in lengths)))
 
 
 def _truth(truth: TargetGeometry | Place, nominal: TargetGeometry, name: TargetGeometry | Place) -> TargetGeometry:
@@ -298,8 +283,36 @@ def _named(place: TargetGeometry | Place) -> str:
     return "NAME.target.json" if isinstance(place, TargetGeometry) else Path(place).name
 
 
+_Item: TypeAlias = Observations | Detections | Place
+
+
+def _items(observed: Several) -> tuple[_Item, ...]:
+    """What was given, one by one.
+
+    Raises:
+        InputError: nothing, something else, or the photos of one camera among those of others.
+    """
+    items = (observed,) if isinstance(observed, Observations | str | PathLike) else tuple(observed)
+    if not items:
+        raise InputError("no detections: give the detections.csv of photos of the print, or what was detected in them")
+    for one in items:
+        if not isinstance(one, Observations | Detections | str | PathLike):
+            raise InputError(f"{shown(one)}: give files, observations, or what was detected in photos")
+    if len({isinstance(one, Detections) for one in items}) > 1:
+        raise InputError(
+            "detections beside files or observations: detections of several photos are of one camera; make each "
+            "camera's a file, or observations"
+        )
+    return items
+
+
+def _paths(items: Iterable[_Item]) -> list[Path]:
+    """The files among what was given."""
+    return [Path(one) for one in items if isinstance(one, str | PathLike)]
+
+
 def _sets(
-    observed: Several,
+    items: Sequence[_Item],
     nominal: TargetGeometry,
     target: TargetGeometry | Place,
     image_size: tuple[int, int] | None,
@@ -307,19 +320,30 @@ def _sets(
     one_camera: bool,
 ) -> list[Observations]:
     """What each camera saw."""
-    paths = _places(observed)
+    paths = _paths(items)
     for path in paths:
         if sum(os.path.realpath(other) == os.path.realpath(path) for other in paths) > 1:
             raise InputError(f"{path}: given twice; give each detections file once")
-    if one_camera and len(paths) > 1:
+    photos = [one for one in items if isinstance(one, Detections)]
+    if one_camera and len(items) > 1 and not photos:
+        if len(paths) < len(items):
+            raise InputError("one_camera: observations are of a camera each; give detections, or files of them")
         against = Path("the target") if isinstance(target, TargetGeometry) else Path(target)
-        files = [read_detections(path, nominal, target_path=against) for path in paths]
-        whole, origin = joined(files, [path.stem for path in paths]), ", ".join(map(str, paths))
-        named = [(origin, observations_from_detections(whole, nominal, origin=origin))]
-    elif paths:
-        named = [(str(path), load_observations(path, target, image_size=image_size)) for path in paths]
+        photos = [
+            replace(photo, image=f"{number}-{path.stem}/{photo.image}")
+            for number, path in enumerate(paths, start=1)
+            for photo in read_detections(path, nominal, target_path=against)
+        ]
+    if photos:
+        named = [(", ".join(map(str, paths)) or "the detections", observations_of(photos, nominal))]
     else:
-        named = [("the observations", one) for one in _values(observed, nominal)]
+        named = [
+            ("the observations", one)
+            if isinstance(one, Observations)
+            else (str(one), load_observations(one, target, image_size=image_size))
+            for one in items
+            if not isinstance(one, Detections)
+        ]
     for name, one in named:
         if one.view_count < LEAST_VIEWS:
             raise InputError(
@@ -329,48 +353,57 @@ def _sets(
     return [one for _, one in named]
 
 
-def _places(observed: Several) -> list[Path]:
-    """The files that were given; none if values were."""
-    if isinstance(observed, Observations):
-        return []
-    every = [observed] if isinstance(observed, str | PathLike) else observed
-    return [Path(one) for one in every if isinstance(one, str | PathLike)]
+def _remarks(
+    sets: Sequence[Observations], way: Made, lengths: Sequence[CaliperLength], nominal: TargetGeometry
+) -> tuple[str, ...]:
+    """What to know of photos, lengths and the way of making."""
+    assumed = (way.sentence,) if way.because else ()
+    return (*(line for one in sets for line in one.remarks), *assumed, *_doubts(lengths, way, nominal))
 
 
-def _values(observed: Several, nominal: TargetGeometry) -> list[Observations]:
-    """The observations of each camera that were given as values; detections are of one camera."""
-    if isinstance(observed, Observations):
-        return [observed]
-    if isinstance(observed, str | PathLike):
-        return []
-    every = [one for one in observed if isinstance(one, Observations)]
-    seen = [one for one in observed if isinstance(one, Detections)]
-    return [*every, *([observations_of(seen, nominal)] if seen or not every else [])]
+def _chosen(plan: SolvePlan, items: Sequence[_Item], sets: Sequence[Observations]) -> tuple[str, tuple[str, ...]]:
+    """The model to measure with, and why it, in a line; nothing if it was asked for.
+
+    Raises:
+        InputError: the photos determine a camera of no model.
+    """
+    models = [model for model in plan.models if model in fitted_models()]
+    if len(plan.models) == 1:
+        return models[0], ()
+    best = {model for path in _paths(items) if (model := _best_of_run(path.parent))}
+    if len(best) == 1 and (model := best.pop()) in models:
+        return model, (f"cameras are solved as {model}, the model of the run's best camera; another with --model",)
+    ranks, faults = {}, []
+    for model in models:
+        try:
+            ranks[model] = max(preference(evaluate(solve(one, model, plan.options_of(model)))) for one in sets)
+        except InputError as error:
+            faults.append(error)
+    if not ranks:
+        raise faults[0]
+    model = min(ranks, key=lambda name: ranks[name])
+    return model, (
+        f"cameras are solved as {model}, which of {' and '.join(models)} has the smaller residuals with the target as "
+        "designed; another with --model",
+    )
 
 
-def _folds(asked: int | None, views: int) -> int:
+def _best_of_run(folder: Path) -> str:
+    """The model of a run's best camera; "" if the folder is of no run."""
+    try:
+        judged = VERDICT.read_if_there(folder / VERDICT_FILE)
+    except InputError:
+        return ""
+    return "" if judged is None else judged.verdict.model
+
+
+def _parts(asked: int | None, views: int) -> int:
     """In how many parts photos are held out, of the camera with the fewest; 0: not."""
     if asked is None:
-        return min(USUAL_FOLDS, views) if views > LEAST_VIEWS else 0
-    if asked and not LEAST_FOLDS <= asked <= views:
+        return min(USUAL_PARTS, views) if views > LEAST_VIEWS else 0
+    if asked and not LEAST_PARTS <= asked <= views:
         raise InputError(
-            f"--held-out {asked}: {views} photos fall into {LEAST_FOLDS} to {views} parts; give one of these, or 0 for "
+            f"--held-out {asked}: {views} photos fall into {LEAST_PARTS} to {views} parts; give one of these, or 0 for "
             "none"
         )
     return asked
-
-
-def _held_out(
-    found: AsBuilt,
-    model: str,
-    options: AsBuiltOptions,
-    folds: int,
-    truth: TargetGeometry | None,
-    progress: Progress,
-) -> HeldOut | None:
-    """What is gained on photos that take no part; None if it was not asked for, or is not to be had."""
-    if not folds or found.status == "degenerate":
-        return None
-    return gain_on_held_out(
-        found, model, options, folds, truth=truth, done=lambda part: progress("judging parts", part, folds)
-    )

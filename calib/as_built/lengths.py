@@ -1,5 +1,9 @@
-"""Lengths that a caliper measured: the only thing that tells how large a target is."""
+"""Lengths that a caliper measured: the only thing that tells how large a target is.
 
+On the command line a length is `face-to-face:151.20mm+-0.02mm`.
+"""
+
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.base.errors import InputError
+from designer.base.marks import Number, Word
+from designer.base.units import format_mm, parse_length_mm
+from designer.base.words import shown, suggestion
 from designer.target import TargetGeometry
+from designer.tolerance.model import ErrorModel, perturb
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -24,13 +32,44 @@ FAR = 0.1
 NAMES = '"face-to-face", "edge", "face 0 to face 15" or "ring 3 to ring 17"'
 
 
-@dataclass(frozen=True, eq=False)
+CALIPER_SIGMA_MM = 0.02
+"""What most makers of calipers state for 150 mm; an assumption where no sigma is given."""
+EXAMPLE = "face-to-face:151.20mm+-0.02mm"
+SAME_MM = 0.005
+"""A length nearer to the design's is likely copied from it: calipers tell hundredths."""
+DOUBTED = 4.0
+"""Standard deviations of prints from which on a length is asked about."""
+PRINTS = 100
+"""That are simulated for them, which tells them to 7 %."""
+MAX_TEXT = 120
+_NAME = re.compile(r"face-to-face|edge|(ring|face) \d{1,6} to \1 \d{1,6}")
+_EITHER = re.compile(r"±|\+/-|\+-")
+_UNIT = re.compile(r"[^\d.\s]*\s*$")
+
+
+@dataclass(frozen=True)
 class CaliperLength:
     """A measured length: "face-to-face" (between opposite faces), "edge", "face A to face B", "ring I to ring J"."""
 
     name: str
     value_mm: float
     sigma_mm: float
+    is_usual_sigma: bool = False  # nobody gave it
+
+    @property
+    def text(self) -> str:
+        """As it is typed."""
+        return f"{self.name}:{format_mm(float(self.value_mm))}+-{format_mm(float(self.sigma_mm))}"
+
+
+@dataclass(frozen=True)
+class FittedLength:
+    """A length that told the size, and its residual: measured - as measured by all lengths together."""
+
+    name: Word
+    value_mm: Number
+    sigma_mm: Number
+    residual_sigma: Number | None  # in its standard deviations
 
 
 @dataclass(frozen=True)
@@ -114,25 +153,36 @@ def _mean_edge(target: TargetGeometry, known: Flags, name: str) -> float:
     return float(lengths.mean())
 
 
+def _design_mm(target: TargetGeometry, length: CaliperLength, known: Flags | None = None) -> float:
+    """What a length is in a target, if it may be one of a print of it.
+
+    Raises:
+        InputError: the target has no such length, or it is no number, or far off.
+    """
+    if not (0 < length.value_mm < np.inf and 0 < length.sigma_mm < np.inf):
+        raise InputError(
+            f"length {length.name} of {length.value_mm:g} mm ± {length.sigma_mm:g} mm: both must be numbers of more "
+            "than 0; give what the caliper showed"
+        )
+    inside = length_in(target, length.name, known)
+    if abs(length.value_mm / inside - 1) > FAR:
+        raise InputError(
+            f"length {length.name} of {length.value_mm:g} mm: the target has {inside:.2f} mm there, and no print is "
+            f"off by more than {100 * FAR:g} %; check what was measured, and the unit"
+        )
+    return inside
+
+
 def scale_from(target: TargetGeometry, lengths: Sequence[CaliperLength], known: Flags | None = None) -> Scale:
     """The weighted mean of what lengths say of the scale of a target.
 
     Raises:
         InputError: a length that the target does not have, that is far off, or that contradicts the others.
     """
-    for one in lengths:
-        if not (0 < one.value_mm < np.inf and 0 < one.sigma_mm < np.inf):
-            raise InputError(f"length {one.name}: {one.value_mm:g} mm +- {one.sigma_mm:g} mm; both must be more than 0")
-    inside = np.array([length_in(target, one.name, known) for one in lengths])
+    inside = np.array([_design_mm(target, one, known) for one in lengths])
     measured = np.array([one.value_mm for one in lengths])
     sigma = np.array([one.sigma_mm for one in lengths])
     ratio = measured / inside
-    for one, part, length in zip(lengths, ratio.tolist(), inside.tolist(), strict=True):
-        if abs(part - 1) > FAR:
-            raise InputError(
-                f"length {one.name} of {one.value_mm:g} mm: the target has {length:.2f} mm there, and no print is off "
-                f"by more than {100 * FAR:g} %; check what was measured, and the unit"
-            )
     weight = (inside / sigma) ** 2
     value = float((weight * ratio).sum() / weight.sum())
     residual = (measured - value * inside) / sigma
@@ -193,3 +243,79 @@ def rescaled(target: TargetGeometry, length: CaliperLength) -> TargetGeometry:
         InputError: the target has no such length, or another one by far.
     """
     return scaled(target, scale_from(target, [length]).value)
+
+
+def asked_length(option: str, length: str | CaliperLength, target: TargetGeometry) -> CaliperLength:
+    """A length of a print of a target, as it is or in the words of an option.
+
+    Args:
+        option: what messages begin with.
+        length: in words `NAME:VALUE`, `NAME:VALUE+-SIGMA`; a unit at one of the two holds for the other, without one
+            it is mm.
+        target: must have such a length.
+
+    Raises:
+        InputError: another form, an unknown name or unit, a value or sigma that is no number of more than 0, or a
+            length that the target does not have.
+    """
+    if not isinstance(length, str | CaliperLength):
+        raise InputError(f"{option} {shown(length)}: give text as in {EXAMPLE!r}, or a CaliperLength")
+    asked = _parsed(option, length) if isinstance(length, str) else length
+    try:
+        _design_mm(target, asked)
+    except InputError as error:
+        raise InputError(f"{option}: {error}") from None
+    return asked
+
+
+def _parsed(option: str, text: str) -> CaliperLength:
+    """A length in words."""
+    place = f"{option} {shown(text[:MAX_TEXT])}"
+    name, colon, quantity = text.partition(":")
+    if not colon or len(text) > MAX_TEXT:
+        raise InputError(f"{place}: write NAME:VALUE+-SIGMA, as in {EXAMPLE}; NAME is {NAMES}")
+    name = " ".join(name.lower().split())
+    if _NAME.fullmatch(name) is None:
+        # Numbers are taken out: they are no part of what may be misspelt.
+        known = ["face-to-face", "edge", "ring N to ring N", "face N to face N"]
+        hint = suggestion(re.sub(r"\d+", "N", name), known) or f"; give {NAMES}"
+        raise InputError(f"{place}: no length is called {shown(name)}{hint}")
+    parts = _EITHER.split(quantity)
+    if len(parts) > 2:
+        raise InputError(f"{place}: more than one sigma; write it as in {EXAMPLE}")
+    units = [match[0].strip() if (match := _UNIT.search(part.strip())) else "" for part in parts]
+    common = next(filter(None, reversed(units)), "")
+    numbers = []
+    for what, part, unit in zip(("the length", "its sigma"), parts, units, strict=False):
+        try:
+            numbers.append(parse_length_mm(part.strip() if unit else f"{part.strip()}{common}"))
+        except ValueError as error:
+            is_word = part.strip() and not any(character.isdigit() for character in part)
+            remedy = f"; put your reading in place of {shown(part.strip())}" if is_word else ""
+            raise InputError(f"{place}: {what}: {error}{remedy}") from None
+    return CaliperLength(name, numbers[0], (*numbers[1:], CALIPER_SIGMA_MM)[0], is_usual_sigma=len(parts) == 1)
+
+
+def doubt_about(length: CaliperLength, target: TargetGeometry, errors: ErrorModel | None) -> str:
+    """Why a length hardly is what a caliper showed on a print of a target, in a line; "" if it may well be.
+
+    Args:
+        length: of the print.
+        target: as designed.
+        errors: how it was made, which tells how far prints are off; None: not known.
+    """
+    inside = length_in(target, length.name)
+    if abs(length.value_mm - inside) <= SAME_MM:
+        return f"length {length.text} is the design's value to {SAME_MM:g} mm: is it a reading?"
+    if errors is None:
+        return ""
+    rng = np.random.default_rng(0)
+    prints = [length_in(perturb(target, errors, rng), length.name) for _ in range(PRINTS)]
+    usual_mm, sigma_mm = float(np.mean(prints)), math.hypot(float(np.std(prints)), length.sigma_mm)
+    if abs(length.value_mm - usual_mm) <= DOUBTED * sigma_mm:
+        return ""
+    return (
+        f"length {length.text} is {length.value_mm - inside:+.2f} mm from the design's {inside:.2f} mm; prints made as "
+        f"'{errors.name}' are within {DOUBTED * sigma_mm:.2f} mm: check the reading, the scale it was printed at, or "
+        "say with --made how it was made"
+    )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.datum import LEAST_RINGS, SeenParts, best_motion, fit_rings, rigid_design
-from calib.as_built.lengths import CaliperLength
+from calib.as_built.lengths import FittedLength
 from calib.as_built.unknowns import TargetUnknowns, Unknowns, place_rings, strain_matrix
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation
@@ -48,7 +48,7 @@ class AsBuilt:
     ring_sigma_mm: tuple[float, float] | None  # how far rings are off, in their plane and normal to it; None: rigid
     scale_known: bool  # from lengths; else the measured target is as large as the nominal one
     scale_sigma: float  # relative, of the whole target; nan if not known
-    lengths: tuple[tuple[CaliperLength, float], ...]  # with what is left over, in standard deviations
+    lengths: tuple[FittedLength, ...]  # that told the scale
     is_determined: NDArray[np.bool_]  # (F,) the photos tell where the face is
     face_views: NDArray[np.int64]  # (F,) how many views show the face
     centre_noise_mm: Array  # (F,) what the noise of one centre along an axis is on the face, at the photos' scale

@@ -17,7 +17,7 @@ from calib.as_built.datum import (
 )
 from calib.as_built.descend import TargetMinimum, minimise
 from calib.as_built.expected import with_expected_deviations, with_seen_deviations
-from calib.as_built.lengths import CaliperLength, Scale, scale_from
+from calib.as_built.lengths import CaliperLength, FittedLength, Scale, scale_from
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.problem import Joint, State, joint_problem, without
 from calib.as_built.remarks import far_off, remarks_of
@@ -323,7 +323,12 @@ def _as_built(
         offset_sigma_mm=accuracy.offset_sigma_mm,
         scale_known=scale is not None,
         scale_sigma=float("nan") if scale is None else scale.sigma,
-        lengths=() if scale is None else tuple(zip(lengths, scale.residual_sigma, strict=True)),
+        lengths=()
+        if scale is None
+        else tuple(
+            FittedLength(one.name, one.value_mm, one.sigma_mm, residual)
+            for one, residual in zip(lengths, scale.residual_sigma, strict=True)
+        ),
         is_determined=measured.is_determined,
         face_views=seen.views,
         centre_noise_mm=size * measured.centre_noise_mm,

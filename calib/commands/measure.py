@@ -1,16 +1,13 @@
 """The command `calib measure`."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from calib.cameras import COMMON, fitted_models
-from calib.commands.answers.measured import measured_answer
-from calib.commands.folder_page import with_page
-from calib.commands.measured_screen import say_measured, say_next_size
+from calib.cameras import fitted_models
+from calib.commands.judged_page import VerboseOption
 from calib.commands.solve import (
     FixOption,
     ImageSizeOption,
@@ -19,17 +16,17 @@ from calib.commands.solve import (
     WeightedOption,
     image_size_of,
 )
-from calib.show.screen import progress_bars, quoted, shown
-from designer.base.answer import Summary, Value
+from calib.show.screen import progress_bars, quoted, waiting
+from designer.base.answer import Summary
+from designer.base.command import command_line
 from designer.base.errors import InputError
-from designer.base.words import printable
 from designer.kinds.presets import error_templates, one_of
 
 if TYPE_CHECKING:
     from calib.api.measuring import MeasureResult
-    from calib.as_built_report.files import FilePlaces
-    from designer.base.units import Skew
+    from designer.page.blocks import Block
 
+T = TypeVar("T")
 NOT_TO_BE_USED = 1
 
 
@@ -54,8 +51,13 @@ def measure(
         str | None, typer.Option(help="the quick way, without photos: rescale the target to this length")
     ] = None,
     model: Annotated[
-        str, typer.Option(help=f"of the cameras: {', '.join(fitted_models())}", autocompletion=one_of(fitted_models()))
-    ] = COMMON,
+        str | None,
+        typer.Option(
+            help=f"of the cameras: {', '.join(fitted_models())} (default: that of the best camera of the run whose "
+            "detections.csv is given, else the one with the smaller residuals)",
+            autocompletion=one_of(fitted_models()),
+        ),
+    ] = None,
     one_camera: Annotated[
         bool, typer.Option("--one-camera", help="all files are of one camera, not each of its own")
     ] = False,
@@ -99,6 +101,7 @@ def measure(
     truth: Annotated[
         Path | None, typer.Option(help="of rendered photos: the target file they show, to judge the gain by too")
     ] = None,
+    verbose: VerboseOption = False,
 ) -> Summary:
     """Measure a printed target with photos of it, and calibrate with what was printed.
 
@@ -106,130 +109,119 @@ def measure(
     target is no better than the designed one, or too few were held out to tell; it is written all the same.
     """
     from calib.api.measuring import measure as measure_print
-    from calib.as_built_report.files import check_places, places_of
+    from calib.show.measured.files import check_places, places_of
+    from designer.base.units import parse_angle_rad, parse_percent, parse_skew_rad
 
-    places = places_of(out)
-    percent, skew_rad, turn_rad = _compensation(shrink_compensation), _skew(skew_compensation), _angle(bed_turn)
-    check_places(places, target)
+    check_places(places_of(out), target)
+    percent = _parsed("--shrink-compensation", shrink_compensation, parse_percent)
     if measured_length is not None:
-        _refuse_both(detections, length)
-        return _rescale(target, measured_length, made, places.target, percent)
+        if detections or length:
+            raise InputError(
+                f"--measured-length rescales without photos, so {detections[0] if detections else '--length'} does not "
+                "belong there; with photos give the length with --length"
+            )
+        return _rescale(target, measured_length, made, out, percent)
     if not detections:
         raise InputError(
             "no detections: give the detections.csv of photos of the print, or --measured-length to rescale without"
         )
     with progress_bars() as progress:
-        done = measure_print(
+        measured = measure_print(
             target, detections, lengths=length or (), model=model, one_camera=one_camera, rings=rings, bow=bow,
             made=made, weighted=weighted, reject_sigma=reject, fix=fix or (), share=share or (),
-            shrink_compensation_percent=percent, skew_compensation_rad=skew_rad, bed_turn_rad=turn_rad,
-            image_size=image_size_of(image_size), held_out=held_out, truth=truth, progress=progress,
-            settings=(
-                ("shrink-compensation", shrink_compensation), ("skew-compensation", skew_compensation),
-                ("bed-turn", bed_turn), ("length", "; ".join(length or [])),
-            ),
+            shrink_compensation_percent=percent,
+            skew_compensation_rad=_parsed("--skew-compensation", skew_compensation, parse_skew_rad),
+            bed_turn_rad=_parsed("--bed-turn", bed_turn, parse_angle_rad), image_size=image_size_of(image_size),
+            held_out=held_out, truth=truth, progress=progress,
         )  # fmt: skip
-    remarks = (*done.remarks, *_other_pages(places))
-    for remark in remarks:
-        print(printable(remark))
-    summary = with_page(_write_and_say(done, places, detections), places.target.parent, "measure")
-    return replace(summary, remarks=(*remarks, *done.found.remarks, *summary.remarks))
+    folder = quoted(out.with_name(out.name.removesuffix(".target.json")))
+    use = f"calib solve {quoted(detections[0])} --target {quoted(out)} -o {folder}"
+    return _write_and_say(measured, out, use, verbose=verbose)
 
 
-def _refuse_both(detections: Sequence[Path] | None, length: Sequence[str] | None) -> None:
-    if detections or length:
-        raise InputError(
-            f"--measured-length rescales without photos, so {detections[0] if detections else '--length'} does not "
-            "belong there; with photos give the length with --length"
-        )
+def _parsed(option: str, text: str, parse: Callable[[str], T]) -> T:
+    """The value of an option."""
+    try:
+        return parse(text)
+    except ValueError as error:
+        raise InputError(f"{option} {text!r}: {error}") from None
 
 
-def _other_pages(places: "FilePlaces") -> tuple[str, ...]:
-    """That the folder's page will be of this print, and no longer of another one in it."""
-    others = sorted(path for path in places.report.parent.glob("*.as_built.json") if path != places.report)
-    if not others:
-        return ()
-    return (
-        f"{shown(others[0])}: another measured target in this folder, whose index.html will be of the new one; measure "
-        "each into a folder of its own to keep both pages",
-    )
+def _write_and_say(measured: "MeasureResult", out: Path, use: str, *, verbose: bool) -> Summary:
+    """Write all files and the page, then say what is in them.
+
+    Args:
+        measured: the print.
+        out: the place of the measured target.
+        use: the command line that calibrates with it.
+        verbose: say all tables.
+    """
+    from calib.records.as_built_file import AS_BUILT
+    from calib.show.folder import write_folder_page
+    from calib.show.measured.next_print import USES, next_section
+    from calib.show.measured.tables import cameras_table, faces_table, gains_table, whole_table
+    from calib.show.measured.words import facts_of, findings_of, headline_of, is_plastic
+    from calib.show.terminal import say_facts, say_findings, say_headline, say_lines, say_table, say_written
+    from designer.page.blocks import Command, Finding
+
+    record = measured.record
+    with waiting("drawing the page"):
+        files = measured.save(out)
+        page, remark = write_folder_page(out.parent, "measure", command_line())
+    say_headline(headline_of(record))
+    say_facts(facts_of(record))
+    say_findings(findings_of(record).rows)
+    if record.held_out is not None:
+        say_findings(Finding("note", "cross-validation", line) for line in record.held_out.remarks)
+    if verbose:
+        nominal = measured.found.nominal
+        tables = (whole_table(record, nominal), faces_table(record), gains_table(record), cameras_table(record))
+        for table in filter(None, tables):
+            say_table(table)
+    say_written(out.parent, (*files, *page))
+    say_lines("note", [remark] if remark else [])
+    steps = next_section(record, use, plastic=is_plastic(measured.target)).blocks
+    _say_next(steps)
+    return Summary(
+        AS_BUILT.document(record), (*files, *page), (use,) if Command(use, USES) in steps else (),
+        (*record.remarks, *([remark] if remark else [])), NOT_TO_BE_USED if measured.why_not else 0,
+    )  # fmt: skip
+
+
+def _say_next(steps: "Iterable[Block]") -> None:
+    """What to do next: command lines with what they do, and sentences."""
+    from calib.show.terminal import say_lines
+    from designer.page.blocks import Command, Paragraph
+
+    lines = [f"{one.line}   # {one.purpose}" for one in steps if isinstance(one, Command)]
+    say_lines("next", [*lines, *(one.text for one in steps if isinstance(one, Paragraph))])
 
 
 def _rescale(path: Path, length: str, way: str | None, out: Path, made_with_percent: float) -> Summary:
-    """The quick way."""
+    """The quick way: the size that a caliper shows, and the shape as designed."""
     from calib.api.measuring import rescale
-    from calib.as_built_report.deviations import compensation_percent
-    from calib.as_built_report.words import is_plastic
+    from calib.as_built.deviations import Compensation, WholePrint, compensation_percent
+    from calib.show.measured.next_print import next_print
+    from calib.show.measured.words import is_plastic, percent
+    from calib.show.terminal import say_facts, say_findings, say_written
+    from designer.page.blocks import Command, Facts, Finding
 
     made = rescale(path, length, made=way)
     made.save(out)
     off = made.size
-    print(f"length {made.asked.text}")
-    print(
-        f"size   {100 * off.value:+.3f} +- {100 * off.sigma:.3f} % against the design; the shape is taken as designed"
-    )
-    print(f"wrote  {shown(out)}: {shown(path)} made {made.factor:.6f} times as large")
-    say_next_size(off, made_with_percent, plastic=is_plastic(made.nominal))
-    for doubt in made.remarks:
-        print(doubt)
+    say_facts(Facts((
+        ("length", made.length.text),
+        ("size", f"{percent(off)} against the design; the shape is taken as designed"),
+    )))  # fmt: skip
+    say_findings(Finding("note", "", line) for line in made.remarks)
+    say_written(out.parent, (out,))
     step = f"calib run {quoted(out)} photos -o camera"
-    print(f"next   {step}   # with the folder of your photos")
-    answer: dict[str, Value] = {
-        "status": "rescaled", "nominal_geometry_id": made.nominal.geometry_id,
-        "measured_geometry_id": made.target.geometry_id, "size": {"value": off.value, "sigma": off.sigma},
-        "next_shrink_compensation_percent": compensation_percent(off.value, made_with_percent),
-    }  # fmt: skip
-    return Summary(answer, (out,), (step,), made.remarks)
-
-
-def _compensation(text: str) -> float:
-    """The compensation of this print, in percent."""
-    from designer.base.units import parse_percent
-
-    try:
-        return parse_percent(text)
-    except ValueError as error:
-        raise InputError(f"--shrink-compensation {text!r}: {error}") from None
-
-
-def _skew(text: str) -> "Skew":
-    from designer.base.units import parse_skew_rad
-
-    try:
-        return parse_skew_rad(text)
-    except ValueError as error:
-        raise InputError(f"--skew-compensation {text!r}: {error}") from None
-
-
-def _angle(text: str) -> float:
-    from designer.base.units import parse_angle_rad
-
-    try:
-        return parse_angle_rad(text)
-    except ValueError as error:
-        raise InputError(f"--bed-turn {text!r}: {error}") from None
-
-
-def _write_and_say(done: "MeasureResult", places: "FilePlaces", detections: Sequence[Path]) -> Summary:
-    """Write all files, then say what is in them."""
-    from calib.as_built_report.words import UNJUDGED
-
-    files = done.save(places.target)
-    say_measured(done.report)
-    print(f"wrote {shown(places.target)}: the target as it was printed, with the covariances of its faces")
-    print(f"      {shown(places.report)}, {shown(places.table)}: all numbers with their standard deviations")
-    print(f"      {shown(places.picture)}: look at it before you trust the numbers")
-    answer = measured_answer(done.report)
-    if done.found.status == "degenerate":
-        print("next  no camera is determined: do what is said above, and measure again")
-        return Summary(answer, files, exit_code=NOT_TO_BE_USED)
-    if done.why_not:
-        print(f"next  {done.why_not}")
-        return Summary(answer, files, exit_code=NOT_TO_BE_USED)
-    if not done.is_judged:
-        print(f"next  {UNJUDGED}")
-        return Summary(answer, files, remarks=(UNJUDGED,))
-    folder = quoted(places.target.with_name(places.target.name.removesuffix(".target.json")))
-    step = f"calib solve {quoted(detections[0])} --target {quoted(places.target)} -o {folder}"
-    print(f"next  {step}")
-    return Summary(answer, files, (step,))
+    whole, plastic = WholePrint(off, {}, {}), is_plastic(made.nominal)
+    next_one = next_print(whole, Compensation(made_with_percent), plastic=plastic)
+    _say_next((Command(step, "with the folder of your photos"), *next_one))
+    return Summary(
+        {"status": "rescaled", "nominal_geometry_id": made.nominal.geometry_id,
+         "measured_geometry_id": made.target.geometry_id, "size": {"value": off.value, "sigma": off.sigma},
+         "next_shrink_compensation_percent": compensation_percent(off.value, made_with_percent)},
+        (out,), (step,), made.remarks,
+    )  # fmt: skip

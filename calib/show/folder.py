@@ -30,7 +30,7 @@ KINDS: Mapping[str, str] = {
     "paper": "studies.study_page.paper_page",
     "tolerance": "studies.tolerance_page.tolerance_page",
     "compare": "studies.compare_page.compare_page",
-    "measure": "measured.measure_page.measure_page",
+    "measure": "measured.page.measure_page",
     "photos": "photos.photos_page.photos_page",
     "undistorted": "photos.photos_page.photos_page",
     "detections": "photos.photos_page.photos_page",

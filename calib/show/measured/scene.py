@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.unknowns import bow_basis
-from calib.as_built_report.as_built_file import AsBuiltRecord
+from calib.as_built.deviations import bent_mm
 from calib.core.number_text import figure
 from calib.core.se3 import exp_rotation
+from calib.records.as_built_file import AsBuiltRecord
 from designer.page.blocks import View3d
 from designer.page.scene import Layer, Segments, Surface
 from designer.target import TargetGeometry
@@ -50,11 +50,10 @@ def deviations_of(record: AsBuiltRecord, target: TargetGeometry) -> Deviations:
     measured, less offset and bow: what that changes is a product of two deviations.
     """
     face = target.ring_face
-    bent = np.array(record.ring_offset_mm)
-    bent[:, 2] += (bow_basis(target) * record.face_bow_mm[face]).sum(axis=1)
+    bent = bent_mm(target, record.ring_offset_mm, record.face_bow_mm)
     design = target.center_in_face_mm - bent
     design[:, 2] = 0.0
-    turn = np.stack([exp_rotation(vector) for vector in np.nan_to_num(record.motion[:, 3:])])
+    turn = exp_rotation(np.nan_to_num(record.motion[:, 3:]))
     moved = np.einsum("rij,rj->ri", turn[face], design + bent) + record.motion[face, :3]
     in_face = moved - design
     in_face[~(record.ring_is_seen & record.face_is_determined[face])] = np.nan
@@ -109,8 +108,9 @@ def nice(value: float, *, is_down: bool = False) -> float:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))
     steps = [float(step * power) for step in NICE]
-    at_most = [step for step in steps if step <= value * (1 + 1e-9)]
-    return max(at_most) if is_down else min(step for step in steps if step >= value * (1 - 1e-9))
+    if is_down:
+        return max(step for step in steps if step <= value * (1 + 1e-9))
+    return min(step for step in steps if step >= value * (1 - 1e-9))
 
 
 def ring_distance_mm(target: TargetGeometry) -> float:
@@ -127,10 +127,8 @@ def _colours(found: Deviations, most_mm: float) -> tuple[str, ...]:
 
 def colour(share: float) -> str:
     """The colour of a share of the scale, from the lowest to the highest."""
-    place = float(np.clip(share, 0.0, 1.0)) * (len(COLOURS) - 1)
-    low = min(int(place), len(COLOURS) - 2)
-    ends = [[int(text[k : k + 2], 16) for k in (1, 3, 5)] for text in COLOURS[low : low + 2]]
-    mixed = [round(a + (place - low) * (b - a)) for a, b in zip(*ends, strict=True)]
+    channels = np.array([[int(text[k : k + 2], 16) for k in (1, 3, 5)] for text in COLOURS])
+    mixed = (round(float(np.interp(share, np.linspace(0, 1, len(COLOURS)), channel))) for channel in channels.T)
     return "#" + "".join(f"{part:02x}" for part in mixed)
 
 

@@ -1,8 +1,9 @@
-"""What a measured target gains on photos that it was not measured from."""
+"""Cross-validation: what a measured target gains on photos that it was not measured from."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,25 +14,30 @@ from calib.as_built.options import AsBuiltOptions
 from calib.as_built.remarks import faces_words
 from calib.as_built.result import AsBuilt
 from calib.as_built.solve import measure, with_known_weights
-from calib.cameras.camera import Camera
 from calib.core.se3 import make_pose, transform
 from calib.core.selection import keep_sightings, keep_views, sightings_per_view
-from calib.core.types import KnownPoints, Observations
+from calib.core.types import Observations
 from calib.metrics import METRICS
 from calib.metrics.errors import Errors
-from calib.metrics.evaluation import evaluate
+from calib.metrics.evaluation import errors_of
 from calib.observe.observations import known_points
 from calib.solver.calibration import Calibration
 from calib.solver.poses import solve_poses
 from calib.solver.solve import solve
 from designer.base.errors import InputError
-from designer.base.marks import Count, Number, Word
+from designer.base.marks import Count, FewLines, Length, Number, Word
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-LEAST_FOLDS = 2
+_Key: TypeAlias = tuple[str, str, bool]
+"""Metric, unit, and whether the errors are against the true rings."""
+_ErrorSum: TypeAlias = list[float]
+"""Squares of errors and how many there are, of one photo; of errors that are of no single photo, of one part."""
+_Pair: TypeAlias = tuple[float, ...]
+"""These with the nominal, then with the measured target."""
+
 JUDGED_BY = ("intersection", "reprojection")
 """The metrics that tell whether a measured target is better, the first that has a bound."""
 LEAST_POINTS = 4
@@ -68,67 +74,42 @@ class Gain:
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class CrossValidation:
     """Errors of views that neither camera nor target were solved from."""
 
-    folds: int
-    gains: tuple[Gain, ...]  # each target judged by its own rings
-    against_truth: tuple[Gain, ...]  # both judged by the true rings, laid over them by a similarity; may be empty
-    remarks: tuple[str, ...]
+    parts: Count  # 0: there were too few views
+    gains: Annotated[tuple[Gain, ...], Length(0, 20)]  # each target judged by its own rings
+    against_truth: Annotated[tuple[Gain, ...], Length(0, 20)]  # both by the true rings, laid over by a similarity
+    remarks: FewLines
+    is_better: bool | None = None  # by the gain that says most
 
     @property
     def judged_by(self) -> Gain | None:
-        """The gain that says most; None if too few photos were held out."""
-        return judged_by(self.gains)
+        """The gain that says most; None if there is none by which a target is judged, or too few photos to tell."""
+        can_judge = [gain for gain in self.gains if gain.is_better is not None]
+        return next((gain for metric in JUDGED_BY for gain in can_judge if gain.metric == metric), None)
 
 
-def judged_by(gains: Sequence[Gain]) -> Gain | None:
-    """The gain that says most; None if there is none by which a target is judged, or too few photos to tell."""
-    can_judge = [gain for gain in gains if gain.is_better is not None]
-    return next((gain for metric in JUDGED_BY for gain in can_judge if gain.metric == metric), None)
-
-
-@dataclass(frozen=True)
-class _ErrorSum:
-    square: float
-    count: int
-
-
-@dataclass(frozen=True)
-class _Key:
-    metric: str
-    unit: str
-    is_true: bool  # against the true rings
-
-
-@dataclass(frozen=True)
-class _Pair:
-    """One photo's errors with either target; of errors that are of no single photo, one part's."""
-
-    nominal: _ErrorSum
-    measured: _ErrorSum
-
-
-def gain_on_held_out(
+def cross_validate(
     found: AsBuilt,
     model: str,
     options: AsBuiltOptions,
-    folds: int,
+    parts: int,
     *,
     truth: TargetGeometry | None = None,
     done: Callable[[float], None] = lambda part: None,
-) -> HeldOut:
-    """Hold every `folds`-th view out in turn, measure from the others, and judge the views held out.
+) -> CrossValidation:
+    """Hold every `parts`-th view out in turn, measure from the others, and judge the views held out.
 
-    Of a held-out view only its own pose is solved. Sightings that the measurement left out stay out, and so do those of
-    faces that at most one of the other views shows: they are not measured then. The size of the target takes no part:
-    as lengths are not in photos, there is nothing to hold out.
+    Of a held-out view only its own pose is solved. Observations that the measurement left out stay out, and so do those
+    of faces that at most one of the other views shows: they are not measured then. The size of the target takes no
+    part: as lengths are not in photos, there is nothing to hold out.
 
     Args:
         found: of all views.
         model: of the cameras.
         options: as it was measured.
-        folds: how many parts.
+        parts: how many.
         truth: the geometry that rendered photos show.
         done: told how many parts are finished.
 
@@ -141,35 +122,39 @@ def gain_on_held_out(
     pairs: dict[_Key, list[_Pair]] = {}
     remarks: list[str] = []
     unmeasured, unjudged = np.zeros(found.nominal.face_count, dtype=bool), 0
-    for fold in range(folds):
-        held = [np.arange(one.view_count) % folds == fold for one in seen]
+    for part in range(parts):
+        held = [np.arange(one.view_count) % parts == part for one in seen]
         others = [keep_views(one, ~out) for one, out in zip(seen, held, strict=True)]
         try:
             measured = measure(others, found.nominal, model, options)
-            nominal = [solve(one, model, options.solve).camera for one in others]
+            solved = [solve(one, model, options.solve) for one in others]
         except InputError as error:
-            remarks.append(f"part {fold + 1} of {folds}: {error}")
+            remarks.append(f"part {part + 1} of {parts}: {error}")
             continue
-        for one, out, *cameras in zip(seen, held, nominal, measured.cameras, strict=True):
+        for one, out, by_nominal, camera in zip(seen, held, solved, measured.cameras, strict=True):
             whole = keep_views(one, out)
             is_judged = _is_measured(measured)[found.nominal.ring_face[whole.point]]
             unmeasured[found.nominal.ring_face[whole.point[~is_judged]]] = True
             unjudged += int((~is_judged).sum())
             shown = _usable(whole, ~is_judged)
-            both = [
-                _errors(camera, shown, target, truth, weighted=options.solve.weighted)
-                for camera, target in zip(cameras, (found.nominal, measured.target), strict=True)
-            ]
-            for key in both[0].keys() & both[1].keys():
-                pairs.setdefault(key, []).extend(_pairs(both[0][key], both[1][key]))
-        done(fold + 1)
+            with_nominal = _errors(by_nominal, shown, found.nominal, truth)
+            with_measured = _errors(replace(by_nominal, camera=camera), shown, measured.target, truth)
+            for key in with_nominal.keys() & with_measured.keys():
+                both = with_nominal[key].keys() & with_measured[key].keys()  # so that both are judged alike
+                names = [name for name in with_nominal[key] if name in both]
+                pairs.setdefault(key, []).extend(
+                    (*with_nominal[key][name], *with_measured[key][name]) for name in names
+                )
+        done(part + 1)
     if unjudged:
         remarks.append(
-            f"{unjudged} sightings of {faces_words(unmeasured)} are not judged: photos that are not held out hardly "
+            f"{unjudged} observations of {faces_words(unmeasured)} are not judged: photos that are not held out hardly "
             "show these"
         )
-    true, own = (tuple(_gains(pairs, is_true=is_true)) for is_true in (True, False))
-    return HeldOut(folds, own, true, tuple(remarks))
+    gains, true = (tuple(_gains(pairs, is_true=is_true)) for is_true in (False, True))
+    validated = CrossValidation(parts, gains, true, tuple(remarks))
+    judged = validated.judged_by
+    return replace(validated, is_better=None if judged is None else judged.is_better)
 
 
 def _is_measured(found: AsBuilt) -> Flags:
@@ -185,23 +170,27 @@ def _usable(seen: Observations, is_outlier: Flags) -> Observations:
 
 
 def _errors(
-    camera: Camera, shown: Observations, target: TargetGeometry, truth: TargetGeometry | None, *, weighted: bool
+    solved: Calibration, shown: Observations, target: TargetGeometry, truth: TargetGeometry | None
 ) -> dict[_Key, dict[str, _ErrorSum]]:
     """The errors of views by their names, against the target that their poses are solved with, and the truth."""
     if not shown.view_count:
         return {}
     shown = replace(shown, points=known_points(target))
-    poses = solve_poses(camera, shown, weighted=weighted).cam_from_target
+    poses = solve_poses(solved.camera, shown, weighted=solved.weighted).cam_from_target
     has_pose = np.isfinite(poses.sum(axis=(1, 2)))
     if not has_pose.any():
         return {}
     shown, poses = keep_views(shown, has_pose), poses[has_pose]
-    found = [(False, one) for one in evaluate(_judged(camera, shown, poses, known_points(target), weighted)).errors]
+    judged = replace(
+        solved, observations=shown, cam_from_target=poses, residual_px=np.full((len(shown.view), 2), np.nan),
+        is_outlier=np.zeros(len(shown.view), dtype=bool), pose_covariance=np.full((len(poses), 6, 6), np.nan),
+    )  # fmt: skip
+    found = [(False, one) for one in errors_of(judged, None)]
     if truth is not None:
-        laid = known_points(laid_over(truth, target, np.unique(shown.point)))
-        errors = evaluate(_judged(camera, shown, poses, laid, weighted)).errors
+        laid = replace(shown, points=known_points(laid_over(truth, target, np.unique(shown.point))))
+        errors = errors_of(replace(judged, observations=laid), None)
         found += [(True, one) for one in errors if one.metric != "reprojection"]
-    return {_Key(one.metric, one.unit, is_true): _sums(one, shown.view_names) for is_true, one in found}
+    return {(one.metric, one.unit, is_true): _sums(one, shown.view_names) for is_true, one in found}
 
 
 def _sums(errors: Errors, names: Sequence[str]) -> dict[str, _ErrorSum]:
@@ -212,25 +201,7 @@ def _sums(errors: Errors, names: Sequence[str]) -> dict[str, _ErrorSum]:
     counted = errors.is_counted
     square = np.bincount(group[counted], errors.size[counted] ** 2, len(names)).tolist()
     count = np.bincount(group[counted], minlength=len(names)).tolist()
-    return {name: _ErrorSum(*both) for name, *both in zip(names, square, count, strict=True) if both[1]}
-
-
-def _pairs(nominal: dict[str, _ErrorSum], measured: dict[str, _ErrorSum]) -> Iterator[_Pair]:
-    """What was found with both targets, so that both are judged alike."""
-    for name, one in nominal.items():
-        if name in measured:
-            yield _Pair(one, measured[name])
-
-
-def _judged(camera: Camera, shown: Observations, poses: Array, points: KnownPoints, weighted: bool) -> Calibration:
-    """A calibration of views that it was not solved from: nothing is known of its accuracy."""
-    count, params = len(shown.view), len(camera.params)
-    return Calibration(
-        camera=camera, observations=replace(shown, points=points), cam_from_target=poses,
-        residual_px=np.full((count, 2), np.nan), is_outlier=np.zeros(count, dtype=bool), scale=float("nan"),
-        param_covariance=np.full((params, params), np.nan), pose_covariance=np.full((len(poses), 6, 6), np.nan),
-        fixed=(), weighted=weighted, status="converged", remarks=(), iterations=0, seconds=0.0,
-    )  # fmt: skip
+    return {name: both for name, *both in zip(names, square, count, strict=True) if both[1]}
 
 
 def laid_over(truth: TargetGeometry, target: TargetGeometry, rings: NDArray[np.int64]) -> TargetGeometry:
@@ -242,18 +213,15 @@ def laid_over(truth: TargetGeometry, target: TargetGeometry, rings: NDArray[np.i
     )
 
 
-def _gains(pairs: dict[_Key, list[_Pair]], *, is_true: bool) -> Iterator[Gain]:
+def _gains(pairs: Mapping[_Key, Sequence[_Pair]], *, is_true: bool) -> Iterator[Gain]:
     """Root mean squares over all parts, by metric."""
-    for metric in METRICS:
-        for key, both in pairs.items():
-            if key.metric != metric or key.is_true != is_true or not both:
-                continue
-            rows = np.array(
-                [(a.square, a.count, b.square, b.count) for a, b in ((p.nominal, p.measured) for p in both)]
-            )
-            total = rows.sum(axis=0)
-            nominal, measured = math.sqrt(total[0] / total[1]), math.sqrt(total[2] / total[3])
-            yield Gain(metric, key.unit, int(total[3]), nominal, measured, _least_factor(rows))
+    for wanted in METRICS:
+        for (metric, unit, is_of_truth), both in pairs.items():
+            if metric == wanted and is_of_truth == is_true and both:
+                rows = np.array(both, dtype=np.float64)
+                total = rows.sum(axis=0)
+                nominal, measured = math.sqrt(total[0] / total[1]), math.sqrt(total[2] / total[3])
+                yield Gain(metric, unit, int(total[3]), nominal, measured, _least_factor(rows))
 
 
 def _least_factor(rows: Array) -> float | None:
@@ -269,7 +237,7 @@ def _least_factor(rows: Array) -> float | None:
         total, without = rows.sum(axis=0), rows.sum(axis=0) - rows
         logs = 0.5 * np.log(without[:, 0] / without[:, 1] / (without[:, 2] / without[:, 3]))
         whole = 0.5 * math.log(total[0] / total[1] / (total[2] / total[3])) if total[[0, 2]].all() else math.inf
-    if count < LEAST_FOLDS or not np.isfinite(logs).all() or not math.isfinite(whole):
+    if count < 2 or not np.isfinite(logs).all() or not math.isfinite(whole):
         return None
     sigma = math.sqrt((count - 1) / count * float(((logs - logs.mean()) ** 2).sum()))
     return math.exp(whole - float(student.ppf(SURE, count - 1)) * sigma)

@@ -1,6 +1,7 @@
 """How a print differs from its design, each number with its standard deviation."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -9,15 +10,18 @@ from numpy.typing import NDArray
 
 from calib.as_built.datum import few_views
 from calib.as_built.result import AsBuilt, face_shift_mm
-from calib.as_built.unknowns import STRAIN_INDEX, strain_matrix, strain_numbers
+from calib.as_built.unknowns import STRAIN_INDEX, bow_basis, strain_matrix, strain_numbers
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import exp_rotation
-from designer.base.marks import Gap, NullIs
-from designer.base.units import NO_SKEW, SKEW_NAMES, Skew, skew_matrix
+from designer.base.errors import InputError
+from designer.base.marks import Gap, Key, NullIs, OneOf
+from designer.base.units import MOST_SKEW_DEG, NO_SKEW, SKEW_NAMES, Skew, skew_matrix
 from designer.kinds.layout import face_down, is_turned
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
+Axis = Annotated[str, OneOf(("x", "y", "z"))]
+Angle = Annotated[str, OneOf(SKEW_NAMES)]
 
 SIGNIFICANT = 3.0
 """Standard deviations from which on a single number is called more than noise."""
@@ -28,6 +32,11 @@ FREE_PARAMETERS = ("shift x", "shift y", "shift z", "tilt x", "tilt y", "turn z"
 ORDER = [3, 4, 5, 0, 1, 2]
 """Of these in the motions of faces, which have rotations first."""
 
+LARGEST_STRAIN = 0.5
+"""A size, stretch or angle (rad) beyond this is no print's: nothing can be dialled in against it."""
+LEAST_COMPENSATION_PERCENT = 0.005
+"""Less is not worth dialling in: 5 um on 100 mm."""
+MOST_SHRINK_PERCENT = 50.0
 NOTICED = 1 / 3
 """Of a centre's noise: a motion that shifts a face's rings by less leaves their residuals as they are to 5 %."""
 
@@ -63,13 +72,50 @@ class WholePrint:
     """Size and shape of the whole print, along the axes of a bed on which it lay on its last face."""
 
     size: Estimate | None  # mean stretch; 0.01: 1 % too large; None: no length tells it
-    axes: tuple[tuple[str, Estimate], ...]  # stretch of each axis beyond the mean
-    skews: tuple[tuple[str, Estimate], ...]  # rad, how far the second axis leans towards the first
+    axes: Mapping[Axis, Estimate]  # stretch of each axis beyond the mean
+    skews_rad: Mapping[Angle, Estimate]  # how far the second axis leans towards the first
+
+    @property
+    def known_size(self) -> Estimate | None:
+        """The size, if it is a number."""
+        return self.size if self.size is not None and self.size.is_known else None
 
     @property
     def is_in_shape(self) -> bool:
         """Whether no axis and no angle is off by more than noise."""
-        return not any(one.is_significant for _, one in (*self.axes, *self.skews))
+        return not any(one.is_significant for one in (*self.axes.values(), *self.skews_rad.values()))
+
+    @property
+    def can_be_corrected(self) -> bool:
+        """Whether size and shape are numbers that a printer could make."""
+        known = [one for one in (self.size, *self.axes.values(), *self.skews_rad.values()) if one and one.is_known]
+        return all(math.isfinite(one.sigma) and abs(one.value) < LARGEST_STRAIN for one in known)
+
+
+@dataclass(frozen=True)
+class Compensation:
+    """What a print was made with, to tell what to make the next one with.
+
+    Raises:
+        InputError: more than `design` takes, or no number.
+    """
+
+    shrink_percent: Annotated[float, Key("made_with_shrink_compensation_percent")] = 0.0
+    skew_rad: Annotated[Skew, Key("made_with_skew_compensation_rad")] = NO_SKEW  # xy, xz, yz
+
+    def __post_init__(self) -> None:
+        if not abs(self.shrink_percent) < MOST_SHRINK_PERCENT:
+            most = f"{MOST_SHRINK_PERCENT:g}%"
+            raise InputError(
+                f"--shrink-compensation {self.shrink_percent:g}%: must lie between -{most} and {most}; give what this "
+                "print was made with"
+            )
+        skew_deg = [math.degrees(angle) for angle in self.skew_rad]
+        if not all(abs(angle) <= MOST_SKEW_DEG * (1 + 1e-9) for angle in skew_deg):
+            raise InputError(
+                f"--skew-compensation {', '.join(f'{angle:g}deg' for angle in skew_deg)}: each of xy, xz, yz must lie "
+                f"between -{MOST_SKEW_DEG:g}deg and {MOST_SKEW_DEG:g}deg; give what this print was made with"
+            )
 
 
 def bed_axes(target: TargetGeometry, turn_rad: float = 0.0) -> Array:
@@ -110,8 +156,8 @@ def whole_print(found: AsBuilt, bed_turn_rad: float = 0.0) -> WholePrint:
     skews = [(k, "xyz"[i] + "xyz"[j]) for k, (i, j) in enumerate(STRAIN_INDEX) if i != j and j in axes]
     return WholePrint(
         size=estimate(mean) if found.scale_known else None,
-        axes=tuple(("xyz"[axis], estimate(unit[axis] - mean)) for axis in axes),
-        skews=tuple((name, estimate(2 * unit[k])) for k, name in sorted(skews, key=lambda pair: pair[1])),
+        axes={"xyz"[axis]: estimate(unit[axis] - mean) for axis in axes},
+        skews_rad={name: estimate(2 * unit[k]) for k, name in sorted(skews, key=lambda pair: pair[1])},
     )
 
 
@@ -140,12 +186,12 @@ def next_skew_rad(whole: WholePrint, made_with_rad: Skew = NO_SKEW) -> Skew:
         whole: what was measured, with skews in the bed's axes.
         made_with_rad: c, the compensation of the measured print.
     """
-    leans = dict(whole.skews)
+    leans = whole.skews_rad
     stretch = np.eye(3) * (1.0 if whole.size is None else 1 + whole.size.value)
-    for name, one in whole.axes:
+    for name, one in whole.axes.items():
         stretch["xyz".index(name), "xyz".index(name)] += one.value
-    for name, one in whole.skews:
-        i, j = ("xyz".index(axis) for axis in name)
+    for axes, one in leans.items():
+        i, j = ("xyz".index(axis) for axis in axes)
         stretch[i, j] = stretch[j, i] = one.value / 2
     upper = np.linalg.qr(stretch @ skew_matrix(made_with_rad), mode="r")
     upper *= np.sign(np.diagonal(upper))[:, None]
@@ -158,35 +204,31 @@ def next_skew_rad(whole: WholePrint, made_with_rad: Skew = NO_SKEW) -> Skew:
     return xy, xz, yz
 
 
-@dataclass(frozen=True, eq=False)
-class FaceDeviations:
-    """How each face of F lies against the design, what the whole print's stretch does to it taken off."""
+def next_shrink_percent(whole: WholePrint, made_with_percent: float = 0.0) -> float:
+    """The shrinkage compensation of the next print; that of this one, if no other is worth it."""
+    size = whole.known_size
+    if size is None or not size.is_significant:
+        return made_with_percent
+    percent = compensation_percent(size.value, made_with_percent)
+    return made_with_percent if abs(percent - made_with_percent) < LEAST_COMPENSATION_PERCENT else percent
 
-    value: Array  # (F, 6) as `FREE_PARAMETERS`: mm, mm, mm, rad, rad, rad
-    sigma: Array  # (F, 6)
-    chance: Array  # (F,) probability of as much if the face lay as designed
-    verdict: tuple[Verdict, ...]  # (F,)
 
+def face_verdicts(found: AsBuilt) -> tuple[Verdict, ...]:
+    """Whether each face moved; nothing for a single one, of which that is the pose.
 
-def face_deviations(found: AsBuilt) -> FaceDeviations | None:
-    """How the faces lie; None for a single one, of which that is the pose."""
+    A face moved if its motion is neither chance nor so small that its rings' residuals hardly show it.
+    """
     from scipy.stats import chi2
 
     count = found.nominal.face_count
     if count == 1:
-        return None
+        return ()
     block = found.motion_covariance.reshape(count, 6, count, 6)[np.arange(count), :, np.arange(count)]
-    sigma = np.sqrt(np.maximum(np.diagonal(block, axis1=1, axis2=2), 0.0))
     square = np.einsum("fi,fij,fj->f", found.motion, symmetric_inverse(block).inverse, found.motion)
-    chance = np.asarray(chi2.sf(square, 6), dtype=np.float64)
-    is_noticed = face_shift_mm(found.nominal, found.motion[:, :, None] * found.motion[:, None]) > (
-        NOTICED * found.centre_noise_mm
-    )
+    shift_mm = face_shift_mm(found.nominal, found.motion[:, :, None] * found.motion[:, None])
+    has_moved = (chi2.sf(square, 6) < CHANCE) & (shift_mm > NOTICED * found.centre_noise_mm)
     few = few_views(found.face_views)
-    verdict = tuple(
-        map(_verdict, found.is_determined.tolist(), few.tolist(), ((chance < CHANCE) & is_noticed).tolist())
-    )
-    return FaceDeviations(found.motion[:, ORDER], sigma[:, ORDER], chance, verdict)
+    return tuple(map(_verdict, found.is_determined.tolist(), few.tolist(), has_moved.tolist()))
 
 
 def _verdict(is_determined: bool, has_few_views: bool, has_moved: bool) -> Verdict:
@@ -197,23 +239,8 @@ def _verdict(is_determined: bool, has_few_views: bool, has_moved: bool) -> Verdi
     return "moved" if has_moved else "as designed"
 
 
-@dataclass(frozen=True, eq=False)
-class RingDeviations:
-    """How the rings lie on their faces, in the faces' axes: their own offsets, with what bends the face."""
-
-    seen: NDArray[np.int64]  # (N,) rings
-    offset_mm: Array  # (N, 3)
-    sigma_mm: Array  # (N, 3) of the own offsets
-
-
-def ring_deviations(found: AsBuilt) -> RingDeviations | None:
-    """How the seen rings lie; None if they were held on flat faces."""
-    from calib.as_built.unknowns import bow_basis
-
-    has_bow = bool(np.any(found.bow_mm))
-    if found.ring_sigma_mm is None and not has_bow:
-        return None
-    offset = np.array(found.offset_mm)
-    offset[:, 2] += (bow_basis(found.nominal) * found.bow_mm[found.nominal.ring_face]).sum(axis=1)
-    seen = np.flatnonzero(found.is_ring_seen & found.is_determined[found.nominal.ring_face])
-    return RingDeviations(seen, offset[seen], found.offset_sigma_mm[seen])
+def bent_mm(target: TargetGeometry, offset_mm: Array, bow_mm: Array) -> Array:
+    """Offsets of rings on their faces with what bends the face, in the faces' axes.  # (R, 3)"""
+    bent = np.array(offset_mm)
+    bent[:, 2] += (bow_basis(target) * bow_mm[target.ring_face]).sum(axis=1)
+    return bent
