@@ -16,15 +16,16 @@ from calib.commands.solve import (
     WeightedOption,
     image_size_of,
 )
-from calib.show.screen import progress_bars, quoted, waiting
+from calib.show.screen import progress_bars, waiting
 from designer.base.answer import Summary
 from designer.base.command import command_line
 from designer.base.errors import InputError
 from designer.kinds.presets import error_templates, one_of
+from designer.page.terminal import quoted
 
 if TYPE_CHECKING:
     from calib.api.measuring import MeasureResult
-    from designer.page.blocks import Block
+    from calib.show.measured.next_print import Told
 
 T = TypeVar("T")
 NOT_TO_BE_USED = 1
@@ -158,11 +159,11 @@ def _write_and_say(measured: "MeasureResult", out: Path, use: str, *, verbose: b
     """
     from calib.records.as_built_file import AS_BUILT
     from calib.show.folder import write_folder_page
-    from calib.show.measured.next_print import USES, next_section
+    from calib.show.measured.next_print import USES, next_steps
     from calib.show.measured.tables import cameras_table, faces_table, gains_table, whole_table
     from calib.show.measured.words import facts_of, findings_of, headline_of, is_plastic
-    from calib.show.terminal import say_facts, say_findings, say_headline, say_lines, say_table, say_written
     from designer.page.blocks import Command, Finding
+    from designer.page.terminal import say_facts, say_findings, say_headline, say_lines, say_table, say_written
 
     record = measured.record
     with waiting("drawing the page"):
@@ -180,7 +181,7 @@ def _write_and_say(measured: "MeasureResult", out: Path, use: str, *, verbose: b
             say_table(table)
     say_written(out.parent, (*files, *page))
     say_lines("note", [remark] if remark else [])
-    steps = next_section(record, use, plastic=is_plastic(measured.target)).blocks
+    steps = next_steps(record, use, plastic=is_plastic(measured.target))
     _say_next(steps)
     return Summary(
         AS_BUILT.document(record), (*files, *page), (use,) if Command(use, USES) in steps else (),
@@ -188,13 +189,13 @@ def _write_and_say(measured: "MeasureResult", out: Path, use: str, *, verbose: b
     )  # fmt: skip
 
 
-def _say_next(steps: "Iterable[Block]") -> None:
+def _say_next(steps: "Iterable[Told]") -> None:
     """What to do next: command lines with what they do, and sentences."""
-    from calib.show.terminal import say_lines
-    from designer.page.blocks import Command, Paragraph
+    from designer.page.blocks import Command
+    from designer.page.terminal import say_lines
 
-    lines = [f"{one.line}   # {one.purpose}" for one in steps if isinstance(one, Command)]
-    say_lines("next", [*lines, *(one.text for one in steps if isinstance(one, Paragraph))])
+    texts = (f"{one.line}   # {one.purpose}" if isinstance(one, Command) else one.text for one in steps)
+    say_lines("next", tuple(texts))
 
 
 def _rescale(path: Path, length: str, way: str | None, out: Path, made_with_percent: float) -> Summary:
@@ -203,8 +204,8 @@ def _rescale(path: Path, length: str, way: str | None, out: Path, made_with_perc
     from calib.as_built.deviations import Compensation, WholePrint, compensation_percent
     from calib.show.measured.next_print import next_print
     from calib.show.measured.words import is_plastic, percent
-    from calib.show.terminal import say_facts, say_findings, say_written
     from designer.page.blocks import Command, Facts, Finding
+    from designer.page.terminal import say_facts, say_findings, say_written
 
     made = rescale(path, length, made=way)
     made.save(out)

@@ -18,8 +18,7 @@ import pytest
 from playwright.sync_api import Browser
 from shapely import MultiPoint
 
-from calib.as_built.lengths import length_in
-from calib.as_built_report.length_words import parse_length
+from calib.as_built.lengths import asked_length, length_in
 from calib.commands.camera_argument import read_camera
 from calib.commands.render import render
 from calib.renderer.faces import ring_truth
@@ -201,12 +200,12 @@ def test_example_length_is_read_by_calib_measure(build: str) -> None:
     design = made(build)[0]
     text = example_length(design)
     with pytest.raises(InputError, match="put your reading in place of 'READINGmm'") as refusal:
-        parse_length("--length", text, design.target)
+        asked_length("--length", text, design.target)
     assert "\n" not in str(refusal.value)
     name = text.split(":")[0]
     reading = 1.001 * length_in(design.target, name)
-    asked = parse_length("--length", text.replace(READING, f"{reading:.2f}"), design.target)
-    assert (asked.length.name, asked.length.sigma_mm) == (name, 0.02)
+    asked = asked_length("--length", text.replace(READING, f"{reading:.2f}"), design.target)
+    assert (asked.name, asked.sigma_mm) == (name, 0.02)
     assert asked.length.value_mm == pytest.approx(reading, abs=0.005001)
 
 

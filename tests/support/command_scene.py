@@ -65,7 +65,7 @@ def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calib.figures.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
     monkeypatch.setattr("calib.studies.figures.files_of", named)
-    monkeypatch.setattr("calib.as_built_report.picture.picture", lambda *_: PICTURE)
+    monkeypatch.setattr("calib.show.measured.picture.picture", lambda *_: PICTURE)
 
 
 def make_scene(folder: Path) -> None:

@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.as_built_report.as_built_file import AsBuiltRecord, HeldOutRecord, LengthRecord, SolvedCamera
-from calib.as_built_report.deviations import Estimate
-from calib.as_built_report.held_out import Gain
+from calib.as_built.cross_validation import CrossValidation, Gain
+from calib.as_built.deviations import Compensation, Estimate, WholePrint
+from calib.as_built.lengths import FittedLength
 from calib.cameras.camera import Camera, CameraDocument, LearnedMap
 from calib.core.types import FaceRecord
 from calib.metrics.errors import ErrorSummary
 from calib.observe.records import ImageRecord, Records
 from calib.pipeline.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
+from calib.records.as_built_file import AsBuiltRecord, SolvedCamera
 from calib.records.calibration_file import CalibrationRecord, MadeWith, Provenance, SolvedView, TargetPart
 from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.renderer.job import FileOptions, RenderRecord, TrueView
@@ -148,15 +149,16 @@ def _as_built() -> AsBuiltRecord:
     gap, eye = np.array([[math.nan, 1.0, 2.0]]), np.eye(3)
     gain = Gain("intersection", "mm", 10, 0.2, 0.1, None)
     camera = SolvedCamera(
-        "pinhole", (1000, 800), dict(PINHOLE.parameters), np.diag([1.0, 2, math.nan, 4]), 3, 100, 1, None
+        "pinhole", (1000, 800), dict(PINHOLE.parameters), np.diag([1.0, 2, math.nan, 4]), 3, 100, 1, math.nan
     )
     estimate = Estimate(1 / 3, math.inf)
     return AsBuiltRecord(
-        "ringsolid 1.0", {"seed": "0"}, "l1", "g1", "g2", "converged", ("a remark",), 7, 0.1, True, None, estimate,
-        {"x": estimate}, {"xy": Estimate(math.nan, 0.1)}, eye, 0.1, None, (0.0, 0.1, 0.2), (0.0, 0.0, 0.0), eye / 7,
-        np.eye(6), (LengthRecord("a", 10.0, 0.1, None),), np.array([3]), np.array([True]), np.zeros((1, 6)),
+        "ringsolid 1.0", {"seed": "0"}, "l1", "g1", "g2", "converged", ("a remark",), 7, 0.1, True, math.nan,
+        WholePrint(estimate, {"x": estimate}, {"xy": Estimate(math.nan, 0.1)}), eye,
+        Compensation(0.1, (0.0, 0.01, 0.02)), None, (0.0, 0.0, 0.0), eye / 7, np.eye(6),
+        (FittedLength("a", 10.0, 0.1, None),), np.array([3]), np.array([True]), np.zeros((1, 6)),
         np.full((6, 6), math.nan), (), gap, gap[:, None] * eye, (0.1, 0.2), np.array([True, False]),
-        np.zeros((2, 3)), np.full((2, 3), math.nan), (camera,), HeldOutRecord(5, (gain,), (), (), True),
+        np.zeros((2, 3)), np.full((2, 3), math.nan), (camera,), CrossValidation(5, (gain,), (), (), True), False,
     )  # fmt: skip
 
 

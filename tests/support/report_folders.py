@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
+from calib.as_built.cross_validation import cross_validate
+from calib.as_built.deviations import Compensation
 from calib.as_built.lengths import CaliperLength, length_in
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.solve import measure
-from calib.as_built_report.files import places_of, report_files, report_of
-from calib.as_built_report.held_out import gain_on_held_out
-from calib.as_built_report.length_words import AskedLength
-from calib.as_built_report.picture import report_picture
+from calib.records.as_built_file import record_of
 from calib.show.folder import build_page
+from calib.show.measured.files import measured_files, places_of
 from calib.show.parts.origin import Origin
 from calib.show.studies.compare_page import table_files_of
 from calib.show.studies.study_figures import convergence_files
@@ -167,14 +167,13 @@ def measure_files() -> Files:
     real = printed(solid(), random_shape(solid(), rng, ring_mm=(0.05, 0.02)))
     length = CaliperLength("edge", length_in(real, "edge"), 0.02)
     found = measure([photos(real, rng, 14)], solid(), "opencv", AsBuiltOptions(), [length])
-    held = gain_on_held_out(found, "opencv", AsBuiltOptions(), 2)
-    report = report_of(
-        found, held, [AskedLength(length, is_usual_sigma=True)], made_with_percent=0.0,
-        made_with_skew_rad=(0.0, 0.0, 0.0), bed_turn_rad=0.0, weighted=False, program="ringsolid 1.2.3",
-        settings=(("target", "ico.target.json"), ("model", "opencv"), ("fix", "")),
+    held = cross_validate(found, "opencv", AsBuiltOptions(), 2)
+    record = record_of(
+        found, held, Compensation(), bed_turn_rad=0.0, weighted=False, remarks=(), program="ringsolid 1.2.3",
+        settings={"target": "ico.target.json", "model": "opencv", "fix": ""},
     )  # fmt: skip
     places = places_of(Path("x") / f"{PRINT}.target.json")
-    return _relative({**report_files(report, places), places.picture: report_picture(report)}, Path("x"))
+    return _relative(measured_files(places, record, found.target, solid()), Path("x"))
 
 
 FOLDERS: Mapping[str, Callable[[], Files]] = {

@@ -16,7 +16,7 @@ from calib.records.as_built_file import AsBuiltRecord
 from calib.show.measured.words import UNJUDGED, degrees, judged_gain, why_not
 from designer.base.units import MOST_SKEW_DEG, SKEW_NAMES, Skew
 from designer.base.words import capital
-from designer.page.blocks import Command, Paragraph, Section
+from designer.page.blocks import Command, Paragraph
 
 Told: TypeAlias = Command | Paragraph
 
@@ -123,7 +123,7 @@ def _in_plastic(whole: WholePrint, made_with: Compensation) -> Iterator[Told]:
         )
 
 
-def next_section(record: AsBuiltRecord, use: str, *, plastic: bool) -> Section:
+def next_steps(record: AsBuiltRecord, use: str, *, plastic: bool) -> tuple[Told, ...]:
     """The next calibration with what was judged better, and the next print.
 
     Args:
@@ -139,6 +139,6 @@ def next_section(record: AsBuiltRecord, use: str, *, plastic: bool) -> Section:
         blocks = (Paragraph(UNJUDGED),)
     else:
         blocks = (Command(use, USES),)
-    if record.status != "degenerate":
-        blocks += next_print(record.whole, record.made_with, plastic=plastic)
-    return Section("Next", blocks)
+    if record.status == "degenerate":
+        return blocks
+    return (*blocks, *next_print(record.whole, record.made_with, plastic=plastic))

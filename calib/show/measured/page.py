@@ -7,7 +7,7 @@ from pathlib import Path
 
 from calib.records.as_built_file import AS_BUILT, AsBuiltRecord
 from calib.show.measured.files import TARGET_SUFFIX, places_of
-from calib.show.measured.next_print import next_section
+from calib.show.measured.next_print import next_steps
 from calib.show.measured.scene import measure_view
 from calib.show.measured.tables import cameras_table, faces_table, gains_table, rings_table, whole_table
 from calib.show.measured.words import (
@@ -140,7 +140,7 @@ def _sections(one: MeasuredPrint) -> tuple[Section, ...]:
         Section("The whole print", (whole_table(record, target),), lead=deviation_sentence(record)),
         _faces(one),
         Section("Cross-validation", (*remarks, *tables), lead=gain_sentence(record)),
-        next_section(record, use, plastic=target is None or is_plastic(target)),
+        Section("Next", next_steps(record, use, plastic=target is None or is_plastic(target))),
     )
 
 

@@ -6,18 +6,17 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from calib.as_built.cross_validation import CrossValidation, Gain, cross_validate
 from calib.as_built.datum import few_views
+from calib.as_built.deviations import Verdict, face_verdicts
 from calib.as_built.expected import with_expected_deviations
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.result import AsBuilt, face_shift_mm
 from calib.as_built.solve import measure
 from calib.as_built.unknowns import KINDS, Unknowns, unknowns_of
-from calib.as_built_report.deviations import Verdict, face_deviations
-from calib.as_built_report.held_out import Gain, HeldOut, gain_on_held_out, judged_by
-from calib.as_built_report.picture import face_label
-from calib.as_built_report.words import no_gain_line
 from calib.core.selection import keep_sightings
 from calib.core.types import Observations
+from calib.show.measured.picture import face_label
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel, perturb
@@ -84,13 +83,12 @@ def print_with_faces_seen_seldom() -> tuple[TargetGeometry, AsBuilt]:
 def test_faces_seen_seldom_are_named_held_and_not_judged() -> None:
     """The table names them, they stay near the design, and photos held out are as well explained as without them."""
     print_, found = print_with_faces_seen_seldom()
-    faces = face_deviations(found)
-    assert faces is not None
-    assert {faces.verdict[few] for few in FEW} <= {"few photos", "not known"}
+    verdicts = face_verdicts(found)
+    assert {verdicts[few] for few in FEW} <= {"few photos", "not known"}
     assert found.target.face_covariance is not None
     shift = np.linalg.norm(found.target.target_from_face[:, :3, 3] - print_.target_from_face[:, :3, 3], axis=1)
     assert shift[list(FEW)].max() < 0.3  # mm; three times the error of making
-    held = gain_on_held_out(found, "opencv", RIGID, 4)
+    held = cross_validate(found, "opencv", RIGID, 4)
     assert held.gains[0].metric == "reprojection"
     assert held.gains[0].measured < 3 * 0.02
     assert held.gains[0].is_better
@@ -105,9 +103,8 @@ def test_what_no_image_shows_is_no_motion() -> None:
         motion = np.zeros_like(found.motion)
         motion[:, 3] = part * found.centre_noise_mm
         assert face_shift_mm(solid(), motion[:, :, None] * motion[:, None]) == pytest.approx(motion[:, 3] / np.sqrt(3))
-        faces = face_deviations(replace(sure, motion=motion))
-        assert faces is not None
-        assert {faces.verdict[face] for face in np.flatnonzero(~few_views(found.face_views))} == {verdict}
+        verdicts = face_verdicts(replace(sure, motion=motion))
+        assert {verdicts[face] for face in np.flatnonzero(~few_views(found.face_views))} == {verdict}
 
 
 def test_one_photo_tells_nothing_of_chance() -> None:
@@ -115,12 +112,11 @@ def test_one_photo_tells_nothing_of_chance() -> None:
     one = Gain("reprojection", "px", 20, 1.0, 0.5, None)
     sure = replace(one, metric="intersection", least_factor=1.2)
     assert one.is_better is None
-    assert judged_by([one]) is None
-    assert judged_by([one, sure]) == sure
+    assert CrossValidation(2, (one,), (), ()).judged_by is None
+    assert CrossValidation(2, (one, sure), (), ()).judged_by == sure
     assert [replace(one, nominal=a, measured=b).is_better for a, b in ((1.0, 0.0), (0.0, 0.0), (0.0, 1.0))] == [
         True, False, False,
     ]  # fmt: skip
-    assert "too few photos" in no_gain_line(HeldOut(2, (one,), (), ()))
 
 
 def test_photos_held_out_are_weighed_as_those_measured_from() -> None:
@@ -131,7 +127,7 @@ def test_photos_held_out_are_weighed_as_those_measured_from() -> None:
     found = [
         measure(sets, solid(), "pinhole", RIGID) for sets in ([replace(plain[0], cov_px2=uneven), plain[1]], plain)
     ]
-    mixed, without = (gain_on_held_out(one, "pinhole", RIGID, 2).gains[0] for one in found)
+    mixed, without = (cross_validate(one, "pinhole", RIGID, 2).gains[0] for one in found)
     assert mixed.nominal == pytest.approx(without.nominal, rel=1e-6)
     assert mixed.measured == pytest.approx(without.measured, rel=1e-6)
 
@@ -146,6 +142,6 @@ def test_a_perfect_print_is_no_better_measured() -> None:
     """Where the drawing is right, nothing is gained on photos held out, and it is not said to be."""
     seen = photos(solid(), np.random.default_rng(3), 8)
     found = measure([seen], solid(), "opencv", RIGID)
-    held = gain_on_held_out(found, "opencv", RIGID, 4)
+    held = cross_validate(found, "opencv", RIGID, 4)
     assert held.judged_by is not None
     assert not held.judged_by.is_better

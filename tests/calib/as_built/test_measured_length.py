@@ -33,15 +33,16 @@ def test_the_next_print_comes_out_as_designed(target: TargetGeometry) -> None:
     percent = summary["answer"]["next_shrink_compensation_percent"]
     assert (1 + percent / 100) * printer == pytest.approx(1)
     answer = rescaled(f"edge:{reading!r}mm", f"--shrink-compensation={made_with}%")
-    assert f"next print: design ... --shrink-compensation {percent:.3f}%" in answer.out
+    assert f"design ... --shrink-compensation {percent:.3f}%" in answer.out
     assert "made with 0.2%" in answer.out
 
 
 def test_a_size_within_the_reading_needs_no_correction(target: TargetGeometry) -> None:
     """A deviation below what the caliper tells gives no new compensation, and keeps the one that there was."""
     length = f"edge:{length_in(target, 'edge') + 0.02}mm+-0.02mm"
-    assert "next print: the size is right" in rescaled(length).out
-    assert "next print: keep --shrink-compensation 0.3%" in rescaled(length, "--shrink-compensation", "0.3%").out
+    assert "The size needs no correction." in rescaled(length).out
+    said = rescaled(length, "--shrink-compensation", "0.3%").out
+    assert "The size needs no correction: keep --shrink-compensation 0.3%." in said
 
 
 def test_the_next_step_is_a_line_to_type() -> None:
@@ -83,8 +84,8 @@ def test_a_sheet_is_corrected_in_the_printers_dialog() -> None:
     name = "ring 0 to ring 5"
     length = f"{name}:{1.004 * length_in(sheet, name)}mm+-0.01mm"
     said = calib("measure", "sheet.target.json", "--measured-length", length, "-o", "out/sheet.target.json").out
-    assert "next print: print it at 99.602 % of its size" in said
-    assert "design ..." not in said.split("next print")[1]
+    assert "Print it at 99.602 % of its size." in said
+    assert "design ..." not in said
 
 
 def test_a_place_for_a_reading_is_refused() -> None:

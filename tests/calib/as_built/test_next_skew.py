@@ -1,17 +1,18 @@
 """The skew compensation that `calib measure` tells for the next print."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.as_built_report.deviations import Estimate, WholePrint, next_skew_rad
-from calib.as_built_report.words import next_print_lines
+from calib.as_built.deviations import Compensation, Estimate, WholePrint, next_skew_rad
+from calib.show.measured.next_print import next_options, next_print
+from designer.base.errors import InputError
 from designer.base.units import NO_SKEW, Skew, parse_skew_rad
 from designer.kinds.sizing import size_printing
 from designer.make.bed import bed_from_target, printed_corners_mm
+from designer.page.blocks import Command
 from designer.spec.options import AskedPrinting
 from designer.tolerance.registry import SOURCES
 from designer.tolerance.shape import shape_of
@@ -56,38 +57,57 @@ def told_of(affine: Array) -> WholePrint:
     _, stretches, turn = np.linalg.svd(affine)
     strain = (turn.T * stretches) @ turn - np.eye(3)
     mean = float(strain.trace()) / 3
-    axes = tuple(("xyz"[k], Estimate(float(strain[k, k]) - mean, 1e-12)) for k in range(3))
+    axes = {"xyz"[k]: Estimate(float(strain[k, k]) - mean, 1e-12) for k in range(3)}
     pairs = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
-    skews = tuple((name, Estimate(2 * float(strain[pair]), 1e-12)) for name, pair in pairs.items())
+    skews = {name: Estimate(2 * float(strain[pair]), 1e-12) for name, pair in pairs.items()}
     return WholePrint(Estimate(mean, 1e-12), axes, skews)
+
+
+def told_text(whole: WholePrint, made_with: Compensation) -> str:
+    """All that is told of the next print."""
+    return "\n".join(
+        f"{one.line}   # {one.purpose}" if isinstance(one, Command) else one.text
+        for one in next_print(whole, made_with, plastic=True)
+    )
 
 
 def test_the_next_print_is_told_with_both_compensations() -> None:
     """One command with the options that are not zero; the firmware is named beside it, and what this was made with."""
     lean, size, noise = Estimate(2e-3, 1e-4), Estimate(-4e-3, 1e-4), Estimate(1e-4, 1e-4)
-    skews = (("xy", lean), ("xz", Estimate(-3e-3, 1e-4)), ("yz", noise))
-    text = "\n".join(next_print_lines(WholePrint(size, (), skews), 0.0))
-    told = re.search(r'design \.\.\. --shrink-compensation 0\.402% --skew-compensation "(.*)"   # printed', text)
-    assert told
-    assert parse_skew_rad(told[1]) == pytest.approx((2e-3, -3e-3, 0.0), abs=2e-5)
+    skews = {"xy": lean, "xz": Estimate(-3e-3, 1e-4), "yz": noise}
+    shrink, skew = next_options(WholePrint(size, {}, skews), Compensation())
+    assert (shrink.typed, shrink.made_with, shrink.sigma) == ("--shrink-compensation 0.402%", "0", "0.01 %")
+    assert parse_skew_rad(skew.value) == pytest.approx((2e-3, -3e-3, 0.0), abs=2e-5)
+    text = told_text(WholePrint(size, {}, skews), Compensation())
+    assert f"design ... {shrink.typed} {skew.typed}   # the next print" in text
     assert "M852" in text
     assert "xy by +0.1146" in text
-    text = "\n".join(next_print_lines(WholePrint(None, (), skews), 0.3, (1e-3, 0.0, 0.01)))
-    told = re.search(
-        r'design \.\.\. --shrink-compensation 0\.3% --skew-compensation "(.*)"   # .*; this one (.*)', text
-    )
-    assert told
-    assert parse_skew_rad(told[1]) == pytest.approx((3e-3, -3e-3, 0.01), abs=5e-5)
-    assert told[2] == 'was made with 0.3% and "xy 0.057deg, yz 0.573deg"'
+    unknown, made_with = WholePrint(None, {}, skews), Compensation(0.3, (1e-3, 0.0, 0.01))
+    shrink, skew = next_options(unknown, made_with)
+    assert (shrink.typed, shrink.sigma) == ("--shrink-compensation 0.3%", "")
+    assert parse_skew_rad(skew.value) == pytest.approx((3e-3, -3e-3, 0.01), abs=5e-5)
+    text = told_text(unknown, made_with)
+    assert "this one was made with 0.3% and xy 0.057deg, yz 0.573deg" in text
     assert "--length" in text
 
 
 def test_a_compensation_that_did_its_work_is_kept() -> None:
     """Without a significant angle the compensation stays; beyond what `design` takes, the axes are to be mended."""
     noise, much = Estimate(1e-4, 1e-4), Estimate(0.05, 1e-4)
-    kept = "\n".join(next_print_lines(WholePrint(noise, (), (("xy", noise),)), 0.0, (1e-3, 0.0, 0.0)))
+    kept = told_text(WholePrint(noise, {"x": noise}, {"xy": noise}), Compensation(0.0, (1e-3, 0.0, 0.0)))
     assert "design ..." not in kept
     assert 'no correction beyond --skew-compensation "xy 0.057deg"' in kept
-    far = "\n".join(next_print_lines(WholePrint(noise, (), (("xy", much),)), 0.0))
+    far = told_text(WholePrint(noise, {}, {"xy": much}), Compensation())
     assert "design ..." not in far
     assert "no more than 2 deg of skew" in far
+
+
+@pytest.mark.parametrize(
+    ("percent", "skew_rad", "said"),
+    [(float("nan"), NO_SKEW, "between -50% and 50%"), (50.0, NO_SKEW, "between -50% and 50%"),
+     (0.0, (0.0, float("nan"), 0.0), "between -2deg and 2deg"), (0.0, (0.04, 0.0, 0.0), "between -2deg and 2deg")],
+)  # fmt: skip
+def test_a_compensation_is_one_that_design_takes(percent: float, skew_rad: Skew, said: str) -> None:
+    """What is no number, or more than `design` takes, is refused with value, rule and remedy."""
+    with pytest.raises(InputError, match=said):
+        Compensation(percent, skew_rad)

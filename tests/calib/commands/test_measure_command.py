@@ -8,6 +8,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,10 +17,9 @@ from numpy.typing import NDArray
 
 from calib.api.measuring import measure as measure_from_python
 from calib.api.measuring import rescale
-from calib.as_built.lengths import length_in
-from calib.as_built.options import AsBuiltOptions
-from calib.as_built.solve import measure as measure_print
-from calib.as_built_report.deviations import (
+from calib.as_built.cross_validation import cross_validate, laid_over
+from calib.as_built.deviations import (
+    Compensation,
     Estimate,
     WholePrint,
     bed_axes,
@@ -27,15 +27,18 @@ from calib.as_built_report.deviations import (
     next_skew_rad,
     whole_print,
 )
-from calib.as_built_report.held_out import gain_on_held_out, laid_over
-from calib.as_built_report.length_words import CALIPER_SIGMA_MM, parse_length
-from calib.as_built_report.words import next_print_lines
+from calib.as_built.lengths import CALIPER_SIGMA_MM, CaliperLength, asked_length, length_in
+from calib.as_built.options import AsBuiltOptions
+from calib.as_built.solve import measure as measure_print
 from calib.commands.measure import measure
 from calib.core.se3 import exp_rotation
 from calib.core.selection import keep_sightings
 from calib.core.types import Observations
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
+from calib.show.measured.next_print import next_print
+from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
 from designer.base.command import run
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_printing
@@ -54,7 +57,7 @@ Array = NDArray[np.float64]
 
 MEASURED = ("measured.target.json", "measured.as_built.json", "measured.as_built.csv", "measured.as_built.png")
 INPUTS = {"ico.target.json", "seen.csv", "seen.records.json"}
-PLAIN = ("ico.target.json", "seen.csv", "-o", "measured.target.json", "--held-out", "0")
+PLAIN = ("ico.target.json", "seen.csv", "-o", "measured.target.json", "--model", "opencv", "--held-out", "0")
 
 
 @cache
@@ -108,7 +111,8 @@ def test_python_measures_as_the_command_does(capfd: pytest.CaptureFixture[str]) 
     """`calib.measure` takes values or files, prints nothing, and writes the same numbers when it is saved."""
     assert command(*PLAIN, "--rings", "rigid").code == 0
     capfd.readouterr()
-    measured = measure_from_python(solid(), detections_of(seen(), solid()), rings="rigid", held_out=0)
+    found = (one for one in detections_of(seen(), solid()))
+    measured = measure_from_python(solid(), found, model="opencv", rings="rigid", held_out=0)
     assert {path.name for path in measured.save("out/measured.target.json")} == set(MEASURED)
     ours, theirs = (json.loads(Path(place, MEASURED[1]).read_text()) for place in ("out", "."))
     assert ours["settings"].keys() == theirs["settings"].keys()
@@ -121,6 +125,44 @@ def test_python_measures_as_the_command_does(capfd: pytest.CaptureFixture[str]) 
         measure_from_python("ico.target.json", "seen.csv", rings="rigid", held_out=0).save("ico.target.json")
     quick = rescale(solid(), "edge:10.05cm")
     assert length_in(quick.target, "edge") == pytest.approx(100.5)
+
+
+def test_the_model_is_that_of_the_run_or_as_run_chooses() -> None:
+    """Of a run's detections the run's best model; else the one with the smaller residuals; both are said."""
+    calib("solve", "seen.csv", "--target", "ico.target.json", "--model", "luhmann", "-o", ".", *LENIENT)
+    measured = measure_from_python("ico.target.json", "seen.csv", rings="rigid", held_out=0)
+    assert [one.model for one in measured.found.cameras] == ["luhmann"]
+    assert any("luhmann, the model of the run's best camera" in line for line in measured.remarks)
+    Path("verdict.json").unlink()
+    measured = measure_from_python("ico.target.json", "seen.csv", rings="rigid", held_out=0)
+    residuals_px = {
+        model: np.hypot(*solve(seen(), model, SolveOptions()).residual_px.T).mean() for model in ("luhmann", "opencv")
+    }
+    assert measured.found.cameras[0].model == min(residuals_px, key=residuals_px.__getitem__)
+    assert any("has the smaller residuals" in line for line in measured.remarks)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            {"lengths": CaliperLength("edge", float("nan"), 0.02)},
+            "nan mm ± 0.02 mm: both must be numbers of more than 0",
+        ),
+        ({"lengths": [CaliperLength("edge", 100.0, float("inf"))]}, "inf mm: both must be numbers of more than 0"),
+        ({"lengths": [100.0]}, "give text as in"),
+        ({"shrink_compensation_percent": float("nan")}, "between -50% and 50%"),
+        ({"bed_turn_rad": float("nan")}, "a full turn at most"),
+        ({"observed": ()}, "no detections"),
+        ({"observed": (one for one in ("seen.csv", 5))}, "5: give files, observations"),
+        ({"observed": ["seen.csv", detections_of(seen(), solid())[0]]}, "detections beside files"),
+        ({"observed": ["seen.csv", seen()], "one_camera": True}, "observations are of a camera each"),
+    ],
+)
+def test_values_that_are_none_are_refused(arguments: dict[str, Any], message: str) -> None:
+    """From Python as from a shell: the value, the rule and the remedy, before any work is done."""
+    with pytest.raises(InputError, match=message):
+        measure_from_python(**{"target": "ico.target.json", "observed": "seen.csv", **arguments})
 
 
 @pytest.mark.filterwarnings("error")  # of a picture whose parts have no room
@@ -139,7 +181,9 @@ def test_a_print_is_measured_and_all_is_written() -> None:
     assert report["measured_geometry_id"] == found.geometry_id
     assert report["nominal_geometry_id"] == solid().geometry_id
     assert report["size_is_known"] is True
-    assert "next  not judged, as --held-out 0 asked" in answer.out
+    assert answer.out.startswith("measured, not judged: ")
+    assert "leave --held-out 0 away" in answer.out
+    assert len(answer.out.splitlines()) <= 25
     assert "calib solve" not in answer.out
     assert Path("measured.as_built.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
@@ -183,9 +227,9 @@ def test_the_table_holds_each_number_with_its_deviation() -> None:
 def test_gain_is_judged_on_photos_held_out() -> None:
     """With the measured target the errors against the truth are as those with a perfect print, the nominal's larger."""
     found = measure_print([photos(print_(), np.random.default_rng(4), 40)], solid(), "opencv")
-    held = gain_on_held_out(found, "opencv", AsBuiltOptions(), 4, truth=print_())
+    held = cross_validate(found, "opencv", AsBuiltOptions(), 4, truth=print_())
     perfect = measure_print([photos(solid(), np.random.default_rng(4), 40)], solid(), "opencv", RIGID)
-    best = gain_on_held_out(perfect, "opencv", RIGID, 4, truth=solid())
+    best = cross_validate(perfect, "opencv", RIGID, 4, truth=solid())
     assert [gain.metric for gain in held.gains] == ["reprojection", "intersection", "reconstruction"]
     assert [gain.metric for gain in held.against_truth] == ["intersection", "reconstruction"]
     for gain, reference in zip(held.against_truth, best.against_truth, strict=True):
@@ -196,12 +240,12 @@ def test_gain_is_judged_on_photos_held_out() -> None:
 
 def test_what_is_no_better_is_not_recommended() -> None:
     """Exit code 1, one line that says why, no command that uses it; the file is there to be looked at."""
-    for views, word in ((12, "no better than the drawing"), (4, "too few photos")):
+    for views, word in ((12, "no better than the drawing"), (4, "Too few photos")):
         write_seen(photos(solid(), np.random.default_rng(5), views), "seen.csv")
-        answer = command(*PLAIN[:4], "--rings", "rigid")
+        answer = command(*PLAIN[:6], "--rings", "rigid")
         assert answer.code == 1
-        (line,) = (line for line in answer.out.splitlines() if line.startswith("next  "))
-        assert word in line
+        assert word in answer.out
+        assert "calib solve" not in answer.out
         held = json.loads(Path("measured.as_built.json").read_text())["held_out"]
         assert held["is_better"] is (False if views > 4 else None)
 
@@ -210,7 +254,7 @@ def test_what_was_measured_from_a_photo_is_not_judged_by_it() -> None:
     """A sighting that is far off in a held-out photo changes nothing of the measurement it is judged by."""
     found = measure_print([seen()], solid(), "opencv", RIGID)
     in_sample = float(np.sqrt((found.residual_px[0] ** 2).sum(axis=1).mean()))
-    held = gain_on_held_out(found, "opencv", RIGID, 2)
+    held = cross_validate(found, "opencv", RIGID, 2)
     assert held.gains[0].measured > in_sample
 
 
@@ -225,10 +269,10 @@ def test_two_files_of_one_camera_are_one() -> None:
         write_seen(replace(some, view=some.view - first, view_names=names), name)
     answer = command("ico.target.json", "a.csv", "b.csv", *PLAIN[2:], "--one-camera", "--rings", "rigid")
     assert answer.code == 0, answer
-    assert "1 camera, 16 photos" in answer.out
+    assert "16 of 1 camera (opencv), " in answer.out
     assert largest_distance_mm(load_target(Path("measured.target.json")), whole) < 1e-3  # written centres are rounded
     answer = command("ico.target.json", "a.csv", "b.csv", *PLAIN[2:], "--rings", "rigid")
-    assert "2 cameras, 16 photos" in answer.out
+    assert "16 of 2 cameras (opencv), " in answer.out
 
 
 def test_the_quick_way_rescales() -> None:
@@ -238,7 +282,7 @@ def test_the_quick_way_rescales() -> None:
     quick = load_target(Path("quick.target.json"))
     assert quick.source == "measured"
     np.testing.assert_allclose(quick.center_mm, 1.005 * solid().center_mm, rtol=1e-12)
-    assert "+0.500 +- 0.020 %" in answer.out
+    assert "+0.500 ± 0.020 %" in answer.out
 
 
 # What to dial into the next print.
@@ -281,7 +325,7 @@ def test_stretch_and_skew_are_told_along_the_bed(kind: str) -> None:
     whole = whole_print(measure_print([shown], target, "opencv", replace(RIGID, bow=False)))
     told = next_skew_rad(whole)
     assert told == pytest.approx((2e-3, -1e-3, 3e-3) if kind == "ico" else (2e-3, 0.0, 0.0), abs=2e-5)
-    axes, skews = ({name: one.value for name, one in pairs} for pairs in (whole.axes, whole.skews))
+    axes, skews = ({name: one.value for name, one in pairs.items()} for pairs in (whole.axes, whole.skews_rad))
     mean = {"ico": 5e-4, "board": 5e-4}[kind]
     expected = {"x": 2e-3 - mean, "y": -1e-3 - mean, "z": 5e-4 - mean}
     assert axes == pytest.approx({name: expected[name] for name in axes}, abs=2e-5)
@@ -293,15 +337,18 @@ def test_stretch_and_skew_are_told_along_the_bed(kind: str) -> None:
 def test_noise_is_not_dialled_in() -> None:
     """Numbers below three standard deviations change no print, larger ones do."""
     noise, much = Estimate(1e-4, 1e-4), Estimate(-4e-3, 1e-4)
-    quiet = "\n".join(next_print_lines(WholePrint(noise, (("x", noise),), (("xy", noise),)), 0.0))
-    assert "the size needs no correction" in quiet
-    assert "axes and angles need no correction" in quiet
-    loud = "\n".join(next_print_lines(WholePrint(much, (("x", much),), (("xy", noise),)), 0.0))
+
+    def told(whole: WholePrint) -> str:
+        return str(next_print(whole, Compensation(), plastic=True))
+
+    quiet = told(WholePrint(noise, {"x": noise}, {"xy": noise}))
+    assert "The size needs no correction" in quiet
+    assert "Axes and angles need no correction" in quiet
+    loud = told(WholePrint(much, {"x": much}, {"xy": noise}))
     assert "--shrink-compensation 0.402%" in loud
     assert "scale x 100.402%" in loud
     assert "skew" not in loud
-    unknown = "\n".join(next_print_lines(WholePrint(None, (), ()), 0.0))
-    assert "--length" in unknown
+    assert "--length" in told(WholePrint(None, {}, {}))
 
 
 # Lengths.
@@ -323,15 +370,16 @@ def test_lengths_as_they_are_typed(text: str, value_mm: float, sigma_mm: float) 
     target = solid()
     if value_mm < 1:  # micrometres of the sigma hold for the value too, which is then no edge
         with pytest.raises(InputError, match="check what was measured, and the unit"):
-            parse_length("--length", text, target)
+            asked_length("--length", text, target)
         return
     if text.startswith("ring"):
         text = text.replace("60", f"{length_in(target, 'ring 0 to ring 20')}")
         value_mm = length_in(target, "ring 0 to ring 20")
-    asked = parse_length("--length", text, target)
-    assert asked.length.value_mm == pytest.approx(value_mm, abs=1e-9)
-    assert asked.length.sigma_mm == pytest.approx(sigma_mm)
-    assert asked.is_usual_sigma == ("usual" in asked.text) == (text.startswith("ring"))
+    asked = asked_length("--length", text, target)
+    assert asked.value_mm == pytest.approx(value_mm, abs=1e-9)
+    assert asked.sigma_mm == pytest.approx(sigma_mm)
+    assert asked.is_usual_sigma == text.startswith("ring")
+    assert asked_length("--length", asked.text, target).value_mm == asked.value_mm
 
 
 @pytest.mark.parametrize(
@@ -343,9 +391,9 @@ def test_lengths_as_they_are_typed(text: str, value_mm: float, sigma_mm: float) 
         ("face-to-face", "NAME:VALUE"),
         ("face-to-face:151kg", "unknown unit of length 'kg'"),
         ("face-to-face:151mm+-0.1deg", "its sigma: unknown unit"),
-        ("face-to-face:151mm+--0.1mm", "its sigma is -0.1mm; it must be more than 0"),
-        ("face-to-face:151mm+-0", "its sigma is 0mm; it must be more than 0"),
-        ("face-to-face:-151mm", "the length is -151mm; it must be more than 0"),
+        ("face-to-face:151mm+--0.1mm", "151 mm ± -0.1 mm: both must be numbers of more than 0"),
+        ("face-to-face:151mm+-0", "151 mm ± 0 mm: both must be numbers of more than 0"),
+        ("face-to-face:-151mm", "-151 mm ± 0.02 mm: both must be numbers of more than 0"),
         ("face-to-face:nan", "not a finite number"),
         ("face-to-face:", "expected a length"),
         ("face-to-face:151+-1+-1", "more than one sigma"),
@@ -478,5 +526,5 @@ def test_a_board_seen_from_one_side_only_is_said() -> None:
     write_seen(shown, "flat.csv", plate())
     answer = command("board.target.json", "flat.csv", "-o", "m.target.json", "--rings", "rigid", "--flat")
     assert answer.code == 1, answer
-    assert "no camera is determined" in answer.out
+    assert "No camera is determined" in answer.out
     assert json.loads(Path("m.as_built.json").read_text())["status"] == "degenerate"

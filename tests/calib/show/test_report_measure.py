@@ -6,13 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.as_built_report.as_built_file import AS_BUILT, AsBuiltRecord
-from calib.as_built_report.words import next_print_lines
-from calib.show.folder import build_page
-from calib.show.measured.measure_page import measured_stem
-from calib.show.measured.measure_scene import COLOURS, colour, deviations_of, nice
-from calib.show.measured.measure_words import face_sentence
-from calib.show.parts.origin import Origin
+from calib.records.as_built_file import AS_BUILT, AsBuiltRecord
+from calib.show.measured.scene import COLOURS, colour, deviations_of, nice
+from calib.show.measured.words import face_sentence
 from designer.page.blocks import Command, Page, View3d
 from designer.page.shell import page_html
 from designer.target import load_target
@@ -125,13 +121,13 @@ def test_the_scene_shows_where_rings_lie(folder: Path) -> None:
 
 
 def test_what_to_dial_in_is_a_command(folder: Path, page: Page) -> None:
-    """The compensation of the next print, as `calib measure` says it, is a line to copy."""
+    """The compensation of the next print is a line to copy, and so is the run with the measured target."""
     lines = [one.line for one in blocks_of(page) if isinstance(one, Command)]
     dialled = [line for line in lines if line.startswith("design ...")]
     assert len(dialled) == 1
-    head = stored(folder)
-    said = "\n".join(next_print_lines(head.whole, 0.0))
-    assert f"{dialled[0]}   # printed plastic" in said
+    percent = stored(folder).next_shrink_compensation_percent
+    assert percent is not None
+    assert ("--shrink-compensation" in dialled[0]) == (f"{percent:.3f}%" in dialled[0])
     assert "--s" in dialled[0]
     assert f"calib run {MEASURED} PHOTOS -o DIR" in lines
 
@@ -158,16 +154,18 @@ def test_another_target_is_not_shown_as_measured(folder: Path, tmp_path: Path) -
     assert any(one.title == "The picture is missing" for one in findings_of(page))
 
 
-def test_of_several_prints_the_command_decides(folder: Path) -> None:
-    """A folder with two measured prints: the page is of the one that the command wrote, and names the other."""
+def test_each_print_of_a_folder_is_on_its_page(folder: Path) -> None:
+    """A folder with two measured prints: the page tells both, and its headline is the worse one's."""
     for end in (".as_built.json", ".target.json"):
         (folder / f"a print{end}").write_bytes((folder / f"{PRINT}{end}").read_bytes())
-    assert measured_stem(folder, "")[0] == "a print"
-    assert measured_stem(folder, f"calib measure x -o '{folder}/a b/{MEASURED}'") == (PRINT, ("a print",))
-    assert measured_stem(folder, f"calib measure x --out={MEASURED} 'unclosed") == ("a print", (PRINT,))
-    page = build_page(folder, Origin("measure", f"calib measure x -o {MEASURED}", "p"))
-    assert page.title == PRINT
-    assert any("a print" in one.text for one in findings_of(page))
+    document = json.loads((folder / "a print.as_built.json").read_bytes())
+    (folder / "a print.as_built.json").write_text(json.dumps({**document, "status": "degenerate"}))
+    page = page_of("measure", folder)
+    assert [section.title for section in page.sections[1:-1]] == ["a print", PRINT]
+    assert page.headline is not None
+    assert (page.headline.level, page.headline.word) == ("bad", "2 prints")
+    assert f"a print: do not use; {PRINT}: measured target is better" in page.headline.sentence
+    page_html(page)
 
 
 @pytest.mark.parametrize("name", ["<img src=x>", "a\\b", "né 測定", "a'b\"c", "-o", "C:x"])
