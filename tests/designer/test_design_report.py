@@ -206,7 +206,7 @@ def test_example_length_is_read_by_calib_measure(build: str) -> None:
     reading = 1.001 * length_in(design.target, name)
     asked = asked_length("--length", text.replace(READING, f"{reading:.2f}"), design.target)
     assert (asked.name, asked.sigma_mm) == (name, 0.02)
-    assert asked.length.value_mm == pytest.approx(reading, abs=0.005001)
+    assert asked.value_mm == pytest.approx(reading, abs=0.005001)
 
 
 @pytest.mark.parametrize("build", BUILDS)
