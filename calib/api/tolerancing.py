@@ -28,7 +28,7 @@ from designer.base.errors import InputError
 from designer.base.words import printable
 from designer.target import TargetGeometry, bounding_radius_mm, target_to_json
 from designer.tolerance.error_file import error_model
-from designer.tolerance.registry import source_named
+from designer.tolerance.sources import source_named
 
 MAX_DRAWS = 1_000_000
 MAX_SEED = 2**63 - 1

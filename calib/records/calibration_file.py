@@ -27,8 +27,8 @@ from designer.base.file_kind import FileKind
 from designer.base.marks import LEFT_OUT, OR_NULL, AtLeast, AtMost, Count, Gap, Length, Shape
 from designer.base.words import shown
 from designer.tolerance.model import ErrorModel
-from designer.tolerance.registry import SOURCES
 from designer.tolerance.source import Amount, Kind
+from designer.tolerance.sources import SOURCES
 
 Array = NDArray[np.float64]
 

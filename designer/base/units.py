@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from designer.base.errors import InputError
@@ -19,7 +20,7 @@ MAX_LENGTH_MM = 10_000.0
 MAX_ANGLE_RAD = math.tau
 MAX_TEXT = 40
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
-_QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?(?:nan|inf(?:inity)?))\s*([^\W\d_]{{0,12}}|[%\"°])\s*", re.IGNORECASE)
+_QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?(?:nan|inf(?:inity)?))\s*([^\s\d.+-]\S{{0,11}})?\s*", re.IGNORECASE)
 
 
 def parse_length_mm(text: str | float) -> float:
@@ -50,14 +51,28 @@ def parse_angle_rad(text: str | float) -> float:
     Raises:
         ValueError: no number with a unit of angle, not finite, or more than a full turn.
     """
-    expected = "an angle such as 0.1deg or 2mrad"
+    return parse_quantity(text, RAD_PER_UNIT, "an angle such as 0.1deg or 2mrad", MAX_ANGLE_RAD)
+
+
+def parse_quantity(text: str | float, per_unit: Mapping[str, float], expected: str, largest: float) -> float:
+    """A number times its unit.
+
+    Args:
+        text: with one of the units, or a bare number.
+        per_unit: the units; "" of a bare number.
+        expected: what it should be, with an example.
+        largest: its limit, to both sides of 0.
+
+    Raises:
+        ValueError: no such quantity, not finite, or beyond the limit.
+    """
     number, unit = _split(text, expected)
-    if unit not in RAD_PER_UNIT:
+    if unit not in per_unit:
         raise ValueError(f"unit {unit!r} does not fit; expected {expected}")
-    angle = number * RAD_PER_UNIT[unit]
-    if abs(angle) > MAX_ANGLE_RAD:
+    value = number * per_unit[unit]
+    if abs(value) > largest:
         raise ValueError(f"too large; expected {expected}")
-    return angle
+    return value
 
 
 def parse_lengths_mm(text: str, count: int) -> tuple[float, ...]:
@@ -97,7 +112,7 @@ def _split(text: str | float, expected: str) -> tuple[float, str]:
     match = _QUANTITY.fullmatch(text) if isinstance(text, str) and len(text) <= MAX_TEXT else None
     if isinstance(text, str) and match is None:
         raise ValueError(f"expected {expected}")
-    number, unit = (float(match[1]), match[2]) if match else (_as_float(text), "")
+    number, unit = (float(match[1]), match[2] or "") if match else (_as_float(text), "")
     if not math.isfinite(number):
         raise ValueError(f"not a finite number; expected {expected}")
     return number, unit

@@ -4,20 +4,13 @@ A closed loop of ink (0, 8, A) around white would be a ring to the detector, so 
 stand on a grid of strokes: 5 wide, 7 high, 1 apart; b and d are small letters, as on a seven-segment display.
 """
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.base.errors import InputError
-from designer.base.units import format_mm
-from designer.kinds.layout import inset_per_depth, lay_out
-from designer.kinds.sizing import size_job
-from designer.kinds.spec_file import RawValue, parse_spec
-from designer.spec.options import Asked
-from designer.spec.spec import PrintSpec, Spec
+from designer.kinds.layout import inset_per_depth
+from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
 WIDTH, HEIGHT, GAP = 5, 7, 1  # in strokes
@@ -26,9 +19,6 @@ EDGE_CLEARANCE_MM = 1.0
 """Least distance of letters from a plain board's edge, where it is cut or rounded."""
 ID_DIGITS = 8
 """Of the target id that are written."""
-MOST_WIDENINGS = 4
-"""Of a border: ink that may lie deeper in a wider one takes some of it."""
-LAST_BITS = 1e-9
 PAPER_STROKE_MM = 0.15
 """Thinnest letter stroke that an office printer holds."""
 
@@ -80,12 +70,13 @@ def letter_faces(target: TargetGeometry, printing: PrintSpec, scale: float) -> L
     stroke = min((high - low) / HEIGHT, MAX_STROKE_MM)
     if stroke < finest:
         room, needed = max(high - low, 0.0), HEIGHT * finest
-        remedy = _remedy(target, printing, scale, needed)
-        return Lettering(
-            nothing, f"labels: left out, there is room for {room:.2f}mm and they are {needed:.2f}mm high{remedy}"
-        )
+        where = "margin" if np.array_equal(target.window_mm, target.outline_mm) else "border"
+        why = f"there is room for {room:.2f}mm and they are {needed:.2f}mm high"
+        return Lettering(nothing, f"labels: left out, {why}; a wider {where} takes them")
     baseline = (low + high - HEIGHT * stroke) / 2
-    room = _line_mm(target, scale, baseline + HEIGHT * stroke)
+    outline, top = scale * target.outline_mm[0], baseline + HEIGHT * stroke
+    # At most: above the lowest side of a triangle a line is shorter by twice the height over tan 60 deg, at both ends.
+    room = float(np.ptp(outline[:, 0])) - 4 * (top - float(outline[:, 1].min()))
     target_id = target.geometry_id[:ID_DIGITS].upper()
     faces = []
     for face in range(target.face_count):
@@ -97,50 +88,6 @@ def letter_faces(target: TargetGeometry, printing: PrintSpec, scale: float) -> L
         return Lettering(nothing, f"labels: left out, {max(room, 0.0):.1f}mm is too short a line")
     what = f"target id {target_id}" if target.is_planar else "face numbers"
     return Lettering(tuple(faces), f"labels: {what}, {HEIGHT * stroke:.1f}mm high")
-
-
-def _line_mm(target: TargetGeometry, scale: float, top_mm: float) -> float:
-    """How long a line is whose letters end at this height of the printed part."""
-    outline = scale * target.outline_mm[0]
-    # At most: above the lowest side of a triangle a line is shorter by twice the height over tan 60 deg, at both ends.
-    return float(np.ptp(outline[:, 0])) - 4 * (top_mm - float(outline[:, 1].min()))
-
-
-def _remedy(target: TargetGeometry, printing: PrintSpec, scale: float, needed_mm: float) -> str:
-    """The border or margin that takes the letters, with rings chosen anew; "" where such a target cannot be."""
-    spec, finest = target.spec, needed_mm / HEIGHT
-    if spec is None:
-        return ""
-    field = "border" if spec.border_mm > 0 else "margin"
-    width = spec.border_mm if spec.border_mm > 0 else spec.margin_mm
-    wider = target
-    for _ in range(MOST_WIDENINGS):
-        low, high = _strip(wider, printing, finest, scale)
-        short = needed_mm - (high - low)
-        if short <= 0:
-            shortest = ID_DIGITS if target.is_planar else 1
-            is_long = text_width("0" * shortest) * finest <= _line_mm(wider, scale, high)
-            return f"; --{field} {width:g}mm would take them, with rings chosen to fit" if is_long else ""
-        width = math.ceil(10 * (width + short / scale) + LAST_BITS) / 10
-        try:
-            job = size_job(_asked_with(spec, printing, {field: width})).job
-        except InputError:
-            return ""
-        wider, printing = lay_out(job.target), job.printing
-    return ""
-
-
-def _asked_with(spec: Spec, printing: PrintSpec, wider: Mapping[str, float]) -> Asked:
-    """What is typed for a target of this size and printer with a wider border or margin."""
-    printer = printing.printer
-    common: dict[str, RawValue] = {
-        "kind": spec.kind, "build": printing.build, "printer": printer.name, "nozzle": printer.nozzle_mm,
-        "line_width": printer.line_width_mm, "layer_height": printer.layer_height_mm,
-        "bed": format_mm(*printer.bed_mm), "ink_offset": printing.ink_offset_mm,
-        "sticker_thickness": printing.sticker_thickness_mm, **wider,
-    }  # fmt: skip
-    options = spec.options()
-    return parse_spec({**common, **{name: options[name] for name in spec.extent}}, "")
 
 
 def _strip(target: TargetGeometry, printing: PrintSpec, clear_mm: float, scale: float) -> tuple[float, float]:

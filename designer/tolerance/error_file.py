@@ -1,7 +1,5 @@
 """Error models that people write, in TOML: amounts with units, each with the source of its number."""
 
-import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,14 +8,17 @@ from typing import Annotated
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from designer.base.errors import InputError
-from designer.base.units import parse_angle_rad, parse_length_mm, parse_percent
+from designer.base.units import parse_angle_rad, parse_length_mm, parse_percent, parse_quantity
 from designer.base.words import shown, suggestion
 from designer.kinds.presets import preset_or_file
 from designer.kinds.spec_file import RawValue, read_spec_file
 from designer.tolerance.model import ErrorModel
-from designer.tolerance.registry import SOURCES, source_named
 from designer.tolerance.source import KINDS, Amount, ErrorSource, Unit
+from designer.tolerance.sources import SOURCES, source_named
 
+MAX_KELVIN = 1000.0
+_KELVIN_PER_UNIT = {"": 1.0, "K": 1.0, "°C": 1.0, "degC": 1.0}
+_PER_KELVIN_PER_UNIT = {"": 1.0, "/K": 1.0, "ppm/K": 1e-6, "um/m/K": 1e-6}
 NEEDED_BY: Mapping[str, str] = {"stair_steps": "layer_height", "thermal": "expansion"}
 """What the model must tell of a print for a source to have an effect."""
 
@@ -147,21 +148,13 @@ def _explain(error: ValidationError) -> str:
     return f"{key} {shown(first['input'])}: {rule[:1].lower()}{rule[1:]}"
 
 
-MAX_KELVIN = 1000.0
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?|[-+]?(?:nan|inf(?:inity)?)"
-_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.{{0,12}}?)\s*", re.IGNORECASE)
-
-_KELVIN_PER_UNIT = {"": 1.0, "K": 1.0, "°C": 1.0, "degC": 1.0}
-_PER_KELVIN_PER_UNIT = {"": 1.0, "/K": 1.0, "ppm/K": 1e-6, "um/m/K": 1e-6}
-
-
 def parse_kelvin(text: str) -> float:
     """A difference of temperature in kelvin.
 
     Raises:
         ValueError: no number with a unit of temperature, not finite, or more than 1000 K.
     """
-    return _parse(text, _KELVIN_PER_UNIT, "a difference of temperature such as 5K", MAX_KELVIN)
+    return parse_quantity(text, _KELVIN_PER_UNIT, "a difference of temperature such as 5K", MAX_KELVIN)
 
 
 def parse_expansion(text: str) -> float:
@@ -170,17 +163,13 @@ def parse_expansion(text: str) -> float:
     Raises:
         ValueError: no such quantity, or more than 0.001/K.
     """
-    return _parse(text, _PER_KELVIN_PER_UNIT, "an expansion such as 68e-6/K or 68ppm/K", 1e-3)
-
-
-def _parse_share(text: str) -> float:
-    return parse_percent(text) / 100
+    return parse_quantity(text, _PER_KELVIN_PER_UNIT, "an expansion such as 68e-6/K or 68ppm/K", 1e-3)
 
 
 _PARSERS: Mapping[Unit, Callable[[str], float]] = {
     "mm": parse_length_mm,
     "rad": parse_angle_rad,
-    "1": _parse_share,
+    "1": lambda text: parse_percent(text) / 100,
     "K": parse_kelvin,
 }
 
@@ -202,18 +191,3 @@ def parse_amount(text: str, source: ErrorSource) -> Amount:
                 raise InputError(f"{source.name} {shown(text)}: {error}") from None
     hint = suggestion(kind, list(KINDS)) or f"; use {', '.join(KINDS)}"
     raise InputError(f"{source.name} {shown(text)}: unknown distribution {shown(word)}{hint}")
-
-
-def _parse(text: str, per_unit: Mapping[str, float], expected: str, largest: float) -> float:
-    """A number times its unit, within a limit."""
-    match = _QUANTITY.fullmatch(text)
-    if match is None:
-        raise ValueError(f"expected {expected}")
-    if match[2] not in per_unit:
-        raise ValueError(f"unit {shown(match[2])} does not fit; expected {expected}")
-    value = float(match[1]) * per_unit[match[2]]
-    if not math.isfinite(value):
-        raise ValueError(f"not a finite number; expected {expected}")
-    if abs(value) > largest:
-        raise ValueError(f"too large; expected {expected}")
-    return value

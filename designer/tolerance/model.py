@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
-from designer.tolerance.registry import SOURCES, source_named
 from designer.tolerance.shape import MadeShape, shape_of, target_of
 from designer.tolerance.source import Amount, ErrorSource, format_quantity
+from designer.tolerance.sources import SOURCES, source_named
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Array]

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, displaced_shape
-from designer.tolerance.registry import SOURCES
 from designer.tolerance.shape import centers_mm
 from designer.tolerance.source import Unit
+from designer.tolerance.sources import SOURCES
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from designer.target import TargetGeometry
 from designer.tolerance.made import Made
 from designer.tolerance.model import ErrorModel, draw_values
 from designer.tolerance.prior import shape_prior
-from designer.tolerance.registry import SOURCES
 from designer.tolerance.source import Amount
+from designer.tolerance.sources import SOURCES
 
 Array = NDArray[np.float64]
 Values = dict[str, Array]

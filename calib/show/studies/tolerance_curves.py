@@ -12,7 +12,7 @@ from calib.studies.tolerance.quantities import MAIN, quantity_named
 from calib.studies.tolerance.record import NEVER, BudgetRow, CostRow, CrossoverRow, Crossovers, SweepRow, ToleranceStudy
 from calib.studies.tolerance.sizes import FACTORS
 from designer.base.words import capital
-from designer.tolerance.registry import SOURCES
+from designer.tolerance.sources import SOURCES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

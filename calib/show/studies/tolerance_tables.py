@@ -19,7 +19,7 @@ from calib.studies.tolerance.quantities import MAIN, Quantity, other_reference, 
 from calib.studies.tolerance.record import NEVER, AllowedRow, BudgetRow, CostRow, Crossovers, Together, ToleranceStudy
 from designer.base.words import capital
 from designer.page.blocks import Cell, Column, Level, Table
-from designer.tolerance.registry import SOURCES
+from designer.tolerance.sources import SOURCES
 
 NOT_KNOWN = Cell("-")
 HEADS = {

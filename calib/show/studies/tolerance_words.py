@@ -21,7 +21,7 @@ from calib.studies.tolerance.record import (
 from calib.studies.tolerance.sizes import FACTORS, LARGEST
 from designer.base.words import capital
 from designer.page.blocks import Finding, Headline
-from designer.tolerance.registry import SOURCES
+from designer.tolerance.sources import SOURCES
 
 BELOW = 0.1
 """Of the noise: a cost below adds half a percent to an error, and is no more than told to be small."""

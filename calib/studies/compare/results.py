@@ -20,8 +20,8 @@ from calib.studies.stored_samples import Samples
 from designer.base.file_kind import FileKind
 from designer.base.marks import AGAIN, MOST_ROWS, Count, Gap, Length, Line, Number, Word
 from designer.tolerance.model import ErrorModel
-from designer.tolerance.registry import SOURCES
 from designer.tolerance.source import format_quantity
+from designer.tolerance.sources import SOURCES
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.sizes import Reach
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
-from designer.tolerance.registry import SOURCES
+from designer.tolerance.sources import SOURCES
 
 Array = NDArray[np.float64]
 

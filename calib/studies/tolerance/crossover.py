@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib.studies.tolerance.quantities import NAMES, quantity_row
 from calib.studies.tolerance.record import CrossoverRow, nine_digits
 from calib.studies.tolerance.result import ToleranceTable
-from designer.tolerance.registry import SOURCES
+from designer.tolerance.sources import SOURCES
 
 Array = NDArray[np.float64]
 ENDS = ("value", "high", "low")

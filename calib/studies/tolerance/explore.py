@@ -24,7 +24,7 @@ from calib.studies.tolerance.sizes import FACTORS, Reach, reach_of, sweep_rows
 from calib.studies.tolerance.stored import tolerance_draws
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
-from designer.tolerance.registry import SOURCES
+from designer.tolerance.sources import SOURCES
 
 Array = NDArray[np.float64]
 

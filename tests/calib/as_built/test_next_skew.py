@@ -14,8 +14,8 @@ from designer.kinds.sizing import size_printing
 from designer.make.bed import bed_from_target, printed_corners_mm
 from designer.page.blocks import Command
 from designer.spec.options import AskedPrinting
-from designer.tolerance.registry import SOURCES
 from designer.tolerance.shape import shape_of
+from designer.tolerance.sources import SOURCES
 from tests.support.as_built_scenes import solid
 
 Array = NDArray[np.float64]

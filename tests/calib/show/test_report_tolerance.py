@@ -21,7 +21,7 @@ from calib.studies.tolerance.quantities import MAIN, NAMES, Requirement, quantit
 from calib.studies.tolerance.record import TOLERANCE_TABLE, BudgetRow
 from designer.page.blocks import Page, Table
 from designer.tolerance.error_file import parse_amount
-from designer.tolerance.registry import SOURCES
+from designer.tolerance.sources import SOURCES
 from tests.support.report_folders import findings_of, page_of, table_of, tolerance_files, written
 from tests.support.tolerance_settings import board_table, few_errors, ico_setting, tolerance_study, tolerance_table
 

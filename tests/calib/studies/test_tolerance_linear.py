@@ -23,9 +23,9 @@ from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.sizes import reach_of
 from designer.tolerance.model import ErrorModel, displaced_shape
 from designer.tolerance.prior import directions
-from designer.tolerance.registry import SOURCES
 from designer.tolerance.shape import centers_mm
 from designer.tolerance.source import Amount
+from designer.tolerance.sources import SOURCES
 from tests.support.perturbed_targets import FULL
 from tests.support.tolerance_settings import board_setting, errors, ico_setting, still
 

@@ -1,7 +1,6 @@
 """Stencil letters: readable, apart from the rings, and never a loop of ink around white."""
 
 import math
-import re
 import string
 from itertools import combinations
 
@@ -195,18 +194,6 @@ def test_board_bears_the_id() -> None:
     """A board shows the first eight digits of its id."""
     job = job_of(kind="board", size="100x80mm", pitch="10mm")
     assert written(job, 0) == lay_out(job.target).geometry_id[:8].upper()
-
-
-@pytest.mark.parametrize("edge_mm", [18, 25, 30, 40, 60, 100])
-def test_a_border_that_is_offered_for_labels_takes_them(edge_mm: int) -> None:
-    """A remedy works when it is typed; where no border that leaves room for rings takes letters, none is offered."""
-    job = job_of(kind="ico", edge=edge_mm)
-    remark = letter_faces(lay_out(job.target), job.printing, 1.0).remark
-    offered = re.search(r"--border ([\d.]+)mm would take them", remark)
-    assert (offered is not None) == (edge_mm >= 30)
-    if offered:
-        wider = job_of(kind="ico", edge=edge_mm, border=float(offered[1]))
-        assert all(letter_faces(lay_out(wider.target), wider.printing, 1.0).contours)
 
 
 def test_labels_are_left_out_on_request_and_for_want_of_room() -> None:

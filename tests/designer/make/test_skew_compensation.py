@@ -22,8 +22,8 @@ from designer.make.bed import bed_from_target, printed_corners_mm, printed_size_
 from designer.make.mesh import Mesh
 from designer.make.printability import check_printability
 from designer.produce import Design, make_files
-from designer.tolerance.registry import SOURCES
 from designer.tolerance.shape import shape_of
+from designer.tolerance.sources import SOURCES
 
 REPOSITORY = Path(__file__).parents[3]
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ from designer.base.errors import InputError
 from designer.kinds.presets import preset_folder, preset_names
 from designer.kinds.spec_file import MAX_FILE_BYTES, read_spec_file
 from designer.tolerance.error_file import ErrorFile, error_model, parse_amount, parse_expansion
-from designer.tolerance.registry import SOURCES
 from designer.tolerance.source import KINDS, Amount, Kind, format_quantity
+from designer.tolerance.sources import SOURCES
 
 OF_UNIT = {"mm": "face_offset", "rad": "face_tilt", "1": "scale", "K": "thermal"}
 GOOD = """

@@ -12,8 +12,8 @@ from calib.renderer import RenderOptions, render_view
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, displaced, draw_values, perturb
-from designer.tolerance.registry import SOURCES
 from designer.tolerance.source import KINDS, Amount, Kind
+from designer.tolerance.sources import SOURCES
 from tests.support.perturbed_targets import FULL, MOTIONS, NATURAL, TARGETS, board, drawn, ico, one
 
 

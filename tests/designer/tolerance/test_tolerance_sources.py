@@ -17,8 +17,8 @@ from designer.make.bed import bed_from_target
 from designer.spec.options import AskedPrinting
 from designer.target import TargetGeometry, target_from_json, target_to_json
 from designer.tolerance.model import displaced, perturb
-from designer.tolerance.registry import SOURCES
 from designer.tolerance.shape import face_down, face_middle_mm
+from designer.tolerance.sources import SOURCES
 from tests.support.perturbed_targets import (
     BENDING,
     FULL,
