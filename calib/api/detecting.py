@@ -12,6 +12,7 @@ from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector import pipeline
 from calib.observe.images import Grey, grey_of, read_image
+from calib.observe.photos import PhotoFile, require_size
 from calib.show.photos.why_nothing import explained
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
@@ -52,13 +53,12 @@ class Detector:
         pixels = grey_pixels(image)
         if isinstance(image, str | PathLike):
             name = name or Path(image).name
-        size = pixels.shape[1], pixels.shape[0]
-        if self.camera is not None and self.camera.image_size != size:
-            raise InputError(
-                f"{name or 'the image'}: has {size[0]} x {size[1]} px, but the camera is of "
-                f"{self.camera.image_size[0]} x {self.camera.image_size[1]} px; give photos and camera of one size"
-            )
-        found = pipeline.detect(pixels, self.target, name=name or "image", camera=self.camera)
+        return self.look(PhotoFile(Path(name or "the image"), name or "image"), pixels)
+
+    def look(self, photo: PhotoFile, pixels: Grey) -> Detections:
+        """The same of grey levels that are read already, as `calib.observe.photos.detect_photos` asks."""
+        require_size(str(photo.path), pixels, self.camera)
+        found = pipeline.detect(pixels, self.target, name=photo.name, camera=self.camera)
         return explained(found, pixels, self.target)
 
     def draw(self, image: Pixels | Place, found: Detections) -> NDArray[np.uint8]:

@@ -9,13 +9,12 @@ from pathlib import Path
 
 from calib.api.page_shown import ShownAsPage
 from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
-from calib.cameras.camera import Camera
 from calib.core.files import check_folder, write_files
 from calib.core.types import Detections, Observations
 from calib.figures import CALIBRATION_PICTURE, COMPARISON_PICTURE, calibration_figures, comparison_figures
 from calib.metrics.evaluation import Evaluation
 from calib.observe.dataset import write_detections
-from calib.observe.photos import FoundPhotos, PhotoResult, Search, detect_photos
+from calib.observe.photos import FoundPhotos, PhotoFile, PhotoResult, Search, detect_photos
 from calib.observe.records import Records, read_records, records_path
 from calib.pipeline.solving import Solution, SolveTask, preference
 from calib.records.calibration_file import (
@@ -304,17 +303,14 @@ def _with_overlays(search: Search, staging: Path) -> Search:
     """The search with a picture of each photo, drawn from its file."""
     known = {result.photo.name: result for result in search.results}
 
-    def found_before(pixels: object, target: TargetGeometry, *, name: str, camera: Camera | None = None) -> Detections:
-        del pixels, target, camera
-        seen = known[name].seen
+    def found_before(photo: PhotoFile, _: object) -> Detections:
+        seen = known[photo.name].seen
         if seen is None:
-            raise InputError(known[name].failure)
+            raise InputError(known[photo.name].failure)
         return seen
 
-    drawn = detect_photos(
-        [result.photo for result in search.results], search.target, detect=found_before, camera=None,
-        overlay_folder=staging, jobs=4,
-    )  # fmt: skip
+    photos = [result.photo for result in search.results]
+    drawn = detect_photos(photos, search.target, found_before, overlay_folder=staging, jobs=4)
     return replace(
         search, results=tuple(_drawn(before, now) for before, now in zip(search.results, drawn, strict=True))
     )

@@ -2,9 +2,10 @@
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
+from calib.api.detecting import Detector
 from calib.api.loading import processes_of
 from calib.api.progress import Progress, unheard
 from calib.cameras import COMMON
@@ -16,8 +17,9 @@ from calib.observe.image_headers import exif_focal_px
 from calib.observe.images import read_image
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import (
-    Detect,
     FoundPhotos,
+    Look,
+    PhotoFile,
     PhotoResult,
     Pixels,
     Read,
@@ -61,14 +63,8 @@ def search_once(
         InputError: not one photo could be searched.
     """
     start = time.perf_counter()
-
-    def search(pixels: Pixels, target: TargetGeometry, *, name: str, camera: Camera | None = None) -> Detections:
-        return explained(pipeline.detect(pixels, target, name=name, camera=camera), pixels, target)
-
-    results = _search(search, target, photos, camera, overlay_folder, jobs, read_image, progress)
-    _require_some(photos, results)
-    seconds = time.perf_counter() - start
-    return Search(target, results, photos.failures, photos.overlays, seconds, rendered_id)
+    results = _search(Detector(target, camera).look, target, photos, overlay_folder, jobs, read_image, progress)
+    return _search_of(target, photos, results, start, rendered_id)
 
 
 def search_twice(
@@ -101,23 +97,19 @@ def search_twice(
         InputError: not one photo could be searched.
     """
     start = time.perf_counter()
-    read, first = reading_once(), _FirstPass()
-    results = _search(first, target, photos, None, None, jobs, read, progress)
-    plan, guess = _with_stated_focal(plan, results)
+    read, first = reading_once(), _FirstPass(target)
+    plan, guess = _with_stated_focal(plan, results := _search(first.look, target, photos, None, jobs, read, progress))
     camera, why = _first_camera(results, target, plan)
-    results = _search(first.again(camera), target, photos, None, overlay_folder, jobs, read, progress)
-    _require_some(photos, results)
+    results = _search(first.again(camera), target, photos, overlay_folder, jobs, read, progress)
     without = f"searched without the lens, which a first solution does not give: {why}" if why else ""
-    remarks = (*remarks, *filter(None, (without, guess)))
-    seconds = time.perf_counter() - start
-    return Search(target, results, photos.failures, photos.overlays, seconds, rendered_id, remarks), plan
+    said = (*remarks, *filter(None, (without, guess)))
+    return _search_of(target, photos, results, start, rendered_id, said), plan
 
 
 def _search(
-    detect: Detect,
+    look: Look,
     target: TargetGeometry,
     photos: FoundPhotos,
-    camera: Camera | None,
     overlay_folder: Path | None,
     jobs: int | None,
     read: Read,
@@ -125,19 +117,28 @@ def _search(
 ) -> tuple[PhotoResult, ...]:
     named = named_photos(photos.paths)
     results: list[PhotoResult] = []
-    for result in detect_photos(
-        named, target, detect=detect, camera=camera, overlay_folder=overlay_folder, jobs=processes_of(jobs),
-        read=read,
-    ):  # fmt: skip
+    processes = processes_of(jobs)
+    for result in detect_photos(named, target, look, overlay_folder=overlay_folder, jobs=processes, read=read):
         results.append(result)
         progress("searching", len(results), len(named))
     return tuple(results)
 
 
-def _require_some(photos: FoundPhotos, results: Sequence[PhotoResult]) -> None:
-    """Refuse photos of which not one could be searched."""
-    if not any(result.seen is not None for result in results):
-        refuse_nothing([*photos.failures, *(result.failure for result in results)], NOTHING_LEFT)
+def _search_of(
+    target: TargetGeometry,
+    photos: FoundPhotos,
+    results: tuple[PhotoResult, ...],
+    start: float,
+    rendered_id: str,
+    remarks: tuple[str, ...] = (),
+) -> Search:
+    """The search, if one photo at least could be searched."""
+    search = Search(
+        target, results, photos.failures, photos.overlays, time.perf_counter() - start, rendered_id, remarks
+    )
+    if not search.detections:
+        refuse_nothing(search.failures, NOTHING_LEFT)
+    return search
 
 
 def refuse_nothing(failures: Sequence[str], otherwise: str) -> None:
@@ -150,41 +151,31 @@ def refuse_nothing(failures: Sequence[str], otherwise: str) -> None:
     raise InputError(f"{failures[0] if failures else otherwise}{others}")
 
 
-@dataclass(frozen=True, eq=False)
-class _SeenFirst:
-    """What the first search found in a photo."""
-
-    named: Found | None  # which no lens has a part in
-    seen: Detections
-
-
 class _FirstPass:
-    """The detector, which remembers what it found in each photo."""
+    """The detector without a lens, which remembers what it found in each photo: which rings are which needs no lens."""
 
-    def __init__(self) -> None:
-        self._first: dict[str, _SeenFirst] = {}
+    def __init__(self, target: TargetGeometry) -> None:
+        self._target = target
+        self._named: dict[str, Found | None] = {}
+        self._seen: dict[str, Detections] = {}
 
-    def __call__(
-        self, pixels: Pixels, target: TargetGeometry, *, name: str, camera: Camera | None = None
-    ) -> Detections:
-        named = pipeline.find(pixels, target)
-        seen = explained(pipeline.detect(pixels, target, name=name, camera=camera, found=named), pixels, target)
-        self._first[name] = _SeenFirst(named, seen)
-        return seen
+    def look(self, photo: PhotoFile, pixels: Pixels, camera: Camera | None = None) -> Detections:
+        """What is found in a photo."""
+        name = photo.name
+        if name not in self._named:
+            self._named[name] = pipeline.find(pixels, self._target)
+        found = pipeline.detect(pixels, self._target, name=name, camera=camera, found=self._named[name])
+        return self._seen.setdefault(name, explained(found, pixels, self._target))
 
-    def again(self, known: Camera | None) -> Detect:
-        """The detector with the lens known; photos of another size, or all without a camera, are as they were."""
+    def again(self, camera: Camera | None) -> Look:
+        """The same with the lens known; photos of another size, or all without a camera, are as they were."""
 
-        def search(pixels: Pixels, target: TargetGeometry, *, name: str, camera: Camera | None = None) -> Detections:
-            del camera
-            before, (height, width) = self._first.get(name), pixels.shape
-            lens = known if known is not None and known.image_size == (width, height) else None
-            if before is not None and lens is None:
-                return before.seen
-            named = None if before is None else before.named
-            return explained(pipeline.detect(pixels, target, name=name, camera=lens, found=named), pixels, target)
+        def look(photo: PhotoFile, pixels: Pixels) -> Detections:
+            is_known = camera is not None and camera.image_size == (pixels.shape[1], pixels.shape[0])
+            before = self._seen.pop(photo.name, None)
+            return before if before is not None and not is_known else self.look(photo, pixels, camera)
 
-        return search
+        return look
 
 
 def _with_stated_focal(plan: SolvePlan, results: Sequence[PhotoResult]) -> tuple[SolvePlan, str]:

@@ -17,7 +17,7 @@ from calib.cameras.camera import load_camera as load_own_camera
 from calib.cameras.undistortion import Undistorted, pinhole_of
 from calib.core.files import distinct_stems, write_files
 from calib.observe.images import Grey, read_colour
-from calib.observe.photos import PhotoFile, named_photos
+from calib.observe.photos import PhotoFile, named_photos, require_size, why_failed
 from calib.renderer.quantities import real
 from calib.show.photos.undistorted_photos import CAMERA_FILE, MARK, UndistortedFile, UndistortedFiles
 from designer.base.errors import InputError
@@ -116,24 +116,15 @@ class Undistorter:
             image = read_colour(photo.path)
             undistorted = self._made(str(photo.path), image.pixels, progress)
             write_files({result: _png(undistorted.pixels)})
-        except InputError as error:
-            return UndistortedFile(photo, failure=str(error))
         except Exception as error:
-            return UndistortedFile(
-                photo, failure=f"{photo.path}: cannot be undistorted: {type(error).__name__}: {error}"
-            )
+            return UndistortedFile(photo, failure=why_failed(error, f"{photo.path}: cannot be undistorted"))
         return UndistortedFile(photo, result, undistorted.share_filled, image.remarks)
 
     def _made(self, name: str, image: Pixels | Place, progress: Progress) -> Undistorted:
         pixels = read_colour(Path(image)).pixels if isinstance(image, str | PathLike) else require_image(image)
         if pixels.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
             raise InputError(f"an image of {pixels.dtype}: give uint8 or uint16")
-        size = pixels.shape[1], pixels.shape[0]
-        if size != self.camera.image_size:
-            raise InputError(
-                f"{name}: has {size[0]} x {size[1]} px, but the camera file is of one with "
-                f"{self.camera.image_size[0]} x {self.camera.image_size[1]} px; give photos and camera of one size"
-            )
+        require_size(name, pixels, self.camera)
         made = undistortion.undistort(
             pixels, self.camera, self.pinhole, progress=lambda share: progress("undistorting", share, 1)
         )

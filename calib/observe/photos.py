@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
+from calib.core.files import distinct_stems
 from calib.core.types import Detections
 from calib.observe.images import SUFFIXES_OF, Photo, read_image
 from calib.observe.records import ImageRecord, image_record
@@ -23,24 +24,11 @@ from designer.target import TargetGeometry
 OVERLAY_MARK = ".overlay"
 """Stands in the name of each overlay, so that one is not taken for a photo."""
 
-MAX_NAME_BYTES = 200
-"""Of a photo whose overlay is named after it; file systems take 255 with what is added. Else they are numbered."""
-
 MOST_KEPT_BYTES = 2**29
 """Of photos that are kept in memory between two searches; the others are read again."""
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 Read = Callable[[Path], Photo]
-
-
-class Detect(Protocol):
-    """The detector, as `calib.detector.pipeline.detect`."""
-
-    def __call__(
-        self, pixels: Pixels, target: TargetGeometry, *, name: str, camera: Camera | None = None
-    ) -> Detections:
-        """Find and name the target's features in one photo."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -49,6 +37,10 @@ class PhotoFile:
 
     path: Path
     name: str
+
+
+Look: TypeAlias = Callable[[PhotoFile, Pixels], Detections]
+"""Finds and names a target's features in a photo; InputError says why that cannot be."""
 
 
 @dataclass(frozen=True)
@@ -202,71 +194,62 @@ def reading_once(most_bytes: int = MOST_KEPT_BYTES) -> Read:
 def detect_photos(
     photos: Sequence[PhotoFile],
     target: TargetGeometry,
+    look: Look,
     *,
-    detect: Detect,
-    camera: Camera | None,
-    overlay_folder: Path | None,
-    jobs: int,
+    overlay_folder: Path | None = None,
+    jobs: int = 1,
     read: Read = read_image,
 ) -> Iterator[PhotoResult]:
     """Search photos, `jobs` at a time, so that no more are in memory; results come in the order of the photos.
 
-    Threads do: decoding and the compiled kernels release the interpreter's lock.
+    No fault of a photo, not even of the detector on it, ends the search. Threads do: decoding and the compiled kernels
+    release the interpreter's lock.
     """
-    stems = _overlay_stems(photos, overlay_folder)
+    stems = distinct_stems([photo.name for photo in photos])
 
-    def work(photo: PhotoFile) -> PhotoResult:
-        return _one_photo(photo, target, detect, camera, stems.get(photo), read)
+    def work(photo: PhotoFile, stem: str) -> PhotoResult:
+        try:
+            image = read(photo.path)
+            seen = look(photo, image.pixels)
+        except Exception as error:
+            return PhotoResult(photo, None, why_failed(error, f"{photo.path}: the search failed"))
+        seen = replace(seen, remarks=(*image.remarks, *seen.remarks))
+        if overlay_folder is None:
+            return PhotoResult(photo, seen)
+        from calib.detector.overlay import draw_overlay, write_overlay
+
+        try:
+            picture = draw_overlay(image.pixels, seen, target)
+            return PhotoResult(photo, seen, overlay=write_overlay(overlay_folder / f"{stem}{OVERLAY_MARK}", picture))
+        except Exception as error:
+            return PhotoResult(photo, seen, overlay_failure=f"no overlay for {photo.name}: {why_failed(error)}")
 
     if min(jobs, len(photos)) == 1:
-        yield from map(work, photos)
+        yield from map(work, photos, stems)
         return
     pool = ThreadPoolExecutor(jobs)
     try:
-        yield from pool.map(work, photos)
+        yield from pool.map(work, photos, stems)
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _one_photo(
-    photo: PhotoFile, target: TargetGeometry, detect: Detect, camera: Camera | None, overlay: Path | None, read: Read
-) -> PhotoResult:
-    """One photo from file to result. No fault of a photo, not even of the detector on it, ends the run."""
-    try:
-        image = read(photo.path)
-        height, width = image.pixels.shape
-        if camera is not None and camera.image_size != (width, height):
-            raise InputError(
-                f"{photo.path}: has {width} x {height} px, but the camera file is of one with "
-                f"{camera.image_size[0]} x {camera.image_size[1]} px; give photos and camera of one size"
-            )
-        seen = detect(image.pixels, target, name=photo.name, camera=camera)
-        seen = replace(seen, remarks=(*image.remarks, *seen.remarks))
-    except InputError as error:
-        return PhotoResult(photo, None, str(error))
-    except Exception as error:
-        return PhotoResult(photo, None, f"{photo.path}: the search failed: {type(error).__name__}: {error}")
-    if overlay is None:
-        return PhotoResult(photo, seen)
-    from calib.detector.overlay import draw_overlay, write_overlay
-
-    try:
-        return PhotoResult(photo, seen, overlay=write_overlay(overlay, draw_overlay(image.pixels, seen, target)))
-    except Exception as error:
-        why = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
-        return PhotoResult(photo, seen, overlay_failure=f"no overlay for {photo.name}: {why}")
+def why_failed(error: Exception, what: str = "") -> str:
+    """Why something failed, in a line: what a person did wrong, or the kind of a fault of the program's."""
+    if isinstance(error, InputError):
+        return str(error)
+    return f"{what}{': ' if what else ''}{type(error).__name__}: {error}"
 
 
-def _overlay_stems(photos: Sequence[PhotoFile], folder: Path | None) -> dict[PhotoFile, Path]:
-    """Where each photo's overlay goes, without suffix; names that differ in their suffix only keep it."""
-    if folder is None:
-        return {}
-    flat = [photo.name.replace("/", "_") for photo in photos]
-    if any(len(os.fsencode(name)) > MAX_NAME_BYTES for name in flat):
-        return {photo: folder / f"{number}{OVERLAY_MARK}" for number, photo in enumerate(photos, 1)}
-    stems = [Path(name).stem for name in flat]
-    count = Counter(stems)
-    names = [stem if count[stem] == 1 else name for stem, name in zip(stems, flat, strict=True)]
-    if len(set(names)) < len(names):
-        names = [f"{number}-{name}" for number, name in enumerate(flat, 1)]
-    return {photo: folder / f"{name}{OVERLAY_MARK}" for photo, name in zip(photos, names, strict=True)}
+def require_size(name: str, pixels: NDArray[np.generic], camera: Camera | None) -> None:
+    """Refuse a photo of another size than the camera's that took it.
+
+    Raises:
+        InputError: the message names it.
+    """
+    height, width = pixels.shape[:2]
+    if camera is not None and camera.image_size != (width, height):
+        raise InputError(
+            f"{name}: has {width} x {height} px, but the camera is of one with "
+            f"{camera.image_size[0]} x {camera.image_size[1]} px; give photos and camera of one size"
+        )

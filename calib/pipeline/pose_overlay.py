@@ -15,9 +15,8 @@ from calib.core.types import Detections
 from calib.detector.canvas import Canvas, Colour, canvas_between
 from calib.detector.overlay import pale, write_overlay
 from calib.observe.images import read_image
-from calib.observe.photos import OVERLAY_MARK
+from calib.observe.photos import OVERLAY_MARK, why_failed
 from calib.pipeline.target_poses import PoseResult, TargetPose
-from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
 
 Array: TypeAlias = NDArray[np.float64]
@@ -52,8 +51,7 @@ def draw_poses(found: PoseResult, folder: Path) -> tuple[dict[str, str], tuple[s
             picture = draw_pose(read_image(result.photo.path).pixels, seen, found.target, found.camera, poses[name])
             drawn[name] = write_overlay(folder / f"{stem}.pose{OVERLAY_MARK}", picture).name
         except Exception as error:
-            why = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
-            failures.append(f"no overlay for {name}: {why}")
+            failures.append(f"no overlay for {name}: {why_failed(error)}")
     return drawn, tuple(failures)
 
 

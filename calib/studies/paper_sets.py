@@ -14,7 +14,7 @@ from calib.core.selection import keep_sightings, keep_views, sightings_per_view
 from calib.core.types import Detections, Observations
 from calib.detector.pipeline import detect
 from calib.observe.observations import observations_from_detections
-from calib.observe.photos import PhotoFile, detect_photos, named_photos
+from calib.observe.photos import PhotoFile, Pixels, detect_photos, named_photos
 from calib.observe.truth import Truth, true_poses
 from calib.renderer.job import RenderJob, run_job
 from calib.renderer.options import RenderOptions
@@ -103,7 +103,11 @@ def search(
         tell: told how many are done.
     """
     seen = []
-    found = detect_photos(photos, target, detect=detect, camera=camera, overlay_folder=None, jobs=jobs)
+
+    def look(photo: PhotoFile, pixels: Pixels) -> Detections:
+        return detect(pixels, target, name=photo.name, camera=camera)
+
+    found = detect_photos(photos, target, look, jobs=jobs)
     for done, result in enumerate(found, start=1):
         tell(done)
         if result.seen is not None and len(result.seen.ring):

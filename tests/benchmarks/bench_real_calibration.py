@@ -15,11 +15,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.api.detecting import Detector
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
 from calib.core.selection import keep_views
 from calib.core.types import Observations
-from calib.detector.pipeline import detect
 from calib.metrics.evaluation import evaluate
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import detect_photos, named_photos
@@ -35,7 +35,8 @@ def observe(camera: Camera | None) -> Observations:
     """The rings of all photos."""
     target = plain_grid(10, 7)
     photos = named_photos(sorted(FOLDER.glob("*.png")))
-    results = detect_photos(photos, target, detect=detect, camera=camera, overlay_folder=None, jobs=2)
+    look = Detector(target, camera).look
+    results = detect_photos(photos, target, look, jobs=2)
     return observations_from_detections([one.seen for one in results if one.seen], target)
 
 

@@ -19,7 +19,7 @@ from calib.commands.detect import detect as detect_command
 from calib.core.types import Detections
 from calib.detector.overlay import draw_overlay
 from calib.observe.dataset import read_detections
-from calib.observe.photos import Detect, PhotoFile, detect_photos, find_photos, named_photos, reading_once
+from calib.observe.photos import PhotoFile, detect_photos, find_photos, named_photos, reading_once
 from calib.observe.records import read_records
 from designer.base.errors import InputError
 from designer.base.words import printable
@@ -69,7 +69,11 @@ def photo(path: Path, level: int, size: tuple[int, int] = (160, 120)) -> None:
 
 
 def run(
-    *photos: str, detect: Detect = found, out: str | None = None, overlay: str | None = None, camera: str | None = None
+    *photos: str,
+    detect: Callable[..., Detections] = found,
+    out: str | None = None,
+    overlay: str | None = None,
+    camera: str | None = None,
 ) -> int:
     """The exit code of the command with a detector of choice."""
     with pytest.MonkeyPatch.context() as patch:
@@ -186,7 +190,7 @@ def test_a_camera_must_fit_the_photos(folder: Path, capsys: pytest.CaptureFixtur
     photo(Path("photos/large.png"), 9, (320, 240))
     assert run("photos", camera="camera.json", detect=detect) == 0
     assert [camera.image_size for camera in given if camera is not None] == [(160, 120)] * 3
-    assert "large.png: has 320 x 240 px, but the camera file is of one with 160 x 120 px" in capsys.readouterr().out
+    assert "large.png: has 320 x 240 px, but the camera is of one with 160 x 120 px" in capsys.readouterr().out
 
 
 def test_photos_of_one_name_are_told_apart_by_their_folders(folder: Path) -> None:
@@ -231,21 +235,19 @@ def test_results_keep_the_order_and_memory_the_limit(folder: Path) -> None:
     """Results come in the order of the photos, and no more than `jobs` photos are held at once."""
     held, most, lock = [0], [0], threading.Lock()
 
-    def slow(
-        pixels: NDArray[np.generic], target: TargetGeometry, *, name: str, camera: Camera | None = None
-    ) -> Detections:
+    def slow(photo: PhotoFile, pixels: NDArray[np.generic]) -> Detections:
         with lock:
             held[0] += 1
             most[0] = max(most[0], held[0])
-        time.sleep(0.05 if int(name[:-4]) % 2 else 0.01)
+        time.sleep(0.05 if int(photo.name[:-4]) % 2 else 0.01)
         with lock:
             held[0] -= 1
-        return found(pixels, target, name=name, camera=camera)
+        return found(pixels, BOARD, name=photo.name)
 
     photos = [PhotoFile(Path(f"{k}.png"), f"{k}.png") for k in range(9)]
     for one in photos:
         photo(one.path, 50)
-    results = list(detect_photos(photos, BOARD, detect=slow, camera=None, overlay_folder=None, jobs=3))
+    results = list(detect_photos(photos, BOARD, slow, jobs=3))
     assert [result.photo for result in results] == photos
     assert 1 < most[0] <= 3
 

@@ -91,7 +91,7 @@ def test_bad_photos_are_named_and_the_others_done(folder: Path, capsys: pytest.C
     run("photos", "missing.png", "photos/pipe.png", "none-*.png")
     said = capsys.readouterr().out
     for line in (
-        "large.png: has 320 x 240 px, but the camera file is of one with 160 x 120 px; give photos",
+        "large.png: has 320 x 240 px, but the camera is of one with 160 x 120 px; give photos",
         "broken.png: ",
         "text.jpg: is not an image",
         "pipe.png: is a pipe",

@@ -233,7 +233,7 @@ def test_photos_without_a_pose_are_named_with_the_reason(folder: Path, capsys: p
     assert re.search(r"c\.png +0 +no grid of rings was found", said)
     assert re.search(r"d\.png +3 +too few rings for a pose", said)
     assert "No pose: photos/e.png: the search failed: RuntimeError: grey" in said
-    assert "No pose: photos/f.png: has 50 x 40 px, but the camera file is of one with" in said
+    assert "No pose: photos/f.png: has 50 x 40 px, but the camera is of one with" in said
     assert "No pose: missing.png: cannot be read" in said
     assert said.startswith("bad: 2 of 7 photos give a pose") or "2 of 7 photos give a pose" in said
     document = json.loads(Path("poses.json").read_text())
