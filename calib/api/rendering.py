@@ -18,7 +18,7 @@ from calib.core.se3 import rigid_fault
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.faces import ring_truth, target_fits
 from calib.renderer.job import TRUTH_FILE, FileFormat, Rendered, RenderJob, run_job
-from calib.renderer.optics import Levels
+from calib.renderer.light import Levels
 from calib.renderer.options import LIMITS, Bits, RenderOptions, Sampling
 from calib.renderer.poses import MAX_VIEWS, PoseGrid, Region, grid_poses, load_poses
 from calib.renderer.quantities import choice, real, whole

@@ -15,15 +15,14 @@ from calib.as_built.remarks import faces_words
 from calib.as_built.result import AsBuilt
 from calib.as_built.solve import measure, with_known_weights
 from calib.core.se3 import make_pose, transform
-from calib.core.selection import keep_sightings, keep_views, sightings_per_view
-from calib.core.types import Observations
+from calib.core.types import Observations, keep_sightings, keep_views, sightings_per_view
 from calib.metrics import METRICS
 from calib.metrics.errors import Errors
 from calib.metrics.evaluation import errors_of
 from calib.observe.observations import known_points
 from calib.solver.calibration import Calibration
-from calib.solver.poses import solve_poses
 from calib.solver.solve import solve
+from calib.solver.start import solve_poses
 from designer.base.errors import InputError
 from designer.base.marks import Count, FewLines, Length, Number, Word
 from designer.target import TargetGeometry

@@ -25,7 +25,7 @@ from calib.as_built.result import AsBuilt, face_shift_mm, left_open_mm, target_o
 from calib.as_built.ring_spread import is_same_spread, with_seen_spread
 from calib.as_built.unknowns import nominal_shape, place_rings, strain_matrix, unknowns_of
 from calib.cameras import linearise
-from calib.core.threads import one_thread
+from calib.core.parallel import one_thread
 from calib.core.types import Observations
 from calib.observe.observations import known_points
 from calib.solver.calibration import Calibration, Status

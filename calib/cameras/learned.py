@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import LearnedMap
 from calib.core.jit import jit
-from calib.core.threads import one_thread, one_thread_with_scipy
+from calib.core.parallel import one_thread, one_thread_with_scipy
 
 Array = NDArray[np.float64]
 

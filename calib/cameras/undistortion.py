@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from calib.cameras import LINEAR, project, rays
 from calib.cameras.camera import Camera
 from calib.core.jit import jit
-from calib.core.threads import in_chunks
+from calib.core.parallel import in_chunks
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit, jit_sums
+from calib.core.parallel import in_chunks
 from calib.core.small_solve import cholesky_solve
-from calib.core.threads import in_chunks
 from calib.detector.ring_equations import CHUNK, add_products
 from calib.detector.ring_model import (
     BLUR,

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit
+from calib.core.parallel import in_chunks
 from calib.core.small_solve import cholesky_invert, cholesky_solve
-from calib.core.threads import in_chunks
 from calib.detector.ring_equations import accumulate, add_prior
 from calib.detector.ring_model import (
     BLUR,

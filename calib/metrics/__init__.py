@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from calib.metrics import intersection, pose, reconstruction, reprojection, rotation
-from calib.metrics.errors import Errors
-from calib.metrics.prediction import Prediction
+from calib.metrics.errors import Errors, Prediction
 
 Metric = Callable[[Prediction], Errors | None]
 """The errors of a metric; None if what it compares with is not known."""

@@ -7,14 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import rays
-from calib.core.selection import keep_sightings, keep_views
-from calib.core.types import Observations
+from calib.core.types import Observations, keep_sightings, keep_views
 from calib.metrics import METRICS, OF_TRUTH
-from calib.metrics.errors import Errors, ErrorSummary, is_known, summarise_groups
-from calib.metrics.prediction import predict
+from calib.metrics.errors import Errors, ErrorSummary, is_known, predict, summarise_groups
 from calib.observe.truth import Truth, true_poses
 from calib.solver.calibration import Calibration
-from calib.solver.poses import solve_poses
+from calib.solver.start import solve_poses
 from designer.base.errors import InputError
 
 LEAST_FOLDS = 2

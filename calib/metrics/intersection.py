@@ -11,8 +11,7 @@ its half width. So only the place of the plane matters, and that is right for ea
 
 import numpy as np
 
-from calib.metrics.errors import OUTLIER, Errors, first_reason, is_known
-from calib.metrics.prediction import Prediction
+from calib.metrics.errors import OUTLIER, Errors, Prediction, first_reason, is_known
 
 NAME, SUBJECT = "intersection", "a ring in a photo"
 UNIT, AXES = "mm", ("x", "y", "z")

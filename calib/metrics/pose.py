@@ -7,8 +7,7 @@ Ruppel, Kutlu et al., Beyond Reprojection Error, Prediction and Evaluation.
 
 import numpy as np
 
-from calib.metrics.errors import Errors, first_reason, is_known
-from calib.metrics.prediction import Prediction, centers_mm
+from calib.metrics.errors import Errors, Prediction, centers_mm, first_reason, is_known
 
 NAME, SUBJECT = "pose", "a camera's centre"
 UNIT, AXES = "mm", ("x", "y", "z")

@@ -9,8 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.metrics.errors import Errors, first_reason, is_known
-from calib.metrics.prediction import Prediction
+from calib.metrics.errors import Errors, Prediction, first_reason, is_known
 
 Array = NDArray[np.float64]
 

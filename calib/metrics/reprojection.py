@@ -5,8 +5,7 @@ Ruppel, Kutlu et al., Beyond Reprojection Error, Prediction and Evaluation.
 
 import numpy as np
 
-from calib.metrics.errors import OUTLIER, Errors, first_reason, is_known
-from calib.metrics.prediction import Prediction
+from calib.metrics.errors import OUTLIER, Errors, Prediction, first_reason, is_known
 
 NAME, SUBJECT = "reprojection", "a ring in a photo"
 UNIT, AXES = "px", ("u", "v")

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.se3 import log_rotation
-from calib.metrics.errors import Errors, first_reason, is_known
+from calib.metrics.errors import Errors, Prediction, first_reason, is_known
 from calib.metrics.pose import UNKNOWN
-from calib.metrics.prediction import Prediction
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.linear_algebra import solve_square
-from calib.core.selection import SUREST, keep_views, with_sound_covariances
-from calib.core.types import Detections, KnownPoints, Observations
+from calib.core.types import SUREST, Detections, KnownPoints, Observations, keep_views, with_sound_covariances
 from calib.observe.mirrored import mirrored_views
 from designer.base.errors import InputError
 from designer.target import TargetGeometry

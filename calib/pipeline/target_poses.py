@@ -17,7 +17,7 @@ from calib.core.se3 import log_rotation, skew
 from calib.core.types import Detections
 from calib.observe.observations import observations_for_poses
 from calib.observe.photos import Search
-from calib.solver.poses import solve_poses
+from calib.solver.start import solve_poses
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import Key, Shape

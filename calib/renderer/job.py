@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.core.child_process import interrupts_held, serve
+from calib.core.parallel import interrupts_held, serve
 from calib.core.se3 import rigid_fault
 from calib.core.types import frozen_array
-from calib.renderer.optics import Levels
+from calib.renderer.light import Levels
 from calib.renderer.options import RenderOptions
 from calib.renderer.view import render_view
 from designer.base.errors import InputError

@@ -11,8 +11,17 @@ from calib.cameras.camera import Camera
 from calib.core.linear_algebra import solve_square
 from calib.core.se3 import transform
 from calib.renderer.faces import Box, RingTruth, SeenFace, union
-from calib.renderer.lighting import Gradient, Lamp, glare_at, gradient_at, lambert, make_gradient, place_lamp, to_face
-from calib.renderer.optics import vignette
+from calib.renderer.light import (
+    Gradient,
+    Lamp,
+    glare_at,
+    gradient_at,
+    lambert,
+    make_gradient,
+    place_lamp,
+    to_face,
+    vignette,
+)
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import RenderScene
 

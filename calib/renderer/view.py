@@ -8,8 +8,18 @@ from numpy.typing import NDArray
 from calib.cameras import rays
 from calib.cameras.camera import Camera
 from calib.renderer.faces import Box, SeenFace, ring_truth, seen_faces, union
-from calib.renderer.lighting import add_glare, gradient_at, to_face
-from calib.renderer.optics import Levels, add_noise, blurred, blurred_by, defocus_sigma_px, quantised, vignette
+from calib.renderer.light import (
+    Levels,
+    add_glare,
+    add_noise,
+    blurred,
+    blurred_by,
+    defocus_sigma_px,
+    gradient_at,
+    quantised,
+    to_face,
+    vignette,
+)
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import RenderScene, scene_from_target
 from calib.renderer.setting import Surroundings, clean_rings, make_setting, shaded

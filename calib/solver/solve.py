@@ -7,16 +7,14 @@ from numpy.typing import NDArray
 
 from calib.cameras import MODELS
 from calib.cameras.camera import Camera
-from calib.core.selection import keep_views
-from calib.core.types import Observations
+from calib.core.types import Observations, keep_views
 from calib.solver.accuracy import UndeterminedError, accuracy_of, why_degenerate
 from calib.solver.calibration import Calibration, Status
 from calib.solver.descend import Descended, descend, is_robust, without_lens
-from calib.solver.image_shift import shifted_photo
 from calib.solver.options import SolveOptions, Tie, tie_parameters
-from calib.solver.poses import FirstPoses, first_poses
+from calib.solver.outliers import shifted_photo
 from calib.solver.problem import Problem, pack, target_covariance, target_poses
-from calib.solver.start import coarse_camera
+from calib.solver.start import FirstPoses, coarse_camera, first_poses
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
-from calib.core.threads import one_thread
+from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration, TargetError
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
 from designer.tolerance.model import ErrorModel

@@ -6,15 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.parallel import one_thread
 from calib.core.se3 import make_pose
-from calib.core.selection import keep_sightings
-from calib.core.threads import one_thread
-from calib.core.types import Observations
-from calib.metrics.errors import Errors, summarise
+from calib.core.types import Observations, keep_sightings
+from calib.metrics.errors import Errors, centers_mm, predict, summarise
 from calib.metrics.evaluation import truth_remarks
 from calib.metrics.intersection import intersection
 from calib.metrics.pose import pose
-from calib.metrics.prediction import centers_mm, predict
 from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
 from calib.observe.truth import Truth, true_poses

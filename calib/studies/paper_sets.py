@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import COMMON
 from calib.cameras.camera import Camera, camera_or_preset
-from calib.core.selection import keep_sightings, keep_views, sightings_per_view
-from calib.core.types import Detections, Observations
+from calib.core.types import Detections, Observations, keep_sightings, keep_views, sightings_per_view
 from calib.detector.pipeline import detect
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import PhotoFile, Pixels, detect_photos, named_photos

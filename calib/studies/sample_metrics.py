@@ -15,8 +15,8 @@ from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_factor, substitute
 from calib.core.types import Observations
+from calib.metrics.errors import centers_mm
 from calib.metrics.intersection import LEAST_SINE
-from calib.metrics.prediction import centers_mm
 from calib.metrics.reconstruction import LEAST_SPREAD_RAD
 from calib.solver.problem import Problem
 from calib.studies.gradients import chunks_of

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.child_process import interrupts_held, serve
+from calib.core.parallel import interrupts_held, serve
 from calib.studies.sample import SampleResult
 from calib.studies.statistics import Case
 

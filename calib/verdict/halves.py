@@ -13,9 +13,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.selection import keep_sightings, keep_views
-from calib.core.threads import one_thread
-from calib.core.types import Observations
+from calib.core.parallel import one_thread
+from calib.core.types import Observations, keep_sightings, keep_views
 from calib.pipeline.solving import calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions

@@ -24,7 +24,7 @@ from calib.cameras import fitted_models, linearise
 from calib.cameras.camera import Camera
 from calib.cameras.refit import COLUMNS, image_grid
 from calib.core.linear_algebra import covariance_with_prior, pseudo_inverse, symmetric_inverse
-from calib.core.selection import keep_views, sightings_per_view
+from calib.core.types import keep_views, sightings_per_view
 from calib.solver.accuracy import projected_change
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from calib.core.threads import one_thread
+from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration
 from calib.verdict.advice import DETECTED, Inputs, advice_of
 from calib.verdict.checks import OWN_ROTATION, checks_of, faults_of, missing_of, px

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.threads import one_thread
+from calib.core.parallel import one_thread
 from calib.core.types import KnownPoints
 from calib.solver.calibration import Calibration
 from calib.solver.free_shape import free_directions, shape_equations

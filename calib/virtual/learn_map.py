@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import MAX_LENGTHS, LearnedMap
 from calib.cameras.learned import correlation, jacobian_with, square_distances, to_sensor, trend_at
-from calib.core.threads import one_thread_with_scipy
+from calib.core.parallel import one_thread_with_scipy
 from calib.detector.homography import fit
 from designer.base.errors import InputError
 

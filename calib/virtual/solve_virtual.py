@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from calib.cameras import DEFAULT
 from calib.cameras.camera import LearnedMap
 from calib.cameras.learned import exact_point, known_at
-from calib.core.threads import one_thread
+from calib.core.parallel import one_thread
 from calib.core.types import KnownPoints, Observations
 from calib.detector.homography import apply, direct
 from calib.solver.calibration import Calibration
@@ -26,8 +26,7 @@ from calib.solver.options import SolveOptions
 from calib.solver.outliers import MEDIAN_LENGTH
 from calib.solver.solve import solve
 from calib.virtual.learn_map import MIN_SAMPLES, MapSamples, learn_from_many
-from calib.virtual.learn_views import SMALL_CHANGE_PX, learn_from_views
-from calib.virtual.solve_on_sensor import solve_on_sensor
+from calib.virtual.learn_views import SMALL_CHANGE_PX, learn_from_views, solve_on_sensor
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]

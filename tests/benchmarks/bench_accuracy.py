@@ -15,8 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.core.selection import keep_views
-from calib.core.types import Observations
+from calib.core.types import Observations, keep_views
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
 from calib.observe.truth import Truth, read_truth

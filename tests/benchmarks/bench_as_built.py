@@ -14,12 +14,11 @@ from calib.as_built.lengths import scaled
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.solve import measure
 from calib.core.se3 import make_pose, transform
-from calib.core.selection import keep_views
-from calib.core.types import Observations
+from calib.core.types import Observations, keep_views
 from calib.metrics.evaluation import evaluate
 from calib.observe.observations import known_points
-from calib.solver.poses import solve_poses
 from calib.solver.solve import solve
+from calib.solver.start import solve_poses
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import perturb

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.refit import image_grid
-from calib.core.selection import without_empty_views
-from calib.core.types import KnownPoints, Observations
+from calib.core.types import KnownPoints, Observations, without_empty_views
 from calib.solver.accuracy import projected_sigma_px
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from calib.api.detecting import Detector
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera
-from calib.core.selection import keep_views
-from calib.core.types import Observations
+from calib.core.types import Observations, keep_views
 from calib.metrics.evaluation import evaluate
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import detect_photos, named_photos

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from calib.core.child_process import interrupts_held
+from calib.core.parallel import interrupts_held
 from calib.interop import FORMATS
 from calib.studies.store import LONGEST_VALUE_BYTES, read_study
 from designer.base.errors import InputError
@@ -208,7 +208,7 @@ def test_processes_started_while_ctrl_c_is_held_never_see_it() -> None:
     """Not even the first, with which Python starts a tracker that would let it through again."""
     script = (
         "import multiprocessing as m, signal\n"
-        "from calib.core.child_process import interrupts_held\n"
+        "from calib.core.parallel import interrupts_held\n"
         "with interrupts_held():\n"
         "    for _ in range(2):\n"
         "        p = m.get_context('spawn').Process(target=print); p.start(); p.join()\n"

@@ -8,7 +8,7 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
 FIRST_CALL = """
 import sys
 from threadpoolctl import threadpool_info
-from calib.core.threads import one_thread, one_thread_with_scipy
+from calib.core.parallel import one_thread, one_thread_with_scipy
 
 counted = lambda: {one["filepath"]: one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
 

@@ -12,7 +12,7 @@ from calib.commands.solve import solve
 from calib.commands.study import bootstrap
 from calib.commands.tolerance import tolerance
 from calib.solver.options import AS_THE_PAPER, SolveOptions
-from calib.solver.poses import solve_poses
+from calib.solver.start import solve_poses
 
 
 @pytest.mark.parametrize("function", [solve, run, measure, pose, bootstrap, solve_poses])

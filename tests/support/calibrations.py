@@ -9,7 +9,7 @@ from calib.cameras import MODELS, project
 from calib.cameras.camera import Camera
 from calib.core.se3 import look_at, transform
 from calib.core.types import KnownPoints, Observations
-from calib.metrics.prediction import centers_mm
+from calib.metrics.errors import centers_mm
 from calib.observe.observations import known_points
 from calib.renderer.poses import fibonacci_cap
 from calib.solver.calibration import Calibration

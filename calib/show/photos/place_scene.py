@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.number_text import figure as digits
-from calib.metrics.prediction import centers_mm
+from calib.metrics.errors import centers_mm
 from calib.show.run.camera_scene import BODY, INK, corner_rays, first_look
 from designer.page.blocks import View3d
 from designer.page.scene import Labels, Layer, Scene, Segments

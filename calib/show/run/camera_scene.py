@@ -7,8 +7,8 @@ from calib.cameras import rays
 from calib.cameras.camera import Camera
 from calib.core.number_text import figure as digits
 from calib.core.types import KnownPoints
+from calib.metrics.errors import centers_mm
 from calib.metrics.evaluation import by_view
-from calib.metrics.prediction import centers_mm
 from calib.records.run_folder import Solved
 from calib.verdict.next_views import NextView
 from calib.verdict.views import view_facts

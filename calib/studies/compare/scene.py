@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
+from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, transform
-from calib.core.threads import one_thread
 from calib.core.types import Observations
 from calib.observe.observations import known_points
 from calib.renderer.poses import PoseGrid, grid_poses

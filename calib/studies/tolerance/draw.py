@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import project
 from calib.core.jit import jit
-from calib.core.threads import one_thread
+from calib.core.parallel import one_thread
 from calib.studies.sample import keyed_generator
 from calib.studies.tolerance.anchor import AnchoredMinimum, minimum_of
 from calib.studies.tolerance.measures import NONE, TrueShape, measures, true_shape

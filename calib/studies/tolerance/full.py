@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.threads import one_thread
+from calib.core.parallel import one_thread
 from calib.core.types import Detections
 from calib.detector.pipeline import detect
 from calib.renderer.options import RenderOptions

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calib.core.se3 import invert, make_pose, transform
 from calib.core.types import KnownPoints
-from calib.metrics.prediction import centers_mm as camera_centers_mm
+from calib.metrics.errors import centers_mm as camera_centers_mm
 from calib.metrics.rotation import turns_of_views
 from calib.studies.sample_metrics import Sample, sample_errors
 from calib.studies.tolerance.anchor import AnchoredMinimum

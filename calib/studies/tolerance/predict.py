@@ -16,7 +16,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.threads import one_thread
+from calib.core.parallel import one_thread
 from calib.studies.tolerance.draw import drawn_noise, drawn_values, solved
 from calib.studies.tolerance.first_order import FirstOrder, first_order
 from calib.studies.tolerance.measures import TrueShape

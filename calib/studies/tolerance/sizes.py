@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.threads import one_thread
+from calib.core.parallel import one_thread
 from calib.studies.tolerance.draw import BareDraw, drawn_values, noiseless, with_errors
 from calib.studies.tolerance.first_order import FirstOrder
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES

@@ -13,8 +13,7 @@ from calib.as_built.solve import measure
 from calib.as_built.unknowns import TargetUnknowns
 from calib.cameras.camera import Camera
 from calib.core.se3 import compose, invert, make_pose, transform
-from calib.core.selection import keep_sightings, keep_views
-from calib.core.types import Observations
+from calib.core.types import Observations, keep_sightings, keep_views
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
 from calib.observe.observations import known_points

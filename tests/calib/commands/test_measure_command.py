@@ -32,8 +32,7 @@ from calib.as_built.options import AsBuiltOptions
 from calib.as_built.solve import measure as measure_print
 from calib.commands.measure import measure
 from calib.core.se3 import exp_rotation
-from calib.core.selection import keep_sightings
-from calib.core.types import Observations
+from calib.core.types import Observations, keep_sightings
 from calib.observe.dataset import write_detections
 from calib.observe.observations import known_points
 from calib.show.measured.next_print import next_print

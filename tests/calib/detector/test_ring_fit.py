@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import ncx2, norm
 
-from calib.core.threads import in_chunks
+from calib.core.parallel import in_chunks
 from calib.detector.ring_equations import CHUNK, FAR, MOST_GROWN, ROOM, accumulate, blurs_from_edge, edges
 from calib.detector.ring_fit import RingFits, fit_rings
 from calib.detector.ring_model import (

@@ -15,9 +15,8 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import compose, exp_rotation, invert, look_at, make_pose, transform
 from calib.core.types import KnownPoints, Observations
 from calib.metrics import METRICS
-from calib.metrics.errors import Errors, ErrorSummary, summarise, summarise_groups
+from calib.metrics.errors import Errors, ErrorSummary, centers_mm, predict, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation, by_face, by_point, by_view, evaluate, evaluate_held_out
-from calib.metrics.prediction import centers_mm, predict
 from calib.observe.observations import known_points
 from calib.observe.truth import Truth
 from calib.solver.calibration import Calibration

@@ -10,7 +10,7 @@ from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import compose, look_at, transform
 from calib.renderer import RenderOptions, View, render_view
-from calib.renderer.optics import psf_weights
+from calib.renderer.light import psf_weights
 from calib.renderer.trace import half_plane_coverage
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job

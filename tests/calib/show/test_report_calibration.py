@@ -11,7 +11,7 @@ import pytest
 
 from calib.cameras.camera import Camera
 from calib.figures.sigma_map import place_in_image
-from calib.metrics.prediction import centers_mm
+from calib.metrics.errors import centers_mm
 from calib.observe.observations import known_points
 from calib.observe.truth import Truth
 from calib.records.run_folder import read_run
@@ -193,7 +193,7 @@ def test_a_model_of_other_photos_is_not_compared(run: Path) -> None:
 
 def test_a_model_of_some_of_the_photos_is_compared(run: Path) -> None:
     """A learned map does not reach all sightings; that makes it no solution of something else."""
-    from calib.core.selection import keep_views
+    from calib.core.types import keep_views
     from calib.solver.options import SolveOptions
     from calib.solver.solve import solve
 

@@ -7,8 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.core.selection import keep_sightings
-from calib.core.types import Observations
+from calib.core.types import Observations, keep_sightings
 from calib.solver.accuracy import projected_change
 from calib.solver.calibration import Calibration, ImageField
 from calib.solver.image_field import with_image_field

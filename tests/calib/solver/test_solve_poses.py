@@ -14,8 +14,8 @@ from scipy.optimize import least_squares
 from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, log_rotation, look_at, transform
-from calib.solver.poses import solve_poses
 from calib.solver.solve import solve
+from calib.solver.start import solve_poses
 from tests.support.solver_scenes import (
     CAMERAS,
     NOISE_PX,

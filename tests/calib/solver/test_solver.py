@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 from calib.cameras import parameter_names, project
 from calib.cameras.camera import Camera
 from calib.core.se3 import make_pose, transform
-from calib.core.selection import keep_views
-from calib.core.types import KnownPoints, Observations
+from calib.core.types import KnownPoints, Observations, keep_views
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve

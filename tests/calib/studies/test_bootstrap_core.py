@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.core.se3 import exp_rotation
-from calib.core.selection import keep_views
-from calib.core.types import KnownPoints, Observations
-from calib.metrics.errors import Errors, summarise
+from calib.core.types import KnownPoints, Observations, keep_views
+from calib.metrics.errors import Errors, predict, summarise
 from calib.metrics.intersection import intersection
 from calib.metrics.pose import pose
-from calib.metrics.prediction import predict
 from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
 from calib.observe.truth import Truth

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.core.selection import keep_sightings
-from calib.core.types import Observations
+from calib.core.types import Observations, keep_sightings
 from calib.observe.dataset import write_detections
 from calib.studies import bootstrap as pool
 from tests.support.calibrations import board

@@ -11,10 +11,9 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation, invert, make_pose, transform
 from calib.core.types import KnownPoints
-from calib.metrics.errors import summarise
+from calib.metrics.errors import predict, summarise
 from calib.metrics.intersection import intersection
 from calib.metrics.pose import pose
-from calib.metrics.prediction import predict
 from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
 from calib.metrics.rotation import rotation

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from calib.cameras import project
 from calib.cameras.refit import image_grid
 from calib.core.se3 import look_at, make_pose, transform
-from calib.core.selection import without_empty_views
-from calib.core.types import Observations
+from calib.core.types import Observations, without_empty_views
 from calib.solver.accuracy import projected_sigma_px
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve

@@ -12,8 +12,8 @@ from calib.core.se3 import exp_rotation, invert, look_at, transform
 from calib.core.types import Observations
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
-from calib.solver.poses import solve_poses
 from calib.solver.solve import solve
+from calib.solver.start import solve_poses
 from calib.virtual.learn_views import _without_gauge
 from calib.virtual.solve_virtual import choose_view, on_plane_mm, sensor_points, solve_virtual
 from designer.base.errors import InputError

@@ -1,9 +1,14 @@
-"""How many threads work: compiled work spread over them, linear algebra kept on one."""
+"""What works at a time: compiled work over threads, linear algebra on one, and processes that serve another."""
 
+import multiprocessing.resource_tracker
 import os
+import signal
 import sys
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import lru_cache, wraps
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
@@ -11,9 +16,9 @@ if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
 _SMALLEST_CHUNK = 16
-
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
+PARENT_CHECK_S = 0.5
 
 
 def in_chunks(work: Callable[[int, int], None], count: int) -> None:
@@ -58,3 +63,31 @@ def _libraries(_has_scipy: bool) -> "ThreadpoolController":
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()
+
+
+def serve(parent: int) -> None:
+    """Make this process a servant: deaf to Ctrl-C, which is for its parent, and gone soon after that ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(PARENT_CHECK_S)
+        os._exit(1)
+
+    if sys.platform != "win32":
+        threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Ctrl-C is for this process: those started meanwhile never see it, and this one sees it afterwards."""
+    if sys.platform == "win32":
+        yield
+        return
+    # Else it is started with the first process, and lets the signal through again, for that process too.
+    multiprocessing.resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
