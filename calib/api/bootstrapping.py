@@ -11,9 +11,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from calib.api.loading import Observed, Place, load_observations, observations_of, target_of
+from calib.api.loading import Observed, Place, Progress, load_observations, observations_of, target_of, unheard
 from calib.api.page_shown import ShownAsPage
-from calib.api.progress import Progress, unheard
 from calib.api.tolerancing import MAX_SEED
 from calib.cameras import DEFAULT, solved_models
 from calib.core.files import check_folder, write_files

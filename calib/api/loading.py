@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
@@ -22,6 +22,11 @@ from designer.base.words import shown
 from designer.target import Needs, TargetGeometry, load_target
 
 Place: TypeAlias = str | PathLike[str]
+Progress: TypeAlias = Callable[[str, float, int], None]
+"""Is told what is being done, how many are done, and of how many, as in `("searching", 3, 12)`; of 0 nobody knows.
+
+Nothing here prints; a caller may.
+"""
 MOST_JOBS = 1024
 Observed: TypeAlias = Observations | Place | Iterable[Detections]
 """What a camera is solved from: observations, a file of them, or what was found in photos."""
@@ -162,3 +167,7 @@ def photos_of(photos: Place | Iterable[Place]) -> FoundPhotos:
         return find_photos([fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos)])
     except TypeError as error:
         raise InputError(f"photos: {error}; give files, folders or patterns (an array goes to calib.detect)") from None
+
+
+def unheard(what: str, done: float, total: int) -> None:
+    """Progress of which nobody is told."""

@@ -8,9 +8,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
 
-from calib.api.loading import Place, load_observations, observations_of, target_of
+from calib.api.loading import Place, Progress, load_observations, observations_of, target_of, unheard
 from calib.api.page_shown import ShownAsPage
-from calib.api.progress import Progress, unheard
 from calib.as_built.cross_validation import cross_validate
 from calib.as_built.deviations import Compensation, Estimate
 from calib.as_built.lengths import CaliperLength, asked_length, doubt_about, length_in, rescaled

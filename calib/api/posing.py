@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable
 
-from calib.api.loading import Place, camera_of, photos_of, target_of
-from calib.api.progress import Progress, unheard
+from calib.api.loading import Place, Progress, camera_of, photos_of, target_of, unheard
 from calib.api.searching import search_once
 from calib.cameras.camera import Camera
 from calib.pipeline.target_poses import PoseResult, target_poses

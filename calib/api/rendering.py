@@ -11,8 +11,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import Place, camera_of, processes_of, target_of
-from calib.api.progress import Progress, unheard
+from calib.api.loading import Place, Progress, camera_of, processes_of, target_of, unheard
 from calib.cameras.camera import Camera
 from calib.core.se3 import rigid_fault
 from calib.core.types import LEAST_RADIUS_PX

@@ -5,8 +5,7 @@ from contextlib import nullcontext
 from os import fspath
 from pathlib import Path
 
-from calib.api.loading import Observed, Place, observations_of, photos_of, rendered_id_of, target_of
-from calib.api.progress import Progress, unheard
+from calib.api.loading import Observed, Place, Progress, observations_of, photos_of, rendered_id_of, target_of, unheard
 from calib.api.run_result import DETECTIONS_FILE, RunResult, RunWriter, best_of
 from calib.api.searching import search_twice, truth_of
 from calib.cameras import learned_models, models_of_all

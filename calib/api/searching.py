@@ -6,8 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from calib.api.detecting import Detector
-from calib.api.loading import processes_of
-from calib.api.progress import Progress, unheard
+from calib.api.loading import Progress, processes_of, unheard
 from calib.cameras import COMMON
 from calib.cameras.camera import Camera
 from calib.core.types import Detections

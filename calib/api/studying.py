@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.api.bootstrapping import BootstrapResult, Sampling
-from calib.api.loading import Place
+from calib.api.loading import Place, Progress, unheard
 from calib.api.page_shown import ShownAsPage
-from calib.api.progress import Progress, unheard
 from calib.core.files import check_folder, write_files
 from calib.studies import paper_study
 from calib.studies.compare import cases

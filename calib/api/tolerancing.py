@@ -9,9 +9,8 @@ from os import fspath
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from calib.api.loading import Place, camera_of, target_of
+from calib.api.loading import Place, Progress, camera_of, target_of, unheard
 from calib.api.page_shown import ShownAsPage
-from calib.api.progress import Progress, unheard
 from calib.cameras import DEFAULT
 from calib.cameras.camera import Camera
 from calib.core.files import check_folder, write_files

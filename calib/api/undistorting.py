@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 
 from calib.api.detecting import Pixels, require_image
-from calib.api.loading import Place, camera_of, photos_of
-from calib.api.progress import Progress, unheard
+from calib.api.loading import Place, Progress, camera_of, photos_of, unheard
 from calib.api.searching import refuse_nothing
 from calib.cameras import LINEAR, undistortion
 from calib.cameras.camera import CAMERA, Camera, camera_to_json

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.cameras import fitted_models
-from calib.commands.answers.cameras import camera_answer, refit_answer
+from calib.commands.camera_argument import camera_answer, refit_answer
 from calib.interop import FORMATS
 from calib.show.screen import quoted
 from designer.base.answer import Summary

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from calib.commands.answers.cameras import camera_answer
+from calib.commands.camera_argument import camera_answer
 from calib.show.screen import shown
 from designer.base.answer import Summary, Value
 from designer.base.words import printable

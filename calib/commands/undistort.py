@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.answers.cameras import camera_answer
-from calib.commands.camera_argument import CameraArgument, read_camera
+from calib.commands.camera_argument import CameraArgument, camera_answer, read_camera
 from calib.show.screen import progress_bars, quoted, shown
 from designer.base.answer import StoppedError, Summary
 

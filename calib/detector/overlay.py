@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from calib.core.files import write_files
 from calib.core.types import Detections
@@ -168,11 +169,8 @@ def _draw_features(
 
 def _nearest_px(points: Array) -> Array:
     """Distance of each point to its nearest other one; infinite for a lone one.  # (K, 2) -> (K,)"""
-    nearest = np.full(len(points), np.inf)
-    for first in range(0, len(points), 256):  # blocks: thousands of points need no large memory
-        distance = np.hypot(*(points[first : first + 256, None] - points).transpose(2, 0, 1))
-        distance[np.arange(len(distance)), np.arange(first, first + len(distance))] = np.inf
-        nearest[first : first + 256] = distance.min(axis=1)
+    places = np.nan_to_num(points, nan=0, posinf=1e9, neginf=-1e9)  # absurd ones are drawn nowhere
+    nearest: Array = cKDTree(places).query(places, k=2)[0][:, 1]
     return nearest
 
 

@@ -20,7 +20,7 @@ FACE_COLOURS: tuple[Colour, ...] = ((0, 114, 178), (230, 159, 0), (0, 158, 115),
 MISSING: Colour = (213, 94, 0)
 REJECTED: Colour = (213, 0, 60)
 LEAST_WIDTH_PX = 720
-_INK: Colour = (30, 33, 38)
+INK: Colour = (30, 33, 38)
 _SOFT: Colour = (105, 112, 122)
 _PAPER: Colour = (250, 250, 248)
 _PLASMA = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_PLASMA)[:, 0, ::-1].tolist()
@@ -61,8 +61,8 @@ def _header(seen: Detections, target: TargetGeometry, width: int, height: int) -
     named = [record for record in seen.faces if record.face is not None and record.measurable]
     expected = sum(record.measurable for record in named)
     found = f"{len(seen.ring)} of {expected} features" if named else "target not found"
-    title: list[_Text] = [(_cut(seen.image, 60), _INK), (f"{seen.image_size[0]} x {seen.image_size[1]} px", _SOFT)]
-    title.append((found, _INK if len(seen.ring) else REJECTED))
+    title: list[_Text] = [(cut_text(seen.image, 60), INK), (f"{seen.image_size[0]} x {seen.image_size[1]} px", _SOFT)]
+    title.append((found, INK if len(seen.ring) else REJECTED))
     if len(seen.ring):
         sigma = np.sqrt(np.linalg.eigvalsh(seen.cov_px2)[:, 1])
         title.append((f"median sigma {_digits(float(np.median(sigma)))} px", _SOFT))
@@ -78,15 +78,15 @@ def _header(seen: Detections, target: TargetGeometry, width: int, height: int) -
     if rejected:
         remarks.append(f"{rejected} ring-like things without a name")
     if remarks:
-        rows += _flowed([(_cut(remark, 160), REJECTED) for remark in remarks], width, height)
+        rows += _flowed([(cut_text(remark, 160), REJECTED) for remark in remarks], width, height)
     return _strip(rows, width, height)
 
 
 def _legend(width: int, height: int) -> NDArray[np.uint8]:
     """The meaning of the marks, and the scale of the centres' colours."""
     entries: list[_Text] = [
-        ("ring", _INK), ("dot", _INK), ("expected, not found", _INK), ("looks like a ring, no name", _INK),
-        ("i,j : index in the face's lattice", _INK),
+        ("ring", INK), ("dot", INK), ("expected, not found", INK), ("looks like a ring, no name", INK),
+        ("i,j : index in the face's lattice", INK),
     ]  # fmt: skip
     rows = _flowed(entries, width, height, indent=round(1.8 * height))
     strip = _strip([*rows, [], []], width, height)
@@ -137,8 +137,8 @@ def _draw_scale(strip: NDArray[np.uint8], height: int, top: int) -> None:
     for tick in (0.001, 0.003, 0.01, 0.03, 0.1, 0.3):
         at = left + round((math.log(tick) - low) / (high - low) * (length - 1))
         small = ImageFont.load_default(max(9, round(0.72 * height)))
-        draw.line([(at, top + height // 2), (at, top + round(0.65 * height))], fill=_INK, width=max(1, height // 14))
-        draw.text((at, top + round(0.68 * height)), f"{tick:g}", fill=_INK, font=small, anchor="ma")
+        draw.line([(at, top + height // 2), (at, top + round(0.65 * height))], fill=INK, width=max(1, height // 14))
+        draw.text((at, top + round(0.68 * height)), f"{tick:g}", fill=INK, font=small, anchor="ma")
     strip[:] = np.asarray(image)
 
 
@@ -161,6 +161,11 @@ def _flowed(texts: Sequence[_Text], width: int, height: int, indent: int = 0) ->
         rows[-1].append((left + indent, text, colour))
         left += length + gap
     return rows
+
+
+def text_strip(texts: Sequence[_Text], width: int, height: int) -> NDArray[np.uint8]:
+    """Texts on paper, in as many lines as they need.  # (A, W, 3)"""
+    return _strip(_flowed(texts, width, height), width, height)
 
 
 def _strip(rows: Sequence[_Row], width: int, height: int) -> NDArray[np.uint8]:
@@ -189,7 +194,7 @@ def _digits(value: float) -> str:
     return f"{value:.{max(0, 1 - math.floor(math.log10(value)))}f}" if value > 0 else "0"
 
 
-def _cut(text: str, length: int) -> str:
+def cut_text(text: str, length: int) -> str:
     """A text without line breaks, its middle left out if it is long."""
     shown = " ".join(text.encode("utf-8", "replace").decode().split())
     return shown if len(shown) <= length else f"{shown[: length // 2 - 2]} ... {shown[2 - length // 2 :]}"

@@ -5,7 +5,6 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
@@ -14,6 +13,7 @@ from calib.core.se3 import transform
 from calib.core.types import Detections
 from calib.detector.canvas import Canvas, Colour, canvas_between
 from calib.detector.overlay import pale, write_overlay
+from calib.detector.overlay_frame import INK, cut_text, text_strip
 from calib.observe.images import read_image
 from calib.observe.photos import OVERLAY_MARK, why_failed
 from calib.pipeline.target_poses import PoseResult, TargetPose
@@ -26,8 +26,6 @@ AXES: tuple[tuple[str, Colour], ...] = (("x", (213, 94, 0)), ("y", (0, 158, 115)
 RESIDUAL: Colour = (190, 0, 90)
 CENTRE: Colour = (40, 44, 52)
 _WHITE: Colour = (255, 255, 255)
-_PAPER: Colour = (250, 250, 248)
-_INK: Colour = (30, 33, 38)
 _STEPS = 40
 _ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
 
@@ -118,26 +116,12 @@ def _draw_axes(canvas: Canvas, target: TargetGeometry, camera: Camera, pose: Tar
 
 def _header(pose: TargetPose, enlargement: int, width: int) -> NDArray[np.uint8]:
     """Name and figures, in as many lines as they need."""
-    height = int(np.clip(width / 70, 14, 130))
-    font = ImageFont.load_default(height)
     x, y, z = pose.camera_mm
-    texts = [
-        " ".join(pose.image.encode("utf-8", "replace").decode().split())[-60:],
+    texts = (
+        cut_text(pose.image, 60),
         f"{pose.rings} rings, RMS {pose.rms_px:.4f} px",
         f"camera at {x:.3f} {y:.3f} {z:.3f} mm",
         f"{pose.distance_mm:.3f} mm away",
         f"lines: predicted - measured, x {enlargement}",
-    ]
-    rows = [""]
-    for text in texts:
-        longer = f"{rows[-1]}    {text}" if rows[-1] else text
-        if rows[-1] and font.getlength(longer) > width - 2 * height:
-            rows.append(text)
-        else:
-            rows[-1] = longer
-    line = round(1.45 * height)
-    image = Image.new("RGB", (width, height // 2 + line * len(rows)), _PAPER)
-    draw = ImageDraw.Draw(image)
-    for number, row in enumerate(rows):
-        draw.text((height, height / 4 + (number + 0.5) * line), row, fill=_INK, font=font, anchor="lm")
-    return np.array(image)
+    )
+    return text_strip([(text, INK) for text in texts], width, int(np.clip(width / 70, 14, 130)))

@@ -44,7 +44,7 @@ def progress_bar(label: str, total: int, *, rate: bool = False) -> Iterator[Call
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float, int], None]]:
-    """A bar for each kind of work, one after the other, as `calib.api.progress.Progress` has it."""
+    """A bar for each kind of work, one after the other, as `calib.api.loading.Progress` has it."""
     with ExitStack() as stack:
         open_bars: dict[str, Callable[[float], None]] = {}
 

@@ -14,7 +14,7 @@ from calib.observe.photos import PhotoFile
 from calib.show.parts.folder_blocks import some_of
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.show.run.sections import field_of_view_words
-from designer.page.blocks import Cell, Column, Command, Figure, Finding, Headline, Table
+from designer.page.blocks import Cell, Column, Command, Figure, Finding, Headline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +25,7 @@ MARK = ".undistorted"
 """Stands in the name of each undistorted photo, so that one is not taken for a photo of the camera."""
 CAMERA_FILE = "camera.json"
 FILES = (
-    (CAMERA_FILE, "the pinhole that belongs to the undistorted photos"),
+    (CAMERA_FILE, "the pinhole of the undistorted photos, and of them only: others have the camera's own file"),
     (PHOTOS_FILE, "the camera that took the photos, and what became of each"),
 )
 STEPS = 61
@@ -131,10 +131,7 @@ def told_undistorted(made: UndistortedFiles, camera_name: str) -> ToldPhotos:
             for (one, place), remark in zip(made.good, remarks, strict=True)
         ),
         "In the order they were given.", FILES, notes=tuple(notes),
-        after=(
-            ToldSection("The new camera", (_parameters(made),), lead=_pinhole_words(made)),
-            ToldSection("Next", _next(made, change)),
-        ),
+        after=(ToldSection("Next", _next(made, change)),),
         camera=made.camera, pinhole=made.pinhole,
     )  # fmt: skip
 
@@ -163,29 +160,15 @@ def _facts(made: UndistortedFiles, change: Change, camera_name: str) -> tuple[tu
     return (
         ("camera of the photos", f"{camera_name} (model {taken.model})"),
         ("image", f"{width} x {height} px"),
-        ("focal length", f"{digits(float(pinhole.params[0]), 6)} px; before {digits(float(taken.params[0]), 6)} px"),
+        *(
+            (name, f"{new:.3f} px; before {old:.3f} px")
+            for name, new, old in zip(("fx", "fy", "cx", "cy"), pinhole.params, taken.params, strict=False)
+        ),
         ("field of view", f"{field_of_view_words(pinhole)}; before {field_of_view_words(taken)}"),
         ("moved farthest", change.shift_words),
         ("cut off", _percent(1 - change.share_kept)),
         ("black", _percent(1 - made.share_filled)),
     )
-
-
-def _pinhole_words(made: UndistortedFiles) -> str:
-    kept = "as the camera's" if made.pinhole.params[0] == made.camera.params[0] else "chosen for these photos"
-    return (
-        f"A pinhole without distortion, its focal length {kept}. Use it with the undistorted photos only, and the "
-        "camera's own file with the photos as they were taken."
-    )
-
-
-def _parameters(made: UndistortedFiles) -> Table:
-    columns = (Column("parameter", is_number=False), Column("px"), Column("before px", note="of the photos' camera"))
-    rows = tuple(
-        (Cell(name), Cell(f"{new:.3f}", float(new)), Cell(f"{old:.3f}", float(old)))
-        for name, new, old in zip(("fx", "fy", "cx", "cy"), made.pinhole.params, made.camera.params, strict=False)
-    )
-    return Table("Parameters", columns, rows, "Pixel (0, 0) is the centre of the top-left pixel.")
 
 
 def _next(made: UndistortedFiles, change: Change) -> tuple[Command, ...]:
