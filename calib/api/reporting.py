@@ -34,7 +34,7 @@ def report(folder: Path, *, criteria: str | None = None, kinds: Collection[str] 
     Raises:
         InputError: nothing to report, limits of what is no calibration, or a page that stays; the message says why.
     """
-    from calib.show.run.judging import judge_folder
+    from calib.records.run_folder import judge_again
     from calib.verdict.criteria import read_criteria
     from calib.verdict.judge import VERDICT_FILE
 
@@ -46,7 +46,7 @@ def report(folder: Path, *, criteria: str | None = None, kinds: Collection[str] 
         if origin.kind != CALIBRATION:
             what = printable(origin.kind)
             raise InputError(f"--criteria: limits are for calibrations, and {folder} holds another kind: {what}")
-        judge_folder(folder, read_criteria(criteria))
+        judge_again(folder, read_criteria(criteria))
     page = build_page(folder, origin)
     place = write_page(folder, origin, page)[1]
     verdict = folder / VERDICT_FILE

@@ -1,39 +1,42 @@
 """What `run` and `solve` return, and the folder they write: each result is written when it is there."""
 
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 from calib.api.page_shown import ShownAsPage
 from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
+from calib.cameras import MODELS
 from calib.core.files import check_folder, write_files
 from calib.core.types import Detections, Observations
-from calib.figures import CALIBRATION_PICTURE, COMPARISON_PICTURE, calibration_figures, comparison_figures
+from calib.figures import CALIBRATION_PICTURE, calibration_figures
 from calib.metrics.evaluation import Evaluation
 from calib.observe.dataset import write_detections
-from calib.observe.photos import FoundPhotos, PhotoFile, PhotoResult, Search, detect_photos
-from calib.observe.records import Records, read_records, records_path
+from calib.observe.photos import OVERLAY_MARK, FoundPhotos, PhotoFile, PhotoResult, Search, detect_photos
+from calib.observe.records import Records, records_path
 from calib.pipeline.solving import Solution, SolveTask, preference
 from calib.records.calibration_file import (
+    CALIBRATION,
     CALIBRATION_FILE,
     CAMERA_FILE,
     OBSERVATIONS_FILE,
     Provenance,
     write_calibration,
 )
-from calib.records.evaluation_files import METRICS_FILE, evaluation_files
-from calib.records.run_folder import RECORDS_FILE, RunFolder, Solved, solved_of
+from calib.records.evaluation_files import METRICS_FILE, METRICS_FILES, evaluation_files, metrics_of
+from calib.records.run_folder import RECORDS_FILE, Run, Solved, records_in
 from calib.show.folder import PAGE_FILE, why_no_page, write_folder_page
 from calib.show.parts.kept_target import keep_target
+from calib.show.photos.photos_file import PHOTOS_FILE
 from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged
 from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, NextViews
 from calib.verdict.verdict import Verdict
 from designer.base.answer import program
 from designer.base.errors import InputError, NotWrittenError
-from designer.base.own_files import require_ours
+from designer.base.own_files import is_ours, require_ours
 from designer.target import TargetGeometry
 
 
@@ -117,13 +120,13 @@ class RunWriter:
         self.folder, self.models = folder, tuple(models)
         self.files: list[Path] = []
         self.solutions: list[Solution] = []
-        self._provenance: dict[str, Provenance] = {}
+        self._solved: dict[str, Solved] = {}
         self._records: Records | None = None
         self._faults: list[str] = []  # what could not be written of a run, for its page
         for place in (folder, folder / OVERLAYS):
             check_folder(place)
         for place in (folder, *(self.place_of(model) for model in models)):
-            for name in (CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE, CALIBRATION_PICTURE, COMPARISON_PICTURE):
+            for name in (CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE, CALIBRATION_PICTURE):
                 require_ours(place / name)
         require_ours(folder / VERDICT_FILE, kind=VERDICT.format)
         require_ours(folder / NEXT_VIEWS_FILE, kind=NEXT_VIEWS.format)
@@ -152,9 +155,9 @@ class RunWriter:
                 self.write_search(drawn, staging)
                 self._faults += [one.overlay_failure for one in drawn.results if one.overlay_failure]
         written = [self.write_solution(solution, run.task) for solution in run.solutions]
-        if run.best.model not in self._provenance:
+        if run.best.model not in self._solved:
             raise InputError(next(one.failure for one in written if one.model == run.best.model))
-        self.write_tables(written)
+        self.write_tables()
         self.write_verdict(run)
         if remark := self.write_page(run, ""):
             raise InputError(remark)
@@ -171,10 +174,9 @@ class RunWriter:
             require_ours(self.folder / name)
 
     def without_own_pictures(self, photos: FoundPhotos) -> FoundPhotos:
-        """The photos without the pictures that an earlier run drew among them."""
-        place = Path(os.path.abspath(self.folder))
-        drawn = {place / COMPARISON_PICTURE, place / CALIBRATION_PICTURE}
-        return replace(photos, paths=tuple(one for one in photos.paths if Path(os.path.abspath(one)) not in drawn))
+        """The photos without the picture that an earlier run drew among them."""
+        drawn = Path(os.path.abspath(self.folder)) / CALIBRATION_PICTURE
+        return replace(photos, paths=tuple(one for one in photos.paths if Path(os.path.abspath(one)) != drawn))
 
     @contextmanager
     def drawing(self) -> Iterator[Path]:
@@ -185,10 +187,12 @@ class RunWriter:
             yield staging
 
     def write_search(self, search: Search, staging: Path) -> None:
-        """Write what was found in the photos, and keep the overlays that were drawn."""
-        table = self.folder / DETECTIONS_FILE
+        """Write what was found in the photos, and keep the overlays that were drawn instead of earlier ones."""
+        table, place = self.folder / DETECTIONS_FILE, self.folder / OVERLAYS
         self._records = write_search(table, search)
-        pictures = keep_pictures(staging, self.folder / OVERLAYS)
+        pictures = keep_pictures(staging, place)
+        if not (place / PHOTOS_FILE).exists():
+            _remove_ours(dict.fromkeys(set(place.glob(f"*{OVERLAY_MARK}.*")) - set(pictures), ""))
         self.files += [table, records_path(table), *pictures]
 
     def write_solution(self, solution: Solution, task: SolveTask) -> Solution:
@@ -197,52 +201,67 @@ class RunWriter:
         Raises:
             NotWrittenError: the disk is full.
         """
-        written = solution if solution.evaluation is None else self._written(solution, task)
+        written = solution if solution.evaluation is None else self._written(solution, solution.evaluation, task)
         self.solutions.append(written)
         return written
 
-    def _written(self, solution: Solution, task: SolveTask) -> Solution:
-        model = solution.model
+    def _written(self, solution: Solution, evaluation: Evaluation, task: SolveTask) -> Solution:
+        model, place = solution.model, self.place_of(solution.model)
         provenance = Provenance(
             program(), layout_id=task.layout_id, geometry_id=task.observations.points.geometry_id,
             options=task.plan.options_of(model), settings=(*task.settings, ("model", model)),
         )  # fmt: skip
         try:
-            files, self._provenance[model] = write_calibration(self.place_of(model), solution.calibration, provenance)
+            files, provenance = write_calibration(place, solution.calibration, provenance)
         except NotWrittenError:
             raise
         except InputError as error:
             return replace(solution, evaluation=None, failure=str(error))
+        path = "" if place == self.folder else f"{model}/"
+        self._solved[model] = Solved(path, evaluation.without_truth, provenance, metrics_of(evaluation))
         self.files += files
         return solution
 
-    def write_tables(self, solutions: Sequence[Solution]) -> None:
-        """Write tables of each model, and pictures of the best one and of all side by side."""
-        best, evaluations = best_of(solutions), []
-        for one in solutions:
+    def write_tables(self) -> None:
+        """Write tables of each model, and a picture of the best one."""
+        for one in self.finished:
             if one.evaluation is not None:
-                evaluations.append(one.evaluation)
                 self._write(evaluation_files(one.evaluation, self.place_of(one.model)))
-        pictures: dict[Path, bytes] = {}
+        best = best_of(self.finished)
         if best.evaluation is not None:
-            pictures |= calibration_figures(best.evaluation, self.folder)
-        if len(evaluations) > 1:
-            pictures |= comparison_figures(evaluations, self.folder)
-        self._write(pictures)
+            self._write(calibration_figures(best.evaluation, self.folder))
 
     def write_verdict(self, run: RunResult) -> None:
-        """Write the target as it was used, the verdict, and the photos to take next."""
+        """Write the target as it was used, the verdict, and the photos to take next; cameras of earlier runs go."""
         if run.target is not None:
             is_again = (self.folder / VERDICT_FILE).exists()
             kept = keep_target(self.folder, run.target, is_again=is_again)
             self.files += kept
             if not kept:
                 self._faults.append("target.json: another file has the name and stays; the target is not in the folder")
-        judged = replace(run.judged, observations_sha256=self._provenance[run.best.model].observations_sha256)
         self._write({
-            self.folder / VERDICT_FILE: VERDICT.text(judged),
+            self.folder / VERDICT_FILE: VERDICT.text(self._judged(run)),
             self.folder / NEXT_VIEWS_FILE: NEXT_VIEWS.text(NextViews(run.next_views)),
         })  # fmt: skip
+        self._remove_earlier()
+
+    def _judged(self, run: RunResult) -> Judged:
+        return replace(run.judged, observations_sha256=self._solved[run.best.model].provenance.observations_sha256)
+
+    def _remove_earlier(self) -> None:
+        """Remove the cameras of earlier runs from the folder, which are not of this one; other runs' folders stay."""
+        here = {self.place_of(model) for model in self._solved}
+        for place in (self.folder, *(self.folder / model for model in MODELS)):
+            is_run_of_its_own = place != self.folder and (place / VERDICT_FILE).exists()
+            if place in here or is_run_of_its_own or not (place / CALIBRATION_FILE).is_file():
+                continue
+            if is_ours(place / CALIBRATION_FILE, CALIBRATION.format):
+                names = (CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE)
+                _remove_ours(
+                    {place / name: kind for name, kind in {**dict.fromkeys(names, ""), **METRICS_FILES}.items()}
+                )
+                with suppress(OSError):  # it holds something else
+                    place.rmdir()
 
     def write_page(self, run: RunResult, command: str) -> str:
         """Write the folder's page; why there is none, or "".
@@ -253,8 +272,9 @@ class RunWriter:
         """
         from calib.show.run.calibration_page import page_of
 
+        told = self.told(run)
         files, remark = write_folder_page(
-            self.folder, "calibration", command, lambda origin: page_of(self._as_read(run), origin)
+            self.folder, "calibration", command, lambda origin: page_of(told, self.folder, origin)
         )
         self.files += files
         return remark
@@ -264,21 +284,22 @@ class RunWriter:
         page = self.folder / PAGE_FILE
         return f"{page}: is of an earlier run; calib report {self.folder} draws it again" if page.exists() else ""
 
-    def _as_read(self, run: RunResult) -> RunFolder:
-        """The folder as it would be read."""
-        solved = tuple(self._solved(one) for one in sorted(run.solutions, key=lambda one: one.model) if one.evaluation)
-        records = self._records or _earlier_records(self.folder, run.observations.view_names)
-        return RunFolder(self.folder, solved, records, run.target, tuple(self._faults))
-
-    def _solved(self, solution: Solution) -> Solved:
-        place = self.place_of(solution.model)
-        path = "" if place == self.folder else f"{solution.model}/"
-        evaluation = Evaluation(solution.calibration, ()) if solution.evaluation is None else solution.evaluation
-        return solved_of(place, path, evaluation.without_truth, self._provenance[solution.model], self.folder, [])
+    def told(self, run: RunResult) -> Run:
+        """The run as it would be read from the folder."""
+        solved = tuple(self._solved[model] for model in sorted(self._solved))
+        records = self._records or records_in(self.folder, run.observations.view_names, [])
+        return Run(solved, self._judged(run), run.next_views, records, run.target, tuple(self._faults))
 
     def _write(self, files: dict[Path, bytes]) -> None:
         write_files(files)
         self.files += files
+
+
+def _remove_ours(kinds: Mapping[Path, str]) -> None:
+    """Remove files that this program made, each of its kind, "" for any; others stay."""
+    for path, kind in kinds.items():
+        if path.is_file() and is_ours(path, kind):
+            path.unlink()
 
 
 def write_search(table: Path, search: Search) -> Records:
@@ -287,16 +308,6 @@ def write_search(table: Path, search: Search) -> Records:
     return write_detections(
         table, search.detections, search.target, detector=program(), failed=failed, rendered_id=search.rendered_id
     )
-
-
-def _earlier_records(folder: Path, photos: Sequence[str]) -> Records | None:
-    """Of the search that left its records in the folder, as before `calib solve -o` the same one; None: of others."""
-    try:
-        records = read_records(folder / RECORDS_FILE) if (folder / RECORDS_FILE).exists() else None
-    except InputError:
-        return None
-    is_of_these = records is not None and set(photos) <= {one.image for one in records.images}
-    return records if is_of_these else None
 
 
 def _with_overlays(search: Search, staging: Path) -> Search:

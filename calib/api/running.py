@@ -22,9 +22,11 @@ from calib.pipeline.solving import (
     plan_from_words,
     solve_models,
 )
-from calib.show.run.judging import inputs_of, judge_cameras
 from calib.solver.accuracy import UndeterminedError
-from calib.verdict.criteria import STANDARD, Criteria, read_criteria
+from calib.verdict.criteria import STANDARD, read_criteria
+from calib.verdict.halves import half_split
+from calib.verdict.judge import inputs_of, judge_cameras
+from calib.verdict.verdict import Criteria
 from calib.virtual.solve_virtual import Reference
 from designer.base.errors import InputError
 from designer.base.words import suggestion
@@ -199,13 +201,13 @@ def _solved(
     _require_one(solutions)
     if writer is not None and (search is not None or is_whole):
         progress("drawing", 0, 0)
-        writer.write_tables(solutions)
+        writer.write_tables()
     progress("judging", 0, 0)
     solved = sorted((one for one in solutions if one.evaluation is not None), key=lambda one: one.model)
     best = best_of(solutions)
     judged, proposed = judge_cameras(
-        [one.calibration for one in solved], solved.index(best), task.plan.options_of(best.model), criteria, target,
-        inputs=inputs_of(task.settings),
+        [one.calibration for one in solved], solved.index(best),
+        half_split(best.calibration, task.plan.options_of(best.model)), criteria, target, inputs_of(task.settings),
     )  # fmt: skip
     result = RunResult(target, search, task, tuple(solutions), judged, proposed)
     if writer is not None:

@@ -7,6 +7,7 @@ import typer
 
 from calib.commands.answers.solutions import evaluation_answer
 from calib.commands.folder_page import with_page_again
+from calib.commands.judged_page import VerboseOption
 from calib.show.screen import quoted
 from designer.base.answer import Summary
 
@@ -28,7 +29,8 @@ def evaluate(
     held_out: Annotated[
         int, typer.Option(min=0, help="hold every N-th photo out in turn and evaluate those; 0: do not", metavar="N")
     ] = 0,
-    figures: Annotated[bool, typer.Option(help="draw what is left over, covered and uncertain")] = True,
+    figures: Annotated[bool, typer.Option(help="draw residuals, coverage and uncertainty")] = True,
+    verbose: VerboseOption = False,
 ) -> Summary:
     """Measure a calibration: reprojection, intersection, reconstruction and pose error.
 
@@ -36,7 +38,7 @@ def evaluate(
     """
     from calib.api.evaluating import calibration_in, check_metrics_folder
     from calib.api.evaluating import evaluate as evaluate_one
-    from calib.commands.evaluated_screen import say_evaluation
+    from calib.commands.run_screen import say_evaluation
     from calib.show.parts.origin import is_of_kind
 
     path = calibration_in(calibration)
@@ -44,8 +46,8 @@ def evaluate(
     check_metrics_folder(folder)
     found = evaluate_one(path, truth=truth, held_out=held_out)
     files = found.save(folder, figures=figures)
-    say_evaluation(path, found.asked)
-    print(f"wrote {folder / 'metrics.json'} and metrics_*.csv: by photo, ring, face and sighting")
+    say_evaluation(path, found.asked, verbose=verbose)
+    print(f"wrote {folder / 'metrics.json'} and metrics_*.csv: by photo, ring, face and observation")
     pictures = [file.name for file in files if file.suffix == ".png"]
     if pictures:
         print(f"      {', '.join(pictures)}: look at them before you trust the numbers")

@@ -1,12 +1,8 @@
-"""Options of commands that judge a camera, and what a program is told of the verdict."""
+"""Options of commands that judge a camera."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-
-if TYPE_CHECKING:
-    from calib.verdict.verdict import Check, Verdict
-    from designer.base.answer import Value
 
 DEFAULT_CRITERIA = "standard"
 
@@ -34,27 +30,3 @@ PageOption = Annotated[
 VerboseOption = Annotated[
     bool, typer.Option("--verbose", "-v", help="say all tables: photos, parameters, models, checks")
 ]
-
-
-def verdict_answer(verdict: "Verdict") -> "dict[str, Value]":
-    """The verdict and its checks for a program."""
-    return {
-        "grade": verdict.grade,
-        "model": verdict.model,
-        "sentence": verdict.sentence,
-        "checks": [_check(check) for check in verdict.checks],
-        "advice": verdict.advice,
-    }
-
-
-def _check(check: "Check") -> "dict[str, Value]":
-    return {
-        "name": check.name,
-        "grade": check.grade,
-        "value": check.value,
-        "unit": check.unit,
-        "good": check.good,
-        "usable": check.usable,
-        "is_at_least": check.is_at_least,
-        "sentence": check.sentence,
-    }

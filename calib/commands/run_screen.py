@@ -1,20 +1,21 @@
-"""A run on a terminal: the verdict, what matters, what was written, what to do next; all tables if they are wanted."""
+"""A run and its parts on a terminal: the lead of the page, what was written, what to do next; tables if wanted."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from calib.api.run_result import RunResult
-from calib.commands.photo_screen import photo_table
-from calib.core.number_text import figure
-from calib.metrics.errors import summarise
+from calib.commands.photo_screen import few_rows
+from calib.metrics.evaluation import Evaluation
 from calib.observe.photos import Search
-from calib.show.run.evaluation_table import comparison_table, focal_length, parameters_table
-from calib.show.run.sections import finding_of, headline_of
-from calib.show.screen import quoted, shown, table_console
-from calib.verdict.words import checks_table, criteria_line
+from calib.records.evaluation_files import metrics_of
+from calib.records.run_folder import Run
+from calib.show.run.photos import photo_rows, views_table
+from calib.show.run.sections import check_findings, headline_of, key_facts, steps_of
+from calib.show.run.tables import checks_table, errors_table, faces_table, models_table, parameters_table
+from calib.show.screen import quoted, shown
 from designer.base.command import command_line
-from designer.page.blocks import Facts, Finding
+from designer.page.blocks import Finding
 from designer.page.terminal import say_facts, say_findings, say_headline, say_line, say_lines, say_table, say_written
 
 MOST_SKIPPED, MOST_STEPS = 5, 3
@@ -32,46 +33,26 @@ class NextSteps:
     commands: tuple[str, ...]
 
 
-def say_run(run: RunResult, *, verbose: bool) -> None:
-    """The verdict and what it rests on."""
-    if verbose:
-        _say_tables(run)
-    say_headline(headline_of(run.verdict))
-    say_facts(Facts(_facts(run)))
-    checks = tuple(finding_of(check) for check in run.verdict.checks if check.grade not in ("good", "unknown"))
+def say_run(run: RunResult, told: Run, *, verbose: bool) -> None:
+    """The lead of the run's page, and with `verbose` its tables."""
+    say_headline(headline_of(told))
+    say_facts(key_facts(told))
+    verdict = run.verdict
+    checks = check_findings(verdict)
+    said = [
+        finding
+        for check, finding in zip(verdict.checks, checks, strict=True)
+        if check.grade not in ("good", "unknown") and check.name != verdict.leads_with
+    ]
     failed = (f"{one.model} was not solved: {one.failure}" for one in run.solutions if one.failure)
     of_photos = () if run.search is None else _photo_remarks(run.search)
     remarks = dict.fromkeys((*failed, *of_photos, *run.remarks, *run.observations.remarks))
-    say_findings([*checks, *(Finding("note", "", remark) for remark in remarks)])
+    say_findings([*said, *(Finding("note", "", remark) for remark in remarks)])
     if run.search is not None:
         _say_skipped(run.search)
-    say_lines("better", run.verdict.advice[:MOST_STEPS])
-
-
-def _facts(run: RunResult) -> tuple[tuple[str, str], ...]:
-    """Camera, photos and checks, a line each."""
-    calibration = run.best.calibration
-    width, height = calibration.camera.image_size
-    focal = "" if calibration.camera.learned is not None else f", fx {focal_length(calibration)} px"
-    residual = None if run.best.evaluation is None else run.best.evaluation.of("reprojection")
-    rms = "" if residual is None else f", RMS residual {figure(summarise(residual).rmse, 3)} px"
-    known = [check for check in run.verdict.checks if check.grade != "unknown"]
-    good = sum(check.grade == "good" for check in known)
-    return (
-        ("camera", f"{calibration.camera.model}, {width} x {height} px{focal}{rms}"),
-        ("photos", photo_words(run.search) if run.search is not None else _observation_words(run)),
-        ("checks", f"{good} of {len(known)} good; {criteria_line(run.judged.criteria)}"),
-    )
-
-
-def photo_words(search: Search) -> str:
-    """How many photos show the target, and how much of it."""
-    found, expected = search.counts
-    counts = f", {found} of {expected} features of the faces seen that could be measured" if found else ""
-    return (
-        f"{len(search.with_target) or 'none'} of {len(search.results)} with the target{counts}; "
-        f"{len(search.results) - len(search.detections)} failures; {search.seconds:.1f} s"
-    )
+    say_lines("better", steps_of(told)[:MOST_STEPS])
+    if verbose:
+        _say_tables(told)
 
 
 def _photo_remarks(search: Search) -> tuple[str, ...]:
@@ -79,11 +60,6 @@ def _photo_remarks(search: Search) -> tuple[str, ...]:
     empty = [f"{seen.image}: {'; '.join(seen.remarks)}" for seen in search.detections if not len(seen.ring)]
     without = (f"without the target: {line}" for line in _some(empty, MOST_SKIPPED))
     return (*without, *(result.overlay_failure for result in search.results if result.overlay_failure))
-
-
-def _observation_words(run: RunResult) -> str:
-    seen = run.observations
-    return f"{seen.view_count} photo{'s' if seen.view_count > 1 else ''}, {len(seen.view)} observations"
 
 
 def _say_skipped(search: Search) -> None:
@@ -96,28 +72,19 @@ def _some(lines: Sequence[str], most: int) -> tuple[str, ...]:
     return (*lines[:most], *more)
 
 
-def _say_tables(run: RunResult) -> None:
-    """Photos, parameters of each model, models side by side, and checks."""
-    console = table_console()
-    if run.search is not None:
-        say_table(photo_table(run.search))
-    evaluations = [one.evaluation for one in run.solutions if one.evaluation is not None]
-    for one in evaluations:
-        print(f"{one.calibration.camera.model}: {_status(run, one.calibration.camera.model)}")
-        console.print(parameters_table(one))
-        print()
-    print("root mean square errors, of the photos solved from:")
-    console.print(comparison_table(evaluations))
+def _say_tables(told: Run) -> None:
+    """The tables of the page: checks, photos, faces, models side by side, parameters of each."""
+    best = told.best
+    plane = best.calibration.observations.points.plane
     print()
-    console.print(checks_table(run.verdict))
-    print()
-
-
-def _status(run: RunResult, model: str) -> str:
-    """Status, and what the scale says."""
-    one = next(solution.calibration for solution in run.solutions if solution.model == model)
-    scale = f"{one.scale:.3g} times the stated sigma" if one.weighted else f"{one.scale:.4f} px"
-    return f"{one.status}; an observation's standard deviation is {scale}; {one.seconds:.2f} s"
+    if told.verdict is not None:
+        say_table(checks_table(told.verdict))
+    say_table(few_rows(views_table(photo_rows(best.evaluation, told.records), is_flat=len(plane) == 1)))
+    if len(plane) > 1:
+        say_table(faces_table(best.evaluation, told.records))
+    say_table(models_table((best, *told.others)))
+    for one in (best, *told.others):
+        say_table(parameters_table(one.metrics))
 
 
 def say_files(folder: Path, files: Sequence[Path], remarks: Sequence[str]) -> None:
@@ -158,3 +125,31 @@ def say_next(steps: NextSteps) -> None:
     """What to do next, a line each."""
     for number, line in enumerate(steps.lines):
         print(f"{'' if number else 'next'}".ljust(9) + line)
+
+
+def say_evaluation(path: Path, evaluation: Evaluation, *, verbose: bool) -> None:
+    """A camera's parameters and errors, and with `verbose` those of photos and faces; what was left out of them."""
+    calibration = evaluation.calibration
+    seen, metrics = calibration.observations, metrics_of(evaluation)
+    width, height = seen.image_size
+    photos = f"{seen.view_count} photos, {len(seen.view)} observations"
+    say_line("camera", f"{path}: model {calibration.camera.model}, {width} x {height} px, {calibration.status}")
+    left_out = (f"{errors.metric}: {count} left out: {reason}" for errors in evaluation.errors
+                for reason, count in errors.left_out)  # fmt: skip
+    say_line("photos", photos)
+    remarks = dict.fromkeys((*calibration.remarks, *evaluation.remarks, *left_out, _sample(evaluation)))
+    say_findings(Finding("note", "", remark) for remark in remarks)
+    print()
+    say_table(parameters_table(metrics))
+    say_table(errors_table(metrics))
+    if verbose:
+        say_table(few_rows(views_table(photo_rows(evaluation, None), is_flat=len(seen.points.plane) == 1)))
+        if len(seen.points.plane) > 1:
+            say_table(faces_table(evaluation, None))
+
+
+def _sample(evaluation: Evaluation) -> str:
+    """What the errors are worth."""
+    if not evaluation.folds:
+        return "errors of the photos that the camera was solved from; those of other photos are larger as a rule"
+    return "a photo's own pose is found from itself, the camera from others; reconstruction uses the photos of one part"

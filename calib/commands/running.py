@@ -40,8 +40,8 @@ def report_of(
             remark = writer.write_page(run, command_line()) if page else writer.earlier_page()
     except KeyboardInterrupt:
         stopped(writer)
-    remarks = (*_earlier(run, writer), *filter(None, [remark]))
-    say_run(run, verbose=verbose)
+    remarks = tuple(filter(None, [remark]))
+    say_run(run, writer.told(run), verbose=verbose)
     say_files(writer.folder, writer.files, remarks)
     steps = next_steps(run, writer.folder, writer.files, more=more, evaluate=evaluate)
     say_next(steps)
@@ -50,18 +50,6 @@ def report_of(
         answer(run, writer.place_of), tuple(writer.files), steps.commands,
         (*of_search, *run.observations.remarks, *remarks), BAD if run.verdict.grade == "bad" else 0,
     )  # fmt: skip
-
-
-def _earlier(run: "RunResult", writer: "RunWriter") -> tuple[str, ...]:
-    """A word on folders that hold an earlier camera of a model that could not be solved now."""
-    from calib.records.calibration_file import CALIBRATION_FILE
-
-    places = [writer.place_of(one.model) for one in run.solutions if one.evaluation is None]
-    return tuple(
-        f"{shown(place)} holds an earlier solution, of something else"
-        for place in places
-        if (place / CALIBRATION_FILE).exists()
-    )
 
 
 def stopped(writer: "RunWriter") -> NoReturn:

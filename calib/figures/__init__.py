@@ -1,12 +1,11 @@
 """Pictures of calibrations, as PNG. matplotlib takes a second to load, so it is loaded when something is drawn."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib.figures.comparison import comparison_height_px, draw_comparison
-from calib.figures.fields import draw_means, draw_residuals
-from calib.figures.page import describe, draw_histogram, draw_sightings, draw_uncertainty, draw_views
+from calib.core.number_text import figure as digits
+from calib.figures.fields import draw_coverage, draw_means, draw_residuals, draw_uncertainty
+from calib.figures.histograms import draw_histogram, draw_sizes
 from calib.figures.sigma_map import sigma_map
 from calib.figures.style import (
     ABOVE_PX,
@@ -19,8 +18,10 @@ from calib.figures.style import (
     headline,
     picture,
 )
+from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation
 from calib.metrics.residual_cells import cells_of_residuals, residuals_of
+from calib.verdict.coverage import coverage_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,11 +29,11 @@ if TYPE_CHECKING:
 
 IMAGE_PX, HISTOGRAM_PX = 576, 375
 """Width of an image's axes on a calibration's picture, and height of those without an image."""
-CALIBRATION_PICTURE, COMPARISON_PICTURE = "calibration.png", "comparison.png"
+CALIBRATION_PICTURE = "calibration.png"
 
 
 def calibration_figures(evaluation: Evaluation, folder: Path) -> dict[Path, bytes]:
-    """The picture of one calibration: what it leaves over, covers, and does not know.
+    """The picture of one calibration, with the figures of its page: residuals, coverage, uncertainty.
 
     Args:
         evaluation: of the views that the camera was solved from.
@@ -47,9 +48,8 @@ def calibration_figures(evaluation: Evaluation, folder: Path) -> dict[Path, byte
 
 def _draw_page(page: "Figure", evaluation: Evaluation, image_px: float) -> None:
     """Three rows of two panels, the first two of which are images so high."""
-    residuals = residuals_of(evaluation)
-    cells = cells_of_residuals(residuals)
-    size = residuals.image_size
+    calibration, residuals = evaluation.calibration, residuals_of(evaluation)
+    cells, covered = cells_of_residuals(residuals), coverage_of(calibration)
 
     def panel(row: int, column: int) -> "Axes":
         top = HEADLINE_PX + ABOVE_PX + row * (image_px + ABOVE_PX + BELOW_PX)
@@ -57,24 +57,22 @@ def _draw_page(page: "Figure", evaluation: Evaluation, image_px: float) -> None:
 
     draw_residuals(panel(0, 0), residuals)
     field = panel(0, 1)
-    means = draw_means(field, cells, size, "What is systematic: mean residual of each cell", cells.long_px)
+    means = draw_means(field, cells, residuals.image_size, "Systematic residuals: mean of each cell", cells.long_px)
     bar_beside(field, means, "length of the mean in px", longer=True)
-    draw_sightings(panel(1, 0), residuals)
-    draw_uncertainty(panel(1, 1), evaluation.calibration, sigma_map(evaluation.calibration))
+    draw_coverage(panel(1, 0), covered.image_size, covered.views)
+    draw_uncertainty(panel(1, 1), calibration, sigma_map(calibration))
     draw_histogram(panel(2, 0), evaluation)
-    draw_views(panel(2, 1), evaluation)
+    errors = evaluation.of("reprojection")
+    if errors is not None:
+        draw_sizes(panel(2, 1), errors.size[errors.is_counted], errors.unit)
     headline(page, describe(evaluation))
 
 
-def comparison_figures(evaluations: Sequence[Evaluation], folder: Path) -> dict[Path, bytes]:
-    """The picture of several calibrations side by side.
-
-    Args:
-        evaluations: of the same photos, by different models.
-        folder: where it is to lie.
-    """
-    return {
-        folder / COMPARISON_PICTURE: picture(
-            comparison_height_px(evaluations), lambda page: draw_comparison(page, evaluations), is_placed=True
-        )
-    }
+def describe(evaluation: Evaluation) -> str:
+    """The headline of a picture."""
+    calibration, errors = evaluation.calibration, evaluation.of("reprojection")
+    seen = calibration.observations
+    rmse = "" if errors is None else f", residuals {digits(summarise(errors).rmse, 4)} px RMS"
+    photos = "1 photo" if seen.view_count == 1 else f"{seen.view_count} photos"
+    size = f"{seen.image_size[0]} x {seen.image_size[1]} px"
+    return f"{calibration.camera.model}: {photos} of {size}, {len(seen.view)} observations{rmse} ({calibration.status})"

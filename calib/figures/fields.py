@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.number_text import figure as digits
-from calib.figures.sigma_map import scale_end
+from calib.figures.sigma_map import SigmaMap, scale_end
 from calib.figures.style import (
     BLUE,
     DEEP,
@@ -22,6 +22,7 @@ from calib.figures.style import (
     round_length,
 )
 from calib.metrics.residual_cells import LEAST_PER_CELL, ResidualCells, Residuals
+from calib.solver.calibration import Calibration
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +35,7 @@ ARROW_SHARE = 0.04
 
 def draw_residuals(axes: "Axes", residuals: Residuals, most: int = MOST_ARROWS) -> None:
     """An arrow a residual, enlarged, or of very many some."""
-    image_axes(axes, residuals.image_size, "What is left over: predicted - measured")
+    image_axes(axes, residuals.image_size, "Residuals: predicted - measured")
     count = len(residuals.pixel)
     rows = np.arange(count) if count <= most else np.linspace(0, count - 1, most).astype(np.int64)
     pixel, arrow = residuals.pixel[rows], residuals.residual_px[rows]
@@ -167,7 +168,7 @@ def draw_coverage(axes: "Axes", image_size: tuple[int, int], views: NDArray[np.i
     image_axes(axes, image_size, "Coverage of the sensor")
     width, height = image_size
     axes.fill_between([-0.5, width - 0.5], -0.5, height - 0.5, facecolor=EMPTY, hatch="///", linewidth=0)
-    note(axes, f"{100 * float((views > 0).mean()):.0f} % of the image is covered by sightings")
+    note(axes, f"{100 * float((views > 0).mean()):.0f} % of the image is covered by observations")
     if (views > 0).any():
         rows, columns = views.shape
         edge_u, edge_v = np.linspace(-0.5, width - 0.5, columns + 1), np.linspace(-0.5, height - 0.5, rows + 1)
@@ -179,3 +180,15 @@ def draw_coverage(axes: "Axes", image_size: tuple[int, int], views: NDArray[np.i
             "photos that cover it",
             ticks=sorted({float(x) for x in np.linspace(0, views.max(), 6).round()}),
         )
+
+
+def draw_uncertainty(axes: "Axes", calibration: Calibration, found: SigmaMap) -> None:
+    """Standard deviation of the camera's pixels over the image."""
+    image_axes(axes, found.image_size, "Uncertainty of the camera (1 sigma)")
+    axes.set_facecolor(EMPTY)
+    if not found.is_known:
+        note(axes, "no parameter was estimated" if len(found.known_px) else "the photos do not determine it")
+        return
+    draw_map(axes, found.pixel, found.sigma_px, "px", may_be_wide=True)
+    less = "less a common rotation" if calibration.camera.learned is None else "the learned map taken as exact"
+    note(axes, f"centre {digits(found.centre_px, 2)} px, worst {digits(found.worst_px, 2)} px; {less}")

@@ -1,11 +1,15 @@
-"""How large the errors of one metric are."""
+"""Histograms: how large the errors of a metric are, and residuals against the Gaussian."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.figures.style import BLUE, ORANGE, VERMILION, nothing
+from calib.core.number_text import figure as digits
+from calib.figures.style import BLUE, ORANGE, VERMILION, note, nothing
+from calib.metrics.evaluation import Evaluation
+from calib.solver.outliers import whitened
+from calib.solver.problem import whiteners
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -13,6 +17,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 FEWEST_BINS, MOST_BINS = 10, 40
+FEWEST_OF_RESIDUALS, MOST_OF_RESIDUALS = 15, 61
 SHOWN_PERCENT = 99.5
 """The largest errors are counted in the last bin, so that one of thousands does not set the scale."""
 ROOM = 1.45
@@ -48,3 +53,46 @@ def draw_sizes(axes: "Axes", sizes: Array, unit: str) -> None:
     axes.set_ylim(0, ROOM * count.max())
     axes.locator_params(axis="x", nbins=5)
     axes.legend(loc="upper right", frameon=False)
+
+
+def draw_histogram(axes: "Axes", evaluation: Evaluation) -> None:
+    """Coordinates of residuals against the Gaussian that the solution states."""
+    calibration = evaluation.calibration
+    values, unit = standardised(evaluation)
+    sigma = calibration.scale
+    axes.set_title("Distribution of the residuals")
+    axes.set_xlabel(f"predicted - measured, u and v together, in {unit}")
+    axes.set_ylabel("share in a bin, in %")
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    if not len(values):
+        nothing(axes, "no residual counts")
+        return
+    spread = sigma if sigma > 0 else max(float(values.std()), 1e-12)
+    limit = max(4.0 * spread, min(float(np.abs(values).max()), 6.0 * spread))
+    bins = min(max(round(2 * len(values) ** (1 / 3)), FEWEST_OF_RESIDUALS), MOST_OF_RESIDUALS)
+    edges = np.linspace(-limit, limit, bins + 1)
+    share = 100 * np.histogram(values, edges)[0] / len(values)
+    axes.stairs(share, edges, fill=True, color=BLUE, alpha=0.55, label=f"{len(values)} coordinates")
+    at = np.linspace(-limit, limit, 400)
+    gauss = np.exp(-0.5 * (at / spread) ** 2) / (spread * np.sqrt(2 * np.pi)) * 100 * (edges[1] - edges[0])
+    if sigma > 0:
+        label = f"Gaussian of the solution: sigma {digits(sigma, 3)} {unit}"
+        axes.plot(at, gauss, color=VERMILION, linewidth=2.5, label=label)
+    axes.set_xlim(-limit, limit)
+    axes.set_ylim(0, 1.3 * max(share.max(), gauss.max()))
+    axes.legend(loc="upper right", frameon=False)
+    beyond = 100 * float(np.mean(np.abs(values) > 3 * spread))
+    note(axes, f"{beyond:.2f} % beyond 3 sigma; a Gaussian has 0.27 %" if sigma > 0 else "no sigma is stated")
+
+
+def standardised(evaluation: Evaluation) -> tuple[Array, str]:
+    """All coordinates of residuals that count, in px, or of a weighted solution over their stated deviations."""
+    calibration, errors = evaluation.calibration, evaluation.of("reprojection")
+    if errors is None or errors.sighting is None:
+        return np.zeros(0), "px"
+    vector, covariance = errors.vector[errors.is_counted], calibration.observations.cov_px2
+    if not calibration.weighted or covariance is None:
+        return vector.ravel(), "px"
+    whitener = whiteners(covariance[errors.sighting[errors.is_counted]])
+    return whitened(whitener, vector.T).T.ravel(), "stated sigmas"

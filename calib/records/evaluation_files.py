@@ -1,7 +1,5 @@
 """`metrics.json` and CSV files of an evaluation: for other programs, and for looking closer."""
 
-import csv
-import io
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,9 +12,8 @@ from numpy.typing import NDArray
 from calib.cameras import MODELS
 from calib.metrics.errors import Errors, ErrorSummary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation
-from calib.observe.csv_table import ANY_NAME, is_real, read_text
+from calib.observe.csv_table import ANY_NAME
 from calib.records.observation_table import quoted
-from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import INLINE, LEFT_OUT, Count, Gap
 
@@ -63,6 +60,11 @@ class Metrics:
 
 METRICS = FileKind(Metrics, "metrics", "a metrics file", "calib evaluate writes it again", largest_bytes=2**20)
 
+METRICS_FILES: Mapping[str, str] = {
+    METRICS_FILE: METRICS.format, VIEWS_FILE: "image,reprojection_count", POINTS_FILE: "point,face",
+    FACES_FILE: "face,reprojection_count", OBSERVATIONS_FILE: "image,point",
+}  # fmt: skip
+"""The files of an evaluation, and how each says what it is: by its format, or its first columns."""
 _STATISTICS = (
     ("rmse", "rmse"), ("mean", "mean"), ("median", "median"), ("percentile_95", "p95"), ("largest", "largest"),
 )  # fmt: skip
@@ -195,17 +197,3 @@ def _of_all(errors: Errors, count: int) -> tuple[NDArray[np.float64], list[str]]
     vector, row = np.full((count, len(errors.axes)), np.nan), np.full(count, len(errors.reasons))
     vector[errors.sighting], row[errors.sighting] = errors.vector, errors.reason
     return vector, [(*errors.reasons, "its view has no pose")[n] for n in row.tolist()]
-
-
-def of_views(folder: Path, column: str) -> NDArray[np.float64]:
-    """A column of `metrics_views.csv`, without gaps; empty if there is no such column, or no such table."""
-    try:
-        rows = csv.reader(io.StringIO(read_text(folder / VIEWS_FILE, "a table of photos", 64 * 2**20)))
-        head = next(rows, [])
-        if column not in head:
-            return np.zeros(0)
-        place = head.index(column)
-        found = [float(row[place]) for row in rows if len(row) == len(head) and is_real(row[place])]
-    except (InputError, csv.Error):
-        return np.zeros(0)
-    return np.array([number for number in found if math.isfinite(number)])

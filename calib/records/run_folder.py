@@ -1,37 +1,48 @@
-"""What a folder of `calib run` or `calib solve` stores, read once for its page."""
+"""A run as its page and its commands tell it: cameras of one or several models, and the verdict on the best.
+
+A run in memory (`calib.api.run_result`) and a run's folder (`read_run`) are the same value.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from calib.cameras import MODELS
+from calib.core.files import write_files
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
-from calib.observe.records import Records, read_records
+from calib.observe.records import RECORDS, Records
 from calib.pipeline.solving import preference
 from calib.records.calibration_file import CALIBRATION_FILE, Provenance, read_calibration
-from calib.records.evaluation_files import METRICS, METRICS_FILE, Metrics
+from calib.records.evaluation_files import METRICS, METRICS_FILE, Metrics, metrics_of
 from calib.solver.calibration import Calibration
 from calib.verdict.coverage import Coverage, coverage_of
+from calib.verdict.halves import Halves, half_split
+from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged, inputs_of, judge_cameras
+from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, NextViews
+from calib.verdict.verdict import Criteria, Verdict
 from designer.base.errors import InputError
+from designer.base.file_kind import FileKind
 from designer.base.words import printable
 from designer.target import TargetGeometry, load_target
+
+T = TypeVar("T")
 
 RECORDS_FILE, TARGET_FILE = "detections.records.json", "target.json"
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """A camera of one model, as it lies in a folder."""
+    """A camera of one model."""
 
-    folder: Path
-    path: str  # of that folder from the page, "" or with a "/" at its end
-    evaluation: Evaluation
+    path: str  # of its folder from the run's: "", or with a "/" at its end
+    evaluation: Evaluation  # of the photos that it was solved from, without what only a truth tells
     provenance: Provenance
-    stored: Metrics | None
+    stored: Metrics | None  # that were written, with what only a truth tells; None: there are none
 
     @property
     def calibration(self) -> Calibration:
@@ -44,30 +55,54 @@ class Solved:
         return self.calibration.camera.model
 
     @cached_property
-    def rmse_px(self) -> float:
-        """What the camera leaves over, root mean square; nan if nothing counts."""
+    def rms_px(self) -> float:
+        """Root mean square of the residuals; nan if none counts."""
         errors = self.evaluation.of("reprojection")
         return np.nan if errors is None else summarise(errors).rmse
 
     @cached_property
+    def metrics(self) -> Metrics:
+        """The errors of the photos that it was solved from, with what only a truth tells if that is known."""
+        is_of_these = self.stored is not None and not self.stored.parts
+        return self.stored if is_of_these and self.stored else metrics_of(self.evaluation)
+
+    @property
+    def held_out(self) -> Metrics | None:
+        """The errors by cross-validation, as `calib evaluate --held-out` left them."""
+        return self.stored if self.stored is not None and self.stored.parts else None
+
+    @cached_property
     def coverage(self) -> Coverage:
-        """What of the image the sightings surround."""
+        """What of the image the observations surround."""
         return coverage_of(self.calibration)
 
 
 @dataclass(frozen=True, eq=False)
-class RunFolder:
-    """A calibration's folder."""
+class Run:
+    """Cameras of the same photos, and what is known of them."""
 
-    folder: Path
     solved: tuple[Solved, ...]  # one of each model, at least one
-    records: Records | None  # of the search; None: there are none, as after `calib solve`
+    judged: Judged | None  # on the best; None: nobody judged
+    next_views: tuple[NextView, ...]  # photos that would make it better
+    records: Records | None  # of the search for the target; None: there are none, as after `calib solve`
     target: TargetGeometry | None  # as it was used
-    faults: tuple[str, ...]  # what is there and could not be read, one line each
+    faults: tuple[str, ...] = ()  # what is there and could not be read or written, one line each
 
-    def best(self, model: str = "") -> Solved:
-        """The camera to go on with: of the model asked for, or else the recommended one."""
+    @cached_property
+    def best(self) -> Solved:
+        """The camera to go on with: the one that was judged, or else the recommended one."""
+        model = "" if self.judged is None else self.judged.verdict.model
         return min(self.solved, key=lambda one: (one.model != model, *preference(one.evaluation)))
+
+    @property
+    def others(self) -> tuple[Solved, ...]:
+        """All cameras but the best."""
+        return tuple(one for one in self.solved if one is not self.best)
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """On the best camera."""
+        return None if self.judged is None else self.judged.verdict
 
 
 def is_run_folder(folder: Path) -> bool:
@@ -75,29 +110,60 @@ def is_run_folder(folder: Path) -> bool:
     return any((place / CALIBRATION_FILE).is_file() for place in (folder, *(folder / model for model in MODELS)))
 
 
-def read_run(folder: Path) -> RunFolder:
-    """Read all that a calibration's page is built from. What cannot be read but one camera is left out, and said.
+def read_run(folder: Path) -> Run:
+    """Read a run's folder. What cannot be read but one camera is left out, and said.
 
     Raises:
         InputError: no camera can be read; the message names the first.
     """
     faults: list[str] = []
     solved = _read_cameras(folder, faults)
-    records = target = None
-    if (folder / RECORDS_FILE).exists():
-        try:
-            records = read_records(folder / RECORDS_FILE)
-        except InputError as error:
-            faults.append(_within(folder, error))
-    if (folder / TARGET_FILE).exists():
-        try:
-            target = load_target(folder / TARGET_FILE)
-        except InputError as error:
-            faults.append(_within(folder, error))
+    judged = _read(VERDICT, folder / VERDICT_FILE, folder, faults)
+    views = _read(NEXT_VIEWS, folder / NEXT_VIEWS_FILE, folder, faults)
+    records = records_in(folder, solved[0].calibration.observations.view_names, faults)
+    target = None
+    try:
+        target = load_target(folder / TARGET_FILE) if (folder / TARGET_FILE).exists() else None
+    except InputError as error:
+        faults.append(_within(folder, error))
     if target is not None and target.geometry_id != solved[0].calibration.observations.points.geometry_id:
         faults.append(f"{TARGET_FILE}: not the target that the camera was solved with; the rings are drawn without it")
         target = None
-    return RunFolder(folder, tuple(solved), records, target, tuple(faults))
+    run = Run(tuple(solved), judged, () if views is None else views.views, records, target, tuple(faults))
+    if judged is None or judged.observations_sha256 == run.best.provenance.observations_sha256:
+        return run
+    word = f"{VERDICT_FILE}: on another camera or other photos; calib report with --criteria judges again"
+    return replace(run, judged=None, faults=(*faults, word))
+
+
+def records_in(folder: Path, photos: Sequence[str], faults: list[str]) -> Records | None:
+    """The records of the search for the target in these photos; None: they are not there, or of other photos."""
+    records = _read(RECORDS, folder / RECORDS_FILE, folder, faults)
+    is_of_these = records is not None and set(photos) <= {one.image for one in records.images}
+    return records if is_of_these else None
+
+
+def judge_again(folder: Path, criteria: Criteria) -> Judged:
+    """Judge the best camera of a folder, and write `verdict.json` and `next_views.json`, both or none.
+
+    Half solutions that an earlier verdict stored are used again.
+
+    Raises:
+        InputError: the folder holds no camera that can be read, or takes no files; the message names it.
+    """
+    run = read_run(folder)
+    best = replace(run, judged=None).best
+    stored = run.judged is not None and best is run.best and isinstance(run.judged.halves, Halves)
+    halves = run.judged.halves if stored and run.judged else half_split(best.calibration, best.provenance.options)
+    judged, views = judge_cameras(
+        [one.calibration for one in run.solved], run.solved.index(best), halves, criteria, run.target,
+        inputs_of(best.provenance.settings),
+    )  # fmt: skip
+    judged = replace(judged, observations_sha256=best.provenance.observations_sha256)
+    write_files({
+        folder / VERDICT_FILE: VERDICT.text(judged), folder / NEXT_VIEWS_FILE: NEXT_VIEWS.text(NextViews(views))
+    })  # fmt: skip
+    return judged
 
 
 def _read_cameras(folder: Path, faults: list[str]) -> list[Solved]:
@@ -110,14 +176,15 @@ def _read_cameras(folder: Path, faults: list[str]) -> list[Solved]:
             continue
         try:
             calibration, provenance = read_calibration(place / CALIBRATION_FILE)
-            one = solved_of(place, path, evaluate(calibration), provenance, folder, faults)
         except InputError as error:
             errors.append(error)
             continue
+        metrics = _read(METRICS, place / METRICS_FILE, folder, faults)
+        one = Solved(path, evaluate(calibration), provenance, metrics)
         if any(one.model == other.model for other in solved):
             faults.append(f"{path}: a second camera of model {one.model}, left out")
         elif solved and not _is_of_same_photos(one.calibration, solved[0].calibration):
-            faults.append(f"{path}: solved from other sightings than {solved[0].model}, so left out; solve it again")
+            faults.append(f"{path}: solved from other observations than {solved[0].model}, so left out; solve it again")
         else:
             solved.append(one)
     if not solved:
@@ -126,51 +193,32 @@ def _read_cameras(folder: Path, faults: list[str]) -> list[Solved]:
     return solved
 
 
-def solved_of(
-    place: Path, path: str, evaluation: Evaluation, provenance: Provenance, folder: Path, faults: list[str]
-) -> Solved:
-    """A camera with what only its tables tell: errors against a truth that is not stored.
-
-    Args:
-        place: the camera's folder.
-        path: of it from the page.
-        evaluation: of the camera, without what only a truth tells.
-        provenance: where it comes from.
-        folder: of the page.
-        faults: what cannot be read is added to them.
-    """
-    return Solved(place, path, evaluation, provenance, _read_metrics(place, folder, faults))
-
-
-def _read_metrics(place: Path, folder: Path, faults: list[str]) -> Metrics | None:
-    if not (place / METRICS_FILE).exists():
-        return None
+def _read(kind: FileKind[T], path: Path, folder: Path, faults: list[str]) -> T | None:
+    """What a file says; None if it is not there, or cannot be read, which is added to the faults."""
     try:
-        return METRICS.read(place / METRICS_FILE)
+        return kind.read(path) if path.exists() else None
     except InputError as error:
         faults.append(_within(folder, error))
         return None
 
 
 def _is_of_same_photos(a: Calibration, b: Calibration) -> bool:
-    """Whether the sightings of one calibration are among those of the other; a learned map does not reach all."""
+    """Whether the observations of one calibration are among those of the other; a learned map does not reach all."""
     few, many = sorted((a.observations, b.observations), key=lambda seen: len(seen.view))
-    row_of = {name: row for row, name in enumerate(many.view_names)}
-    if few.image_size != many.image_size or any(name not in row_of for name in few.view_names):
+    if few.image_size != many.image_size:
         return False
-    row = np.array([row_of[name] for name in few.view_names], dtype=np.int64)
-    points = 1 + max(int(many.point.max(initial=0)), int(few.point.max(initial=0)))
-    key, key_of_few = many.view * points + many.point, row[few.view] * points + few.point
-    order = np.argsort(key, kind="stable")
-    place = order[np.searchsorted(key[order], key_of_few).clip(max=len(order) - 1)]
-    return np.array_equal(key[place], key_of_few) and np.array_equal(many.center_px[place], few.center_px)
+    small, large = (
+        {
+            (seen.view_names[view], point, u, v)
+            for view, point, (u, v) in zip(
+                seen.view.tolist(), seen.point.tolist(), seen.center_px.tolist(), strict=True
+            )
+        }
+        for seen in (few, many)
+    )
+    return small <= large
 
 
 def _within(folder: Path, error: InputError) -> str:
     """What is wrong, with paths as they are from the page."""
     return printable(str(error).replace(f"{folder}/", ""))
-
-
-def models_of(run: RunFolder, best: Solved) -> Sequence[Solved]:
-    """All cameras, the best first."""
-    return [best, *(one for one in run.solved if one is not best)]

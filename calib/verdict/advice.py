@@ -17,12 +17,12 @@ from calib.core.number_text import figure
 from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
 from calib.verdict.checks import BY_CHANCE, SURE, checks_of, faults_of, made_words, missing_of, px
-from calib.verdict.criteria import Criteria
-from calib.verdict.evidence import FAR_OFF, CameraEvidence, HalvesFound
+from calib.verdict.evidence import FAR_OFF, CameraEvidence
+from calib.verdict.halves import HalvesApart
 from calib.verdict.next_view_words import distance_words, short
 from calib.verdict.next_views import NextView
 from calib.verdict.photo_advice import is_sure, photo_advice
-from calib.verdict.verdict import Check
+from calib.verdict.verdict import Check, Criteria
 from calib.verdict.views import ViewFacts, shape_of, view_facts
 
 SMALL_TILT_DEG, GOOD_TILT_DEG = 15.0, 20.0
@@ -155,14 +155,14 @@ def _target(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _St
     """A target that is not as its file says: its rings are off in all photos, or another shape explains them better."""
     on_target, shape, halves = evidence.leftover.target_px, evidence.shape, evidence.halves
     measure = f"measure the target, and solve with the measured one: {inputs.measure}"
-    if on_target is not None and on_target > criteria.systematic_px.good:
+    if on_target is not None and on_target > criteria["systematic"].good:
         is_certain = shape is None or shape.ratio > SURE
         sentence = (
             f"{measure}; its points are off by {px(on_target)} in the same way in all photos, so it "
             f"{'is' if is_certain else 'may be'} not flat or not as given"
         )
         return replace(_step(sentence, "target", "systematic", "halves"), measures=True)
-    if shape is not None and shape.ratio > BY_CHANCE and shape.percentile_95_px > criteria.target_px.good:
+    if shape is not None and shape.ratio > BY_CHANCE and shape.percentile_95_px > criteria["target"].good:
         sentence = (
             f"{measure}; a target that may bend and stretch explains the photos better ({figure(shape.ratio, 2)} "
             f"sigma), and moves the camera by up to {px(shape.percentile_95_px)}"
@@ -170,7 +170,7 @@ def _target(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _St
         )
         return replace(_step(sentence, "target", "halves"), measures=True)
     is_enlarged = evidence.uncertainty.factor > 1 and not is_sure(evidence, criteria)
-    if isinstance(halves, HalvesFound) and (halves.ratio > criteria.halves_sigma.good or is_enlarged):
+    if isinstance(halves, HalvesApart) and (halves.ratio > criteria["halves"].good or is_enlarged):
         sentence = (
             "find what differs between the photos before taking more: two halves of them give cameras that differ "
             f"{figure(halves.ratio, 2)} times more than noise explains; a target that is not flat (`calib measure` "
@@ -190,7 +190,7 @@ def _target_share(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) 
     """A target whose error is within the limit, and yet most of what is left over."""
     found = evidence.leftover
     on_target = found.target_px
-    if on_target is None or on_target > criteria.systematic_px.good or on_target <= LARGE_SHARE * found.rmse_px:
+    if on_target is None or on_target > criteria["systematic"].good or on_target <= LARGE_SHARE * found.rmse_px:
         return ""
     if found.stated_sigma_px is None or on_target <= NOTICEABLE * found.stated_sigma_px:
         return ""
@@ -203,7 +203,7 @@ def _target_share(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) 
 def _lens(evidence: CameraEvidence, criteria: Criteria, model: str, inputs: Inputs) -> str:
     """Mean residuals over the image that the target does not explain."""
     over_image, on_target = evidence.leftover.image_px, evidence.leftover.target_px or 0.0
-    if over_image is None or over_image <= max(criteria.systematic_px.good, on_target):
+    if over_image is None or over_image <= max(criteria["systematic"].good, on_target):
         return ""
     without_formula = " or ".join(learned_models())
     if model in learned_models():
@@ -234,7 +234,7 @@ def _odd_photos(facts: ViewFacts, criteria: Criteria) -> str:
     rms = facts.rms_px[known]
     middle = float(np.median(rms))
     spread = SIGMA_OF_MAD * float(np.median(np.abs(rms - middle)))
-    least = max(WORSE * middle, middle + SPREADS * spread, HARMLESS * criteria.residuals_px.good)
+    least = max(WORSE * middle, middle + SPREADS * spread, HARMLESS * criteria["residuals"].good)
     odd = known[rms > least]
     if not len(odd):
         return ""
@@ -256,7 +256,7 @@ def _far_off(calibration: Calibration, criteria: Criteria, facts: ViewFacts, inp
     seen, out = calibration.observations, calibration.is_outlier
     far = out | (deviations(calibration.residual_px.T, seen.cov_px2) > FAR_OFF)
     count, percent = int(far.sum()), 100 * float(far.mean())
-    if percent <= criteria.outliers_percent.good or count < FEWEST_FAR:
+    if percent <= criteria["outliers"].good or count < FEWEST_FAR:
         return ""
     per_view = np.bincount(seen.view[far], minlength=seen.view_count)
     rows = np.argsort(-per_view, kind="stable")
@@ -369,7 +369,7 @@ def shape_advice(calibration: Calibration, evidence: CameraEvidence, criteria: C
         measure: how to measure the target, in commands.
     """
     uncertain = evidence.uncertainty
-    if uncertain.image_px is None or not uncertain.by_target or uncertain.image_px <= criteria.uncertainty_px.good:
+    if uncertain.image_px is None or not uncertain.by_target or uncertain.image_px <= criteria["uncertainty"].good:
         return ShapeAdvice()
     if uncertain.target_error is None:
         return ShapeAdvice()

@@ -16,6 +16,7 @@ from calib.cameras.refit import camera_difference
 from calib.core.linear_algebra import least_squares
 from calib.core.types import frozen_array
 from calib.verdict.coverage import Coverage
+from designer.base.errors import InputError
 from designer.base.marks import Shape
 
 Array = NDArray[np.float64]
@@ -36,6 +37,11 @@ class Known:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "param_covariance", frozen_array(self.param_covariance))
+
+    @staticmethod
+    def exactly(camera: Camera) -> "Known":
+        """A camera that is taken as it is."""
+        return Known(camera, np.zeros((len(camera.params),) * 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +93,12 @@ class Apart:
 
 
 def apart(a: Known, b: Known, coverage: Coverage) -> Apart | None:
-    """How far two solutions lie apart where the image is covered; None if they share too few pixels there.
-
-    Raises:
-        InputError: cameras of other image sizes, or that share no pixel.
-    """
+    """How far two solutions lie apart where the image is covered; None if they share too few pixels there."""
     pixel, covered = coverage.middle_px[::EVERY, ::EVERY], coverage.is_covered[::EVERY, ::EVERY]
-    turn = camera_difference(a.camera, b.camera).b_from_a
+    try:
+        turn = camera_difference(a.camera, b.camera).b_from_a
+    except InputError:  # cameras of other image sizes, or that share no pixel
+        return None
     flat = pixel.reshape(-1, 2)
     ray = rays(a.camera, flat)
     off = project(b.camera, ray @ turn.T) - flat

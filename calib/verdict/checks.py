@@ -1,30 +1,17 @@
 """Each check: what was measured against its limits, and what that means in one sentence."""
 
-import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 from calib.core.number_text import figure
 from calib.solver.calibration import TargetError
 from calib.verdict.coverage import region_words
-from calib.verdict.criteria import Criteria, Limits
-from calib.verdict.evidence import FAR_OFF, CameraEvidence, HalvesFound, ModelApart
-from calib.verdict.halves import NoHalves
+from calib.verdict.evidence import FAR_OFF, CameraEvidence, ModelApart
+from calib.verdict.halves import HalvesApart, NoHalves
 from calib.verdict.target_shape import ShapeEffect
-from calib.verdict.verdict import Check, Grade, measured_text
+from calib.verdict.verdict import Check, Criteria, Grade, Limits, measured_text
 from designer.tolerance.made import EXACT, MEASURED
 
-TITLES = {
-    "solution": "Solution",
-    "uncertainty": "Uncertainty over the image",
-    "coverage": "Sensor coverage",
-    "halves": "Halves of the photos",
-    "residuals": "Residuals",
-    "systematic": "Systematic residuals",
-    "outliers": "Outliers",
-    "target": "Shape of the target",
-    "models": "Agreement of the models",
-}
 NOISY = 3.0
 """Residuals this many times the stated noise of the detector are said to be something else."""
 BY_CHANCE = 2.0
@@ -43,26 +30,44 @@ LARGE_SHARE = 0.5
 """Of the residuals: a systematic part that is worth a word although it is small."""
 
 
-def checks_of(evidence: CameraEvidence, criteria: Criteria) -> tuple[Check, ...]:
-    """All checks in the order of reading; one of the solution itself only if it has a fault."""
-    solution = () if evidence.status == "converged" else (_solution(evidence),)
-    return (
-        *solution,
-        _uncertainty(evidence, criteria),
-        _coverage(evidence, criteria.coverage_percent),
-        _halves(evidence, criteria),
-        _residuals(evidence, criteria.residuals_px),
-        _systematic(evidence, criteria.systematic_px),
-        _outliers(evidence, criteria.outliers_percent),
-        _target(evidence, criteria.target_px),
-        _models(evidence, criteria.models_px),
-    )
+@dataclass(frozen=True)
+class Found:
+    """What a check found."""
+
+    grade: Grade
+    value: float | None  # in the check's unit; None: not known
+    sentence: str  # what was found and what it means
+    usable: float | None = None  # the limit that applies here, where it is not that of the criteria
 
 
-def _check(
-    name: str, grade: Grade, value: float | None, unit: str, limits: Limits, sentence: str, *, is_at_least: bool = False
-) -> Check:
-    return Check(name, TITLES[name], grade, value, unit, limits.good, limits.usable, is_at_least, sentence)
+@dataclass(frozen=True)
+class CheckKind:
+    """Something that is checked of each camera: what it is called, and how it is judged by given limits."""
+
+    name: str  # a key of a criteria file
+    title: str
+    unit: str  # of the value and of its limits
+    judge: Callable[[CameraEvidence, Criteria], Found | None]  # None: there is nothing to say
+    most: float = 1000.0  # that a limit may be
+    is_at_least: bool = False  # the value must be at least the limits, not at most
+    is_needed: bool = False  # without it nothing is called good
+
+    @property
+    def has_limits(self) -> bool:
+        """Whether there is something to measure."""
+        return bool(self.unit)
+
+    def check(self, evidence: CameraEvidence, criteria: Criteria) -> Check | None:
+        """What came of it for one camera."""
+        found = self.judge(evidence, criteria)
+        if found is None:
+            return None
+        limits = criteria[self.name] if self.has_limits else Limits(0.0, 0.0)
+        usable = limits.usable if found.usable is None else found.usable
+        return Check(
+            self.name, self.title, found.grade, found.value, self.unit, limits.good, usable, self.is_at_least,
+            found.sentence,
+        )  # fmt: skip
 
 
 def _at_most(value: float, limits: Limits) -> Grade:
@@ -77,16 +82,18 @@ def px(value: float) -> str:
     return f"{figure(value, 2)} px"
 
 
-def _solution(evidence: CameraEvidence) -> Check:
+def _solution(evidence: CameraEvidence, _: Criteria) -> Found | None:
+    if evidence.status == "converged":
+        return None
     fault = {"degenerate": "the photos do not determine the camera", "stopped": "the solution is not at its end"}
     reason = f": {evidence.status_reason}" if evidence.status_reason else ""
-    return _check("solution", "bad", None, "", Limits(0.0, 0.0), f"{fault.get(evidence.status, '')}{reason}")
+    return Found("bad", None, f"{fault.get(evidence.status, '')}{reason}")
 
 
-def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Check:
-    found, limits = evidence.uncertainty, criteria.uncertainty_px
+def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Found:
+    found, limits = evidence.uncertainty, criteria["uncertainty"]
     if not found.is_estimated:
-        return _check("uncertainty", "unknown", None, "px", limits, "no parameter was estimated, so none is uncertain")
+        return Found("unknown", None, "no parameter was estimated, so none is uncertain")
     inside = ""
     if found.covered_px is not None:
         inside = f"; where the target was seen, {px(found.covered_px)} ({OWN_ROTATION})"
@@ -104,7 +111,7 @@ def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Check:
         )
     if found.is_map_exact:
         sentence = f"not known: the learned map is taken as exact, and covers {100 * found.known:.0f} % of the image"
-        return _check("uncertainty", "unknown", None, "px", limits, sentence)
+        return Found("unknown", None, sentence)
     if found.image_px is None:
         what = (
             "the lens model breaks down in the outer"
@@ -112,24 +119,25 @@ def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Check:
             else "the photos do not determine the camera in"
         )
         sentence = f"{what} {100 * max(1 - found.known, 0.05):.0f} % of the image{inside}"
-        return _check("uncertainty", "bad", None, "px", limits, sentence)
+        return Found("bad", None, sentence)
     value = found.image_px
     sentence = f"the camera is uncertain by up to {px(value)} in 95 % of the image (1 sigma){inside}"
-    return _check("uncertainty", _at_most(value, limits), value, "px", limits, sentence)
+    return Found(_at_most(value, limits), value, sentence)
 
 
-def _coverage(evidence: CameraEvidence, limits: Limits) -> Check:
+def _coverage(evidence: CameraEvidence, criteria: Criteria) -> Found:
+    limits = criteria["coverage"]
     percent = 100 * evidence.coverage.share
     grade: Grade = "good" if percent >= limits.good else "usable" if percent >= limits.usable else "bad"
     names = tuple(region.name for region in evidence.coverage.not_covered)
     text = measured_text(percent, "%", (limits.good, limits.usable))
-    sentence = f"the sightings surround {text} % of the image"
+    sentence = f"the observations surround {text} % of the image"
     if names:
         sentence += f"; mostly without: {region_words(names)}"
-    return _check("coverage", grade, percent, "%", limits, sentence, is_at_least=True)
+    return Found(grade, percent, sentence)
 
 
-def _halves(evidence: CameraEvidence, criteria: Criteria) -> Check:
+def _halves(evidence: CameraEvidence, criteria: Criteria) -> Found:
     """Within the limit of the ratio it is good; beyond, what matters is how far the halves are apart in pixels.
 
     If that is irrelevant, it is good too: the ratio enlarges the stated standard deviations, and that is all.
@@ -138,31 +146,31 @@ def _halves(evidence: CameraEvidence, criteria: Criteria) -> Check:
     models do make a camera usable, though its standard deviations are not; halves that differ by more than usable ones
     do not. Those that may differ by more than that by noise alone show nothing by agreeing.
     """
-    found, limits = evidence.halves, criteria.halves_sigma
+    found, limits = evidence.halves, criteria["halves"]
     if isinstance(found, NoHalves):
-        return _check("halves", "unknown", None, "sigma", limits, found.reason)
+        return Found("unknown", None, found.reason)
     grade = _at_most(found.ratio, limits)
-    if grade != "good" and found.percentile_95_px <= IRRELEVANT * criteria.models_px.good:
+    if grade != "good" and found.percentile_95_px <= IRRELEVANT * criteria["models"].good:
         sentence = (
             f"cameras solved from halves of the photos differ {figure(found.ratio, 2)} times more than their standard "
             f"deviations let expect, but only by {px(found.percentile_95_px)} in 95 % of where the target was seen: "
             "take the standard deviations so many times as large"
         )
-        return _check("halves", "good", found.ratio, "sigma", limits, sentence)
-    if grade == "good" and found.stated_px > criteria.models_px.usable:
+        return Found("good", found.ratio, sentence)
+    if grade == "good" and found.stated_px > criteria["models"].usable:
         sentence = (
             f"halves of the photos are so uncertain that {px(found.stated_px)} between them is expected, "
-            f"more than {criteria.models_px.usable:g} px, so that they differ by {px(found.rms_px)} (RMS) shows "
+            f"more than {criteria['models'].usable:g} px, so that they differ by {px(found.rms_px)} (RMS) shows "
             "neither good nor bad"
         )
-        return _check("halves", "unknown", found.ratio, "sigma", limits, sentence)
+        return Found("unknown", found.ratio, sentence)
     if grade != "good":
-        within = criteria.models_px.good if grade == "bad" else criteria.models_px.usable
+        within = criteria["models"].good if grade == "bad" else criteria["models"].usable
         grade = "usable" if found.percentile_95_px <= within else "bad"
-    return _check("halves", grade, found.ratio, "sigma", limits, _halves_sentence(found, grade, criteria))
+    return Found(grade, found.ratio, _halves_sentence(found, grade, criteria))
 
 
-def _halves_sentence(found: HalvesFound, grade: Grade, criteria: Criteria) -> str:
+def _halves_sentence(found: HalvesApart, grade: Grade, criteria: Criteria) -> str:
     times = figure(found.ratio, 2)
     differ = (
         f"cameras solved from halves of the photos differ by {px(found.rms_px)} (RMS) where the target was seen, "
@@ -170,19 +178,20 @@ def _halves_sentence(found: HalvesFound, grade: Grade, criteria: Criteria) -> st
     )
     if grade == "good":
         return differ
-    limit = criteria.models_px.usable
+    limit = criteria["models"].usable
     is_within = found.percentile_95_px <= limit
     decides = f"in 95 % of it by {px(found.percentile_95_px)}, {'within' if is_within else 'more than'} {limit:g} px"
     return (
         f"{differ}: take the noise's part of standard deviations {times} times as large; something is systematic "
-        f"(target, lens model, focus). Beyond {criteria.halves_sigma.good:g} sigma the difference itself decides: "
+        f"(target, lens model, focus). Beyond {criteria['halves'].good:g} sigma the difference itself decides: "
         f"{decides}"
     )
 
 
-def _residuals(evidence: CameraEvidence, limits: Limits) -> Check:
+def _residuals(evidence: CameraEvidence, criteria: Criteria) -> Found:
+    limits = criteria["residuals"]
     found = evidence.leftover
-    sentence = f"{px(found.rmse_px)} are left over (RMS of {found.count} sightings)"
+    sentence = f"the residuals are {px(found.rmse_px)} (RMS of {found.count} observations)"
     grade = _at_most(found.rmse_px, limits)
     if found.stated_sigma_px and found.sigma_px > NOISY * found.stated_sigma_px:
         times = f"{figure(found.sigma_px / found.stated_sigma_px, 2)} times the noise that is stated"
@@ -191,14 +200,15 @@ def _residuals(evidence: CameraEvidence, limits: Limits) -> Check:
             if grade == "good"
             else f", {times}: most of it is not noise, but target, lens or moving things"
         )
-    return _check("residuals", grade, found.rmse_px, "px", limits, sentence)
+    return Found(grade, found.rmse_px, sentence)
 
 
-def _systematic(evidence: CameraEvidence, limits: Limits) -> Check:
+def _systematic(evidence: CameraEvidence, criteria: Criteria) -> Found:
+    limits = criteria["systematic"]
     found = evidence.leftover
     known = [value for value in (found.image_px, found.target_px) if value is not None]
     if not known:
-        return _check("systematic", "unknown", None, "px", limits, "too few sightings for means")
+        return Found("unknown", None, "too few observations for means")
     value = max(known)
     on_target = found.target_px is not None and found.target_px == value
     where = "of a point of the target in all photos" if on_target else "of a place in the image"
@@ -211,11 +221,11 @@ def _systematic(evidence: CameraEvidence, limits: Limits) -> Check:
     )
     if value <= LEAST_PX:
         sentence = "the mean residuals of places in the image, and of the target's points, are no larger than noise"
-        return _check("systematic", grade, value, "px", limits, sentence)
+        return Found(grade, value, sentence)
     sentence = f"the mean residual {where} is {px(value)} beyond what noise gives (RMS)"
     if value > limits.good or value > LARGE_SHARE * found.rmse_px:
         sentence += f": {cause}"
-    return _check("systematic", grade, value, "px", limits, sentence)
+    return Found(grade, value, sentence)
 
 
 def _is_other_shape(evidence: CameraEvidence) -> bool:
@@ -223,17 +233,18 @@ def _is_other_shape(evidence: CameraEvidence) -> bool:
     return evidence.shape is None or evidence.shape.ratio > SURE
 
 
-def _outliers(evidence: CameraEvidence, limits: Limits) -> Check:
+def _outliers(evidence: CameraEvidence, criteria: Criteria) -> Found:
     """Outliers that were left out do no harm by themselves, but many tell that something is amiss.
 
     So those come on top of the limit within which a solution is usable.
     """
+    limits = criteria["outliers"]
     found = evidence.leftover
     percent = 100 * (found.far_share + found.left_out_share)
-    limits = replace(limits, usable=limits.usable + 100 * found.left_out_share)
-    grade = _at_most(percent, limits)
+    usable = limits.usable + 100 * found.left_out_share
+    grade = _at_most(percent, Limits(limits.good, usable))
     sentence = (
-        f"{_percent(found.far_share)} of the sightings are off by more than {FAR_OFF:g} robust standard deviations"
+        f"{_percent(found.far_share)} of the observations are off by more than {FAR_OFF:g} robust standard deviations"
     )
     if found.stated_sigma_px is not None:
         sentence += ", both in pixels and of the stated noise"
@@ -241,23 +252,24 @@ def _outliers(evidence: CameraEvidence, limits: Limits) -> Check:
         sentence += f", and {_percent(found.left_out_share)} were left out, which come on top of what is usable"
     elif grade != "good":
         sentence += f": look at them, and solve with --reject {FAR_OFF:g}"
-    return _check("outliers", grade, percent, "%", limits, sentence)
+    return Found(grade, percent, sentence, usable)
 
 
 def _percent(share: float) -> str:
     return f"{figure(100 * share, 2)} %"
 
 
-def _target(evidence: CameraEvidence, limits: Limits) -> Check:
+def _target(evidence: CameraEvidence, criteria: Criteria) -> Found:
     """Beyond chance, the change of the camera counts, but only what is sure makes a camera unusable.
 
     Below, the photos must be able to tell a change from none.
     """
+    limits = criteria["target"]
     found = evidence.shape
     if found is None:
         is_learned = evidence.uncertainty.is_map_exact
         why = "a learned map takes up the target's shape" if is_learned else "too little is known of the target's faces"
-        return _check("target", "unknown", None, "px", limits, why)
+        return Found("unknown", None, why)
     if found.ratio <= BY_CHANCE:
         return _target_by_chance(evidence, found, limits)
     grade, is_sure = _at_most(found.percentile_95_px, limits), found.ratio > SURE
@@ -273,10 +285,10 @@ def _target(evidence: CameraEvidence, limits: Limits) -> Check:
         sentence += (
             f"; more than {limits.usable:g} px, but below {SURE:g} sigma a suspicion: it makes no camera unusable"
         )
-    return _check("target", grade, found.percentile_95_px, "px", limits, sentence)
+    return Found(grade, found.percentile_95_px, sentence)
 
 
-def _target_by_chance(evidence: CameraEvidence, found: ShapeEffect, limits: Limits) -> Check:
+def _target_by_chance(evidence: CameraEvidence, found: ShapeEffect, limits: Limits) -> Found:
     """Nothing shows that the target is not as its file says: it is not, or the photos could not show it."""
     error, by_target = evidence.uncertainty.target_error, evidence.uncertainty.target_px
     if found.sigma_px <= limits.good:
@@ -285,19 +297,19 @@ def _target_by_chance(evidence: CameraEvidence, found: ShapeEffect, limits: Limi
         )
         if error is not None:
             sentence += f"; it is taken to be {made_as(error)}"
-        return _check("target", "good", found.percentile_95_px, "px", limits, sentence)
+        return Found("good", found.percentile_95_px, sentence)
     told = f"a target of another shape could change the camera by {px(found.sigma_px)} (1 sigma)"
     if error is None:
         sentence = f"not known: {told}, and how this one was made is not known (--made tells it)"
-        return _check("target", "unknown", None, "px", limits, sentence)
+        return Found("unknown", None, sentence)
     if by_target < LEAST_PX:
         sentence = f"not known: {told}; this one is taken to be {made_as(error)}"
-        return _check("target", "unknown", None, "px", limits, sentence)
+        return Found("unknown", None, sentence)
     sentence = (
         f"the photos do not tell the target's shape: {made_as(error)}, it may be off so far that the camera is off by "
         f"{px(by_target)} (1 sigma), which the camera's uncertainty contains"
     )
-    return _check("target", "good" if by_target <= limits.good else "usable", by_target, "px", limits, sentence)
+    return Found("good" if by_target <= limits.good else "usable", by_target, sentence)
 
 
 def made_words(error: TargetError) -> str:
@@ -312,11 +324,12 @@ def made_as(error: TargetError) -> str:
     return f"{made} ({assumed}{error.because}; --made tells otherwise)" if error.because else made
 
 
-def _models(evidence: CameraEvidence, limits: Limits) -> Check:
+def _models(evidence: CameraEvidence, criteria: Criteria) -> Found:
     """Models that fit the same photos alike and yet differ show what the photos leave open.
 
     A learned map rests on few photos, so its dissent alone makes no camera unusable.
     """
+    limits = criteria["models"]
     judged_px = evidence.leftover.rmse_px
     refuted = [one for one in evidence.models if not one.is_learned and one.rmse_px > REFUTED * judged_px]
     known = [
@@ -326,12 +339,12 @@ def _models(evidence: CameraEvidence, limits: Limits) -> Check:
     ]
     others = [f"{one.model} {one.reason}" for one in evidence.models if one.percentile_95_px is None]
     others += [
-        f"{one.model} does not fit the lens (it leaves over {px(one.rmse_px)}, {evidence.model} {px(judged_px)})"
+        f"{one.model} does not fit the lens (residuals of {px(one.rmse_px)}, {evidence.model} {px(judged_px)})"
         for one in refuted
     ]
     if not known:
         why = "; ".join(others) or "no other model was solved"
-        return _check("models", "unknown", None, "px", limits, why)
+        return Found("unknown", None, why)
 
     def order(pair: tuple[ModelApart, float]) -> tuple[bool, float]:
         one, value = pair
@@ -345,7 +358,7 @@ def _models(evidence: CameraEvidence, limits: Limits) -> Check:
     rest = [f"{one.model} by {px(other)}" for one, other in known if one is not worst]
     rest += others
     sentence += f"; {', '.join(rest)}" if rest else ""
-    return _check("models", _models_grade(worst, value, limits), value, "px", limits, sentence)
+    return Found(_models_grade(worst, value, limits), value, sentence)
 
 
 def _models_grade(one: ModelApart, value: float, limits: Limits) -> Grade:
@@ -353,8 +366,21 @@ def _models_grade(one: ModelApart, value: float, limits: Limits) -> Grade:
     return "usable" if grade == "bad" and one.is_learned else grade
 
 
-NEEDED = ("uncertainty", "coverage", "halves", "residuals")
-"""Without these checks nothing is called good."""
+CHECKS: Mapping[str, CheckKind] = {
+    kind.name: kind
+    for kind in (
+        CheckKind("solution", "Solution", "", _solution),
+        CheckKind("uncertainty", "Uncertainty over the image", "px", _uncertainty, is_needed=True),
+        CheckKind("coverage", "Sensor coverage", "%", _coverage, most=100.0, is_at_least=True, is_needed=True),
+        CheckKind("halves", "Cross-validation by halves", "sigma", _halves, is_needed=True),
+        CheckKind("residuals", "Residuals", "px", _residuals, is_needed=True),
+        CheckKind("systematic", "Systematic residuals", "px", _systematic),
+        CheckKind("outliers", "Outliers", "%", _outliers, most=100.0),
+        CheckKind("target", "Shape of the target", "px", _target),
+        CheckKind("models", "Agreement of the models", "px", _models),
+    )
+}
+"""All checks in the order of reading. Their limits are in `templates/criteria`."""
 FIRST = (
     "solution", "target", "residuals", "outliers", "halves", "systematic", "uncertainty", "coverage", "models",
 )  # fmt: skip
@@ -362,26 +388,24 @@ FIRST = (
 few more photos mend."""
 
 
+def checks_of(evidence: CameraEvidence, criteria: Criteria) -> tuple[Check, ...]:
+    """All checks in the order of reading; one of the solution itself only if it has a fault."""
+    return tuple(check for kind in CHECKS.values() if (check := kind.check(evidence, criteria)) is not None)
+
+
 def missing_of(evidence: CameraEvidence, checks: Sequence[Check]) -> tuple[Check, ...]:
     """The checks without which nothing is called good, and that could not be made.
 
     What the target may be off is in the uncertainty, unless nobody knows how it was made.
     """
-    is_told = evidence.uncertainty.target_error is not None
-    needed = NEEDED if is_told else (*NEEDED, "target")
-    return tuple(check for check in checks if check.grade == "unknown" and check.name in needed)
+    also = () if evidence.uncertainty.target_error is not None else ("target",)
+    return tuple(
+        check for check in checks if check.grade == "unknown" and (CHECKS[check.name].is_needed or check.name in also)
+    )
 
 
 def faults_of(checks: Sequence[Check], grade: Grade) -> tuple[Check, ...]:
     """The checks of a grade, the one that is farthest beyond its limit first."""
+    order = list(dict.fromkeys((*FIRST, *CHECKS)))
     faults = (check for check in checks if check.grade == grade)
-    return tuple(sorted(faults, key=lambda check: (-_times_beyond(check), FIRST.index(check.name))))
-
-
-def _times_beyond(check: Check) -> float:
-    """How many times a value is worse than the limit of what it is not; without a value, without bound."""
-    limit = check.usable if check.grade == "bad" else check.good
-    if check.value is None:
-        return math.inf
-    worse, better = (limit, check.value) if check.is_at_least else (check.value, limit)
-    return worse / better if better > 0 else math.inf
+    return tuple(sorted(faults, key=lambda check: (-check.times_beyond, order.index(check.name))))

@@ -18,15 +18,12 @@ from calib.solver.calibration import Calibration, ImageField, Status, TargetErro
 from calib.solver.outliers import deviations
 from calib.verdict.apart import Known, apart, sigma_over
 from calib.verdict.coverage import Coverage, coverage_of
-from calib.verdict.halves import HalfSplit, NoHalves, halves_apart
+from calib.verdict.halves import HalfSplit, HalvesApart, NoHalves, halves_apart
 from calib.verdict.target_shape import ShapeEffect, shape_effect
-from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 
 QUANTILE = 95
-BY_CHANCE_APART = 1.35
-"""A ratio of halves that honest standard deviations exceed in 1 of 20 runs with 6 to 20 photos (simulated)."""
 LEAST_SHARE = 0.25
 """Of the residuals: a smaller systematic part blames nobody."""
 FAR_OFF = 4.0
@@ -58,26 +55,6 @@ class Uncertainty:
     def by_field(self) -> bool:
         """Whether more of it is the field's than the noise's."""
         return self.noise_px is None or self.field_px > self.factor * self.noise_px
-
-
-@dataclass(frozen=True)
-class HalvesFound:
-    """How two half solutions differ over the covered area."""
-
-    ratio: float  # in stated standard deviations, 1 on average if they are honest
-    rms_px: float
-    stated_px: float  # the root mean square that the standard deviations let expect
-    percentile_95_px: float
-
-    @property
-    def factor(self) -> float:
-        """What stated standard deviations are to be multiplied with: the ratio, where chance does not explain it.
-
-        Data that scatter more than their standard deviations say have these enlarged by as much (Birge 1932, The
-        calculation of errors by the method of least squares, Phys. Rev. 40; the scale factor of the Particle Data
-        Group).
-        """
-        return self.ratio if self.ratio > BY_CHANCE_APART else 1.0
 
 
 @dataclass(frozen=True)
@@ -116,7 +93,7 @@ class CameraEvidence:
     view_count: int
     uncertainty: Uncertainty
     coverage: Coverage
-    halves: HalvesFound | NoHalves
+    halves: HalvesApart | NoHalves
     leftover: Leftover
     shape: ShapeEffect | None  # what a target of another shape would change; None: cannot be told
     models: tuple[ModelApart, ...]
@@ -146,7 +123,7 @@ def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSpli
     covered = coverage_of(judged)
     others = [one for row, one in enumerate(calibrations) if row != best]
     reason = judged.remarks[0] if judged.status != "converged" and judged.remarks else ""
-    found = _halves(halves, covered)
+    found = halves_apart(halves, covered)
     return CameraEvidence(
         judged.camera.model, judged.status, reason, judged.observations.view_count,
         uncertainty_of(judged, covered, _factor(found)), covered, found, _leftover(evaluate(judged)),
@@ -155,13 +132,8 @@ def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSpli
     )  # fmt: skip
 
 
-def noise_factor(calibration: Calibration, halves: HalfSplit) -> float:
-    """What halves of the photos enlarge the standard deviations of a calibration's noise by."""
-    return _factor(_halves(halves, coverage_of(calibration)))
-
-
-def _factor(halves: HalvesFound | NoHalves) -> float:
-    return halves.factor if isinstance(halves, HalvesFound) else 1.0
+def _factor(halves: HalvesApart | NoHalves) -> float:
+    return halves.factor if isinstance(halves, HalvesApart) else 1.0
 
 
 def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -> Uncertainty:
@@ -209,15 +181,6 @@ def _quantile(values: Array) -> float | None:
         return None
     value = float(np.percentile(values, QUANTILE, method="inverted_cdf"))
     return value if math.isfinite(value) else None
-
-
-def _halves(halves: HalfSplit, covered: Coverage) -> HalvesFound | NoHalves:
-    if isinstance(halves, NoHalves):
-        return halves
-    found = halves_apart(halves, covered)
-    if found is None:
-        return NoHalves("the cameras of the two halves share no part of the covered image")
-    return HalvesFound(found.ratio, found.rms_px, found.stated_px, found.percentile_95_px)
 
 
 def _leftover(evaluation: Evaluation) -> Leftover:
@@ -277,14 +240,7 @@ def _model_apart(judged: Calibration, other: Calibration, covered: Coverage) -> 
     model, is_learned = other.camera.model, other.camera.learned is not None
     if other.status != "converged":
         return ModelApart(model, None, f"is {other.status}", 0.0, is_learned)
-    try:
-        found = apart(
-            Known(judged.camera, np.zeros_like(judged.param_covariance)),
-            Known(other.camera, np.zeros_like(other.param_covariance)),
-            covered,
-        )
-    except InputError:
-        found = None
+    found = apart(Known.exactly(judged.camera), Known.exactly(other.camera), covered)
     if found is None:
         return ModelApart(model, None, "is known nowhere in the covered area", 0.0, is_learned)
     shared = float(found.is_known.sum()) / max(int(found.is_covered.sum()), 1)

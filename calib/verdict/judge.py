@@ -6,16 +6,17 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from calib.core.parallel import one_thread
+from calib.pipeline.solving import prior_of
 from calib.solver.calibration import Calibration
 from calib.verdict.advice import DETECTED, Inputs, advice_of
 from calib.verdict.checks import OWN_ROTATION, checks_of, faults_of, missing_of, px
-from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import CameraEvidence, evidence_of
 from calib.verdict.halves import Half, HalfSplit, Halves, NoHalves
-from calib.verdict.next_views import NextView
-from calib.verdict.verdict import Check, Grade, Verdict
+from calib.verdict.next_views import NextView, next_views
+from calib.verdict.verdict import Check, Criteria, Grade, Verdict
 from designer.base.file_kind import FileKind
 from designer.base.marks import Key, Line, Word
+from designer.target import TargetGeometry
 
 WORSE: tuple[Grade, ...] = ("good", "usable", "bad")
 
@@ -34,23 +35,26 @@ def judge(evidence: CameraEvidence, criteria: Criteria, advice: Sequence[str] = 
     missing = missing_of(evidence, checks)
     if missing and grade == "good":
         grade = "usable"
-    return Verdict(grade, evidence.model, _sentence(evidence, checks, missing, grade), checks, tuple(advice))
+    sentence, leads_with = _reason(evidence, checks, missing, grade)
+    return Verdict(grade, evidence.model, sentence, checks, tuple(advice), leads_with)
 
 
-def _sentence(evidence: CameraEvidence, checks: Sequence[Check], missing: Sequence[Check], grade: Grade) -> str:
-    """The answer and its main reason."""
+def _reason(
+    evidence: CameraEvidence, checks: Sequence[Check], missing: Sequence[Check], grade: Grade
+) -> tuple[str, str]:
+    """The main reason of a grade, and the check that it is the sentence of."""
     if grade == "good":
-        return _why_good(evidence)
+        return _why_good(evidence), ""
     faults = faults_of(checks, grade)
     if not faults:
-        return f"no fault was found, but not everything could be checked: {missing[0].sentence}"
+        return f"no fault was found, but not everything could be checked: {missing[0].sentence}", missing[0].name
     names = {check.name for check in faults}
     if grade == "bad" and "coverage" in names and names <= {"uncertainty", "coverage"}:
         narrow = _good_inside(evidence, faults)
         if narrow:
-            return narrow
+            return narrow, ""
     also = ", ".join(check.title.lower() for check in faults[1:])
-    return faults[0].sentence + (f" (also: {also})" if also else "")
+    return faults[0].sentence + (f" (also: {also})" if also else ""), faults[0].name
 
 
 def _good_inside(evidence: CameraEvidence, faults: Sequence[Check]) -> str:
@@ -59,7 +63,7 @@ def _good_inside(evidence: CameraEvidence, faults: Sequence[Check]) -> str:
     limit = next((check.usable for check in faults if check.name == "uncertainty"), math.inf)
     if inside is None or inside > limit or evidence.uncertainty.is_map_exact:
         return ""
-    covered = f"the sightings surround only {100 * evidence.coverage.share:.0f} % of the image, where it is known to"
+    covered = f"the observations surround only {100 * evidence.coverage.share:.0f} % of the image, where it is known to"
     if math.isinf(limit):
         elsewhere = "the lens model only continues what it learned there"
     elif outside is None:
@@ -92,12 +96,6 @@ class Judged:
     def __post_init__(self) -> None:
         if self.pairs is not None:
             Halves(self.pairs)
-
-    @staticmethod
-    def by(verdict: Verdict, criteria: Criteria, halves: HalfSplit) -> "Judged":
-        """A verdict that rests on half solutions, or on none."""
-        reason, pairs = (halves.reason, None) if isinstance(halves, NoHalves) else (None, halves.pairs)
-        return Judged(verdict, criteria, pairs, reason)
 
     @property
     def halves(self) -> HalfSplit:
@@ -132,5 +130,51 @@ def judge_run(
         inputs: the files it was solved from, which the advice names.
     """
     evidence = evidence_of(calibrations, best, halves)
-    advice = advice_of(calibrations[best], evidence, criteria, views, inputs)
-    return Judged.by(judge(evidence, criteria, advice), criteria, halves)
+    return _judged(calibrations[best], evidence, halves, criteria, views, inputs)
+
+
+@one_thread
+def judge_cameras(
+    calibrations: Sequence[Calibration],
+    best: int,
+    halves: HalfSplit,
+    criteria: Criteria,
+    target: TargetGeometry | None,
+    inputs: Inputs = DETECTED,
+) -> tuple[Judged, tuple[NextView, ...]]:
+    """The same, and the photos that would make the camera better.
+
+    Args:
+        calibrations: of the same photos by different models.
+        best: row of the one that is judged.
+        halves: of that one.
+        criteria: the limits.
+        target: that the photos show; None: points from elsewhere.
+        inputs: the files it was solved from.
+    """
+    evidence = evidence_of(calibrations, best, halves)
+    judged = calibrations[best]
+    views = next_views(
+        judged, goal_px=criteria["uncertainty"].good, goal_covered=criteria["coverage"].good / 100,
+        factor=evidence.uncertainty.factor, prior=prior_of(judged, target),
+    )  # fmt: skip
+    return _judged(judged, evidence, halves, criteria, views, inputs), views
+
+
+def _judged(
+    calibration: Calibration,
+    evidence: CameraEvidence,
+    halves: HalfSplit,
+    criteria: Criteria,
+    views: Sequence[NextView] | None,
+    inputs: Inputs,
+) -> Judged:
+    advice = advice_of(calibration, evidence, criteria, views, inputs)
+    reason, pairs = (halves.reason, None) if isinstance(halves, NoHalves) else (None, halves.pairs)
+    return Judged(judge(evidence, criteria, advice), criteria, pairs, reason)
+
+
+def inputs_of(settings: Sequence[tuple[str, str]]) -> Inputs:
+    """What a camera was solved from, as its command was told; `calib run` detects into a file of its own."""
+    named = dict(settings)
+    return Inputs(named.get("detections", DETECTED.sightings), named.get("target", DETECTED.target))

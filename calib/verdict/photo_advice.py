@@ -6,9 +6,9 @@ from calib.core.number_text import figure
 from calib.solver.calibration import Calibration
 from calib.verdict.checks import SURE, px
 from calib.verdict.coverage import region_words
-from calib.verdict.criteria import Criteria
 from calib.verdict.evidence import CameraEvidence
 from calib.verdict.next_views import NextView, photos_needed, why_no_next_views
+from calib.verdict.verdict import Criteria
 
 MANY_TIMES = 5
 """So many times as many photos as there are will not be taken."""
@@ -65,9 +65,9 @@ def _photos(
 
 def _wanted(evidence: CameraEvidence, criteria: Criteria) -> str:
     """What is missing, as it should be."""
-    parts = [] if is_sure(evidence, criteria) else [px(criteria.uncertainty_px.good)]
-    if 100 * evidence.coverage.share < criteria.coverage_percent.good or not parts:
-        parts.append(f"{criteria.coverage_percent.good:.0f} % covered")
+    parts = [] if is_sure(evidence, criteria) else [px(criteria["uncertainty"].good)]
+    if 100 * evidence.coverage.share < criteria["coverage"].good or not parts:
+        parts.append(f"{criteria['coverage'].good:.0f} % covered")
     return ", ".join(parts)
 
 
@@ -75,7 +75,7 @@ def _after_them(evidence: CameraEvidence, criteria: Criteria, views: Sequence[Ne
     """What more photos like those so far would do; where nobody looked for better ones, that they are wanted."""
     if is_sure(evidence, criteria) or not evidence.uncertainty.is_estimated:
         return ""
-    sigma, limit = evidence.uncertainty.noise_px, criteria.uncertainty_px.good
+    sigma, limit = evidence.uncertainty.noise_px, criteria["uncertainty"].good
     if _is_sure_as_stated(evidence, criteria):
         return ""  # by noise alone it is known well enough: what makes the halves differ comes first
     alike = ""
@@ -109,7 +109,7 @@ def _round_up(count: int) -> str:
 
 def _uncovered(evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None) -> tuple[str, ...]:
     """Parts of the image without the target, if the next photos do not show it there."""
-    percent, wanted = 100 * evidence.coverage.share, criteria.coverage_percent.good
+    percent, wanted = 100 * evidence.coverage.share, criteria["coverage"].good
     names = tuple(region.name for region in evidence.coverage.not_covered)
     last = 100 * views[-1].covered_after if views else percent
     if views and last > percent + LITTLE_PERCENT:
@@ -126,12 +126,12 @@ def _uncovered(evidence: CameraEvidence, criteria: Criteria, views: Sequence[Nex
 def _again(last: NextView, criteria: Criteria) -> tuple[str, ...]:
     """What the next photos leave open, which a solution with them tells better than this one."""
     found, wanted = [], []
-    if last.sigma_px_after > criteria.uncertainty_px.good:
+    if last.sigma_px_after > criteria["uncertainty"].good:
         found.append(f"95 % sigma to about {figure(last.sigma_px_after, 1)} px")
-        wanted.append(px(criteria.uncertainty_px.good))
-    if 100 * last.covered_after < criteria.coverage_percent.good:
+        wanted.append(px(criteria["uncertainty"].good))
+    if 100 * last.covered_after < criteria["coverage"].good:
         found.append(f"the coverage to {100 * last.covered_after:.0f} %")
-        wanted.append(f"{criteria.coverage_percent.good:.0f} %")
+        wanted.append(f"{criteria['coverage'].good:.0f} %")
     if not found:
         return ()
     return (
@@ -143,13 +143,13 @@ def _again(last: NextView, criteria: Criteria) -> tuple[str, ...]:
 def is_sure(evidence: CameraEvidence, criteria: Criteria) -> bool:
     """Whether the camera is known as well as it should be."""
     sigma = evidence.uncertainty.image_px
-    return evidence.uncertainty.is_map_exact or (sigma is not None and sigma <= criteria.uncertainty_px.good)
+    return evidence.uncertainty.is_map_exact or (sigma is not None and sigma <= criteria["uncertainty"].good)
 
 
 def _is_sure_as_stated(evidence: CameraEvidence, criteria: Criteria) -> bool:
     """Whether it is by the standard deviations of the solution."""
     sigma = evidence.uncertainty.noise_px
-    return sigma is not None and sigma <= criteria.uncertainty_px.good
+    return sigma is not None and sigma <= criteria["uncertainty"].good
 
 
 def _count(count: int, what: str) -> str:

@@ -25,17 +25,17 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MK
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
+from calib.cameras.camera import Camera  # noqa: E402
 from calib.cameras.refit import camera_difference  # noqa: E402
-from calib.core.types import Camera  # noqa: E402
 from calib.pipeline.solving import calibrate, with_made  # noqa: E402
 from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.image_field import with_image_field  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
 from calib.verdict.coverage import coverage_of  # noqa: E402
-from calib.verdict.criteria import Criteria, Limits, read_criteria  # noqa: E402
+from calib.verdict.criteria import read_criteria  # noqa: E402
 from calib.verdict.halves import half_split  # noqa: E402
 from calib.verdict.judge import Judged, judge_run  # noqa: E402
-from calib.verdict.verdict import Grade  # noqa: E402
+from calib.verdict.verdict import Criteria, Grade, Limits  # noqa: E402
 from designer.base.errors import InputError  # noqa: E402
 from designer.tolerance.made import EXACT, how_made  # noqa: E402
 from tests.benchmarks.verdict_scenes import Case, case_of, lens_of, sightings_of, target_of  # noqa: E402
@@ -50,7 +50,7 @@ GRADES: tuple[Grade, ...] = ("good", "usable", "bad")
 
 def promised_px(criteria: Criteria) -> Limits:
     """Within what error a camera is that is called good, being two standard deviations at most, or usable."""
-    return Limits(2 * criteria.uncertainty_px.good, criteria.uncertainty_px.usable)
+    return Limits(2 * criteria["uncertainty"].good, criteria["uncertainty"].usable)
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,11 +42,10 @@ from calib.studies.tolerance.record import (
     ToleranceStudy,
 )
 from calib.verdict.apart import Known
-from calib.verdict.criteria import Criteria, Limits
 from calib.verdict.halves import Half
 from calib.verdict.judge import Judged
 from calib.verdict.next_views import NextView, NextViews
-from calib.verdict.verdict import Check, Verdict
+from calib.verdict.verdict import Check, Criteria, Limits, Verdict
 from designer.page.blocks import (
     Cell,
     Column,
@@ -74,7 +73,7 @@ def _verdict() -> Judged:
     half = Half(Known(PINHOLE, np.diag([1.0, 2, 3, 4]) / 7), ("a.png", "b.png"))
     return Judged(
         Verdict("usable", "pinhole", "nothing was checked", (check,), ("take more photos",)),
-        Criteria("standard", "Standard", *[limits] * 8), ((half, half),), None, "abc",
+        Criteria("standard", "Standard", {"residuals": limits}), ((half, half),), None, "abc",
     )  # fmt: skip
 
 

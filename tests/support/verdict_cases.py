@@ -12,10 +12,10 @@ from calib.renderer.poses import fibonacci_cap
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.verdict.criteria import Criteria, read_criteria
-from calib.verdict.halves import half_split
+from calib.verdict.criteria import read_criteria
+from calib.verdict.halves import HalvesApart, half_split
 from calib.verdict.judge import Judged, judge_run
-from calib.verdict.verdict import Check
+from calib.verdict.verdict import Check, Criteria
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, noisy, observe
 
 Array = NDArray[np.float64]
@@ -80,3 +80,8 @@ def judged(seen: Observations, *, models: Sequence[str] = ("opencv",), criteria:
 def check(run: Judged, name: str) -> Check:
     """One check of a verdict."""
     return next(one for one in run.verdict.checks if one.name == name)
+
+
+def halves_apart_by(ratio: float, rms_px: float, stated_px: float, percentile_95_px: float) -> HalvesApart:
+    """Cameras of halves that differ by so much."""
+    return HalvesApart(ratio, rms_px, stated_px, percentile_95_px, np.zeros((1, 1, 2)), np.full((1, 1), rms_px))

@@ -1,11 +1,9 @@
-"""Answers of commands that calibrate: what came of each model, and its errors by every metric."""
+"""Answers of commands that calibrate: what came of each model, its errors by every metric, and the verdict."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-from calib.commands.judged_page import verdict_answer
+from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
     from calib.api.run_result import RunResult
@@ -13,6 +11,7 @@ if TYPE_CHECKING:
     from calib.metrics.evaluation import Evaluation
     from calib.pipeline.solving import Solution
     from calib.solver.calibration import Calibration
+    from calib.verdict.verdict import Verdict
     from designer.base.answer import Value
 
 
@@ -23,6 +22,14 @@ def run_answer(run: "RunResult", place_of: Callable[[str], Path]) -> "dict[str, 
     found = {} if run.search is None else {"detections": detections_answer(run.search)}
     solved = solutions_answer(run.solutions, run.best, place_of)
     return {**found, **solved, "verdict": verdict_answer(run.verdict)}
+
+
+def verdict_answer(verdict: "Verdict") -> "dict[str, Value]":
+    """The verdict and its checks, as `verdict.json` has them."""
+    from calib.verdict.verdict import Verdict
+    from designer.base.codec import encode
+
+    return cast("dict[str, Value]", encode(Verdict, verdict))
 
 
 def solutions_answer(

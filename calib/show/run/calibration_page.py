@@ -1,33 +1,48 @@
-"""The page of a calibration's folder, from what the folder stores and nothing else."""
+"""The page of a run: from a run in memory, or from what its folder stores and nothing else."""
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from calib.figures.sigma_map import sigma_map
-from calib.records.run_folder import RunFolder, Solved, read_run
-from calib.show.parts.folder_blocks import title_of
+from calib.records.run_folder import Run, Solved, read_run
+from calib.show.parts.folder_blocks import file_list, title_of
+from calib.show.parts.gallery import OVERLAYS
 from calib.show.parts.origin import Origin
 from calib.show.run.camera_scene import camera_view, spread_words
-from calib.show.run.judging import is_verdict_on
+from calib.show.run.figures import uncertainty_figure
 from calib.show.run.photos import photo_rows, photos_section, remarks_of_all
-from calib.show.run.run_files import files_section
-from calib.show.run.run_tables import faces_table, faces_words
 from calib.show.run.sections import (
     accuracy_section,
     camera_section,
     halves_of,
     headline_of,
+    key_facts,
     models_section,
     next_section,
-    not_judged,
-    page_lead,
     verdict_section,
 )
-from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged
-from calib.verdict.next_views import NEXT_VIEWS, NEXT_VIEWS_FILE, NextView, next_views
-from designer.base.errors import InputError
-from designer.base.words import printable
-from designer.page.blocks import Page, Section
+from calib.show.run.tables import faces_table, faces_words
+from designer.page.blocks import Fold, Page, Section
+
+FILES_OF_RUN = (
+    ("verdict.json", "what was checked, for programs"),
+    ("next_views.json", "photos to take next"),
+    ("target.json", "the target as it was used"),
+    ("detections.csv", "rings found in the photos"),
+    ("detections.records.json", "what was read of each face, and why rings are missing"),
+    ("calibration.png", "figures of the recommended model on one sheet"),
+)
+FILES_OF_MODEL = (
+    ("calibration.json", "the whole solution: camera, poses, covariances"),
+    ("camera.json", "the camera, for other commands and programs"),
+    ("observations.csv", "each observation and its residual"),
+    ("metrics.json", "errors in summary"),
+    ("metrics_views.csv", "errors by photo"),
+    ("metrics_faces.csv", "errors by face"),
+    ("metrics_points.csv", "errors by ring"),
+    ("metrics_observations.csv", "errors by observation"),
+    ("calibration.png", "figures on one sheet"),
+)
 
 
 def calibration_page(folder: Path, origin: Origin) -> Page:
@@ -36,62 +51,49 @@ def calibration_page(folder: Path, origin: Origin) -> Page:
     Raises:
         InputError: no camera in it can be read; the message names the file.
     """
-    return page_of(read_run(folder), origin)
+    return page_of(read_run(folder), folder, origin)
 
 
-def page_of(run: RunFolder, origin: Origin) -> Page:
-    """The page of a folder that is read already, with the verdict that lies in it."""
-    folder, faults = run.folder, list(run.faults)
-    judged = _judged(folder, faults)
-    best = run.best("" if judged is None else judged.verdict.model)
-    if judged is not None and not is_verdict_on(judged, best):
-        faults.append(f"{VERDICT_FILE}: on another camera or other photos; calib report with --criteria judges again")
-        judged = None
-    verdict = None if judged is None else judged.verdict
-    is_flat = len(best.calibration.observations.points.plane) == 1
+def page_of(run: Run, folder: Path, origin: Origin) -> Page:
+    """The page of a run whose files lie in a folder."""
+    best = run.best
+    calibration = best.calibration
+    faces = len(calibration.observations.points.plane)
     with ThreadPoolExecutor(1) as beside:  # pictures are decoded while figures are drawn
-        rows, common = photo_rows(run, best), remarks_of_all(run.records)
-        photos = beside.submit(photos_section, folder, rows, common, is_flat=is_flat)
-        proposed = _proposed(folder, best, faults)
-        found = sigma_map(best.calibration)
-        halves = halves_of(best, judged)
+        rows, common = photo_rows(best.evaluation, run.records), remarks_of_all(run.records)
+        place = folder if run.records is not None else None
+        photos = beside.submit(photos_section, place, rows, common, is_flat=faces == 1)
+        found, halves = sigma_map(calibration), halves_of(run)
         sections = [
-            verdict_section(verdict, best, faults),
-            *next_section(verdict, best, proposed),
-            camera_section(run, best, is_usable=verdict is None or verdict.grade != "bad"),
-            accuracy_section(best, found, halves, verdict),
+            verdict_section(run),
+            *next_section(run),
+            camera_section(run),
+            accuracy_section(run, found, halves),
         ]
         after: list[Section] = []
-        if len(best.calibration.observations.points.plane) > 1:
-            after.append(Section("Faces", (faces_table(best, run.records),), lead=faces_words(best)))
-        view = camera_view(best, run.target, proposed)
-        after.append(Section("Views in 3D", (view,), lead=spread_words(best)))
-        if len(run.solved) > 1:
-            after.append(models_section(run, best))
-        lead = page_lead(best, found, halves)
-        headline = not_judged(best) if verdict is None else headline_of(verdict)
-        sections += [photos.result(), *after, files_section(run, best)]
+        if faces > 1:
+            after.append(Section("Faces", (faces_table(best.evaluation, run.records),), lead=faces_words(best)))
+        scene = camera_view(best, run.target, run.next_views)
+        after.append(Section("Views in 3D", (scene,), lead=spread_words(best)))
+        if run.others:
+            after.append(models_section(run))
+        lead = (uncertainty_figure(calibration, best.coverage, found, halves), key_facts(run))
+        sections += [photos.result(), *after, _files_section(run, folder)]
     return Page(
-        title=title_of(folder), kind="Calibration", headline=headline, sections=tuple(sections),
-        lead=lead, made_by=origin.command, program=origin.program,
+        title=title_of(folder), kind="Calibration", headline=headline_of(run), sections=tuple(sections), lead=lead,
+        made_by=origin.command, program=origin.program,
     )  # fmt: skip
 
 
-def _judged(folder: Path, faults: list[str]) -> Judged | None:
-    if not (folder / VERDICT_FILE).exists():
-        return None
-    try:
-        return VERDICT.read(folder / VERDICT_FILE)
-    except InputError as error:
-        faults.append(printable(str(error).replace(f"{folder}/", "")))
-        return None
+def _files_section(run: Run, folder: Path) -> Section:
+    """What the folder holds: of the run and of the best camera in sight, of the others behind a click."""
+    found = file_list(folder, tuple(dict([*FILES_OF_RUN, *_of_model(run.best)]).items()))
+    others = [(one, file_list(folder, _of_model(one))) for one in run.others]
+    count = len(found.rows) + sum(len(files.rows) for _, files in others)
+    pictures = f" The overlays of the photos are in {OVERLAYS}/." if (folder / OVERLAYS).is_dir() else ""
+    folds = tuple(Fold(f"Files of model {one.model}", (files,)) for one, files in others)
+    return Section("Files", (found, *folds), lead=f"{count} files beside this page.{pictures}")
 
 
-def _proposed(folder: Path, best: Solved, faults: list[str]) -> tuple[NextView, ...]:
-    """The photos to take next, as they are stored or as the camera tells."""
-    if (folder / NEXT_VIEWS_FILE).exists():
-        try:
-            return NEXT_VIEWS.read(folder / NEXT_VIEWS_FILE).views
-        except InputError as error:
-            faults.append(printable(str(error).replace(f"{folder}/", "")))
-    return next_views(best.calibration)
+def _of_model(one: Solved) -> list[tuple[str, str]]:
+    return [(f"{one.path}{name}", purpose) for name, purpose in FILES_OF_MODEL]

@@ -68,7 +68,7 @@ def camera_view(one: Solved, target: TargetGeometry | None, proposed: tuple[Next
     words = spread_words(one)
     return View3d(
         "Cameras around the target", Scene(tuple(layers), up, from_direction, legend), words,
-        "Each pyramid is a photo, its colour the root mean square of what is left over. Point at one for its name.",
+        "Each pyramid is a photo, its colour the root mean square of its residuals. Point at one for its name.",
     )  # fmt: skip
 
 
@@ -97,7 +97,7 @@ def corner_rays(camera: Camera) -> Array:
 
 
 def _colours(rmse: Array) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
-    """A colour of each photo by what is left over of it, and what some colours mean."""
+    """A colour of each photo by its residuals, and what some colours mean."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 

@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.number_text import figure as digits
-from calib.figures.fields import draw_coverage, draw_map, draw_means, draw_residuals
-from calib.figures.histograms import draw_sizes
-from calib.figures.page import draw_histogram, draw_uncertainty, standardised
+from calib.core.types import Observations
+from calib.figures.fields import draw_coverage, draw_map, draw_means, draw_residuals, draw_uncertainty
+from calib.figures.histograms import draw_histogram, draw_sizes, standardised
 from calib.figures.sigma_map import SigmaMap, place_on_map
 from calib.figures.style import (
     BLUE,
@@ -24,9 +24,10 @@ from calib.figures.style import (
     panel_height_in,
     svg_panel,
 )
+from calib.metrics.evaluation import Evaluation
 from calib.metrics.residual_cells import ResidualCells, Residuals
-from calib.records.run_folder import Solved
-from calib.verdict.apart import Known, sigma_over
+from calib.solver.calibration import Calibration
+from calib.verdict.apart import Apart, Known, sigma_over
 from calib.verdict.checks import made_words
 from calib.verdict.coverage import Coverage
 from calib.verdict.halves import HalvesApart, NoHalves
@@ -51,25 +52,6 @@ HISTOGRAM_IN = 3.2
 """How high the panel of a histogram is."""
 
 
-class Difference(Protocol):
-    """How far two cameras lie apart on a grid of pixels."""
-
-    @property
-    def pixel(self) -> Array:
-        """The grid.  # (R, C, 2)"""
-        ...
-
-    @property
-    def length_px(self) -> Array:
-        """Distances, nan where they are not known.  # (R, C)"""
-        ...
-
-    @property
-    def percentile_95_px(self) -> float:
-        """What 95 % of the area differ by at most."""
-        ...
-
-
 def panel(title: str, draw: "Callable[[Axes], None]", alt: str, caption: str = "") -> Figure:
     """One pair of axes as a figure of a page."""
     return Figure(title, drawing_of_svg(svg_panel(draw, height_in=HISTOGRAM_IN)), alt, caption)
@@ -84,11 +66,12 @@ def image_panel(
     return Figure(title, drawing_of_svg(svg), alt, caption)
 
 
-def uncertainty_figure(one: Solved, found: SigmaMap, halves: HalvesApart | NoHalves) -> Figure:
+def uncertainty_figure(
+    calibration: Calibration, coverage: Coverage, found: SigmaMap, halves: HalvesApart | NoHalves
+) -> Figure:
     """How uncertain the camera is at each pixel, and how much of that cameras of halves of the photos confirm."""
-    calibration = one.calibration
     title = "Uncertainty of the camera (1 sigma)"
-    inside = covered_words(one, found)
+    inside = covered_words(calibration, coverage, found)
     alt = f"{title}: {uncertainty_words(found)}"
     caption = (
         f"{uncertainty_words(found)}. How far a direction may be shown from its true pixel, the rotation that fits the "
@@ -124,12 +107,11 @@ def uncertainty_words(found: SigmaMap) -> str:
     return capital(words)
 
 
-def covered_words(one: Solved, found: SigmaMap) -> str:
+def covered_words(calibration: Calibration, coverage: Coverage, found: SigmaMap) -> str:
     """What the verdict says of the covered area, where the map says something else of it; "" if not."""
-    calibration = one.calibration
     if not found.is_known or not np.isfinite(calibration.stated_covariance).all():
         return ""
-    inside = sigma_over(Known(calibration.camera, calibration.stated_covariance), one.coverage)
+    inside = sigma_over(Known(calibration.camera, calibration.stated_covariance), coverage)
     if not len(inside):
         return ""
     within = float(np.percentile(inside, 95, method="inverted_cdf"))
@@ -150,29 +132,31 @@ def halves_words(halves: HalvesApart | NoHalves) -> str:
 
 
 def coverage_figure(coverage: Coverage, checked: str = "") -> Figure:
-    """Where sightings are.
+    """Where observations are.
 
     Args:
         coverage: of the image.
         checked: what the verdict's check says of it; "" where nobody judged.
     """
-    words = capital(checked) or f"The sightings surround {100 * coverage.share:.0f} % of the image"
+    words = capital(checked) or f"The observations surround {100 * coverage.share:.0f} % of the image"
+    hatched = " Where it is hatched, no photo shows the target: the lens is only extrapolated there."
+    hatched = "" if coverage.is_covered.all() else hatched
     return image_panel(
         "Coverage of the sensor", coverage.image_size,
         lambda axes: draw_coverage(axes, coverage.image_size, coverage.views), words,
-        f"{words}. Where it is hatched, no photo shows the target: the lens is only extrapolated there.",
+        f"{words}.{hatched}",
     )  # fmt: skip
 
 
 def residuals_figure(residuals: Residuals, rmse_px: float) -> Figure:
-    """What is left over of each sighting."""
+    """The residual of each observation."""
     outliers = len(residuals.outlier_px)
-    words = f"{len(residuals.pixel)} sightings are {digits(rmse_px, 3)} px off, root mean square"
+    words = f"{len(residuals.pixel)} residuals, {digits(rmse_px, 3)} px root mean square"
     left = f"; {outliers} outliers, marked by crosses, were left out" if outliers else ""
     shown = min(len(residuals.pixel), MOST_ARROWS)
     some = "" if shown == len(residuals.pixel) else f" {shown} of them are drawn."
     return image_panel(
-        "What is left over: predicted - measured", residuals.image_size,
+        "Residuals: predicted - measured", residuals.image_size,
         lambda axes: draw_residuals(axes, residuals, MOST_ARROWS), f"{words}{left}",
         f"{words}{left}.{some} The arrow at the lower right gives the scale.", has_bar=False,
     )  # fmt: skip
@@ -182,11 +166,11 @@ def systematic_figure(
     cells: ResidualCells,
     image_size: tuple[int, int],
     *,
-    title: str = "What is systematic",
+    title: str = "Systematic residuals",
     long_px: float | None = None,
     checked: str = "",
 ) -> Figure:
-    """The means of what is left over, cell by cell.
+    """The mean residuals, cell by cell.
 
     Args:
         cells: of the residuals.
@@ -208,29 +192,29 @@ def systematic_words(cells: ResidualCells) -> str:
     """The finding, as a sentence without its full stop."""
     mean, noise = cells.rms_of_means_px, cells.rms_by_noise_px
     if not math.isfinite(mean):
-        return "Too few sightings to tell what is systematic"
+        return "Too few observations to tell what is systematic"
     expected = f"noise alone would leave {digits(noise, 2)} px"
     if not math.isfinite(noise):
         return f"Means of cells are {digits(mean, 2)} px long"
     return f"Means of cells are {digits(mean, 2)} px long, {expected}"
 
 
-def distribution_figure(one: Solved) -> Figure:
+def distribution_figure(evaluation: Evaluation) -> Figure:
     """Residuals against the Gaussian that the solution states."""
-    scale = one.calibration.scale
-    counted, _ = standardised(one.evaluation)
+    scale = evaluation.calibration.scale
+    counted, _ = standardised(evaluation)
     words = f"{len(counted)} coordinates of residuals against a Gaussian"
     if len(counted) and scale > 0:
         beyond = 100 * float(np.mean(np.abs(counted) > 3 * scale))
         words = f"{beyond:.2f} % of {len(counted)} coordinates lie beyond 3 sigma; of a Gaussian 0.27 % do"
     return panel(
-        "Distribution against the Gaussian", lambda axes: draw_histogram(axes, one.evaluation), words, f"{words}.",
+        "Distribution against the Gaussian", lambda axes: draw_histogram(axes, evaluation), words, f"{words}.",
     )  # fmt: skip
 
 
 SUBJECTS = {
-    "reprojection": "how far a sighting is from where the camera predicts it",
-    "intersection": "how far the ray of a sighting meets the target's plane from the ring's place",
+    "reprojection": "how far an observation is from where the camera predicts it",
+    "intersection": "how far the ray of an observation meets the target's plane from the ring's place",
     "reconstruction": "how far a ring is from where the rays of all photos that show it meet",
     "pose": "how far a photo's camera is from where it truly was",
     "rotation": "by how much a photo's camera is turned against how it truly was",
@@ -252,7 +236,7 @@ def sizes_figure(metric: str, sizes: Array, unit: str) -> Figure:
     )  # fmt: skip
 
 
-def apart_figure(title: str, found: Difference, image_size: tuple[int, int], words: str) -> Figure:
+def apart_figure(title: str, found: Apart | HalvesApart, image_size: tuple[int, int], words: str) -> Figure:
     """How far two cameras lie apart over what the photos cover.
 
     Args:
@@ -269,7 +253,7 @@ def apart_figure(title: str, found: Difference, image_size: tuple[int, int], wor
     return image_panel(title, image_size, draw, words, f"{words}.")
 
 
-def apart_words(found: Difference) -> str:
+def apart_words(found: Apart | HalvesApart) -> str:
     """Where two cameras differ most, as a sentence without its full stop."""
     length = found.length_px
     row, column = np.unravel_index(np.nanargmax(length), length.shape)
@@ -338,4 +322,19 @@ def _draw_one(axes: "Axes", number: int, view: NextView, labels: list[NDArray[np
     axes.annotate(
         str(number), middle, ha="center", va="center", fontsize=14, fontweight="bold", color=PALE, zorder=4,
         bbox={"boxstyle": "circle,pad=0.3", "facecolor": colour, "edgecolor": PALE, "linewidth": 1.5},
+    )  # fmt: skip
+
+
+def next_views_figure(seen: Observations, proposed: Sequence[NextView]) -> Figure:
+    """Where to hold the target in the next photos."""
+    count = "One more photo" if len(proposed) == 1 else f"{len(proposed)} more photos"
+    last = proposed[-1]
+    words = f"{count} would bring 95 % of the image within about {digits(last.sigma_px_after, 1)} px (1 sigma)"
+    if last.covered_after > proposed[0].covered_before:
+        words += f" and the coverage to {100 * last.covered_after:.0f} %"
+    words += ", if the lens is as estimated"
+    return image_panel(
+        "Where to hold the target next", seen.image_size,
+        lambda axes: draw_next_views(axes, seen.image_size, proposed, seen.center_px), words,
+        f"{words}. Grey: rings seen so far. Numbered: outlines of the target in the next photos.", has_bar=False,
     )  # fmt: skip

@@ -6,14 +6,13 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.number_text import figure as digits
 from calib.core.types import UNMEASURABLE_WORDS
-from calib.metrics.evaluation import by_view
+from calib.metrics.evaluation import Evaluation, by_view
 from calib.observe.photos import OVERLAY_MARK
 from calib.observe.records import ImageRecord, Records, common_remarks
 from calib.show.parts.folder_blocks import number, whole
@@ -21,9 +20,6 @@ from calib.show.parts.gallery import OVERLAYS, Shot, gallery, shortened
 from calib.verdict.views import view_facts
 from designer.base.words import printable
 from designer.page.blocks import Cell, Column, Finding, Findings, Leaf, Level, Section, Table
-
-if TYPE_CHECKING:
-    from calib.records.run_folder import RunFolder, Solved
 
 Array = NDArray[np.float64]
 
@@ -51,20 +47,18 @@ class PhotoRow:
     level: Level | None  # None: like the others
 
 
-def photo_rows(run: "RunFolder", one: "Solved") -> tuple[PhotoRow, ...]:
+def photo_rows(evaluation: Evaluation, records: Records | None) -> tuple[PhotoRow, ...]:
     """A row for each photo that was used or searched: those that were used first, in their order.
 
     What is remarked of all photos is left away; see `remarks_of_all`.
     """
-    names = one.calibration.observations.view_names
-    images = () if run.records is None else run.records.images
-    common = set(remarks_of_all(run.records))
-    records = {
+    common = set(remarks_of_all(records))
+    images = {
         record.image: replace(record, remarks=tuple(remark for remark in record.remarks if remark not in common))
-        for record in images
+        for record in (() if records is None else records.images)
     }
-    used = set(names)
-    return (*_used_rows(one, records), *(_unused_row(one) for one in records.values() if one.image not in used))
+    used = set(evaluation.calibration.observations.view_names)
+    return (*_used_rows(evaluation, images), *(_unused_row(one) for one in images.values() if one.image not in used))
 
 
 def remarks_of_all(records: Records | None) -> tuple[str, ...]:
@@ -72,13 +66,13 @@ def remarks_of_all(records: Records | None) -> tuple[str, ...]:
     return () if records is None else common_remarks([one.remarks for one in records.images if not one.failure])
 
 
-def _used_rows(one: "Solved", records: Mapping[str, ImageRecord]) -> list[PhotoRow]:
-    calibration = one.calibration
+def _used_rows(evaluation: Evaluation, records: Mapping[str, ImageRecord]) -> list[PhotoRow]:
+    calibration = evaluation.calibration
     seen = calibration.observations
-    reprojection = one.evaluation.of("reprojection")
-    intersection = one.evaluation.of("intersection")
-    left_over = None if reprojection is None else by_view(one.evaluation, reprojection)
-    meeting = None if intersection is None else by_view(one.evaluation, intersection)
+    reprojection = evaluation.of("reprojection")
+    intersection = evaluation.of("intersection")
+    left_over = None if reprojection is None else by_view(evaluation, reprojection)
+    meeting = None if intersection is None else by_view(evaluation, intersection)
     outliers = np.bincount(seen.view[calibration.is_outlier], minlength=seen.view_count).tolist()
     sightings = np.bincount(seen.view, minlength=seen.view_count).tolist()
     facts = view_facts(calibration)
@@ -94,7 +88,8 @@ def _used_rows(one: "Solved", records: Mapping[str, ImageRecord]) -> list[PhotoR
         rmse = math.nan if left_over is None else left_over[view].rmse
         named = np.unique(faces[(seen.view == view) & (faces >= 0)])
         rows.append(PhotoRow(
-            name, True, sightings[view] if record is None else record.features, _expected(record), outliers[view], rmse,
+            name, True, sightings[view] if record is None else record.features,
+            None if record is None else record.expected, outliers[view], rmse,
             math.nan if left_over is None else left_over[view].largest,
             math.nan if meeting is None else meeting[view].rmse, distance[view], tilt[view], size[view], len(named),
             "" if record is None else "; ".join(record.remarks), "usable" if rmse > STANDS_OUT * usual else None,
@@ -102,20 +97,13 @@ def _used_rows(one: "Solved", records: Mapping[str, ImageRecord]) -> list[PhotoR
     return rows
 
 
-def _expected(record: ImageRecord | None) -> int | None:
-    """How many features of the faces that were found could have been measured, as commands count them too."""
-    if record is None:
-        return None
-    return sum(face.measurable for face in record.faces if face.face is not None)
-
-
 def _unused_row(record: ImageRecord) -> PhotoRow:
     """A photo that was searched and gave nothing to the camera."""
     why = record.failure or "; ".join(record.remarks) or ("not used" if record.features else "the target was not found")
-    faces = len({face.face for face in record.faces if face.face is not None})
+    faces = len({face.face for face in record.named})
     nan = math.nan
     return PhotoRow(
-        record.image, False, record.features, _expected(record), 0, nan, nan, nan, nan, nan, nan, faces, why, "bad"
+        record.image, False, record.features, record.expected, 0, nan, nan, nan, nan, nan, nan, faces, why, "bad"
     )  # fmt: skip
 
 
@@ -141,11 +129,11 @@ def overlay_paths(folder: Path, rows: Sequence[PhotoRow]) -> dict[str, str]:
     return found
 
 
-def photos_section(folder: Path, rows: Sequence[PhotoRow], common: Sequence[str], *, is_flat: bool) -> Section:
+def photos_section(folder: Path | None, rows: Sequence[PhotoRow], common: Sequence[str], *, is_flat: bool) -> Section:
     """Pictures and table.
 
     Args:
-        folder: of the calibration.
+        folder: of the run, with overlays; None: it holds none of these photos.
         rows: of its photos.
         common: what is remarked of all of them.
         is_flat: the target has one face, so that a photo has a tilt.
@@ -162,8 +150,8 @@ def _lead(rows: Sequence[PhotoRow]) -> str:
     if known:
         least, most = min(known, key=lambda row: row.rmse_px), max(known, key=lambda row: row.rmse_px)
         words += (
-            f"; what is left over of one is {digits(least.rmse_px, 2)} to {digits(most.rmse_px, 2)} px, "
-            f"most in {printable(most.name)}"
+            f"; the residuals of one are {digits(least.rmse_px, 2)} to {digits(most.rmse_px, 2)} px (RMS), "
+            f"the largest in {printable(most.name)}"
         )
     marked = sum(row.level == "usable" for row in rows)
     if marked:
@@ -171,10 +159,10 @@ def _lead(rows: Sequence[PhotoRow]) -> str:
     return f"{words}."
 
 
-def _pictures(folder: Path, rows: Sequence[PhotoRow]) -> tuple[Leaf, ...]:
+def _pictures(folder: Path | None, rows: Sequence[PhotoRow]) -> tuple[Leaf, ...]:
     """Small pictures of as many overlays as a page can take, the worst first, and what there is not."""
-    places = overlay_paths(folder, rows)
-    if not places:
+    places = {} if folder is None else overlay_paths(folder, rows)
+    if folder is None or not places:
         why = f"The folder {OVERLAYS}/ holds no overlay of these photos; calib run draws them."
         return (Findings((Finding("note", "No pictures", why),)),)
     shots = [Shot(places[row.name], row.name, caption_of(row), row.level)
@@ -217,10 +205,10 @@ def views_table(rows: Sequence[PhotoRow], *, is_flat: bool) -> Table:
             "rings",
             note=f"found, of those of the faces in the photo that could be measured: not those {UNMEASURABLE_WORDS}",
         ),
-        Column("outliers", note="sightings that were left out of the solution"),
-        Column("RMSE px", note="root mean square of what is left over: predicted - measured"),
-        Column("worst px", note="the largest that is left over"),
-        Column("intersection mm", note="RMS distance on the target between the ray of a sighting and its ring"),
+        Column("outliers", note="observations that were left out of the solution"),
+        Column("RMSE px", note="root mean square of the residuals: predicted - measured"),
+        Column("worst px", note="the largest residual"),
+        Column("intersection mm", note="RMS distance on the target between the ray of an observation and its ring"),
         side if is_flat else Column("faces", note="of the target, that were read"),
         Column("distance mm", note="from the camera to the target's middle"),
         Column("size %", note="of the image's width or height that the rings fill, whichever is more"),

@@ -123,10 +123,10 @@ def test_photos_become_cameras_that_are_compared(folder: Path, monkeypatch: pyte
     assert (answer.code, answer.err) == (0, "")
     wanted = {f"{model}/{name}" for model in MODELS for name in OF_A_MODEL}
     wanted |= {"detections.csv", "detections.records.json", "target.json", *JUDGED}
-    wanted |= {"calibration.png", "comparison.png"}
+    wanted |= {"calibration.png"}
     wanted |= {f"overlays/{name.replace('.png', '.overlay.jpg')}" for name in JOB.file_names}
     assert files_in(folder / "out") == wanted
-    table = answer.out[answer.out.index("root mean square errors") :]
+    table = answer.out[answer.out.index("Models of the camera") :]
     assert "pose mm" in table
     for model in MODELS:
         calibration, provenance = read_calibration(Path("out", model, "calibration.json"))
@@ -134,7 +134,7 @@ def test_photos_become_cameras_that_are_compared(folder: Path, monkeypatch: pyte
         assert provenance.layout_id == BOARD.layout_id
         pose = json.loads(Path("out", model, "metrics.json").read_text())["metrics"]["pose"]
         assert pose["rmse"] < 0.05
-        assert re.search(rf"^{model} +6 +\d+ .* converged", table, re.MULTILINE)
+        assert re.search(rf"^{model} +\d+ .* converged", table, re.MULTILINE)
     assert re.search(r"^fx_px .* [-+]\d\.\d sigma", answer.out, re.MULTILINE)
     for path in (folder / "out").rglob("*.*"):
         if path.suffix in (".json", ".csv"):
@@ -246,7 +246,7 @@ def test_a_second_run_does_not_take_its_pictures_for_photos(detector: Detector) 
         answer = calib("run", "board.target.json", "photos", *models, "-o", "photos", *LENIENT)
         assert answer.code == 0
         assert f"{len(JOB.file_names)} of {len(JOB.file_names)} with the target" in answer.out
-    assert not {"comparison.png", "calibration.png"} & {name for name, _ in detector.asked}
+    assert "calibration.png" not in {name for name, _ in detector.asked}
 
 
 def test_one_photo_alone_may_not_determine_a_camera(detector: Detector, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -83,7 +83,7 @@ def test_all_models_are_written_read_back_and_compared(folder: Path) -> None:
     answer = calib(*ALL_MODELS, "--verbose")
     assert (answer.code, answer.err) == (0, "")
     assert files_in(folder / "out") == OF_FOLDER | {f"{model}/{name}" for model in MODELS for name in FILES}
-    table = answer.out[answer.out.index("root mean square errors") :]
+    table = answer.out[answer.out.index("Models of the camera") :]
     for model in MODELS:
         calibration, provenance = read_calibration(Path("out", model, "calibration.json"))
         assert calibration.camera.model == model
@@ -91,7 +91,7 @@ def test_all_models_are_written_read_back_and_compared(folder: Path) -> None:
         assert (provenance.layout_id, provenance.geometry_id) == (BOARD.layout_id, BOARD.geometry_id)
         read = load_camera(Path("out", model, "camera.json"))
         np.testing.assert_array_equal(read.params, calibration.camera.params)
-        assert re.search(rf"^{model} +8 +\d+ .* converged", table, re.MULTILINE)
+        assert re.search(rf"^{model} +\d+ .* converged", table, re.MULTILINE)
     solved = read_calibration(Path("out/opencv/calibration.json"))[0]
     sigma = np.sqrt(np.diagonal(solved.param_covariance))
     assert (np.abs(solved.camera.params - TRUE.camera.params) < 5 * sigma).all()
@@ -247,7 +247,7 @@ def test_a_focal_length_is_not_fixed_on_a_learned_sensor() -> None:
 
 
 def test_a_model_that_fails_does_not_stop_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What can be solved is written; what cannot is named with its reason, and an old solution of it with a warning."""
+    """What can be solved is written; what cannot is named with its reason, and an old solution of it goes."""
 
     def fail(seen: Observations, model: str, *rest: object) -> Calibration:
         if model == "luhmann":
@@ -260,8 +260,8 @@ def test_a_model_that_fails_does_not_stop_the_others(monkeypatch: pytest.MonkeyP
     answer = calib(*common)
     assert answer.code == 0
     assert "luhmann was not solved: no light" in answer.out
-    assert "out/luhmann holds an earlier solution" in answer.out
     assert "luhmann/ (" not in answer.out
+    assert not Path("out/luhmann").exists()
     assert calib(*common[:-1], "new").code == 0
     assert not Path("new/luhmann").exists()
     assert refused(*common, "--model", "luhmann") == "error: no light\n"
@@ -277,7 +277,7 @@ def test_one_frontal_view_of_a_plane_is_degenerate() -> None:
     assert answer.err == ""
     assert "focal length and distance cannot be told apart" in answer.out
     assert "calib convert" not in answer.out
-    assert "1 photo, " in answer.out
+    assert " in 1 photo" in answer.out
     assert read_calibration(Path("out/calibration.json"))[0].status == "degenerate"
 
 
@@ -420,7 +420,7 @@ def test_two_hundred_photos_do_not_flood_the_screen() -> None:
     odd = [part(seen[0], 2, f"odd{n}.png") for n in range(200)]
     write_detections(Path("detections.csv"), [*seen, *odd], BOARD, detector="test")
     _, said = solve()
-    assert said.count("\n") < 40
+    assert said.count("\n") < 60
     assert "odd0.png, odd1.png, odd2.png, odd3.png and 196 more" in said
 
 

@@ -83,11 +83,11 @@ def test_criteria_judge_it(run: Path) -> None:
 def test_halves_are_not_solved_again_for_other_limits(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A verdict stores them; those of another camera are not believed."""
     calls: list[int] = []
-    from calib.show.run import judging
+    from calib.records import run_folder
     from calib.verdict.halves import NoHalves
 
     calib("report", run, "--criteria", "standard")
-    monkeypatch.setattr(judging, "half_split", lambda *_: calls.append(1) or NoHalves("asked for"))
+    monkeypatch.setattr(run_folder, "half_split", lambda *_: calls.append(1) or NoHalves("asked for"))
     calib("report", run, "--criteria", "metrology")
     assert not calls
     document = json.loads((run / "verdict.json").read_text())

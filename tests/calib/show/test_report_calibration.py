@@ -14,12 +14,11 @@ from calib.figures.sigma_map import place_in_image
 from calib.metrics.errors import centers_mm
 from calib.observe.observations import known_points
 from calib.observe.truth import Truth
-from calib.records.run_folder import read_run
+from calib.records.run_folder import judge_again, read_run
 from calib.show.parts.origin import Origin
 from calib.show.run.calibration_page import calibration_page
 from calib.show.run.camera_scene import camera_view, corner_rays
-from calib.show.run.judging import judge_folder
-from calib.show.run.sections import as_sentence, field_of_view_words, finding_of, headline_of
+from calib.show.run.sections import as_sentence, field_of_view_words, finding_of, headline_by
 from calib.verdict.criteria import read_criteria
 from calib.verdict.verdict import Check, Verdict
 from designer.base.errors import InputError
@@ -70,10 +69,10 @@ def run(kept: Path, tmp_path: Path, undrawn: None) -> Path:
 
 
 def test_sections_stand_in_the_order_of_reading(page: Page) -> None:
-    """Verdict, what to do, camera, accuracy, photos, views, models, files; a board has no table of faces."""
+    """Verdict, camera, accuracy, photos, views, models, files; a board has no table of faces."""
     titles = [one.title for one in page.sections]
     assert titles == [
-        "Verdict", "Next time", "Camera", "Accuracy", "Photos", "Views in 3D", "Models compared", "Files",
+        "Verdict", "Camera", "Accuracy", "Photos", "Views in 3D", "Models compared", "Files",
     ]  # fmt: skip
     assert all(one.lead for one in page.sections[1:])
     assert page.made_by == ORIGIN.command
@@ -122,7 +121,7 @@ def test_the_views_have_all_cameras(kept: Path, page: Page) -> None:
     view = next(block for block in blocks(page) if isinstance(block, View3d))
     cameras = next(layer for layer in view.scene.layers if layer.name == "cameras").shapes[0]
     run = read_run(kept)
-    centre = centers_mm(run.best().calibration.cam_from_target)
+    centre = centers_mm(run.best.calibration.cam_from_target)
     assert np.allclose(cameras.target_from_cam[:, :3, 3], centre)  # type: ignore[union-attr]
     assert view.scene.layers[0].name == "target"
 
@@ -139,13 +138,13 @@ def test_a_verdict_on_other_photos_is_not_believed(run: Path, tmp_path: Path) ->
     """One that an earlier run left in the folder: the page says so, and is not judged."""
     names = tuple(f"other_{number}.png" for number in range(8))
     write_run(tmp_path / "other", solved(names=names))
-    judged = judge_folder(tmp_path / "other", read_criteria("standard"))
+    judged = judge_again(tmp_path / "other", read_criteria("standard"))
     shutil.copy(tmp_path / "other/verdict.json", run / "verdict.json")
     page = calibration_page(run, ORIGIN)
     assert page.headline is not None
     assert page.headline.level == "note"
     assert any("other photos" in row.text for row in findings(page))
-    mine = judge_folder(run, read_criteria("standard"))
+    mine = judge_again(run, read_criteria("standard"))
     assert mine.halves != judged.halves
     again = calibration_page(run, ORIGIN).headline
     assert again is not None
@@ -187,7 +186,7 @@ def test_a_model_of_other_photos_is_not_compared(run: Path) -> None:
     shutil.rmtree(run / "luhmann")
     write_run(run, [*solved(("opencv",)), *other])
     page = calibration_page(run, ORIGIN)
-    assert any("solved from other sightings" in row.text for row in findings(page))
+    assert any("solved from other observations" in row.text for row in findings(page))
     assert "Models compared" not in {one.title for one in page.sections}
 
 
@@ -197,7 +196,7 @@ def test_a_model_of_some_of_the_photos_is_compared(run: Path) -> None:
     from calib.solver.options import SolveOptions
     from calib.solver.solve import solve
 
-    seen = keep_views(read_run(run).best().calibration.observations, np.arange(8) != 3)
+    seen = keep_views(read_run(run).best.calibration.observations, np.arange(8) != 3)
     shutil.rmtree(run / "luhmann")
     write_run(run, [solve(seen, "luhmann", SolveOptions()), *solved(("opencv",))])
     assert {one.model for one in read_run(run).solved} == {"luhmann", "opencv"}
@@ -227,9 +226,9 @@ def test_the_target_is_drawn_as_its_file_has_it(run: Path) -> None:
     (run / "target.json").write_text(target_to_json(board()))
     mine = read_run(run)
     assert mine.target is not None
-    view = camera_view(mine.best(), mine.target, ())
+    view = camera_view(mine.best, mine.target, ())
     assert "axes" in {layer.name for layer in view.scene.layers}
-    assert "axes" not in {layer.name for layer in camera_view(mine.best(), None, ()).scene.layers}
+    assert "axes" not in {layer.name for layer in camera_view(mine.best, None, ()).scene.layers}
     (run / "target.json").write_text(target_to_json(icosahedron()))
     other = read_run(run)
     assert other.target is None
@@ -245,7 +244,7 @@ def test_held_out_errors_are_shown_as_such(run: Path) -> None:
     place.write_text(json.dumps(document))
     (run / "luhmann/calibration.json").unlink()
     page = calibration_page(run, ORIGIN)
-    assert table(page, "Errors of photos that were held out").rows[0][3].value == 0.4321
+    assert table(page, "Errors by cross-validation").rows[0][3].value == 0.4321
     own = table(page, "Errors, of the photos").rows[0]
     assert own[3].value != 0.4321
 
@@ -276,7 +275,7 @@ def test_a_target_without_planes_is_drawn_by_its_points(target: object) -> None:
     from calib.records.calibration_file import Provenance
     from calib.records.run_folder import Solved
 
-    solution = Solved(Path(), "", evaluate(replace(one, observations=seen)), Provenance("test"), None)
+    solution = Solved("", evaluate(replace(one, observations=seen)), Provenance("test"), None)
     view = camera_view(solution, None, ())
     assert view.scene.layers[0].name == "target"
 
@@ -331,7 +330,7 @@ def test_a_check_becomes_a_line_with_its_limits() -> None:
 )
 def test_the_headline_is_the_verdict(grade: str, word: str, level: str) -> None:
     """The grade's word stands beside its reason."""
-    found = headline_of(Verdict(grade, "opencv", "all is well", (), ()))  # type: ignore[arg-type]
+    found = headline_by(Verdict(grade, "opencv", "all is well", (), ()))  # type: ignore[arg-type]
     assert (found.level, found.word, found.sentence) == (level, word, "All is well.")
 
 

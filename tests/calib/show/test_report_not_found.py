@@ -18,8 +18,11 @@ from calib.show.parts.origin import ORIGIN, Origin, origin_of
 from calib.show.photos.detected_photos import told_detected
 from calib.show.photos.photos_file import read_photos, write_photos
 from calib.show.photos.why_nothing import explained, why_nothing
+from calib.show.run.calibration_page import page_of as page_of_run
 from calib.show.run.photos import photo_rows
 from calib.show.studies.study_tables import fall_in_words
+from calib.verdict.criteria import read_criteria
+from calib.verdict.judge import Judged
 from calib.verdict.verdict import Verdict
 from designer.base.errors import InputError
 from tests.support.calibrations import board
@@ -113,39 +116,21 @@ def test_rings_of_a_photo_are_counted_as_commands_count_them(tmp_path: Path) -> 
     record = image_record(seen)
     geometry = board()
     records = Records("x", geometry.layout_id, geometry.geometry_id, (record,))
-    row = photo_rows(replace(run, records=records), run.best())[0]
+    row = photo_rows(run.best.evaluation, records)[0]
     assert row.expected == record.expected == 33
 
 
 @pytest.mark.parametrize("grade", ["bad", "usable"])
-def test_a_camera_that_is_not_to_be_used_is_not_handed_on(
-    grade: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_camera_that_is_not_to_be_used_is_not_handed_on(grade: str, tmp_path: Path) -> None:
     """With a bad verdict the page has no command that exports the camera, and does not call it the file to use."""
-    from calib.show.run import calibration_page as module
-
     write_run(tmp_path / "run", solved())
     verdict = Verdict("bad" if grade == "bad" else "usable", "opencv", f"{grade}: so it is", (), ())
-    monkeypatch.setattr(module, "_judged", lambda *_: _Judged(verdict))
-    monkeypatch.setattr(module, "is_verdict_on", lambda *_: True)
-    monkeypatch.setattr(module, "halves_of", lambda *_: _no_halves())
-    text = repr(module.calibration_page(tmp_path / "run", Origin("calibration", "", "x")))
+    judged = Judged(verdict, read_criteria(), None, "not tried")
+    run = replace(read_run(tmp_path / "run"), judged=judged)
+    text = repr(page_of_run(run, tmp_path / "run", Origin("calibration", "", "x")))
     is_offered = grade != "bad"
     assert ("calib convert" in text) == ("is the file to use" in text) == is_offered
     assert ("is not to be used: see the verdict" in text) != is_offered
-
-
-class _Judged:
-    """A verdict alone."""
-
-    def __init__(self, verdict: Verdict) -> None:
-        self.verdict = verdict
-
-
-def _no_halves() -> object:
-    from calib.verdict.halves import NoHalves
-
-    return NoHalves("not tried")
 
 
 def test_a_fall_that_is_faster_is_no_fault() -> None:

@@ -121,7 +121,7 @@ def test_a_hundred_photos_make_less_than_ten_megabytes(tmp_path: Path) -> None:
 def test_of_very_many_photos_the_worst_are_shown(tmp_path: Path, kept: Path) -> None:
     """As many as fit, and the page says how many are not."""
     run = read_run(kept)
-    row = photo_rows(run, run.best())[0]
+    row = photo_rows(run.best.evaluation, run.records)[0]
     rows = [replace(row, name=f"{number:04d}.png", rmse_px=float(number)) for number in range(MOST_PICTURES + 50)]
     write_overlays(tmp_path, [one.name for one in rows], (16, 12))
     shown = next(b for b in photos_section(tmp_path, rows, (), is_flat=True).blocks if isinstance(b, Gallery))

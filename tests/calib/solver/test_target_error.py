@@ -22,7 +22,7 @@ from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.solver.target_error import extended, with_target_error
 from calib.verdict.criteria import read_criteria
-from calib.verdict.evidence import evidence_of, noise_factor
+from calib.verdict.evidence import evidence_of
 from calib.verdict.halves import half_split
 from calib.verdict.judge import judge_run
 from calib.verdict.next_views import next_views
@@ -99,7 +99,7 @@ def test_stretched_boards_are_covered_by_what_is_stated(share: float, motion: st
     if share <= 0.003 or rolls:
         assert _error_px(one) < 3 * _stated_px(one)
     run = judge_run([one], 0, half_split(one, SolveOptions()), read_criteria())
-    good = read_criteria().uncertainty_px.good
+    good = read_criteria()["uncertainty"].good
     assert run.verdict.grade != "good" or _error_px(one) < good
     if share == 0.01:
         assert _error_px(one) > 10 * good
@@ -128,7 +128,7 @@ def test_measuring_hides_nothing_that_the_photos_do_not_tell(share: float) -> No
     told = with_made(again, how_made(found.target))
     assert _error_px(told) < 3 * sigma_over_image_px(told.camera, told.stated_covariance)
     run = judge_run([told], 0, half_split(told, SolveOptions()), read_criteria())
-    assert run.verdict.grade != "good" or _error_px(told) < read_criteria().uncertainty_px.good
+    assert run.verdict.grade != "good" or _error_px(told) < read_criteria()["uncertainty"].good
 
 
 def test_where_photos_tell_the_shape_little_is_lost() -> None:
@@ -159,9 +159,9 @@ def test_next_photos_promise_what_the_verdict_then_states(share: float) -> None:
     made, poses = _stretched(share), _poses(1, rolls=rolls, axes=axes)
     one = with_made(_solved(made, poses), how_made(BOARD))
     halves = half_split(one, SolveOptions())
-    stated = evidence_of([one], 0, halves).uncertainty.image_px
-    views = next_views(one, most=3, factor=noise_factor(one, halves), prior=prior_of(one, BOARD))
-    assert views[0].sigma_px_before == pytest.approx(stated, rel=1e-6)
+    stated = evidence_of([one], 0, halves).uncertainty
+    views = next_views(one, most=3, factor=stated.factor, prior=prior_of(one, BOARD))
+    assert views[0].sigma_px_before == pytest.approx(stated.image_px, rel=1e-6)
     views = next_views(one, most=3, prior=prior_of(one, BOARD))
     for count, view in enumerate(views, start=1):
         more = np.concatenate([poses, np.stack([v.cam_from_target for v in views[:count]])])
@@ -171,7 +171,7 @@ def test_next_photos_promise_what_the_verdict_then_states(share: float) -> None:
         if share:
             assert now_px > 0.9 * view.sigma_px_after
     unknown = next_views(one, most=3)  # nothing is promised of the target's part where it is not known what it is
-    assert all(view.sigma_px_after > stated / 2 for view in unknown)
+    assert all(view.sigma_px_after > stated.image_px / 2 for view in unknown)
 
 
 def test_a_file_of_errors_counts_as_it_was(tmp_path: Path) -> None:

@@ -14,13 +14,15 @@ from calib.solver.solve import solve
 from calib.verdict.advice import advice_of
 from calib.verdict.candidate_views import tilt_rotation
 from calib.verdict.checks import px
-from calib.verdict.criteria import Criteria, read_criteria
-from calib.verdict.evidence import CameraEvidence, HalvesFound, evidence_of
+from calib.verdict.criteria import read_criteria
+from calib.verdict.evidence import CameraEvidence, evidence_of
 from calib.verdict.halves import half_split
 from calib.verdict.judge import judge
 from calib.verdict.next_views import NextView, next_views
+from calib.verdict.verdict import Criteria
 from calib.verdict.views import view_facts
 from tests.support.solver_scenes import CAMERAS, NOISE_PX, board, icosahedron, noisy, observe, pose_from, poses_around
+from tests.support.verdict_cases import halves_apart_by
 
 Array = NDArray[np.float64]
 
@@ -77,7 +79,7 @@ def advice(calibration: Calibration) -> tuple[str, ...]:
 def proposed(calibration: Calibration) -> tuple[NextView, ...]:
     """The photos to take next for the limits."""
     return next_views(
-        calibration, goal_px=criteria().uncertainty_px.good, goal_covered=criteria().coverage_percent.good / 100
+        calibration, goal_px=criteria()["uncertainty"].good, goal_covered=criteria()["coverage"].good / 100
     )
 
 
@@ -133,7 +135,7 @@ def test_a_camera_that_is_not_known_well_gets_the_next_photo_and_what_more_of_th
     first = next(row for row, sentence in enumerate(said) if sentence.startswith("next photo"))
     for row, view in enumerate(views):
         assert view.sentence in said[first + row]
-    wanted = criteria().uncertainty_px.good
+    wanted = criteria()["uncertainty"].good
     assert f"(wanted: {px(wanted)}" in said[first]
     alike = next(sentence for sentence in said if "photos like the 8 so far" in sentence)
     needed = 8 * (sigma / wanted) ** 2
@@ -150,13 +152,16 @@ def test_what_would_change_the_verdict_comes_first() -> None:
     """Of two faults that which the verdict names first is mended first, with its command; the rest comes last."""
     calibration, found = good(), evidence(good())
     wrong = replace(found.leftover, image_px=0.3, target_px=0.01)
-    faults = {"lens": replace(found, leftover=wrong), "halves": replace(found, halves=HalvesFound(4.2, 0.1, 0.02, 0.2))}
+    faults = {
+        "lens": replace(found, leftover=wrong),
+        "halves": replace(found, halves=halves_apart_by(4.2, 0.1, 0.02, 0.2)),
+    }
     assert "--model virtual" in advice_of(calibration, faults["lens"], criteria())[0]
-    both = replace(faults["lens"], halves=HalvesFound(4.2, 0.1, 0.02, 0.2))
+    both = replace(faults["lens"], halves=halves_apart_by(4.2, 0.1, 0.02, 0.2))
     said = advice_of(calibration, both, criteria())
     assert judge(both, criteria()).sentence.startswith("the mean residual of a place")
     assert ["--model virtual" in said[0], "two halves" in said[1]] == [True, True]
-    worse = replace(found, leftover=replace(wrong, image_px=0.1), halves=HalvesFound(6.0, 0.6, 0.1, 0.9))
+    worse = replace(found, leftover=replace(wrong, image_px=0.1), halves=halves_apart_by(6.0, 0.6, 0.1, 0.9))
     assert judge(worse, criteria()).sentence.startswith("cameras solved from halves")
     said = advice_of(calibration, worse, criteria())
     assert ["two halves" in said[0], "--model virtual" in said[1]] == [True, True]
@@ -203,7 +208,7 @@ def test_a_bent_board_is_to_be_measured_before_anything_else() -> None:
     seen = observe(CAMERAS["opencv"], bent, poses, np.random.default_rng(3), noise_px=NOISE_PX)
     said = advice(solve(replace(seen, points=BOARD), "opencv"))
     assert "`calib measure NAME.target.json detections.csv -o measured/NAME.target.json`" in said[0]
-    found = replace(evidence(good()), halves=HalvesFound(4.2, 0.1, 0.02, 0.2))
+    found = replace(evidence(good()), halves=halves_apart_by(4.2, 0.1, 0.02, 0.2))
     said = advice_of(good(), found, criteria())
     assert "4.2 times" in said[0]
 

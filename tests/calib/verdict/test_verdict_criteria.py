@@ -1,19 +1,17 @@
 """The limits, as templates and as a person's own file."""
 
-from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
-from calib.verdict.criteria import Criteria, Limits, read_criteria
+from calib.verdict.criteria import read_criteria
+from calib.verdict.verdict import Criteria, Limits
 from designer.base.errors import InputError
 from designer.kinds.presets import preset_names
 
 
 def _limits(criteria: Criteria) -> dict[str, Limits]:
-    return {
-        field.name: getattr(criteria, field.name) for field in fields(criteria) if field.name not in ("name", "title")
-    }
+    return dict(criteria.limits)
 
 
 def test_templates_have_a_reason_for_each_number() -> None:
@@ -28,16 +26,16 @@ def test_templates_have_a_reason_for_each_number() -> None:
 def test_the_standard_limits_are_those_promised() -> None:
     """95 % of the image to 0.1 px by two standard deviations, 70 % covered, halves within 2 sigma."""
     criteria = read_criteria()
-    assert 2 * criteria.uncertainty_px.good == 0.1
-    assert criteria.coverage_percent.good == 70
-    assert criteria.halves_sigma.good == 2
+    assert 2 * criteria["uncertainty"].good == 0.1
+    assert criteria["coverage"].good == 70
+    assert criteria["halves"].good == 2
 
 
 def test_metrology_is_stricter_and_robotics_is_not() -> None:
     """No limit of metrology is wider than that of standard, none of robotics narrower."""
     strict, standard, wide = (_limits(read_criteria(name)) for name in ("metrology", "standard", "robotics"))
     for name, middle in standard.items():
-        sign = -1 if name == "coverage_percent" else 1
+        sign = -1 if name == "coverage" else 1
         for one in ("good", "usable"):
             low, mid, high = (sign * getattr(limits, one) for limits in (strict[name], middle, wide[name]))
             assert low <= mid <= high, (name, one)
@@ -54,9 +52,9 @@ def test_an_own_file_holds_what_differs(tmp_path: Path) -> None:
     text = 'title = "ours"\n[coverage]\ngood = 80\nusable = "60 %"\n[halves]\ngood = "1.5 sigma"\nusable = "3sigma"\n'
     own, standard = read_criteria(_own(tmp_path, text)), read_criteria()
     assert (own.title, own.name) == ("ours", "own")
-    assert own.coverage_percent == Limits(80, 60, "")
-    assert own.halves_sigma == Limits(1.5, 3, "")
-    assert own.uncertainty_px == standard.uncertainty_px
+    assert own["coverage"] == Limits(80, 60, "")
+    assert own["halves"] == Limits(1.5, 3, "")
+    assert own["uncertainty"] == standard["uncertainty"]
 
 
 @pytest.mark.parametrize(

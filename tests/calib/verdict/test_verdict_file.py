@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from rich.console import Console
 
-from calib.show.run.sections import headline_of
+from calib.show.run.sections import check_findings
+from calib.show.run.tables import checks_table
 from calib.solver.calibration import Calibration
 from calib.verdict.coverage import coverage_of
 from calib.verdict.halves import Halves, NoHalves, halves_apart
 from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged, judge_run
 from calib.verdict.verdict import Check
-from calib.verdict.words import checks_table, criteria_line
 from designer.base.errors import InputError
+from designer.page.terminal import say_findings, say_table
 from tests.support.verdict_cases import judged, sightings, solved
 
 
@@ -108,28 +108,23 @@ def test_a_folder_without_a_verdict_says_so(tmp_path: Path) -> None:
         VERDICT.read(tmp_path / VERDICT_FILE)
 
 
-def _screen(run: Judged) -> str:
-    console = Console(width=160, record=True, file=None, quiet=False)
-    with console.capture() as captured:
-        console.print(checks_table(run.verdict))
-    return captured.get()
-
-
-def test_the_screen_has_a_row_for_each_check(run: Judged) -> None:
+def test_the_screen_has_a_row_for_each_check(run: Judged, capsys: pytest.CaptureFixture[str]) -> None:
     """Each check has a row with its value and both limits."""
-    text = _screen(run)
+    say_table(checks_table(run.verdict))
+    text = capsys.readouterr().out
     for one in run.verdict.checks:
         assert one.title in text
     assert ">= 70 %" in text
     assert "<= 0.1 px" in text
-    assert "standard" in criteria_line(run.criteria)
 
 
-def test_texts_are_no_markup(run: Judged) -> None:
+def test_texts_are_no_markup(run: Judged, capsys: pytest.CaptureFixture[str]) -> None:
     """A sentence from a file is shown as it is: no colours, no escape sequences."""
     evil = Check("x", "[red]title[/red]", "bad", None, "", 0.0, 0.0, False, "[link=file:///]\x1b[31m\x07sentence")
-    verdict = replace(run.verdict, checks=(evil,), sentence="[bold]\x1b[2J")
-    text = _screen(replace(run, verdict=verdict))
-    assert "[red]title[/red]" in text
+    verdict = replace(run.verdict, checks=(evil,))
+    say_table(checks_table(verdict))
+    say_findings(check_findings(verdict))
+    text = capsys.readouterr().out
+    assert text.count("[red]title[/red]") == 2
+    assert "[link=file:///]" in text
     assert "\x1b" not in text
-    assert "\x1b" not in headline_of(verdict).sentence

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from calib.core.types import Observations
 from calib.solver.calibration import ImageField, TargetError
 from calib.solver.solve import solve
-from calib.verdict.criteria import Criteria, Limits, read_criteria
-from calib.verdict.evidence import HalvesFound, evidence_of, uncertainty_of
+from calib.verdict.criteria import read_criteria
+from calib.verdict.evidence import evidence_of, uncertainty_of
 from calib.verdict.halves import NoHalves, half_split
 from calib.verdict.judge import WORSE, judge, judge_run
 from calib.verdict.target_shape import ShapeEffect
-from calib.verdict.verdict import Check, Grade, measured_text
+from calib.verdict.verdict import Check, Criteria, Grade, Limits, measured_text
 from tests.support.solver_scenes import observe, pose_from, poses_around
 from tests.support.verdict_cases import (
     BOARD,
@@ -25,6 +25,7 @@ from tests.support.verdict_cases import (
     believed,
     bent,
     check,
+    halves_apart_by,
     judged,
     sightings,
     solved,
@@ -109,7 +110,7 @@ def test_a_target_in_the_centre_only_is_good_there_only() -> None:
     run = judged(observe(TRUE, BOARD, poses_around(20, rng, distance_mm=600), rng, noise_px=0.02))
     assert run.verdict.grade == "bad"
     assert {one.name for one in run.verdict.checks if one.grade == "bad"} == {"uncertainty", "coverage"}
-    assert run.verdict.sentence.startswith("the sightings surround only ")
+    assert run.verdict.sentence.startswith("the observations surround only ")
     assert "nothing was seen to check it" in run.verdict.sentence
 
 
@@ -171,10 +172,8 @@ def test_two_images_twice_as_fine_are_judged_alike() -> None:
 
 def _every(criteria: Criteria, good: float, usable: float) -> Criteria:
     limits = Limits(good, usable)
-    return replace(
-        criteria, uncertainty_px=limits, residuals_px=limits, systematic_px=limits, outliers_percent=limits,
-        target_px=limits, models_px=limits,
-    )  # fmt: skip
+    names = ("uncertainty", "residuals", "systematic", "outliers", "target", "models")
+    return replace(criteria, limits={**criteria.limits, **dict.fromkeys(names, limits)})
 
 
 def test_stricter_limits_never_improve_the_grade() -> None:
@@ -219,7 +218,7 @@ def test_only_what_is_sure_of_the_target_makes_a_camera_unusable() -> None:
 def _halves(ratio: float, percentile_95_px: float, stated_px: float | None = None) -> Check:
     evidence = evidence_of(solved(sightings(views=6)), 0, NoHalves("not asked for"))
     stated = percentile_95_px / ratio if stated_px is None else stated_px
-    found = replace(evidence, halves=HalvesFound(ratio, percentile_95_px, stated, percentile_95_px))
+    found = replace(evidence, halves=halves_apart_by(ratio, percentile_95_px, stated, percentile_95_px))
     return next(one for one in judge(found, read_criteria()).checks if one.name == "halves")
 
 
@@ -245,7 +244,7 @@ def test_a_shape_that_the_photos_do_not_tell_leaves_no_praise_unless_its_making_
     What it may be off then stands in the uncertainty; a check that could not be made hides nothing.
     """
     evidence = evidence_of(solved(sightings(views=20)), 0, NoHalves("not asked for"))
-    evidence = replace(evidence, halves=HalvesFound(1.0, 0.01, 0.01, 0.01), shape=ShapeEffect(0.5, 1.0, 22.0, 0.1))
+    evidence = replace(evidence, halves=halves_apart_by(1.0, 0.01, 0.01, 0.01), shape=ShapeEffect(0.5, 1.0, 22.0, 0.1))
     assert judge(evidence, read_criteria()).grade == "usable"
     assert "--made" in judge(evidence, read_criteria()).sentence
     none = np.zeros((9, 9))
@@ -269,7 +268,7 @@ def test_halves_that_may_differ_by_anything_show_nothing_by_agreeing() -> None:
 def test_halves_without_power_leave_no_praise() -> None:
     """A verdict that rests on halves that cannot tell is usable at best, and says why."""
     evidence = evidence_of(solved(sightings(views=20)), 0, NoHalves("not asked for"))
-    verdict = judge(replace(evidence, halves=HalvesFound(0.4, 0.37, 0.93, 0.4)), read_criteria())
+    verdict = judge(replace(evidence, halves=halves_apart_by(0.4, 0.37, 0.93, 0.4)), read_criteria())
     assert verdict.grade == "usable"
     assert "not everything could be checked: halves of the photos are so uncertain" in verdict.sentence
 
@@ -333,7 +332,7 @@ def test_halves_that_differ_beyond_chance_enlarge_the_uncertainty(ratio: float, 
 
     What the target may be off is the same in both halves, and added as it is.
     """
-    halves = HalvesFound(ratio, 0.01, 0.01 / ratio, 0.02)
+    halves = halves_apart_by(ratio, 0.01, 0.01 / ratio, 0.02)
     assert halves.factor == factor
     run = solved(sightings(views=6))
     evidence = evidence_of(run, 0, NoHalves("not asked for"))

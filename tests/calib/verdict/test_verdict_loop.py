@@ -24,9 +24,7 @@ OPTIONS = SolveOptions()
 def judged(calibration: Calibration) -> tuple[Judged, tuple[NextView, ...]]:
     """The verdict, and the photos that are proposed with it."""
     criteria = read_criteria()
-    views = next_views(
-        calibration, goal_px=criteria.uncertainty_px.good, goal_covered=criteria.coverage_percent.good / 100
-    )
+    views = next_views(calibration, goal_px=criteria["uncertainty"].good, goal_covered=criteria["coverage"].good / 100)
     return judge_run([calibration], 0, half_split(calibration, OPTIONS), criteria, views), views
 
 

@@ -1,0 +1,180 @@
+"""Tables of a run, for its page and for the terminal: parameters, errors, models side by side, faces of the target."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib.core.number_text import figure as digits
+from calib.core.number_text import with_digits
+from calib.core.types import UNMEASURABLE_WORDS
+from calib.metrics.evaluation import Evaluation, by_face
+from calib.observe.records import Records
+from calib.records.evaluation_files import FoundParameter, Metrics
+from calib.records.run_folder import Solved
+from calib.show.parts.folder_blocks import number, whole
+from calib.solver.calibration import Calibration
+from calib.verdict.verdict import Verdict
+from designer.base.words import printable
+from designer.page.blocks import Cell, Column, Level, Table
+
+OF_ITS_OWN_SENSOR = (
+    "fx of the virtual camera is left out: it belongs to the sensor that its map leads to, not to the photos"
+)
+STANDS_OUT = 3.0
+"""A face whose error is so many times the median of all is worth a look; one seen flat has twice the usual."""
+
+
+def parameters_table(metrics: Metrics) -> Table:
+    """A row a parameter with its standard deviation, and the true value where the photos were rendered."""
+    has_truth = any(one.true is not None for one in metrics.parameters.values())
+    columns = [
+        Column("parameter", is_number=False),
+        Column("value"),
+        Column("sigma", note="by noise, and by what the target may be off"),
+        Column("unit", is_number=False),
+    ]
+    if has_truth:
+        columns += [Column("true"), Column("off by", note="value - true, in standard deviations")]
+    rows = tuple(_parameter(name, one, has_truth=has_truth) for name, one in metrics.parameters.items())
+    return Table(f"Parameters of model {printable(metrics.model)}", tuple(columns), rows, visible_rows=20)
+
+
+def _parameter(name: str, one: FoundParameter, *, has_truth: bool) -> tuple[Cell, ...]:
+    spread = Cell("fixed") if one.fixed else number(one.sigma, 2)
+    unit = "" if one.unit == "1" else printable(one.unit)
+    row = (Cell(printable(name)), Cell(with_digits(one.value, one.sigma), one.value), spread, Cell(unit))
+    if not has_truth:
+        return row
+    if one.true is None:
+        return (*row, Cell(""), Cell(""))
+    off = (one.value - one.true) / one.sigma if one.sigma > 0 else math.nan
+    said = f"{round(off, 1) + 0.0:+.1f} sigma" if math.isfinite(off) else ""
+    return (*row, Cell(with_digits(one.true, one.sigma), one.true), Cell(said, off))
+
+
+def errors_table(metrics: Metrics) -> Table:
+    """A row a metric."""
+    columns = (
+        Column("error", is_number=False),
+        Column("unit", is_number=False),
+        Column("n", note="how many errors count"),
+        Column("RMSE", note="root of the mean squared length of the errors"),
+        Column("mean"),
+        Column("median"),
+        Column("95 %", note="so many are below"),
+        Column("largest"),
+    )
+    title = (
+        f"Errors by cross-validation: each photo with a camera solved from the others, in {metrics.parts} parts"
+        if metrics.parts
+        else "Errors, of the photos that the camera was solved from"
+    )
+    rows = []
+    for name, one in metrics.metrics.items():
+        found = one.errors
+        values = (found.rmse, found.mean, found.median, found.percentile_95, found.largest)
+        cells = (number(value, 4) for value in values)
+        rows.append((Cell(printable(name)), Cell(printable(one.unit)), whole(found.count), *cells))
+    return Table(title, columns, tuple(rows))
+
+
+def models_table(solved: Sequence[Solved]) -> Table:
+    """Cameras of the same photos side by side: RMSE of each metric, and the focal length with its sigma."""
+    units = {name: printable(metric.unit) for one in solved for name, metric in one.metrics.metrics.items()}
+    columns = (
+        Column("model", is_number=False), Column("observations"),
+        *(Column(f"{printable(name)} {unit}", note="root mean square") for name, unit in units.items()),
+        Column("fx px", note=OF_ITS_OWN_SENSOR), Column("status", is_number=False),
+    )  # fmt: skip
+    note = OF_ITS_OWN_SENSOR if any(one.calibration.camera.learned is not None for one in solved) else ""
+    return Table("Models of the camera", columns, tuple(_model_row(one, tuple(units)) for one in solved), note)
+
+
+def _model_row(one: Solved, names: Sequence[str]) -> tuple[Cell, ...]:
+    calibration, found = one.calibration, one.metrics.metrics
+    focal = (
+        Cell("")
+        if calibration.camera.learned is not None
+        else Cell(focal_length(calibration), float(calibration.camera.params[0]))
+    )
+    return (
+        Cell(one.model), whole(int((~calibration.is_outlier).sum())),
+        *(number(found[name].errors.rmse, 4) if name in found else Cell("") for name in names), focal,
+        Cell(calibration.status, level=None if calibration.status == "converged" else "bad"),
+    )  # fmt: skip
+
+
+def focal_length(calibration: Calibration) -> str:
+    """`fx` with its standard deviation."""
+    value, variance = float(calibration.camera.params[0]), float(calibration.stated_covariance[0, 0])
+    if not variance > 0:
+        return f"{value:.2f}"
+    sigma = math.sqrt(variance)
+    return f"{with_digits(value, sigma)} ± {digits(sigma, 2)}"
+
+
+def checks_table(verdict: Verdict) -> Table:
+    """A row a check: grade, what was measured, and the limits."""
+    columns = (Column("grade", is_number=False), Column("check", is_number=False), Column("measured"), Column("good"),
+               Column("usable"))  # fmt: skip
+    rows = []
+    for check in verdict.checks:
+        level: Level | None = None if check.grade == "unknown" else check.grade
+        sign = ">=" if check.is_at_least else "<="
+        limits = (f"{sign} {limit:.4g} {check.unit}" if check.unit else "" for limit in (check.good, check.usable))
+        cells = (Cell("-" if level is None else level, level=level), Cell(printable(check.title)), Cell(check.measured))
+        rows.append((*cells, *map(Cell, limits)))
+    return Table("Checks", columns, tuple(rows))
+
+
+def faces_table(evaluation: Evaluation, records: Records | None) -> Table:
+    """A row a face of the target."""
+    seen = evaluation.calibration.observations
+    faces, face = len(seen.points.plane), seen.points.face[seen.point]
+    grouped = {e.metric: (e.unit, found) for e in evaluation.errors if (found := by_face(evaluation, e)) is not None}
+    rings, expected = _rings_of_faces(records, faces)
+    columns = [Column("face"), Column("photos", note="that show it"), Column("observations", note="that count")]
+    if records is not None:
+        note = f"in the photos in which it was read, of those that could be measured, not {UNMEASURABLE_WORDS}"
+        columns.append(Column("rings found %", note=note))
+    columns += [Column(f"{name} {unit}", note="root mean square") for name, (unit, _) in grouped.items()]
+    columns.append(Column("worst px", note="the largest residual"))
+    residuals = grouped.get("reprojection")
+    rows = []
+    for row in range(faces):
+        own = None if residuals is None else residuals[1][row]
+        cells = [whole(row), whole(len(np.unique(seen.view[face == row]))), whole(0 if own is None else own.count)]
+        if records is not None:
+            cells.append(number(100 * rings[row] / expected[row] if expected[row] else math.nan, 3))
+        cells += [number(summaries[row].rmse) for _, summaries in grouped.values()]
+        rows.append((*cells, number(math.nan if own is None else own.largest)))
+    return Table("Faces of the target", tuple(columns), tuple(rows), visible_rows=20)
+
+
+def _rings_of_faces(records: Records | None, faces: int) -> tuple[list[int], list[int]]:
+    """How many rings of each face were found in all photos, and how many could have been measured."""
+    found, expected = [0] * faces, [0] * faces
+    for image in () if records is None else records.images:
+        for face in image.faces:
+            if face.face is not None and 0 <= face.face < faces:
+                found[face.face] += face.rings_found
+                expected[face.face] += face.measurable
+    return found, expected
+
+
+def faces_words(one: Solved) -> str:
+    """How even the faces are, as a sentence; a face that stands out may be printed or glued askew."""
+    errors = one.evaluation.of("reprojection")
+    summaries = None if errors is None else by_face(one.evaluation, errors)
+    known = [] if summaries is None else [(s.rmse, row) for row, s in enumerate(summaries) if s.count]
+    total = len(one.calibration.observations.points.plane)
+    if not known:
+        return f"None of the {total} faces has observations that count."
+    (least, _), (most, worst) = min(known), max(known)
+    usual = float(np.median([rmse for rmse, _ in known]))
+    judged = ", which stands out: look whether it is printed or mounted askew" if most > STANDS_OUT * usual else ""
+    return (
+        f"{len(known)} of {total} faces were seen; the residuals of one are {digits(least, 2)} to {digits(most, 2)} px "
+        f"(RMS), the largest on face {worst}{judged}."
+    )
