@@ -50,12 +50,7 @@ class Design:
     @cached_property
     def part(self) -> Part:
         """The printed solid, ready for a slicer, with shrinkage and skew compensation."""
-        part = self._straight_part()
-        return Part(self._sheared(part.body), None if part.ink is None else self._sheared(part.ink))
-
-    def _sheared(self, mesh: Mesh) -> Mesh:
-        """A mesh against the printer's skew; an affine map keeps it closed and its triangles facing outwards."""
-        return replace(mesh, vertices_mm=against_skew(self.target, self.job.printing, mesh.vertices_mm))
+        return self._straight_part().placed(lambda points: against_skew(self.target, self.job.printing, points))
 
     def _straight_part(self) -> Part:
         """The printed solid of a printer with square axes."""
@@ -86,7 +81,9 @@ class Design:
 THREADS = 2
 """Formats that are made at a time."""
 
-Exporter = Callable[[Design], Iterator[OutputFile]]
+Made = Iterator[tuple[str, bytes, str]]
+"""Suffix, content and purpose of files; all of them bear the job's name."""
+Exporter = Callable[[Design], Made]
 
 
 def make_files(design: Design, on_stage: Callable[[str], None]) -> tuple[OutputFile, ...]:
@@ -95,53 +92,43 @@ def make_files(design: Design, on_stage: Callable[[str], None]) -> tuple[OutputF
     Raises:
         InputError: the target cannot be made as asked.
     """
-    name = design.job.name
-    files = [
-        OutputFile(
-            f"{name}.target.json",
-            target_to_json(design.target).encode(),
-            "the geometry that detector and calibrator read",
-        ),
-        OutputFile(
-            f"{name}.toml", spec_to_toml(design.job).encode(), "the full spec; `design make` repeats this run from it"
-        ),
+    job = design.job
+    toml = spec_to_toml(job).encode()
+    made = [
+        ("target.json", target_to_json(design.target).encode(), "the geometry that detector and calibrator read"),
+        ("toml", toml, "the full spec; `design make` repeats this run from it"),
     ]
     # Compressing and drawing let other threads run.
     with ThreadPoolExecutor(THREADS) as pool:
-        made = {kind: pool.submit(_made, kind, design) for kind in design.job.formats}
-        for kind, of_kind in made.items():
-            on_stage(kind)
-            files += of_kind.result()
-    if design.job.printing.stand:
+        running = {name: pool.submit(lambda make: [*make(design)], EXPORTERS[name]) for name in job.formats}
+        for name, files in running.items():
+            on_stage(name)
+            made += files.result()
+    if job.printing.stand:
         on_stage("stand")
-        files += _stand(design)
-    return tuple(files)
-
-
-def _made(kind: Format, design: Design) -> tuple[OutputFile, ...]:
-    """The files of a format."""
-    return tuple(EXPORTERS[kind](design))
+        made += _stand(design)
+    return tuple(OutputFile(f"{job.name}.{suffix}", content, purpose) for suffix, content, purpose in made)
 
 
 # Exporters import what they need when they run: build123d takes 4 s to load.
 
 
-def _3mf(design: Design) -> Iterator[OutputFile]:
+def _3mf(design: Design) -> Made:
     from designer.formats.threemf import threemf_files
 
     job = design.job
     files = threemf_files(design.part, job.printing, job.name, bed_from_target(design.target, job.printing))
-    yield OutputFile(f"{job.name}.prusa.3mf", files.prusa, "for PrusaSlicer: one object, filaments 1 and 2")
-    yield OutputFile(f"{job.name}.bambu.3mf", files.bambu, "for Bambu Studio, OrcaSlicer and Cura")
+    yield "prusa.3mf", files.prusa, "for PrusaSlicer: one object, filaments 1 and 2"
+    yield "bambu.3mf", files.bambu, "for Bambu Studio, OrcaSlicer and Cura"
 
 
-def _stl(design: Design) -> Iterator[OutputFile]:
+def _stl(design: Design) -> Made:
     from designer.formats.stl import stl_bytes
 
-    name, part = design.job.name, _as_it_lies(design)
-    yield OutputFile(f"{name}.body.stl", stl_bytes(part.body), "the body")
+    part = _as_it_lies(design)
+    yield "body.stl", stl_bytes(part.body), "the body"
     if part.ink is not None:
-        yield OutputFile(f"{name}.pattern.stl", stl_bytes(part.ink), "the ink, which fits into the body")
+        yield "pattern.stl", stl_bytes(part.ink), "the ink, which fits into the body"
 
 
 def _as_it_lies(design: Design) -> Part:
@@ -151,40 +138,27 @@ def _as_it_lies(design: Design) -> Part:
         return part
     motion = bed_from_target(design.target, printing)
     lift_mm = np.array([0.0, 0.0, motion[2, 3]])
-
-    def laid(mesh: Mesh) -> Mesh:
-        return replace(mesh, vertices_mm=mapped(mesh.vertices_mm, motion[:3, :3]) + lift_mm)
-
-    return Part(laid(part.body), None if part.ink is None else laid(part.ink))
+    return part.placed(lambda points: mapped(points, motion[:3, :3]) + lift_mm)
 
 
-def _png(design: Design) -> Iterator[OutputFile]:
+def _png(design: Design) -> Made:
     from designer.formats.png import preview_png
 
     job, target = design.job, design.target
-    png = preview_png(
-        design.artwork,
-        polyhedron=None if job.target.solid is None else job.target.solid.polyhedron,
-        thickness_mm=job.target.depth_mm,
-        body_colour=job.printing.body_colour,
-        ink_colour=job.printing.ink_colour,
-        caption=f"{job.name}: {target.ring_count} rings and dots, target id {target.geometry_id}",
-    )
-    yield OutputFile(f"{job.name}.png", png, "a preview")
+    caption = f"{job.name}: {target.ring_count} rings and dots, target id {target.geometry_id}"
+    yield "png", preview_png(design.artwork, job.target, job.printing, caption), "a preview"
 
 
-def _pdf(design: Design) -> Iterator[OutputFile]:
+def _pdf(design: Design) -> Made:
     from designer.formats.pdf import pdf_bytes
 
-    yield OutputFile(f"{design.job.name}.pdf", pdf_bytes(design.pages), f"{_sheets(design)}; print at 100 %")
+    yield "pdf", pdf_bytes(design.pages), f"{_sheets(design)}; print at 100 %"
 
 
-def _svg(design: Design) -> Iterator[OutputFile]:
+def _svg(design: Design) -> Made:
     from designer.formats.svg import svg_bytes
 
-    yield OutputFile(
-        f"{design.job.name}.svg", svg_bytes(design.pages), f"{_sheets(design)}, for cutters and print shops"
-    )
+    yield "svg", svg_bytes(design.pages), f"{_sheets(design)}, for cutters and print shops"
 
 
 def _sheets(design: Design) -> str:
@@ -193,7 +167,7 @@ def _sheets(design: Design) -> str:
     return f"{what}, {count} page{'s' if count > 1 else ''}"
 
 
-def _step(design: Design) -> Iterator[OutputFile]:
+def _step(design: Design) -> Made:
     try:
         from designer.make.cad import step_bytes
     except ImportError as error:
@@ -203,23 +177,21 @@ def _step(design: Design) -> Iterator[OutputFile]:
         ) from None
     job = design.job
     step = step_bytes(job.target, design.printed_pattern, job.printing, name=job.name, scale=design.scale)
-    yield OutputFile(f"{job.name}.step", step, "for CAD: true circles, coloured parts")
+    yield "step", step, "for CAD: true circles, coloured parts"
 
 
-def _glb(design: Design) -> Iterator[OutputFile]:
+def _glb(design: Design) -> Made:
     from designer.formats.glb import glb_bytes
 
-    yield OutputFile(
-        f"{design.job.name}.glb", glb_bytes(design.part, design.job.printing), "a coloured 3D model for viewers"
-    )
+    yield "glb", glb_bytes(design.part, design.job.printing), "a coloured 3D model for viewers"
 
 
-def _stand(design: Design) -> Iterator[OutputFile]:
+def _stand(design: Design) -> Made:
     from designer.formats.stl import stl_bytes
     from designer.make.stand import make_stand
 
     stand = make_stand(design.target, design.job.printing)
-    yield OutputFile(f"{design.job.name}.stand.stl", stl_bytes(stand), "a stand that touches no ring")
+    yield "stand.stl", stl_bytes(stand), "a stand that touches no ring"
 
 
 EXPORTERS: dict[Format, Exporter] = {

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image, ImageColor, ImageDraw
 
 from designer.base.solid import Polyhedron
 from designer.make.pattern import Contour, FacePattern, Pattern
+from designer.spec.spec import PrintSpec, Spec
 
 HEIGHT_PX = 800
 """Height of the picture above its caption; the view in perspective is as wide."""
@@ -44,29 +45,19 @@ class _SphereCamera:
         return list(zip((middle + factor * seen[:, 0]).tolist(), (middle - factor * seen[:, 1]).tolist(), strict=True))
 
 
-def preview_png(
-    pattern: Pattern,
-    *,
-    polyhedron: Polyhedron | None,
-    thickness_mm: float,
-    body_colour: str,
-    ink_colour: str,
-    caption: str,
-) -> bytes:
-    """The preview as a PNG file.
+def preview_png(pattern: Pattern, spec: Spec, printing: PrintSpec, caption: str) -> bytes:
+    """The preview as a PNG file: the target, of a solid its net too, and a line below them.
 
     Args:
         pattern: the ink on all faces.
-        polyhedron: the solid, whose net is drawn, too; None: a plate.
-        thickness_mm: of the plate.
-        body_colour: "#rrggbb".
-        ink_colour: "#rrggbb".
-        caption: a line below the picture.
+        spec: of the target.
+        printing: gives the colours.
+        caption: the line.
     """
-    colours = _rgb(body_colour), _rgb(ink_colour)
-    panels = [_perspective(pattern, thickness_mm, colours)]
-    if polyhedron is not None:
-        panels.append(_unfolded(pattern, polyhedron, colours))
+    colours = _rgb(printing.body_colour), _rgb(printing.ink_colour)
+    panels = [_perspective(pattern, spec.depth_mm, colours)]
+    if spec.solid is not None:
+        panels.append(_unfolded(pattern, spec.solid.polyhedron, colours))
     image = Image.new("RGB", (sum(panel.width for panel in panels), HEIGHT_PX + CAPTION_PX), _BACKGROUND)
     left = 0
     for panel in panels:
@@ -198,4 +189,5 @@ def _shaded(colour: _Colour, light: float) -> _Colour:
 
 
 def _rgb(colour: str) -> _Colour:
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+    red, green, blue = ImageColor.getrgb(colour)[:3]
+    return red, green, blue

@@ -5,7 +5,8 @@ meet, the tops of their borders share the solid's edge and the floors share the 
 inlay's depth; no wall stands between them, and the whole border is one closed shell.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from manifold3d import triangulate
@@ -42,6 +43,14 @@ class Part:
 
     body: Mesh
     ink: Mesh | None
+
+    def placed(self, place: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> "Part":
+        """The part with its vertices elsewhere; an affine map keeps it closed and its triangles facing outwards."""
+
+        def moved(mesh: Mesh) -> Mesh:
+            return replace(mesh, vertices_mm=place(mesh.vertices_mm))
+
+        return Part(moved(self.body), None if self.ink is None else moved(self.ink))
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import io
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,11 +28,8 @@ DESIGNS = {"ico": ICO, "board": BOARD, "cube": CUBE}
 
 
 def preview(design: Design, body: str = BODY, ink: str = INK, caption: str = "a caption") -> bytes:
-    spec = design.job.target
-    return preview_png(
-        design.artwork, polyhedron=None if spec.solid is None else spec.solid.polyhedron, thickness_mm=spec.depth_mm,
-        body_colour=body, ink_colour=ink, caption=caption,
-    )  # fmt: skip
+    printing = replace(design.job.printing, body_colour=body, ink_colour=ink)
+    return preview_png(design.artwork, design.job.target, printing, caption)
 
 
 def pixels(png: bytes) -> np.ndarray:
