@@ -4,6 +4,7 @@ Reports build these; `designer.page.shell` alone turns them into HTML, and escap
 """
 
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 from urllib.parse import quote
@@ -101,6 +102,12 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
     visible_rows: int = 12  # more are behind a scroll bar on the screen; all are in print
+
+
+def text_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], visible_rows: int = 12) -> Table:
+    """A table of words."""
+    columns = tuple(Column(head, is_number=False) for head in heads)
+    return Table(title, columns, tuple(tuple(map(Cell, row)) for row in rows), visible_rows=visible_rows)
 
 
 @dataclass(frozen=True)

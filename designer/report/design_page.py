@@ -12,7 +12,7 @@ from designer.base.solid import CODES, code_positions
 from designer.base.units import NO_SKEW, format_skew
 from designer.base.words import capital, with_article
 from designer.formats.folder import OutputFile
-from designer.kinds.layout import adjacent_faces, narrowest_widths, opposite_faces
+from designer.kinds.layout import adjacent_faces, opposite_faces
 from designer.make.bed import printed_size_mm
 from designer.make.printability import RULES, PrintCheck, sentence
 from designer.page.blocks import (
@@ -92,12 +92,16 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile]) 
         lead=_lead(design, filament, panels),
         sections=(
             Section(RULES_TITLE, (check.told(),), _rule_lead(job.printing, check)),
-            Section("Making it", _making_blocks(design, filament, files), _making_lead(design)),
-            *(() if filament is None else (Section("Expected filament", *_filament_section(filament, design)),)),
+            _making(design, filament, files),
+            *(() if filament is None else (_filament_section(filament, design),)),
             Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
             Section("What was printed: measure it", measure_blocks(design), _MEASURE_LEAD),
             Section("Codes", (*code_blocks(design), *_net(design, panels))),
-            Section("Files", (_file_list(files),), f"{job.name}.target.json is the file that calib reads."),
+            Section(
+                "Files",
+                (FileList(tuple(FileRow(file.name, file.purpose, len(file.content)) for file in files)),),
+                f"{job.name}.target.json is the file that calib reads.",
+            ),
         ),
         made_by=f"design make {job.name}.toml",
         program=program(),
@@ -174,22 +178,17 @@ def _net(design: Design, panels: Panels | None) -> tuple[Block, ...]:
     )
 
 
-def _making_lead(design: Design) -> str:
-    build = design.job.printing.build
-    if build == "stickers":
-        return f"A body in one filament, and {design.target.face_count} printed stickers."
-    return "A sheet from a print shop." if build == "sheet" else "One object in two filaments, as it lies in the file."
-
-
-def _making_blocks(design: Design, filament: Filament | None, files: Sequence[OutputFile]) -> tuple[Block, ...]:
+def _making(design: Design, filament: Filament | None, files: Sequence[OutputFile]) -> Section:
     """Instructions for the build."""
-    build = design.job.printing.build
+    title, build = "Making it", design.job.printing.build
     if build == "stickers":
-        return sticker_blocks(design, _sheets(design))
+        lead = f"A body in one filament, and {design.target.face_count} printed stickers."
+        return Section(title, sticker_blocks(design, _sheets(design)), lead)
     if build == "sheet":
-        return (*sheet_blocks(design), *_sheets(design))
-    shells = Shells() if filament is None else filament.shells
-    return (*print_settings(design, shells), *slicer_folds(design, [file.name for file in files]))
+        return Section(title, (*sheet_blocks(design), *_sheets(design)), "A sheet from a print shop.")
+    settings = print_settings(design, Shells() if filament is None else filament.shells)
+    folds = slicer_folds(design, [file.name for file in files])
+    return Section(title, (*settings, *folds), "One object in two filaments, as it lies in the file.")
 
 
 def _sheets(design: Design) -> tuple[Leaf, ...]:
@@ -207,13 +206,12 @@ def _sheets(design: Design) -> tuple[Leaf, ...]:
     return (*figures, *more)
 
 
-def _filament_section(filament: Filament, design: Design) -> tuple[tuple[Block, ...], str]:
-    """Blocks and lead of the section on filament."""
-    printing = design.job.printing
-    body_colour = colour_words(printing.body_colour) if filament.ink else "any"
-    slots = [("1, body", body_colour, filament.body)]
-    if filament.ink is not None:
-        slots.append(("2, ink", colour_words(printing.ink_colour), filament.ink))
+def _filament_section(filament: Filament, design: Design) -> Section:
+    """How much of which, and what a single nozzle throws away."""
+    printing, body, ink = design.job.printing, filament.body, filament.ink
+    slots = [("1, body", colour_words(printing.body_colour) if ink else "any", body)]
+    if ink is not None:
+        slots.append(("2, ink", colour_words(printing.ink_colour), ink))
     columns = (
         Column("slot", is_number=False),
         Column("colour", is_number=False),
@@ -225,32 +223,20 @@ def _filament_section(filament: Filament, design: Design) -> tuple[tuple[Block, 
         for slot, colour, amount in slots
     )
     left_out = "Brim and purge are" if filament.changes else "Brim is"
-    stand = ", nor is the stand" if printing.stand else ""
     note = (
         f"Computed from the volumes for PLA (1.24 g/cm³), {filament.shells.text}; PrusaSlicer agrees within "
-        f"{100 * SPREAD:g} %. {left_out} not in it{stand}."
+        f"{100 * SPREAD:g} %. {left_out} not in it{', nor is the stand' if printing.stand else ''}."
     )
-    lead = f"{filament.body.mass_text} of body"
-    lead += f" and {filament.ink.mass_text} of ink." if filament.ink else "."
     blocks: list[Block] = [Table("Filament of each slot", columns, rows, note=note)]
     if filament.changes:
-        blocks.append(Paragraph(_purge_words(filament)))
-    return tuple(blocks), lead
-
-
-def _purge_words(filament: Filament) -> str:
-    """What a single nozzle throws away."""
-    return (
-        f"{filament.inked_layers} layers hold ink, which makes {filament.changes} changes of the filament. On a single "
-        f"nozzle each purges some: about {two_digits(filament.purge_g)} g in all at {PURGE_G_PER_CHANGE:g} g a change; "
-        "your slicer tells its own number, which can be several times that. Printers with a nozzle for each filament "
-        "purge little."
-    )
-
-
-def _file_list(files: Sequence[OutputFile]) -> FileList:
-    """Every other file of the folder."""
-    return FileList(tuple(FileRow(file.name, file.purpose, len(file.content)) for file in files))
+        blocks.append(Paragraph(
+            f"{filament.inked_layers} layers hold ink, which makes {filament.changes} changes of the filament. On a "
+            f"single nozzle each purges some: about {two_digits(filament.purge_g)} g in all at {PURGE_G_PER_CHANGE:g} "
+            "g a change; your slicer tells its own number, which can be several times that. Printers with a nozzle for "
+            "each filament purge little."
+        ))  # fmt: skip
+    lead = f"{body.mass_text} of body{f' and {ink.mass_text} of ink' if ink else ''}."
+    return Section("Expected filament", tuple(blocks), lead)
 
 
 DOT, RING = "●", "○"
@@ -259,39 +245,20 @@ DOT, RING = "●", "○"
 def dimension_facts(design: Design, filament: Filament | None) -> Facts:
     """What a drawing would say."""
     spec, target = design.job.target, design.target
+    rings = f"{target.ring_count} in all, of which {int(target.is_dot.sum())} are dots"
+    if not target.is_planar:
+        rings = f"{target.ring_count // target.face_count} on each of {target.face_count} faces, {rings}"
     centre_mm = spec.ring_diameter_mm * spec.ring_ratio
-    ring = [
-        ("rings", _ring_words(target)),
+    return Facts((
+        *spec.facts(),
+        ("rings", rings),
         ("ring", f"diameter {spec.ring_diameter_mm:g} mm, white centre {centre_mm:.4g} mm"),
         ("pitch", f"{spec.pitch_mm:g} mm between neighbouring centres"),
         ("border", f"{spec.border_mm:g} mm" if spec.border_mm else "none"),
-        ("narrowest", _narrowest_words(target)),
-    ]  # fmt: skip
-    made = _print_rows(design, filament)
-    ids = [
+        *_print_rows(design, filament),
         ("target id", target.geometry_id),
         ("layout id", target.layout_id),
-    ]
-    return Facts((*spec.facts(), *ring, *made, *ids))
-
-
-def _ring_words(target: TargetGeometry) -> str:
-    dots = int(target.is_dot.sum())
-    total = f"{target.ring_count} in all, of which {dots} are dots"
-    if target.is_planar:
-        return total
-    return f"{target.ring_count // target.face_count} on each of {target.face_count} faces, {total}"
-
-
-def _narrowest_words(target: TargetGeometry) -> str:
-    widths = narrowest_widths(target)
-    parts = (
-        ("stroke", widths.stroke_mm),
-        ("gap", widths.gap_mm),
-        ("margin", widths.margin_mm),
-        ("border", widths.border_mm),
-    )
-    return ", ".join(f"{name} {width:.3g} mm" for name, width in parts if 0 < width < float("inf"))
+    ))  # fmt: skip
 
 
 def _print_rows(design: Design, filament: Filament | None) -> list[tuple[str, str]]:
@@ -337,7 +304,7 @@ def _face_codes(target: TargetGeometry) -> tuple[Leaf, ...]:
             Cell(_code_marks(int(code))),
             Cell(", ".join(str(index) for index in sorted(CODES[int(code)]))),
             Cell(", ".join(map(str, beside[face]))),
-            Cell(str(opposite[face]), float(opposite[face])),
+            Cell(str(opposite[face]), opposite[face]) if face in opposite else Cell(""),
         )
         for face, code in enumerate(target.face_code.tolist())
     )

@@ -13,7 +13,7 @@ from designer.kinds.layout import adjacent_faces
 from designer.make.bed import bed_from_target, overhang, printed_corners_mm
 from designer.make.mesh import Mesh
 from designer.make.printability import COUNT
-from designer.page.blocks import Block, Cell, Column, Fold, Leaf, Paragraph, Steps, Table
+from designer.page.blocks import Block, Fold, Leaf, Paragraph, Steps, text_table
 from designer.produce import Design
 from designer.spec.spec import PrinterProfile, PrintSpec
 
@@ -305,9 +305,7 @@ def print_settings(design: Design, shells: Shells) -> tuple[Leaf, ...]:
         "size": _scale_words(printing),
         "turning": _turn_words(printing),
     }
-    columns = (Column("setting", is_number=False), Column("value", is_number=False))
-    cells = tuple((Cell(name), Cell(value)) for name, value in rows.items())
-    return (Table("Settings in every slicer", columns, cells, visible_rows=len(rows)),)
+    return (text_table("Settings in every slicer", ("setting", "value"), rows.items(), visible_rows=len(rows)),)
 
 
 def _scale_words(printing: PrintSpec) -> str:

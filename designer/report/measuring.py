@@ -12,7 +12,7 @@ from designer.base.units import NO_SKEW, format_skew
 from designer.base.words import capital
 from designer.kinds.layout import PARALLEL, opposite_faces
 from designer.make.bed import bed_from_target
-from designer.page.blocks import Block, Cell, Column, Command, Leaf, Paragraph, Steps, Table
+from designer.page.blocks import Block, Cell, Column, Command, Leaf, Paragraph, Steps, Table, text_table
 from designer.produce import Design
 from designer.report.making import two_digits
 from designer.target import TargetGeometry, bounding_radius_mm
@@ -325,8 +325,8 @@ def _plate_meaning(measuring: _Measuring) -> Table:
 
 def _meanings(rows: list[tuple[str, str]]) -> Table:
     """What is seen and what it means."""
-    columns = (Column("what you find", is_number=False), Column("what it means", is_number=False))
-    return Table("Deviations", columns, tuple((Cell(found), Cell(capital(meaning))) for found, meaning in rows))
+    told = [(found, capital(meaning)) for found, meaning in rows]
+    return text_table("Deviations", ("what you find", "what it means"), told)
 
 
 def _size_remedy(design: Design) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from designer.base.answer import Summary, Value
 from designer.make.bed import printed_size_mm
 from designer.make.printability import PrintCheck
-from designer.page.blocks import Cell, Column, Facts, Finding, Findings, Table
+from designer.page.blocks import Facts, Finding, Findings, text_table
 from designer.page.terminal import quoted, say_facts, say_findings, say_headline, say_lines, say_table, say_written
 from designer.produce import Design
 from designer.report.design_page import PAGE_FILE, RULES_TITLE, Written, headline
@@ -115,11 +115,6 @@ def say_check(name: str, target: TargetGeometry, printing: PrintSpec, check: Pri
     _say_rules(check.told().rows)
 
 
-def _text_columns(*titles: str) -> tuple[Column, ...]:
-    """Heads of columns of text."""
-    return tuple(Column(title, is_number=False) for title in titles)
-
-
 def say_templates(
     targets: Sequence[tuple[str, Job, TargetGeometry]],
     printers: Sequence[PrinterProfile],
@@ -134,7 +129,7 @@ def say_templates(
         for name, job, target in targets
     ]  # fmt: skip
     heads = ("name", "size", "rings per face", "in all", "diameter", "pitch", "build")
-    _say_rows("targets: design make NAME", heads, rows)
+    say_table(text_table("targets: design make NAME", heads, rows))
     machines = [
         (
             one.name,
@@ -143,12 +138,8 @@ def say_templates(
         )
         for one in printers
     ]
-    _say_rows("printers: --printer NAME", ("name", "bed", "nozzle", "line", "layer"), machines)
-    _say_rows("errors: design tolerance TARGET.json --errors NAME", ("name", "of"), errors)
-
-
-def _say_rows(title: str, heads: Sequence[str], rows: Sequence[tuple[str, ...]]) -> None:
-    say_table(Table(title, _text_columns(*heads), tuple(tuple(map(Cell, row)) for row in rows)))
+    say_table(text_table("printers: --printer NAME", ("name", "bed", "nozzle", "line", "layer"), machines))
+    say_table(text_table("errors: design tolerance TARGET.json --errors NAME", ("name", "of"), errors))
 
 
 def templates_summary(
