@@ -14,7 +14,7 @@ Flags = NDArray[np.bool_]
 FAR_OFF = 6.0
 
 
-def remarks_of(seen: SeenParts, is_determined: Flags, target: TargetGeometry, *, scale_known: bool) -> tuple[str, ...]:
+def remarks_of(seen: SeenParts, is_determined: Flags, target: TargetGeometry) -> tuple[str, ...]:
     """One line on each thing that the photos do not tell."""
     said = []
     unseen = ~seen.face
@@ -40,8 +40,6 @@ def remarks_of(seen: SeenParts, is_determined: Flags, target: TargetGeometry, *,
         said.append(
             f"{int(rings.sum())} rings of measured faces were never seen: kept where they were designed on them"
         )
-    if not scale_known:
-        said.append("no length was given: the size of the print is not known, and taken as designed")
     return tuple(said)
 
 

@@ -354,5 +354,5 @@ def _remarks(started: Sequence[Calibration], target: TargetGeometry, measured: _
     left_out = sum(int((~one.problem.is_used).sum()) for one in measured.joint.sets)
     if left_out:
         said.append(f"{left_out} of {sum(len(one.ring) for one in measured.joint.sets)} observations left out")
-    said.extend(remarks_of(measured.seen, measured.is_determined, target, scale_known=measured.scale is not None))
+    said.extend(remarks_of(measured.seen, measured.is_determined, target))
     return tuple(said)

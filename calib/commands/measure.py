@@ -161,8 +161,8 @@ def _write_and_say(measured: "MeasureResult", out: Path, use: str, *, verbose: b
     from calib.show.folder import write_folder_page
     from calib.show.measured.next_print import USES, next_steps
     from calib.show.measured.tables import cameras_table, faces_table, gains_table, whole_table
-    from calib.show.measured.words import facts_of, findings_of, headline_of, is_plastic
-    from designer.page.blocks import Command, Finding
+    from calib.show.measured.words import facts_of, findings_of, headline_of, is_plastic, validation_findings
+    from designer.page.blocks import Command
     from designer.page.terminal import say_facts, say_findings, say_headline, say_lines, say_table, say_written
 
     record = measured.record
@@ -171,9 +171,7 @@ def _write_and_say(measured: "MeasureResult", out: Path, use: str, *, verbose: b
         page, remark = write_folder_page(out.parent, "measure", command_line())
     say_headline(headline_of(record))
     say_facts(facts_of(record))
-    say_findings(findings_of(record).rows)
-    if record.held_out is not None:
-        say_findings(Finding("note", "cross-validation", line) for line in record.held_out.remarks)
+    say_findings((*findings_of(record).rows, *validation_findings(record).rows))
     if verbose:
         nominal = measured.found.nominal
         tables = (whole_table(record, nominal), faces_table(record), gains_table(record), cameras_table(record))
@@ -207,6 +205,7 @@ def _rescale(path: Path, length: str, way: str | None, out: Path, made_with_perc
     from designer.page.blocks import Command, Facts, Finding
     from designer.page.terminal import say_facts, say_findings, say_written
 
+    made_with = Compensation(made_with_percent)
     made = rescale(path, length, made=way)
     made.save(out)
     off = made.size
@@ -218,7 +217,7 @@ def _rescale(path: Path, length: str, way: str | None, out: Path, made_with_perc
     say_written(out.parent, (out,))
     step = f"calib run {quoted(out)} photos -o camera"
     whole, plastic = WholePrint(off, {}, {}), is_plastic(made.nominal)
-    next_one = next_print(whole, Compensation(made_with_percent), plastic=plastic)
+    next_one = next_print(whole, made_with, plastic=plastic)
     _say_next((Command(step, "with the folder of your photos"), *next_one))
     return Summary(
         {"status": "rescaled", "nominal_geometry_id": made.nominal.geometry_id,

@@ -71,7 +71,7 @@ def measured_files(
         places.target: target_to_json(measured).encode(),
         places.record: AS_BUILT.text(record),
         places.table: table_to_csv(record, nominal).encode(),
-        places.picture: report_picture(record, nominal),
+        places.picture: report_picture(record, measured),
     }
 
 

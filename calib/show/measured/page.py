@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from calib.records.as_built_file import AS_BUILT, AsBuiltRecord
@@ -18,8 +19,9 @@ from calib.show.measured.words import (
     gain_sentence,
     headline_of,
     is_plastic,
+    validation_findings,
 )
-from calib.show.parts.folder_blocks import files_section, question_section, read_small_bytes, warnings
+from calib.show.parts.folder_blocks import files_section, question_section, read_small_bytes
 from calib.show.parts.origin import Origin
 from designer.base.errors import InputError
 from designer.base.words import capital, printable
@@ -62,10 +64,17 @@ class MeasuredPrint:
     target: TargetGeometry | None  # as it was printed; None: it cannot be shown
     fault: str  # why not
 
+    @cached_property
+    def view(self) -> tuple[View3d, ...]:
+        """The print in 3D, if it can be shown."""
+        view = None if self.target is None else measure_view(self.record, self.target)
+        return () if view is None else (view,)
+
     @property
-    def view(self) -> View3d | None:
-        """The print in 3D."""
-        return None if self.target is None else measure_view(self.record, self.target)
+    def findings(self) -> Findings:
+        """What a person must know."""
+        fault = (Finding("usable", "File", self.fault),) if self.fault else ()
+        return Findings((*findings_of(self.record).rows, *fault))
 
 
 def measure_page(folder: Path, origin: Origin) -> Page:
@@ -84,13 +93,11 @@ def measure_page(folder: Path, origin: Origin) -> Page:
     headlines = [headline_of(one.record) for one in prints]
     if len(prints) == 1:
         (one,), (headline,) = prints, headlines
-        asked = question_section(
-            QUESTION, _setting(one.record), findings_of(one.record), *warnings("File", _fault(one))
-        )
-        sections = (asked, *_sections(one), _files(folder, prints))
-        lead = () if one.view is None else (one.view,)
-        title = printable(one.stem)
-        return Page(title, kind, headline, sections, lead=lead, made_by=origin.command, program=origin.program)
+        asked = question_section(QUESTION, _setting(one.record), one.findings)
+        return Page(
+            printable(one.stem), kind, headline, (asked, *_sections(one), _files(folder, prints)), lead=one.view,
+            made_by=origin.command, program=origin.program,
+        )  # fmt: skip
     worst = max((one.level for one in headlines), key=WORST_LAST.index)
     each = "; ".join(f"{printable(one.stem)}: {told.word}" for one, told in zip(prints, headlines, strict=True))
     return Page(
@@ -115,10 +122,6 @@ def _read(path: Path) -> MeasuredPrint:
     return MeasuredPrint(path.parent, stem, record, target, "")
 
 
-def _fault(one: MeasuredPrint) -> tuple[str, ...]:
-    return (one.fault,) if one.fault else ()
-
-
 def _setting(record: AsBuiltRecord) -> tuple[tuple[str, str], ...]:
     """What was measured from, and how."""
     given = [
@@ -132,14 +135,13 @@ def _setting(record: AsBuiltRecord) -> tuple[tuple[str, str], ...]:
 def _sections(one: MeasuredPrint) -> tuple[Section, ...]:
     """All that is told of a print."""
     record, target = one.record, one.target
-    lines = () if record.held_out is None else record.held_out.remarks
-    remarks = (Findings(tuple(Finding("note", "", line) for line in lines)),) if lines else ()
     use = f"calib run {shlex.quote(printable(f'{one.stem}{TARGET_SUFFIX}'))} PHOTOS -o DIR"
-    tables = (table for table in (gains_table(record), cameras_table(record)) if table is not None)
+    gains = gains_table(record)
+    validated = (validation_findings(record), *(() if gains is None else (gains,)), cameras_table(record))
     return (
         Section("The whole print", (whole_table(record, target),), lead=deviation_sentence(record)),
         _faces(one),
-        Section("Cross-validation", (*remarks, *tables), lead=gain_sentence(record)),
+        Section("Cross-validation", validated, lead=gain_sentence(record)),
         Section("Next", next_steps(record, use, plastic=target is None or is_plastic(target))),
     )
 
@@ -152,9 +154,7 @@ def _whole_print(one: MeasuredPrint) -> Section:
     for section in _sections(one):
         folded = [leaf for block in section.blocks for leaf in (block.blocks if isinstance(block, Fold) else (block,))]
         inside.append(Fold(section.title, (*((Paragraph(section.lead),) if section.lead else ()), *folded)))
-    view = () if one.view is None else (one.view,)
-    asked = (*view, Facts(_setting(one.record)), findings_of(one.record), *warnings("File", _fault(one)))
-    return Section(printable(one.stem), (answer, *asked, *inside))
+    return Section(printable(one.stem), (answer, *one.view, Facts(_setting(one.record)), one.findings, *inside))
 
 
 def _faces(one: MeasuredPrint) -> Section:
@@ -184,7 +184,7 @@ def _picture(one: MeasuredPrint) -> Figure | None:
     links = (Link("PNG", name),) if is_linkable(name) else ()
     return Figure(
         "The target as it was printed", image, deviation_sentence(one.record),
-        "Colour: out (red) or in (blue); dashed outlines and arrows: in the plane, exaggerated as the picture says.",
+        "Colour: out (red) or in (blue); arrows: in the plane, exaggerated as the picture says.",
         links, is_wide=True,
     )  # fmt: skip
 

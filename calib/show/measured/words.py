@@ -83,7 +83,7 @@ def facts_of(record: AsBuiltRecord) -> Facts:
     worth = "times the stated sigma" if record.weighted else "px"
     sigma = f"{record.observation_sigma:.4f} {worth}" if math.isfinite(record.observation_sigma) else "not known"
     rows = [
-        ("photos", f"{views} of {cameras}, {seen} observations{outliers}"),
+        ("photos", f"{views}, of {cameras}; {seen} observations{outliers}"),
         ("solution", f"{record.status}; standard deviation of an observation {sigma}"),
     ]
     for one in record.lengths:
@@ -97,11 +97,17 @@ def findings_of(record: AsBuiltRecord) -> Findings:
     return Findings(tuple(Finding("note", "", line) for line in record.remarks))
 
 
+def validation_findings(record: AsBuiltRecord) -> Findings:
+    """What to know of the cross-validation, a line each."""
+    lines = () if record.held_out is None else record.held_out.remarks
+    return Findings(tuple(Finding("note", "cross-validation", line) for line in lines))
+
+
 def deviation_sentence(record: AsBuiltRecord) -> str:
     """How far the print is off its design."""
     whole, size = record.whole, record.whole.known_size
     if size is None:
-        parts = ["The size of the print is not known, as no length was given"]
+        parts = ["The size of the print is not known, as no length was given, and taken as designed"]
     else:
         larger, sure = (
             ("larger" if size.value >= 0 else "smaller"),

@@ -268,10 +268,10 @@ def test_two_files_of_one_camera_are_one() -> None:
         write_seen(replace(some, view=some.view - first, view_names=names), name)
     answer = command("ico.target.json", "a.csv", "b.csv", *PLAIN[2:], "--one-camera", "--rings", "rigid")
     assert answer.code == 0, answer
-    assert "16 of 1 camera (opencv), " in answer.out
+    assert "16, of 1 camera (opencv); " in answer.out
     assert largest_distance_mm(load_target(Path("measured.target.json")), whole) < 1e-3  # written centres are rounded
     answer = command("ico.target.json", "a.csv", "b.csv", *PLAIN[2:], "--rings", "rigid")
-    assert "16 of 2 cameras (opencv), " in answer.out
+    assert "16, of 2 cameras (opencv); " in answer.out
 
 
 def test_the_quick_way_rescales() -> None:
