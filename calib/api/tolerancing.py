@@ -18,11 +18,12 @@ from calib.renderer.poses import MAX_VIEWS
 from calib.renderer.quantities import whole
 from calib.solver.options import SolveOptions
 from calib.studies.progress import DrawCount
-from calib.studies.tolerance.explore import Keeping, PhotographedTarget, TolerancePlan, compared, explore
+from calib.studies.tolerance.explore import PhotographedTarget, TolerancePlan, compared, explore
 from calib.studies.tolerance.quantities import parse_requirements, quantity_named
 from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
 from calib.studies.tolerance.seen import view_fit
 from calib.studies.tolerance.setting import Setting, make_setting
+from calib.studies.tolerance.stored import Keeping
 from designer.base.errors import InputError
 from designer.base.words import printable
 from designer.target import TargetGeometry, bounding_radius_mm, target_to_json
@@ -247,7 +248,7 @@ def _photographed(
         f"{len(setting.observations.view)} observations; solved: {by.model}{', weighted' if by.weighted else ''}"
     )
     words = PhotographedSetting(
-        photos, geometry.face_count, f"{made.name}: {made.title}", tuple(_remarks(geometry, setting)),
+        photos, f"{made.name}: {made.title}", tuple(_remarks(geometry, setting)),
         (fit,) if fit else (),
     )  # fmt: skip
     return PhotographedTarget(_name_of(_path_of(target)), _file_of(target, stack), setting, made, words)

@@ -103,7 +103,7 @@ def _write(found: "ToleranceResult", folder: Path, target: Path, formats: tuple[
     from calib.show.studies.tolerance_tables import budget_table, ranking_table, totals_table
     from calib.show.studies.tolerance_words import cost_notes, prediction_sentence, tolerance_headline
     from calib.studies.table_files import JSON_FILE
-    from calib.studies.tolerance.explore import AGAINST_FILE, STUDY_FILE
+    from calib.studies.tolerance.stored import AGAINST_FILE, STUDY_FILE
     from designer.page.terminal import say_findings, say_headline, say_line, say_table, say_written
 
     study, drawn, other = found.study, found.drawn, found.study.crossovers

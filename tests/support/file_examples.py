@@ -136,7 +136,7 @@ def _tolerance() -> ToleranceStudy:
         CrossoverRow("scale", "1", name, "crosses", 0.1, 0.05, math.inf, 0.2, 0.3, 0.2, 0.4, 0.5)
         for name in QUANTITY_NAMES
     )
-    setting = PhotographedSetting("30 views", 20, "pla: plastic", ("a remark",), ("a warning",))
+    setting = PhotographedSetting("30 views", "pla: plastic", ("a remark",), ("a warning",))
     return ToleranceStudy(
         "ico", setting, "draws", 100, (0, 1, 0), "pose", costs,
         (BudgetRow("pose", 1.0, "mm", True, False, (allowed,), together),), (sweep,),

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.solver.options import SolveOptions
-from calib.studies.tolerance.explore import Keeping, PhotographedTarget, TolerancePlan, compared, explore
-from calib.studies.tolerance.predict import linear_table
+from calib.studies.tolerance.explore import PhotographedTarget, TolerancePlan, compared, explore
 from calib.studies.tolerance.quantities import parse_requirements
 from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
 from calib.studies.tolerance.result import ToleranceTable
 from calib.studies.tolerance.setting import Setting, make_setting
+from calib.studies.tolerance.stored import Keeping
 from designer.target import target_to_json
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
@@ -73,23 +73,17 @@ def tolerance_table() -> ToleranceTable:
 
 
 @cache
-def board_table() -> ToleranceTable:
-    """The prediction for the board."""
-    return linear_table(board_setting(), error_model("fdm-board"))
-
-
-@cache
 def _explored(*, linear: bool) -> tuple[ToleranceStudy, ToleranceTable]:
     with TemporaryDirectory() as place:
         file = Path(place) / "target.json"
         file.write_text(target_to_json(ico()))
         plan = TolerancePlan(
             DRAWS, 1, parse_requirements(["intersection=0.01mm", "reprojection=50px"]), "intersection", full=False,
-            linear=linear, keeping=Keeping(Path(place), 1, None, resume=False), progress=lambda what, done, total: None,
+            linear=linear, keeping=Keeping(Path(place), 1), progress=lambda what, done, total: None,
         )  # fmt: skip
-        words = PhotographedSetting("20 faces, 300 rings; 24 views", 20, "fdm-dual: two filaments", (), ("it is near",))
+        words = PhotographedSetting("20 faces, 300 rings; 24 views", "fdm-dual: two filaments", (), ("it is near",))
         scene = PhotographedTarget("ico", file, ico_setting(), few_errors(), words)
         study, table, _ = explore(scene, plan)
-        words = PhotographedSetting("1 face", 1, "fdm-board: two filaments")
+        words = PhotographedSetting("1 face", "fdm-board: two filaments")
         other = PhotographedTarget("board", file, board_setting(), error_model("fdm-board"), words)
         return compared(study, table, other, plan, None), table

@@ -25,8 +25,6 @@ from calib.show.studies.tolerance_words import (
     budget_sentence,
     cost_notes,
     cost_sentence,
-    crossover_alt,
-    crossover_findings,
     first_steps,
     prediction_notes,
     prediction_sentence,
@@ -37,9 +35,9 @@ from calib.show.studies.tolerance_words import (
 )
 from calib.studies.outputs import STUDY_FILE
 from calib.studies.table_files import JSON_FILE
-from calib.studies.tolerance.explore import AGAINST_FILE
 from calib.studies.tolerance.quantities import quantity_named
 from calib.studies.tolerance.record import TOLERANCE_TABLE, Crossovers, PhotographedSetting, ToleranceStudy
+from calib.studies.tolerance.stored import AGAINST_FILE
 from designer.base.words import capital, printable
 from designer.page.blocks import Block, Command, Facts, Finding, Findings, Fold, Page, Section, Steps
 
@@ -170,15 +168,14 @@ def _sizes(study: ToleranceStudy, pictures: Pictures) -> Section:
 
 
 def _against(study: ToleranceStudy, other: Crossovers, pictures: Pictures) -> Section:
-    text = FigureText("crossover", f"{study.target} against {other.target}", crossover_alt(study, other))
+    told = against_sentence(study, other)
+    alt = f"Errors of both targets over the size of {other.vary}. {told}"
+    text = FigureText("crossover", f"{study.target} against {other.target}", alt)
     drawn = pictures(text) if other.vary else ()
     tables = totals_table(study, other), crossover_table(study, other)
-    found = _findings(*crossover_findings(study, other))
     careful = warnings("Warning", other.setting.warnings)
     facts = Facts(setting_facts(other.target, other.setting))
-    return Section(
-        f"Against {other.target}", (*drawn, *tables, *found, *careful, facts), lead=against_sentence(study, other)
-    )
+    return Section(f"Against {other.target}", (*drawn, *tables, *careful, facts), lead=told)
 
 
 def _next(study: ToleranceStudy) -> Steps:

@@ -161,7 +161,7 @@ def crossover_table(study: ToleranceStudy, other: Crossovers) -> Table:
     )
     note = (
         "The size of one error from which on the target is the worse one, all others as assumed. 0: worse already "
-        "without it; never: it does not make it worse. Green: still better at what is assumed."
+        "without it; never: it does not make it worse; in brackets its 95 %. Green: still better at what is assumed."
     )
     columns = (*_words("error", "assumed"), *_quantity_columns())
     return Table(f"Worse than {other.target} from", columns, rows, note, visible_rows=20)
@@ -174,7 +174,9 @@ def _crossing(one: CostRow, other: Crossovers, quantity: str) -> Cell:
     factor = found.rms / one.rms if one.rms else math.inf
     if factor > NEVER:
         return Cell("never", math.inf, level="good")
-    return Cell(amount_of(one, found.rms), found.rms, level=_fits(factor))
+    ends = [amount_of(one, end) if math.isfinite(end) else "any" for end in (found.rms_low, found.rms_high)]
+    interval = f" ({ends[0]} to {ends[1]})" if found.rms_low < found.rms_high else ""
+    return Cell(f"{amount_of(one, found.rms)}{interval}", found.rms, level=_fits(factor))
 
 
 def totals_table(study: ToleranceStudy, other: Crossovers) -> Table:

@@ -13,12 +13,11 @@ from calib.studies.tolerance.record import (
     OFF,
     BudgetRow,
     CostRow,
-    CrossoverRow,
     Crossovers,
     ErrorUnit,
     ToleranceStudy,
 )
-from calib.studies.tolerance.sizes import FACTORS, LARGEST
+from calib.studies.tolerance.sizes import FACTORS
 from designer.base.words import capital
 from designer.page.blocks import Finding, Headline
 from designer.tolerance.sources import SOURCES
@@ -206,28 +205,13 @@ def against_sentence(study: ToleranceStudy, other: Crossovers) -> str:
 
 def cost_notes(study: ToleranceStudy) -> Iterator[Finding]:
     """What to know of the table of costs."""
-    for error in study.idle:
-        yield Finding("note", error, f"{capital(_why_idle(study, error))}.")
+    if study.idle:
+        text = "No centre of a ring moves against the others: these errors do nothing to this target, or are 0."
+        yield Finding("note", ", ".join(study.idle), text)
     for error, count in zip((BARE, *study.errors, TOGETHER), study.failed, strict=False):
         if count:
             text = f"{count} of {study.draws} draws have no solution and do not count."
             yield Finding("usable", "all errors together" if error == TOGETHER else error, text)
-
-
-def _why_idle(study: ToleranceStudy, error: str) -> str:
-    """Why an error does nothing."""
-    if study.cost(error, MAIN[0]).rms == 0:
-        return "is 0"
-    is_solid, why = study.setting.faces > 1, ""
-    if error == "ink_bleed":
-        why = "it changes the rings' diameters, not their centres"
-    elif error == "warp" and is_solid:
-        why = "it is for boards; faces of a solid bend by face_bow"
-    elif error == "stair_steps" and not is_solid:
-        why = "the board lies flat on the printer's bed"
-    elif error in SOURCES and SOURCES[error].scope == "face" and not is_solid:
-        why = "a board is one face, and where it stands does not matter"
-    return f"does nothing to this target{f': {why}' if why else ''}"
 
 
 def prediction_sentence(study: ToleranceStudy) -> str:
@@ -251,57 +235,11 @@ def prediction_notes(study: ToleranceStudy) -> Iterator[Finding]:
         yield Finding("usable", f"{name}, {quantity.title}", text)
     if len(found) > MOST_DEVIATIONS:
         yield Finding("usable", "", f"And {len(found) - MOST_DEVIATIONS} more: table.csv has all.")
-    if study.is_checked and study.ranking:
-        yield Finding("note", "Of a few prints", f"In these misses do not average out: {_reach_text(study)}.")
     off = [(name, study.excess(name)) for name in MAIN]
     parts = [f"{quantity_named(name).title} {value:.2f}" for name, value in off if abs(value - 1) > OFF]
     if parts:
         text = f"All together over the root of their summed squares: {', '.join(parts)}."
         yield Finding("note", "Errors that do not add in squares", text)
-
-
-def _reach_text(study: ToleranceStudy) -> str:
-    """Up to which amounts the prediction holds."""
-    limited = [one for row in study.ranking if math.isfinite((one := study.first_off(row.error)).reach)]
-    parts = [f"{one.error} {amount_of(one, one.prediction_holds_to_rms)} ({short(one.quantity)})" for one in limited]
-    if len(limited) < len(study.ranking):
-        parts.append(f"{'the others' if limited else 'every error'} at least to {LARGEST:g} times what is assumed")
-    return f"the prediction is within 10 % up to {', '.join(parts)}"
-
-
-def crossover_findings(study: ToleranceStudy, other: Crossovers) -> Iterator[Finding]:
-    """At which amount of the varied error the target loses, for each main quantity."""
-    for name in MAIN if other.vary else ():
-        found, row = other.by_key[other.vary, name], study.cost(other.vary, name)
-        unit = quantity_named(name).unit
-        own, theirs = _value(found.own_without, unit), _value(found.other, unit)
-        title = capital(quantity_named(name).title)
-        if found.verdict == "loses at zero":
-            text = f"Loses already without {found.error}, {own} against {theirs}; {_reason(study, found)}."
-            yield Finding("bad", title, text)
-        elif found.rms > NEVER * row.rms:
-            yield Finding("good", title, f"{found.error} does not make it lose: {own} without it against {theirs}.")
-        else:
-            low, high = amount_of(row, found.rms_low), "any"
-            if math.isfinite(found.rms_high):
-                high = amount_of(row, found.rms_high)
-            interval = f" ({low} to {high})" if study.kind == "draws" else ""
-            wins = found.rms > row.rms
-            text = (
-                f"Loses from {found.error} {amount_of(row, found.rms)} on{interval}; {'wins' if wins else 'loses'} at "
-                f"{amount_of(row, row.rms)}; {own} without it against {theirs}."
-            )
-            yield Finding("good" if wins else "bad", title, text)
-
-
-def _reason(study: ToleranceStudy, found: CrossoverRow) -> str:
-    """Why a target loses without the varied error."""
-    if found.noise_share > 0.5:
-        return f"noise is {100 * found.noise_share:.0f} % of its square"
-    rest = [one for one in study.ranked(found.quantity) if one.error != found.error]
-    if not rest or not found.own_without > 0:
-        return "noise and its other errors"
-    return f"most of all by {rest[0].error}, {100 * (rest[0].cost / found.own_without) ** 2:.0f} % of its square"
 
 
 def ranking_alt(study: ToleranceStudy) -> str:
@@ -313,11 +251,6 @@ def ranking_alt(study: ToleranceStudy) -> str:
             value, error = max(costs)
             parts.append(f"{short(name)} {source_title(error)}, {figure(value, 2)} {quantity_named(name).unit}")
     return f"The largest single cost of each error of the calibration: {'; '.join(parts) or 'none'}."
-
-
-def crossover_alt(study: ToleranceStudy, other: Crossovers) -> str:
-    """What the curves of both targets show."""
-    return f"Errors of both targets over the size of one error. {against_sentence(study, other)}"
 
 
 def swept_sources(study: ToleranceStudy, quantity: str) -> tuple[str, ...]:
@@ -332,11 +265,9 @@ def swept_sources(study: ToleranceStudy, quantity: str) -> tuple[str, ...]:
 def sweep_alt(study: ToleranceStudy, quantity: str) -> str:
     """What the curves of a quantity show."""
     one = quantity_named(quantity)
-    parts = []
-    for row in study.sweeps:
-        costs = [cost for cost in row.of(quantity).cost if math.isfinite(cost)]
-        if max(costs, default=0.0) > BELOW * study.noise(quantity):
-            parts.append(f"{source_title(row.error)} up to {figure(max(costs), 2)} {one.unit}")
-    off = [row.error for row in study.ranking if study.cost(row.error, quantity).reach < 1]
-    fails = f" The prediction is off by more than 10 % at what is assumed for {', '.join(off)}." if off else ""
-    return f"{capital(one.title)} by the size of each error: {'; '.join(parts) or 'none matters'}.{fails}"
+    largest = {row.error: max(filter(math.isfinite, row.of(quantity).cost), default=0.0) for row in study.sweeps}
+    parts = [
+        f"{source_title(error)} up to {figure(largest[error], 2)} {one.unit}"
+        for error in swept_sources(study, quantity)
+    ]
+    return f"{capital(one.title)} by the size of each error: {'; '.join(parts) or 'none matters'}."

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calib.studies.progress import Tell, after
 from calib.studies.statistics import HALF_WIDTH
-from calib.studies.tolerance.draw import TOGETHER, BareDraw, bare_draw, drawn_values, with_errors
+from calib.studies.tolerance.draw import TOGETHER, BareDraw, bare_draw, drawn_noise, drawn_values, with_errors
 from calib.studies.tolerance.first_order import FirstOrder
 from calib.studies.tolerance.predict import control_of, linear_table
 from calib.studies.tolerance.quantities import Requirement, quantity_named, quantity_row
@@ -222,7 +222,7 @@ class _Draws:
         linear = linear_table(first.setting, errors)
         alone = control_of(first, linear, seed, numbers, has_noise=False).square[:, -1, row]
         with_noise = control_of(first, linear, seed, numbers)
-        bare = [bare_draw(first.setting, seed, number) for number in numbers]
+        bare = [bare_draw(first.setting, drawn_noise(first.setting, seed, number)) for number in numbers]
         squares = np.array([one.quantities[row] ** 2 for one in bare])
         noise = with_noise.mean[0, row] + float(np.nanmean(squares - with_noise.square[:, 0, row]))
         values = [drawn_values(first.setting, errors, seed, number) for number in numbers]

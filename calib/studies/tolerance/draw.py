@@ -44,14 +44,9 @@ def run_draws(setting: Setting, errors: ErrorModel, seed: int, numbers: range) -
     """
     result = np.empty((len(numbers), len(errors.amounts) + 2, len(QUANTITIES)))
     for place, number in enumerate(numbers):
-        result[place] = run_draw(setting, errors, seed, number)
+        values = drawn_values(setting, errors, seed, number)
+        result[place] = run_cases(setting, errors, values, drawn_noise(setting, seed, number))
     return result
-
-
-def run_draw(setting: Setting, errors: ErrorModel, seed: int, number: int) -> Array:
-    """One draw.  # (C, Q)"""
-    values = drawn_values(setting, errors, seed, number)
-    return run_cases(setting, errors, values, drawn_noise(setting, seed, number))
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,23 +58,24 @@ class BareDraw:
     found: AnchoredMinimum | None
 
 
-def bare_draw(setting: Setting, seed: int, number: int) -> BareDraw:
-    """The noise of a draw, and what it alone makes of the camera."""
-    return _bare(setting, drawn_noise(setting, seed, number))
-
-
-def noiseless(setting: Setting) -> BareDraw:
-    """A draw without noise and errors: the minimum is the setting's own."""
-    return _bare(setting, np.zeros_like(setting.observations.center_px))
-
-
-def _bare(setting: Setting, noise_px: Array) -> BareDraw:
-    return BareDraw(noise_px, *_case(setting, NO_ERRORS, {}, noise_px, None))
+def bare_draw(setting: Setting, noise_px: Array) -> BareDraw:
+    """What the noise of a draw (M, 2) alone makes of the camera."""
+    shape = displaced_shape(setting.target, {}, model=NO_ERRORS)
+    measured = seen_px(setting, centers_mm(shape)) + noise_px
+    return BareDraw(noise_px, *solved(setting, measured, true_shape(shape, setting.seen), None))
 
 
 def with_errors(setting: Setting, errors: ErrorModel, values: Mapping[str, Array], bare: BareDraw) -> Array:
     """The quantities of a draw with given numbers of the sources; where no ring moves, its own, bit for bit.  # (Q,)"""
-    return _case(setting, errors, values, bare.noise_px, bare.found, bare.quantities)[0]
+    try:
+        shape = displaced_shape(setting.target, values, model=errors)
+    except InputError:
+        return NONE
+    made = centers_mm(shape)
+    if np.array_equal(made, setting.target.center_mm):
+        return bare.quantities
+    measured = seen_px(setting, made) + bare.noise_px
+    return solved(setting, measured, true_shape(shape, setting.seen), bare.found)[0]
 
 
 def drawn_values(setting: Setting, errors: ErrorModel, seed: int, number: int) -> dict[str, Array]:
@@ -89,7 +85,7 @@ def drawn_values(setting: Setting, errors: ErrorModel, seed: int, number: int) -
 
 def run_cases(setting: Setting, errors: ErrorModel, values: Mapping[str, Array], noise_px: Array) -> Array:
     """All cases of given numbers of the sources and given noise (M, 2).  # (C, Q)"""
-    bare = _bare(setting, noise_px)
+    bare = bare_draw(setting, noise_px)
     rows = [bare.quantities]
     for name in errors.sources:
         rows.append(with_errors(setting, errors, {name: values[name]}, bare))
@@ -107,26 +103,6 @@ def drawn_noise(setting: Setting, seed: int, number: int) -> Array:
 def stream(seed: int, number: int, purpose: str) -> np.random.Generator:
     """Random numbers of a draw for one purpose."""
     return keyed_generator(f"{seed}\n{number}\ntolerance {purpose}")
-
-
-def _case(
-    setting: Setting,
-    errors: ErrorModel,
-    values: Mapping[str, Array],
-    noise_px: Array,
-    start: AnchoredMinimum | None,
-    bare: Array | None = None,
-) -> tuple[Array, AnchoredMinimum | None]:
-    """Quantities (Q,) and the solution they are of."""
-    try:
-        shape = displaced_shape(setting.target, values, model=errors)
-    except InputError:
-        return NONE, None
-    made = centers_mm(shape)
-    if bare is not None and np.array_equal(made, setting.target.center_mm):
-        return bare, start
-    measured = seen_px(setting, made) + noise_px
-    return solved(setting, measured, true_shape(shape, setting.seen), start)
 
 
 def solved(

@@ -21,38 +21,13 @@ from calib.studies.tolerance.record import CostRow, Crossovers, PhotographedSett
 from calib.studies.tolerance.result import Cost, ToleranceTable, table_of_draws
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.sizes import FACTORS, Reach, reach_of, sweep_rows
-from calib.studies.tolerance.stored import tolerance_draws
-from designer.base.errors import InputError
+from calib.studies.tolerance.stored import AGAINST_FILE, STUDY_FILE, SWEEPS_FOLDER, DrawPool, Keeping
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.sources import SOURCES
 
 Array = NDArray[np.float64]
 
-STUDY_FILE, AGAINST_FILE, SWEEPS_FOLDER = "study.sqlite", "against.sqlite", "sweeps"
 SWEEP_DRAWS = 12
-
-
-@dataclass(frozen=True)
-class Keeping:
-    """Where draws are kept, and who computes them."""
-
-    folder: Path
-    jobs: int
-    dask: str | None
-    resume: bool
-
-    def check_unused(self, *, predicts: bool) -> None:
-        """Refuse a folder that holds a study already, unless it is gone on with.
-
-        Raises:
-            InputError: there is one.
-        """
-        sweeps = sorted((self.folder / SWEEPS_FOLDER).glob("*.sqlite"))
-        for path in (self.folder / STUDY_FILE, self.folder / AGAINST_FILE, *sweeps):
-            if path.exists() and predicts:
-                raise InputError(f"{path}: the folder holds a study with draws; choose another -o for the prediction")
-            if path.exists() and not self.resume:
-                raise InputError(f"{path}: there is a study already; go on with it with --resume, or choose another -o")
 
 
 @dataclass(frozen=True)
@@ -88,16 +63,12 @@ class PhotographedTarget:
         """Draws of all errors, times a factor, kept in a file of the folder; the missing ones computed.  # (D, C, Q)
 
         Raises:
-            InputError: as `tolerance_draws`.
+            InputError: as `Keeping.draws`.
             StudyStoppedError: interrupted, or no workers are left.
         """
-        path, keeping = plan.keeping.folder / file, plan.keeping
-        path.parent.mkdir(parents=True, exist_ok=True)
         errors = self.errors if factor == 1 else self.errors.scaled(factor)
-        return tolerance_draws(
-            self.setting, errors, path, inputs={"target": self.file}, draws=count, seed=plan.seed, jobs=keeping.jobs,
-            dask=keeping.dask, resume=keeping.resume, full=plan.full, on_progress=tell,
-        )  # fmt: skip
+        pool = DrawPool(self.setting, errors, plan.full)
+        return plan.keeping.draws(pool, file, {"target": self.file}, plan.seed, count, tell)
 
 
 def explore(scene: PhotographedTarget, plan: TolerancePlan) -> tuple[ToleranceStudy, ToleranceTable, DrawCount]:

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.parallel import one_thread
-from calib.studies.tolerance.draw import drawn_noise, drawn_values, solved
+from calib.studies.tolerance.draw import bare_draw, drawn_noise, drawn_values
 from calib.studies.tolerance.first_order import FirstOrder, first_order
-from calib.studies.tolerance.measures import TrueShape
 from calib.studies.tolerance.noise_response import noise_squares
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.response import responses
@@ -88,11 +87,7 @@ def _misfit(setting: Setting) -> Array:
     """The quantities without noise and errors: zero where the solved model is the true one.  # (Q,)"""
     if setting.reference is setting.camera:
         return np.zeros(len(QUANTITIES))
-    target = setting.target
-    normal = target.target_from_face[target.ring_face, :3, 2]
-    plane = np.column_stack([normal, (normal * target.center_mm).sum(axis=1)])
-    true = TrueShape(target.center_mm, plane, np.eye(4))
-    return np.nan_to_num(solved(setting, setting.observations.center_px, true, None)[0])
+    return np.nan_to_num(bare_draw(setting, np.zeros_like(setting.observations.center_px)).quantities)
 
 
 @one_thread

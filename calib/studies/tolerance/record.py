@@ -48,7 +48,6 @@ class PhotographedSetting:
     """A target before a camera, in words."""
 
     photos: Line
-    faces: Count
     errors: Line
     remarks: FewLines = ()
     warnings: FewLines = ()

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.parallel import one_thread
-from calib.studies.tolerance.draw import BareDraw, drawn_values, noiseless, with_errors
+from calib.studies.tolerance.draw import BareDraw, bare_draw, drawn_values, with_errors
 from calib.studies.tolerance.first_order import FirstOrder
 from calib.studies.tolerance.quantities import NAMES, QUANTITIES
 from calib.studies.tolerance.record import OFF, SweepCosts, SweepRow, nine_digits
@@ -58,7 +58,7 @@ def reach_of(
     columns = directions(setting.target, only, source)
     moves = np.stack([columns @ one.reshape(-1) for one in numbers], axis=2)
     linear: Array = np.sqrt(responses(first, moves).square.mean(axis=1))
-    without = noiseless(setting)
+    without = bare_draw(setting, np.zeros_like(setting.observations.center_px))
     tried: dict[float, Array] = {}
 
     def off(factor: float) -> NDArray[np.bool_]:

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.studies.identity import identity_of
+from calib.studies.progress import Tell
 from calib.studies.runner import run_cases
 from calib.studies.sample import SampleResult
 from calib.studies.statistics import Case
@@ -19,10 +20,12 @@ from calib.studies.tolerance.full import run_full_draws
 from calib.studies.tolerance.quantities import QUANTITIES
 from calib.studies.tolerance.setting import Setting
 from calib.studies.workers import CaseSpec
+from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
 
 Array = NDArray[np.float64]
 
+STUDY_FILE, AGAINST_FILE, SWEEPS_FOLDER = "study.sqlite", "against.sqlite", "sweeps"
 KIND = "tolerance"
 CASE = "draws"
 NAN = float("nan")
@@ -70,56 +73,62 @@ class DrawPool:
         )  # fmt: skip
 
 
-def tolerance_draws(
-    setting: Setting,
-    errors: ErrorModel,
-    path: Path,
-    *,
-    inputs: Mapping[str, Path],
-    draws: int,
-    seed: int,
-    jobs: int,
-    dask: str | None,
-    resume: bool,
-    full: bool = False,
-    on_progress: Callable[[int], None] = lambda done: None,
-) -> Array:
-    """The first draws of a study, those that its file does not have computed.  # (D, C, Q)
+@dataclass(frozen=True)
+class Keeping:
+    """Where draws are kept, and who computes them."""
 
-    Args:
-        setting: what is photographed, and how.
-        errors: of the target.
-        path: of the study's file, in a folder that is there.
-        inputs: the files that were read, by what they are.
-        draws: D.
-        seed: of all draws.
-        jobs: processes on this machine.
-        dask: address of a cluster's scheduler, instead.
-        resume: go on with a file that is there.
-        full: render and detect images, which takes minutes a draw.
-        on_progress: told how many are done.
+    folder: Path
+    jobs: int  # processes on this machine
+    dask: str | None = None  # address of a cluster's scheduler, instead
+    resume: bool = False  # go on with a file that is there
 
-    Raises:
-        InputError: the file is there and `resume` is not asked for, or is of another study.
-        StudyStoppedError: interrupted, or no workers are left.
-    """
-    pool = DrawPool(setting, errors, full)
-    spec = CaseSpec(Case(CASE, setting.view_count, setting.view_count), pool)
-    with open_study(path, identity_of(seed, _settings(setting, errors, full=full), inputs), resume=resume) as study:
-        run_cases(
-            [spec], study, samples=draws, seed=seed, jobs=jobs, dask=dask, on_progress=on_progress,
-            chunk=1 if full else None,
-        )  # fmt: skip
-        kept = study.load(spec.name)
-    return kept.params[:draws].reshape(-1, len(case_names(errors)), len(QUANTITIES))
+    def draws(self, pool: DrawPool, file: str, inputs: Mapping[str, Path], seed: int, count: int, tell: Tell) -> Array:
+        """The first draws of a study, those that its file does not have computed.  # (D, C, Q)
+
+        Args:
+            pool: what they are made from.
+            file: of the study, below the folder.
+            inputs: the files that were read, by what they are.
+            seed: of all draws.
+            count: D.
+            tell: told how many are done.
+
+        Raises:
+            InputError: the file is there and `resume` is not asked for, or is of another study.
+            StudyStoppedError: interrupted, or no workers are left.
+        """
+        path = self.folder / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        spec = CaseSpec(Case(CASE, pool.view_count, pool.view_count), pool)
+        with open_study(path, identity_of(seed, _settings(pool), inputs), resume=self.resume) as study:
+            run_cases(
+                [spec], study, samples=count, seed=seed, jobs=self.jobs, dask=self.dask, on_progress=tell,
+                chunk=1 if pool.full else None,
+            )  # fmt: skip
+            kept = study.load(spec.name)
+        return kept.params[:count].reshape(-1, len(case_names(pool.errors)), len(QUANTITIES))
+
+    def check_unused(self, *, predicts: bool) -> None:
+        """Refuse a folder that holds a study already, unless it is gone on with.
+
+        Raises:
+            InputError: there is one.
+        """
+        sweeps = sorted((self.folder / SWEEPS_FOLDER).glob("*.sqlite"))
+        for path in (self.folder / STUDY_FILE, self.folder / AGAINST_FILE, *sweeps):
+            if path.exists() and predicts:
+                raise InputError(f"{path}: the folder holds a study with draws; choose another -o for the prediction")
+            if path.exists() and not self.resume:
+                raise InputError(f"{path}: there is a study already; go on with it with --resume, or choose another -o")
 
 
-def _settings(setting: Setting, errors: ErrorModel, *, full: bool) -> dict[str, str]:
+def _settings(pool: DrawPool) -> dict[str, str]:
     """What decides a draw beside the seed."""
+    setting, errors = pool.setting, pool.errors
     amounts = [f"{name}={amount.kind} {amount.size!r}" for name, amount in errors.amounts]
     return {
         "study": KIND,
-        "images": "yes" if full else "no",
+        "images": "yes" if pool.full else "no",
         "errors": ", ".join(amounts),
         "expansion": repr(errors.expansion_per_kelvin),
         "layer height": repr(errors.layer_height_mm),

@@ -78,7 +78,7 @@ def test_a_prediction_answers_all_three_questions(folder: Path) -> None:
     assert files_in(folder / "out") == TABLES | PAGE | {
         f"figures/{name}.png" for name in ("ranking", "budget", "crossover")
     }
-    assert "warp: Does nothing to this target: it is for boards" in said
+    assert "ink_bleed, warp: No centre of a ring moves against the others" in said
     assert said.startswith("limit missed: Intersection error against the drawing of ico is ")
     assert "For intersection error against the drawing up to 0.05 mm" in said
     assert "Both as they are assumed to be made" in said
@@ -120,7 +120,7 @@ def test_a_study_is_kept_and_gone_on_with(folder: Path) -> None:
                              "thermal", "face_bow") for word in ("--set", f"{name}=0")]  # fmt: skip
     said = done("ico.target.json", *DRAWN, *few, "--figures", "svg", "-o", "out")
     assert "3 draws in " in said
-    assert "scale: Is 0" in said
+    assert "scale, axis_scale, skew, " in said
     names = {"ranking", "sweep_intersection"}
     assert files_in(folder / "out") == TABLES | PAGE | {"study.sqlite"} | {
         f"figures/{name}.{suffix}" for name in names for suffix in ("png", "svg")

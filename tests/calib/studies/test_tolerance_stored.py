@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.studies.tolerance.draw import run_draws
-from calib.studies.tolerance.stored import tolerance_draws
+from calib.studies.tolerance.stored import DrawPool, Keeping
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel
 from tests.support.tolerance_settings import errors, ico_setting
@@ -17,10 +17,8 @@ FEW = ("scale", "face_tilt")
 def kept(path: Path, model: ErrorModel, *, draws: int = 5, seed: int = SEED, jobs: int = 1, resume: bool = False,
          told: list[int] | None = None) -> NDArray[np.float64]:  # fmt: skip
     """The draws of a study."""
-    return tolerance_draws(
-        ico_setting(), model, path, inputs={}, draws=draws, seed=seed, jobs=jobs, dask=None, resume=resume,
-        on_progress=(told if told is not None else []).append,
-    )  # fmt: skip
+    pool, tell = DrawPool(ico_setting(), model, full=False), (told if told is not None else []).append
+    return Keeping(path.parent, jobs, resume=resume).draws(pool, path.name, {}, seed, draws, tell)
 
 
 def test_draws_are_kept_and_gone_on_with(tmp_path: Path) -> None:

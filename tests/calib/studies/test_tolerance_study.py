@@ -344,7 +344,7 @@ def test_another_model_starts_from_its_best_fit() -> None:
         ({"distance_mm": 1e6}, "none of 4 views sees"),
         ({"distance_mm": -1.0}, "must be more than 0"),
         ({"views": 0}, "give one or more"),
-        ({"model": "virtual"}, "solves opencv"),
+        ({"model": "virtual"}, "solves luhmann"),
         ({"options": SolveOptions(reject_sigma=4.0)}, "no outliers"),
     ],
 )
