@@ -7,7 +7,7 @@ import typer
 
 from calib.commands.answers.solutions import evaluation_answer
 from calib.commands.folder_page import with_page_again
-from calib.commands.judged_page import VerboseOption
+from calib.commands.solve import VerboseOption
 from calib.show.screen import quoted
 from designer.base.answer import Summary
 

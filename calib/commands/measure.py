@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from calib.cameras import fitted_models
-from calib.commands.judged_page import VerboseOption
 from calib.commands.solve import (
     FixOption,
     ImageSizeOption,
     RejectOption,
     ShareOption,
+    VerboseOption,
     WeightedOption,
     image_size_of,
 )

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from calib.commands.judged_page import criteria_templates
+from calib.commands.solve import criteria_templates
 from calib.show.screen import quoted, shown, waiting
 from designer.base.answer import Summary
 from designer.page.terminal import say_headline

@@ -8,18 +8,21 @@ import typer
 from calib.commands.answers.solutions import run_answer
 from calib.commands.detect import exports_folder
 from calib.commands.folder_page import say_next as say_next_of_overlays
-from calib.commands.judged_page import DEFAULT_CRITERIA, CriteriaOption, PageOption, VerboseOption
 from calib.commands.running import negative, report_of, stopped
 from calib.commands.solve import (
+    DEFAULT_CRITERIA,
+    CriteriaOption,
     FixOption,
     FocalOption,
     LossOption,
     MadeOption,
     ModelOption,
+    PageOption,
     ReferenceOption,
     ReferenceTargetOption,
     RejectOption,
     ShareOption,
+    VerboseOption,
     WeightedOption,
     focal_of,
     made_settings,

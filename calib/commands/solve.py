@@ -7,7 +7,6 @@ import typer
 
 from calib.cameras import learned_models, models_of_all, solved_models
 from calib.commands.answers.solutions import run_answer
-from calib.commands.judged_page import DEFAULT_CRITERIA, CriteriaOption, PageOption, VerboseOption
 from calib.commands.running import negative, report_of, stopped
 from calib.core.files import named_in_files
 from calib.show.screen import progress_bars, quoted
@@ -62,6 +61,32 @@ ReferenceOption = Annotated[
 ]
 ReferenceTargetOption = Annotated[
     Path | None, typer.Option(help=f"{_LEARNED}: target file of a board that the reference photo shows")
+]
+DEFAULT_CRITERIA = "standard"
+
+
+def criteria_templates(incomplete: str) -> list[str]:
+    """Templates of limits, for a shell."""
+    from designer.kinds.presets import preset_names
+
+    return [name for name in preset_names("criteria") if name.startswith(incomplete)]
+
+
+CriteriaOption = Annotated[
+    str,
+    typer.Option(
+        help="limits of the verdict: a template (standard, metrology, robotics), or a TOML file of one's own",
+        metavar="NAME|FILE",
+        autocompletion=criteria_templates,
+    ),
+]
+
+PageOption = Annotated[
+    bool, typer.Option("--page/--no-page", help="write the folder's index.html, or save the seconds that takes")
+]
+
+VerboseOption = Annotated[
+    bool, typer.Option("--verbose", "-v", help="say all tables: photos, parameters, models, checks")
 ]
 
 

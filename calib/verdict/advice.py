@@ -6,7 +6,7 @@ the same, what spoils the photos comes before what is missing in them: more phot
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -53,23 +53,23 @@ MAP_MISSING = 0.05
 class Inputs:
     """The files that a camera was solved from, as a person typed them."""
 
-    sightings: str = "detections.csv"
-    target: str = "NAME.target.json"  # "": the sightings hold their own points
+    detections: str = "detections.csv"
+    target: str = "NAME.target.json"  # "": they hold their own points
 
     @property
     def solve(self) -> str:
         """The command that solves again."""
         target = f" --target {shlex.quote(self.target)}" if self.target else ""
-        return f"calib solve {shlex.quote(self.sightings)}{target} -o again"
+        return f"calib solve {shlex.quote(self.detections)}{target} -o again"
 
     @property
     def measure(self) -> str:
         """The commands that measure the target and solve with the measured one."""
-        target, sightings = self.target or "NAME.target.json", shlex.quote(self.sightings)
+        target, detections = self.target or "NAME.target.json", shlex.quote(self.detections)
         made = "" if self.target else f"`calib target --from POINTS.csv -o {target}` with a table of its points, then "
         measured = shlex.quote(f"measured/{Path(target).name}")
         return (
-            f"{made}`calib measure {shlex.quote(target)} {sightings} -o {measured}`, then `calib solve {sightings} "
+            f"{made}`calib measure {shlex.quote(target)} {detections} -o {measured}`, then `calib solve {detections} "
             f"--target {measured} -o again`"
         )
 
@@ -134,8 +134,8 @@ def advice_of(
     return tuple(sentence for step in ranked for sentence in step.sentences)
 
 
-def _step(sentence: str, *mends: str) -> _Step:
-    return _Step((sentence,) if sentence else (), mends)
+def _step(sentence: str, *mends: str, measures: bool = False) -> _Step:
+    return _Step((sentence,) if sentence else (), mends, measures)
 
 
 def _wanting(evidence: CameraEvidence, checks: Sequence[Check]) -> list[str]:
@@ -161,14 +161,14 @@ def _target(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _St
             f"{measure}; its points are off by {px(on_target)} in the same way in all photos, so it "
             f"{'is' if is_certain else 'may be'} not flat or not as given"
         )
-        return replace(_step(sentence, "target", "systematic", "halves"), measures=True)
+        return _step(sentence, "target", "systematic", "halves", measures=True)
     if shape is not None and shape.ratio > BY_CHANCE and shape.percentile_95_px > criteria["target"].good:
         sentence = (
             f"{measure}; a target that may bend and stretch explains the photos better ({figure(shape.ratio, 2)} "
             f"sigma), and moves the camera by up to {px(shape.percentile_95_px)}"
             + (", unless it is the lens that the model does not fit" if evidence.may_be_lens else "")
         )
-        return replace(_step(sentence, "target", "halves"), measures=True)
+        return _step(sentence, "target", "halves", measures=True)
     is_enlarged = evidence.uncertainty.factor > 1 and not is_sure(evidence, criteria)
     if isinstance(halves, HalvesApart) and (halves.ratio > criteria["halves"].good or is_enlarged):
         sentence = (
@@ -176,14 +176,8 @@ def _target(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _St
             f"{figure(halves.ratio, 2)} times more than noise explains; a target that is not flat (`calib measure` "
             "tells) or bends when held, or autofocus, zoom or image stabilisation that were on"
         )
-        return replace(_step(sentence, "halves"), measures=True)
+        return _step(sentence, "halves", measures=True)
     return _step("")
-
-
-def _shape(calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _Step:
-    """A target that nobody measured, and that may be off so far that the camera is."""
-    found = shape_advice(calibration, evidence, criteria, inputs.measure)
-    return replace(_step(found.sentence, "uncertainty", "target"), measures=found.measures)
 
 
 def _target_share(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> str:
@@ -195,8 +189,8 @@ def _target_share(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) 
     if found.stated_sigma_px is None or on_target <= NOTICEABLE * found.stated_sigma_px:
         return ""
     return (
-        f"measure the target: {inputs.measure}; of the {px(found.rmse_px)} left over, {px(on_target)} are the same for "
-        "a point of the target in all photos"
+        f"measure the target: {inputs.measure}; of the residuals of {px(found.rmse_px)}, {px(on_target)} are the same "
+        "for a point of the target in all photos"
     )
 
 
@@ -265,7 +259,7 @@ def _far_off(calibration: Calibration, criteria: Criteria, facts: ViewFacts, inp
     what = "were left out" if out[far].all() else "are far off or were left out" if out.any() else "are far off"
     leave = "" if out.any() else f"; to leave them out: `{inputs.solve} --reject {FAR_OFF:g}`"
     return (
-        f"look at the photos for glare, shadows and fingers: {count} of {len(far)} sightings "
+        f"look at the photos for glare, shadows and fingers: {count} of {len(far)} observations "
         f"({figure(percent, 2)} %) {what}, {where}{leave}"
     )
 
@@ -351,34 +345,20 @@ NOT_ROLLED = 0.8
 """Length of the mean direction of the target in the image, its angles doubled, above which all photos have one."""
 
 
-@dataclass(frozen=True)
-class ShapeAdvice:
-    """What to do about a target whose shape is not known well enough."""
-
-    sentence: str = ""  # "": nothing
-    measures: bool = False  # it is to be measured; else photos are wanted
-
-
-def shape_advice(calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, measure: str) -> ShapeAdvice:
-    """The photos that would tell the target's shape, or that it is to be measured; nothing where it is no matter.
-
-    Args:
-        calibration: the one that is judged.
-        evidence: of it.
-        criteria: the limits it is judged by.
-        measure: how to measure the target, in commands.
-    """
+def _shape(calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _Step:
+    """A target that nobody measured, and that may be off so far that the camera is: photos that tell, or measure it."""
     uncertain = evidence.uncertainty
-    if uncertain.image_px is None or not uncertain.by_target or uncertain.image_px <= criteria["uncertainty"].good:
-        return ShapeAdvice()
-    if uncertain.target_error is None:
-        return ShapeAdvice()
+    is_open = uncertain.image_px is not None and uncertain.image_px > criteria["uncertainty"].good
+    if not is_open or not uncertain.by_target or uncertain.target_error is None:
+        return _step("")
     made = made_words(uncertain.target_error)
     reason = f"one {made} may be off so far that the camera is off by {px(uncertain.target_px)}"
-    photos = " and ".join(_missing(calibration))
-    if not photos:
-        return ShapeAdvice(f"measure the target, and solve with the measured one: {measure}; {reason}", measures=True)
-    return ShapeAdvice(f"{photos}: the photos so far do not tell the target's shape, and {reason}")
+    mends = ("uncertainty", "target")
+    if photos := " and ".join(_missing(calibration)):
+        return _step(f"{photos}: the photos so far do not tell the target's shape, and {reason}", *mends)
+    return _step(
+        f"measure the target, and solve with the measured one: {inputs.measure}; {reason}", *mends, measures=True
+    )
 
 
 def _missing(calibration: Calibration) -> tuple[str, ...]:

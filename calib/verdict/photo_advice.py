@@ -118,7 +118,7 @@ def _uncovered(evidence: CameraEvidence, criteria: Criteria, views: Sequence[Nex
         return ()
     beyond = "the map is not known" if evidence.uncertainty.is_map_exact else "the lens is a guess of its model"
     return (
-        f"show the target in {region_words(names)} too: the sightings surround {percent:.0f} % of the image, "
+        f"show the target in {region_words(names)} too: the observations surround {percent:.0f} % of the image, "
         f"{wanted:.0f} % is wanted, and beyond them {beyond}",
     )
 

@@ -74,7 +74,7 @@ def _used_rows(evaluation: Evaluation, records: Mapping[str, ImageRecord]) -> li
     left_over = None if reprojection is None else by_view(evaluation, reprojection)
     meeting = None if intersection is None else by_view(evaluation, intersection)
     outliers = np.bincount(seen.view[calibration.is_outlier], minlength=seen.view_count).tolist()
-    sightings = np.bincount(seen.view, minlength=seen.view_count).tolist()
+    observations = np.bincount(seen.view, minlength=seen.view_count).tolist()
     facts = view_facts(calibration)
     distance, size = facts.distance_mm.tolist(), (100 * facts.size).tolist()
     tilt = facts.tilt_deg[:, 2].tolist() if facts.is_flat else [math.nan] * seen.view_count
@@ -88,7 +88,7 @@ def _used_rows(evaluation: Evaluation, records: Mapping[str, ImageRecord]) -> li
         rmse = math.nan if left_over is None else left_over[view].rmse
         named = np.unique(faces[(seen.view == view) & (faces >= 0)])
         rows.append(PhotoRow(
-            name, True, sightings[view] if record is None else record.features,
+            name, True, observations[view] if record is None else record.features,
             None if record is None else record.expected, outliers[view], rmse,
             math.nan if left_over is None else left_over[view].largest,
             math.nan if meeting is None else meeting[view].rmse, distance[view], tilt[view], size[view], len(named),

@@ -194,7 +194,7 @@ def test_sightings_left_out_are_counted_where_they_are() -> None:
     in_two = np.isin(calibration.observations.view, (3, 8))
     out = in_two & (np.random.default_rng(0).random(len(in_two)) < 0.4)
     said = next(s for s in advice(replace(calibration, is_outlier=out)) if s.startswith("look at the photos"))
-    count, total = (int(word) for word in said.split(": ")[1].split(" sightings")[0].split(" of "))
+    count, total = (int(word) for word in said.split(": ")[1].split(" observations")[0].split(" of "))
     assert 0 <= count - out.sum() <= 3  # of those that count, chance has one or two
     assert total == len(out)
     names = said.split(" in ")[-1].split(", ")
