@@ -19,7 +19,6 @@ from PIL import Image
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import read_detections
-from calib.observe.image_headers import EXIF_IFD, FOCAL_LENGTH_IN_35_MM
 from calib.pipeline.solving import calibrate
 from calib.records.calibration_file import read_calibration
 from calib.renderer.job import RenderJob, truth_text
@@ -32,6 +31,7 @@ from tests.support.command_line import JUDGED, LENIENT, PAGE, PICTURE, calib, fi
 from tests.support.run_folders import BLANK, PANEL
 from tests.support.sightings import sighting
 
+EXIF_IFD, FOCAL_LENGTH_IN_35_MM = 0x8769, 0xA405
 REPOSITORY = Path(__file__).parents[3]
 BOARD = board(7, 5, "12mm")
 SIZE = (640, 480)
