@@ -37,6 +37,8 @@ _LINE = ContextVar("command line", default="")
 """Set while a command runs, and for it only."""
 
 Function = TypeVar("Function", bound=Callable[..., Summary])
+OUT, ERR = 1, 2
+"""What the operating system calls them."""
 
 
 class _ByTask(TyperGroup):
@@ -209,10 +211,6 @@ def _command_of(app: typer.Typer, name: str, words: Sequence[str]) -> str:
         place = place.commands[word]
         names.append(word)
     return " ".join(names)
-
-
-OUT, ERR = 1, 2
-"""What the operating system calls them."""
 
 
 class _Forgiving(io.TextIOWrapper):

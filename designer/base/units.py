@@ -1,4 +1,7 @@
-"""Quantities in text: `20mm`, `220x220mm`, `0.4%`, `0.1deg`. A bare number is in millimetres, percent or degrees."""
+"""Quantities in text: `20mm`, `220x220mm`, `0.4%`, `0.1deg`, a page `A4`, a printer's skew `xy 0.02deg`.
+
+A bare number is in millimetres, percent or degrees.
+"""
 
 import math
 import re
@@ -21,6 +24,20 @@ MAX_ANGLE_RAD = math.tau
 MAX_TEXT = 40
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 _QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?(?:nan|inf(?:inity)?))\s*([^\s\d.+-]\S{{0,11}})?\s*", re.IGNORECASE)
+PAGE_SIZES_MM = {"A4": (210.0, 297.0), "A3": (297.0, 420.0), "Letter": (215.9, 279.4)}
+MARGIN_MM = 10.0
+"""What a printer may leave white along the paper's edges."""
+SCALE_BAR_MM = 100.0
+MIN_PAGE_MM = (SCALE_BAR_MM + 2 * MARGIN_MM, 60.0)
+MAX_PAGE_MM = 5000.0
+"""PDF readers stop at 14400 points, which is 5080 mm."""
+Skew = tuple[float, float, float]
+"""Radians by which y leans to x, z to x and z to y, in the order of `SKEW_NAMES`."""
+SKEW_NAMES = ("xy", "xz", "yz")
+NO_SKEW: Skew = (0.0, 0.0, 0.0)
+MOST_SKEW_DEG = 2.0
+"""A printer that leans more is to be mended, or the number was meant to be another."""
+_SKEW_EXPECTED = "angles such as xy 0.02deg, xz -0.14deg, yz 0.02deg (left out: 0), or 0"
 
 
 def parse_length_mm(text: str | float) -> float:
@@ -138,15 +155,6 @@ def _to_mm(number: float, unit: str, text: str | float) -> float:
     return length
 
 
-PAGE_SIZES_MM = {"A4": (210.0, 297.0), "A3": (297.0, 420.0), "Letter": (215.9, 279.4)}
-MARGIN_MM = 10.0
-"""What a printer may leave white along the paper's edges."""
-SCALE_BAR_MM = 100.0
-MIN_PAGE_MM = (SCALE_BAR_MM + 2 * MARGIN_MM, 60.0)
-MAX_PAGE_MM = 5000.0
-"""PDF readers stop at 14400 points, which is 5080 mm."""
-
-
 def page_size_mm(page: str) -> tuple[float, float] | None:
     """Width and height of a page: "A4", "A3", "Letter" or "WIDTHxHEIGHTmm"; None for "fit".
 
@@ -171,16 +179,6 @@ def page_size_mm(page: str) -> tuple[float, float] | None:
     return width, height
 
 
-Skew = tuple[float, float, float]
-"""Radians by which y leans to x, z to x and z to y, in the order of `SKEW_NAMES`."""
-
-SKEW_NAMES = ("xy", "xz", "yz")
-NO_SKEW: Skew = (0.0, 0.0, 0.0)
-MOST_SKEW_DEG = 2.0
-"""A printer that leans more is to be mended, or the number was meant to be another."""
-_EXPECTED = "angles such as xy 0.02deg, xz -0.14deg, yz 0.02deg (left out: 0), or 0"
-
-
 def parse_skew_rad(text: str | float) -> Skew:
     """Angles as `format_skew` writes them; `0` for none.
 
@@ -190,7 +188,7 @@ def parse_skew_rad(text: str | float) -> Skew:
     if isinstance(text, (int, float)) and not isinstance(text, bool) and text == 0:
         return NO_SKEW
     if not isinstance(text, str):
-        raise ValueError(f"expected {_EXPECTED}")
+        raise ValueError(f"expected {_SKEW_EXPECTED}")
     if text.strip() == "0":
         return NO_SKEW
     given: dict[str, float] = {}
@@ -198,7 +196,7 @@ def parse_skew_rad(text: str | float) -> Skew:
         name, _, quantity = part.strip().partition(" ")
         name = name.lower()
         if name not in SKEW_NAMES or not quantity:
-            raise ValueError(f"expected {_EXPECTED}")
+            raise ValueError(f"expected {_SKEW_EXPECTED}")
         if name in given:
             raise ValueError(f"{name} is given twice; give each angle once")
         given[name] = _lean_rad(name, quantity)

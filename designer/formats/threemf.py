@@ -45,6 +45,8 @@ _MODEL_START = """<?xml version="1.0" encoding="UTF-8"?>
 
 # Resource ids in the model files. OrcaSlicer keeps one colour of a colour group, so each has its own.
 _BODY_COLOUR, _INK_COLOUR, _BODY, _INK, _TARGET = 1, 2, 3, 4, 5
+Characters = NDArray[np.uint8]
+_LEFT_OUT = 0
 
 
 @dataclass(frozen=True)
@@ -227,11 +229,6 @@ def _package(model: Iterable[str | bytes], config_path: str, config: str) -> byt
             entry.create_system = 3  # Unix; else the byte depends on the system that writes
             archive.writestr(entry, content, zipfile.ZIP_DEFLATED, _ZIP_LEVEL)
     return package.getvalue()
-
-
-Characters = NDArray[np.uint8]
-
-_LEFT_OUT = 0
 
 
 def text_lines(*parts: bytes | Characters) -> bytes:

@@ -1,4 +1,4 @@
-"""From a resolved spec to the nominal target geometry."""
+"""The nominal geometry of a spec, how the faces of a target lie to each other, and its narrowest widths."""
 
 import math
 from dataclasses import dataclass
@@ -12,6 +12,11 @@ from designer.target import TargetGeometry
 
 DECIMALS = 9
 """Coordinates are rounded to a picometre, so that processors whose sine differs in the last bit agree on ids."""
+SAME_PLACE = 0.02
+"""Corners and middles of sides nearer than this share of a side are one: faces of a print meet about so well."""
+_FACE_DOWN = np.diag([1.0, -1.0, -1.0])
+PARALLEL = 1e-6
+"""How far the normals of opposite faces may be from opposite."""
 
 
 def lay_out(spec: Spec) -> TargetGeometry:
@@ -55,13 +60,6 @@ def same_on_all_faces(
         face_code=np.array(face_code),
         lattice_mm=on_every_face(lattice_mm),
     )
-
-
-SAME_PLACE = 0.02
-"""Corners and middles of sides nearer than this share of a side are one: faces of a print meet about so well."""
-_FACE_DOWN = np.diag([1.0, -1.0, -1.0])
-PARALLEL = 1e-6
-"""How far the normals of opposite faces may be from opposite."""
 
 
 def corners_mm(target: TargetGeometry) -> NDArray[np.float64]:

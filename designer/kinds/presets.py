@@ -14,6 +14,7 @@ from designer.base.words import shown, suggestion
 from designer.spec.spec import Build, Lattice
 
 PresetKind = Literal["targets", "printers", "cameras", "errors", "criteria"]
+Complete = Callable[[str], list[str]]
 
 
 def preset_folder() -> Path:
@@ -61,9 +62,6 @@ def _is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):
         return False
-
-
-Complete = Callable[[str], list[str]]
 
 
 def _templates_of(kind: PresetKind) -> Complete:

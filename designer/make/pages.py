@@ -1,4 +1,7 @@
-"""Page sizes, where pieces go on a page, and the page's foot with its scale bar."""
+"""Drawings of exact shapes on pages, for any vector format to write down, and where pieces go on a page.
+
+Page coordinates: millimetres, origin at the page's lower left corner, x right, y up.
+"""
 
 import math
 import string
@@ -14,6 +17,11 @@ LINE_MM = 0.1
 
 Point = tuple[float, float]
 Polygon = tuple[Point, ...]
+DESCENT = 0.22
+"""How far letters reach below the baseline, of the text size."""
+_FOOT_TEXT_MM = 2.7
+_LINE_SPACING_MM = 3.6
+_SLACK_MM = 1e-9  # sums of lengths that fit exactly may miss by a rounding
 
 
 @dataclass(frozen=True)
@@ -122,13 +130,6 @@ def _letter_em(letter: str) -> float:
     if letter in " ,.'ijl":
         return 0.33
     return 0.64 if letter in string.digits + string.ascii_lowercase.replace("m", "").replace("w", "") else 1.05
-
-
-DESCENT = 0.22
-"""How far letters reach below the baseline, of the text size."""
-_FOOT_TEXT_MM = 2.7
-_LINE_SPACING_MM = 3.6
-_SLACK_MM = 1e-9  # sums of lengths that fit exactly may miss by a rounding
 
 
 @dataclass(frozen=True)

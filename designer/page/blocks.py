@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 Level = Literal["good", "usable", "bad", "note"]
 """How a fact is to be taken: fine, with care, not at all; or neither."""
+_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://|[A-Za-z]:")
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
 @dataclass(frozen=True)
@@ -229,10 +231,6 @@ class Page:
     lead: tuple[Block, ...] = ()  # between headline and contents: the picture that says most, key facts
     made_by: str = ""  # the command line that wrote the folder
     program: str = ""  # name and version
-
-
-_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://|[A-Za-z]:")
-_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
 def href(path: str) -> str:

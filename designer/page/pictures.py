@@ -15,6 +15,23 @@ if TYPE_CHECKING:
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
+# Colours without meaning, those of `calib.figures.style` and of matplotlib itself: on light, on dark, and what is so.
+_NEUTRAL = {
+    "ink": ("#1a1a1a", "#e6e9ec", ("#1a1a1a", "#262626", "#000000")),
+    "grey": ("#6b6b6b", "#a3abb3", ("#6b6b6b", "#7f7f7f", "#808080")),
+    "faint": ("#bdbdbd", "#59616a", ("#bdbdbd", "#b0b0b0", "#cccccc")),
+    "empty": ("#e4e4e4", "#343a41", ("#e4e4e4",)),
+    "paper": ("#ffffff", "#1a1d21", ("#ffffff",)),
+}
+_NAME = {colour: name for name, (_, _, colours) in _NEUTRAL.items() for colour in colours}
+_LIGHT, _DARK = (";".join(f"--{name}:{colours[n]}" for name, colours in _NEUTRAL.items()) for n in (0, 1))
+_STYLE = (
+    f"<style>:root{{{_LIGHT};fill:var(--ink)}}@media screen and (prefers-color-scheme:dark){{:root{{{_DARK}}}}}"
+    'text{font-family:"DejaVu Sans",Verdana,"Bitstream Vera Sans",sans-serif!important}</style>'
+)
+_COLOUR = re.compile(rf"\b((?:fill|stroke)(?:: |=\"))({'|'.join(_NAME)})\b", re.IGNORECASE)
+_SIZE = re.compile(r'\bviewBox="0 0 ([0-9]+(?:\.[0-9]+)?) ([0-9]+(?:\.[0-9]+)?)"')
+_PX_PER_POINT = 96 / 72
 
 
 def raster_of(content: bytes) -> Raster:
@@ -109,25 +126,6 @@ def _eight_bit(image: "Image") -> "Image":
         below = Image.new("RGBA", image.size, "white")
         return Image.alpha_composite(below, image.convert("RGBA")).convert("RGB")
     return image if image.mode in {"L", "RGB"} else image.convert("RGB")
-
-
-# Colours without meaning, those of `calib.figures.style` and of matplotlib itself: on light, on dark, and what is so.
-_NEUTRAL = {
-    "ink": ("#1a1a1a", "#e6e9ec", ("#1a1a1a", "#262626", "#000000")),
-    "grey": ("#6b6b6b", "#a3abb3", ("#6b6b6b", "#7f7f7f", "#808080")),
-    "faint": ("#bdbdbd", "#59616a", ("#bdbdbd", "#b0b0b0", "#cccccc")),
-    "empty": ("#e4e4e4", "#343a41", ("#e4e4e4",)),
-    "paper": ("#ffffff", "#1a1d21", ("#ffffff",)),
-}
-_NAME = {colour: name for name, (_, _, colours) in _NEUTRAL.items() for colour in colours}
-_LIGHT, _DARK = (";".join(f"--{name}:{colours[n]}" for name, colours in _NEUTRAL.items()) for n in (0, 1))
-_STYLE = (
-    f"<style>:root{{{_LIGHT};fill:var(--ink)}}@media screen and (prefers-color-scheme:dark){{:root{{{_DARK}}}}}"
-    'text{font-family:"DejaVu Sans",Verdana,"Bitstream Vera Sans",sans-serif!important}</style>'
-)
-_COLOUR = re.compile(rf"\b((?:fill|stroke)(?:: |=\"))({'|'.join(_NAME)})\b", re.IGNORECASE)
-_SIZE = re.compile(r'\bviewBox="0 0 ([0-9]+(?:\.[0-9]+)?) ([0-9]+(?:\.[0-9]+)?)"')
-_PX_PER_POINT = 96 / 72
 
 
 def drawing_of_svg(svg: bytes) -> Svg:

@@ -56,6 +56,10 @@ PAGE_FILE = "index.html"
 RULES_TITLE = "Printability"
 MOST_SHEETS = 10
 """Pages of stickers that are shown; the others are in the PDF file."""
+_MEASURE_LEAD = (
+    "The print is not the drawing. A length and the photos say by how much, and the calibration uses what was printed."
+)
+DOT, RING = "●", "○"
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +110,6 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile]) 
         made_by=f"design make {job.name}.toml",
         program=program(),
     )
-
-
-_MEASURE_LEAD = (
-    "The print is not the drawing. A length and the photos say by how much, and the calibration uses what was printed."
-)
 
 
 def headline(printing: PrintSpec, check: PrintCheck) -> Headline:
@@ -237,9 +236,6 @@ def _filament_section(filament: Filament, design: Design) -> Section:
         ))  # fmt: skip
     lead = f"{body.mass_text} of body{f' and {ink.mass_text} of ink' if ink else ''}."
     return Section("Expected filament", tuple(blocks), lead)
-
-
-DOT, RING = "●", "○"
 
 
 def dimension_facts(design: Design, filament: Filament | None) -> Facts:

@@ -17,6 +17,8 @@ Value = Literal[
     "file", "name", "length", "length above 0", "length from 0", "chord error", "size", "bed", "count", "ratio",
     "percent", "skew", "colour", "build", "lattice", "formats", "page", "switch",
 ]  # fmt: skip
+DIAMETER_OVER_PITCH = 0.7
+"""Of the paper's rings, 7 mm at 10 mm."""
 
 
 @dataclass(frozen=True)
@@ -90,10 +92,6 @@ def options_of(asked: type[AskedPrinting]) -> Mapping[str, Option]:
 def is_required(asked: type[AskedPrinting], name: str) -> bool:
     """Whether a person must give the option."""
     return any(field.name == name and field.default is MISSING for field in fields(asked))
-
-
-DIAMETER_OVER_PITCH = 0.7
-"""Of the paper's rings, 7 mm at 10 mm."""
 
 
 def diameter_and_pitch(asked: Asked) -> tuple[float, float]:

@@ -21,6 +21,7 @@ _KELVIN_PER_UNIT = {"": 1.0, "K": 1.0, "°C": 1.0, "degC": 1.0}
 _PER_KELVIN_PER_UNIT = {"": 1.0, "/K": 1.0, "ppm/K": 1e-6, "um/m/K": 1e-6}
 NEEDED_BY: Mapping[str, str] = {"stair_steps": "layer_height", "thermal": "expansion"}
 """What the model must tell of a print for a source to have an effect."""
+Text = Annotated[str, Field(min_length=1)]
 
 
 def _as_text(value: RawValue) -> str:
@@ -30,7 +31,6 @@ def _as_text(value: RawValue) -> str:
     return value if isinstance(value, str) else repr(value)
 
 
-Text = Annotated[str, Field(min_length=1)]
 Quantity = Annotated[str, BeforeValidator(_as_text)]
 
 
