@@ -66,7 +66,7 @@ class BootstrapResult(ShownAsPage):
         Raises:
             InputError: the folder takes no files, or holds another study.
         """
-        from calib.show.studies.study_files import study_files
+        from calib.show.studies.study_page import study_files
 
         place = Path(folder)
         check_folder(place)

@@ -83,7 +83,7 @@ def draw_again(study: Place, out: Place | None = None) -> DrawnStudy:
     Raises:
         InputError: there is no study, it has no samples, or the folder takes no files.
     """
-    from calib.show.studies.study_files import study_files
+    from calib.show.studies.study_page import study_files
 
     path = Path(study) / STUDY_FILE if Path(study).is_dir() else Path(study)
     place = path.parent if out is None else Path(out)

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 
@@ -150,23 +150,9 @@ class _Todo:
 
 def _ranges(numbers: Iterable[int]) -> Iterator[range]:
     """Ascending numbers as ranges without gaps."""
-    begin = end = None
-    for number in numbers:
-        if begin is None or number != end:
-            if begin is not None and end is not None:
-                yield range(begin, end)
-            begin = number
-        end = number + 1
-    if begin is not None and end is not None:
-        yield range(begin, end)
-
-
-@dataclass(frozen=True, eq=False)
-class _Failure:
-    """A sample that ended its worker."""
-
-    case: CaseSpec
-    result: SampleResult
+    for _, run in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0]):
+        found = [number for _, number in run]
+        yield range(found[0], found[-1] + 1)
 
 
 class _Run:
@@ -178,7 +164,7 @@ class _Run:
         self.done = total - todo.count
         self._out = 0
         self._suspects: deque[Chunk] = deque()
-        self._failures: list[_Failure] = []
+        self._failures: list[tuple[CaseSpec, SampleResult]] = []  # samples that ended their workers
         self._alone: Chunk | None = None  # the suspect that is computed while nothing else is
         self._any_good = False
 
@@ -235,7 +221,7 @@ class _Run:
     def _fail(self, case: CaseSpec, number: int, reason: str) -> None:
         counts = draw_counts(self._seed, case.name, number, case.size, case.pool.view_count)
         distinct = int(np.count_nonzero(counts))
-        self._failures.append(_Failure(case, failed_sample(number, distinct, case.pool.value_count, reason)))
+        self._failures.append((case, failed_sample(number, distinct, case.pool.value_count, reason)))
         if self._any_good:
             self._keep_failures()
         elif len(self._failures) == HOPELESS:
@@ -243,8 +229,8 @@ class _Run:
             raise WorkersGoneError(f"every sample fails ({reason})")
 
     def _keep_failures(self) -> None:
-        for failure in self._failures:
-            self._add(failure.case, [failure.result])
+        for case, result in self._failures:
+            self._add(case, [result])
         self._failures.clear()
 
     def _add(self, case: CaseSpec, results: list[SampleResult]) -> None:

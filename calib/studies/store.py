@@ -2,12 +2,10 @@
 
 import sqlite3
 import stat
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
-from typing import Self, TypeVar
 
 from calib.studies.identity import StudyIdentity, program_versions
 from calib.studies.sample import SampleResult
@@ -19,7 +17,7 @@ APPLICATION_ID = 0x52465354
 """In the header of the file: "RFST"."""
 VERSION = 1
 MAX_FILE_BYTES = 4 * 2**30
-MOST_SAMPLES, MOST_VALUES, MOST_CASES = 4_000_000, 50_000_000, 10_000
+MOST_SAMPLES = 4_000_000
 LONGEST_VALUE_BYTES = 2**24
 """The covariance of as many parameters as a case may have is half as long; SQLite refuses to read what is longer."""
 BUSY_S = 20.0
@@ -46,23 +44,16 @@ COLUMNS = (
     "iterations, message"
 )
 
-Row = TypeVar("Row")
-
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class Study(AbstractContextManager["Study"]):
     """An open study file. Use it in one thread, and close it; `with` does."""
 
     path: Path
     identity: StudyIdentity
     connection: sqlite3.Connection
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -77,7 +68,7 @@ class Study:
         """What has been sampled, in the order of its declaration."""
         with _one_line(self.path):
             rows = self.connection.execute(f"SELECT {CASE_COLUMNS} FROM cases ORDER BY place")  # noqa: S608 - a constant
-            return tuple(case_from_row(self.path, row) for row in _few(self.path, rows, "cases"))
+            return tuple(case_from_row(self.path, row) for row in rows)
 
     def declare(self, case: StoredCase) -> None:
         """Make a case known before its samples come.
@@ -91,7 +82,7 @@ class Study:
                 f"{self.path}: holds another case {case.case.name!r} ({known.case.size} of {known.case.pool} views, "
                 f"model {known.model}); start a new study in another folder"
             )
-        with _one_line(self.path), self._transaction():
+        with _one_line(self.path), _transaction(self.connection):
             self.connection.execute(
                 "INSERT INTO cases SELECT ?, ?, ?, ?, ?, ?, ?, ?, ?, count(*) FROM cases WHERE true "
                 "ON CONFLICT DO NOTHING",
@@ -108,7 +99,7 @@ class Study:
         """
         record = self._case(case)
         rows = [(case, *row_of(result, record.params)) for result in results]
-        with _one_line(self.path), self._transaction():
+        with _one_line(self.path), _transaction(self.connection):
             self.connection.executemany(
                 "INSERT INTO sample VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING", rows
             )
@@ -127,11 +118,6 @@ class Study:
         """
         record = self._case(case)
         with _one_line(self.path):
-            (count,) = self.connection.execute('SELECT count(*) FROM sample WHERE "case" = ?', (case,)).fetchone()
-            if count * record.params > MOST_VALUES:
-                raise InputError(
-                    f"{self.path}: {count} samples of {record.params} values; at most {MOST_VALUES} are read"
-                )
             found = self.connection.execute(
                 f'SELECT {COLUMNS} FROM sample WHERE "case" = ? ORDER BY number',  # noqa: S608 - a constant
                 (case,),
@@ -142,7 +128,7 @@ class Study:
         """Names and versions of the programs that made the samples; twice the same name: it changed meanwhile."""
         with _one_line(self.path):
             rows = self.connection.execute("SELECT name, version FROM program ORDER BY name, version")
-            return tuple((str(name), str(version)) for name, version in _few(self.path, rows, "programs"))
+            return tuple((str(name), str(version)) for name, version in rows)
 
     def mixed_programs(self) -> tuple[str, ...]:
         """A line for each program of which several versions computed the samples."""
@@ -160,11 +146,6 @@ class Study:
         if record is None:
             raise InputError(f"{self.path}: has no case {name!r}; run the study first")
         return record
-
-    @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        with _transaction(self.connection):
-            yield
 
 
 def open_study(path: Path, identity: StudyIdentity, *, resume: bool) -> Study:
@@ -275,18 +256,6 @@ def _opened(path: Path, mode: str) -> Iterator[sqlite3.Connection]:
             raise
 
 
-def _few(path: Path, rows: Iterable[Row], what: str) -> Iterator[Row]:
-    """The rows of a small table, one after the other: part of them would be another study.
-
-    Raises:
-        InputError: there are more than any study has.
-    """
-    for number, row in enumerate(rows):
-        if number == MOST_CASES:
-            raise InputError(f"{path}: more than {MOST_CASES} {what}; a study has fewer: start a new one")
-        yield row
-
-
 def _alone(path: Path, mode: str) -> str:
     """Word to SQLite that nobody writes a file to be read, so that it leaves no files of its own beside it.
 
@@ -365,7 +334,7 @@ def _check_file(path: Path, connection: sqlite3.Connection) -> None:
 
 def _identity(path: Path, connection: sqlite3.Connection) -> StudyIdentity:
     rows = connection.execute("SELECT kind, name, value FROM identity ORDER BY kind, name")
-    identity = StudyIdentity.from_rows(list(_few(path, rows, "settings")))
+    identity = StudyIdentity.from_rows(list(rows))
     if identity is None:
         raise InputError(f"{path}: does not say what study it is; start a new study in another folder")
     return identity

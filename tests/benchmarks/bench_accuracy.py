@@ -21,7 +21,7 @@ from calib.metrics.evaluation import evaluate
 from calib.observe.truth import Truth, read_truth
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.studies.paper_sets import (
+from calib.studies.paper_study import (
     PhotoSet,
     incidence_deg,
     only,

@@ -50,7 +50,7 @@ def names_in(path: Path) -> set[str]:
 
 LABELS = {
     "calib/studies/paper_table.py": {"board"},  # what the paper calls its targets
-    "calib/studies/paper_sets.py": {"board", "ico"},  # their specs, as target files have them
+    "calib/studies/paper_study.py": {"board", "ico"},  # their specs, as target files have them
     "calib/verdict/next_view_words.py": {"board"},  # what people call a thing that is flat
 }
 

@@ -18,7 +18,7 @@ from calib.show.measured.files import measured_files, places_of
 from calib.show.parts.origin import Origin
 from calib.show.studies.compare_page import table_files_of
 from calib.show.studies.study_figures import convergence_files
-from calib.show.studies.study_files import table_files
+from calib.show.studies.study_page import table_files
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, Plan
 from calib.studies.compare.results import METRICS, CaseResult, Explanation, tabulated
 from calib.studies.identity import StudyIdentity

@@ -1,12 +1,15 @@
-"""Bootstrap studies as blocks, of a person's photos and of the paper's study: page, terminal and Markdown use them."""
+"""Bootstrap studies as blocks, of a person's photos and of the paper's: page, terminal and files are made of them."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import cast
 
+from calib.observe.csv_table import ANY_NAME
+from calib.show.markdown import markdown
 from calib.show.parts.folder_blocks import files_section, question_section, warnings
 from calib.show.parts.origin import Origin
-from calib.show.studies.study_figures import slug
+from calib.show.studies.study_figures import slug, study_figures
 from calib.show.studies.study_folder import NO_TABLE, FigureText, figures, identity_facts, read_identity
 from calib.show.studies.study_tables import (
     errors_table,
@@ -27,9 +30,12 @@ from calib.show.studies.study_words import (
     sigma_alt,
     study_notes,
 )
-from calib.studies.outputs import STUDY_FILE
-from calib.studies.study_table import STUDY_TABLE, StudyTable
-from calib.studies.table_files import JSON_FILE
+from calib.studies.outputs import FIGURES_FOLDER, STUDY_FILE
+from calib.studies.statistics import CaseSummary, Distribution
+from calib.studies.study_table import STUDY_TABLE, StudyCases, StudyTable
+from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE, rows_to_csv
+from designer.base.codec import encode
+from designer.base.small_file import JsonValue
 from designer.base.words import printable
 from designer.page.blocks import (
     Block,
@@ -263,3 +269,34 @@ def _next_of_paper(table: StudyTable) -> Steps:
             "folder for the paper's 10000.",
         )
     return Steps(tuple(steps))
+
+
+def study_files(cases: StudyCases, table: StudyTable, folder: Path) -> dict[Path, bytes]:
+    """The files of a study and their contents.
+
+    Args:
+        cases: its samples.
+        table: what they say.
+        folder: where the files are to lie.
+    """
+    return table_files(table, folder) | study_figures(cases, table, folder / FIGURES_FOLDER)
+
+
+def table_files(table: StudyTable, folder: Path) -> dict[Path, bytes]:
+    """The files without pictures."""
+    told = markdown("Calibrations of drawn views", study_sections(table), study_headline(table).sentence)
+    return {
+        folder / MARKDOWN_FILE: told.encode("utf-8", ANY_NAME),
+        folder / CSV_FILE: _csv(table),
+        folder / JSON_FILE: STUDY_TABLE.text(table),
+    }
+
+
+def _csv(table: StudyTable) -> bytes:
+    """A line for each case, error, and set of samples that the statistics are over."""
+    heads = []
+    for one in table.cases:
+        keys = cast("dict[str, JsonValue]", encode(CaseSummary, one))
+        del keys["metrics"]
+        heads += [keys] * len(one.metrics)
+    return rows_to_csv(Distribution, [found for one in table.cases for found in one.metrics], heads)

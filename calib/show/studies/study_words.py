@@ -1,6 +1,7 @@
 """What is said of a bootstrap study in words: its answer, what its figures show, and what to know of its numbers."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 
 from calib.core.number_text import figure, with_digits
@@ -169,13 +170,10 @@ def study_notes(table: StudyTable) -> tuple[Finding, ...]:
     every = [found for one in table.cases for found in one.every() if found.count]
     tested = [one for one in every if one.shape != "too few"]
     if tested:
-        normal = sum(one.shape == "normal" for one in tested)
-        text = f"{normal} of {len(tested)} are normal (D'Agostino and Pearson, p >= {LEAST_P:g})."
+        counts = Counter(one.shape for one in tested).most_common()
+        shapes = ", ".join(f"{count} {shape}" for shape, count in counts)
+        text = f"Of {len(tested)}: {shapes} (normal: D'Agostino and Pearson, p >= {LEAST_P:g})."
         rows.append(Finding("note", "Distributions", text))
-    for metric in METRICS:
-        of_metric = [one for one in every if one.metric == metric.name]
-        if of_metric:
-            rows.append(Finding("note", f"{metric.name.capitalize()} error", _shapes(of_metric)))
     errors = [
         error / value
         for one in every
@@ -201,16 +199,6 @@ def not_converged(one: CaseSummary) -> Finding | None:
     setting = f", {setting_in_words(one.case.setting)}" if any(one.case.setting) else ""
     title = f"{printable(one.case.target)}, {one.case.size} views{setting}"
     return Finding("usable", title, f"{counts}; the converged alone: {errors or 'no errors'}.")
-
-
-def _shapes(found: Sequence[Distribution]) -> str:
-    """How many distributions of an error have which shape."""
-    parts = []
-    for shape in dict.fromkeys(one.shape for one in found):
-        skewness = [one.skewness for one in found if one.shape == shape]
-        extremes = " to ".join(dict.fromkeys(f"{end(skewness):.2f}" for end in (min, max)))
-        parts.append(f"{shape} in {len(skewness)}" + (f" (skewness {extremes})" if math.isfinite(skewness[0]) else ""))
-    return f"Of {len(found)} cases {', '.join(parts)}."
 
 
 def histograms_alt(table: StudyTable, setting: Setting) -> str:

@@ -7,9 +7,8 @@ from typing import Annotated
 
 from calib.cameras import parameter_names
 from calib.cameras.camera import Camera, camera_or_preset
-from calib.studies.compare.alone import NOISE, TOGETHER, OneSource
 from calib.studies.compare.objects import MODELS, OBJECTS, SETS, VIRTUAL, PaperObject, make_target, object_named
-from calib.studies.compare.photographed import ALL_PHOTOS, SetsOfPhotos
+from calib.studies.compare.photographed import ALL_PHOTOS, NOISE, TOGETHER, OneSource, SetsOfPhotos
 from calib.studies.compare.scene import ComparedScene, scene_of
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.statistics import Case

@@ -10,11 +10,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.studies.compare.alone import NOISE, TOGETHER
-from calib.studies.compare.alone import VALUES as ALONE_VALUES
 from calib.studies.compare.cases import ALIKE, ALONE, FIGURE, Comparison, Plan
 from calib.studies.compare.objects import object_named
-from calib.studies.compare.photographed import VALUES, SetsOfPhotos, grouped
+from calib.studies.compare.photographed import ALONE_VALUES, NOISE, TOGETHER, VALUES, SetsOfPhotos, grouped
 from calib.studies.store import Study
 from calib.studies.stored_samples import Samples
 from designer.base.file_kind import FileKind

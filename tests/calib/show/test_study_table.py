@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.show.studies.study_files import table_files
+from calib.show.studies.study_page import table_files
 from calib.show.studies.study_tables import errors_table, findings_table
 from calib.show.studies.study_words import finding_of, study_notes
 from calib.studies.paper_table import BOARD, CORRECTION, ICOSAHEDRON

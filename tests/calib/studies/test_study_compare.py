@@ -18,10 +18,17 @@ from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
 from calib.show.studies.compare_page import comparison_files
 from calib.studies.compare import cases
-from calib.studies.compare.alone import NO_EFFECT, NOISE, OneSource
 from calib.studies.compare.cases import FIGURE, Comparison, Plan, comparison, identity, quick
 from calib.studies.compare.objects import OBJECTS, make_target, object_named
-from calib.studies.compare.photographed import SetsOfPhotos, calibrate_with, grouped, made_mm
+from calib.studies.compare.photographed import (
+    NO_EFFECT,
+    NOISE,
+    OneSource,
+    SetsOfPhotos,
+    calibrate_with,
+    grouped,
+    made_mm,
+)
 from calib.studies.compare.results import CaseResult, Explanation, results_of
 from calib.studies.compare.scene import ComparedScene, fitting_distance_mm, scene_of, stream, take_photos
 from calib.studies.runner import run_cases

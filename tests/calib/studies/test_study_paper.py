@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import camera_to_json
 from calib.observe.observations import known_points
 from calib.observe.truth import read_truth
-from calib.studies import paper_sets, paper_study
+from calib.studies import paper_study
 from calib.studies.paper_table import TARGETS, paper_value
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
@@ -59,8 +59,8 @@ def small_targets() -> dict[str, TargetGeometry]:
 def small_paper(monkeypatch: pytest.MonkeyPatch, quick: None) -> None:
     """The paper's study with a small camera, near and small targets, and few photos and samples."""
     Path("camera.json").write_text(camera_to_json(camera("opencv", (448, 336), 480.0)))
-    monkeypatch.setattr(paper_sets, "CAMERA", "camera.json")
-    monkeypatch.setattr(paper_sets, "DISTANCE_MM", 150.0)
+    monkeypatch.setattr(paper_study, "CAMERA", "camera.json")
+    monkeypatch.setattr(paper_study, "DISTANCE_MM", 150.0)
     monkeypatch.setattr(paper_study, "paper_targets", small_targets)
     monkeypatch.setattr(paper_study, "SIZES", (8, 20))
     monkeypatch.setattr(paper_study, "quick_study", lambda out, seed: paper_study.PaperStudy(out, 10, 6, seed))
@@ -160,13 +160,13 @@ def test_incidence_is_the_angle_at_the_ring() -> None:
     eye = np.array([np.linalg.solve(one, [0, 0, 0, 1])[:3] for one in pose])
     beside: NDArray[np.float64] = np.linalg.norm((eye - points.position_mm[seen.point])[:, :2], axis=1)
     height = eye[:, 2] - points.position_mm[seen.point][:, 2]
-    np.testing.assert_allclose(paper_sets.incidence_deg(seen, truth), np.degrees(np.arctan2(beside, height)))
+    np.testing.assert_allclose(paper_study.incidence_deg(seen, truth), np.degrees(np.arctan2(beside, height)))
 
 
 def test_views_that_keep_few_sightings_go() -> None:
     """A view with nine sightings left is not in the pool; one with ten is."""
     rank = np.concatenate([np.arange(count) for count in np.bincount(SEEN.view)])
-    kept = paper_sets.only(SEEN, rank < np.where(SEEN.view == 3, 9, np.where(SEEN.view == 5, 10, 20)))
+    kept = paper_study.only(SEEN, rank < np.where(SEEN.view == 3, 9, np.where(SEEN.view == 5, 10, 20)))
     names = set(SEEN.view_names)
     assert names - set(kept.view_names) == {SEEN.view_names[3]}
     assert (np.bincount(kept.view) >= 10).all()

@@ -120,13 +120,6 @@ def test_a_transaction_that_was_killed_is_not_read(path: Path) -> None:
         assert study.load(NAME).message[0] == ""
 
 
-def test_tables_of_too_many_rows_are_refused(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Part of a study would be another one."""
-    with read_study(path) as study:
-        monkeypatch.setattr("calib.studies.store.MOST_CASES", 3)
-        assert "more than 3 programs" in refusal(study.programs)
-
-
 def test_a_study_is_not_overwritten(path: Path) -> None:
     """Without `resume`, a study that is there is refused, with the remedy, and stays."""
     before = path.read_bytes()
