@@ -21,9 +21,9 @@ from calib.observe.corners_vnl import PointGrid
 from calib.observe.truth import Truth, read_truth
 from calib.pipeline.solving import SolvePlan, plan_from_words
 from calib.renderer.quantities import whole
+from calib.show.studies.study_folder import STUDY_FILE
 from calib.studies import bootstrap as pools
 from calib.studies.identity import StudyIdentity, identity_of
-from calib.studies.outputs import STUDY_FILE
 from calib.studies.paper_table import TARGETS
 from calib.studies.progress import DrawCount
 from calib.studies.runner import StudyStoppedError, run_cases

@@ -8,10 +8,10 @@ from calib.api.bootstrapping import BootstrapResult, Sampling
 from calib.api.loading import Place, Progress, unheard
 from calib.api.page_shown import ShownAsPage
 from calib.core.files import check_folder, write_files
+from calib.show.studies.study_folder import STUDY_FILE
 from calib.studies import paper_study
 from calib.studies.compare import cases
 from calib.studies.compare.results import Results, results_of
-from calib.studies.outputs import STUDY_FILE
 from calib.studies.progress import DrawCount
 from calib.studies.store import read_study
 from calib.studies.study_table import StudyTable, cases_of, study_table

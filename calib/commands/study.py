@@ -159,8 +159,8 @@ def compare(
     from calib.api.studying import compare_objects
     from calib.show.studies.compare_tables import objects_table
     from calib.show.studies.compare_words import compare_headline
+    from calib.show.studies.study_folder import STUDY_FILE
     from calib.studies.compare.results import ComparisonTable
-    from calib.studies.outputs import STUDY_FILE
 
     with kept_when_stopped():
         with progress_bars() as progress:

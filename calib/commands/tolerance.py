@@ -100,9 +100,9 @@ def tolerance(
 
 def _write(found: "ToleranceResult", folder: Path, target: Path, formats: tuple[str, ...]) -> Summary:
     """Write the files, and say what came out: the answer, what limits allow or else the ranking, and what to do."""
+    from calib.show.studies.study_folder import JSON_FILE
     from calib.show.studies.tolerance_tables import budget_table, ranking_table, totals_table
     from calib.show.studies.tolerance_words import cost_notes, prediction_sentence, tolerance_headline
-    from calib.studies.table_files import JSON_FILE
     from calib.studies.tolerance.stored import AGAINST_FILE, STUDY_FILE
     from designer.page.terminal import say_findings, say_headline, say_line, say_table, say_written
 

@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from calib.cameras import COMMON
 from calib.cameras.camera import Camera, camera_or_preset
-from calib.core.selection import keep_sightings, keep_views, sightings_per_view
-from calib.core.types import Detections, Observations
+from calib.core.types import Detections, Observations, keep_sightings, keep_views, sightings_per_view
 from calib.detector.pipeline import detect
 from calib.observe.dataset import read_detections, write_detections
 from calib.observe.observations import observations_from_detections
-from calib.observe.photos import PhotoFile, detect_photos, named_photos
+from calib.observe.photos import PhotoFile, Pixels, detect_photos, named_photos
 from calib.observe.truth import Truth, read_truth, true_poses
 from calib.renderer.job import TRUTH_FILE, RenderJob, run_job
 from calib.renderer.options import RenderOptions
@@ -115,7 +114,11 @@ def search(
         tell: told how many are done.
     """
     seen = []
-    found = detect_photos(photos, target, detect=detect, camera=camera, overlay_folder=None, jobs=jobs)
+
+    def look(photo: PhotoFile, pixels: Pixels) -> Detections:
+        return detect(pixels, target, name=photo.name, camera=camera)
+
+    found = detect_photos(photos, target, look, jobs=jobs)
     for done, result in enumerate(found, start=1):
         tell(done)
         if result.seen is not None and len(result.seen.ring):

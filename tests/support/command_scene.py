@@ -64,7 +64,7 @@ def without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calib.detector.pipeline.detect", detect)
     monkeypatch.setattr("calib.figures.picture", lambda *_, **__: PICTURE)
     monkeypatch.setattr(PANEL, lambda *_, **__: BLANK)
-    monkeypatch.setattr("calib.studies.figures.files_of", named)
+    monkeypatch.setattr("calib.show.studies.study_folder.files_of", named)
     monkeypatch.setattr("calib.show.measured.picture.picture", lambda *_: PICTURE)
 
 

@@ -18,7 +18,7 @@ import pytest
 
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
-from calib.studies.figures import SUFFIXES
+from calib.show.studies.study_folder import SUFFIXES
 from tests.support.calibrations import board, example
 from tests.support.command_line import PICTURE, Answer, calib, files_in, write_inputs
 
@@ -43,7 +43,7 @@ def work_in(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Name pictures, but do not draw them, which takes longer than all else."""
-    monkeypatch.setattr("calib.studies.figures.files_of", named)
+    monkeypatch.setattr("calib.show.studies.study_folder.files_of", named)
 
 
 def named(place: Path, height_px: int, draw: object, suffixes: Collection[str] = SUFFIXES) -> dict[Path, bytes]:

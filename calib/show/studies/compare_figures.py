@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.figures.style import BLUE, EMPTY, GREEN, GREY, INK, ORANGE, VERMILION, note, nothing
-from calib.studies import figures
+from calib.show.studies import study_folder
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, LENS_MADE, LENS_OBJECTS
 from calib.studies.compare.objects import MODELS, OBJECTS, PaperObject
 from calib.studies.compare.photographed import ALL_PHOTOS
@@ -34,7 +34,7 @@ def comparison_figures(results: Results, folder: Path) -> dict[Path, bytes]:
     pages = ((BOXES_PX, draw_boxes), (BOXES_PX, draw_lens), (ALONE_PX, draw_alone))
     files: dict[Path, bytes] = {}
     for name, (height_px, draw) in zip(FIGURES, pages, strict=True):
-        files |= figures.files_of(folder / name, height_px, partial(draw, results=results))
+        files |= study_folder.files_of(folder / name, height_px, partial(draw, results=results))
     return files
 
 

@@ -21,10 +21,19 @@ from calib.show.studies.compare_words import (
     objects_alt,
     setting_notes,
 )
-from calib.show.studies.study_folder import NO_TABLE, FigureText, figures, read_identity
+from calib.show.studies.study_folder import (
+    CSV_FILE,
+    FIGURES_FOLDER,
+    JSON_FILE,
+    MARKDOWN_FILE,
+    NO_TABLE,
+    STUDY_FILE,
+    FigureText,
+    figures,
+    read_identity,
+    rows_to_csv,
+)
 from calib.studies.compare.results import COMPARISON, CaseRow, ComparisonTable, Results
-from calib.studies.outputs import FIGURES_FOLDER, STUDY_FILE
-from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE, rows_to_csv
 from designer.page.blocks import Block, Command, Finding, Findings, Page, Section, Steps
 
 QUESTION = (

@@ -12,9 +12,9 @@ import numpy as np
 
 from calib.figures.style import BLUE, DEEP, EMPTY, GREEN, GREY, ORANGE, PALE, VERMILION, WIDTH_PX, bar_beside, nothing
 from calib.figures.style import note as remark
+from calib.show.studies import study_folder
 from calib.show.studies.histograms_figure import draw_histograms, histograms_height_px
 from calib.show.studies.study_tables import setting_in_words, unit_words
-from calib.studies import figures
 from calib.studies.paper_table import paper_value
 from calib.studies.statistics import (
     METRICS,
@@ -57,12 +57,12 @@ def study_figures(cases: StudyCases, table: StudyTable, folder: Path) -> dict[Pa
         chosen = [one for one in table.cases if one.case.setting == setting]
         draw = partial(draw_histograms, cases=[(one, cases.samples[one.case]) for one in chosen])
         columns = len({one.case.target for one in chosen})
-        files |= figures.files_of(folder / f"histograms{label}", histograms_height_px(columns), draw)
+        files |= study_folder.files_of(folder / f"histograms{label}", histograms_height_px(columns), draw)
         pairs = _pairs(cases, [one.case for one in chosen])
         if pairs:
             height_px = round(HEAD_PX + (WIDTH_PX - 180) / max(len(pairs), 2))
             place = folder / f"correlations{label}"
-            files |= figures.files_of(place, height_px, partial(draw_correlations, pairs=pairs))
+            files |= study_folder.files_of(place, height_px, partial(draw_correlations, pairs=pairs))
     for sightings in dict.fromkeys(one.case.sightings for one in table.cases):
         files |= convergence_files([one for one in table.cases if one.case.sightings == sightings], folder)
     return files
@@ -79,7 +79,7 @@ def convergence_files(summaries: Sequence[CaseSummary], folder: Path) -> dict[Pa
     if len({one.case.size for one in summaries}) < 2:
         return {}
     place = folder / f"sigma{slug(summaries[0].case.sightings)}"
-    return figures.files_of(place, CONVERGENCE_PX, partial(draw_convergence, summaries=summaries))
+    return study_folder.files_of(place, CONVERGENCE_PX, partial(draw_convergence, summaries=summaries))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,31 +1,43 @@
-"""What the pages of study folders have in common: figures, and what the study file says of itself."""
+"""The files of a study's folder, written and shown: tables, figures, and what the study file says of itself."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import csv
+import io
+import warnings
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar, cast
 
+from calib.figures.style import picture
+from calib.observe.csv_table import ANY_NAME
 from calib.show.parts.folder_blocks import read_small_bytes, size_bytes
 from calib.studies.identity import StudyIdentity
-from calib.studies.outputs import FIGURES_FOLDER, STUDY_FILE
+from calib.studies.store import read_study
+from designer.base.codec import encode
 from designer.base.errors import InputError
+from designer.base.small_file import JsonValue
 from designer.base.words import printable
-from designer.page.blocks import (
-    Block,
-    Figure,
-    Finding,
-    Findings,
-    Link,
-    Raster,
-    Svg,
-)
+from designer.page.blocks import Block, Figure, Finding, Findings, Link, Raster, Svg
 from designer.page.pictures import drawing_of_svg
 
+if TYPE_CHECKING:
+    from matplotlib import figure as drawn
+
+Row = TypeVar("Row")
+
+STUDY_FILE = "study.sqlite"
+FIGURES_FOLDER = "figures"
+MARKDOWN_FILE, CSV_FILE, JSON_FILE = "table.md", "table.csv", "table.json"
+SUFFIXES = ("png", "pdf", "svg")
+METADATA: Mapping[str, Mapping[str, None]] = {
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None}, "svg": {"Date": None, "Creator": None},
+}  # fmt: skip
+"""Of the formats that are asked for: nothing that differs from one drawing to the next."""
 MAX_DRAWING_BYTES = 500_000
 """Of a drawing within a page: a larger one is shown as pixels."""
 MAX_PIXELS_BYTES = 600_000
 MOST_FIGURES = 12
 """Of a kind: more are links only, to keep the page small."""
-SUFFIXES = ("png", "pdf", "svg")
 LONGEST_SETTING = 200
 NO_TABLE = "table.json is missing: run the study again with --resume, and its tables stand here."
 
@@ -85,8 +97,6 @@ def figures(folder: Path, texts: Sequence[FigureText]) -> tuple[Block, ...]:
 
 def read_identity(folder: Path) -> tuple[StudyIdentity | None, tuple[str, ...]]:
     """What a study is, and what is wrong with its file; None and nothing if it has none."""
-    from calib.studies.store import read_study
-
     path = folder / STUDY_FILE
     if not path.exists():
         return None, ()
@@ -111,3 +121,58 @@ def identity_facts(identity: StudyIdentity | None, names: Mapping[str, str]) -> 
         if value := printable(settings.get(name, "")):
             yield title, value if len(value) <= LONGEST_SETTING else f"{value[: LONGEST_SETTING - 3]}..."
     yield "seed", str(identity.seed)
+
+
+def rows_to_csv(kind: type[Row], rows: Sequence[Row], heads: Sequence[Mapping[str, JsonValue]] = ()) -> bytes:
+    """A line a row, its fields as columns; a head, if there are any, stands before each."""
+    values = [encode(kind, row) for row in rows]
+    lines = [
+        {**head, **cast("dict[str, JsonValue]", row)}
+        for head, row in zip(heads or [{}] * len(rows), values, strict=True)
+    ]
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(lines[0]) if lines else ["none"], lineterminator="\n")
+    writer.writeheader()
+    for line in lines:
+        writer.writerow({name: "" if value is None else value for name, value in line.items()})
+    return stream.getvalue().encode("utf-8", ANY_NAME)
+
+
+def files_of(
+    place: Path, height_px: int, draw: "Callable[[drawn.Figure], None]", suffixes: Collection[str] = SUFFIXES
+) -> dict[Path, bytes]:
+    """A picture as PNG and in other formats, the same from the same data.
+
+    Args:
+        place: path without suffix.
+        height_px: of the picture.
+        draw: fills the figure.
+        suffixes: of the formats; PNG is always among them.
+    """
+    import matplotlib as mpl
+
+    contents: dict[str, bytes] = {}
+
+    def draw_all(page: "drawn.Figure") -> None:
+        draw(page)
+        others = [suffix for suffix in SUFFIXES if suffix in METADATA and suffix in suffixes]
+        if not others:
+            return
+        # Text stays text, so that it can be searched and edited; the salt makes the marks' names repeatable.
+        with mpl.rc_context({"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": place.name}):
+            page.canvas.draw()
+            page.set_layout_engine("none")  # the layout is found: the same in all formats
+            for suffix in others:
+                contents[suffix] = _saved(page, suffix, METADATA[suffix])
+
+    with warnings.catch_warnings():
+        # A target may be called anything; where the font lacks a character there is a box.
+        warnings.filterwarnings("ignore", message="Glyph")
+        contents["png"] = picture(height_px, draw_all)
+    return {place.with_name(f"{place.name}.{suffix}"): contents[suffix] for suffix in SUFFIXES if suffix in contents}
+
+
+def _saved(page: "drawn.Figure", suffix: str, metadata: Mapping[str, None]) -> bytes:
+    stream = io.BytesIO()
+    page.savefig(stream, format=suffix, metadata=metadata)
+    return stream.getvalue()

@@ -10,7 +10,19 @@ from calib.show.markdown import markdown
 from calib.show.parts.folder_blocks import files_section, question_section, warnings
 from calib.show.parts.origin import Origin
 from calib.show.studies.study_figures import slug, study_figures
-from calib.show.studies.study_folder import NO_TABLE, FigureText, figures, identity_facts, read_identity
+from calib.show.studies.study_folder import (
+    CSV_FILE,
+    FIGURES_FOLDER,
+    JSON_FILE,
+    MARKDOWN_FILE,
+    NO_TABLE,
+    STUDY_FILE,
+    FigureText,
+    figures,
+    identity_facts,
+    read_identity,
+    rows_to_csv,
+)
 from calib.show.studies.study_tables import (
     errors_table,
     factors_table,
@@ -30,10 +42,8 @@ from calib.show.studies.study_words import (
     sigma_alt,
     study_notes,
 )
-from calib.studies.outputs import FIGURES_FOLDER, STUDY_FILE
 from calib.studies.statistics import CaseSummary, Distribution
 from calib.studies.study_table import STUDY_TABLE, StudyCases, StudyTable
-from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE, rows_to_csv
 from designer.base.codec import encode
 from designer.base.small_file import JsonValue
 from designer.base.words import printable

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 from calib.observe.csv_table import ANY_NAME
 from calib.show.markdown import markdown
+from calib.show.studies import study_folder
+from calib.show.studies.study_folder import CSV_FILE, FIGURES_FOLDER, JSON_FILE, MARKDOWN_FILE, rows_to_csv
 from calib.show.studies.tolerance_bars import budget_height_px, draw_budget, draw_ranking, ranking_height_px
 from calib.show.studies.tolerance_curves import (
     CROSSOVER_HEIGHT_PX,
@@ -17,9 +19,6 @@ from calib.show.studies.tolerance_curves import (
 from calib.show.studies.tolerance_page import study_sections
 from calib.show.studies.tolerance_tables import quantities_wanted
 from calib.show.studies.tolerance_words import swept_sources, tolerance_headline
-from calib.studies import figures
-from calib.studies.outputs import FIGURES_FOLDER
-from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE, rows_to_csv
 from calib.studies.tolerance.record import TOLERANCE_TABLE, CostRow, ToleranceStudy
 
 if TYPE_CHECKING:
@@ -48,8 +47,8 @@ def figure_files(study: ToleranceStudy, folder: Path, formats: Collection[str]) 
     """The figures as PNG, as what is asked for, and as what an earlier study left there: a page would show its old."""
     files: dict[Path, bytes] = {}
     for name, height, draw in _figures(study):
-        left = {suffix for suffix in figures.METADATA if (folder / f"{name}.{suffix}").exists()}
-        files |= figures.files_of(folder / name, height, draw, left | set(formats))
+        left = {suffix for suffix in study_folder.METADATA if (folder / f"{name}.{suffix}").exists()}
+        files |= study_folder.files_of(folder / name, height, draw, left | set(formats))
     return files
 
 

@@ -5,7 +5,15 @@ from pathlib import Path
 
 from calib.show.parts.folder_blocks import files_section, question_section, warnings
 from calib.show.parts.origin import Origin
-from calib.show.studies.study_folder import NO_TABLE, FigureText, figures, identity_facts, read_identity
+from calib.show.studies.study_folder import (
+    JSON_FILE,
+    NO_TABLE,
+    STUDY_FILE,
+    FigureText,
+    figures,
+    identity_facts,
+    read_identity,
+)
 from calib.show.studies.tolerance_tables import (
     amounts_table,
     budget_table,
@@ -33,8 +41,6 @@ from calib.show.studies.tolerance_words import (
     swept_sources,
     tolerance_headline,
 )
-from calib.studies.outputs import STUDY_FILE
-from calib.studies.table_files import JSON_FILE
 from calib.studies.tolerance.quantities import quantity_named
 from calib.studies.tolerance.record import TOLERANCE_TABLE, Crossovers, PhotographedSetting, ToleranceStudy
 from calib.studies.tolerance.stored import AGAINST_FILE

@@ -14,8 +14,8 @@ import pytest
 
 from calib.api.bootstrapping import bootstrap as bootstrap_from_python
 from calib.observe.dataset import write_detections
+from calib.show.studies.study_folder import SUFFIXES
 from calib.solver.problem import pack
-from calib.studies.figures import SUFFIXES
 from calib.studies.gradients import gradients_of
 from calib.studies.paper_table import TARGETS
 from calib.studies.statistics import METRICS
@@ -230,7 +230,7 @@ def test_what_is_advised_next_works(quick: None) -> None:
 def test_samples_may_have_any_errors(statement: str) -> None:
     """Lost samples, with errors beyond all bounds or without any, are counted, and all is drawn."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("calib.studies.figures.files_of", named)
+        patch.setattr("calib.show.studies.study_folder.files_of", named)
         bootstrap(samples=4)
     edit(statement)
     answer = calib("study", "plot", "out")
@@ -259,7 +259,7 @@ NAMES = (
 def test_a_target_may_be_called_anything(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A person's own target is told from the paper's, whatever its file is called, and no name steers a terminal."""
     if name.isascii():  # others are drawn too: the font may lack them
-        monkeypatch.setattr("calib.studies.figures.files_of", named)
+        monkeypatch.setattr("calib.show.studies.study_folder.files_of", named)
     Path("board.target.json").rename(name)
     options = ("--target", name, "--sizes", "20", "--samples", "3", "--jobs", "1", "-o", "out")
     answer = calib(*TAKEN, *options)

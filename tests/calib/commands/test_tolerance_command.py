@@ -39,7 +39,7 @@ def _commands() -> None:
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder to work in, with two targets; pictures are named, not drawn."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("calib.studies.figures.files_of", named)
+    monkeypatch.setattr("calib.show.studies.study_folder.files_of", named)
     Path("ico.target.json").write_text(target_to_json(ico()))
     Path("board.target.json").write_text(target_to_json(board()))
     return tmp_path

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib.show.studies.study_folder import CSV_FILE, JSON_FILE, MARKDOWN_FILE
 from calib.show.studies.study_page import table_files
 from calib.show.studies.study_tables import errors_table, findings_table
 from calib.show.studies.study_words import finding_of, study_notes
 from calib.studies.paper_table import BOARD, CORRECTION, ICOSAHEDRON
 from calib.studies.statistics import Case
 from calib.studies.study_table import StudyTable
-from calib.studies.table_files import CSV_FILE, JSON_FILE, MARKDOWN_FILE
 from tests.support.study_cases import SETTINGS, made, paper_cases, table_of_cases, with_failures
 
 
