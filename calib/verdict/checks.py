@@ -30,6 +30,9 @@ LARGE_SHARE = 0.5
 """Of the residuals: a systematic part that is worth a word although it is small."""
 
 
+NO_LIMITS = Limits(0.0, 0.0)
+
+
 @dataclass(frozen=True)
 class Found:
     """What a check found."""
@@ -48,6 +51,7 @@ class CheckKind:
     title: str
     unit: str  # of the value and of its limits
     judge: Callable[[CameraEvidence, Criteria], Found | None]  # None: there is nothing to say
+    limits: Limits = NO_LIMITS  # where neither the criteria nor the template `standard` have some
     most: float = 1000.0  # that a limit may be
     is_at_least: bool = False  # the value must be at least the limits, not at most
     is_needed: bool = False  # without it nothing is called good
@@ -62,7 +66,7 @@ class CheckKind:
         found = self.judge(evidence, criteria)
         if found is None:
             return None
-        limits = criteria[self.name] if self.has_limits else Limits(0.0, 0.0)
+        limits = criteria[self.name] if self.has_limits else self.limits
         usable = limits.usable if found.usable is None else found.usable
         return Check(
             self.name, self.title, found.grade, found.value, self.unit, limits.good, usable, self.is_at_least,

@@ -32,7 +32,11 @@ def read_criteria(name_or_path: str = STANDARD) -> Criteria:
         title = values["title"]
         if not isinstance(title, str) or not 0 < len(title) <= LONGEST_TITLE:
             raise ValueError(f"title {shown(title)}: must be a text of 1 to {LONGEST_TITLE} characters")
-        limits = {name: _limits(kind, values[name]) for name, kind in CHECKS.items() if kind.has_limits}
+        limits = {
+            name: _limits(kind, values[name]) if name in values else kind.limits
+            for name, kind in CHECKS.items()
+            if kind.has_limits
+        }
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     return Criteria(path.stem, title, limits)

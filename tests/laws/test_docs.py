@@ -22,6 +22,10 @@ from calib.cameras.camera import Camera
 from calib.cli import app as calib_app
 from calib.detector.pipeline import detect
 from calib.interop import FORMATS
+from calib.verdict.checks import CHECKS
+from calib.verdict.criteria import read_criteria
+from calib.verdict.halves import NoHalves
+from calib.verdict.judge import judge_run
 from designer.base.errors import InputError
 from designer.cli import app as design_app
 from designer.kinds.layout import lay_out
@@ -30,6 +34,7 @@ from designer.kinds.spec_file import parse_spec
 from designer.tolerance.shape import shape_of, target_of
 from tests.support.ring_views import view_of
 from tests.support.sightings import pinhole
+from tests.support.verdict_cases import sightings, solved
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "extend.md"
@@ -56,6 +61,17 @@ def test_error_source_of_zero_changes_nothing_and_stretches_by_its_number() -> N
     stretched = target_of(source.apply(shape, np.full((20, 1), 0.01)))
     moved = np.linalg.norm(stretched.center_mm - target.center_mm, axis=1)
     np.testing.assert_allclose(moved, 0.01 * abs(target.center_in_face_mm[:, 0]), atol=1e-9)
+
+
+def test_check_of_an_entry_is_in_the_verdict_by_its_own_limits(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Its limits are the entry's, or those of a person's file; the verdict has it, with its grade."""
+    monkeypatch.setitem(CHECKS, "photos", example("PHOTOS").PHOTOS)
+    (tmp_path / "own.toml").write_text("[photos]\ngood = 5\nusable = 2\n")
+    calibrations = solved(sightings(views=6), ("opencv",))
+    for criteria, grade in (("standard", "usable"), (str(tmp_path / "own.toml"), "good")):
+        run = judge_run(calibrations, 0, NoHalves("not asked for"), read_criteria(criteria))
+        found = next(check for check in run.verdict.checks if check.name == "photos")
+        assert (found.grade, found.measured) == (grade, "6.0 photos")
 
 
 def test_camera_format_of_a_file_and_a_line_reads_what_it_writes(
