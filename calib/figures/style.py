@@ -60,7 +60,9 @@ def _on_a_page() -> AbstractContextManager[None]:
     })  # fmt: skip
 
 
-def picture(height_px: int, draw: "Callable[[Figure], None]", *, is_placed: bool = False) -> bytes:
+def picture(
+    height_px: int, draw: "Callable[[Figure], None]", *, is_placed: bool = False, title: str | None = None
+) -> bytes:
     """A PNG of the usual width, the same from the same data.
 
     Args:
@@ -68,6 +70,7 @@ def picture(height_px: int, draw: "Callable[[Figure], None]", *, is_placed: bool
         draw: fills the figure.
         is_placed: its axes stand where `axes_at` has put them; else the best margins are searched for, which takes
             longer than to draw.
+        title: that the file says of itself.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -79,7 +82,10 @@ def picture(height_px: int, draw: "Callable[[Figure], None]", *, is_placed: bool
         canvas = FigureCanvasAgg(figure)
         draw(figure)
         stream = io.BytesIO()
-        how = {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 2}}  # a third of the time, 5 % larger
+        how = {
+            "metadata": {"Software": None, "Title": title},
+            "pil_kwargs": {"compress_level": 2},
+        }  # a third of the time, 5 % larger
         # `savefig` would search for the layout and draw twice; matplotlib gives this method no types.
         canvas.print_png(stream, **how)  # type: ignore[no-untyped-call]
     return stream.getvalue()
