@@ -2,19 +2,17 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from os import fspath
 from pathlib import Path
 
 import numpy as np
 
-from calib.api.loading import Place
+from calib.api.loading import Place, opened_camera
 from calib.cameras import LINEAR, fitted_models, parameter_names
 from calib.cameras.camera import Camera
 from calib.cameras.refit import FOCAL_AND_CENTRE, Refit
 from calib.core.files import write_files
-from calib.interop import FORMATS, OWN
-from calib.interop.format import CameraFormat, ReadCamera
-from calib.interop.reading import OpenedCamera, find_format, fit_to_format, open_camera
+from calib.interop.format import CameraFormat
+from calib.interop.reading import OpenedCamera, find_format, fit_to_format
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours, signed
 from designer.base.words import shown
@@ -104,11 +102,7 @@ def convert(
         InputError: a file that cannot be read, or a format, model or parameter that is none.
     """
     target = find_format(to)
-    opened = (
-        OpenedCamera(FORMATS[OWN], ReadCamera(camera))
-        if isinstance(camera, Camera)
-        else open_camera(fspath(camera), source)
-    )
+    opened = opened_camera(camera, source)
     if out is not None:
         check_converted(Path(out), target, opened)
     zero = _lens_parameters(tuple(without))

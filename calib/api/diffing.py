@@ -8,13 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import Place
+from calib.api.loading import Place, opened_camera
 from calib.cameras.camera import Camera
 from calib.cameras.refit import CameraDifference, camera_difference
 from calib.core.files import write_files
-from calib.interop import FORMATS, OWN
-from calib.interop.format import ReadCamera
-from calib.interop.reading import OpenedCamera, open_camera
+from calib.interop.reading import OpenedCamera
 from calib.renderer.quantities import real
 from designer.base.errors import InputError
 from designer.base.marks import Gap
@@ -107,7 +105,7 @@ def diff(
     """
     if radius_px is not None:
         real("--radius", radius_px, 0, 1e9, " px")
-    opened = _opened(a), _opened(b)
+    opened = opened_camera(a), opened_camera(b)
     if picture is not None:
         check_picture(Path(picture), opened)
     difference = camera_difference(opened[0].read.camera, opened[1].read.camera, radius_px=radius_px)
@@ -126,10 +124,6 @@ def check_picture(picture: Path, opened: tuple[OpenedCamera, ...]) -> None:
     if any(one.is_file(picture) for one in opened):
         raise InputError(f"{picture}: is a file to read; choose another name with --picture")
     require_ours(picture)
-
-
-def _opened(camera: Camera | Place) -> OpenedCamera:
-    return OpenedCamera(FORMATS[OWN], ReadCamera(camera)) if isinstance(camera, Camera) else open_camera(fspath(camera))
 
 
 def _zone(length_px: NDArray[np.float64]) -> ZoneDifference:

@@ -10,7 +10,9 @@ from typing import TypeAlias
 
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
-from calib.interop.reading import open_camera
+from calib.interop import FORMATS, OWN
+from calib.interop.format import ReadCamera
+from calib.interop.reading import OpenedCamera, open_camera
 from calib.observe.corners_vnl import PointGrid
 from calib.observe.correspondences import read_observations
 from calib.observe.observations import observations_from_detections
@@ -42,7 +44,7 @@ def load_camera(name: Place) -> Camera:
     Raises:
         InputError: no such file, of no known kind, or not valid.
     """
-    return open_camera(fspath(_place(name, "a file or a template"))).read.camera
+    return opened_camera(name).read.camera
 
 
 def load_observations(
@@ -143,7 +145,18 @@ def camera_of(camera: Camera | Place) -> Camera:
     Raises:
         InputError: neither, or a file that cannot be read.
     """
-    return camera if isinstance(camera, Camera) else load_camera(_place(camera, "a camera, its file, or a template"))
+    return opened_camera(camera).read.camera
+
+
+def opened_camera(camera: Camera | Place, kind: str | None = None) -> OpenedCamera:
+    """A camera with the kind of file that it comes from, which is ours for one that comes from none.
+
+    Raises:
+        InputError: neither a camera, nor a file that can be read.
+    """
+    if isinstance(camera, Camera):
+        return OpenedCamera(FORMATS[OWN], ReadCamera(camera))
+    return open_camera(fspath(_place(camera, "a camera, its file, or a template")), kind)
 
 
 def _place(value: object, wanted: str) -> Place:

@@ -56,7 +56,7 @@ def is_corners(path: Path, start: str) -> bool:
 def observations_from_corners(
     path: Path, text: str, *, grid: PointGrid | None, image_size: tuple[int, int] | None
 ) -> Observations:
-    """The sightings of a grid's points in a `corners.vnl`.
+    """The observations of a grid's points in a `corners.vnl`.
 
     Args:
         path: what messages name.

@@ -1,4 +1,4 @@
-"""What a camera is solved from: the sightings that can be used, and one line on each kind that was left out."""
+"""What a camera is solved from: the observations that can be used, and one line on each kind that was left out."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ def known_points(target: TargetGeometry) -> KnownPoints:
 def observations_from_detections(
     seen: Sequence[Detections], target: TargetGeometry, *, origin: str = "detections"
 ) -> Observations:
-    """The sightings of a target's rings that can be used. X, Y, Z are those of the target in use.
+    """The observations of a target's rings that can be used. X, Y, Z are those of the target in use.
 
     Args:
         seen: in photos of one target.
@@ -81,7 +81,7 @@ def _said_of_many(seen: Sequence[Detections]) -> tuple[str, ...]:
 
 
 def observations_for_poses(seen: Sequence[Detections], target: TargetGeometry) -> Observations | None:
-    """The sightings in views with points enough for a pose, all of one size; None if there are none.
+    """The observations in views with points enough for a pose, all of one size; None if there are none.
 
     A photo may come twice, and needs no other to be judged by.
     """
