@@ -1,11 +1,10 @@
 """The commands `calib study ...`: what thousands of calibrations say together."""
 
-import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, TypeVar, cast
 
 import typer
 
@@ -35,6 +34,8 @@ if TYPE_CHECKING:
     from calib.api.bootstrapping import BootstrapResult
     from calib.studies.progress import DrawCount
     from calib.studies.study_table import StudyTable
+
+T = TypeVar("T")
 
 MAX_SIZE = 100_000
 MAX_SAMPLES = 1_000_000
@@ -157,10 +158,9 @@ def compare(
     which errors explain the paper's medians, and whether the virtual camera wins behind a lens no Brown model fits.
     """
     from calib.api.studying import compare_objects
+    from calib.show.studies.compare_page import compare_headline
     from calib.show.studies.compare_tables import objects_table
-    from calib.show.studies.compare_words import compare_headline
     from calib.show.studies.study_folder import STUDY_FILE
-    from calib.studies.compare.results import ComparisonTable
 
     with kept_when_stopped():
         with progress_bars() as progress:
@@ -177,7 +177,7 @@ def compare(
         say_sampled(found.sampled, jobs)
         say_written(out, files)
         step = f"calib study compare -o {quoted(out)} --resume --prints {2 * table.plan.prints}   # adds prints"
-        summary = Summary(cast("dict[str, Value]", encode(ComparisonTable, table)), files, (step,))
+        summary = Summary(answer_of(type(table), table), files, (step,))
         return say_next(with_page(summary, out, "compare"), out)
 
 
@@ -197,7 +197,7 @@ def plot(
     _say(drawn.table, drawn.remarks)
     say_written(drawn.folder, drawn.files)
     step = f"calib study plot {quoted(drawn.study)} -o {quoted(drawn.folder)}   # draws all again"
-    summary = Summary(_answer(drawn.table), (*drawn.files, drawn.study), (step,), drawn.remarks)
+    summary = Summary(answer_of(type(drawn.table), drawn.table), (*drawn.files, drawn.study), (step,), drawn.remarks)
     return say_next(with_page_again(summary, drawn.folder, ("bootstrap", "paper")), drawn.folder)
 
 
@@ -209,7 +209,7 @@ def _told(found: "BootstrapResult", folder: Path, jobs: int | None, dask: str | 
     say_sampled(found.sampled, jobs, dask)
     say_written(folder, files)
     step = f"calib study plot {quoted(files[-1])} -o {quoted(folder)}   # draws all again"
-    summary = Summary(_answer(found.table), files, (step,), found.remarks)
+    summary = Summary(answer_of(type(found.table), found.table), files, (step,), found.remarks)
     return say_next(with_page(summary, folder, found.kind), folder)
 
 
@@ -227,16 +227,9 @@ def _say(table: "StudyTable", remarks: tuple[str, ...]) -> None:
         say_line("note", remark)
 
 
-def _answer(table: "StudyTable") -> Mapping[str, Value]:
-    from calib.studies.study_table import StudyTable
-
-    return cast("dict[str, Value]", encode(StudyTable, table))
-
-
-def table_answer(table: bytes) -> dict[str, Value]:
-    """What a study's table.json holds, which is made for programs."""
-    document: dict[str, Value] = json.loads(table)
-    return {key: value for key, value in document.items() if key not in ("format", "version")}
+def answer_of(kind: type[T], table: T) -> Mapping[str, Value]:
+    """What a study's `table.json` holds, which is made for programs."""
+    return cast("dict[str, Value]", encode(kind, table))
 
 
 def say_sampled(sampled: "DrawCount", jobs: int | None, dask: str | None = None) -> None:

@@ -10,7 +10,7 @@ from calib.cameras import DEFAULT, fitted_models
 from calib.commands.camera_argument import read_camera
 from calib.commands.figure_formats import FiguresOption, figure_formats
 from calib.commands.folder_page import say_next, with_page
-from calib.commands.study import kept_when_stopped, table_answer
+from calib.commands.study import answer_of, kept_when_stopped
 from calib.show.screen import progress_bars, quoted, waiting
 from designer.base.answer import Summary
 from designer.kinds.presets import camera_templates, error_templates, one_of
@@ -100,7 +100,6 @@ def tolerance(
 
 def _write(found: "ToleranceResult", folder: Path, target: Path, formats: tuple[str, ...]) -> Summary:
     """Write the files, and say what came out: the answer, what limits allow or else the ranking, and what to do."""
-    from calib.show.studies.study_folder import JSON_FILE
     from calib.show.studies.tolerance_tables import budget_table, ranking_table, totals_table
     from calib.show.studies.tolerance_words import cost_notes, prediction_sentence, tolerance_headline
     from calib.studies.tolerance.stored import AGAINST_FILE, STUDY_FILE
@@ -127,5 +126,5 @@ def _write(found: "ToleranceResult", folder: Path, target: Path, formats: tuple[
     say_written(folder, written)
     step = f"calib measure {quoted(target)} DETECTIONS -o measured/{quoted(Path(target.name))}"
     step += "   # takes the errors of your own print back, from photos of it"
-    answer = table_answer((folder / JSON_FILE).read_bytes())
+    answer = answer_of(type(study), study)
     return Summary(answer, written, (step,), (*warnings, *remarks), 0 if found.is_kept else LIMIT_MISSED)

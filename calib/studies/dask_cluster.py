@@ -134,27 +134,27 @@ def dask_workers(address: str, seed: int, run_chunk: RunChunk) -> Iterator[DaskW
         InputError: Dask is not installed, the scheduler cannot be reached or has no workers, or these have other
             versions of the programs.
     """
-    client = _connect(address)
-    try:
-        _require_same_programs(client, address)
+    with _connected(address) as client:
         yield DaskWorkers(client, seed, run_chunk)
-    finally:
-        # Work that is still out ends with the connection that asked for it.
-        client.close(timeout=2)
 
 
 def check_cluster(address: str) -> None:
-    """Refuse a cluster that could not be used.
-
-    Args:
-        address: of its scheduler.
+    """Refuse a cluster that could not be used, by the address of its scheduler.
 
     Raises:
         InputError: as `dask_workers`.
     """
+    with _connected(address):
+        pass
+
+
+@contextmanager
+def _connected(address: str) -> "Iterator[Client]":
+    """A cluster that can be used. Work that is still out ends with the connection that asked for it."""
     client = _connect(address)
     try:
         _require_same_programs(client, address)
+        yield client
     finally:
         client.close(timeout=2)
 

@@ -9,12 +9,14 @@ import pytest
 from PIL import Image
 
 from calib.figures.style import picture
-from calib.show.studies.histograms_figure import _edges, draw_histograms, histograms_height_px
 from calib.show.studies.study_figures import (
     Pair,
+    _edges,
     convergence_files,
     draw_convergence,
     draw_correlations,
+    draw_histograms,
+    histograms_height_px,
     merged,
     study_figures,
 )
