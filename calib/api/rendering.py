@@ -222,7 +222,6 @@ def _warnings(photos: RenderedPhotos) -> Iterator[str]:
     if not len(radius):
         yield "no ring faces the camera in any view; check the poses"
     elif (largest := float(radius.max())) < LEAST_RADIUS_PX:
-        yield (
-            f"the largest ring has a radius of {largest:.1f}px; the detector wants {LEAST_RADIUS_PX:g}px: "
-            "come nearer, or use a longer lens"
-        )
+        from calib.show.photos.rendered_photos import too_small_words
+
+        yield too_small_words(largest)

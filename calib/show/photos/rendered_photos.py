@@ -12,13 +12,13 @@ from calib.detector.candidates import MIN_RADIUS_PX
 from calib.renderer.faces import ring_truth
 from calib.renderer.job import TRUTH_FILE, RenderJob
 from calib.renderer.options import RenderOptions
-from calib.renderer.scene import RenderScene, scene_from_target
+from calib.renderer.scene import scene_from_target
 from calib.show.parts.folder_blocks import number, whole
 from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection
 from calib.show.photos.place_scene import distance_words, tilts_deg
 from calib.show.run.sections import field_of_view_words
-from designer.base.words import printable
+from designer.base.words import capital, printable
 from designer.page.blocks import Cell, Column, Command, Finding, Headline
 
 FILES = (
@@ -85,25 +85,18 @@ def commands_after(job: RenderJob, target: Path, folder: Path) -> tuple[Command,
 
 
 def _photos(job: RenderJob) -> list[RenderedPhoto]:
-    scene, poses = scene_from_target(job.target), job.cam_from_target
-    distance_mm = np.linalg.norm(poses[:, :3, 3], axis=1).tolist()
-    is_flat = job.target.is_planar
-    tilt_deg = tilts_deg(job.target, poses).tolist() if is_flat else [np.nan] * len(poses)
-    return [
-        _photo(job, scene, view, name, distance_mm[view], tilt_deg[view]) for view, name in enumerate(job.file_names)
-    ]
-
-
-def _photo(
-    job: RenderJob, scene: RenderScene, view: int, name: str, distance_mm: float, tilt_deg: float
-) -> RenderedPhoto:
-    """Faces and rings that a photo shows large enough, and how large they are."""
-    rings = ring_truth(scene, job.camera, job.cam_from_target[view])
-    clear = rings.whole & (rings.minor_radius_px >= MIN_RADIUS_PX)
-    radius_px = float(np.median(rings.minor_radius_px[clear])) if clear.any() else np.nan
-    largest_px = float(rings.minor_radius_px[rings.visible].max(initial=0))
-    faces = len(np.unique(scene.ring_face[clear]))
-    return RenderedPhoto(name, distance_mm, tilt_deg, faces, int(clear.sum()), radius_px, largest_px)
+    """Faces and rings that each photo shows large enough, and how large they are."""
+    scene, poses, photos = scene_from_target(job.target), job.cam_from_target, []
+    tilt_deg = tilts_deg(job.target, poses).tolist() if job.target.is_planar else [np.nan] * len(poses)
+    for name, pose, tilt in zip(job.file_names, poses, tilt_deg, strict=True):
+        rings = ring_truth(scene, job.camera, pose)
+        clear = rings.whole & (rings.minor_radius_px >= MIN_RADIUS_PX)
+        radius_px = float(np.median(rings.minor_radius_px[clear])) if clear.any() else np.nan
+        photos.append(RenderedPhoto(
+            name, float(np.linalg.norm(pose[:3, 3])), tilt, len(np.unique(scene.ring_face[clear])), int(clear.sum()),
+            radius_px, float(rings.minor_radius_px[rings.visible].max(initial=0)),
+        ))  # fmt: skip
+    return photos
 
 
 def _headline(job: RenderJob, photos: list[RenderedPhoto], too_small: str) -> Headline:
@@ -119,13 +112,17 @@ def _headline(job: RenderJob, photos: list[RenderedPhoto], too_small: str) -> He
 
 
 def _too_small(photos: list[RenderedPhoto]) -> str:
-    """Which photos show no ring that is large enough, and what to do, in the words of `calib render`."""
+    """Which photos show no ring that is large enough, and what to do."""
     small = [photo for photo in photos if photo.is_too_small]
-    largest = digits(max(photo.largest_px for photo in small), 2)
     where = "" if len(small) == len(photos) else f" in {len(small)} of {len(photos)} photos"
+    return f"{capital(too_small_words(max(photo.largest_px for photo in small), where))}."
+
+
+def too_small_words(largest_px: float, where: str = "") -> str:
+    """What to do where the largest ring is too small for the detector."""
     return (
-        f"The largest ring{where} has a radius of {largest} px; the detector wants {LEAST_RADIUS_PX:g} px: come "
-        "nearer, or use a longer lens."
+        f"the largest ring{where} has a radius of {digits(largest_px, 2)} px; the detector wants {LEAST_RADIUS_PX:g} "
+        "px: come nearer, or use a longer lens"
     )
 
 
