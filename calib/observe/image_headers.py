@@ -7,6 +7,7 @@ that are cut off.
 """
 
 import math
+import re
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -29,6 +30,9 @@ FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 BARE = frozenset({0x00, 0x01, *range(0xD0, 0xD9)})
 """Markers without a segment."""
 
+_PNM_NUMBER = rb"(?:\s|#[^\n]*\n)+(\d{1,9})(?=\s|#|\Z)"
+_PNM_START = re.compile(rb"P([1-6])" + 2 * _PNM_NUMBER + rb"(?:" + _PNM_NUMBER + rb")?")
+_PAM_FIELD = re.compile(rb"^(WIDTH|HEIGHT|DEPTH|MAXVAL)[ \t]+(\d{1,9})[ \t]*\r?$", re.MULTILINE)
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 _PNG_NEEDED = frozenset({b"IHDR", b"PLTE", b"IDAT", b"IEND"})
 _OTHER_FORMATS: tuple[tuple[int, bytes, str], ...] = (
@@ -198,26 +202,16 @@ def _bmp_header(data: bytes) -> Header:
 
 def _pnm_header(data: bytes) -> Header:
     """Numbers in text after the magic, with comments; P7 has names before them (netpbm's manual pages)."""
-    text = data[2:4096]
+    text, bitmaps, colours = data[:4096], b"14", b"36"
     if data.startswith(b"P7"):
-        words = dict(line.split(None, 1) for line in text.split(b"ENDHDR")[0].splitlines() if b" " in line)
-        width, height, depth, most = (
-            _pnm_number(words.get(name, b"")) for name in (b"WIDTH", b"HEIGHT", b"DEPTH", b"MAXVAL")
-        )
+        named = dict(_PAM_FIELD.findall(text.split(b"ENDHDR")[0]))
+        width, height, depth, most = (int(named[name]) for name in (b"WIDTH", b"HEIGHT", b"DEPTH", b"MAXVAL"))
         return Header("PNM", width, height, pixel_bytes=depth * (1 if most < 256 else 2))
-    numbers = b"\n".join(line.split(b"#", 1)[0] for line in text.split(b"\n")).split(None, 2)
-    is_bitmap = data[1:2] in b"14"
-    deep = 1 if is_bitmap or _pnm_number(numbers[2].split()[0]) < 256 else 2
-    return Header(
-        "PNM", _pnm_number(numbers[0]), _pnm_number(numbers[1]), pixel_bytes=deep * (3 if data[1:2] in b"36" else 1)
-    )
-
-
-def _pnm_number(digits: bytes) -> int:
-    digits = digits.strip()
-    if not digits.isdigit() or len(digits) > 9:
+    found = _PNM_START.match(text)
+    if found is None or (found[4] is None and found[1] not in bitmaps):
         raise DamagedError("its header is damaged; copy it again")
-    return int(digits)
+    deep = 1 if found[1] in bitmaps or int(found[4]) < 256 else 2
+    return Header("PNM", int(found[2]), int(found[3]), pixel_bytes=deep * (3 if found[1] in colours else 1))
 
 
 def _tiff_header(data: bytes) -> Header:

@@ -93,6 +93,7 @@ EXACT = {
     "8.bmp": (encoded(Image.fromarray(GREY), "BMP"), GREY),
     "8.pgm": (encoded(Image.fromarray(GREY), "PPM"), GREY),
     "16.pgm": (b"P5 # deep\n%d %d\n65535\n" % (WIDTH, HEIGHT) + DEEP.astype(">u2").tobytes(), DEEP),
+    "bits.pbm": (b"P4\n# bits\n8 1\n\x0f", np.array([[255] * 4 + [0] * 4], np.uint8)),
     "text.pgm": (b"P2\n2 1\n255\n3 200", np.array([[3, 200]], np.uint8)),
     "2-bit.png": (png(4, 1, 2, 0, bytes([0, 0b00011011])), np.array([[0, 85, 170, 255]], np.uint8)),
     "palette.png": (
