@@ -2,7 +2,7 @@
 
 import os
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from os import fspath
@@ -22,7 +22,7 @@ from calib.studies.tolerance.explore import PhotographedTarget, TolerancePlan, c
 from calib.studies.tolerance.quantities import parse_requirements, quantity_named
 from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
 from calib.studies.tolerance.seen import view_fit
-from calib.studies.tolerance.setting import Setting, make_setting
+from calib.studies.tolerance.setting import make_setting
 from calib.studies.tolerance.stored import Keeping
 from designer.base.errors import InputError
 from designer.base.words import printable
@@ -247,20 +247,14 @@ def _photographed(
         f"{_count(by.views, 'view')} from {distance_mm:g}mm by {by.camera_name}, "
         f"{len(setting.observations.view)} observations; solved: {by.model}{', weighted' if by.weighted else ''}"
     )
-    words = PhotographedSetting(
-        photos, f"{made.name}: {made.title}", tuple(_remarks(geometry, setting)),
-        (fit,) if fit else (),
-    )  # fmt: skip
+    is_nominal, is_solid = geometry.source == "nominal", not geometry.is_planar
+    remarks = (
+        *([] if is_nominal else [f"the target file is a {geometry.source} one; its shape is taken as the drawing"]),
+        *(["layers and axes are those of a print that lies on its last face"] if is_solid else []),
+        *setting.remarks,
+    )
+    words = PhotographedSetting(photos, f"{made.name}: {made.title}", remarks, (fit,) if fit else ())
     return PhotographedTarget(_name_of(_path_of(target)), _file_of(target, stack), setting, made, words)
-
-
-def _remarks(target: TargetGeometry, setting: Setting) -> Iterator[str]:
-    """What to know of a setting."""
-    if target.source != "nominal":
-        yield f"the target file is a {target.source} one; its shape is taken as the drawing"
-    if not target.is_planar:
-        yield "layers and axes are those of a print that lies on its last face"
-    yield from setting.remarks
 
 
 def _file_of(target: TargetGeometry | Place, stack: ExitStack) -> Path:

@@ -17,7 +17,7 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MK
 
 import numpy as np  # noqa: E402
 
-from calib.core.types import Camera  # noqa: E402
+from calib.cameras.camera import Camera  # noqa: E402
 from calib.solver.solve import solve  # noqa: E402
 from calib.studies.tolerance.anchor import minimum_of  # noqa: E402
 from calib.studies.tolerance.draw import drawn_noise, drawn_values, run_draws, seen_px  # noqa: E402

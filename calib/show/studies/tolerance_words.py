@@ -231,7 +231,7 @@ def prediction_notes(study: ToleranceStudy) -> Iterator[Finding]:
     for one in found[:MOST_DEVIATIONS]:
         quantity = quantity_named(one.quantity)
         name = "all together" if one.error == TOGETHER else one.error
-        text = f"{_value(one.predicted, quantity.unit)} predicted, {_value(one.drawn, quantity.unit)} by draws."
+        text = f"{_value(one.predicted, quantity.unit)} predicted, {_value(one.cost, quantity.unit)} by draws."
         yield Finding("usable", f"{name}, {quantity.title}", text)
     if len(found) > MOST_DEVIATIONS:
         yield Finding("usable", "", f"And {len(found) - MOST_DEVIATIONS} more: table.csv has all.")

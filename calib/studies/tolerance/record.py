@@ -192,16 +192,6 @@ class Crossovers:
 
 
 @dataclass(frozen=True)
-class Deviation:
-    """Where draws and prediction differ."""
-
-    error: str
-    quantity: str
-    predicted: float
-    drawn: float
-
-
-@dataclass(frozen=True)
 class ToleranceStudy:
     """All of it: `study.cost("scale", "pose").cost`, `study.total("pose")`, `study.ranking`."""
 
@@ -297,8 +287,8 @@ class ToleranceStudy:
         """Whether all limits are kept."""
         return all(one.met_as_assumed for one in self.budgets)
 
-    def deviations(self) -> Iterator[Deviation]:
-        """Main quantities whose prediction is off by more than 10 %, and by more than chance; none of few draws."""
+    def deviations(self) -> Iterator[CostRow]:
+        """Costs whose prediction is off by more than 10 %, and by more than chance; none of few draws."""
         if self.kind == "linear" or self.draws < FEWEST_TO_CHECK:
             return
         for error in (TOGETHER, *self.errors):
@@ -310,7 +300,7 @@ class ToleranceStudy:
                     max(one.cost, one.predicted) > small
                     and abs(one.cost - one.predicted) > OFF * one.predicted + chance
                 ):
-                    yield Deviation(error, name, one.predicted, one.cost)
+                    yield one
 
 
 def _or_zero(value: float) -> float:

@@ -127,27 +127,19 @@ class ViewFit:
 
     @property
     def remark(self) -> str:
-        """What is wrong and the distance that would do; "" if nothing is."""
-        too_near, too_small = self.fitting < 1, self.radius_px < LEAST_RADIUS_PX
-        if not (too_near or too_small):
+        """What is wrong and the distances that would do; "" if nothing is."""
+        parts = []
+        if self.fitting < 1:
+            parts.append(f"the target reaches beyond the image in {1 - self.fitting:.0%} of the views")
+        if self.radius_px < LEAST_RADIUS_PX:
+            parts.append(f"its rings that face the camera have a radius below {LEAST_RADIUS_PX:g}px")
+        if not parts:
             return ""
-        parts = [f"the target reaches beyond the image in {1 - self.fitting:.0%} of the views"] * too_near
-        parts += [
-            f"rings that face the camera have a radius of {self.radius_px:.1f}px, less than {LEAST_RADIUS_PX:g}px"
-        ] * too_small
-        return f"at {self.distance_mm:g}mm {' and '.join(parts)}; {self._remedy(too_near=too_near)}"
-
-    def _remedy(self, *, too_near: bool) -> str:
-        if too_near and self.fits_from_mm <= self.large_to_mm:
-            return f"it fits from --distance {math.ceil(self.fits_from_mm)}mm on"
-        if not too_near and self.fits_from_mm <= self.large_to_mm:
-            return f"they are large enough up to --distance {math.floor(self.large_to_mm)}mm"
-        if not math.isfinite(self.fits_from_mm):
-            return "with this camera no distance shows all of it; use another camera"
-        return (
-            f"all of it shows from {math.ceil(self.fits_from_mm)}mm on, its rings are large enough up to "
-            f"{math.floor(self.large_to_mm)}mm: this camera sees one or the other"
-        )
+        fits = "no distance shows all of it with this camera"
+        if math.isfinite(self.fits_from_mm):
+            fits = f"it fits from --distance {math.ceil(self.fits_from_mm)}mm on"
+        large = f"its rings are large enough up to --distance {math.floor(self.large_to_mm)}mm"
+        return f"at {self.distance_mm:g}mm {' and '.join(parts)}; {fits}, {large}"
 
 
 def view_fit(target: TargetGeometry, camera: Camera, distance_mm: float) -> ViewFit:

@@ -151,7 +151,7 @@ def test_a_target_that_does_not_fit_is_told(folder: Path) -> None:
     assert "it fits from --distance " in near
     far = design("ico.target.json", *TAKEN[:4], "--distance", "5m", "--linear", "-o", "far")
     assert far.code == 2
-    assert "they are large enough up to --distance" in far.err
+    assert "its rings are large enough up to --distance" in far.err
     assert not Path("far").exists()
 
 
