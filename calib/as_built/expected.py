@@ -3,7 +3,8 @@
 The prior is given as displacements of rings (`designer.tolerance.prior`). Each of its modes is fitted with the strain
 of the whole print, then with the motions and bows of the faces; the squares add up. What the photos cannot tell, the
 size and the place of the whole target, is left out. A print may be worse than assumed, so these are where the
-measurement starts from: where the photos show more, `with_seen_deviations` takes that.
+measurement starts from: where the photos show more, `with_seen_deviations` and `with_seen_spread` take that (variance
+components).
 """
 
 from dataclasses import replace
@@ -11,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.as_built.blocks import Normal
 from calib.as_built.datum import SeenParts, by_shared_dense, rigid_design
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.unknowns import TargetUnknowns, Unknowns, nominal_shape, place_rings, shared_values
@@ -23,6 +25,12 @@ Array = NDArray[np.float64]
 
 LEAST_MM = 1e-3
 """At the rim of the target: nothing is made better than this, and what is wrongly thought right can still be found."""
+ENOUGH = 20
+"""Offsets, those left out that a motion of the face takes up, of which a spread can be told."""
+LITTLE_TOLD = 0.01
+"""Share of the offsets that photos must tell at the least; else they are what was expected."""
+LEAST_PART = 0.1
+"""Least spread, in units of how well an offset is seen: less cannot be told from none."""
 
 
 def with_expected_deviations(unknowns: Unknowns, options: AsBuiltOptions) -> Unknowns:
@@ -48,6 +56,40 @@ def with_seen_deviations(unknowns: Unknowns, seen: SeenParts, shape: TargetUnkno
     mean = np.bincount(kind, square * counts) / np.maximum(np.bincount(kind, counts), 1)
     factor = np.where(unknowns.is_given, 1.0, np.sqrt(np.maximum(mean, 1.0))[kind])
     return replace(unknowns, sigma=factor * unknowns.sigma)
+
+
+def with_seen_spread(unknowns: Unknowns, seen: SeenParts, shape: TargetUnknowns, normal: Normal) -> Unknowns:
+    """The unknowns with the rings' sigmas, in their plane and normal to it, that their offsets have.
+
+    With the share k of an offset that the photos tell and the prior's sigma s, offsets have the mean square
+    `k^2 (s^2 (1 - k) / k + true spread^2)`. Where that is a fixed point it is the one of Foerstner (1979): squares over
+    redundancy.
+    """
+    sigma = unknowns.ring_sigma_mm
+    if sigma is None:
+        return unknowns
+    told = 1 - np.einsum("rii->ri", np.linalg.inv(normal.ring)) / sigma**2
+    faces = int(seen.face.sum())
+    lost_normal = faces * (6 if unknowns.has_bow else 3)
+    found = np.array(sigma)
+    for axes, lost in (((0, 1), 3 * faces + unknowns.first_motion), ((2,), lost_normal)):
+        columns = list(axes)
+        count = len(columns) * int(seen.ring.sum()) - lost
+        share = float(told[seen.ring][:, columns].mean()) if seen.ring.any() else 0.0
+        if count < ENOUGH or share < LITTLE_TOLD:
+            continue
+        square = float((shape.offset_mm[seen.ring][:, columns] ** 2).sum()) / count
+        noise = sigma[columns[0]] ** 2 * (1 - share) / share
+        found[columns] = np.sqrt(max(square / share**2 - noise, LEAST_PART**2 * noise))
+    return replace(unknowns, ring_sigma_mm=np.maximum(found, 1e-3 * sigma))
+
+
+def is_same_spread(one: Unknowns, other: Unknowns, tolerance: float) -> bool:
+    """Whether what is expected of the rings, and of what they share, agrees."""
+    ratios = [one.sigma / other.sigma]
+    if one.ring_sigma_mm is not None and other.ring_sigma_mm is not None:
+        ratios.append(one.ring_sigma_mm / other.ring_sigma_mm)
+    return bool(np.abs(np.concatenate(ratios) - 1).max(initial=0.0) < tolerance)
 
 
 def _expected(unknowns: Unknowns, prior: ShapePrior) -> Array:

@@ -30,8 +30,6 @@ CONTRADICTION = 1e-3
 FAR = 0.1
 """A scale farther from 1 is a mistake, not a print."""
 NAMES = '"face-to-face", "edge", "face 0 to face 15" or "ring 3 to ring 17"'
-
-
 CALIPER_SIGMA_MM = 0.02
 """What most makers of calipers state for 150 mm; an assumption where no sigma is given."""
 EXAMPLE = "face-to-face:151.20mm+-0.02mm"
@@ -42,7 +40,6 @@ DOUBTED = 4.0
 PRINTS = 100
 """That are simulated for them, which tells them to 7 %."""
 MAX_TEXT = 120
-_NAME = re.compile(r"face-to-face|edge|(ring|face) \d{1,6} to \1 \d{1,6}")
 _EITHER = re.compile(r"±|\+/-|\+-")
 _UNIT = re.compile(r"[^\d.\s]*\s*$")
 
@@ -69,7 +66,7 @@ class FittedLength:
     name: Word
     value_mm: Number
     sigma_mm: Number
-    residual_sigma: Number | None  # in its standard deviations
+    residual_sigma: Number  # in its standard deviations
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,7 @@ class Scale:
 
     value: float
     sigma: float
-    residual_sigma: tuple[float, ...]  # of each length, measured - scaled, in its standard deviations
+    lengths: tuple[FittedLength, ...]  # that told it
 
 
 def length_in(target: TargetGeometry, name: str, known: Flags | None = None) -> float:
@@ -103,7 +100,10 @@ def length_in(target: TargetGeometry, name: str, known: Flags | None = None) -> 
         return _mean_edge(target, known, name)
     found = re.fullmatch(r"(ring|face)\s+(\d+)\s+to\s+\1\s+(\d+)", words)
     if found is None:
-        raise InputError(f"length {name!r} is none that a target has; give {NAMES}")
+        # Numbers are taken out: they are no part of what may be misspelt.
+        known_words = ["face-to-face", "edge", "ring N to ring N", "face N to face N"]
+        hint = suggestion(re.sub(r"\d+", "N", words), known_words) or f"; give {NAMES}"
+        raise InputError(f"length {name!r} is none that a target has{hint}")
     first, second = int(found[2]), int(found[3])
     count = target.ring_count if found[1] == "ring" else target.face_count
     if max(first, second) >= count or first == second:
@@ -187,7 +187,11 @@ def scale_from(target: TargetGeometry, lengths: Sequence[CaliperLength], known: 
     value = float((weight * ratio).sum() / weight.sum())
     residual = (measured - value * inside) / sigma
     _require_agreement(lengths, inside, residual)
-    return Scale(value, float(weight.sum() ** -0.5), tuple(residual.tolist()))
+    fitted = (
+        FittedLength(one.name, one.value_mm, one.sigma_mm, left)
+        for one, left in zip(lengths, residual.tolist(), strict=True)
+    )
+    return Scale(value, float(weight.sum() ** -0.5), tuple(fitted))
 
 
 def _require_agreement(lengths: Sequence[CaliperLength], inside: Array, residual: Array) -> None:
@@ -274,12 +278,6 @@ def _parsed(option: str, text: str) -> CaliperLength:
     name, colon, quantity = text.partition(":")
     if not colon or len(text) > MAX_TEXT:
         raise InputError(f"{place}: write NAME:VALUE+-SIGMA, as in {EXAMPLE}; NAME is {NAMES}")
-    name = " ".join(name.lower().split())
-    if _NAME.fullmatch(name) is None:
-        # Numbers are taken out: they are no part of what may be misspelt.
-        known = ["face-to-face", "edge", "ring N to ring N", "face N to face N"]
-        hint = suggestion(re.sub(r"\d+", "N", name), known) or f"; give {NAMES}"
-        raise InputError(f"{place}: no length is called {shown(name)}{hint}")
     parts = _EITHER.split(quantity)
     if len(parts) > 2:
         raise InputError(f"{place}: more than one sigma; write it as in {EXAMPLE}")
@@ -293,7 +291,8 @@ def _parsed(option: str, text: str) -> CaliperLength:
             is_word = part.strip() and not any(character.isdigit() for character in part)
             remedy = f"; put your reading in place of {shown(part.strip())}" if is_word else ""
             raise InputError(f"{place}: {what}: {error}{remedy}") from None
-    return CaliperLength(name, numbers[0], (*numbers[1:], CALIPER_SIGMA_MM)[0], is_usual_sigma=len(parts) == 1)
+    value_mm, sigma_mm = (*numbers, CALIPER_SIGMA_MM)[:2]
+    return CaliperLength(" ".join(name.lower().split()), value_mm, sigma_mm, is_usual_sigma=len(parts) == 1)
 
 
 def doubt_about(length: CaliperLength, target: TargetGeometry, errors: ErrorModel | None) -> str:

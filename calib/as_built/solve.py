@@ -16,13 +16,12 @@ from calib.as_built.datum import (
     what_is_seen,
 )
 from calib.as_built.descend import TargetMinimum, minimise
-from calib.as_built.expected import with_expected_deviations, with_seen_deviations
-from calib.as_built.lengths import CaliperLength, FittedLength, Scale, scale_from
+from calib.as_built.expected import is_same_spread, with_expected_deviations, with_seen_deviations, with_seen_spread
+from calib.as_built.lengths import CaliperLength, Scale, scale_from
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.problem import Joint, State, joint_problem, without
 from calib.as_built.remarks import far_off, remarks_of
 from calib.as_built.result import AsBuilt, face_shift_mm, left_open_mm, target_of
-from calib.as_built.ring_spread import is_same_spread, with_seen_spread
 from calib.as_built.unknowns import nominal_shape, place_rings, strain_matrix, unknowns_of
 from calib.cameras import linearise
 from calib.core.parallel import one_thread
@@ -98,7 +97,7 @@ def measure(
         scale = scale_from(unscaled, lengths, is_determined if is_determined.any() else None)
         state = moved_target(joint.unknowns, state, scale.value, np.eye(3), np.zeros(3))
     measured = _Measured(joint, found, seen, accuracy, state, noise_mm, is_determined, scale)
-    return _as_built(started, target, measured, lengths, descended.iterations, begin)
+    return _as_built(started, target, measured, descended.iterations, begin)
 
 
 def with_known_weights(options: AsBuiltOptions, sets: Sequence[Observations]) -> AsBuiltOptions:
@@ -270,7 +269,6 @@ def _as_built(
     started: Sequence[Calibration],
     target: TargetGeometry,
     measured: _Measured,
-    lengths: Sequence[CaliperLength],
     iterations: int,
     begin: float,
 ) -> AsBuilt:
@@ -323,12 +321,7 @@ def _as_built(
         offset_sigma_mm=accuracy.offset_sigma_mm,
         scale_known=scale is not None,
         scale_sigma=float("nan") if scale is None else scale.sigma,
-        lengths=()
-        if scale is None
-        else tuple(
-            FittedLength(one.name, one.value_mm, one.sigma_mm, residual)
-            for one, residual in zip(lengths, scale.residual_sigma, strict=True)
-        ),
+        lengths=() if scale is None else scale.lengths,
         is_determined=measured.is_determined,
         face_views=seen.views,
         centre_noise_mm=size * measured.centre_noise_mm,

@@ -155,7 +155,7 @@ def _as_built() -> AsBuiltRecord:
         "ringsolid 1.0", {"seed": "0"}, "l1", "g1", "g2", "converged", ("a remark",), 7, 0.1, True, math.nan,
         WholePrint(estimate, {"x": estimate}, {"xy": Estimate(math.nan, 0.1)}), eye,
         Compensation(0.1, (0.0, 0.01, 0.02)), None, (0.0, 0.0, 0.0), eye / 7, np.eye(6),
-        (FittedLength("a", 10.0, 0.1, None),), np.array([3]), np.array([True]), np.zeros((1, 6)),
+        (FittedLength("a", 10.0, 0.1, -0.5),), np.array([3]), np.array([True]), np.zeros((1, 6)),
         np.full((6, 6), math.nan), (), gap, gap[:, None] * eye, (0.1, 0.2), np.array([True, False]),
         np.zeros((2, 3)), np.full((2, 3), math.nan), (camera,), CrossValidation(5, (gain,), (), (), True), False,
     )  # fmt: skip

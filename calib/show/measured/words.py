@@ -87,8 +87,8 @@ def facts_of(record: AsBuiltRecord) -> Facts:
         ("solution", f"{record.status}; standard deviation of an observation {sigma}"),
     ]
     for one in record.lengths:
-        residual = "not known" if one.residual_sigma is None else f"{one.residual_sigma:+.1f} sigma"
-        rows.append(("length", f"{one.name} {one.value_mm:g} ± {one.sigma_mm:g} mm; residual of the length {residual}"))
+        size = f"{one.name} {one.value_mm:g} ± {one.sigma_mm:g} mm"
+        rows.append(("length", f"{size}; residual of the length {one.residual_sigma:+.1f} sigma"))
     return Facts(tuple(rows))
 
 

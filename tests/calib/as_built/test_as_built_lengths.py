@@ -66,7 +66,7 @@ def test_scale_is_the_weighted_mean() -> None:
     found = scale_from(plate(), [first, second])
     assert found.value == pytest.approx(weight @ [1.01, 1.006] / weight.sum())
     assert found.sigma == pytest.approx(weight.sum() ** -0.5)
-    assert np.sum(np.array(found.residual_sigma) ** 2) > 0
+    assert np.sum(np.array([one.residual_sigma for one in found.lengths]) ** 2) > 0
 
 
 def test_lengths_that_contradict_each_other_are_refused() -> None:
