@@ -1,10 +1,9 @@
 """The command `design`."""
 
 import inspect
-import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,6 +15,9 @@ from designer.spec.kind import Kind, kinds
 from designer.spec.options import Asked, AskedPrinting, options_of
 from designer.spec.options import Option as SpecOption
 
+if TYPE_CHECKING:
+    from designer.designing import DesignedTarget
+
 app = new_app(
     "design",
     "Design camera-calibration targets: from one size to files that print in two filaments.\n\n"
@@ -23,8 +25,6 @@ app = new_app(
 )
 
 Option = str | bool | None
-Given = dict[str, object]
-"""Options and keys as they were typed."""
 FOLDER_HELP = "folder to write into (default: exports/NAME)"
 
 
@@ -67,7 +67,7 @@ def _takes(*asked: type[AskedPrinting]) -> Callable[[Callable[..., Summary]], Ca
     return decorate
 
 
-def _given(options: dict[str, Option]) -> Given:
+def _given(options: dict[str, Option]) -> dict[str, str | bool]:
     """The options that were used."""
     return {name: value for name, value in options.items() if value is not None}
 
@@ -80,7 +80,9 @@ def _command_of(kind: Kind) -> None:
     """A command for each kind."""
 
     def design(*, out: Folder = None, must_fit: MustFit = False, **options: Option) -> Summary:
-        return _design({"kind": kind.name, **_given(options)}, "", out, must_fit)
+        from designer.designing import design as designed
+
+        return _saved(designed(kind.name, must_fit=must_fit, **_given(options)), out)
 
     design.__doc__ = f"Design {kind.title}."
     command(app, kind.name)(_takes(kind.asked)(design))
@@ -108,23 +110,15 @@ def make(
 
     Options replace the file's values.
     """
-    from designer.kinds.presets import preset_or_file
-    from designer.kinds.spec_file import read_spec_file, replaced
+    from designer.designing import load
 
-    path = preset_or_file("targets", spec)
-    values = {
-        "name": re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-._")[:64] or None,
-        **replaced(read_spec_file(path), _given(options)),
-    }
-    return _design(values, str(path) if path == Path(spec) else spec, out, must_fit)
+    return _saved(load(spec, must_fit=must_fit, **_given(options)), out)
 
 
-def _design(values: Given, origin: str, out: Path | None, must_fit: bool) -> Summary:
-    """Design, write, and say what was done."""
-    from designer.designing import designed
+def _saved(target: "DesignedTarget", out: Path | None) -> Summary:
+    """Write a design, and say what was done."""
     from designer.report.summary import design_summary, progress, say_design
 
-    target = designed(values, origin, must_fit=must_fit)
     with progress() as on_stage:
         written = target.save(out, on_stage)
     say_design(target.design, target.remarks, written)
@@ -136,7 +130,7 @@ def templates() -> Summary:
     """List the templates for targets, printers and manufacturing errors."""
     from designer.kinds.layout import lay_out
     from designer.kinds.presets import preset_names, preset_or_file
-    from designer.kinds.sizing import printer_profile, size_job
+    from designer.kinds.sizing import printer_of, size_job
     from designer.kinds.spec_file import parse_spec, read_spec_file
     from designer.report.summary import say_templates, templates_summary
     from designer.tolerance.error_file import error_model
@@ -145,10 +139,7 @@ def templates() -> Summary:
     for name in preset_names("targets"):
         job = size_job(parse_spec(read_spec_file(preset_or_file("targets", name)), name)).job
         targets.append((name, job, lay_out(job.target)))
-    printers = [
-        printer_profile(name, nozzle_mm=None, line_width_mm=None, layer_height_mm=None, bed_mm=None)
-        for name in preset_names("printers")
-    ]
+    printers = [printer_of(AskedPrinting(printer=name)) for name in preset_names("printers")]
     errors = [(name, error_model(name).title) for name in preset_names("errors")]
     say_templates(targets, printers, errors)
     return templates_summary(targets, printers, errors)

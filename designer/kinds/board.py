@@ -133,50 +133,45 @@ class AskedBoard(Asked):
 
     def sized(self, line: Line) -> tuple[BoardSpec, str]:
         """See `Asked.sized`."""
-        return _sized(self, line)
+        lattice: Lattice = self.lattice or "square"
+        _check_extent(self)
+        if self.size is not None and self.ring_diameter is None and self.pitch is None:
+            diameter, pitch = _auto_board_rings(self, min(self.size), line)
+        else:
+            diameter, pitch = diameter_and_pitch(self)
+        check_rings(diameter, self.ring_ratio or RING_RATIO, pitch, line)
+        border = self.border or 0.0
+        margin = self.margin if self.margin is not None else pitch / 2
+        around = diameter + 2 * (border + margin)
+        row_step = pitch * (1.0 if lattice == "square" else math.sqrt(3) / 2)
+        if self.size is None:
+            columns, rows = self.columns or 0, self.rows or 0  # both are given
+            size = (round_up((columns - 1) * pitch + around), round_up((rows - 1) * row_step + around))
+        else:
+            size = self.size
+            columns = self.columns or 1 + math.floor((size[0] - around) / pitch + 1e-9)
+            rows = self.rows or 1 + math.floor((size[1] - around) / row_step + 1e-9)
+        spec = BoardSpec(
+            size_mm=size,
+            thickness_mm=self.thickness or THICKNESS_MM,
+            columns=columns,
+            rows=rows,
+            lattice=lattice,
+            ring_diameter_mm=diameter,
+            ring_ratio=self.ring_ratio or RING_RATIO,
+            pitch_mm=pitch,
+            border_mm=border,
+            margin_mm=margin,
+            dots=self.dots is not False,
+        )
+        _check_board(spec, line, ((columns - 1) * pitch + around, (rows - 1) * row_step + around))
+        return spec, chosen_words(_chosen(self, spec))
 
     def size_name(self, spec: Spec) -> str:
         """Its size, or its rings and their distance, whichever was given."""
         if self.size is not None:
             return format_mm(*self.size)
         return f"{self.columns}x{self.rows}-{format_mm(spec.pitch_mm)}"
-
-
-def _sized(asked: AskedBoard, line: Line) -> tuple[BoardSpec, str]:
-    """Choose the sizes that were left open, and say how."""
-    lattice: Lattice = asked.lattice or "square"
-    _check_extent(asked)
-    if asked.size is not None and asked.ring_diameter is None and asked.pitch is None:
-        diameter, pitch = _auto_board_rings(asked, min(asked.size), line)
-    else:
-        diameter, pitch = diameter_and_pitch(asked)
-    check_rings(diameter, asked.ring_ratio or RING_RATIO, pitch, line)
-    border = asked.border or 0.0
-    margin = asked.margin if asked.margin is not None else pitch / 2
-    around = diameter + 2 * (border + margin)
-    row_step = pitch * (1.0 if lattice == "square" else math.sqrt(3) / 2)
-    if asked.size is None:
-        columns, rows = asked.columns or 0, asked.rows or 0  # both are given
-        size = (round_up((columns - 1) * pitch + around), round_up((rows - 1) * row_step + around))
-    else:
-        size = asked.size
-        columns = asked.columns or 1 + math.floor((size[0] - around) / pitch + 1e-9)
-        rows = asked.rows or 1 + math.floor((size[1] - around) / row_step + 1e-9)
-    spec = BoardSpec(
-        size_mm=size,
-        thickness_mm=asked.thickness or THICKNESS_MM,
-        columns=columns,
-        rows=rows,
-        lattice=lattice,
-        ring_diameter_mm=diameter,
-        ring_ratio=asked.ring_ratio or RING_RATIO,
-        pitch_mm=pitch,
-        border_mm=border,
-        margin_mm=margin,
-        dots=asked.dots is not False,
-    )
-    _check_board(spec, line, ((columns - 1) * pitch + around, (rows - 1) * row_step + around))
-    return spec, chosen_words(_chosen(asked, spec))
 
 
 def _check_extent(asked: AskedBoard) -> None:

@@ -130,7 +130,24 @@ class AskedSolid(Asked):
 
     def sized(self, line: Line) -> tuple[SolidSpec, str]:
         """See `Asked.sized`."""
-        return _sized(self, line)
+        fewest = self.spec_type.fewest_rings
+        if self.rings_per_side is not None and self.rings_per_side < fewest:
+            raise InputError(
+                f"rings_per_side {self.rings_per_side} is too few to tell {len(self.shape.faces)} faces apart; "
+                f"use at least {fewest}"
+            )
+        if self.border is not None and self.border < line.nozzle_mm:
+            raise InputError(
+                f"border {self.border:g}mm is too narrow for the detector to tell faces apart by it, and for "
+                f"{line.process}; use at least {line.width_mm:g}mm"
+            )
+        if self.rings_per_side is None and self.ring_diameter is None and self.pitch is None:
+            spec, remark = _auto(self, line)
+        else:
+            spec = _partly_given(self, line)
+            remark = chosen_words(_chosen(self, spec))
+        _check(spec, line)
+        return spec, remark
 
     def size_name(self, spec: Spec) -> str:
         """The edge."""
@@ -154,28 +171,6 @@ class AskedSolid(Asked):
     def face_inradius_mm(self) -> float:
         """From a face's centroid to its sides."""
         return self.shape.face_inradius * self.edge
-
-
-def _sized(asked: AskedSolid, line: Line) -> tuple[SolidSpec, str]:
-    """Choose the sizes that were left open, and say how."""
-    fewest = asked.spec_type.fewest_rings
-    if asked.rings_per_side is not None and asked.rings_per_side < fewest:
-        raise InputError(
-            f"rings_per_side {asked.rings_per_side} is too few to tell {len(asked.shape.faces)} faces apart; "
-            f"use at least {fewest}"
-        )
-    if asked.border is not None and asked.border < line.nozzle_mm:
-        raise InputError(
-            f"border {asked.border:g}mm is too narrow for the detector to tell faces apart by it, and for "
-            f"{line.process}; use at least {line.width_mm:g}mm"
-        )
-    if asked.rings_per_side is None and asked.ring_diameter is None and asked.pitch is None:
-        spec, remark = _auto(asked, line)
-    else:
-        spec = _partly_given(asked, line)
-        remark = chosen_words(_chosen(asked, spec))
-    _check(spec, line)
-    return spec, remark
 
 
 def _auto(asked: AskedSolid, line: Line) -> tuple[SolidSpec, str]:

@@ -10,7 +10,7 @@ from designer.base.errors import InputError
 from designer.base.units import NO_SKEW, format_skew, round_down
 from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_depth, lay_out
 from designer.kinds.presets import preset_names, preset_or_file
-from designer.kinds.spec_file import FORMATS, IDLE_OPTIONS, PrinterFile, read_printer_file
+from designer.kinds.spec_file import FORMATS, IDLE_OPTIONS, read_printer_file
 from designer.spec.kind import kinds
 from designer.spec.options import Asked, AskedPrinting
 from designer.spec.spec import (
@@ -54,7 +54,7 @@ def size_job(asked: Asked) -> Sized:
         InputError: a size that no target can have, or that this printer cannot print.
     """
     kind = next(kind for kind in kinds() if kind.asked is type(asked))
-    printer, build = _choose_printer(asked), _choose_build(asked, kind.spec.builds, repr(kind.name))
+    printer, build = printer_of(asked), _choose_build(asked, kind.spec.builds, repr(kind.name))
     target, remark = asked.sized(_line_of(build, printer))
     printing, print_remarks = _size_printing(asked, printer, build, lay_out(target))
     formats, format_remark = _choose_formats(asked, printing.is_two_filament)
@@ -77,7 +77,7 @@ def size_printing(asked: AskedPrinting, target: TargetGeometry) -> PrintSpec:
         InputError: a build that is not for this kind, an unknown printer, or a value that does not fit the target.
     """
     builds, what = (PLATE_BUILDS, "a target with one face") if target.is_planar else (SOLID_BUILDS, "a solid")
-    printing, _ = _size_printing(asked, _choose_printer(asked), _choose_build(asked, builds, what), target)
+    printing, _ = _size_printing(asked, printer_of(asked), _choose_build(asked, builds, what), target)
     return printing
 
 
@@ -108,70 +108,39 @@ def _size_printing(
     return printing, (remark, *remarks)
 
 
-def printer_profile(
-    name: str,
-    *,
-    nozzle_mm: float | None,
-    line_width_mm: float | None,
-    layer_height_mm: float | None,
-    bed_mm: tuple[float, float, float] | None,
-) -> PrinterProfile:
+def printer_of(asked: AskedPrinting) -> PrinterProfile:
     """A printer with one of its nozzles; single values may be replaced.
 
     Raises:
         InputError: an unknown printer, or a nozzle it has no line for while none is given.
     """
-    if nozzle_mm and line_width_mm and layer_height_mm and bed_mm:
-        # A full profile, as a resolved spec has it, stands without the file it once came from.
-        diameter, line, layer, bed = nozzle_mm, line_width_mm, layer_height_mm, bed_mm
-    else:
-        path = preset_or_file("printers", name)
-        file = read_printer_file(path)
-        diameter, bed = nozzle_mm or file.nozzle, bed_mm or file.bed
-        line, layer = _line_of_nozzle(file, diameter, line_width_mm, layer_height_mm, name)
+    name = DEFAULT_PRINTER if asked.printer is None else asked.printer
+    nozzle, line, layer, bed = asked.nozzle, asked.line_width, asked.layer_height, asked.bed
+    # A full profile, as a resolved spec has it, stands without the file it once came from.
+    if not (nozzle and line and layer and bed):
+        file = read_printer_file(preset_or_file("printers", name))
+        nozzle, bed = nozzle or file.nozzle, bed or file.bed
+        if not (line and layer):
+            known = next((one for one in file.nozzles if one.diameter == nozzle), None)
+            if known is None:
+                there = ", ".join(f"{one.diameter:g}mm" for one in file.nozzles)
+                raise InputError(
+                    f"nozzle {nozzle:g}mm: printer {name!r} has {there}; use one of them, or give --line-width and "
+                    "--layer-height"
+                )
+            line, layer = line or known.line_width, layer or known.layer_height
         if name not in preset_names("printers"):
             name = file.title
-    if not 0.6 * diameter <= line <= 2.5 * diameter:
+    if not 0.6 * nozzle <= line <= 2.5 * nozzle:
         raise InputError(
-            f"line width {line:g}mm does not fit a {diameter:g}mm nozzle; "
-            f"use {0.6 * diameter:.3g}mm to {2.5 * diameter:.3g}mm"
+            f"line width {line:g}mm does not fit a {nozzle:g}mm nozzle; "
+            f"use {0.6 * nozzle:.3g}mm to {2.5 * nozzle:.3g}mm"
         )
-    if layer > 0.8 * diameter:
+    if layer > 0.8 * nozzle:
         raise InputError(
-            f"layer height {layer:g}mm is too high for a {diameter:g}mm nozzle; use at most {0.8 * diameter:.3g}mm"
+            f"layer height {layer:g}mm is too high for a {nozzle:g}mm nozzle; use at most {0.8 * nozzle:.3g}mm"
         )
-    return PrinterProfile(
-        name=name,
-        bed_mm=bed,
-        nozzle_mm=diameter,
-        line_width_mm=line,
-        layer_height_mm=layer,
-    )
-
-
-def _line_of_nozzle(
-    file: PrinterFile, diameter: float, line_width_mm: float | None, layer_height_mm: float | None, name: str
-) -> tuple[float, float]:
-    """Line width and layer height, from what is given and from the profile's nozzle."""
-    if line_width_mm is not None and layer_height_mm is not None:
-        return line_width_mm, layer_height_mm
-    for nozzle in file.nozzles:
-        if nozzle.diameter == diameter:
-            return line_width_mm or nozzle.line_width, layer_height_mm or nozzle.layer_height
-    known = ", ".join(f"{nozzle.diameter:g}mm" for nozzle in file.nozzles)
-    raise InputError(
-        f"nozzle {diameter:g}mm: printer {name!r} has {known}; use one of them, or give --line-width and --layer-height"
-    )
-
-
-def _choose_printer(asked: AskedPrinting) -> PrinterProfile:
-    return printer_profile(
-        DEFAULT_PRINTER if asked.printer is None else asked.printer,
-        nozzle_mm=asked.nozzle,
-        line_width_mm=asked.line_width,
-        layer_height_mm=asked.layer_height,
-        bed_mm=asked.bed,
-    )
+    return PrinterProfile(name, bed, nozzle, line, layer)
 
 
 def _choose_build(asked: AskedPrinting, known: tuple[Build, ...], what: str) -> Build:

@@ -12,7 +12,7 @@ from designer.base.errors import InputError
 from designer.kinds.board import AskedBoard
 from designer.kinds.ico import AskedIco
 from designer.kinds.presets import preset_names, preset_or_file
-from designer.kinds.sizing import printer_profile, size_job
+from designer.kinds.sizing import printer_of, size_job
 from designer.kinds.spec_file import (
     FORMATS,
     MAX_FILE_BYTES,
@@ -25,7 +25,7 @@ from designer.kinds.spec_file import (
     spec_to_toml,
 )
 from designer.spec.kind import kinds
-from designer.spec.options import Asked, options_of
+from designer.spec.options import Asked, AskedPrinting, options_of
 from designer.spec.spec import Job
 
 KEYS = sorted({name for kind in kinds() for name in options_of(kind.asked)})
@@ -295,7 +295,7 @@ def test_deep_and_huge_values_are_refused(key: str) -> None:
 @pytest.mark.parametrize("nozzle_mm", [0.2, 0.4])
 def test_printer_templates_know_both_nozzles(name: str, nozzle_mm: float) -> None:
     """Every printer that travels with the program has a line for its 0.2 and its 0.4 mm nozzle."""
-    profile = printer_profile(name, nozzle_mm=nozzle_mm, line_width_mm=None, layer_height_mm=None, bed_mm=None)
+    profile = printer_of(AskedPrinting(printer=name, nozzle=nozzle_mm))
     assert (profile.name, profile.nozzle_mm) == (name, nozzle_mm)
     assert nozzle_mm < profile.line_width_mm < 1.2 * nozzle_mm
     assert min(profile.bed_mm) >= 180
