@@ -1,6 +1,5 @@
 """Reading photos: pixels as the sensor saw them, in grey or in colour."""
 
-import os
 import stat
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -84,16 +83,12 @@ def read_preview(path: Path, columns: int, most_pixels: int) -> Photo:
         most_pixels: of a file with more there is no preview.
 
     Raises:
-        InputError: as `read_image` does.
+        DamagedError: why there is none, without the file's name.
     """
     data = _read_file(path)
-    try:
-        header = _header_within_limits(data, most_pixels)
-        shrink = max(by for by in _SHRINKS if by == 1 or header.width >= by * columns)
-        pixels = _decode(data, header, in_colour=True, shrink=shrink if header.format == "JPEG" else 1)
-    except DamagedError as error:
-        raise InputError(f"{path}: {error}") from None
-    return Photo(pixels, ())
+    header = _header_within_limits(data, most_pixels)
+    shrink = max(by for by in _SHRINKS if by == 1 or header.width >= by * columns)
+    return Photo(_decode(data, header, in_colour=True, shrink=shrink if header.format == "JPEG" else 1), ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +102,8 @@ class _Decoded:
 
 def _read(path: Path, *, in_colour: bool) -> _Decoded:
     """Read and decode a file within the limits."""
-    data = _read_file(path)
     try:
+        data = _read_file(path)
         header = _header_within_limits(data)
         # Decoders go on after damage, with pixels in wrong places.
         unit_rows = check_jpeg_scans(data) if header.format == "JPEG" else 0
@@ -131,24 +126,28 @@ def _header_within_limits(data: bytes, most_pixels: int = MAX_PIXELS) -> Header:
 
 
 def _read_file(path: Path) -> bytes:
-    """The file's content. Only regular files are opened: a pipe or a device may never end."""
+    """The file's content. Only regular files are opened: a pipe or a device may never end.
+
+    Raises:
+        DamagedError: why not, without the file's name.
+    """
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
-            raise InputError(f"{path}: is a folder, not an image")
+            raise DamagedError("is a folder, not an image")
         if not stat.S_ISREG(status.st_mode):
-            raise InputError(f"{path}: is a pipe or a device; give image files")
+            raise DamagedError("is a pipe or a device; give image files")
         if status.st_size == 0:
-            raise InputError(f"{path}: is empty (0 bytes); copy it again")
+            raise DamagedError("is empty (0 bytes); copy it again")
         if status.st_size > MAX_FILE_BYTES:
-            raise InputError(f"{path}: has {status.st_size} bytes; at most {MAX_FILE_BYTES} are read")
+            raise DamagedError(f"has {status.st_size} bytes; at most {MAX_FILE_BYTES} are read")
         return path.read_bytes()
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+        raise DamagedError(f"cannot be read: {error.strerror}; check the path") from None
     except ValueError as error:
-        if isinstance(error, InputError):
+        if isinstance(error, DamagedError):
             raise
-        raise InputError(f"{os.fspath(path)!r}: is no file name: {error}") from None
+        raise DamagedError(f"is no file name: {error}") from None
 
 
 def _decode(data: bytes, header: Header, *, in_colour: bool, shrink: int = 1) -> Grey:

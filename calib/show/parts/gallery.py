@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.observe.image_headers import DamagedError
 from calib.observe.images import read_preview
 from calib.show.parts.folder_blocks import size_bytes, title_of
-from designer.base.errors import InputError
 from designer.base.words import printable
 from designer.page.blocks import Finding, Findings, Gallery, Leaf, Level, Picture, Raster, is_linkable
 
@@ -114,8 +114,8 @@ def small_picture(path: Path, limit: int) -> Raster | str:
     """A JPEG of at most about `limit` bytes, or why there is none, in a line without folders."""
     try:
         return _within(read_preview(path, WIDTHS[0], MAX_PIXELS).pixels, limit)
-    except (InputError, OSError) as error:
-        return printable(f"{path.name}: {str(error).removeprefix(f'{path}: ')}")
+    except (DamagedError, OSError) as error:
+        return printable(f"{path.name}: {error}")
 
 
 def _within(pixels: NDArray[np.uint8] | NDArray[np.uint16], limit: int) -> Raster:

@@ -22,7 +22,8 @@ def photos_page(folder: Path, origin: Origin) -> Page:
     places, wrong = _places(folder, told)
     blocks: tuple[Block, ...] = (
         *((Findings(told.notes),) if told.notes else ()), *warnings("File", (wrong,) if wrong else ()),
-        *gallery(folder, _shots(told), told.order), told_table(told, lambda path: is_there(folder, path)),
+        *gallery(folder, _shots(told), told.order),
+        *((told_table(told, lambda path: is_there(folder, path)),) if told.columns else ()),
     )  # fmt: skip
     sections = (
         *map(_section, told.before), Section("Photos", blocks, lead=told.lead), *places, *map(_section, told.after),
