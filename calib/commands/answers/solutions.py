@@ -1,16 +1,13 @@
 """Answers of commands that calibrate: what came of each model, its errors by every metric, and the verdict."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
     from calib.api.run_result import RunResult
-    from calib.metrics.errors import Errors
     from calib.metrics.evaluation import Evaluation
     from calib.pipeline.solving import Solution
-    from calib.solver.calibration import Calibration
     from calib.verdict.verdict import Verdict
     from designer.base.answer import Value
 
@@ -60,55 +57,18 @@ def _solution(solution: "Solution", folder: Path) -> "dict[str, Value]":
 
 
 def evaluation_answer(evaluation: "Evaluation") -> "dict[str, Value]":
-    """A calibration and its errors."""
-    calibration = evaluation.calibration
-    seen = calibration.observations
-    metrics = {errors.metric: _metric(errors) for errors in evaluation.errors}
-    reprojection = metrics.get("reprojection", {})
+    """A calibration and its errors, as `metrics.json` has them, and how it was solved."""
+    from calib.records.evaluation_files import Metrics, metrics_of
+    from designer.base.codec import encode
+
+    calibration, metrics = evaluation.calibration, metrics_of(evaluation)
+    reprojection = metrics.metrics.get("reprojection")
     return {
-        "model": calibration.camera.model,
-        "status": calibration.status,
+        **cast("dict[str, Value]", encode(Metrics, metrics)),
         "image_size_px": calibration.camera.image_size,
-        "photos": seen.view_count,
-        "sightings": len(seen.view),
-        "outliers": int(calibration.is_outlier.sum()),
-        "held_out_parts": evaluation.folds,
-        "rms_px": reprojection.get("rms_px"),
+        "rms_px": None if reprojection is None else reprojection.errors.rmse,
         "sigma_px": None if calibration.weighted else calibration.scale,
         "sigma_of_stated": calibration.scale if calibration.weighted else None,
         "iterations": calibration.iterations,
         "seconds": calibration.seconds,
-        "parameters": _parameters(calibration),
-        "metrics": metrics,
-        "remarks": [*calibration.remarks, *evaluation.remarks],
     }
-
-
-def _parameters(calibration: "Calibration") -> "dict[str, Value]":
-    """Value and standard deviation; a fixed parameter has none, nor one that the photos do not determine."""
-    import numpy as np
-
-    from calib.cameras import MODELS
-
-    sigmas = np.sqrt(np.diagonal(calibration.stated_covariance)).tolist()
-    rows = zip(MODELS[calibration.camera.model].parameters, calibration.camera.params.tolist(), sigmas, strict=True)
-    return {
-        one.name: {
-            "value": value,
-            "sigma": None if one.name in calibration.fixed else sigma,
-            "unit": one.unit,
-            "is_fixed": one.name in calibration.fixed,
-        }
-        for one, value, sigma in rows
-    }
-
-
-def _metric(errors: "Errors") -> "dict[str, Value]":
-    """Root mean square, mean, median and more of the errors' lengths."""
-    from calib.metrics.errors import summarise
-
-    numbers = asdict(summarise(errors))
-    count = numbers.pop("count")
-    numbers = {"rms": numbers.pop("rmse"), **numbers}
-    named = {f"{name}_{errors.unit}": value for name, value in numbers.items()}
-    return {"count": count, **named, "left_out": dict(errors.left_out)}

@@ -85,3 +85,19 @@ def test_another_runs_photos_are_not_this_ones(photos: Path) -> None:
     calib.run(BOARD, photos, out="a", **MODEL)
     calib.solve([replace(one, image=f"other-{one.image}") for one in seen()], BOARD, **MODEL).save("a")
     assert "<bdi>view_0003.png" not in Path("a/index.html").read_text()
+
+
+def test_what_an_earlier_run_left_goes_and_other_files_stay(photos: Path) -> None:
+    """Cameras and overlays of ours that are not of this run are removed; whatever else lies there is as it was."""
+    run = calib.run(BOARD, photos, out="a", **MODEL)
+    names = ("calibration.json", "camera.json", "observations.csv", "metrics.json", "metrics_views.csv")
+    Path("a/luhmann").mkdir()
+    for name in names:
+        shutil.copy(Path("a", name), Path("a/luhmann", name))
+    shutil.copy("a/overlays/view_0000.overlay.jpg", "a/overlays/gone.overlay.jpg")
+    for mine in (Path("a/luhmann/notes.txt"), Path("a/overlays/mine.overlay.jpg")):
+        mine.write_text("mine")
+    run.save("a")
+    assert [path.name for path in Path("a/luhmann").iterdir()] == ["notes.txt"]
+    assert not Path("a/overlays/gone.overlay.jpg").exists()
+    assert Path("a/overlays/mine.overlay.jpg").read_text() == "mine"
