@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, islice
 from pathlib import Path
-from typing import get_args
+from typing import cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from designer.base.errors import InputError
 
 STATUSES = (*get_args(Status), "failed")
 MAX_PARAMS = 1000
+CASE_TYPES = (str, str, int, int, str, str, str, int, bytes)
+"""Of the columns of a case."""
 LONGEST_MESSAGE = 10_000
 ROWS_AT_A_TIME = 10_000
 """Checked and packed before the next are read, so that a file of anybody's takes no more memory than its numbers."""
@@ -114,26 +116,19 @@ def case_from_row(path: Path, row: Row) -> StoredCase:
     Raises:
         InputError: it is none that a study has written.
     """
-    name, target, size, pool, sampling, sightings, model, params, covariance = row
-    if (
-        isinstance(target, str)
-        and isinstance(size, int)
-        and isinstance(pool, int)
-        and isinstance(sampling, str)
-        and isinstance(sightings, str)
-        and isinstance(model, str)
-        and isinstance(params, int)
-        and isinstance(covariance, bytes)
-        and size > 0
-        and pool > 0
-        and 0 <= params <= MAX_PARAMS
-        and len(covariance) in (0, 8 * params**2)
-        and (case := Case(target, size, pool, sampling, sightings)).name == name
-    ):
-        side = params if covariance else 0
-        matrix = np.frombuffer(covariance, dtype="<f8").reshape(side, side).astype(np.float64)
-        return StoredCase(case, model, params, matrix)
-    raise _damaged(path, "its list of cases")
+    if not all(isinstance(value, kind) for value, kind in zip(row, CASE_TYPES, strict=True)):
+        raise _damaged(path, "its list of cases")
+    name, target, size, pool, sampling, sightings, model, params, covariance = cast(
+        "tuple[str, str, int, int, str, str, str, int, bytes]", row
+    )
+    case = Case(target, size, pool, sampling, sightings)
+    is_whole = 0 <= params <= MAX_PARAMS and len(covariance) in (0, 8 * params**2)
+    if not (is_whole and size > 0 and pool > 0 and case.name == name):
+        raise _damaged(path, "its list of cases")
+    side = params if covariance else 0
+    return StoredCase(
+        case, model, params, np.frombuffer(covariance, dtype="<f8").reshape(side, side).astype(np.float64)
+    )
 
 
 def _blob(value: object) -> bytes:

@@ -22,9 +22,9 @@ import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
-from calib.core.types import Calibration  # noqa: E402
 from calib.observe.truth import Truth  # noqa: E402
 from calib.solver.blocks import RobustLoss, view_blocks  # noqa: E402
+from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.levenberg import move_poses, turn_of_centre  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
 from calib.solver.problem import pack  # noqa: E402
