@@ -79,7 +79,7 @@ def factorise(problem: Problem, tie: Tie, camera: Camera, cam_from_target: Array
 
 
 def minimum_of(anchor: Anchor, measured_px: Array, start: AnchoredMinimum | None = None) -> AnchoredMinimum | None:
-    """The camera and poses that fit other pixels of the anchor's sightings best; None if there are none.
+    """The camera and poses that fit other pixels of the anchor's observations best; None if there are none.
 
     Steps with the anchor's normal matrix, whose fixed point is where the true gradient is zero, each corrected by what
     the last ones left (Anderson 1965). The matrix lacks the residuals' curvature; where errors are so large that this

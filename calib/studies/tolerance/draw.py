@@ -119,7 +119,7 @@ def solved(
 
 
 def seen_px(setting: Setting, center_mm: Array) -> Array:
-    """Where the true camera sees rings that are at (R, 3), in all sightings.  # (M, 2)"""
+    """Where the true camera sees rings that are at (R, 3), in all observations.  # (M, 2)"""
     seen = setting.observations
     point = np.empty((len(seen.view), 3))
     _to_camera(seen.view, seen.point, setting.cam_from_target, center_mm, point)

@@ -1,10 +1,10 @@
-"""The derivatives of all sightings at the minimum without errors, and what sums over them every response needs.
+"""The derivatives of all observations at the minimum without errors, and what sums over them every response needs.
 
     first = first_order(setting)
     responses(first, displacement_mm).square        # `calib.studies.tolerance.response`
 
 A view's unknowns are K = F + 6: the free parameters of the camera, which all views share, and its pose. With B the
-derivatives of a sighting's pixel by its ring's position, A the way across the ray that takes a pixel back to
+derivatives of a observation's pixel by its ring's position, A the way across the ray that takes a pixel back to
 millimetres (`B A = 1`) and N = sum A B = sum (1 - d d') over the rays d of a ring, the ring's reconstruction moves by
 `N^-1 sum A (du - J dx)`.
 """
@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 Count = NDArray[np.int64]
 
 
-class SightingDerivatives(NamedTuple):
-    """The derivatives of M sightings, the views one after the other."""
+class ObservationDerivatives(NamedTuple):
+    """The derivatives of M observations, the views one after the other."""
 
     view_number: Count  # (M,)
     ring_number: Count  # (M,)
@@ -40,7 +40,7 @@ class SightingDerivatives(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Sums over the sightings of V views, and of R rings."""
+    """Sums over the observations of V views, and of R rings."""
 
     pixel: Array  # (V, K, K) J' J
     on_face: Array  # (V, K, K) J' metric J
@@ -59,7 +59,7 @@ class FirstOrder:
     """All that is linear about a setting."""
 
     setting: Setting
-    sightings: SightingDerivatives
+    observations: ObservationDerivatives
     sums: Sums
 
     @property
@@ -69,7 +69,7 @@ class FirstOrder:
 
     @property
     def views(self) -> tuple[slice, ...]:
-        """The sightings of each view."""
+        """The observations of each view."""
         start = self.setting.anchor.problem.view_start.tolist()
         return tuple(map(slice, start[:-1], start[1:]))
 
@@ -107,14 +107,14 @@ def first_order(setting: Setting) -> FirstOrder:
     rebuilt, is_rebuilt = _rebuilt_by_pixel(setting, by_ring, (point[:, None] @ rotation)[:, 0])
     rebuilt_by_unknown = rebuilt @ jacobian
     free = anchor.spread.shape[1]
-    sightings = SightingDerivatives(
+    observations = ObservationDerivatives(
         view, ring, jacobian, by_ring, np.stack([a * a + b * b, b * c, c * c], axis=1),
         np.stack([gram[:, 0, 0], gram[:, 0, 1], gram[:, 1, 1]], axis=1), rebuilt,
         np.ascontiguousarray(rebuilt_by_unknown[:, :, free:]),
     )  # fmt: skip
     by_free = np.zeros((setting.target.ring_count, 3, free))
     np.add.at(by_free, ring, rebuilt_by_unknown[:, :, :free])
-    return FirstOrder(setting, sightings, _sums(setting, jacobian, gram @ jacobian, by_free, is_rebuilt))
+    return FirstOrder(setting, observations, _sums(setting, jacobian, gram @ jacobian, by_free, is_rebuilt))
 
 
 def _sums(setting: Setting, jacobian: Array, on_face: Array, by_free: Array, is_rebuilt: NDArray[np.bool_]) -> Sums:
@@ -143,12 +143,12 @@ def _sums(setting: Setting, jacobian: Array, on_face: Array, by_free: Array, is_
 
 
 def _rebuilt_by_pixel(setting: Setting, by_ring: Array, ray: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """`N^-1 A` of each sighting (M, 3, 2), and which rings have rays from different sides (R,).
+    """`N^-1 A` of each observation (M, 3, 2), and which rings have rays from different sides (R,).
 
     Args:
         setting: what is photographed.
         by_ring: pixels by ring positions (M, 2, 3).
-        ray: of each sighting in the target's frame (M, 3).
+        ray: of each observation in the target's frame (M, 3).
     """
     ring, rings = setting.observations.point, setting.target.ring_count
     unit = ray / np.linalg.norm(ray, axis=1, keepdims=True)

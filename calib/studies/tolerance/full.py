@@ -71,7 +71,7 @@ def photographed(setting: Setting, made: TargetGeometry, seed: int, number: int)
 
 
 def setting_of_detections(setting: Setting, found: list[Detections]) -> tuple[Setting, Array]:
-    """The setting with those of its sightings that were detected, and their pixels (M, 2).
+    """The setting with those of its observations that were detected, and their pixels (M, 2).
 
     Rings that are seen flatter or smaller than the setting counts are left out, that the numbers may be compared.
 

@@ -1,7 +1,7 @@
 """What the noise of the detected centres costs to first order: the mean of every quantity's square, without draws.
 
 A quantity is the length of a vector L du that is linear in the pixels' errors du (`calib.studies.tolerance.response`);
-of errors with covariance C, `E |L du|^2 = tr(L C L')`. Sightings are independent of each other. With
+of errors with covariance C, `E |L du|^2 = tr(L C L')`. Observations are independent of each other. With
 `g = J' W' W du` summed over a view, `k = P^-1 g_pose` is what the view's pose takes on its own and
 `h = g_free + follow' g_pose` what it asks of the camera; the camera's step is `f = S^-1 sum h`, the pose's
 `k + follow f`. So all that views have in common is f, and every covariance is one of du, f and the view's k.
@@ -49,8 +49,8 @@ def _spread(first: FirstOrder) -> _Spread:
     sums, free = first.sums, first.free_count
     a, b, c = first.setting.noise_root.T
     noise = np.stack([a * a, a * b, a * b, b * b + c * c], axis=1).reshape(-1, 2, 2)
-    uu, uv, vv = first.sightings.weight.T
-    weighted = np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2) @ first.sightings.jacobian
+    uu, uv, vv = first.observations.weight.T
+    weighted = np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2) @ first.observations.jacobian
     by_gradient = noise @ weighted  # covariance of du and g
     split = np.tile(np.eye(free + 6), (len(sums.follow), 1, 1))  # g to h and k
     split[:, :free, free:], split[:, free:, free:] = sums.follow.transpose(0, 2, 1), sums.pose_inverse
@@ -72,7 +72,7 @@ def _spread(first: FirstOrder) -> _Spread:
 
 
 def _times(first: FirstOrder, rows: Array, matrix: Array) -> Array:
-    """Rows of each sighting (M, N, A) times the matrix of its view (V, A, B).  # (M, N, B)"""
+    """Rows of each observation (M, N, A) times the matrix of its view (V, A, B).  # (M, N, B)"""
     count, width = rows.shape[1], rows.shape[2]
     return np.concatenate([
         (rows[of_view].reshape(-1, width) @ one).reshape(-1, count, one.shape[1])
@@ -82,13 +82,13 @@ def _times(first: FirstOrder, rows: Array, matrix: Array) -> Array:
 
 def _residuals(first: FirstOrder, spread: _Spread) -> tuple[float, float]:
     """Mean squares of `du - J x`, in the image and on the faces."""
-    jacobian = first.sightings.jacobian
+    jacobian = first.observations.jacobian
     with_pose = spread.pixel_own + _times(first, spread.pixel_free, first.sums.follow.transpose(0, 2, 1))
     with_unknowns = np.concatenate([spread.pixel_free, with_pose], axis=2)
     # Only its symmetric part counts: J Z J' - Y J' - J Y' as (J Z - 2 Y) J'.
     change = (_times(first, jacobian, spread.unknowns) - 2 * with_unknowns) @ jacobian.transpose(0, 2, 1)
     covariance = spread.pixel + change
-    uu, uv, vv = first.sightings.metric.T
+    uu, uv, vv = first.observations.metric.T
     off_diagonal = covariance[:, 0, 1] + covariance[:, 1, 0]
     on_face = uu * covariance[:, 0, 0] + uv * off_diagonal + vv * covariance[:, 1, 1]
     return float(np.trace(covariance, axis1=1, axis2=2).mean()), float(on_face.mean())
@@ -96,8 +96,8 @@ def _residuals(first: FirstOrder, spread: _Spread) -> tuple[float, float]:
 
 def _rebuilt(first: FirstOrder, spread: _Spread) -> float:
     """Mean square of the rings' reconstruction, whose rays' parts `N^-1 (A du - A J k)` are independent but for f."""
-    sightings, sums = first.sightings, first.sums
-    by_pixel, by_pose, ring = sightings.rebuilt_by_pixel, sightings.rebuilt_by_pose, sightings.ring_number
+    observations, sums = first.observations, first.sums
+    by_pixel, by_pose, ring = observations.rebuilt_by_pixel, observations.rebuilt_by_pose, observations.ring_number
     by_free = sums.rebuilt_by_free.copy()
     np.add.at(by_free, ring, _times(first, by_pose, sums.follow))
     alone = ((by_pixel @ spread.pixel - 2 * by_pose @ spread.pixel_own.transpose(0, 2, 1)) * by_pixel).sum()

@@ -12,11 +12,11 @@ are linear in dX and du:
 - pose, rotation, camera: parts of dx.
 
 The square of a residual over a view is `du' M du - 2 (J' M du)' dx + dx' (J' M J) dx`: with the last matrix known,
-only the sightings of rings that move are looked at, and a source of single rings costs no more than one of the whole
+only the observations of rings that move are looked at, and a source of single rings costs no more than one of the whole
 print. What such sums lose in rounding is a share of 1e-15 of the squared displacement of the pixels.
 
-Displacements count without the rigid motion that `calib.studies.tolerance.true_shape` takes out, so that the true
-poses stay where they are; to the solver that motion is one of the poses, so these alone are freed of it.
+Displacements count without the rigid motion that `calib.studies.tolerance.measures` takes out of the true shape, so
+that the true poses stay where they are; to the solver that motion is one of the poses, so these alone are freed of it.
 """
 
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit_inside, jit_sums
-from calib.studies.tolerance.first_order import FirstOrder, SightingDerivatives, Sums
+from calib.studies.tolerance.first_order import FirstOrder, ObservationDerivatives, Sums
 
 Array = NDArray[np.float64]
 
 TILE = 16
-"""Columns at a time: what belongs to one sighting stays in the processor's registers and nearest memory."""
+"""Columns at a time: what belongs to one observation stays in the processor's registers and nearest memory."""
 U, V, WEIGHTED_U, WEIGHTED_V, METRIC_U, METRIC_V, OWN_U, OWN_V = (TILE * row for row in range(8))
 PIXEL, ON_FACE, TRUE_ON_FACE, REBUILT, TRUE_REBUILT = (TILE * row for row in range(8, 13))
 ROOM = 13 * TILE
@@ -52,21 +52,21 @@ def responses(first: FirstOrder, displacement_mm: Array, pixel: Array | None = N
     Args:
         first: the derivatives.
         displacement_mm: of the rings (R, 3, N).
-        pixel: errors of all sightings besides, (M, 2, N).
+        pixel: errors of all observations besides, (M, 2, N).
     """
     setting, columns = first.setting, displacement_mm.shape[2]
     noise = np.zeros((0, 2, columns)) if pixel is None else pixel
     free, pose = np.empty((first.free_count, columns)), np.empty((setting.view_count, 6, columns))
     total = np.empty((5, columns))
     moved, noise = np.ascontiguousarray(displacement_mm), np.ascontiguousarray(noise)
-    _respond(first.sightings, first.sums, moved, noise, free, pose, total)
+    _respond(first.observations, first.sums, moved, noise, free, pose, total)
     total = np.maximum(total, 0.0)  # where nothing is left, rounding may be below it
-    sightings, rings = len(first.sightings.view_number), int(first.sums.is_rebuilt.sum())
+    observations, rings = len(first.observations.view_number), int(first.sums.is_rebuilt.sum())
     rebuilt = total[3:] / rings if rings else np.full((2, columns), np.nan)
     params = setting.anchor.spread @ free
     image = (free * (first.image @ free)).sum(axis=0)
     square = np.stack([
-        total[0] / sightings, total[1] / sightings, rebuilt[0], total[2] / sightings, rebuilt[1],
+        total[0] / observations, total[1] / observations, rebuilt[0], total[2] / observations, rebuilt[1],
         *_pose_squares(setting.anchor.cam_from_target, pose),
         (params[:2] ** 2).mean(axis=0), (params[2:4] ** 2).sum(axis=0), image,
     ])  # fmt: skip
@@ -90,11 +90,11 @@ def _pose_squares(cam_from_target: Array, pose: Array) -> tuple[Array, Array]:
 
 @jit_sums
 def _respond(
-    sightings: SightingDerivatives, sums: Sums, moved: Array, pixel: Array, free: Array, pose: Array, total: Array
+    observations: ObservationDerivatives, sums: Sums, moved: Array, pixel: Array, free: Array, pose: Array, total: Array
 ) -> None:
     """The unknowns and the sums of squares of all columns, `TILE` of them at a time."""
     rings, columns = moved.shape[0], moved.shape[2]
-    views, unknowns = len(sums.pixel), sightings.jacobian.shape[2]
+    views, unknowns = len(sums.pixel), observations.jacobian.shape[2]
     still, rebuilt = np.empty((rings, 3, TILE)), np.empty((rings, 3, TILE))
     is_moved = np.empty(rings, dtype=np.bool_)
     moments, row = np.empty((views, 4, unknowns, TILE)), np.empty(ROOM)
@@ -109,11 +109,11 @@ def _respond(
                     is_moved[r] |= still[r, axis, t] != 0.0
         row[:] = 0.0
         moments[:] = 0.0
-        _add_moments(sightings, still, is_moved, pixel, begin, width, row, moments)
+        _add_moments(observations, still, is_moved, pixel, begin, width, row, moments)
         _solve(sums, moments, step, place)
         _free_of_motion(sums, still, is_moved, motion)
         _add_squares(sums, moments, step, place, motion, row)
-        _rebuild(sightings, sums, still, pixel, begin, width, step, place, rebuilt, row)
+        _rebuild(observations, sums, still, pixel, begin, width, step, place, rebuilt, row)
         for t in range(width):
             free[:, begin + t] = step[:, t]
             pose[:, :, begin + t] = place[:, :, t]
@@ -123,7 +123,7 @@ def _respond(
 
 @jit_sums
 def _add_moments(
-    sightings: SightingDerivatives,
+    observations: ObservationDerivatives,
     moved: Array,
     is_moved: NDArray[np.bool_],
     pixel: Array,
@@ -133,7 +133,7 @@ def _add_moments(
     moments: Array,
 ) -> None:
     """Of the pixels' changes u = B dX + du: `J' W' W u`, `J' u`, `J' metric u` and `J' metric du` of each view."""
-    view, ring, jacobian, by_ring, weight, metric, _, _ = sightings
+    view, ring, jacobian, by_ring, weight, metric, _, _ = observations
     unknowns = jacobian.shape[2]
     for m in range(len(view)):
         v, r = view[m], ring[m]
@@ -254,7 +254,7 @@ def _add_square(matrix: Array, x: Array, moment: Array, product: Array, to: Arra
 
 @jit_sums
 def _rebuild(
-    sightings: SightingDerivatives,
+    observations: ObservationDerivatives,
     sums: Sums,
     still: Array,
     pixel: Array,
@@ -266,7 +266,7 @@ def _rebuild(
     row: Array,
 ) -> None:
     """Squared errors of the reconstructed rings, against the drawing and against the true shape."""
-    view, ring = sightings.view_number, sightings.ring_number
+    view, ring = observations.view_number, observations.ring_number
     rebuilt[:] = still
     for r in range(len(still)):
         for axis in range(3):
@@ -275,9 +275,9 @@ def _rebuild(
     for m in range(len(view)):
         v, r = view[m], ring[m]
         for axis in range(3):
-            _take_six(sightings.rebuilt_by_pose[m, axis], place[v], rebuilt[r, axis])
+            _take_six(observations.rebuilt_by_pose[m, axis], place[v], rebuilt[r, axis])
             if len(pixel):
-                by_u, by_v = sightings.rebuilt_by_pixel[m, axis, 0], sightings.rebuilt_by_pixel[m, axis, 1]
+                by_u, by_v = observations.rebuilt_by_pixel[m, axis, 0], observations.rebuilt_by_pixel[m, axis, 1]
                 for t in range(width):
                     rebuilt[r, axis, t] += by_u * pixel[m, 0, begin + t] + by_v * pixel[m, 1, begin + t]
     for r in range(len(still)):

@@ -2,7 +2,7 @@
 
 An edge gives its place across itself, so an outer contour with the unit normal n carries the information
 `integral of n n' dl` (per variance of an edge's place times px), which for an ellipse is diagonal in its axes. The
-inner contour has the same shape and adds its share. Fitted to what the detector states for 51,000 sightings of an
+inner contour has the same shape and adds its share. Fitted to what the detector states for 51,000 observations of an
 icosahedron's rings and 77,000 of a board's in rendered photos (area sampling, contrast over noise 100, blur 0.7 px),
 with minor semi-axes of 2.5 to 28 px:
 
@@ -14,7 +14,7 @@ with minor semi-axes of 2.5 to 28 px:
 Single stated variances scatter about the model by 15 % above 10 px, by a third from 4 to 10 px, by a half below. The
 true errors of those detections are smaller: their squares are 0.73 (icosahedron) and 0.75 (board) times the stated
 variance, along the major axis of rings below 6 px 0.2 to 0.6 times. So the noise drawn is on the safe side by a sixth.
-Nothing that a ring has beyond its stated covariance is in it: the noise of sightings is independent, while a bias of
+Nothing that a ring has beyond its stated covariance is in it: the noise of observations is independent, while a bias of
 the fit would be the same each time a ring is seen from one side. Other contrasts scale all variances by the square of
 the noise, which was not measured.
 """

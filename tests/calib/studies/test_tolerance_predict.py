@@ -254,10 +254,10 @@ def test_baseline_is_the_covariance() -> None:
 def test_noise_is_the_sum_of_its_parts(weighted: bool) -> None:
     """The mean squares over the noise are the sums of the responses to each independent part of every pixel's noise."""
     setting = ico_setting(weighted=weighted)
-    first, sightings = first_order(setting), np.arange(len(setting.observations.view))
+    first, observations = first_order(setting), np.arange(len(setting.observations.view))
     total = np.zeros(len(QUANTITIES))
-    for some in np.array_split(sightings, 8):
-        parts = np.zeros((len(sightings), 2, 2 * len(some)))
+    for some in np.array_split(observations, 8):
+        parts = np.zeros((len(observations), 2, 2 * len(some)))
         column = np.arange(len(some))
         parts[some, 0, column], parts[some, 1, column], parts[some, 1, len(some) + column] = setting.noise_root[some].T
         total += responses(first, np.zeros((setting.target.ring_count, 3, 2 * len(some))), parts).square.sum(axis=1)
