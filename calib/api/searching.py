@@ -11,7 +11,7 @@ from calib.cameras import COMMON
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
 from calib.detector import pipeline
-from calib.detector.pipeline import Found
+from calib.detector.pipeline import NamedRings
 from calib.observe.image_headers import exif_focal_px
 from calib.observe.images import read_image
 from calib.observe.observations import observations_from_detections
@@ -155,7 +155,7 @@ class _FirstPass:
 
     def __init__(self, target: TargetGeometry) -> None:
         self._target = target
-        self._named: dict[str, Found | None] = {}
+        self._named: dict[str, NamedRings | None] = {}
         self._seen: dict[str, Detections] = {}
 
     def look(self, photo: PhotoFile, pixels: Pixels, camera: Camera | None = None) -> Detections:

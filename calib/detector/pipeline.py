@@ -66,7 +66,7 @@ def _remark(item: NamedGrid | None, found: int) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class NamedRings:
     """What naming made of an image, which no lens has a part in."""
 
     candidates: Candidates
@@ -82,7 +82,7 @@ class Found:
         return sum(len(item.grid.row) for item in self.named)
 
 
-def find(pixels: NDArray[np.generic], target: TargetGeometry) -> Found | None:
+def find(pixels: NDArray[np.generic], target: TargetGeometry) -> NamedRings | None:
     """The half of the search that is the same for any lens, for a photo that is searched more than once.
 
     What `detect` may be given; None if the image is too small to hold anything.
@@ -98,7 +98,7 @@ def detect(
     *,
     name: str,
     camera: Camera | None = None,
-    found: Found | None = None,
+    found: NamedRings | None = None,
 ) -> Detections:
     """Find and name the target's features in one photo.
 
@@ -188,7 +188,7 @@ def _as_kernels_want(pixels: NDArray[np.generic]) -> NDArray[np.generic]:
     return np.require(pixels, dtype=kind, requirements=["C", "W"])
 
 
-def _search(pixels: NDArray[np.generic], plan: TargetPlan) -> Found:
+def _search(pixels: NDArray[np.generic], plan: TargetPlan) -> NamedRings:
     """Coarse to fine: name grids in a reduced image; only if none is to be had there, in a finer one."""
     factor = reduction((pixels.shape[0], pixels.shape[1]))
     found = _search_at(pixels, plan, factor)
@@ -198,11 +198,11 @@ def _search(pixels: NDArray[np.generic], plan: TargetPlan) -> Found:
     return found
 
 
-def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> Found:
+def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> NamedRings:
     """Candidates by one threshold after the other, until the whole target is found or all are used."""
     grey = reduced(pixels, factor)
     candidates: Candidates | None = None
-    found: Found | None = None
+    found: NamedRings | None = None
     for number, threshold in enumerate(thresholds(grey)):
         more = find_candidates(grey, threshold, factor, number * REGIONS_APART, plan.ratio)
         before = candidates.count if candidates is not None else -1
@@ -221,7 +221,7 @@ def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> Fo
     return found
 
 
-def _completed(pixels: NDArray[np.generic], plan: TargetPlan, found: Found) -> tuple[Found, bool]:
+def _completed(pixels: NDArray[np.generic], plan: TargetPlan, found: NamedRings) -> tuple[NamedRings, bool]:
     """What was found, placed if need be, and whether that is all, so that other thresholds have nothing to add.
 
     What must be in the image is known from a board's one face, or from three faces of a solid: fewer leave its pose
@@ -240,20 +240,20 @@ def _completed(pixels: NDArray[np.generic], plan: TargetPlan, found: Found) -> t
     return replace(found, placed=(naming, placement)), is_whole
 
 
-def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates) -> Found:
+def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates) -> NamedRings:
     """Grow grids and name them."""
     grids = grow_grids(candidates, plan.lattice, across_gaps=not plan.is_coded)
     contrast = _contrast(pixels, candidates)
     if not grids:
-        return Found(candidates, (), (), ("no grid of rings was found",))
+        return NamedRings(candidates, (), (), ("no grid of rings was found",))
     if plan.is_coded:
         named, mirrored = name_faces(plan, candidates, grids, pixels, contrast)
         if mirrored:
-            return Found(candidates, grids, (), (MIRRORED,), is_mirrored=True)
-        return Found(candidates, grids, named, () if named else ("no face code could be read beyond doubt",))
+            return NamedRings(candidates, grids, (), (MIRRORED,), is_mirrored=True)
+        return NamedRings(candidates, grids, named, () if named else ("no face code could be read beyond doubt",))
     board: BoardName = name_board(plan, candidates, grids, pixels, contrast)
     remarks = (MIRRORED,) if board.is_mirrored else (board.remark,) if board.remark else ()
-    return Found(candidates, grids, (board.named,) if board.named else (), remarks, board.is_mirrored)
+    return NamedRings(candidates, grids, (board.named,) if board.named else (), remarks, board.is_mirrored)
 
 
 def _contrast(pixels: NDArray[np.generic], candidates: Candidates) -> float:
@@ -291,7 +291,7 @@ def _result(
     plan: TargetPlan,
     name: str,
     image_size: tuple[int, int],
-    found: Found,
+    found: NamedRings,
     naming: Naming,
     placement: Placement,
     measured: Measured,
