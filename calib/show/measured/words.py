@@ -173,7 +173,7 @@ def gain_sentence(record: AsBuiltRecord) -> str:
 def why_not(record: AsBuiltRecord) -> str:
     """Why the measured target is not to be used, in a line; "" if it is better, or if nobody asked."""
     if record.status == "degenerate":
-        return "no camera is determined: do what is said above, and measure again"
+        return "no camera is determined: do what the remarks say, and measure again"
     gain = judged_gain(record)
     if record.held_out is None or (gain is not None and gain.is_better):
         return ""
