@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import ABILITIES, MODELS, CameraModel, parameter_names, project, rays
 from calib.core.files import write_files
-from calib.core.types import frozen_array
+from calib.core.types import freeze
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind, laid_out
 from designer.base.marks import LEFT_OUT, Above, AtLeast, AtMost, Length, Shape
@@ -48,8 +48,7 @@ class LearnedMap:
     limit: Annotated[float, Above(0), AtMost(1)]  # beyond this standard deviation, in the kernel's, nothing is known
 
     def __post_init__(self) -> None:
-        for name in ("knot_px", "weight", "noise_variance", "trend"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "knot_px", "weight", "noise_variance", "trend")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +61,7 @@ class Camera:
     learned: LearnedMap | None = None  # of models that learn a map
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "params", frozen_array(self.params))
+        freeze(self, "params")
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -156,12 +155,9 @@ def camera_to_json(camera: Camera) -> str:
 
 
 def camera_from_mapping(values: RawValue, origin: str, *, is_written_by_hand: bool = False) -> Camera:
-    """The camera in a parsed file.
+    """The camera in a parsed file, whose name is `origin`.
 
-    Args:
-        values: what JSON or TOML held.
-        origin: what messages name.
-        is_written_by_hand: what the lens is not said to have, it has not; else all parameters must be there.
+    Written by hand, what the lens is not said to have, it has not; else all parameters must be there.
 
     Raises:
         InputError: another format or version, an unknown or missing key, or a value that breaks a rule.

@@ -19,7 +19,7 @@ from calib.cameras import linearise, parameter_names, project, rays
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import exp_rotation, log_rotation
-from calib.core.types import frozen_array
+from calib.core.types import freeze
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ class Refit:
     known: float  # part of the image where the first camera has rays, 0 to 1
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "new_from_old", frozen_array(self.new_from_old))
+        freeze(self, "new_from_old")
 
     @property
     def turn_rad(self) -> float:
@@ -241,8 +241,7 @@ class CameraDifference:
     radius_px: float  # about the image's centre, of the pixels that the rotation was fitted to; 0: none was
 
     def __post_init__(self) -> None:
-        for name in ("pixel", "difference_px", "b_from_a"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "pixel", "difference_px", "b_from_a")
 
     @property
     def length_px(self) -> Array:

@@ -18,6 +18,13 @@ def frozen_array(values: object, dtype: type[np.generic] = np.float64) -> NDArra
     return array
 
 
+def freeze(value: object, *names: str, dtype: type[np.generic] = np.float64) -> None:
+    """Make arrays of a frozen dataclass read-only copies; what is None stays so."""
+    for name in names:
+        if getattr(value, name) is not None:
+            object.__setattr__(value, name, frozen_array(getattr(value, name), dtype))
+
+
 LEAST_RADIUS_PX = 5.0
 
 
@@ -84,9 +91,8 @@ class Detections:
     rejected_px: NDArray[np.float64] | None = None  # (K, 2) ring-like things that got no name
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ring", frozen_array(self.ring, np.int64))
-        for name in ("position_mm", "center_px", "cov_px2", "ellipse_px"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "ring", dtype=np.int64)
+        freeze(self, "position_mm", "center_px", "cov_px2", "ellipse_px")
         rejected = np.zeros((0, 2)) if self.rejected_px is None else self.rejected_px
         object.__setattr__(self, "rejected_px", frozen_array(rejected))
 
@@ -116,9 +122,8 @@ class KnownPoints:
     geometry_id: str = ""  # of the target file they come from; "" for points from elsewhere
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "face", frozen_array(self.face, np.int64))
-        for name in ("position_mm", "plane"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "face", dtype=np.int64)
+        freeze(self, "position_mm", "plane")
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,11 +140,8 @@ class Observations:
     remarks: tuple[str, ...] = ()  # what was left out of them, or should be known, one line each
 
     def __post_init__(self) -> None:
-        for name in ("view", "point"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64))
-        object.__setattr__(self, "center_px", frozen_array(self.center_px))
-        if self.cov_px2 is not None:
-            object.__setattr__(self, "cov_px2", frozen_array(self.cov_px2))
+        freeze(self, "view", "point", dtype=np.int64)
+        freeze(self, "center_px", "cov_px2")
 
     @property
     def view_count(self) -> int:

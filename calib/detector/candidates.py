@@ -46,14 +46,9 @@ class Candidates:
 def find_candidates(
     grey: NDArray[np.uint8], threshold: Threshold, factor: int, first_region: int, ratio: float
 ) -> Candidates:
-    """Candidates in a reduced image by one threshold.
+    """Candidates in an image reduced by a factor, by one threshold, for rings with that ratio of their radii.
 
-    Args:
-        grey: the reduced image.  # (H / factor, W / factor)
-        threshold: how to binarise it.
-        factor: of the reduction.
-        first_region: what to number white regions from, so that thresholds do not share numbers.
-        ratio: inner over outer radius of the target's rings.
+    White regions are numbered from `first_region` on, so that thresholds do not share numbers.
     """
     binary = binarise(grey, threshold)
     borders = find_borders(np.zeros_like(binary) if is_speckle(binary) else binary)

@@ -180,7 +180,7 @@ def _direct(plane: Floats, image: Floats) -> Floats:
 
 def direct(plane: Floats, image: Floats) -> Floats:
     """Direct linear transform of points which must be `is_determined`, its denominator 1 at their mean."""
-    return np.asarray(_direct(_as_kernels_want(plane), _as_kernels_want(image)))
+    return _direct(_as_kernels_want(plane), _as_kernels_want(image))
 
 
 @jit
@@ -205,10 +205,7 @@ def fit(plane: Floats, image: Floats, weight: Floats, rounds: int = 4) -> tuple[
         The homography (3, 3), the inverse of its normal matrix in its first eight entries with the points moved to
         their mean (8, 8), and the residuals (N, 2); nan where the points are not `is_determined`.
     """
-    matrix, covariance, residual = _fit(
-        _as_kernels_want(plane), _as_kernels_want(image), _as_kernels_want(weight), rounds
-    )
-    return np.asarray(matrix), np.asarray(covariance), np.asarray(residual)
+    return _fit(_as_kernels_want(plane), _as_kernels_want(image), _as_kernels_want(weight), rounds)
 
 
 @jit
@@ -241,10 +238,7 @@ def fit_near(
         The homography (3, 3), its covariance (8, 8) as `fit` has it, the residuals of all points (N, 2), and which
         were kept (N,).
     """
-    matrix, covariance, residual, keep = _fit_near(
-        _as_kernels_want(plane), _as_kernels_want(image), _as_kernels_want(weight), slack, least
-    )
-    return np.asarray(matrix), np.asarray(covariance), np.asarray(residual), np.asarray(keep)
+    return _fit_near(_as_kernels_want(plane), _as_kernels_want(image), _as_kernels_want(weight), slack, least)
 
 
 @jit
@@ -280,16 +274,14 @@ def _vanishing(homography: Floats, covariance: Floats, image: Floats) -> tuple[F
 
 def vanishing_terms(homography: Floats, image: Floats) -> Floats:
     """The line term m at image points: the vanishing line is `m . (u - point) = 1`.  # (3, 3), (N, 2) -> (N, 2)"""
-    return np.asarray(
-        _vanishing(_as_kernels_want(homography), np.zeros((ENTRIES, ENTRIES)), _as_kernels_want(image))[0]
-    )
+    return _vanishing(_as_kernels_want(homography), np.zeros((ENTRIES, ENTRIES)), _as_kernels_want(image))[0]
 
 
 def vanishing_covariance(homography: Floats, plane: Floats, covariance: Floats, image: Floats) -> Floats:
     """Covariance of m at image points, from that of the homography as `fit` returns it.  # -> (N, 2, 2)"""
     _, mean0, mean1, size = moved_to_mean(_as_kernels_want(plane))
     back = np.array([[size, 0, mean0], [0, size, mean1], [0, 0, 1]])
-    return np.asarray(_vanishing(homography @ back, _as_kernels_want(covariance), _as_kernels_want(image))[1])
+    return _vanishing(homography @ back, _as_kernels_want(covariance), _as_kernels_want(image))[1]
 
 
 def _as_kernels_want(numbers: Floats) -> Floats:

@@ -133,12 +133,7 @@ def judge(
 
 
 def stretch_of(shape: Floats, predicted: Floats) -> Floats:
-    """Logarithms of the two scales between predicted circles and those seen: the singular values of E_p inv(E).
-
-    Args:
-        shape: E as seen.  # (N, 3)
-        predicted: E_p.  # (N, 3)
-    """
+    """Logarithms of the two scales between predicted circles and those seen: the singular values of E_p inv(E)."""
     # M = E_p inv(E) of lower triangles: its singular values are s +- d with 2 s = |(a + d, c)| and 2 d = |(a - d, c)|.
     area = shape[:, 0] * shape[:, 2]
     is_flat = np.abs(area) < 1e-12

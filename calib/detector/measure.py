@@ -13,7 +13,7 @@ from calib.detector.lens import Lens, local_form
 from calib.detector.lines import Lines, Seen, blur_growth, fit_lens, fit_lines, is_noticed, left_covariance
 from calib.detector.marks import COVERED, DOT, RING, judge, read_marks
 from calib.detector.pair_fit import fit_pairs
-from calib.detector.place import Naming, Placement, Places, predict
+from calib.detector.place import Naming, Placement, Places, nearest_rows, predict
 from calib.detector.plan import TargetPlan
 from calib.detector.ring_fit import RingFits, fit_rings
 from calib.detector.ring_model import BLUR, DARKNESS, E00, E11, PARAMETERS, RATIO, WHITE
@@ -131,21 +131,12 @@ def _starts(
     start[rows] = params[good]
     usual = np.median(params[good], axis=0)
     rest = np.setdiff1d(np.arange(count), rows)
-    nearest = _nearest_row(places.center_px[rest], places.center_px[rows])
+    nearest = nearest_rows(places.center_px[rest], places.center_px[rows])[:, 0]
     start[rest, BLUR] = usual[BLUR]
     start[rest, WHITE] = params[good][nearest, WHITE]
     start[rest, DARKNESS] = params[good][nearest, DARKNESS]
     start[rest, RATIO] = np.where(is_dot[rest], 0.0, usual[RATIO])
     return start
-
-
-def _nearest_row(point: Floats, among: Floats) -> Integers:
-    """The nearest of some points to each.  # (N, 2), (M, 2) -> (N,)"""
-    nearest = np.zeros(len(point), dtype=np.int64)
-    for start in range(0, len(point), 256):
-        offset = point[start : start + 256, None] - among[None]
-        nearest[start : start + 256] = np.argmin((offset**2).sum(axis=2), axis=1)
-    return nearest
 
 
 def _fit_with_lines(

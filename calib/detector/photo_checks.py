@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from calib.detector.candidates import semi_axes_px
 from calib.detector.lens import Lens
 from calib.detector.marks import zone_levels
-from calib.detector.place import Places, direct_projection, fixes_projection
+from calib.detector.place import Places, direct_projection, fixes_projection, nearest_rows
 from calib.detector.plan import TargetPlan
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -69,8 +69,6 @@ NEAR_HALF = (-2, -1, 0, 1, 2)
 """Those within 45 degrees of it: the board may end in the middle of the place."""
 RING_SEEN = 2
 """In so many directions next to each other white, ink and white follow each other where part of a ring is seen."""
-CHUNK = 256
-"""Places whose distances from all rings are held at a time."""
 
 
 def lattice_over_spacing(plan: TargetPlan, lens: Lens, ring: Integers, center_px: Floats) -> float:
@@ -207,10 +205,10 @@ def _sight(
     is_known = np.isfinite(known).all(axis=1)
     if not (is_known.any() and len(places.ring) and len(last_row_px)):
         return np.zeros(len(places.ring), dtype=np.bool_), np.zeros(len(places.ring), dtype=np.bool_)
-    near = known[is_known][_nearest(places.center_px, rings.center_px[is_known], NEAREST)]  # (N, NEAREST, 3)
+    near = known[is_known][nearest_rows(places.center_px, rings.center_px[is_known], NEAREST)]  # (N, NEAREST, 3)
     enclosed, ink, white = np.median(near, axis=1).T[:, :, None]
     contrast = np.maximum(white - ink, 1e-9)
-    further_in_px = last_row_px[_nearest(places.center_px, last_row_px, 1)[:, 0]]
+    further_in_px = last_row_px[nearest_rows(places.center_px, last_row_px)[:, 0]]
     radii = (0.45 * plan.ratio, 0.5 * (1 + plan.ratio), 0.25 * plan.ratio + 0.75, white_around)
     hole, middle, outer, around = (_arc_levels(image, places, further_in_px, rho) for rho in radii)
     half = np.stack([np.median(level[:, NEAR_HALF], axis=1) for level in (middle, around)])  # (2, N)
@@ -242,16 +240,6 @@ def _arc_levels(image: NDArray[np.generic], places: Places, toward_px: Floats, r
     u = np.clip(np.rint(places.center_px[:, :1] + du).astype(np.int64), 0, width - 1)
     v = np.clip(np.rint(places.center_px[:, 1:] + dv).astype(np.int64), 0, height - 1)
     return np.asarray(image[v, u], dtype=np.float64)
-
-
-def _nearest(point: Floats, other: Floats, most: int) -> Integers:
-    """Rows of the other points nearest to each.  # (N, 2), (M, 2) -> (N, at most so many)"""
-    count = min(most, len(other))
-    near = [
-        np.argpartition(np.hypot(*(part[:, None] - other[None]).transpose(2, 0, 1)), count - 1, axis=1)[:, :count]
-        for part in (point[start : start + CHUNK] for start in range(0, len(point), CHUNK))
-    ]
-    return np.concatenate(near) if near else np.zeros((0, count), dtype=np.int64)
 
 
 def _full_scale(image: NDArray[np.generic]) -> float:

@@ -338,21 +338,9 @@ def _nothing(
     remarks: tuple[str, ...],
 ) -> Detections:
     """Detections without features."""
-    rejected = np.zeros((0, 2))
-    if candidates is not None and candidates.count:
-        rejected = candidates.ellipse[candidates.ratio > 0, :2]
-    records: tuple[FaceRecord, ...] = ()
+    rejected = None if candidates is None else candidates.ellipse[candidates.ratio > 0, :2]
+    none, target = np.zeros((0, 5)), plan.target
     return Detections(
-        image=name,
-        image_size=image_size,
-        layout_id=plan.target.layout_id,
-        geometry_id=plan.target.geometry_id,
-        ring=np.zeros(0, dtype=np.int64),
-        position_mm=np.zeros((0, 3)),
-        center_px=np.zeros((0, 2)),
-        cov_px2=np.zeros((0, 2, 2)),
-        ellipse_px=np.zeros((0, 5)),
-        faces=records,
-        remarks=remarks,
-        rejected_px=rejected,
-    )
+        name, image_size, target.layout_id, target.geometry_id, np.zeros(0, dtype=np.int64), none[:, :3], none[:, :2],
+        np.zeros((0, 2, 2)), none, (), remarks, rejected,
+    )  # fmt: skip

@@ -23,6 +23,8 @@ OWN_HOMOGRAPHY = 10
 """Faces with fewer named features are placed by the whole solid, if other faces show."""
 ROUNDS = 5
 MIN_FOR_PROJECTION = 12
+CHUNK = 256
+"""Points whose distances from all others are held at a time."""
 STRANGE = 0.2
 """A face whose features lie this share of the pitch off the solid's projection, in the median, has the wrong name."""
 
@@ -279,3 +281,16 @@ def _worst_misfit(plan: TargetPlan, candidates: Candidates, naming: Naming, lens
     off = np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - straight, axis=1)
     share = off / (plan.pitch_radii * candidates.radius_px[naming.candidate[has_ray]])
     return max(float(np.median(share[face == f])) for f in faces)
+
+
+def nearest_rows(point: Floats, among: Floats, most: int = 1) -> Integers:
+    """Rows of the points among others that are nearest to each, in any order.  # (N, 2), (M, 2) -> (N, most)"""
+    count = min(most, len(among))
+    near = np.zeros((len(point), count), dtype=np.int64)
+    for start in range(0, len(point), CHUNK):
+        square = ((point[start : start + CHUNK, None] - among[None]) ** 2).sum(axis=2)
+        if count == 1:
+            near[start : start + CHUNK, 0] = np.argmin(square, axis=1)
+        else:
+            near[start : start + CHUNK] = np.argpartition(square, count - 1, axis=1)[:, :count]
+    return near

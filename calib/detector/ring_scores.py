@@ -99,11 +99,7 @@ def _turn(x: float, y: float) -> float:
 def prepare(
     p: Numbers, inverse: Floats, pixels: Floats, first: int, filled: int, rows: Floats
 ) -> tuple[float, float, float, float]:
-    """Influences h and numbers of the stretches of a chunk's pixels, into `rows`.
-
-    Returns:
-        The sum of h'h, and those of h h' r^2: uu, uv, vv.
-    """
+    """Influences h and stretches of a chunk's pixels, into `rows`; the sums of h'h, and of h h' r^2: uu, uv, vv."""
     for k in range(filled):
         rows[PLACE + k] = pixels[0, first + k]
         rows[INFLUENCE + k] = pixels[1, first + k]

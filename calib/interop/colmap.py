@@ -25,11 +25,7 @@ MODELS = {
 
 LENS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
-_LINE = re.compile(r"^\s*[0-9]+[ \t]+[A-Z][A-Z_0-9]*[ \t]+[0-9]+[ \t]+[0-9]+[ \t]+[-+.0-9]", re.MULTILINE)
-
-
-def _recognises(head: str) -> bool:
-    return _LINE.search(head) is not None
+_RECOGNISED = re.compile(r"^\s*[0-9]+[ \t]+[A-Z][A-Z_0-9]*[ \t]+[0-9]+[ \t]+[0-9]+[ \t]+[-+.0-9]", re.MULTILINE)
 
 
 def write(camera: Camera) -> str:
@@ -91,7 +87,7 @@ FORMAT = CameraFormat(
     file_name="cameras.txt",
     opens_with="beside images.txt and points3D.txt in a model folder; or its numbers after "
     "colmap feature_extractor --ImageReader.camera_params",
-    recognises=_recognises,
+    recognised=_RECOGNISED,
     write=write,
     read=read,
     holds_many=True,

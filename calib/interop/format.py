@@ -1,5 +1,6 @@
 """What a camera-file format is, and what comes out of a file."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,13 +23,13 @@ class ReadCamera:
 
 @dataclass(frozen=True)
 class CameraFormat:
-    """One kind of camera file. All functions are pure."""
+    """One kind of camera file. Its functions are pure; `read` names the file in what it raises."""
 
     name: str  # on the command line
     title: str  # in a sentence
     file_name: str  # what a file is usually called
     opens_with: str  # how to use the file in its tool; {file} is its path, {url} its address
-    recognises: Callable[[str], bool]  # whether the beginning of a text looks like it
+    recognised: re.Pattern[str]  # is found in the beginning of such a file
     write: Callable[[Camera], str]
     read: Callable[[str, str, str | None], ReadCamera]  # text, what messages name, which of several cameras
     model: str | None = COMMON  # what `write` takes, besides the linear one; None: every model

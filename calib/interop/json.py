@@ -1,14 +1,11 @@
 """This program's own `camera.json`."""
 
+import re
 from pathlib import Path
 
 from calib.cameras.camera import CAMERA, camera_from_mapping, camera_to_json
 from calib.interop.format import CameraFormat, ReadCamera
 from designer.base.small_file import parse_json
-
-
-def _recognises(head: str) -> bool:
-    return head.lstrip().startswith("{") and f'"{CAMERA.format}"' in head
 
 
 def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
@@ -21,7 +18,7 @@ FORMAT = CameraFormat(
     title="camera.json",
     file_name="camera.json",
     opens_with="calib undistort {file} PHOTOS... -o DIR",
-    recognises=_recognises,
+    recognised=re.compile(rf'\A\s*\{{(?s:.*?)"{re.escape(CAMERA.format)}"'),
     write=camera_to_json,
     read=read,
     model=None,

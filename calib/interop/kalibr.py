@@ -24,10 +24,6 @@ _RECOGNISED = re.compile(
 )
 
 
-def _recognises(head: str) -> bool:
-    return _RECOGNISED.search(head) is not None
-
-
 def write(camera: Camera) -> str:
     """The text for a camera of model `opencv` without k3, or `pinhole`."""
     lens = camera.params.tolist()[4:8] or [0.0] * 4
@@ -68,7 +64,7 @@ FORMAT = CameraFormat(
     title="Kalibr camchain",
     file_name="camchain.yaml",
     opens_with="kalibr_calibrate_imu_camera --cams {file} ...; set rostopic in it to your camera's",
-    recognises=_recognises,
+    recognised=_RECOGNISED,
     write=write,
     read=read,
     cannot_hold=("k3",),

@@ -25,11 +25,7 @@ MAX_FILE_BYTES = 2**24
 """Exported cameras come with the poses of all photos."""
 
 NUMBERS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4")
-_RECOGNISED = re.compile(r"<calibration\b")
-
-
-def _recognises(head: str) -> bool:
-    return head.lstrip().startswith("<") and _RECOGNISED.search(head) is not None
+_RECOGNISED = re.compile(r"\A\s*(?=<)(?s:.*?)<calibration\b")
 
 
 def write(camera: Camera) -> str:
@@ -120,7 +116,7 @@ FORMAT = CameraFormat(
     title="Metashape XML",
     file_name="calibration.xml",
     opens_with="in Metashape: Tools, Camera Calibration, Initial, the folder symbol; then fix the calibration",
-    recognises=_recognises,
+    recognised=_RECOGNISED,
     write=write,
     read=read,
     holds_many=True,

@@ -35,10 +35,6 @@ _TOKEN = re.compile(
 _RECOGNISED = re.compile(r"""["'](?:lensmodel|lens_model|distortion_model)["']\s*:""")
 
 
-def _recognises(head: str) -> bool:
-    return _RECOGNISED.search(head) is not None
-
-
 def write(camera: Camera) -> str:
     """The text for a camera of model `opencv` or `pinhole`, at the origin."""
     model = "LENSMODEL_PINHOLE" if camera.model == LINEAR else "LENSMODEL_OPENCV5"
@@ -99,7 +95,7 @@ FORMAT = CameraFormat(
     title="mrcal camera model",
     file_name="camera.cameramodel",
     opens_with='mrcal-show-projection-diff {file} OTHER.cameramodel; in Python: mrcal.cameramodel("{file}")',
-    recognises=_recognises,
+    recognised=_RECOGNISED,
     write=write,
     read=read,
     max_bytes=MAX_FILE_BYTES,

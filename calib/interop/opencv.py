@@ -21,10 +21,6 @@ MAX_FILE_BYTES = 2**22
 _RECOGNISED = re.compile(rf"^(?:{'|'.join(MATRIX)})\s*:|!!opencv-matrix", re.MULTILINE)
 
 
-def _recognises(head: str) -> bool:
-    return _RECOGNISED.search(head) is not None
-
-
 def write(camera: Camera) -> str:
     """The text for a camera of model `opencv` or `pinhole`."""
     fx, fy, cx, cy, *lens = camera.params.tolist()
@@ -86,7 +82,7 @@ FORMAT = CameraFormat(
     title="OpenCV YAML",
     file_name="camera.yaml",
     opens_with='in Python: cv2.FileStorage("{file}", cv2.FILE_STORAGE_READ).getNode("camera_matrix").mat()',
-    recognises=_recognises,
+    recognised=_RECOGNISED,
     write=write,
     read=read,
     max_bytes=MAX_FILE_BYTES,

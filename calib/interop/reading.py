@@ -38,9 +38,7 @@ class OpenedCamera:
 def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     """The camera of a file, of a template, or of one of a file's several cameras, named as in `FILE#NAME`.
 
-    Args:
-        name: what a person typed; a folder stands for its `camera.json`.
-        format_name: one of `FORMATS`; found out if not given.
+    A folder stands for its `camera.json`. The format is found out if it is not given.
 
     Raises:
         InputError: no such file, of no known kind, or not valid; the message names it.
@@ -79,7 +77,7 @@ def find_format(name: str) -> CameraFormat:
 
 def recognise(text: str) -> CameraFormat | None:
     """The kind of file a text looks like, if it looks like any."""
-    return next((one for one in FORMATS.values() if one.recognises(text[:HEAD])), None)
+    return next((one for one in FORMATS.values() if one.recognised.search(text[:HEAD])), None)
 
 
 def _split(name: str) -> tuple[Path, str | None]:
@@ -105,14 +103,8 @@ def fit_to_format(
 ) -> tuple[Camera, Refit | None]:
     """The camera as the format can hold it, and the fit that took, if any.
 
-    Args:
-        camera: of any model.
-        target: the format to be written.
-        model: the model to convert to; the camera's own where the format holds it, if not given.
-        zero: lens parameters to leave out besides those the format cannot hold.
-
-    Raises:
-        InputError: a model that the format cannot hold.
+    It stays of its own model where the format holds that, unless another is given. Lens parameters in `zero` are left
+    out besides those that the format cannot hold.
     """
     model = model or _own_or_nearest(camera, target)
     if target.model is None and model == camera.model and not zero:

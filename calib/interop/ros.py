@@ -17,12 +17,7 @@ KEYS = (
     *("width", "height", "K", "k", "D", "d"),
 )
 
-_LENS = re.compile(r"^distortion_model\s*:", re.MULTILINE)
-_MATRIX = re.compile(r"^(?:camera_matrix|K|k)\s*:", re.MULTILINE)
-
-
-def _recognises(head: str) -> bool:
-    return _LENS.search(head) is not None and _MATRIX.search(head) is not None
+_RECOGNISED = re.compile(r"\A(?=(?s:.*?)^distortion_model\s*:)(?=(?s:.*?)^(?:camera_matrix|K|k)\s*:)", re.MULTILINE)
 
 
 def write(camera: Camera) -> str:
@@ -68,7 +63,7 @@ FORMAT = CameraFormat(
     title="ROS camera_info",
     file_name="camera_info.yaml",
     opens_with="in the camera driver's parameters: camera_info_url: {url}",
-    recognises=_recognises,
+    recognised=_RECOGNISED,
     write=write,
     read=read,
 )

@@ -1,23 +1,12 @@
-"""Metrics of a calibration, each one file and one line here."""
+"""Metrics of a calibration: a file each, which holds it as `METRIC`, and a line here."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 
 from calib.metrics import intersection, pose, reconstruction, reprojection, rotation
-from calib.metrics.errors import Errors, Prediction
+from calib.metrics.errors import ErrorMetric
 
-Metric = Callable[[Prediction], Errors | None]
-"""The errors of a metric; None if what it compares with is not known."""
-
-METRICS: Mapping[str, Metric] = MappingProxyType(
-    {
-        reprojection.NAME: reprojection.reprojection,
-        intersection.NAME: intersection.intersection,
-        reconstruction.NAME: reconstruction.reconstruction,
-        pose.NAME: pose.pose,
-        rotation.NAME: rotation.rotation,
-    }
+METRICS: Mapping[str, ErrorMetric] = MappingProxyType(
+    {file.METRIC.name: file.METRIC for file in (reprojection, intersection, reconstruction, pose, rotation)}
 )
-
-OF_TRUTH = (pose.NAME, rotation.NAME)
-"""Metrics that compare with a truth, which is known of rendered photos only."""
+OF_TRUTH = tuple(name for name, metric in METRICS.items() if metric.needs_truth)

@@ -4,6 +4,7 @@ Only `calib.cameras.rays`, `calib.cameras.project` and the poses enter, so every
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import project, rays
-from calib.core.types import frozen_array
+from calib.core.types import freeze
 from calib.solver.calibration import Calibration
 from designer.base.marks import Count, Gap
 
@@ -38,10 +39,8 @@ class Errors:
     sighting: NDArray[np.int64] | None = None  # (N,) row of the observations; None: of no single one
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vector", frozen_array(self.vector))
-        for name in ("reason", "view", "point", "sighting"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64))
+        freeze(self, "vector")
+        freeze(self, "reason", "view", "point", "sighting", dtype=np.int64)
 
     @cached_property
     def size(self) -> NDArray[np.float64]:
@@ -134,9 +133,7 @@ class Prediction:
     true_cam_from_target: Array | None = None  # (V, 4, 4) if known; nan for views of which it is not
 
     def __post_init__(self) -> None:
-        for name in ("position_mm", "predicted_px", "center_mm", "direction", "true_cam_from_target"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "position_mm", "predicted_px", "center_mm", "direction", "true_cam_from_target")
 
 
 def predict(calibration: Calibration, true_cam_from_target: Array | None = None) -> Prediction:
@@ -161,3 +158,12 @@ def centers_mm(cam_from_target: Array) -> Array:
     """Where cameras (V, 4, 4) stand in the target's frame.  # (V, 3)"""
     center: Array = -np.einsum("vji,vj->vi", cam_from_target[:, :3, :3], cam_from_target[:, :3, 3])
     return center
+
+
+@dataclass(frozen=True)
+class ErrorMetric:
+    """A metric, as its file holds it."""
+
+    name: str
+    errors_of: Callable[[Prediction], Errors | None]  # None: what it compares with is not known
+    needs_truth: bool = False  # which is known of rendered photos only

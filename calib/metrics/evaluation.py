@@ -43,11 +43,7 @@ class Evaluation:
 
 
 def evaluate(calibration: Calibration, truth: Truth | None = None) -> Evaluation:
-    """Apply all metrics to the views that a calibration was solved from.
-
-    Args:
-        calibration: what to evaluate.
-        truth: of its photos, if they were rendered.
+    """Apply all metrics to the views that a calibration was solved from; some need the truth of rendered photos.
 
     Raises:
         InputError: the truth knows none of the views.
@@ -60,7 +56,7 @@ def errors_of(calibration: Calibration, truth: Truth | None) -> tuple[Errors, ..
     """The errors of all metrics that apply."""
     poses = None if truth is None else true_poses(truth, calibration.observations.view_names)
     prediction = predict(calibration, poses)
-    return tuple(found for metric in METRICS.values() if (found := metric(prediction)) is not None)
+    return tuple(found for metric in METRICS.values() if (found := metric.errors_of(prediction)) is not None)
 
 
 def truth_remarks(calibration: Calibration, truth: Truth) -> tuple[str, ...]:

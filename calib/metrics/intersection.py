@@ -11,7 +11,7 @@ its half width. So only the place of the plane matters, and that is right for ea
 
 import numpy as np
 
-from calib.metrics.errors import OUTLIER, Errors, Prediction, first_reason, is_known
+from calib.metrics.errors import OUTLIER, ErrorMetric, Errors, Prediction, first_reason, is_known
 
 NAME, SUBJECT = "intersection", "a ring in a photo"
 UNIT, AXES = "mm", ("x", "y", "z")
@@ -45,3 +45,6 @@ def intersection(prediction: Prediction) -> Errors:
         NAME, SUBJECT, UNIT, AXES, vector, reason, reasons,
         view=seen.view, point=seen.point, sighting=np.arange(len(vector)),
     )  # fmt: skip
+
+
+METRIC = ErrorMetric(NAME, intersection)

@@ -7,7 +7,7 @@ Ruppel, Kutlu et al., Beyond Reprojection Error, Prediction and Evaluation.
 
 import numpy as np
 
-from calib.metrics.errors import Errors, Prediction, centers_mm, first_reason, is_known
+from calib.metrics.errors import ErrorMetric, Errors, Prediction, centers_mm, first_reason, is_known
 
 NAME, SUBJECT = "pose", "a camera's centre"
 UNIT, AXES = "mm", ("x", "y", "z")
@@ -21,3 +21,6 @@ def pose(prediction: Prediction) -> Errors | None:
     vector = prediction.center_mm - centers_mm(prediction.true_cam_from_target)
     reason, reasons = first_reason(len(vector), (UNKNOWN, ~is_known(vector)))
     return Errors(NAME, SUBJECT, UNIT, AXES, vector, reason, reasons, view=np.arange(len(vector)))
+
+
+METRIC = ErrorMetric(NAME, pose, needs_truth=True)

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.metrics.errors import Errors, Prediction, first_reason, is_known
+from calib.metrics.errors import ErrorMetric, Errors, Prediction, first_reason, is_known
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def reconstruction(prediction: Prediction) -> Errors:
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(matrix)[:, 0], 0) / np.maximum(rays, 1))
     reason, reasons = first_reason(
         len(points),
-        ("all its sightings are outliers", np.bincount(row, ~is_outlier, len(points)) == 0),
+        ("all its observations are outliers", np.bincount(row, ~is_outlier, len(points)) == 0),
         ("the camera model has no ray to it", views == 0),
         ("seen in one view only", views < 2),
         ("its rays are all but parallel", spread < LEAST_SPREAD_RAD),
@@ -69,3 +69,6 @@ def _normal_equations(direction: Array, start: Array, row: NDArray[np.int64], co
     for i in range(3):
         right[:, i] = np.bincount(row, start[:, i] - along * direction[:, i], count)
     return matrix, right, rays
+
+
+METRIC = ErrorMetric(NAME, reconstruction)

@@ -5,7 +5,7 @@ Ruppel, Kutlu et al., Beyond Reprojection Error, Prediction and Evaluation.
 
 import numpy as np
 
-from calib.metrics.errors import OUTLIER, Errors, Prediction, first_reason, is_known
+from calib.metrics.errors import OUTLIER, ErrorMetric, Errors, Prediction, first_reason, is_known
 
 NAME, SUBJECT = "reprojection", "a ring in a photo"
 UNIT, AXES = "px", ("u", "v")
@@ -24,3 +24,6 @@ def reprojection(prediction: Prediction) -> Errors:
         NAME, SUBJECT, UNIT, AXES, vector, reason, reasons,
         view=seen.view, point=seen.point, sighting=np.arange(len(vector)),
     )  # fmt: skip
+
+
+METRIC = ErrorMetric(NAME, reprojection)

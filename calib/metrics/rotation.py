@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.se3 import log_rotation
-from calib.metrics.errors import Errors, Prediction, first_reason, is_known
+from calib.metrics.errors import ErrorMetric, Errors, Prediction, first_reason, is_known
 from calib.metrics.pose import UNKNOWN
 
 Array = NDArray[np.float64]
@@ -44,3 +44,6 @@ def turns_of_views(estimate: Array, true: Array) -> Array:
     left, _, right = np.linalg.svd(turn.sum(axis=0))
     common = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
     return log_rotation(common.T @ turn)
+
+
+METRIC = ErrorMetric(NAME, rotation, needs_truth=True)

@@ -118,17 +118,10 @@ def truth_text(job: RenderJob) -> str:
 def run_job(
     job: RenderJob, folder: Path, *, processes: int, overwrite: bool, on_view: Callable[[int, int], None]
 ) -> Rendered:
-    """Render what is missing in a folder.
-
-    Args:
-        job: what to render.
-        folder: where to; made if need be.
-        processes: how many at a time.
-        overwrite: replace another set that is there.
-        on_view: told after each view how many of how many are done.
+    """Render what is missing in a folder, several views at a time; `on_view` is told how many of how many are done.
 
     Raises:
-        InputError: the folder holds another set, or images of unknown origin, and `overwrite` is not given.
+        InputError: the folder holds another set, or images of unknown origin, and is not to be overwritten.
     """
     start = time.perf_counter()
     missing = _claim(job, folder, overwrite)

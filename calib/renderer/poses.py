@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.se3 import exp_rotation, look_at, make_pose
+from calib.core.se3 import exp_rotation, look_at, make_pose, rigid_fault
 from designer.base.errors import InputError
 from designer.base.small_file import JsonValue, parse_json, read_small_text
 
@@ -21,8 +21,6 @@ MAX_VIEWS = 100_000
 MAX_FILE_BYTES = 64 * 2**20
 GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
 COLUMNS = ("rx_rad", "ry_rad", "rz_rad", "tx_mm", "ty_mm", "tz_mm")
-RIGID_TOLERANCE = 1e-6
-MAX_DISTANCE_MM = 1e6
 MAX_TURN_RAD = 1000.0
 """Farther turns lose digits, and are likely no radians."""
 
@@ -78,7 +76,8 @@ def load_poses(path: Path) -> Array:
             poses = _poses_from_json(parse_json(text, path, "a file of poses"))
         if not 0 < len(poses) <= MAX_VIEWS:
             raise ValueError(f"{len(poses)} poses; give 1 to {MAX_VIEWS}")
-        _check_rigid(poses)
+        if fault := rigid_fault(poses):
+            raise ValueError(f"pose {fault[0]} (from 0) {fault[1]}; give a rotation, a translation in mm, and 0 0 0 1")
     except (ValueError, csv.Error) as error:
         raise error if isinstance(error, InputError) else InputError(f"{path}: {error}") from None
     return poses
@@ -97,26 +96,6 @@ def _poses_from_json(document: JsonValue) -> Array:
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise ValueError(f"an array of shape {poses.shape}; poses are a list of 4 x 4 matrices")
     return poses
-
-
-def _check_rigid(poses: Array) -> None:
-    """Refuse the first pose that is no rigid motion, or is absurdly far."""
-    for number, pose in enumerate(poses):
-        rotation, place = pose[:3, :3], pose[:3, 3]
-        if not np.isfinite(pose).all():
-            wrong = "holds a number that is not finite; give finite numbers"
-        elif np.abs(place).max() > MAX_DISTANCE_MM:
-            wrong = f"lies {np.abs(place).max():g} mm away; give at most {MAX_DISTANCE_MM:g} mm"
-        elif (
-            np.abs(rotation).max() > 2
-            or np.abs(rotation @ rotation.T - np.eye(3)).max() > RIGID_TOLERANCE
-            or np.linalg.det(rotation) < 0
-            or (pose[3] != np.array([0.0, 0.0, 0.0, 1.0])).any()
-        ):
-            wrong = "is no rigid motion; give a right-handed rotation, a translation, and the last row 0 0 0 1"
-        else:
-            continue
-        raise ValueError(f"pose {number} (from 0) {wrong}")
 
 
 def _poses_from_csv(text: str) -> Array:

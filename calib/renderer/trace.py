@@ -65,13 +65,9 @@ class _Pixel(NamedTuple):
 
 @jit
 def half_plane_coverage(distance: float, across: float, along: float, side: float) -> float:
-    """Share of a square that lies inside a half-plane.
+    """Share of a square that lies inside a half-plane, whose edge is so far from its centre, positive outside.
 
-    Args:
-        distance: from the half-plane's edge to the square's centre, positive outside.
-        across: size of the larger component of the edge's unit normal.
-        along: size of the smaller one.
-        side: of the square.
+    `across` is the larger component of the edge's unit normal, `along` the smaller one, both without sign.
     """
     outer, inner = 0.5 * side * (across + along), 0.5 * side * (across - along)
     size = abs(distance)

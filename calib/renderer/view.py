@@ -53,15 +53,7 @@ def render_view(
     options: RenderOptions,
     rng: np.random.Generator,
 ) -> View:
-    """Render one view.
-
-    Args:
-        target: what to look at; its scene, where many views share it.
-        camera: what to look with; any model with `rays` and `project`.
-        cam_from_target: (4, 4).
-        options: light, lens and sensor.
-        rng: source of all that is random; each effect draws from a stream of its own.
-    """
+    """Render one view of a target, or of its scene where many views share it; each random effect has its own stream."""
     scene = target if isinstance(target, RenderScene) else scene_from_target(target)
     *scene_streams, noise_stream = rng.spawn(RANDOM_STREAMS)
     truth = ring_truth(scene, camera, cam_from_target)

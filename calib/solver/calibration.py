@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.core.types import Observations, frozen_array
+from calib.core.types import Observations, freeze
 from designer.base.marks import AtLeast, Shape
 from designer.tolerance.model import ErrorModel
 
@@ -25,7 +25,7 @@ class TargetError:
     errors: "ErrorModel | None" = None  # of that way of making, as they were then; None: they are not told by one
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "param_covariance", frozen_array(self.param_covariance))
+        freeze(self, "param_covariance")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class ImageField:
     param_covariance: Annotated[NDArray[np.float64], Shape("P", "P")]  # of what the parameters took of it, to be added
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "param_covariance", frozen_array(self.param_covariance))
+        freeze(self, "param_covariance")
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +69,5 @@ class Calibration:
         return stated
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "is_outlier", frozen_array(self.is_outlier, np.bool_))
-        for name in ("cam_from_target", "residual_px", "param_covariance", "pose_covariance"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        freeze(self, "is_outlier", dtype=np.bool_)
+        freeze(self, "cam_from_target", "residual_px", "param_covariance", "pose_covariance")

@@ -87,13 +87,10 @@ def free_directions(param_covariance: Array) -> Array:
 
 
 def shape_equations(calibration: Calibration, basis: Array, modes_mm: Array, own_mm: Array) -> ShapeEquations:
-    """The normal equations at a solution.
+    """The normal equations at a solution, for `free_directions` of the camera.
 
-    Args:
-        calibration: the solution.
-        basis: of `free_directions`.
-        modes_mm: displacements of the K points by numbers that they share (S, K, 3).
-        own_mm: of each point by its own numbers (K, 3, C); points that count in no view have no unknowns.
+    The K points are displaced by numbers that they share, `modes_mm` (S, K, 3), and each by its own, `own_mm` (K, 3,
+    C); points that count in no view have no unknowns.
     """
     seen, each = calibration.observations, own_mm.shape[2]
     used = np.unique(seen.point[~calibration.is_outlier])

@@ -44,14 +44,10 @@ def linear_views(
     as_planes: bool = False,
     is_robust: bool = False,
 ) -> LinearViews:
-    """Fit a homography or a projection to each view.
+    """Fit a homography or a projection to each view: points (3, M), and their places (2, M) in an image without lens.
 
-    Args:
-        view_start: first observation of each view (V + 1,); each view has one or more.
-        position_mm: of the observations (3, M).
-        image: their coordinates (2, M) in an image without distortion.
-        as_planes: take every view's points for planar.
-        is_robust: fit what most of the observations agree on.
+    Observations of the view v begin at `view_start[v]`; it has one or more. All are taken for planar if asked, and
+    what most of them agree on is fitted.
     """
     frame, spread = principal_frames(view_start, position_mm)
     is_planar = (spread[:, 0] < FLAT * spread[:, 2]) | as_planes

@@ -48,13 +48,8 @@ def coarse_camera(
 ) -> Camera:
     """A camera from a few observations of a few views, good enough to start all of them.
 
-    Args:
-        problem: what was seen.
-        model: the camera's.
-        tie: the free parameter that each parameter follows (P,); -1: fixed.
-        fixed: values of the parameters that have one from the start (P,), nan of the others.
-        focal_px: first guess of a person.
-        is_robust: start from what most observations of a view agree on.
+    Parameters follow their free ones (`tie`; -1: fixed) and have the values in `fixed` from the start (nan: any).
+    Robust is what most observations of a view agree on.
     """
     views = _spread_views(problem)
     few = select(problem, views, few_per_view(len(views)))

@@ -48,12 +48,8 @@ def with_target_error(
 ) -> Calibration:
     """The calibration with what its target's errors may have done to it; the solution stays as it is.
 
-    Args:
-        calibration: solved with the rings where the target's file has them.
-        prior: where they may be; None: they are there.
-        made: the way of making that the prior is of.
-        because: why this one; "" if it was asked for.
-        errors: that the prior is of, if it is of any.
+    It was solved with the rings where the target's file has them; the prior of a way of making (`made`, with its
+    errors) says where they may be. Without one, they are there.
     """
     size = len(calibration.camera.params)
     covariance = np.zeros((size, size))

@@ -104,12 +104,7 @@ def likeliest(
 ) -> tuple[Array, Array]:
     """Variance, length and, if there is a third, even noise of the greatest likelihood within bounds; weights there.
 
-    Args:
-        square_px2: squared distances of the samples (N, N).
-        values: of the samples (N, 2).
-        noise: variances that are known beforehand (N,).
-        start: of the search.
-        bounds: least and greatest.
+    Of values (N, 2) at samples whose squared distances are (N, N) and whose noise is known to be (N,) at least.
     """
     from scipy.optimize import minimize
 
@@ -127,13 +122,7 @@ def likeliest(
 def log_likelihood(square_px2: Array, values: Array, noise: Array, process: Array) -> tuple[float, Array, Array]:
     """The logarithm of the likelihood, its derivatives by those of the process's numbers, and the weights (N, 2).
 
-    Minus infinity where K is not positive definite in floating point.
-
-    Args:
-        square_px2: squared distances of the samples (N, N).
-        values: of the samples (N, 2).
-        noise: variances that are known beforehand (N,).
-        process: variance, length and, if there is a third, the variance of noise that all samples have besides.
+    The process has a variance, a length and, if there is a third number, noise besides that known beforehand (N,).
     """
     from scipy.linalg.lapack import dpotri, dpotrs
 

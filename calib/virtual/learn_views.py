@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 MARGIN_PX = 1.0
 """The map is known so far around a sighting that is used, so that its prediction is known too."""
-MIN_SIGHTINGS = 6
+MIN_OBSERVATIONS = 6
 """Of a view that is used: its pose has six unknowns."""
 SensorMap = Callable[[Array], Array]
 MIN_VIEWS = 3
@@ -102,18 +102,18 @@ def _known_part(observations: Observations, learned: LearnedMap) -> tuple[Observ
     for step in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
         known &= known_at(learned, observations.image_size, observations.center_px + MARGIN_PX * np.array(step))
     counts = np.bincount(observations.view[known], minlength=observations.view_count)
-    enough = counts >= MIN_SIGHTINGS
+    enough = counts >= MIN_OBSERVATIONS
     if not enough.any():
         raise InputError(
-            f"no view has {MIN_SIGHTINGS} sightings where the learned map is known; "
+            f"no view has {MIN_OBSERVATIONS} observations where the learned map is known; "
             "learn it from a photo whose board fills the image"
         )
     kept = known & enough[observations.view]
     remarks = []
     if not kept.all():
-        remarks.append(f"{(~kept).sum()} of {len(kept)} sightings left out: the learned map is not known there")
+        remarks.append(f"{(~kept).sum()} of {len(kept)} observations left out: the learned map is not known there")
     if not enough.all():
-        few = f"with fewer than {MIN_SIGHTINGS} sightings on the known map"
+        few = f"with fewer than {MIN_OBSERVATIONS} observations on the known map"
         remarks.append(f"{(~enough).sum()} of {len(enough)} views left out, {few}")
     return without_empty_views(keep_sightings(observations, kept)), tuple(remarks)
 

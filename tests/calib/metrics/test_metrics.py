@@ -49,7 +49,7 @@ def sightings(*seen: tuple[int, int, float, float], points: KnownPoints = FLOOR,
 
 def errors_of(calibration: Calibration, metric: str, true: NDArray[np.float64] | None = None) -> Errors:
     """The errors by one metric."""
-    found = METRICS[metric](predict(calibration, true))
+    found = METRICS[metric].errors_of(predict(calibration, true))
     assert found is not None
     return found
 

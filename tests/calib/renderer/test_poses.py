@@ -88,7 +88,7 @@ def test_poses_from_files_agree(tmp_path: Path) -> None:
         ("p.csv", "rx_rad,ry_rad,rz_rad,tx_mm,ty_mm,tz_mm\n1,2,3,4,5,inf\n", "pose 0"),
         ("p.csv", "rx_rad,ry_rad,rz_rad,tx_mm,ty_mm,tz_mm\n0,0,0,0,0,9\n0,1e308,1e308,4,5,6\n", "pose 1 .* turns by"),
         ("p.csv", "rx_rad,ry_rad,rz_rad,tx_mm,ty_mm,tz_mm\n0,0,0,0,0,1e308\n", "pose 0 .* away"),
-        ("p.json", json.dumps([np.diag([1e200, 1e-200, 1, 1]).tolist()]), "pose 0 .* no rigid motion"),
+        ("p.json", json.dumps([np.diag([1e200, 1e-200, 1, 1]).tolist()]), "pose 0 .* no rotation"),
         ("p.json", f"[[[1{'0' * 400}]]]", "matrices of numbers"),
         ("p.json", f"[{'1' * 5000}]", "too long"),
         ("p.json", "[" * 100_000, "nested too deep"),

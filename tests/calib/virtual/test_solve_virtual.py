@@ -179,7 +179,7 @@ def test_what_lies_off_the_map_is_left_out_and_said() -> None:
     kept = solved.observations
     assert "view11.png" not in kept.view_names
     assert len(kept.view) < len(seen.view)
-    assert f"{len(seen.view) - len(kept.view)} of {len(seen.view)} sightings" in " ".join(solved.remarks)
+    assert f"{len(seen.view) - len(kept.view)} of {len(seen.view)} observations" in " ".join(solved.remarks)
     assert "1 of 12 views left out, with fewer than 6" in " ".join(solved.remarks)
     assert solved.camera.learned is not None
     assert known_at(solved.camera.learned, SIZE, kept.center_px).all()
