@@ -22,7 +22,6 @@ from calib.solver.calibration import Calibration
 from calib.solver.descend import is_robust
 from calib.solver.options import SolveOptions, Tie, tie_parameters
 from calib.solver.problem import Problem, pack
-from calib.studies.gradients import rows_of_views
 from calib.studies.near import Expansion, expand, find_near
 from calib.studies.sample import SampleResult, draw_counts, failed_sample
 from calib.studies.sample_metrics import Sample, sample_errors
@@ -187,9 +186,11 @@ def solve_from_scratch(pool: Pool, counts: NDArray[np.int64], number: int) -> Sa
 def expanded(observations: Observations, drawn: NDArray[np.int64]) -> Observations:
     """The observations of views (N,), one that is named twice as two views that look alike."""
     start = np.searchsorted(observations.view, np.arange(observations.view_count + 1))
+    length = np.diff(start)[drawn]
+    place = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
+    rows = np.repeat(start[drawn], length) + place
     names = tuple(observations.view_names[view] for view in drawn.tolist())
-    view = np.repeat(np.arange(len(drawn)), np.diff(start)[drawn])
-    return replace(keep_sightings(observations, rows_of_views(start, drawn)), view_names=names, view=view)
+    return replace(keep_sightings(observations, rows), view_names=names, view=np.repeat(np.arange(len(drawn)), length))
 
 
 def _true_poses(pool: Pool, found: Calibration) -> Array | None:

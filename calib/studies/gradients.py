@@ -38,7 +38,7 @@ def gradients_of(problem: Problem, views: NDArray[np.int64], camera: Camera, cam
         chosen = views[first:last]
         width = int((problem.view_start[chosen + 1] - problem.view_start[chosen]).sum())
         turned, point = np.empty((3, width)), np.empty((3, width))
-        to_camera(problem.view_start, chosen, cam_from_target[first:last], problem.position_mm, turned, point)
+        _to_camera(problem.view_start, chosen, cam_from_target[first:last], problem.position_mm, turned, point)
         seen = linearise(camera, point)
         _sum_gradients(
             problem.view_start, chosen, turned, seen.pixel, seen.by_point, seen.by_params, problem.measured_px,
@@ -58,16 +58,8 @@ def chunks_of(view_start: NDArray[np.int64], views: NDArray[np.int64]) -> list[t
     return result
 
 
-def rows_of_views(view_start: NDArray[np.int64], views: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The rows of the observations of some views, one view after the other."""
-    length = view_start[views + 1] - view_start[views]
-    place = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
-    rows: NDArray[np.int64] = np.repeat(view_start[views], length) + place
-    return rows
-
-
 @jit
-def to_camera(
+def _to_camera(
     view_start: NDArray[np.int64],
     views: NDArray[np.int64],
     pose: Array,

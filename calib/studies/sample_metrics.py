@@ -19,7 +19,7 @@ from calib.metrics.errors import centers_mm
 from calib.metrics.intersection import LEAST_SINE
 from calib.metrics.reconstruction import LEAST_SPREAD_RAD
 from calib.solver.problem import Problem
-from calib.studies.gradients import chunks_of, rows_of_views, to_camera
+from calib.studies.gradients import chunks_of
 
 Array = NDArray[np.float64]
 Count = NDArray[np.int64]
@@ -62,17 +62,17 @@ def sample_errors(sample: Sample, true_center_mm: Array | None, square_px2: floa
     for first, last in chunks_of(problem.view_start, sample.views):
         views, weight = sample.views[first:last], sample.weight[first:last]
         pose = sample.cam_from_target[first:last]
-        pixel = np.ascontiguousarray(problem.measured_px[:, rows_of_views(problem.view_start, views)].T)
+        pixel = np.empty((int((problem.view_start[views + 1] - problem.view_start[views]).sum()), 2))
+        _gather(problem.view_start, views, problem.measured_px, pixel)
         ray = rays(sample.camera, pixel)
         _intersect(
             problem.view_start, views, weight, pose, ray, problem.position_mm, sample.observations.point, points.face,
             face_normal, sums, normal,
         )  # fmt: skip
         if square_px2 is None:
-            turned, point = np.empty((3, len(pixel))), np.empty((3, len(pixel)))
-            to_camera(problem.view_start, views, pose, problem.position_mm, turned, point)
-            seen = project(sample.camera, np.ascontiguousarray(point.T))
-            _reproject(problem.view_start, views, weight, seen, pixel, sums)
+            point = np.empty((len(pixel), 3))
+            _place(problem.view_start, views, pose, problem.position_mm, point)
+            _reproject(problem.view_start, views, weight, project(sample.camera, point), pixel, sums)
     if square_px2 is not None:
         sums[2], sums[3] = square_px2, sample.weight @ np.diff(problem.view_start)[sample.views]
     return SampleErrors(
@@ -93,6 +93,29 @@ def _pose_mm(sample: Sample, true_center_mm: Array | None) -> float:
     square = np.einsum("vi,vi->v", off, off)
     known = np.isfinite(square)
     return _root_mean(float(square[known] @ sample.weight[known]), float(sample.weight[known].sum()))
+
+
+@jit
+def _gather(view_start: Count, views: Count, measured: Array, pixel: Array) -> None:
+    """The measured pixels of some views, one view after the other."""
+    k = 0
+    for view in views:
+        for m in range(view_start[view], view_start[view + 1]):
+            pixel[k, 0], pixel[k, 1] = measured[0, m], measured[1, m]
+            k += 1
+
+
+@jit
+def _place(view_start: Count, views: Count, pose: Array, position: Array, point: Array) -> None:
+    """The known points of some views in their cameras' axes, a row each: a transposed copy would take longer."""
+    k = 0
+    for place in range(len(views)):
+        r = pose[place]
+        for m in range(view_start[views[place]], view_start[views[place] + 1]):
+            x, y, z = position[0, m], position[1, m], position[2, m]
+            for axis in range(3):
+                point[k, axis] = r[axis, 0] * x + r[axis, 1] * y + r[axis, 2] * z + r[axis, 3]
+            k += 1
 
 
 @jit
