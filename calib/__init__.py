@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from calib.cameras.camera import Camera
     from calib.cameras.undistortion import Undistorted
     from calib.core.types import Detections, Observations
-    from calib.pipeline.target_poses import PoseResult
+    from calib.observe.target_poses import PoseResult
     from calib.renderer.options import RenderOptions
     from calib.show.photos.undistorted_photos import UndistortedFiles
     from calib.solver.calibration import Calibration
@@ -120,7 +120,7 @@ _HOMES = {
         "Detections",
         "Observations",
     ),
-    "calib.pipeline.target_poses": ("PoseResult",),
+    "calib.observe.target_poses": ("PoseResult",),
     "calib.renderer.options": ("RenderOptions",),
     "calib.show.photos.undistorted_photos": ("UndistortedFiles",),
     "calib.solver.calibration": ("Calibration",),

@@ -13,13 +13,13 @@ import numpy as np
 
 from calib.api.loading import Observed, Place, Progress, load_observations, observations_of, target_of, unheard
 from calib.api.page_shown import ShownAsPage
+from calib.api.solving import SolvePlan, plan_from_words
 from calib.api.tolerancing import MAX_SEED
 from calib.cameras import DEFAULT, solved_models
 from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
 from calib.observe.corners_vnl import PointGrid
 from calib.observe.truth import Truth, read_truth
-from calib.pipeline.solving import SolvePlan, plan_from_words
 from calib.renderer.quantities import whole
 from calib.show.studies.study_folder import STUDY_FILE
 from calib.studies import bootstrap as pools

@@ -10,11 +10,11 @@ from calib.core.types import Observations
 from calib.metrics.evaluation import LEAST_FOLDS, Evaluation, evaluate_held_out
 from calib.metrics.evaluation import evaluate as evaluate_all
 from calib.observe.truth import Truth, read_truth
-from calib.pipeline.solving import calibrate
 from calib.records.calibration_file import CALIBRATION_FILE, read_calibration
 from calib.records.evaluation_files import METRICS, METRICS_FILE, evaluation_files
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
+from calib.virtual.calibrate import calibrate
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours
 

@@ -10,6 +10,7 @@ from typing import TypeAlias
 
 from calib.api.loading import Place, Progress, load_observations, observations_of, target_of, unheard
 from calib.api.page_shown import ShownAsPage
+from calib.api.solving import ALL, SolvePlan, plan_from_words
 from calib.as_built.cross_validation import cross_validate
 from calib.as_built.deviations import Compensation, Estimate
 from calib.as_built.lengths import CaliperLength, asked_length, doubt_about, length_in, rescaled
@@ -22,7 +23,6 @@ from calib.core.files import write_files
 from calib.core.types import Detections, Observations
 from calib.metrics.evaluation import evaluate
 from calib.observe.dataset import read_detections
-from calib.pipeline.solving import ALL, SolvePlan, plan_from_words, preference
 from calib.records.as_built_file import AsBuiltRecord, record_of
 from calib.show.measured.files import TARGET_SUFFIX, check_places, measured_files, places_of
 from calib.show.measured.words import why_not
@@ -375,7 +375,7 @@ def _chosen(plan: SolvePlan, items: Sequence[_Item], sets: Sequence[Observations
     ranks, faults = {}, []
     for model in models:
         try:
-            ranks[model] = max(preference(evaluate(solve(one, model, plan.options_of(model)))) for one in sets)
+            ranks[model] = max(evaluate(solve(one, model, plan.options_of(model))).preference for one in sets)
         except InputError as error:
             faults.append(error)
     if not ranks:

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from calib.api.loading import Place, Progress, camera_of, photos_of, target_of, unheard
 from calib.api.searching import search_once
 from calib.cameras.camera import Camera
-from calib.pipeline.target_poses import PoseResult, target_poses
+from calib.observe.target_poses import PoseResult, target_poses
 from designer.target import TargetGeometry
 
 TOO_FEW = "too few rings for a pose, or all on a line"

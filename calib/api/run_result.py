@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from calib.api.page_shown import ShownAsPage
+from calib.api.solving import Solution, SolveTask
 from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
 from calib.cameras import MODELS
 from calib.core.files import check_folder, write_files
@@ -17,7 +18,6 @@ from calib.metrics.evaluation import Evaluation
 from calib.observe.dataset import write_detections
 from calib.observe.photos import OVERLAY_MARK, FoundPhotos, PhotoFile, PhotoResult, Search, detect_photos
 from calib.observe.records import Records, records_path
-from calib.pipeline.solving import Solution, SolveTask, preference
 from calib.records.calibration_file import (
     CALIBRATION,
     CALIBRATION_FILE,
@@ -83,8 +83,6 @@ class RunResult(ShownAsPage):
         Raises:
             InputError: the folder takes no files, or holds somebody else's; the message names them.
         """
-        from calib.api.run_result import RunWriter
-
         writer = RunWriter(Path(folder), self.task.plan.models)
         writer.write_all(self)
         return tuple(writer.files)
@@ -99,10 +97,10 @@ def best_of(solutions: Sequence[Solution]) -> Solution:
     Raises:
         ValueError: none was.
     """
-    solved = [one for one in solutions if one.evaluation is not None]
-    if not solved:
+    ranks = {row: one.evaluation.preference for row, one in enumerate(solutions) if one.evaluation is not None}
+    if not ranks:
         raise ValueError("no model was solved")
-    return min(solved, key=lambda one: preference(one.evaluation))  # type: ignore[arg-type]  # none is None here
+    return solutions[min(ranks, key=lambda row: ranks[row])]
 
 
 DETECTIONS_FILE, OVERLAYS = "detections.csv", "overlays"

@@ -8,25 +8,25 @@ from pathlib import Path
 from calib.api.loading import Observed, Place, Progress, observations_of, photos_of, rendered_id_of, target_of, unheard
 from calib.api.run_result import DETECTIONS_FILE, RunResult, RunWriter, best_of
 from calib.api.searching import search_twice, truth_of
-from calib.cameras import learned_models, models_of_all
-from calib.core.files import named_in_files
-from calib.observe.observations import observations_from_detections
-from calib.observe.photos import Search, named_photos
-from calib.observe.truth import Truth, read_truth
-from calib.pipeline.solving import (
+from calib.api.solving import (
     ALL,
-    ALL_VIEWS,
     Solution,
     SolvePlan,
     SolveTask,
     plan_from_words,
     solve_models,
 )
+from calib.cameras import learned_models, models_of_all
+from calib.core.files import named_in_files
+from calib.observe.observations import observations_from_detections
+from calib.observe.photos import Search, named_photos
+from calib.observe.truth import Truth, read_truth
 from calib.solver.accuracy import UndeterminedError
 from calib.verdict.criteria import STANDARD, read_criteria
 from calib.verdict.halves import half_split
 from calib.verdict.judge import inputs_of, judge_cameras
 from calib.verdict.verdict import Criteria
+from calib.virtual.calibrate import ALL_VIEWS
 from calib.virtual.solve_virtual import Reference
 from designer.base.errors import InputError
 from designer.base.words import suggestion

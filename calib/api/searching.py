@@ -7,6 +7,7 @@ from pathlib import Path
 
 from calib.api.detecting import Detector
 from calib.api.loading import Progress, processes_of, unheard
+from calib.api.solving import SolvePlan
 from calib.cameras import COMMON
 from calib.cameras.camera import Camera
 from calib.core.types import Detections
@@ -28,7 +29,6 @@ from calib.observe.photos import (
     reading_once,
 )
 from calib.observe.truth import Truth, read_truth
-from calib.pipeline.solving import SolvePlan
 from calib.show.photos.why_nothing import explained
 from calib.solver.solve import solve
 from designer.base.errors import InputError

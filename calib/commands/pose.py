@@ -14,7 +14,7 @@ from designer.base.errors import InputError
 from designer.base.words import printable
 
 if TYPE_CHECKING:
-    from calib.pipeline.target_poses import PoseResult
+    from calib.observe.target_poses import PoseResult
 
 NO_POSE = 1
 
@@ -39,7 +39,7 @@ def pose(
     """
     from calib.api.posing import pose as find_poses
     from calib.commands.photo_screen import say_photos, with_photos_page
-    from calib.pipeline.target_poses import check_output
+    from calib.observe.target_poses import check_output
     from calib.show.photos.posed_photos import told_posed
 
     named = read_camera(camera)
@@ -68,7 +68,7 @@ def pose(
 def _drawn(found: "PoseResult", folder: Path) -> tuple[dict[str, str], tuple[Path, ...]]:
     """Draw the photos that have a pose; names of the pictures by those of the photos, and their places."""
     from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
-    from calib.pipeline.pose_overlay import draw_poses
+    from calib.show.photos.pose_overlay import draw_poses
 
     with no_empty_folders(folder), staging_folder(folder) as staging:
         drawn, failures = draw_poses(found, staging)

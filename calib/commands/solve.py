@@ -173,7 +173,7 @@ def image_size_of(text: str | None) -> tuple[int, int] | None:
 
 def focal_of(text: str | None) -> float | None:
     """A first guess of the focal length."""
-    from calib.pipeline.solving import parse_focal_px
+    from calib.api.solving import parse_focal_px
 
     return None if text is None else parse_focal_px(text)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.cameras import rays
 from calib.core.types import Observations, keep_sightings, keep_views
 from calib.metrics import METRICS, OF_TRUTH
-from calib.metrics.errors import Errors, ErrorSummary, is_known, predict, summarise_groups
+from calib.metrics.errors import Errors, ErrorSummary, is_known, predict, summarise, summarise_groups
 from calib.observe.truth import Truth, true_poses
 from calib.solver.calibration import Calibration
 from calib.solver.start import solve_poses
@@ -33,6 +33,17 @@ class Evaluation:
     def of(self, metric: str) -> Errors | None:
         """The errors of one metric; None if it does not apply."""
         return next((errors for errors in self.errors if errors.metric == metric), None)
+
+    @property
+    def preference(self) -> tuple[bool, bool, float]:
+        """The order in which cameras of the same photos are recommended, the best first.
+
+        It is determined, of a model that other programs know, and then with the least left over: what a learned map
+        leaves over is small because it bends to the very photos it is judged by.
+        """
+        calibration, errors = self.calibration, self.of("reprojection")
+        left_px = np.inf if errors is None else summarise(errors).rmse
+        return calibration.status != "converged", calibration.camera.learned is not None, left_px
 
     @property
     def without_truth(self) -> "Evaluation":

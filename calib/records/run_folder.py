@@ -16,7 +16,6 @@ from calib.core.files import write_files
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.observe.records import RECORDS, Records
-from calib.pipeline.solving import preference
 from calib.records.calibration_file import CALIBRATION_FILE, Provenance, read_calibration
 from calib.records.evaluation_files import METRICS, METRICS_FILE, Metrics, metrics_of
 from calib.solver.calibration import Calibration
@@ -92,7 +91,7 @@ class Run:
     def best(self) -> Solved:
         """The camera to go on with: the one that was judged, or else the recommended one."""
         model = "" if self.judged is None else self.judged.verdict.model
-        return min(self.solved, key=lambda one: (one.model != model, *preference(one.evaluation)))
+        return min(self.solved, key=lambda one: (one.model != model, *one.evaluation.preference))
 
     @property
     def others(self) -> tuple[Solved, ...]:

@@ -1,7 +1,6 @@
 """What a target that is not quite as its file says may have done to a camera that was solved from photos of it.
 
-    prior = shape_prior(target, error_model("fdm-board"))
-    calibration = with_target_error(calibration, prior, made="fdm-board")
+    calibration = with_target_error(calibration, how_made(target, "fdm-board"))
     calibration.stated_covariance
 
 A camera solved as if the target were as its file says is off by the noise, and by what the target is off. The photos
@@ -26,7 +25,8 @@ from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration, TargetError
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
-from designer.tolerance.model import ErrorModel
+from designer.target import TargetGeometry
+from designer.tolerance.made import Made, prior_of
 from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
@@ -38,26 +38,29 @@ ROUNDS, SETTLED = 20, 1e-3
 
 
 @one_thread
-def with_target_error(
-    calibration: Calibration,
-    prior: ShapePrior | None,
-    *,
-    made: str,
-    because: str = "",
-    errors: ErrorModel | None = None,
-) -> Calibration:
-    """The calibration with what its target's errors may have done to it; the solution stays as it is.
+def with_target_error(calibration: Calibration, made: Made | None) -> Calibration:
+    """The calibration with what its target's errors may have done to it; as it was if nobody knows how that was made.
 
-    It was solved with the rings where the target's file has them; the prior of a way of making (`made`, with its
-    errors) says where they may be. Without one, they are there.
+    It was solved with the rings where the target's file has them; the prior of the way of making says where they may
+    be. Without one, they are there.
     """
+    if made is None:
+        return calibration
     size = len(calibration.camera.params)
     covariance = np.zeros((size, size))
-    found = _equations(calibration, prior)
+    found = _equations(calibration, made.prior)
     if found is not None:
         equations, _ = found
         covariance = equations.basis @ _added_covariance(equations) @ equations.basis.T
-    return replace(calibration, target_error=TargetError(made, because, covariance, errors))
+    return replace(calibration, target_error=TargetError(made.name, made.because, covariance, made.errors))
+
+
+def stated_prior(calibration: Calibration, target: TargetGeometry | None) -> ShapePrior | None:
+    """The prior that a calibration was given for its target; None if it was given none, or does not tell it."""
+    error = calibration.target_error
+    if target is None or error is None or not error.param_covariance.any():
+        return None
+    return prior_of(target, error.made, error.errors)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,6 @@ from calib.metrics.pose import pose
 from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
 from calib.observe.truth import Truth, true_poses
-from calib.pipeline.solving import calibrate
 from calib.solver.accuracy import NO_FIT
 from calib.solver.calibration import Calibration
 from calib.solver.descend import is_robust
@@ -25,6 +24,7 @@ from calib.solver.problem import Problem, pack
 from calib.studies.near import Expansion, expand, find_near
 from calib.studies.sample import SampleResult, draw_counts, failed_sample
 from calib.studies.sample_metrics import Sample, sample_errors
+from calib.virtual.calibrate import calibrate
 from designer.base.errors import InputError
 
 Array = NDArray[np.float64]

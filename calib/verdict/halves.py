@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from calib.core.parallel import one_thread
 from calib.core.types import Observations, keep_sightings, keep_views
-from calib.pipeline.solving import calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.verdict.apart import Known, apart
 from calib.verdict.coverage import Coverage
+from calib.virtual.calibrate import calibrate
 from designer.base.errors import InputError
 from designer.base.marks import INLINE, Key, Length
 

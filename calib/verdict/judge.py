@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from calib.core.parallel import one_thread
-from calib.pipeline.solving import prior_of
 from calib.solver.calibration import Calibration
+from calib.solver.target_error import stated_prior
 from calib.verdict.advice import DETECTED, Inputs, advice_of
 from calib.verdict.checks import OWN_ROTATION, checks_of, faults_of, missing_of, px
 from calib.verdict.evidence import CameraEvidence, evidence_of
@@ -156,7 +156,7 @@ def judge_cameras(
     judged = calibrations[best]
     views = next_views(
         judged, goal_px=criteria["uncertainty"].good, goal_covered=criteria["coverage"].good / 100,
-        factor=evidence.uncertainty.factor, prior=prior_of(judged, target),
+        factor=evidence.uncertainty.factor, prior=stated_prior(judged, target),
     )  # fmt: skip
     return _judged(judged, evidence, halves, criteria, views, inputs), views
 

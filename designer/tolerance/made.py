@@ -66,6 +66,13 @@ class Made:
         return f"the target is taken to be {taken}{why}"
 
 
+def prior_of(target: TargetGeometry, made: str, errors: ErrorModel | None) -> ShapePrior | None:
+    """What a target's rings may be off, made in a way (`Made.name`) with these errors; None: nothing."""
+    if made == MEASURED:
+        return measured_prior(target)
+    return None if errors is None else shape_prior(target, errors)
+
+
 def how_made(target: TargetGeometry | None, asked: str | None = None, *, rendered_id: str = "") -> Made | None:
     """The way a target was made; None if nobody knows.
 
@@ -85,13 +92,13 @@ def how_made(target: TargetGeometry | None, asked: str | None = None, *, rendere
         raise InputError(f"--made {asked}: points without a target file have no faces that errors could be of; "
                          f"give --made {EXACT}, or leave it out")  # fmt: skip
     if asked is not None:
-        errors = error_model(asked)
-        return Made(asked, "", shape_prior(target, errors), errors)
-    if rendered_id == target.geometry_id:
-        return Made(EXACT, "the photos were rendered of it", None)
-    if target.source == "measured":
-        return Made(MEASURED, "its file says so", measured_prior(target))
-    assumed = error_model_for(target)
-    if assumed is None:
-        return Made(EXACT, "its file is of a simulated part", None)
-    return Made(assumed.errors.name, assumed.because, shape_prior(target, assumed.errors), assumed.errors)
+        name, because, errors = asked, "", error_model(asked)
+    elif rendered_id == target.geometry_id:
+        name, because, errors = EXACT, "the photos were rendered of it", None
+    elif target.source == MEASURED:
+        name, because, errors = MEASURED, "its file says so", None
+    elif (assumed := error_model_for(target)) is None:
+        name, because, errors = EXACT, "its file is of a simulated part", None
+    else:
+        name, because, errors = assumed.errors.name, assumed.because, assumed.errors
+    return Made(name, because, prior_of(target, name, errors), errors)

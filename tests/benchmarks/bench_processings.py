@@ -28,13 +28,13 @@ from calib.cameras.refit import image_grid
 from calib.core.types import Detections
 from calib.detector.pipeline import detect
 from calib.observe.observations import observations_from_detections
-from calib.pipeline.solving import calibrate
 from calib.renderer import RenderOptions, render_view
 from calib.renderer.faces import ring_truth
 from calib.renderer.scene import scene_from_target
 from calib.solver.accuracy import projected_change
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
+from calib.virtual.calibrate import calibrate
 from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry

@@ -27,15 +27,16 @@ from numpy.typing import NDArray  # noqa: E402
 
 from calib.cameras.camera import Camera  # noqa: E402
 from calib.cameras.refit import camera_difference  # noqa: E402
-from calib.pipeline.solving import calibrate, with_made  # noqa: E402
 from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.image_field import with_image_field  # noqa: E402
 from calib.solver.options import SolveOptions  # noqa: E402
+from calib.solver.target_error import with_target_error  # noqa: E402
 from calib.verdict.coverage import coverage_of  # noqa: E402
 from calib.verdict.criteria import read_criteria  # noqa: E402
 from calib.verdict.halves import half_split  # noqa: E402
 from calib.verdict.judge import Judged, judge_run  # noqa: E402
 from calib.verdict.verdict import Criteria, Grade, Limits  # noqa: E402
+from calib.virtual.calibrate import calibrate  # noqa: E402
 from designer.base.errors import InputError  # noqa: E402
 from designer.tolerance.made import EXACT, how_made  # noqa: E402
 from tests.benchmarks.verdict_scenes import Case, case_of, lens_of, sightings_of, target_of  # noqa: E402
@@ -88,7 +89,7 @@ def outcome_of(case: Case, criteria: Criteria, models: Sequence[str], *, assumes
     if not solved:
         return None
     way = how_made(target_of(case), EXACT if case.is_exact and not assumes else None)
-    solved = [with_image_field(with_made(one, way)) for one in solved]
+    solved = [with_image_field(with_target_error(one, way)) for one in solved]
     best = min(range(len(solved)), key=lambda row: _order(solved[row]))
     halves = half_split(solved[best], options)
     judged = judge_run(solved, best, halves, criteria)

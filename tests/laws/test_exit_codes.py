@@ -169,7 +169,7 @@ def test_the_table_is_of_all_commands_and_each_has_the_option(
     ("words", "patched"),
     [
         (("run", "board.target.json", "photos", "-o", "out"), "calib.api.run_result.write_search"),
-        ((*SOLVE, "detections.csv"), "calib.pipeline.solving.calibrate"),
+        ((*SOLVE, "detections.csv"), "calib.api.solving.calibrate"),
         (("study", "paper", "--quick", "-o", "out"), "calib.studies.paper_study.missing_targets"),
         (("study", "compare", "--quick", "-o", "out"), "calib.studies.compare.cases.comparison"),
         (BOOTSTRAP, "calib.studies.bootstrap.make_pool"),
@@ -192,7 +192,7 @@ def test_a_stopped_command_ends_with_130(words: tuple[str, ...], patched: str, m
 
 def test_a_model_that_was_finished_before_ctrl_c_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """The document of a stopped run holds the answer so far, and the files."""
-    from calib.pipeline import solving
+    from calib.api import solving
 
     original = solving.calibrate
 

@@ -115,7 +115,7 @@ def test_what_would_not_be_read_again_is_not_written(monkeypatch: pytest.MonkeyP
     """A solution that makes no sense is refused before a file of it is there."""
     from dataclasses import replace
 
-    from calib.pipeline import solving
+    from calib.api import solving
 
     original = solving.calibrate
 

@@ -13,7 +13,7 @@ from calib.cameras.camera import Camera, CameraDocument, LearnedMap
 from calib.core.types import FaceRecord
 from calib.metrics.errors import ErrorSummary
 from calib.observe.records import ImageRecord, Records
-from calib.pipeline.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
+from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
 from calib.records.as_built_file import AsBuiltRecord, SolvedCamera
 from calib.records.calibration_file import CalibrationRecord, MadeWith, Provenance, SolvedView, TargetPart
 from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary

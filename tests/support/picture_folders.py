@@ -8,7 +8,7 @@ import numpy as np
 from calib.cameras.camera import Camera, camera_to_json
 from calib.core.types import TOO_FLAT, Detections, FaceRecord
 from calib.observe.photos import PhotoFile, PhotoResult, Search
-from calib.pipeline.target_poses import PoseResult, TargetPose
+from calib.observe.target_poses import PoseResult, TargetPose
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
 from calib.show.parts.kept_target import keep_target

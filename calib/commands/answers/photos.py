@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
     from calib.observe.photos import PhotoResult, Search
-    from calib.pipeline.target_poses import PoseResult, TargetPose
+    from calib.observe.target_poses import PoseResult, TargetPose
     from designer.base.answer import Value
 
 
@@ -60,7 +60,7 @@ def poses_answer(found: "PoseResult") -> "dict[str, Value]":
 
 def _pose(one: "TargetPose") -> "dict[str, Value]":
     """As `poses.json` has it, under the photo's name."""
-    from calib.pipeline.target_poses import TargetPose
+    from calib.observe.target_poses import TargetPose
     from designer.base.codec import encode
 
     keys = cast("dict[str, Value]", encode(TargetPose, one))

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
     from calib.api.run_result import RunResult
+    from calib.api.solving import Solution
     from calib.metrics.evaluation import Evaluation
-    from calib.pipeline.solving import Solution
     from calib.verdict.verdict import Verdict
     from designer.base.answer import Value
 

@@ -14,7 +14,7 @@ from calib.core.number_text import figure as digits
 from calib.core.number_text import with_digits
 from calib.observe.photos import PhotoResult
 from calib.observe.records import common_remarks
-from calib.pipeline.target_poses import PoseResult, TargetPose
+from calib.observe.target_poses import PoseResult, TargetPose
 from calib.show.parts.folder_blocks import number, some_of, whole
 from calib.show.parts.gallery import shortened
 from calib.show.parts.kept_target import TARGET_FILE, target_words

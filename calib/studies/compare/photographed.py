@@ -18,13 +18,13 @@ from calib.cameras.refit import image_grid
 from calib.core.types import Observations, keep_sightings, keep_views, without_empty_views
 from calib.metrics import errors
 from calib.metrics.evaluation import errors_of
-from calib.pipeline.solving import ALL_VIEWS, calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.options import AS_THE_PAPER
 from calib.solver.start import solve_poses
 from calib.studies.compare.objects import VIRTUAL
 from calib.studies.compare.scene import ComparedScene, ScenePool, stream, take_photos
 from calib.studies.sample import SampleResult, failed_sample
+from calib.virtual.calibrate import ALL_VIEWS, calibrate
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
 from designer.tolerance.shape import centers_mm

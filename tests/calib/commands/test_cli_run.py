@@ -19,12 +19,12 @@ from PIL import Image
 from calib.cameras.camera import Camera
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import read_detections
-from calib.pipeline.solving import calibrate
 from calib.records.calibration_file import read_calibration
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
 from calib.renderer.view import render_view
 from calib.solver.calibration import Calibration
+from calib.virtual.calibrate import calibrate
 from designer.target import TargetGeometry, target_to_json
 from tests.support.calibrations import board, camera, poses_around
 from tests.support.command_line import JUDGED, LENIENT, PAGE, PICTURE, calib, files_in, refused
@@ -298,7 +298,7 @@ def test_ctrl_c_keeps_what_is_finished(detector: Detector, monkeypatch: pytest.M
         assert (answer.code, answer.err) == (130, "stopped; nothing was written\n")
         assert files_in(folder) == before
     with monkeypatch.context() as patch:
-        patch.setattr("calib.pipeline.solving.calibrate", stopped)
+        patch.setattr("calib.api.solving.calibrate", stopped)
         answer = calib("run", "board.target.json", "photos", "-o", "out")
         assert (answer.code, answer.err) == (130, "stopped; finished and kept: out/detections.csv, out/luhmann\n")
     with monkeypatch.context() as patch:

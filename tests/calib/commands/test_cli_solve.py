@@ -18,9 +18,9 @@ from calib.core.se3 import look_at, transform
 from calib.core.types import Detections, Observations
 from calib.observe.dataset import write_detections
 from calib.observe.images import Photo
-from calib.pipeline.solving import calibrate
 from calib.records.calibration_file import read_calibration
 from calib.solver.calibration import Calibration
+from calib.virtual.calibrate import calibrate
 from designer.base.errors import InputError
 from designer.target import load_target, target_to_json
 from tests.support.calibrations import board, example, icosahedron, seen_by
@@ -256,7 +256,7 @@ def test_a_model_that_fails_does_not_stop_the_others(monkeypatch: pytest.MonkeyP
 
     common = ALL_MODELS
     assert calib(*common).code == 0
-    monkeypatch.setattr("calib.pipeline.solving.calibrate", fail)
+    monkeypatch.setattr("calib.api.solving.calibrate", fail)
     answer = calib(*common)
     assert answer.code == 0
     assert "luhmann was not solved: no light" in answer.out
@@ -392,7 +392,7 @@ def test_ctrl_c_keeps_what_is_finished_and_says_so(monkeypatch: pytest.MonkeyPat
             raise KeyboardInterrupt
         return calibrate(seen, model, *rest)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("calib.pipeline.solving.calibrate", stopped)
+    monkeypatch.setattr("calib.api.solving.calibrate", stopped)
     answer = calib("solve", "detections.csv", "--target", "board.target.json", "-o", "out")
     assert answer.code == 130
     assert answer.err == "stopped; finished and kept: out/luhmann\n"

@@ -18,7 +18,7 @@ from calib.core.se3 import exp_rotation, transform
 from calib.core.types import Detections
 from calib.observe.observations import known_points
 from calib.observe.photos import PhotoFile, PhotoResult, Search, find_photos
-from calib.pipeline.target_poses import CSV_COLUMNS, POSES, PoseResult, TargetPose, poses_to_csv, target_poses
+from calib.observe.target_poses import CSV_COLUMNS, POSES, PoseResult, TargetPose, poses_to_csv, target_poses
 from calib.renderer.poses import load_poses
 from calib.show.photos.posed_photos import told_posed
 from designer.base.codec import encode
@@ -312,7 +312,7 @@ def test_one_broken_picture_does_not_stop_the_others(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whatever breaks in drawing, the poses are written and the other pictures drawn."""
-    from calib.pipeline.pose_overlay import draw_pose
+    from calib.show.photos.pose_overlay import draw_pose
 
     def draw(
         pixels: NDArray[np.uint8], seen: Detections, target: TargetGeometry, camera: Camera, pose: TargetPose
@@ -321,7 +321,7 @@ def test_one_broken_picture_does_not_stop_the_others(
             raise ZeroDivisionError("flat")
         return draw_pose(pixels, seen, target, camera, pose)
 
-    monkeypatch.setattr("calib.pipeline.pose_overlay.draw_pose", draw)
+    monkeypatch.setattr("calib.show.photos.pose_overlay.draw_pose", draw)
     assert run("photos", overlay="o", out="poses.json") == 0
     said = capsys.readouterr().out
     assert "no overlay for a.png: ZeroDivisionError: flat" in said

@@ -13,14 +13,13 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation
 from calib.observe.observations import known_points
-from calib.pipeline.solving import prior_of, with_made
 from calib.records.calibration_file import Provenance, read_calibration, write_calibration
 from calib.solver.accuracy import sigma_over_image_px
 from calib.solver.calibration import Calibration
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
-from calib.solver.target_error import extended, with_target_error
+from calib.solver.target_error import extended, stated_prior, with_target_error
 from calib.verdict.criteria import read_criteria
 from calib.verdict.evidence import evidence_of
 from calib.verdict.halves import half_split
@@ -31,7 +30,7 @@ from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
-from designer.tolerance.made import how_made
+from designer.tolerance.made import Made, how_made
 from designer.tolerance.model import displaced, perturb
 from designer.tolerance.prior import ShapePrior, shape_prior
 from designer.tolerance.source import Amount
@@ -80,7 +79,7 @@ def _error_px(one: Calibration) -> float:
 
 def _stated_px(one: Calibration, prior: ShapePrior | None = None) -> float:
     prior = shape_prior(BOARD, AS_PRINTED) if prior is None else prior
-    told = with_target_error(one, prior, made="a test")
+    told = with_target_error(one, Made("a test", "", prior))
     return sigma_over_image_px(told.camera, told.stated_covariance)
 
 
@@ -95,7 +94,7 @@ def test_stretched_boards_are_covered_by_what_is_stated(share: float, motion: st
     From one of 1 %, ten sigmas of its way of making, it does so where the photos tell it; elsewhere it is never good.
     """
     rolls, axes = MOTIONS[motion]
-    one = with_made(_solved(_stretched(share), _poses(1, rolls=rolls, axes=axes)), how_made(BOARD))
+    one = with_target_error(_solved(_stretched(share), _poses(1, rolls=rolls, axes=axes)), how_made(BOARD))
     if share <= 0.003 or rolls:
         assert _error_px(one) < 3 * _stated_px(one)
     run = judge_run([one], 0, half_split(one, SolveOptions()), read_criteria())
@@ -125,7 +124,7 @@ def test_measuring_hides_nothing_that_the_photos_do_not_tell(share: float) -> No
     one = _solved(_stretched(share), _poses(1, rolls=False, axes=1))
     found = measure([one.observations], BOARD, "opencv", AsBuiltOptions(made=made_with(AS_PRINTED, BOARD)))
     again = solve(replace(one.observations, points=known_points(found.target)), "opencv", SolveOptions())
-    told = with_made(again, how_made(found.target))
+    told = with_target_error(again, how_made(found.target))
     assert _error_px(told) < 3 * sigma_over_image_px(told.camera, told.stated_covariance)
     run = judge_run([told], 0, half_split(told, SolveOptions()), read_criteria())
     assert run.verdict.grade != "good" or _error_px(told) < read_criteria()["uncertainty"].good
@@ -144,7 +143,7 @@ def test_where_photos_tell_the_shape_little_is_lost() -> None:
 def test_the_advice_is_the_photos_that_would_tell_the_shape() -> None:
     """Photos tilted about one axis are to be rolled, and tilted about the other; such photos lower the uncertainty."""
     motions = {motion: _poses(2, rolls=rolls, axes=axes) for motion, (rolls, axes) in MOTIONS.items()}
-    one = with_made(_solved(BOARD, motions["one axis"]), how_made(BOARD))
+    one = with_target_error(_solved(BOARD, motions["one axis"]), how_made(BOARD))
     advice = judge_run([one], 0, half_split(one, SolveOptions()), read_criteria()).verdict.advice
     assert any("roll the camera" in sentence and "other axis" in sentence for sentence in advice)
     assert any("fdm-board" in sentence for sentence in advice)
@@ -157,15 +156,15 @@ def test_next_photos_promise_what_the_verdict_then_states(share: float) -> None:
     """They start from its figure; with them it is no larger than said, and of a target that is off as said."""
     rolls, axes = MOTIONS["all"]
     made, poses = _stretched(share), _poses(1, rolls=rolls, axes=axes)
-    one = with_made(_solved(made, poses), how_made(BOARD))
+    one = with_target_error(_solved(made, poses), how_made(BOARD))
     halves = half_split(one, SolveOptions())
     stated = evidence_of([one], 0, halves).uncertainty
-    views = next_views(one, most=3, factor=stated.factor, prior=prior_of(one, BOARD))
+    views = next_views(one, most=3, factor=stated.factor, prior=stated_prior(one, BOARD))
     assert views[0].sigma_px_before == pytest.approx(stated.image_px, rel=1e-6)
-    views = next_views(one, most=3, prior=prior_of(one, BOARD))
+    views = next_views(one, most=3, prior=stated_prior(one, BOARD))
     for count, view in enumerate(views, start=1):
         more = np.concatenate([poses, np.stack([v.cam_from_target for v in views[:count]])])
-        then = with_made(_solved(made, more), how_made(BOARD))
+        then = with_target_error(_solved(made, more), how_made(BOARD))
         now_px = sigma_over_image_px(then.camera, then.stated_covariance)
         assert now_px < 1.1 * view.sigma_px_after
         if share:
@@ -179,14 +178,14 @@ def test_a_file_of_errors_counts_as_it_was(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     text = Path("templates/errors/fdm-board.toml").read_text()
     path.write_text(text)
-    one = with_made(_solved(BOARD, _poses(3, rolls=True, axes=2)[:6]), how_made(BOARD, str(path)))
+    one = with_target_error(_solved(BOARD, _poses(3, rolls=True, axes=2)[:6]), how_made(BOARD, str(path)))
     then = shape_prior(BOARD, error_model(str(path)))
     provenance = Provenance("a test")
     write_calibration(tmp_path, one, provenance)
     path.write_text(text.replace("normal 0.3mm", "normal 9mm"))
     for change in (lambda: None, path.unlink):
         change()
-        prior = prior_of(read_calibration(tmp_path / "calibration.json")[0], BOARD)
+        prior = stated_prior(read_calibration(tmp_path / "calibration.json")[0], BOARD)
         assert prior is not None
         assert np.array_equal(prior.modes_mm, then.modes_mm)
         assert np.array_equal(prior.ring_modes_mm, then.ring_modes_mm)
@@ -196,7 +195,7 @@ def test_the_size_of_the_target_does_not_matter() -> None:
     """A target too large as a whole moves no camera, however large it may be."""
     one = _solved(BOARD, _poses(3, rolls=True, axes=2))
     scale = AS_PRINTED.only("scale", "thermal").with_amount("scale", Amount("normal", 0.05))
-    told = with_target_error(one, shape_prior(BOARD, scale), made="a test")
+    told = with_target_error(one, Made("a test", "", shape_prior(BOARD, scale)))
     assert told.target_error is not None
     assert (
         np.sqrt(np.diagonal(told.target_error.param_covariance)).max()
@@ -319,6 +318,6 @@ def test_who_says_how_a_target_was_made() -> None:
     with pytest.raises(InputError, match="--made"):
         how_made(None, "fdm-board")
     one = _solved(BOARD, _poses(3, rolls=True, axes=2)[:6])
-    assert with_made(one, None) is one
-    told = with_made(one, how_made(BOARD, "exact"))
+    assert with_target_error(one, None) is one
+    told = with_target_error(one, how_made(BOARD, "exact"))
     assert np.array_equal(told.stated_covariance, one.param_covariance)

@@ -16,7 +16,7 @@ from calib.detector.overlay import pale, write_overlay
 from calib.detector.overlay_frame import INK, cut_text, text_strip
 from calib.observe.images import read_image
 from calib.observe.photos import OVERLAY_MARK, why_failed
-from calib.pipeline.target_poses import PoseResult, TargetPose
+from calib.observe.target_poses import PoseResult, TargetPose
 from designer.target import TargetGeometry, bounding_radius_mm
 
 Array: TypeAlias = NDArray[np.float64]

@@ -5,24 +5,21 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from calib.cameras import MODELS, learned_models, models_of_all, parameter_names, solved_models
+from calib.cameras import MODELS, models_of_all, parameter_names, solved_models
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
-from calib.metrics.errors import summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.observe.truth import Truth
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.calibration import Calibration
 from calib.solver.image_field import with_image_field
 from calib.solver.options import SolveOptions, tie_parameters
-from calib.solver.solve import solve
 from calib.solver.target_error import with_target_error
-from calib.virtual.solve_virtual import Reference, on_plane_mm, solve_virtual
+from calib.virtual.calibrate import calibrate
+from calib.virtual.solve_virtual import Reference
 from designer.base.errors import InputError
 from designer.base.words import suggestion
-from designer.target import TargetGeometry
-from designer.tolerance.made import MEASURED, Made
-from designer.tolerance.prior import ShapePrior, measured_prior, shape_prior
+from designer.tolerance.made import Made
 
 ALL = "all"
 MAX_FOCAL_PX = 1e7
@@ -149,53 +146,6 @@ def _focal_px(value: float) -> float:
     return value
 
 
-ALL_VIEWS = "all"
-"""As the reference: the map is learned from all views."""
-
-
-def calibrate(
-    observations: Observations, model: str, options: SolveOptions, reference: Reference | None = None
-) -> Calibration:
-    """Solve a camera of any model.
-
-    Args:
-        observations: what was seen.
-        model: its name.
-        options: weights, losses, fixed and shared parameters.
-        reference: the photo that a learned map is of, or `ALL_VIEWS`; only models with one heed it.
-
-    Raises:
-        InputError: the observations or the options do not do.
-    """
-    if model not in learned_models():
-        return solve(observations, model, options)
-    if reference == ALL_VIEWS:
-        return solve_virtual(observations, options, all_views=True)
-    if options.fixed and (reference is not None or on_plane_mm(observations.points, observations.point) is not None):
-        raise InputError(
-            f"{options.fixed[0][0]} cannot be fixed: the sensor of a map learned from a photo has a focal length and a "
-            "centre of its own; learn the map from all views, with --reference all"
-        )
-    return solve_virtual(observations, options, reference)
-
-
-def prior_of(calibration: Calibration, target: TargetGeometry | None) -> ShapePrior | None:
-    """The prior that a calibration was given for its target; None if it was given none, or does not tell it."""
-    error = calibration.target_error
-    if target is None or error is None or not error.param_covariance.any():
-        return None
-    if error.made == MEASURED:
-        return measured_prior(target)
-    return None if error.errors is None else shape_prior(target, error.errors)
-
-
-def with_made(calibration: Calibration, made: Made | None) -> Calibration:
-    """The calibration with what its target may be off; as it was if nobody knows how that was made."""
-    if made is None:
-        return calibration
-    return with_target_error(calibration, made.prior, made=made.name, because=made.because, errors=made.errors)
-
-
 @dataclass(frozen=True, eq=False)
 class Solution:
     """What came of one model: an evaluated calibration, or why there is none."""
@@ -235,23 +185,12 @@ class SolveTask:
     made: Made | None = None  # how the target was; None: nobody knows
 
 
-def preference(evaluation: Evaluation) -> tuple[bool, bool, float]:
-    """The order in which cameras of the same photos are recommended, the best first.
-
-    It is determined, of a model that other programs know, and then with the least left over: what a learned map leaves
-    over is small because it bends to the very photos it is judged by.
-    """
-    calibration, errors = evaluation.calibration, evaluation.of("reprojection")
-    left_px = math.inf if errors is None else summarise(errors).rmse
-    return calibration.status != "converged", calibration.camera.learned is not None, left_px
-
-
 def solve_models(task: SolveTask) -> Iterator[Solution]:
     """Solve each model and evaluate it. One that cannot be solved does not stop the others."""
     for model in task.plan.models:
         try:
             solved = calibrate(task.observations, model, task.plan.options_of(model), task.reference)
-            calibration = with_image_field(with_made(solved, task.made))
+            calibration = with_image_field(with_target_error(solved, task.made))
             calibration = replace(calibration, remarks=(*calibration.remarks, *task.observations.remarks))
             yield Solution(model, evaluate(calibration, task.truth))
         except InputError as error:
