@@ -11,7 +11,16 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from calib.api.loading import Observed, Place, Progress, load_observations, observations_of, target_of, unheard
+from calib.api.loading import (
+    Observed,
+    Place,
+    Progress,
+    load_observations,
+    observations_of,
+    target_of,
+    truth_from,
+    unheard,
+)
 from calib.api.page_shown import ShownAsPage
 from calib.api.solving import SolvePlan, plan_from_words
 from calib.api.tolerancing import MAX_SEED
@@ -19,8 +28,8 @@ from calib.cameras import DEFAULT, solved_models
 from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
 from calib.observe.corners_vnl import PointGrid
-from calib.observe.truth import Truth, read_truth
 from calib.renderer.quantities import whole
+from calib.renderer.truth import Truth
 from calib.show.studies.study_folder import STUDY_FILE
 from calib.studies import bootstrap as pools
 from calib.studies.identity import StudyIdentity, identity_of
@@ -215,7 +224,7 @@ def bootstrap(
         observations = load_observations(observed, target, image_size=image_size, grid=grid)
     else:
         observations = observations_of(observed, target)
-    known = truth if truth is None or isinstance(truth, Truth) else read_truth(Path(truth))
+    known = truth_from(truth)
     if known is not None and target is not None and known.layout_id != target_of(target).layout_id:
         name = "the truth" if isinstance(truth, Truth) else truth
         raise InputError(f"{name}: of photos of another target; give the truth.json beside the photos")

@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from calib.api.loading import Place
+from calib.api.loading import Place, truth_from
 from calib.api.run_result import RunResult
 from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
 from calib.metrics.evaluation import LEAST_FOLDS, Evaluation, evaluate_held_out
 from calib.metrics.evaluation import evaluate as evaluate_all
-from calib.observe.truth import Truth, read_truth
 from calib.records.calibration_file import CALIBRATION_FILE, read_calibration
 from calib.records.evaluation_files import METRICS, METRICS_FILE, evaluation_files
+from calib.renderer.truth import Truth
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.virtual.calibrate import calibrate
@@ -79,7 +79,7 @@ def evaluate(
     Raises:
         InputError: a file that cannot be read, a truth of other photos, or photos too few to hold some out.
     """
-    known = truth if truth is None or isinstance(truth, Truth) else read_truth(Path(truth))
+    known = truth_from(truth)
     if isinstance(calibration, RunResult):
         best = calibration.best
         solved, options = best.calibration, calibration.task.plan.options_of(best.model)

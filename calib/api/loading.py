@@ -19,6 +19,7 @@ from calib.observe.observations import observations_from_detections
 from calib.observe.photos import FoundPhotos, find_photos
 from calib.observe.records import read_records, records_path
 from calib.renderer.quantities import whole
+from calib.renderer.truth import TRUTH, Truth
 from designer.base.errors import InputError
 from designer.base.words import shown
 from designer.target import Needs, TargetGeometry, load_target
@@ -116,6 +117,15 @@ def _with_names_of_their_own(found: tuple[Detections, ...]) -> tuple[Detections,
         replace(one, image=f"{one.image}-{number}") if count[one.image] > 1 else one
         for number, one in enumerate(found, start=1)
     )
+
+
+def truth_from(truth: Truth | Place | None) -> Truth | None:
+    """The truth of rendered photos, or that in a file.
+
+    Raises:
+        InputError: the file cannot be read; the message names it.
+    """
+    return truth if truth is None or isinstance(truth, Truth) else TRUTH.read(Path(truth))
 
 
 def rendered_id_of(observed: Observed) -> str:

@@ -16,12 +16,13 @@ from calib.cameras.camera import Camera
 from calib.core.se3 import rigid_fault
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.faces import ring_truth, target_fits
-from calib.renderer.job import TRUTH_FILE, FileFormat, Rendered, RenderJob, run_job
+from calib.renderer.job import Rendered, RenderJob, run_job
 from calib.renderer.light import Levels
 from calib.renderer.options import LIMITS, Bits, RenderOptions, Sampling
 from calib.renderer.poses import MAX_VIEWS, PoseGrid, Region, grid_poses, load_poses
 from calib.renderer.quantities import choice, real, whole
 from calib.renderer.scene import RenderScene, scene_from_target
+from calib.renderer.truth import TRUTH_FILE, FileFormat
 from calib.renderer.view import render_view
 from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm

@@ -5,7 +5,17 @@ from contextlib import nullcontext
 from os import fspath
 from pathlib import Path
 
-from calib.api.loading import Observed, Place, Progress, observations_of, photos_of, rendered_id_of, target_of, unheard
+from calib.api.loading import (
+    Observed,
+    Place,
+    Progress,
+    observations_of,
+    photos_of,
+    rendered_id_of,
+    target_of,
+    truth_from,
+    unheard,
+)
 from calib.api.run_result import DETECTIONS_FILE, RunResult, RunWriter, best_of
 from calib.api.searching import search_twice, truth_of
 from calib.api.solving import (
@@ -20,7 +30,7 @@ from calib.cameras import learned_models, models_of_all
 from calib.core.files import named_in_files
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import Search, named_photos
-from calib.observe.truth import Truth, read_truth
+from calib.renderer.truth import Truth
 from calib.solver.accuracy import UndeterminedError
 from calib.verdict.criteria import STANDARD, read_criteria
 from calib.verdict.halves import half_split
@@ -176,7 +186,7 @@ def solve(
     way = how_made(geometry, made, rendered_id=rendered_id or rendered_id_of(observed))
     reference = _checked_reference(reference, plan, observations.view_names)
     layout_id = "" if geometry is None else geometry.layout_id
-    known = truth if truth is None or isinstance(truth, Truth) else read_truth(Path(truth))
+    known = truth_from(truth)
     task = SolveTask(observations, plan, layout_id, tuple(settings), reference, known, way)
     return _solved(task, geometry, None, limits, progress, writer, is_whole=not isinstance(out, RunWriter))
 

@@ -28,7 +28,7 @@ from calib.observe.photos import (
     named_photos,
     reading_once,
 )
-from calib.observe.truth import Truth, read_truth
+from calib.renderer.truth import TRUTH, TRUTH_FILE, Truth
 from calib.show.photos.why_nothing import explained
 from calib.solver.solve import solve
 from designer.base.errors import InputError
@@ -211,7 +211,7 @@ def _first_camera(results: Sequence[PhotoResult], target: TargetGeometry, plan: 
 def truth_beside(paths: Iterable[Path]) -> Path | None:
     """The truth of rendered photos, if all are of one rendered set."""
     folders = {path.parent for path in paths}
-    beside = next(iter(folders)) / "truth.json" if len(folders) == 1 else None
+    beside = next(iter(folders)) / TRUTH_FILE if len(folders) == 1 else None
     return beside if beside is not None and beside.is_file() else None
 
 
@@ -225,7 +225,7 @@ def truth_of(photos: FoundPhotos, asked: Path | None) -> tuple[Truth | None, str
     if path is None:
         return None, ""
     try:
-        return read_truth(path), ""
+        return TRUTH.read(path), ""
     except InputError as error:
         if asked is not None:
             raise

@@ -9,7 +9,7 @@ from calib.cameras import MODELS, models_of_all, parameter_names, solved_models
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.metrics.evaluation import Evaluation, evaluate
-from calib.observe.truth import Truth
+from calib.renderer.truth import Truth
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.calibration import Calibration
 from calib.solver.image_field import with_image_field

@@ -73,7 +73,6 @@ def render(
     from calib.api.loading import processes_of
     from calib.api.rendering import render as photos_of
     from calib.commands.camera_argument import read_camera
-    from calib.renderer.job import FileFormat
     from calib.renderer.options import LIMITS, Bits, RenderOptions, Sampling
     from calib.renderer.poses import Region
     from calib.renderer.quantities import (
@@ -86,6 +85,7 @@ def render(
         parse_pixels,
         share,
     )
+    from calib.renderer.truth import FileFormat
 
     if bits not in (8, 16):
         raise InputError(f"--bits {bits}: must be 8 or 16")

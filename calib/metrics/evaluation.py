@@ -10,7 +10,7 @@ from calib.cameras import rays
 from calib.core.types import Observations, keep_sightings, keep_views
 from calib.metrics import METRICS, OF_TRUTH
 from calib.metrics.errors import Errors, ErrorSummary, is_known, predict, summarise, summarise_groups
-from calib.observe.truth import Truth, true_poses
+from calib.renderer.truth import Truth
 from calib.solver.calibration import Calibration
 from calib.solver.start import solve_poses
 from designer.base.errors import InputError
@@ -65,7 +65,7 @@ def evaluate(calibration: Calibration, truth: Truth | None = None) -> Evaluation
 
 def errors_of(calibration: Calibration, truth: Truth | None) -> tuple[Errors, ...]:
     """The errors of all metrics that apply."""
-    poses = None if truth is None else true_poses(truth, calibration.observations.view_names)
+    poses = None if truth is None else truth.poses_of(calibration.observations.view_names)
     prediction = predict(calibration, poses)
     return tuple(found for metric in METRICS.values() if (found := metric.errors_of(prediction)) is not None)
 

@@ -26,20 +26,14 @@ from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import LEFT_OUT, OR_NULL, AtLeast, AtMost, Count, Gap, Length, Shape
 from designer.base.words import shown
-from designer.tolerance.model import ErrorModel
-from designer.tolerance.source import Amount, Kind
-from designer.tolerance.sources import SOURCES
 
 Array = NDArray[np.float64]
 
 LARGEST_SCALE = 1e9
 LARGEST_COVARIANCE = 1e100
 """Squares of what is larger overflow further on."""
-LARGEST_AMOUNT = 1e6
-"""Of an error, in mm, rad, kelvins or shares."""
 CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE = "calibration.json", "observations.csv", "camera.json"
 
-_Amount = Annotated[float, AtLeast(-LARGEST_AMOUNT), AtMost(LARGEST_AMOUNT)]
 _Covariance = Annotated[Array, Shape("P", "P")]
 _Point = tuple[float, float, float, Annotated[int, AtLeast(-1)]]
 
@@ -56,42 +50,6 @@ class Provenance:
     settings: tuple[tuple[str, str], ...] = ()  # of the command: name and value as they were given
     observations_sha256: Annotated[str, LEFT_OUT] = ""
     """Of the table with what this camera leaves over: no two cameras have the same. Files say it beside the table."""
-
-
-@dataclass(frozen=True)
-class MadeWith:
-    """What moves rings, in the sources' units: a template or a file of errors may be another one later."""
-
-    amounts: Annotated[tuple[tuple[str, Kind, _Amount], ...], Length(0, len(SOURCES))]
-    expansion_per_kelvin: Annotated[_Amount, AtLeast(0)]
-    layer_height_mm: Annotated[_Amount, AtLeast(0)]
-
-    def named(self, name: str) -> ErrorModel:
-        """The errors as they were then."""
-        amounts = tuple((source, Amount(kind, size)) for source, kind, size in self.amounts)
-        return ErrorModel(name, "", amounts, self.expansion_per_kelvin, self.layer_height_mm)
-
-
-@dataclass(frozen=True, eq=False)
-class TargetPart:
-    """What the target's errors may have done."""
-
-    made: Annotated[str, Length(0, 1000)]
-    because: Annotated[str, Length(0, 1000)]
-    param_covariance: _Covariance
-    errors: MadeWith | None = None
-
-    def __post_init__(self) -> None:
-        _check_covariance(self.param_covariance)
-        try:
-            self.error()
-        except ValueError as error:
-            raise ValueError(f"errors: {error}") from None
-
-    def error(self) -> TargetError:
-        """The same, as a calibration has it."""
-        errors = None if self.errors is None else self.errors.named(self.made)
-        return TargetError(self.made, self.because, self.param_covariance, errors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +75,7 @@ class CalibrationRecord:
     fixed: tuple[str, ...]
     camera: Camera
     param_covariance: Annotated[_Covariance, OR_NULL]
-    target_error: TargetPart | None = None
+    target_error: TargetError | None = None
     image_field: ImageField | None = None
     geometry_id: str
     observations_sha256: str
@@ -140,7 +98,7 @@ class CalibrationRecord:
         for name, covariance in parts.items():
             if covariance.shape != (len(names),) * 2:
                 raise ValueError(f"{name} must be {len(names)} rows of {len(names)} numbers")
-            _check_covariance(covariance)
+            _check_covariance(name, covariance)
         if fault := rigid_fault(np.stack([view.cam_from_target for view in self.views])):
             raise ValueError(f"views.{fault[0]}.cam_from_target {fault[1]}")
         for number, plane in enumerate(self.planes.tolist()):
@@ -163,13 +121,13 @@ class CalibrationRecord:
 CALIBRATION = FileKind(CalibrationRecord, "calibration", "a calibration.json", "solve again", largest_bytes=512 * 2**20)
 
 
-def _check_covariance(matrix: Array) -> None:
+def _check_covariance(name: str, matrix: Array) -> None:
     """Refuse what is no covariance of parameters, which may have gaps."""
     variance = np.diagonal(matrix)
     if (variance < 0).any():
-        raise ValueError(f"param_covariance has a variance of {np.nanmin(variance):g}; it must be 0 or more")
+        raise ValueError(f"{name} has a variance of {np.nanmin(variance):g}; it must be 0 or more")
     if (np.abs(matrix) > LARGEST_COVARIANCE).any():
-        raise ValueError(f"param_covariance holds a number beyond {LARGEST_COVARIANCE:g}")
+        raise ValueError(f"{name} holds a number beyond {LARGEST_COVARIANCE:g}")
 
 
 def write_calibration(
@@ -213,8 +171,7 @@ def _text(calibration: Calibration, provenance: Provenance, digest: str, folder:
 
 def record_of(calibration: Calibration, provenance: Provenance, digest: str) -> CalibrationRecord:
     """What the file says."""
-    seen, target = calibration.observations, calibration.target_error
-    points = seen.points
+    seen, points = calibration.observations, calibration.observations.points
     return CalibrationRecord(
         provenance=replace(provenance, observations_sha256=""),
         status=calibration.status,
@@ -226,7 +183,7 @@ def record_of(calibration: Calibration, provenance: Provenance, digest: str) -> 
         fixed=tuple(calibration.fixed),
         camera=calibration.camera,
         param_covariance=calibration.param_covariance,
-        target_error=None if target is None else _target_part(target),
+        target_error=calibration.target_error,
         image_field=calibration.image_field,
         geometry_id=points.geometry_id,
         observations_sha256=digest,
@@ -239,15 +196,6 @@ def record_of(calibration: Calibration, provenance: Provenance, digest: str) -> 
             for view in zip(seen.view_names, calibration.cam_from_target, calibration.pose_covariance, strict=True)
         ),
     )
-
-
-def _target_part(target: TargetError) -> TargetPart:
-    errors = target.errors
-    made = None
-    if errors is not None:
-        amounts = tuple((name, amount.kind, amount.size) for name, amount in errors.amounts)
-        made = MadeWith(amounts, errors.expansion_per_kelvin, errors.layer_height_mm)
-    return TargetPart(target.made, target.because, target.param_covariance, made)
 
 
 def read_calibration(path: Path) -> tuple[Calibration, Provenance]:
@@ -281,7 +229,7 @@ def read_calibration(path: Path) -> tuple[Calibration, Provenance]:
         remarks=file.remarks,
         iterations=file.iterations,
         seconds=file.seconds,
-        target_error=None if file.target_error is None else file.target_error.error(),
+        target_error=file.target_error,
         image_field=file.image_field,
     )
     return calibration, replace(file.provenance, observations_sha256=file.observations_sha256)

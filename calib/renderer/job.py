@@ -4,12 +4,10 @@ import json
 import multiprocessing
 import os
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
 
 import cv2
 import numpy as np
@@ -17,20 +15,14 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.parallel import interrupts_held, serve
-from calib.core.se3 import rigid_fault
-from calib.core.types import frozen_array
 from calib.renderer.light import Levels
 from calib.renderer.options import RenderOptions
+from calib.renderer.truth import TRUTH, TRUTH_FILE, FileFormat, FileOptions, Truth, true_views
 from calib.renderer.view import render_view
 from designer.base.errors import InputError
-from designer.base.file_kind import FileKind
-from designer.base.marks import Length, Shape
 from designer.base.own_files import require_ours, signed
-from designer.base.words import shown
 from designer.target import TargetGeometry
 
-TRUTH_FILE = "truth.json"
-FileFormat = Literal["png", "tiff", "jpeg"]
 SUFFIX: dict[FileFormat, str] = {"png": ".png", "tiff": ".tiff", "jpeg": ".jpg"}
 
 
@@ -63,56 +55,13 @@ class Rendered:
     processes: int
 
 
-@dataclass(frozen=True)
-class FileOptions:
-    """How photos are stored."""
-
-    format: FileFormat
-    quality: int  # of JPEG
-
-
-@dataclass(frozen=True, eq=False)
-class TrueView:
-    """A photo, and where the camera stood."""
-
-    file: str
-    cam_from_target: Annotated[NDArray[np.float64], Shape(4, 4)]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "cam_from_target", frozen_array(self.cam_from_target))
-        if fault := rigid_fault(self.cam_from_target[None]):
-            raise ValueError(f"cam_from_target {fault[1]}; it must be a rigid motion")
-
-
-@dataclass(frozen=True, eq=False)
-class RenderRecord:
-    """What `truth.json` says of rendered photos."""
-
-    geometry_id: str  # of the target that was rendered
-    camera: Camera
-    views: Annotated[tuple[TrueView, ...], Length(1, 100_000)]
-    seed: int | None = None
-    layout_id: str = ""  # of the target; "" if it is not known
-    options: RenderOptions | None = None
-    file: FileOptions | None = None
-
-    def __post_init__(self) -> None:
-        names = [view.file for view in self.views]
-        if len(set(names)) < len(names):
-            raise ValueError(f"views name {shown(Counter(names).most_common(1)[0][0])} twice; names must differ")
-
-
-TRUTH = FileKind(RenderRecord, "truth", "the truth of rendered photos", "render again")
-
-
 def truth_text(job: RenderJob) -> str:
     """The text of `truth.json`: one line a view."""
-    views = tuple(TrueView(*view) for view in zip(job.file_names, job.cam_from_target, strict=True))
-    record = RenderRecord(
-        job.target.geometry_id, job.camera, views, job.seed, job.target.layout_id, job.options,
-        FileOptions(job.file_format, job.quality),
+    truth = Truth(
+        job.target.geometry_id, job.camera, true_views(job.file_names, job.cam_from_target), job.seed,
+        job.target.layout_id, job.options, FileOptions(job.file_format, job.quality),
     )  # fmt: skip
-    return TRUTH.text(record).decode()
+    return TRUTH.text(truth).decode()
 
 
 def run_job(

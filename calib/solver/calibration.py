@@ -8,21 +8,54 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import Observations, freeze
-from designer.base.marks import AtLeast, Shape
+from designer.base.marks import AtLeast, AtMost, Length, Shape
 from designer.tolerance.model import ErrorModel
+from designer.tolerance.source import Amount, Kind
+from designer.tolerance.sources import SOURCES
 
 Status = Literal["converged", "stopped", "degenerate"]
 """`stopped`: the steps ran out; `degenerate`: the data do not determine the camera, and the remarks say why."""
+
+
+_Text = Annotated[str, Length(0, 1000)]
+_Size = Annotated[float, AtLeast(-1e6), AtMost(1e6)]
+"""Of an error, in mm, rad, kelvins or shares."""
+
+
+@dataclass(frozen=True)
+class MadeWith:
+    """What moves rings, in the sources' units: a template or a file of errors may be another one later."""
+
+    amounts: Annotated[tuple[tuple[str, Kind, _Size], ...], Length(0, len(SOURCES))]
+    expansion_per_kelvin: Annotated[_Size, AtLeast(0)]
+    layer_height_mm: Annotated[_Size, AtLeast(0)]
+
+    def __post_init__(self) -> None:
+        try:
+            self.model()
+        except ValueError as error:
+            raise ValueError(str(error)) from None
+
+    @classmethod
+    def of(cls, errors: ErrorModel) -> "MadeWith":
+        """What a file keeps of a way of making."""
+        amounts = tuple((name, amount.kind, amount.size) for name, amount in errors.amounts)
+        return cls(amounts, errors.expansion_per_kelvin, errors.layer_height_mm)
+
+    def model(self) -> ErrorModel:
+        """The errors as they were then."""
+        amounts = tuple((source, Amount(kind, size)) for source, kind, size in self.amounts)
+        return ErrorModel("", "", amounts, self.expansion_per_kelvin, self.layer_height_mm)
 
 
 @dataclass(frozen=True, eq=False)
 class TargetError:
     """What a target that is not quite as its file says may have done to the parameters of a camera."""
 
-    made: str  # the way of making: an error template's name, a file's, "measured" or "exact"
-    because: str  # why this one, as in "its file says the build 'solid'"; "" if it was asked for
-    param_covariance: NDArray[np.float64]  # (P, P) to be added to that of the noise
-    errors: "ErrorModel | None" = None  # of that way of making, as they were then; None: they are not told by one
+    made: _Text  # the way of making: an error template's name, a file's, "measured" or "exact"
+    because: _Text  # why this one, as in "its file says the build 'solid'"; "" if it was asked for
+    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P")]  # to be added to that of the noise
+    errors: MadeWith | None = None  # of that way of making, as they were then; None: they are not told by one
 
     def __post_init__(self) -> None:
         freeze(self, "param_covariance")

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
-from calib.solver.calibration import Calibration, TargetError
+from calib.solver.calibration import Calibration, MadeWith, TargetError
 from calib.solver.free_shape import ShapeEquations, free_directions, shape_equations
 from designer.target import TargetGeometry
 from designer.tolerance.made import Made, prior_of
@@ -52,7 +52,12 @@ def with_target_error(calibration: Calibration, made: Made | None) -> Calibratio
     if found is not None:
         equations, _ = found
         covariance = equations.basis @ _added_covariance(equations) @ equations.basis.T
-    return replace(calibration, target_error=TargetError(made.name, made.because, covariance, made.errors))
+    return replace(
+        calibration,
+        target_error=TargetError(
+            made.name, made.because, covariance, None if made.errors is None else MadeWith.of(made.errors)
+        ),
+    )
 
 
 def stated_prior(calibration: Calibration, target: TargetGeometry | None) -> ShapePrior | None:
@@ -60,7 +65,7 @@ def stated_prior(calibration: Calibration, target: TargetGeometry | None) -> Sha
     error = calibration.target_error
     if target is None or error is None or not error.param_covariance.any():
         return None
-    return prior_of(target, error.made, error.errors)
+    return prior_of(target, error.made, None if error.errors is None else error.errors.model())
 
 
 @dataclass(frozen=True, eq=False)

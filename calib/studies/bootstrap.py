@@ -15,7 +15,7 @@ from calib.metrics.intersection import intersection
 from calib.metrics.pose import pose
 from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
-from calib.observe.truth import Truth, true_poses
+from calib.renderer.truth import Truth
 from calib.solver.accuracy import NO_FIT
 from calib.solver.calibration import Calibration
 from calib.solver.descend import is_robust
@@ -99,7 +99,7 @@ def make_pool(observations: Observations, model: str, options: SolveOptions, tru
     remarks = calibration.remarks
     if truth is not None:
         remarks += truth_remarks(calibration, truth)
-        center = centers_mm(true_poses(truth, kept.view_names))
+        center = centers_mm(truth.poses_of(kept.view_names))
     problem = pack(kept, weighted=options.weighted)
     poses = np.array(calibration.cam_from_target)
     poses[:, :3, 3] += poses[:, :3, :3] @ problem.origin_mm

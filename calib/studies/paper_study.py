@@ -18,10 +18,10 @@ from calib.detector.pipeline import detect
 from calib.observe.dataset import read_detections, write_detections
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import PhotoFile, Pixels, detect_photos, named_photos
-from calib.observe.truth import Truth, read_truth, true_poses
-from calib.renderer.job import TRUTH_FILE, RenderJob, run_job
+from calib.renderer.job import RenderJob, run_job
 from calib.renderer.options import RenderOptions
 from calib.renderer.poses import PoseGrid, grid_poses
+from calib.renderer.truth import TRUTH, TRUTH_FILE, Truth
 from calib.solver.options import AS_THE_PAPER
 from calib.solver.solve import solve
 from calib.studies.bootstrap import make_pool
@@ -163,7 +163,7 @@ def sightings(seen: Sequence[Detections], target: TargetGeometry, folder: Path) 
 
 def incidence_deg(seen: Observations, truth: Truth) -> NDArray[np.float64]:
     """Angle between the line of sight and the face's normal, of each sighting by the true poses.  # (M,)"""
-    pose = true_poses(truth, seen.view_names)[seen.view]
+    pose = truth.poses_of(seen.view_names)[seen.view]
     position = seen.points.position_mm[seen.point]
     normal = seen.points.plane[seen.points.face[seen.point], :3]
     eye = -np.einsum("mji,mj->mi", pose[:, :3, :3], pose[:, :3, 3])
@@ -295,7 +295,7 @@ def cases_of(study: PaperStudy) -> Iterator[CaseSpec]:
         target = load_target(path)
         found = read_detections(study.detections_path(photos), target, target_path=path)
         seen = observations_from_detections(found, target, origin=str(study.detections_path(photos)))
-        truth = read_truth(study.photo_folder(photos) / TRUTH_FILE)
+        truth = TRUTH.read(study.photo_folder(photos) / TRUTH_FILE)
         angle_deg = incidence_deg(seen, truth)
         for sightings, limit_deg in LIMITS_DEG.items():
             pool = make_pool(only(seen, angle_deg <= limit_deg), MODEL, AS_THE_PAPER, truth)

@@ -171,7 +171,7 @@ def _decode(hint: object, value: JsonValue, place: str, sizes: dict[str, int]) -
     null = _find(marks, NullIs)
     origin, inner = get_origin(base), get_args(base)
     decoded: object
-    if value is None and null is not None:
+    if value is None and null is not None and base is float:
         return null.value
     if origin in (Union, types.UnionType):
         return _decode_union(inner, value, place, sizes)

@@ -18,7 +18,7 @@ import numpy as np
 from calib.core.types import Observations, keep_views
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import evaluate
-from calib.observe.truth import Truth, read_truth
+from calib.renderer.truth import TRUTH, Truth
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.studies.paper_study import (
@@ -47,7 +47,7 @@ def study(target: TargetGeometry, photos: PhotoSet, folder: Path, weightings: Se
     """Detect, solve, detect again with the camera, solve and evaluate; print a line each."""
     jobs = os.cpu_count() or 1
     photograph(photos, target, folder, jobs=jobs, tell=nobody)
-    truth = read_truth(folder / "truth.json")
+    truth = TRUTH.read(folder / "truth.json")
     found = photos_in(folder)
     unaided = sightings(search(target, found, None, jobs=jobs, tell=nobody), target, folder)
     camera = solve(unaided, "opencv").camera

@@ -22,7 +22,7 @@ import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
-from calib.observe.truth import Truth  # noqa: E402
+from calib.renderer.truth import Truth, true_views  # noqa: E402
 from calib.solver.blocks import RobustLoss, view_blocks  # noqa: E402
 from calib.solver.calibration import Calibration  # noqa: E402
 from calib.solver.levenberg import move_poses, turn_of_centre  # noqa: E402
@@ -66,7 +66,7 @@ def make(target: Target, model: str) -> tuple[Pool, float]:
     points = board(21, 21, 10.0) if target.name == "board" else icosahedron(100.0, 8)
     poses = poses_around(VIEWS, rng, half_angle_deg=target.half_angle_deg)
     seen = observe(CAMERAS[model], points, poses, rng, noise_px=NOISE_PX)
-    truth = Truth(CAMERAS[model], seen.points.geometry_id, seen.view_names, poses)
+    truth = Truth(seen.points.geometry_id, CAMERAS[model], true_views(seen.view_names, poses))
     begin = time.perf_counter()
     pool = make_pool(seen, model, SolveOptions(), truth)
     return pool, time.perf_counter() - begin

@@ -113,6 +113,20 @@ def read_or_refuse(kind: FileKind[object], path: Path) -> None:
         assert same(kind.of(json.loads(kind.text(value)), "again"), value)
 
 
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_null_in_the_place_of_any_value_reads_or_is_refused(name: str, tmp_path: Path) -> None:
+    """Null for a number, a whole array, an object: a value of the type, or one line."""
+    kind, path = kinds()[name], tmp_path / "file.json"
+    for *above, last in places(name)[1:]:
+        document = kind.document(EXAMPLES[name]())
+        parent: object = document
+        for key in above:
+            parent = parent[key]
+        parent[last] = None
+        path.write_text(json.dumps(document))
+        read_or_refuse(kind, path)
+
+
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_tampered_file_reads_or_is_refused_in_one_line(tmp_path: Path, data: st.DataObject) -> None:

@@ -15,13 +15,13 @@ from calib.metrics.errors import ErrorSummary
 from calib.observe.records import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
 from calib.records.as_built_file import AsBuiltRecord, SolvedCamera
-from calib.records.calibration_file import CalibrationRecord, MadeWith, Provenance, SolvedView, TargetPart
+from calib.records.calibration_file import CalibrationRecord, Provenance, SolvedView
 from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
-from calib.renderer.job import FileOptions, RenderRecord, TrueView
 from calib.renderer.options import RenderOptions
+from calib.renderer.truth import FileOptions, TrueView, Truth
 from calib.show.parts.origin import Origin
 from calib.show.photos.photos_file import ToldPhoto, ToldPhotos, ToldSection
-from calib.solver.calibration import ImageField
+from calib.solver.calibration import ImageField, MadeWith, TargetError
 from calib.solver.options import SolveOptions
 from calib.studies.compare.cases import Plan
 from calib.studies.compare.results import CaseRow, ComparisonTable, Explanation
@@ -88,9 +88,9 @@ def _records() -> Records:
     return Records("test 1", "l1", "g1", (photo, replace(photo, image_size=None, faces=(), failure="no image")), "g2")
 
 
-def _truth() -> RenderRecord:
+def _truth() -> Truth:
     views = (TrueView("view_0000.png", POSE), TrueView("view_0001.png", np.eye(4)))
-    return RenderRecord("g1", PINHOLE, views, 7, "l1", RenderOptions(blur_px=0.7), FileOptions("png", 95))
+    return Truth("g1", PINHOLE, views, 7, "l1", RenderOptions(blur_px=0.7), FileOptions("png", 95))
 
 
 def _metrics() -> Metrics:
@@ -169,7 +169,7 @@ def _calibration() -> CalibrationRecord:
         provenance=Provenance("ringsolid 1.0", "l1", "g1", 3, SolveOptions(fixed=(("k1", None),)), (("model", "all"),)),
         status="converged", remarks=("a remark",), iterations=5, seconds=0.1, scale=math.nan, weighted=True,
         fixed=("cx_px",), camera=PINHOLE, param_covariance=gaps,
-        target_error=TargetPart("pla", "", np.eye(4), made), image_field=ImageField(0.1, np.eye(4) / 3),
+        target_error=TargetError("pla", "", np.eye(4), made), image_field=ImageField(0.1, np.eye(4) / 3),
         geometry_id="g1", observations_sha256="abc", planes=plane, points=((0.1, 1e-300, -0.0, 0), (1.0, 2.0, 3.0, -1)),
         views=(SolvedView("a b.png", POSE, np.full((6, 6), math.nan)),),
     )  # fmt: skip

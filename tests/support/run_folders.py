@@ -12,9 +12,9 @@ from calib.core.files import distinct_stems, write_files
 from calib.core.types import FaceRecord
 from calib.metrics.evaluation import evaluate
 from calib.observe.records import RECORDS, ImageRecord, Records
-from calib.observe.truth import Truth
 from calib.records.calibration_file import Provenance, write_calibration
 from calib.records.evaluation_files import evaluation_files
+from calib.renderer.truth import Truth
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from calib.core.number_text import figure
-from designer.base.words import capital, printable
+from designer.base.words import printable
 from designer.page.blocks import (
     Block,
     Cell,
@@ -23,7 +23,6 @@ from designer.page.blocks import (
 
 DEFAULT_NAME = "calibration"
 """How `calib run` calls its folder: it says nothing, so the folder around it is named too."""
-LONGEST_SUBJECT = 60
 MOST_LINES = 20
 """Of one kind, on a page."""
 
@@ -82,27 +81,6 @@ def some_of(lines: Sequence[str], most: int = MOST_LINES) -> list[str]:
     """The first of very many lines, and how many more there are."""
     more = [f"{len(lines) - most} more"] if len(lines) > most else []
     return [*lines[:most], *more]
-
-
-def notes(lines: Sequence[str]) -> tuple[Block, ...]:
-    """Lines that a study says of itself: `subject: what`, those of one subject together; nothing if there are none."""
-    by_subject: dict[str, list[str]] = {}
-    for line in lines:
-        subject, colon, text = line.partition(": ")
-        has_subject = bool(colon) and len(subject) <= LONGEST_SUBJECT
-        by_subject.setdefault(subject if has_subject else "", []).append(_sentence(text if has_subject else line))
-    rows = [
-        Finding("note", subject if "_" in subject else capital(subject), " ".join(texts))
-        for subject, texts in by_subject.items()
-        if subject
-    ]
-    rows += [Finding("note", "", text) for text in by_subject.get("", [])]
-    return (Findings(tuple(rows)),) if rows else ()
-
-
-def _sentence(text: str) -> str:
-    start = text if text.startswith("sqrt(") else capital(text)
-    return start + ("" if text.endswith(".") else ".")
 
 
 def file_list(folder: Path, purposes: Sequence[tuple[str, str]]) -> FileList:

@@ -10,9 +10,10 @@ from calib.core.number_text import figure as digits
 from calib.core.types import LEAST_RADIUS_PX
 from calib.detector.candidates import MIN_RADIUS_PX
 from calib.renderer.faces import ring_truth
-from calib.renderer.job import TRUTH_FILE, RenderJob
+from calib.renderer.job import RenderJob
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import scene_from_target
+from calib.renderer.truth import TRUTH_FILE
 from calib.show.parts.folder_blocks import number, whole
 from calib.show.parts.kept_target import TARGET_FILE, target_words
 from calib.show.photos.photos_file import PHOTOS_FILE, ToldPhoto, ToldPhotos, ToldSection

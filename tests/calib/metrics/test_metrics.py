@@ -18,7 +18,7 @@ from calib.metrics import METRICS
 from calib.metrics.errors import Errors, ErrorSummary, centers_mm, predict, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation, by_face, by_point, by_view, evaluate, evaluate_held_out
 from calib.observe.observations import known_points
-from calib.observe.truth import Truth
+from calib.renderer.truth import Truth, true_views
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
@@ -57,7 +57,7 @@ def errors_of(calibration: Calibration, metric: str, true: NDArray[np.float64] |
 def truth_of(calibration: Calibration, poses: NDArray[np.float64]) -> Truth:
     """A truth with other poses."""
     seen = calibration.observations
-    return Truth(calibration.camera, seen.points.geometry_id, seen.view_names, poses)
+    return Truth(seen.points.geometry_id, calibration.camera, true_views(seen.view_names, poses))
 
 
 @pytest.mark.parametrize("model", ["opencv", "luhmann", "pinhole"])
@@ -299,7 +299,7 @@ def test_views_without_truth_have_no_pose_error() -> None:
     """Truth is matched by file name; a view that it does not know is counted as such, and a remark says so."""
     calibration = example(BOARD, np.random.default_rng(9), views=4)
     names = calibration.observations.view_names
-    truth = Truth(calibration.camera, "other", names[2:1:-1], calibration.cam_from_target[2:1:-1])
+    truth = Truth("other", calibration.camera, true_views(names[2:1:-1], calibration.cam_from_target[2:1:-1]))
     found = evaluate(calibration, truth)
     pose = found.of("pose")
     assert pose is not None
@@ -307,7 +307,7 @@ def test_views_without_truth_have_no_pose_error() -> None:
     assert pose.is_counted.tolist() == [False, False, True, False]
     assert len(found.remarks) == 2
     with pytest.raises(InputError, match="none of which was calibrated with"):
-        evaluate(calibration, replace(truth, files=("x.png",)))
+        evaluate(calibration, replace(truth, views=true_views(["x.png"], np.eye(4)[None])))
 
 
 def test_without_truth_there_is_no_pose_error() -> None:

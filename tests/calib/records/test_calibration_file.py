@@ -20,11 +20,9 @@ from calib.core.files import write_files
 from calib.core.types import KnownPoints
 from calib.records.calibration_file import Provenance, read_calibration, write_calibration
 from calib.records.observation_table import COLUMNS, FIRST_LINE, read_sightings
-from calib.solver.calibration import Calibration, ImageField, TargetError
+from calib.solver.calibration import Calibration, ImageField, MadeWith, TargetError
 from calib.solver.options import SolveOptions
 from designer.base.errors import InputError
-from designer.tolerance.model import ErrorModel
-from designer.tolerance.source import Amount
 from tests.support.calibrations import board, example
 
 BOARD = board(5, 4)
@@ -102,9 +100,7 @@ def test_views_may_have_any_file_names(names: list[str], tmp_path: Path) -> None
 
 def test_what_the_target_may_be_off_is_kept(tmp_path: Path) -> None:
     """The way of making with its errors and covariance comes back; files without them know nothing of it."""
-    errors = ErrorModel(
-        "mine", "", (("warp", Amount("uniform", 0.1 / 3)), ("thermal", Amount("fixed", -5.0))), 7e-5, 0.2
-    )
+    errors = MadeWith((("warp", "uniform", 0.1 / 3), ("thermal", "fixed", -5.0)), 7e-5, 0.2)
     one = replace(calibration(), target_error=TargetError("mine", "its file says so", 0.1 * np.eye(9), errors))
     one = replace(one, image_field=ImageField(0.02, 0.3 * np.eye(9)))
     path = written(tmp_path, one)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from calib.core.se3 import exp_rotation, make_pose, rigid_fault
-from calib.observe.truth import Truth, read_truth, true_poses
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
+from calib.renderer.truth import TRUTH, Truth
 from designer.base.errors import InputError
 from tests.support.calibrations import board, camera, poses_around
 
@@ -21,7 +21,7 @@ TEXT = truth_text(RenderJob(TARGET, CAMERA, POSES, RenderOptions(blur_px=0.7), s
 def truth_of(path: Path, text: str) -> Truth:
     """The truth in a text."""
     path.write_text(text)
-    return read_truth(path)
+    return TRUTH.read(path)
 
 
 def test_what_render_writes_is_read(tmp_path: Path) -> None:
@@ -29,7 +29,7 @@ def test_what_render_writes_is_read(tmp_path: Path) -> None:
     truth = truth_of(tmp_path / "truth.json", TEXT)
     assert truth.files == ("view_0000.png", "view_0001.png", "view_0002.png")
     assert truth.geometry_id == TARGET.geometry_id
-    assert truth.cam_from_target.tobytes() == POSES.tobytes()
+    assert truth.poses_of(truth.files).tobytes() == POSES.tobytes()
     assert (truth.camera.model, truth.camera.image_size) == (CAMERA.model, CAMERA.image_size)
     assert truth.camera.params.tobytes() == CAMERA.params.tobytes()
 
@@ -37,7 +37,7 @@ def test_what_render_writes_is_read(tmp_path: Path) -> None:
 def test_views_are_matched_by_file_name(tmp_path: Path) -> None:
     """Order and number may differ; a view that the truth does not hold has nan."""
     truth = truth_of(tmp_path / "truth.json", TEXT)
-    poses = true_poses(truth, ("view_0002.png", "other.png", "view_0000.png"))
+    poses = truth.poses_of(("view_0002.png", "other.png", "view_0000.png"))
     assert np.array_equal(poses[[0, 2]], POSES[[2, 0]])
     assert np.isnan(poses[1]).all()
 
@@ -91,7 +91,7 @@ def test_anything_else_is_refused(text: str, rule: str, tmp_path: Path) -> None:
     path = tmp_path / "truth.json"
     path.write_text(text)
     with pytest.raises(InputError) as caught:
-        read_truth(path)
+        TRUTH.read(path)
     message = str(caught.value)
     assert message.startswith(str(path))
     assert rule in message
@@ -102,9 +102,9 @@ def test_anything_else_is_refused(text: str, rule: str, tmp_path: Path) -> None:
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
     """By its name."""
     with pytest.raises(InputError, match=r"truth\.json: cannot be read"):
-        read_truth(tmp_path / "truth.json")
+        TRUTH.read(tmp_path / "truth.json")
     with pytest.raises(InputError, match="not a regular file"):
-        read_truth(tmp_path)
+        TRUTH.read(tmp_path)
 
 
 def test_rotations_of_any_angle_are_rigid() -> None:
@@ -120,6 +120,6 @@ def test_rotations_of_any_angle_are_rigid() -> None:
 def test_photos_that_were_not_rendered_are_real(tmp_path: Path) -> None:
     """A photo beside rendered ones, that their truth does not name, is no photo of an exact target."""
     (tmp_path / "truth.json").write_text(altered())
-    truth = read_truth(tmp_path / "truth.json")
+    truth = TRUTH.read(tmp_path / "truth.json")
     assert truth.rendered_id(truth.files) == truth.geometry_id
     assert truth.rendered_id([*truth.files, "mine.png"]) == ""

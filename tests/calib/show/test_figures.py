@@ -19,7 +19,7 @@ from calib.figures.style import picture, round_length
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of, columns_rows, residuals_of
 from calib.observe.observations import known_points
-from calib.observe.truth import Truth
+from calib.renderer.truth import Truth, true_views
 from calib.solver.calibration import Calibration
 from tests.support.calibrations import board, calibration_of, camera, example, icosahedron, poses_around, seen_by
 
@@ -67,7 +67,7 @@ def tiny(seed: int) -> Evaluation:
     one = example(BOARD, np.random.default_rng(seed), noise_px=0.003)
     moved = one.cam_from_target.copy()
     moved[:, :3, :3] = exp_rotation(np.array([1e-6, 0.0, 0.0])) @ moved[:, :3, :3]
-    return evaluate(one, Truth(one.camera, "", one.observations.view_names, moved))
+    return evaluate(one, Truth("", one.camera, true_views(one.observations.view_names, moved)))
 
 
 def test_the_same_data_makes_the_same_picture() -> None:

@@ -13,8 +13,8 @@ from calib.cameras.camera import Camera
 from calib.figures.sigma_map import place_in_image
 from calib.metrics.errors import centers_mm
 from calib.observe.observations import known_points
-from calib.observe.truth import Truth
 from calib.records.run_folder import judge_again, read_run
+from calib.renderer.truth import Truth, true_views
 from calib.show.parts.origin import Origin
 from calib.show.run.calibration_page import calibration_page
 from calib.show.run.camera_scene import camera_view, corner_rays
@@ -44,7 +44,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("kept") / "run"
     every = solved()
     one = every[0]
-    truth = Truth(one.camera, "", one.observations.view_names, one.cam_from_target)
+    truth = Truth("", one.camera, true_views(one.observations.view_names, one.cam_from_target))
     write_run(folder, every, truth=truth)
     write_overlays(folder, one.observations.view_names)
     return folder

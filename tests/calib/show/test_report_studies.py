@@ -137,7 +137,7 @@ def test_texts_stay_texts(kind: str, tmp_path: Path) -> None:
     """Names and remarks with markup in them are shown as they are, and do nothing."""
     names = frozenset((
         "target", "notes", "reasons", "claim", "evidence", "elsewhere", "setting", "sentences", "amount", "why",
-        "sources_of_amounts", "settings", "remarks", "program", "face_verdict", "camera", "sampling",
+        "sources_of_amounts", "settings", "remarks", "program", "camera", "sampling",
     ))  # fmt: skip
     files = dict(FOLDERS[kind]())
     files[TABLES[kind]] = json.dumps(with_markup(json.loads(files[TABLES[kind]]), names)).encode()

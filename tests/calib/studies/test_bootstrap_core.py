@@ -17,7 +17,7 @@ from calib.metrics.intersection import intersection
 from calib.metrics.pose import pose
 from calib.metrics.reconstruction import reconstruction
 from calib.metrics.reprojection import reprojection
-from calib.observe.truth import Truth
+from calib.renderer.truth import Truth, true_views
 from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
@@ -46,7 +46,7 @@ def scene(target: str, model: str, noise_px: float = 0.1) -> tuple[Observations,
     rng = np.random.default_rng(5)
     poses = poses_around(VIEWS, rng, half_angle_deg=HALF_ANGLE_DEG[target])
     seen = observe(CAMERAS[model], TARGETS[target], poses, rng, noise_px=noise_px)
-    return seen, Truth(CAMERAS[model], seen.points.geometry_id, seen.view_names, poses)
+    return seen, Truth(seen.points.geometry_id, CAMERAS[model], true_views(seen.view_names, poses))
 
 
 def pool_of(target: str, model: str, options: SolveOptions | None = None) -> Pool:
@@ -313,7 +313,12 @@ def test_views_without_truth_in_the_pool_are_refused_if_none_is_known() -> None:
     """A truth of other photos is an error at once, not a column of nan after an hour."""
     seen, truth = scene("board", "opencv")
     with pytest.raises(InputError, match="truth"):
-        make_pool(seen, "opencv", SolveOptions(), replace(truth, files=tuple(f"other{n}" for n in range(VIEWS))))
+        make_pool(
+            seen,
+            "opencv",
+            SolveOptions(),
+            replace(truth, views=tuple(replace(view, file=f"other {view.file}") for view in truth.views)),
+        )
 
 
 def test_a_target_far_from_its_origin_changes_nothing() -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import camera_to_json
 from calib.observe.observations import known_points
-from calib.observe.truth import read_truth
+from calib.renderer.truth import TRUTH
 from calib.studies import paper_study
 from calib.studies.paper_table import TARGETS, paper_value
 from designer.kinds.board import BoardSpec
@@ -155,7 +155,7 @@ def test_incidence_is_the_angle_at_the_ring() -> None:
     """Of a camera that stands `h` above the plane, `r` beside the ring's normal, it is the arc tangent of r / h."""
     points = known_points(BOARD)
     seen = replace(SEEN, points=points)
-    truth = read_truth(Path("truth.json"))
+    truth = TRUTH.read(Path("truth.json"))
     pose = TRUE.cam_from_target[seen.view]
     eye = np.array([np.linalg.solve(one, [0, 0, 0, 1])[:3] for one in pose])
     beside: NDArray[np.float64] = np.linalg.norm((eye - points.position_mm[seen.point])[:, :2], axis=1)
