@@ -111,6 +111,17 @@ def pseudo_inverse(design: Array) -> Array:
     return inverse
 
 
+def sums_by(group: NDArray[np.int64], rows: Array, count: int) -> Array:
+    """Sums (count, D) of the rows (N, D) of each group (N,)."""
+    return np.stack([np.bincount(group, column, count) for column in rows.T], axis=1)
+
+
+def worse_sigma(covariance: Array) -> Array:
+    """Standard deviations (N,) along the worse axes of covariances (N, 2, 2)."""
+    sigma: Array = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, 1], 0.0))
+    return sigma
+
+
 def _unit_diagonal(matrix: Array) -> tuple[Array, Array]:
     """`D A D` with a diagonal of ones, and D's diagonal (..., N); zero where A's is not positive."""
     diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)

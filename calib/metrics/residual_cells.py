@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.linear_algebra import sums_by
 from calib.metrics.evaluation import Evaluation
 
 Array = NDArray[np.float64]
@@ -78,7 +79,7 @@ def cells_of(image_size: tuple[int, int], pixel: Array, residual_px: Array, shap
     row = np.clip(np.searchsorted(edge_v, pixel[:, 1], side="right") - 1, 0, rows - 1)
     cell = row * columns + column
     count = np.bincount(cell, minlength=rows * columns)
-    total = np.stack([np.bincount(cell, residual_px[:, k], rows * columns) for k in range(2)], axis=1)
+    total = sums_by(cell, residual_px, rows * columns)
     mean = total / np.where(count >= LEAST_PER_CELL, count, np.nan)[:, None]
     degrees = len(cell) - int((count > 0).sum())
     scatter = residual_px - (total / np.maximum(count, 1)[:, None])[cell]

@@ -5,6 +5,7 @@ rotation that best explains it over the image is taken off, as mrcal does ("proj
 infinity: what remains is the error of the angles between directions.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from calib.cameras import linearise, parameter_names, rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
-from calib.core.linear_algebra import least_squares
+from calib.core.linear_algebra import least_squares, worse_sigma
 from calib.core.types import Observations
 from calib.solver.levenberg import Minimum
 from calib.solver.linear_pose import FLAT
@@ -124,15 +125,24 @@ def projected_sigma_px(camera: Camera, param_covariance: Array, pixel: Array) ->
     """Standard deviations (N,) of the same along their worse axes."""
     covariance = projected_covariance_px2(camera, param_covariance, pixel)
     known: NDArray[np.bool_] = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
-    largest = np.linalg.eigvalsh(np.where(known[:, None, None], covariance, 0.0))[:, 1]
-    return np.where(known, np.sqrt(np.maximum(largest, 0.0)), np.nan)
+    return np.where(known, worse_sigma(np.where(known[:, None, None], covariance, 0.0)), np.nan)
 
 
 def sigma_over_image_px(camera: Camera, param_covariance: Array) -> float:
     """What 95 % of the image stays within; infinite if less of it is known."""
-    sigma = projected_sigma_px(camera, param_covariance, image_grid(camera.image_size).reshape(-1, 2))
-    everywhere = np.where(np.isfinite(sigma), sigma, np.inf)
-    return float(np.percentile(everywhere, SHARE_PERCENT, method="inverted_cdf"))
+    return share_px(projected_sigma_px(camera, param_covariance, image_grid(camera.image_size).reshape(-1, 2)))
+
+
+def share_px(sigma: Array, pixels: int = 0) -> float:
+    """What 95 % of a map of deviations stays within; infinite if less of it is known, nan without a map.
+
+    Args:
+        sigma: of what is known.
+        pixels: of the whole map, if those that are not known were left out.
+    """
+    everywhere = np.full(max(len(sigma), pixels), np.inf)
+    everywhere[: len(sigma)] = np.where(np.isfinite(sigma), sigma, np.inf)
+    return float(np.percentile(everywhere, SHARE_PERCENT, method="inverted_cdf")) if len(everywhere) else math.nan
 
 
 def _derivatives(camera: Camera, pixel: Array) -> tuple[Array, Array]:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from calib.cameras import linearise, project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
-from calib.core.linear_algebra import least_squares
+from calib.core.linear_algebra import least_squares, worse_sigma
 from calib.core.types import frozen_array
+from calib.solver.accuracy import SHARE_PERCENT
 from calib.verdict.coverage import Coverage
 from designer.base.errors import InputError
 from designer.base.marks import Shape
@@ -73,7 +74,7 @@ class Apart:
     @property
     def percentile_95_px(self) -> float:
         """What 95 % of the area differ by at most."""
-        return float(np.percentile(self.length_px[self.is_known], 95))
+        return float(np.percentile(self.length_px[self.is_known], SHARE_PERCENT))
 
     @property
     def ratio(self) -> float:
@@ -137,11 +138,7 @@ def sigma_over(known: Known, coverage: Coverage) -> Array:
     """Standard deviations (N,) along their worse axes over the covered cells, less the best turn of these."""
     none = np.zeros(len(known.camera.params))
     _, covariance = moved_over(known.camera, none, known.param_covariance, coverage)
-    if not len(covariance):
-        return np.zeros(0)
-    largest = np.linalg.eigvalsh(covariance)[:, 1]
-    sigma: Array = np.sqrt(np.maximum(largest, 0.0))
-    return sigma
+    return worse_sigma(covariance)
 
 
 def moved_over(camera: Camera, step: Array, covariance: Array, coverage: Coverage) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
-from calib.core.se3 import exp_rotation, make_pose
+from calib.core.se3 import exp_rotation, make_pose, transform
 from calib.solver.calibration import Calibration
 from calib.verdict.views import Habits, TargetShape, facing, pitch_px
 
@@ -92,14 +92,12 @@ def candidates_of(calibration: Calibration, shape: TargetShape, habits: Habits) 
     overshoots = (0.0, OVERSHOOT) if not shape.is_flat else tuple({0.0, round(0.7 * (1 - habits.face_share), 2)})
     places = np.array([(*place, over) for over in overshoots for place in PLACES if not over or 1 in np.abs(place)])
     t, d, p = (x.ravel() for x in np.indices((len(turns.rotation), DISTANCES, len(places))))
-    made = CandidateViews(
-        np.tile(np.eye(4), (len(t), 1, 1)), places[p, :2], distances[d], turns.tilt_deg[t], turns.away[t],
-        turns.is_upright[t], turns.like_view[t],
-    )  # fmt: skip
-    pose, ok = _placed(calibration.camera, shape, turns.rotation[t], turns.sight[t], made, places[p, 2])
+    pose, ok = _placed(calibration.camera, shape, turns.rotation[t], turns.sight[t], places[p], distances[d])
+    t, d, p = t[ok], d[ok], p[ok]
     return CandidateViews(
-        pose, made.place, made.distance_mm, made.tilt_deg, made.away, made.is_upright, made.like_view
-    )[ok]
+        pose[ok], places[p, :2], distances[d], turns.tilt_deg[t], turns.away[t], turns.is_upright[t],
+        turns.like_view[t],
+    )  # fmt: skip
 
 
 def _flat_turns(shape: TargetShape) -> _Turns:
@@ -126,7 +124,7 @@ def _turns_of_views(calibration: Calibration, shape: TargetShape) -> _Turns:
     count = len(calibration.cam_from_target)
     views = np.unique(np.linspace(0, count - 1, min(count, MOST_LIKE)).round().astype(np.int64))
     pose = calibration.cam_from_target[views]
-    sight = pose[:, :3, :3] @ shape.center_mm + pose[:, :3, 3]
+    sight = transform(pose, shape.center_mm)
     return _Turns(
         pose[:, :3, :3],
         sight / np.linalg.norm(sight, axis=1, keepdims=True),
@@ -138,16 +136,17 @@ def _turns_of_views(calibration: Calibration, shape: TargetShape) -> _Turns:
 
 
 def _placed(
-    camera: Camera, shape: TargetShape, rotation: Array, sight: Array, wanted: CandidateViews, overshoot: Array
+    camera: Camera, shape: TargetShape, rotation: Array, sight: Array, wanted: Array, distance_mm: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Poses whose box in the image is where it is wanted, and which of them there are.
 
-    The target is aimed at, its box looked at and the aim moved by what is missing, a few times.
+    The target is aimed at, its box looked at and the aim moved by what is missing, a few times. What is wanted are a
+    place and an overshoot, (C, 3).
     """
+    place, overshoot = wanted[:, :2], wanted[:, 2:]
     width, height = camera.image_size
     size = np.array([width, height], dtype=np.float64)
     aim = np.tile(0.5 * (size - 1), (len(rotation), 1))
-    keeps_tilt = shape.is_flat
     pose = np.tile(np.eye(4), (len(rotation), 1, 1))
     ok = np.ones(len(rotation), dtype=bool)
     span = np.zeros_like(aim)
@@ -156,8 +155,8 @@ def _placed(
         ok &= np.isfinite(ray).all(axis=1)
         ray = np.where(ok[:, None], ray, [0.0, 0.0, 1.0])
         ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-        turned = rotation if keeps_tilt else _between(sight, ray) @ rotation
-        middle = wanted.distance_mm[:, None] * ray
+        turned = rotation if shape.is_flat else _between(sight, ray) @ rotation
+        middle = distance_mm[:, None] * ray
         pose = make_pose(turned, middle - turned @ shape.center_mm)
         if step == PLACING_STEPS - 1:
             break
@@ -166,9 +165,9 @@ def _placed(
         low, high = (np.where(ok[:, None], x, aim) for x in (low, high))
         span = high - low
         margin = MARGIN_PITCHES * shape.pitch_mm * camera.params[0] / np.maximum(middle[:, 2], 1e-9)
-        room = 0.5 * np.maximum(size - 1 - span - 2 * margin[:, None], 0.0) + overshoot[:, None] * span
-        aim += 0.5 * (size - 1) + wanted.place * room - 0.5 * (low + high)
-    has_room = (size - span > LITTLE_ROOM * size) | (overshoot[:, None] > 0) | (wanted.place == 0)
+        room = 0.5 * np.maximum(size - 1 - span - 2 * margin[:, None], 0.0) + overshoot * span
+        aim += 0.5 * (size - 1) + place * room - 0.5 * (low + high)
+    has_room = (size - span > LITTLE_ROOM * size) | (overshoot > 0) | (place == 0)
     return pose, ok & has_room.all(axis=1) & (pose[:, 2, 3] > 0)
 
 
@@ -182,9 +181,8 @@ def _between(first: Array, second: Array) -> Array:
 
 def faces_seen(shape: TargetShape, pose: Array) -> tuple[NDArray[np.bool_], Array, Array]:
     """Which faces look at the camera (C, F), and their middles and normals in its frame (C, F, 3)."""
-    rotation = pose[:, None, :3, :3]
-    normal = (rotation @ shape.normal[None, :, :, None])[..., 0]
-    place = (rotation @ shape.middle_mm[None, :, :, None])[..., 0] + pose[:, None, :3, 3]
+    normal = (pose[:, None, :3, :3] @ shape.normal[:, :, None])[..., 0]
+    place = transform(pose[:, None], shape.middle_mm)
     with np.errstate(invalid="ignore"):
         seen: NDArray[np.bool_] = facing(place, normal) > np.cos(np.radians(LARGEST_INCIDENCE_DEG))
     return seen, place, normal
@@ -193,8 +191,7 @@ def faces_seen(shape: TargetShape, pose: Array) -> tuple[NDArray[np.bool_], Arra
 def _box(camera: Camera, shape: TargetShape, pose: Array) -> tuple[Array, Array]:
     """The corners (C, 2) of the box in the image around the faces that look at the camera; nan without any."""
     rows = np.concatenate(shape.corner)
-    at = (pose[:, None, :3, :3] @ shape.position_mm[rows][None, :, :, None])[..., 0] + pose[:, None, :3, 3]
-    pixel = project(camera, at)
+    pixel = project(camera, transform(pose[:, None], shape.position_mm[rows]))
     shown = faces_seen(shape, pose)[0][:, shape.face[rows]]
     known = shown & np.isfinite(pixel).all(axis=2)
     ok = known.any(axis=1) & (known == shown).all(axis=1)
@@ -230,8 +227,7 @@ def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, ro
         turned &= pitch_px(focal, shape, place, normal) >= habits.pitch_px * (1 - 1e-9)
         margin = PLACED_WITHIN * MARGIN_PITCHES * shape.pitch_mm * focal / np.maximum(place[..., 2], 1e-9)
     face = shape.face[rows]
-    at = (pose[:, None, :3, :3] @ shape.position_mm[rows][None, :, :, None])[..., 0] + pose[:, None, :3, 3]
-    pixel = project(camera, at)
+    pixel = project(camera, transform(pose[:, None], shape.position_mm[rows]))
     last = np.array(camera.image_size, dtype=np.float64) - 1
     edge = margin[:, face, None]
     with np.errstate(invalid="ignore"):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import covariance_with_prior
+from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration
 from calib.verdict.candidate_views import CandidateViews, ShownPoints, candidates_of, shown_in
 from calib.verdict.coverage import coverage, coverage_of
@@ -29,7 +30,6 @@ from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
 
-SHARE_PERCENT = 95.0
 COARSE_MAP = (16, 12)
 """Pixels of the map that candidates are compared by; the deviation that is stated is over the usual grid."""
 POINTS_COMPARED = 240
@@ -62,6 +62,7 @@ class ViewChoice:
     candidates: CandidateViews
     information: Array  # (C, Q, Q) of each, from some of the points
     covers: NDArray[np.bool_]  # (C, K) cells of the image that each shows a point in
+    change: Array  # (N, 2, Q) how q moves the coarse map
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,10 @@ def scene_of(
     stated = stated_error(known, calibration, factor, prior)
     on_face = calibration.observations.points.face >= 0
     modes_mm = np.zeros((0, len(shape.face), 3)) if stated.modes_mm is None else stated.modes_mm[:, on_face]
-    return ViewChoice(known, stated, modes_mm, shape, habits, candidates[ok], information, covers[ok])
+    return ViewChoice(
+        known, stated, modes_mm, shape, habits, candidates[ok], information, covers[ok],
+        image_change(known, *COARSE_MAP),
+    )  # fmt: skip
 
 
 def start_of(scene: ViewChoice, calibration: Calibration) -> SoFar:
@@ -136,18 +140,23 @@ def new_area(so_far: SoFar, area: NDArray[np.bool_]) -> float:
 
 def for_accuracy(scene: ViewChoice, so_far: SoFar) -> Iterator[CandidatePhoto]:
     """Photos that make the camera best known by the noise, the best first."""
-    change = image_change(scene.known, *COARSE_MAP)
-    flat = change.reshape(-1, change.shape[2])
-    mean_square = flat.T @ flat / len(change)
+    flat = scene.change.reshape(-1, scene.change.shape[2])
+    mean_square = flat.T @ flat / len(scene.change)
     nothing_new = 1 - _new_cells(scene, so_far)
     effort = _effort(scene, so_far) * (1 + WORTH_OF_NEW * nothing_new)
     size = scene.known.basis.shape[1]
     after = covariance_with_prior(so_far.told[:size, :size] + scene.information)
     square = np.einsum("cij,ji->c", after, mean_square)
     best = np.argsort(square * effort**2, kind="stable")[:COMPARED_IN_FULL]
-    share = np.percentile(sigma_px(change, after[best]), SHARE_PERCENT, axis=1)
+    share = compared_px(scene, after[best])
     order = best[np.argsort(share * effort[best], kind="stable")]
     return (in_full(scene, row) for row in order[:TRIED].tolist())
+
+
+def compared_px(scene: ViewChoice, covariance: Array) -> Array:
+    """What 95 % of the coarse map stays within, for several covariances of q (C, Q, Q).  # (C,)"""
+    share: Array = np.percentile(sigma_px(scene.change, covariance), SHARE_PERCENT, axis=1)
+    return share
 
 
 def for_coverage(scene: ViewChoice, so_far: SoFar) -> CandidatePhoto:

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import rays
-from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
+from calib.core.linear_algebra import sums_by
 from calib.metrics.errors import Errors, summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, residuals_of
-from calib.solver.accuracy import sigma_over_image_px
+from calib.solver.accuracy import share_px, sigma_over_image_px
 from calib.solver.calibration import Calibration, ImageField, Status, TargetError
 from calib.solver.outliers import deviations
 from calib.verdict.apart import Known, apart, sigma_over
@@ -23,7 +23,6 @@ from calib.verdict.target_shape import ShapeEffect, shape_effect
 
 Array = NDArray[np.float64]
 
-QUANTILE = 95
 LEAST_SHARE = 0.25
 """Of the residuals: a smaller systematic part blames nobody."""
 FAR_OFF = 4.0
@@ -124,16 +123,13 @@ def evidence_of(calibrations: Sequence[Calibration], best: int, halves: HalfSpli
     others = [one for row, one in enumerate(calibrations) if row != best]
     reason = judged.remarks[0] if judged.status != "converged" and judged.remarks else ""
     found = halves_apart(halves, covered)
+    factor = found.factor if isinstance(found, HalvesApart) else 1.0
     return CameraEvidence(
         judged.camera.model, judged.status, reason, judged.observations.view_count,
-        uncertainty_of(judged, covered, _factor(found)), covered, found, _leftover(evaluate(judged)),
+        uncertainty_of(judged, covered, factor), covered, found, _leftover(evaluate(judged)),
         shape_effect(judged, covered),
         tuple(_model_apart(judged, other, covered) for other in others),
     )  # fmt: skip
-
-
-def _factor(halves: HalvesApart | NoHalves) -> float:
-    return halves.factor if isinstance(halves, HalvesApart) else 1.0
 
 
 def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -> Uncertainty:
@@ -147,9 +143,7 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
     pixel = image_grid(calibration.camera.image_size).reshape(-1, 2)
     is_estimated = bool((np.diagonal(calibration.param_covariance) > 0).any())
     known = float(np.isfinite(rays(calibration.camera, pixel)).all(axis=1).mean())
-    image: float | None = None
-    inside: float | None = None
-    noise: float | None = None
+    image = inside = noise = math.nan
     camera, error, field = calibration.camera, calibration.target_error, calibration.image_field
     by_target = by_field = 0.0
     if is_estimated and np.isfinite(calibration.param_covariance).all():
@@ -157,30 +151,22 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
         covariance = factor**2 * calibration.param_covariance
         if error is not None:
             covariance = covariance + error.param_covariance
-            by_target = _over_image_px(camera, error.param_covariance) or 0.0
+            by_target = _if_known(sigma_over_image_px(camera, error.param_covariance)) or 0.0
         if field is not None:
             covariance = covariance + field.param_covariance
-            by_field = _over_image_px(camera, field.param_covariance) or 0.0
-        image, noise = _over_image_px(camera, covariance), _over_image_px(camera, calibration.param_covariance)
-        inside = _quantile(sigma_over(Known(camera, covariance), covered))
+            by_field = _if_known(sigma_over_image_px(camera, field.param_covariance)) or 0.0
+        image, noise = (sigma_over_image_px(camera, one) for one in (covariance, calibration.param_covariance))
+        inside = share_px(sigma_over(Known(camera, covariance), covered))
     is_exact = camera.learned is not None
     return Uncertainty(
-        image, inside, noise, by_target, error, known, is_estimated, is_exact, factor, field, by_field
+        _if_known(image), _if_known(inside), _if_known(noise), by_target, error, known, is_estimated, is_exact, factor,
+        field, by_field,
     )  # fmt: skip
 
 
-def _over_image_px(camera: Camera, covariance: Array) -> float | None:
-    """What 95 % of the image stays within; None if less of it is known."""
-    share = sigma_over_image_px(camera, covariance)
+def _if_known(share: float) -> float | None:
+    """What 95 % of a part of the image stays within; None if less of it is known."""
     return share if math.isfinite(share) else None
-
-
-def _quantile(values: Array) -> float | None:
-    """What 95 % are at most; None if that is not known."""
-    if not len(values):
-        return None
-    value = float(np.percentile(values, QUANTILE, method="inverted_cdf"))
-    return value if math.isfinite(value) else None
 
 
 def _leftover(evaluation: Evaluation) -> Leftover:
@@ -222,7 +208,7 @@ def _on_target(errors: Errors | None, rmse_px: float) -> float | None:
     counted = errors.is_counted
     vector, point = errors.vector[counted], errors.point[counted]
     count = np.bincount(point)
-    total = np.stack([np.bincount(point, vector[:, k], len(count)) for k in range(vector.shape[1])], axis=1)
+    total = sums_by(point, vector, len(count))
     enough = count >= LEAST_PER_CELL
     freedom = len(point) - int((count > 0).sum())
     if not enough.any() or freedom <= 0:

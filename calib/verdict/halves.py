@@ -12,8 +12,10 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.linear_algebra import sums_by
 from calib.core.parallel import one_thread
 from calib.core.types import Observations, keep_sightings, keep_views
+from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.verdict.apart import Known, apart
@@ -25,7 +27,6 @@ from designer.base.marks import INLINE, Key, Length
 Array = NDArray[np.float64]
 
 LEAST_VIEWS = 4
-QUANTILE = 95
 BY_CHANCE_APART = 1.35
 """A ratio of halves that honest standard deviations exceed in 1 of 20 runs with 6 to 20 photos (simulated)."""
 MOST_VIEWS = 100_000
@@ -148,7 +149,7 @@ def halves_apart(halves: HalfSplit, coverage: Coverage) -> HalvesApart | NoHalve
         float(np.sqrt(np.mean([getattr(one, name) ** 2 for one in found]))) for name in ("ratio", "rms_px", "stated_px")
     )
     known = length[np.isfinite(length)]
-    within = float(np.percentile(known, QUANTILE)) if len(known) else rms
+    within = float(np.percentile(known, SHARE_PERCENT)) if len(known) else rms
     return HalvesApart(ratio, rms, stated, within, found[0].pixel, length)
 
 
@@ -184,8 +185,8 @@ def _features(calibration: Calibration) -> Array:
     seen = calibration.observations
     count = np.maximum(np.bincount(seen.view, minlength=seen.view_count), 1)[:, None]
     place = seen.center_px / max(seen.image_size) - 0.5
-    middle = np.stack([np.bincount(seen.view, place[:, k], seen.view_count) for k in range(2)], axis=1) / count
-    square = np.stack([np.bincount(seen.view, place[:, k] ** 2, seen.view_count) for k in range(2)], axis=1) / count
+    middle = sums_by(seen.view, place, seen.view_count) / count
+    square = sums_by(seen.view, place**2, seen.view_count) / count
     size = np.sqrt(np.maximum(square - middle**2, 0.0)).mean(axis=1, keepdims=True)
     rotation = calibration.cam_from_target[:, :3, :3]
     # The viewing direction in the target's frame, and the direction of its x axis in the image.

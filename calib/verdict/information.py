@@ -20,10 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import fitted_models, linearise
+from calib.cameras import linearise
 from calib.cameras.camera import Camera
 from calib.cameras.refit import COLUMNS, image_grid
 from calib.core.linear_algebra import covariance_with_prior, pseudo_inverse, symmetric_inverse
+from calib.core.se3 import transform
 from calib.core.types import keep_views, sightings_per_view
 from calib.solver.accuracy import projected_change
 from calib.solver.blocks import RobustLoss, view_blocks
@@ -133,7 +134,7 @@ def _information(known: Knowledge, pose: Array, position_mm: Array, weight: Arra
     photo, row = np.nonzero(weight > 0)
     origin = position_mm.mean(axis=0)
     turned = (pose[photo, :3, :3] @ (position_mm[row] - origin)[:, :, None])[:, :, 0]
-    middle = pose[:, :3, :3] @ origin + pose[:, :3, 3]
+    middle = transform(pose, origin)
     seen = linearise(known.camera, np.ascontiguousarray((turned + middle[photo]).T))
     by_point = seen.by_point.transpose(2, 0, 1)
     by_shape = by_point @ pose[photo, :3, :3] @ modes_mm[:, row].transpose(1, 2, 0)
@@ -171,11 +172,6 @@ def image_change(known: Knowledge, columns: int = COLUMNS, rows: int | None = No
     return change[np.isfinite(change).all(axis=(1, 2))]
 
 
-def grid_count(camera: Camera) -> int:
-    """How many pixels `image_change` looks at, with those that have no ray."""
-    return int(image_grid(camera.image_size).shape[0] * image_grid(camera.image_size).shape[1])
-
-
 def sigma_px(change: Array, covariance: Array) -> Array:
     """Standard deviations (..., N) along the worse axis of what is seen at N pixels.
 
@@ -191,11 +187,6 @@ def sigma_px(change: Array, covariance: Array) -> Array:
     uv = (spread[..., 0, :] * change[:, 1]).sum(axis=-1)
     largest: Array = 0.5 * (uu + vv) + np.hypot(0.5 * (uu - vv), uv)
     return np.sqrt(np.maximum(largest, 0.0))
-
-
-def has_information(model: str) -> bool:
-    """Whether a model's covariance tells all of its accuracy; a learned map's is taken as exact."""
-    return model in fitted_models()
 
 
 @dataclass(frozen=True, eq=False)

@@ -111,29 +111,6 @@ VERDICT = FileKind(Judged, "verdict", "a verdict.json", "solve again", largest_b
 
 
 @one_thread
-def judge_run(
-    calibrations: Sequence[Calibration],
-    best: int,
-    halves: HalfSplit,
-    criteria: Criteria,
-    views: Sequence[NextView] | None = None,
-    inputs: Inputs = DETECTED,
-) -> Judged:
-    """Judge the recommended camera of a run; nothing is solved.
-
-    Args:
-        calibrations: of the same photos by different models.
-        best: row of the one that is judged.
-        halves: of that one, by `calib.verdict.halves.half_split`.
-        criteria: the limits.
-        views: the photos to take next, which the advice names; None: nobody looked for any.
-        inputs: the files it was solved from, which the advice names.
-    """
-    evidence = evidence_of(calibrations, best, halves)
-    return _judged(calibrations[best], evidence, halves, criteria, views, inputs)
-
-
-@one_thread
 def judge_cameras(
     calibrations: Sequence[Calibration],
     best: int,
@@ -142,15 +119,15 @@ def judge_cameras(
     target: TargetGeometry | None,
     inputs: Inputs = DETECTED,
 ) -> tuple[Judged, tuple[NextView, ...]]:
-    """The same, and the photos that would make the camera better.
+    """Judge the recommended camera of a run, and find the photos that would make it better; nothing is solved.
 
     Args:
         calibrations: of the same photos by different models.
         best: row of the one that is judged.
-        halves: of that one.
+        halves: of that one, by `calib.verdict.halves.half_split`.
         criteria: the limits.
         target: that the photos show; None: points from elsewhere.
-        inputs: the files it was solved from.
+        inputs: the files it was solved from, which the advice names.
     """
     evidence = evidence_of(calibrations, best, halves)
     judged = calibrations[best]
@@ -158,17 +135,18 @@ def judge_cameras(
         judged, goal_px=criteria["uncertainty"].good, goal_covered=criteria["coverage"].good / 100,
         factor=evidence.uncertainty.factor, prior=stated_prior(judged, target),
     )  # fmt: skip
-    return _judged(judged, evidence, halves, criteria, views, inputs), views
+    return judged_by(judged, evidence, halves, criteria, views, inputs), views
 
 
-def _judged(
+def judged_by(
     calibration: Calibration,
     evidence: CameraEvidence,
     halves: HalfSplit,
     criteria: Criteria,
     views: Sequence[NextView] | None,
-    inputs: Inputs,
+    inputs: Inputs = DETECTED,
 ) -> Judged:
+    """The verdict by what was measured of a camera, and by the photos to take next; None: nobody looked for any."""
     advice = advice_of(calibration, evidence, criteria, views, inputs)
     reason, pairs = (halves.reason, None) if isinstance(halves, NoHalves) else (None, halves.pairs)
     return Judged(judge(evidence, criteria, advice), criteria, pairs, reason)

@@ -6,26 +6,27 @@ design; as guidance in Richardson et al. 2013, "AprilCal"); then the one that sh
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import project
+from calib.cameras import fitted_models, project
 from calib.cameras.camera import Camera
+from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import covariance_with_prior
 from calib.core.se3 import rigid_fault, transform
 from calib.core.types import frozen_array
-from calib.solver.accuracy import NO_FIT
+from calib.solver.accuracy import NO_FIT, SHARE_PERCENT, share_px
 from calib.solver.calibration import Calibration
 from calib.verdict.candidate_views import CandidateViews, faces_seen
 from calib.verdict.choose_views import (
-    COARSE_MAP,
-    SHARE_PERCENT,
     CandidatePhoto,
     SoFar,
     ViewChoice,
+    compared_px,
     for_accuracy,
     for_coverage,
     new_area,
@@ -33,7 +34,7 @@ from calib.verdict.choose_views import (
     start_of,
     with_photo,
 )
-from calib.verdict.information import grid_count, has_information, image_change, sigma_px
+from calib.verdict.information import image_change, sigma_px
 from calib.verdict.next_view_words import Hold, ViewGain, place_of, sentence_of
 from calib.verdict.views import TargetShape, shape_of
 from designer.base.file_kind import FileKind
@@ -94,7 +95,7 @@ NEXT_VIEWS = FileKind(NextViews, "next_views", "a next_views.json", "run again",
 
 def why_no_next_views(calibration: Calibration) -> str:
     """Why nothing can be proposed, in a line; empty if it can."""
-    if not has_information(calibration.camera.model):
+    if calibration.camera.model not in fitted_models():  # a learned map's covariance takes it as exact
         return (
             f"the {calibration.camera.model} model's accuracy takes its learned map as exact; "
             "see the next photos of another model"
@@ -107,12 +108,6 @@ def why_no_next_views(calibration: Calibration) -> str:
     if shape_of(calibration) is None:
         return "the points lie on no known plane, so which of them a photo would show is not known"
     return ""
-
-
-@dataclass(frozen=True)
-class _Goals:
-    sigma_px: float
-    covered: float
 
 
 def next_views(
@@ -142,21 +137,28 @@ def next_views(
     change = image_change(scene.known)
     if not len(change) or not len(scene.candidates.distance_mm):
         return ()
-    everywhere = grid_count(calibration.camera)
+    everywhere = image_grid(calibration.camera.image_size)[..., 0].size
     is_known = scene.known.is_determined and len(change) >= SHARE_PERCENT / 100 * everywhere
     # Where the lens model breaks down in more than the rest, numbers can only be of what it reaches.
     pixels = everywhere if is_known else len(change)
-    so_far, goals = start_of(scene, calibration), _Goals(goal_px, goal_covered)
-    before = share_px(sigma_px(change, scene.stated.after(so_far.told)), pixels)
+
+    def within_px(told: Array) -> float:
+        return share_px(sigma_px(change, scene.stated.after(told)), pixels)
+
+    so_far = start_of(scene, calibration)
+    before = within_px(so_far.told)
     is_rough = not is_known or before > ROUGH_PX
     chosen: list[NextView] = []
     while len(chosen) < most:
         wants_accuracy = not is_known or before > goal_px
-        photo = _choice(scene, so_far, change, pixels, goals, wants_accuracy=wants_accuracy)
+        photo = _more_accurate(scene, so_far, within_px, LITTLE_GAIN * before) if wants_accuracy else None
+        if photo is None and so_far.covered < goal_covered:
+            photo = for_coverage(scene, so_far)
+            photo = photo if new_area(so_far, photo.area) > LITTLE_AREA else None
         if photo is None:
             break
         then = with_photo(so_far, photo)
-        after = share_px(sigma_px(change, scene.stated.after(then.told)), pixels)
+        after = within_px(then.told)
         shown = before if is_known else math.inf
         wants_area = so_far.covered < goal_covered
         gain = ViewGain(
@@ -169,21 +171,12 @@ def next_views(
     return tuple(chosen)
 
 
-def _choice(
-    scene: ViewChoice, so_far: SoFar, change: Array, pixels: int, goals: _Goals, *, wants_accuracy: bool
+def _more_accurate(
+    scene: ViewChoice, so_far: SoFar, within_px: Callable[[Array], float], worth_px: float
 ) -> CandidatePhoto | None:
-    """The photo to take next; None if both goals are reached, or no photo is worth taking."""
-    if wants_accuracy and len(so_far.chosen) < MOST_FOR_ACCURACY:
-        stated = scene.stated
-        before = share_px(sigma_px(change, stated.after(so_far.told)), pixels)
-        for photo in for_accuracy(scene, so_far):
-            after = stated.after(so_far.told + photo.information)
-            if share_px(sigma_px(change, after), pixels) <= LITTLE_GAIN * before:
-                return photo
-    if so_far.covered < goals.covered:
-        photo = for_coverage(scene, so_far)
-        return photo if new_area(so_far, photo.area) > LITTLE_AREA else None
-    return None
+    """The photo after which the camera is known better than something, by information; None if none is worth it."""
+    photos = for_accuracy(scene, so_far) if len(so_far.chosen) < MOST_FOR_ACCURACY else ()
+    return next((photo for photo in photos if within_px(so_far.told + photo.information) <= worth_px), None)
 
 
 def _view(scene: ViewChoice, calibration: Calibration, photo: CandidatePhoto, gain: ViewGain) -> NextView:
@@ -194,19 +187,6 @@ def _view(scene: ViewChoice, calibration: Calibration, photo: CandidatePhoto, ga
     before, after = round(gain.covered_before, 6), round(gain.covered_after, 6)
     lines = tuple(np.array([[round(u, 2), round(v, 2)] for u, v in line.tolist()]) for line in outline)
     return NextView(pose, sentence, gain.before_px, gain.after_px, before, after, lines)
-
-
-def share_px(sigma: Array, pixels: int = 0) -> float:
-    """What 95 % of a map of deviations stays within; infinite if less of it is known.
-
-    Args:
-        sigma: of what is known.
-        pixels: of the whole map, if those that are not known were left out.
-    """
-    known = sigma[np.isfinite(sigma)]
-    missing = np.full(max(len(sigma), pixels) - len(known), np.inf)
-    everywhere = np.concatenate([known, missing])
-    return float(np.percentile(everywhere, SHARE_PERCENT, method="inverted_cdf")) if len(everywhere) else math.nan
 
 
 def photos_needed(photos: int, sigma_px_now: float, limit_px: float) -> int:
@@ -222,11 +202,12 @@ def photos_needed(photos: int, sigma_px_now: float, limit_px: float) -> int:
 def _hold(scene: ViewChoice, one: CandidateViews, calibration: Calibration, outline: tuple[Array, ...]) -> Hold:
     """How a candidate is to be held, as plain numbers."""
     like = int(one.like_view[0])
+    usual_mm = float(np.median(np.linalg.norm(transform(calibration.cam_from_target, scene.shape.center_mm), axis=1)))
     any_side = like < 0 or _is_same_from_any_side(scene, one)
     return Hold(
         place=place_of(outline, calibration.camera.image_size),
         distance_mm=float(one.distance_mm[0]),
-        usual_distance_mm=None if scene.known.is_determined else _usual_distance_mm(calibration, scene.shape),
+        usual_distance_mm=None if scene.known.is_determined else usual_mm,
         tilt_deg=float(one.tilt_deg[0]),
         away=(float(one.away[0, 0]), float(one.away[0, 1])),
         long_side="" if scene.shape.aspect <= 1.15 or like >= 0 else "upright" if one.is_upright[0] else "level",
@@ -235,18 +216,11 @@ def _hold(scene: ViewChoice, one: CandidateViews, calibration: Calibration, outl
     )
 
 
-def _usual_distance_mm(calibration: Calibration, shape: TargetShape) -> float:
-    """The median distance from the camera to the target's middle."""
-    return float(np.median(np.linalg.norm(transform(calibration.cam_from_target, shape.center_mm), axis=1)))
-
-
 def _is_same_from_any_side(scene: ViewChoice, one: CandidateViews) -> bool:
     """Whether a solid tells about as much at a place, whichever of its sides is shown."""
     all_of = scene.candidates
     alike = (all_of.place == one.place).all(axis=1) & np.isclose(all_of.distance_mm, one.distance_mm[0])
-    change = image_change(scene.known, *COARSE_MAP)
-    after = covariance_with_prior(scene.information[alike])
-    share = np.percentile(sigma_px(change, after), SHARE_PERCENT, axis=1)
+    share = compared_px(scene, covariance_with_prior(scene.information[alike]))
     return float(share.max()) <= SAME_FROM_ANY_SIDE * float(share.min())
 
 

@@ -14,17 +14,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.core.linear_algebra import worse_sigma
 from calib.core.parallel import one_thread
 from calib.core.types import KnownPoints
+from calib.solver.accuracy import SHARE_PERCENT
 from calib.solver.calibration import Calibration
 from calib.solver.free_shape import free_directions, shape_equations
 from calib.solver.target_error import extended
 from calib.verdict.apart import in_sigmas, moved_over
 from calib.verdict.coverage import Coverage
+from calib.verdict.views import in_plane
 
 Array = NDArray[np.float64]
-
-QUANTILE = 95
 
 
 @dataclass(frozen=True)
@@ -61,11 +62,10 @@ def shape_effect(calibration: Calibration, coverage: Coverage) -> ShapeEffect | 
     )
     if not len(field):
         return None
-    worst = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, 1], 0.0))
     return ShapeEffect(
-        float(np.percentile(np.linalg.norm(field, axis=1), QUANTILE)),
+        float(np.percentile(np.linalg.norm(field, axis=1), SHARE_PERCENT)),
         in_sigmas(field, covariance),
-        float(np.percentile(worst, QUANTILE)),
+        float(np.percentile(worse_sigma(covariance), SHARE_PERCENT)),
         deformation.bow_mm(free.mean[found.camera.stop :]),
         min(max(1 - variance / noise, 0.0), 1.0) if noise > 0 else 0.0,
     )
@@ -139,9 +139,7 @@ def deformation_of(points: KnownPoints, used: NDArray[np.int64]) -> Deformation:
 
 def _of_face(off_mm: Array, normal: Array, *, is_single: bool) -> tuple[Array, float]:
     """Shifts (N, B, 3) of points (N, 3) about their middle, and their extent."""
-    x_axis = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    x_axis /= np.linalg.norm(x_axis)
-    frame = np.stack([x_axis, np.cross(normal, x_axis), normal])
+    frame = np.vstack([in_plane(normal), normal])
     extent = float(np.linalg.norm(off_mm, axis=1).max()) or 1.0
     x, y = frame[:2] @ (off_mm / extent).T
     one, none = np.ones_like(x), np.zeros_like(x)

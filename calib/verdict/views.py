@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.se3 import invert
+from calib.core.linear_algebra import sums_by
+from calib.core.se3 import invert, transform
 from calib.core.types import KnownPoints
 from calib.solver.calibration import Calibration
 from calib.solver.linear_pose import FLAT
@@ -56,7 +57,7 @@ def shape_of(calibration: Calibration) -> TargetShape | None:
     center = 0.5 * (position.min(axis=0) + position.max(axis=0))
     normal = _towards_camera(calibration, points, center)
     count = np.bincount(face, minlength=len(points.plane))
-    total = np.stack([np.bincount(face, position[:, k], len(points.plane)) for k in range(3)], axis=1)
+    total = sums_by(face, position, len(points.plane))
     middle = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], np.nan)
     _, extent, spread = np.linalg.svd(position - position.mean(axis=0), full_matrices=False)
     is_flat = bool(extent[2] < FLAT * extent[0])
@@ -117,10 +118,15 @@ def _outermost(position: Array, face: NDArray[np.int64], number: int, normal: Ar
     rows = np.flatnonzero(face == number)
     if len(rows) < 3:
         return rows
+    flat = position[rows] @ in_plane(normal).T
+    return rows[_convex_hull(flat - flat.mean(axis=0))]
+
+
+def in_plane(normal: Array) -> Array:
+    """Two directions across a unit normal and each other, as rows: right-handed with it.  # (2, 3)"""
     first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     first /= np.linalg.norm(first)
-    flat = position[rows] @ np.stack([first, np.cross(normal, first)], axis=1)
-    return rows[_convex_hull(flat - flat.mean(axis=0))]
+    return np.stack([first, np.cross(normal, first)])
 
 
 def _convex_hull(point: Array) -> NDArray[np.int64]:
@@ -160,12 +166,12 @@ def habits_of(calibration: Calibration, shape: TargetShape) -> Habits:
     seen, points = calibration.observations, calibration.observations.points
     faces = len(points.plane)
     pose = calibration.cam_from_target
-    distance = np.linalg.norm(pose[:, :3, :3] @ shape.center_mm + pose[:, :3, 3], axis=1)
+    distance = np.linalg.norm(transform(pose, shape.center_mm), axis=1)
     face = points.face[seen.point]
     met, number = np.unique((seen.view * faces + face)[face >= 0], return_counts=True)
     view, met_face = met // faces, met % faces
     share = number / np.bincount(shape.face, minlength=faces)[met_face]
-    place = (pose[view, :3, :3] @ shape.middle_mm[met_face][:, :, None])[:, :, 0] + pose[view, :3, 3]
+    place = transform(pose[view], shape.middle_mm[met_face])
     normal = (pose[view, :3, :3] @ shape.normal[met_face][:, :, None])[:, :, 0]
     pitch = pitch_px(float(calibration.camera.params[0]), shape, place, normal)
     per_view = np.bincount(seen.view, minlength=seen.view_count)
@@ -231,7 +237,6 @@ def view_facts(calibration: Calibration) -> ViewFacts:
     seen, counted = calibration.observations, ~calibration.is_outlier
     views = seen.view_count
     shape = shape_of(calibration)
-    pose = calibration.cam_from_target
     points = seen.points.position_mm
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0)) if shape is None else shape.center_mm
     view, pixel = seen.view[counted], seen.center_px[counted]
@@ -246,8 +251,8 @@ def view_facts(calibration: Calibration) -> ViewFacts:
         rings,
         np.bincount(seen.view[~counted], minlength=views),
         _tilts_deg(calibration, shape),
-        np.linalg.norm(pose[:, :3, :3] @ middle + pose[:, :3, 3], axis=1),
-        np.stack([np.bincount(view, pixel[:, k], views) for k in range(2)], axis=1) / some[:, None],
+        np.linalg.norm(transform(calibration.cam_from_target, middle), axis=1),
+        sums_by(view, pixel, views) / some[:, None],
         np.where(rings > 0, ((high - low) / seen.image_size).max(axis=1), np.nan),
         np.sqrt(np.bincount(view, square, views) / some),
         shape is not None and shape.is_flat,

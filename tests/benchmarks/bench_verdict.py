@@ -34,12 +34,13 @@ from calib.solver.target_error import with_target_error  # noqa: E402
 from calib.verdict.coverage import coverage_of  # noqa: E402
 from calib.verdict.criteria import read_criteria  # noqa: E402
 from calib.verdict.halves import half_split  # noqa: E402
-from calib.verdict.judge import Judged, judge_run  # noqa: E402
+from calib.verdict.judge import Judged  # noqa: E402
 from calib.verdict.verdict import Criteria, Grade, Limits  # noqa: E402
 from calib.virtual.calibrate import calibrate  # noqa: E402
 from designer.base.errors import InputError  # noqa: E402
 from designer.tolerance.made import EXACT, how_made  # noqa: E402
 from tests.benchmarks.verdict_scenes import Case, case_of, lens_of, sightings_of, target_of  # noqa: E402
+from tests.support.verdict_cases import judge_run  # noqa: E402
 
 Array = NDArray[np.float64]
 

@@ -25,7 +25,6 @@ from calib.interop import FORMATS
 from calib.verdict.checks import CHECKS
 from calib.verdict.criteria import read_criteria
 from calib.verdict.halves import NoHalves
-from calib.verdict.judge import judge_run
 from designer.base.errors import InputError
 from designer.cli import app as design_app
 from designer.kinds.layout import lay_out
@@ -34,7 +33,7 @@ from designer.kinds.spec_file import parse_spec
 from designer.tolerance.shape import shape_of, target_of
 from tests.support.ring_views import view_of
 from tests.support.sightings import pinhole
-from tests.support.verdict_cases import sightings, solved
+from tests.support.verdict_cases import judge_run, sightings, solved
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "extend.md"

@@ -13,8 +13,10 @@ from calib.solver.calibration import Calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.verdict.criteria import read_criteria
-from calib.verdict.halves import HalvesApart, half_split
-from calib.verdict.judge import Judged, judge_run
+from calib.verdict.evidence import evidence_of
+from calib.verdict.halves import HalfSplit, HalvesApart, half_split
+from calib.verdict.judge import Judged, judged_by
+from calib.verdict.next_views import NextView
 from calib.verdict.verdict import Check, Criteria
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, noisy, observe
 
@@ -69,6 +71,17 @@ def believed(seen: Observations, points: KnownPoints) -> Observations:
 def solved(seen: Observations, models: Sequence[str] = ("opencv",)) -> list[Calibration]:
     """The solutions of some models."""
     return [solve(seen, model, OPTIONS) for model in models]
+
+
+def judge_run(
+    calibrations: Sequence[Calibration],
+    best: int,
+    halves: HalfSplit,
+    criteria: Criteria,
+    views: Sequence[NextView] | None = None,
+) -> Judged:
+    """The verdict on one of some cameras, without a search for photos to take next."""
+    return judged_by(calibrations[best], evidence_of(calibrations, best, halves), halves, criteria, views)
 
 
 def judged(seen: Observations, *, models: Sequence[str] = ("opencv",), criteria: Criteria | None = None) -> Judged:

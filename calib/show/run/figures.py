@@ -26,6 +26,7 @@ from calib.figures.style import (
 )
 from calib.metrics.evaluation import Evaluation
 from calib.metrics.residual_cells import ResidualCells, Residuals
+from calib.solver.accuracy import share_px
 from calib.solver.calibration import Calibration
 from calib.verdict.apart import Apart, Known, sigma_over
 from calib.verdict.checks import made_words
@@ -111,11 +112,8 @@ def covered_words(calibration: Calibration, coverage: Coverage, found: SigmaMap)
     """What the verdict says of the covered area, where the map says something else of it; "" if not."""
     if not found.is_known or not np.isfinite(calibration.stated_covariance).all():
         return ""
-    inside = sigma_over(Known(calibration.camera, calibration.stated_covariance), coverage)
-    if not len(inside):
-        return ""
-    within = float(np.percentile(inside, 95, method="inverted_cdf"))
-    if found.most_px <= NOTICEABLE * within:
+    within = share_px(sigma_over(Known(calibration.camera, calibration.stated_covariance), coverage))
+    if not found.most_px > NOTICEABLE * within:
         return ""
     return (
         "What is open where nothing was seen moves that rotation, and so all of the map; where the target was seen, "

@@ -14,7 +14,7 @@ from calib.cameras import project
 from calib.cameras.refit import image_grid
 from calib.core.se3 import look_at, make_pose, transform
 from calib.core.types import Observations, without_empty_views
-from calib.solver.accuracy import projected_sigma_px
+from calib.solver.accuracy import projected_sigma_px, share_px
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
 from calib.verdict.candidate_views import TILTS_DEG, candidates_of, faces_seen, shown_in, tilt_rotation
@@ -28,7 +28,6 @@ from calib.verdict.next_views import (
     NextViews,
     next_views,
     photos_needed,
-    share_px,
     why_no_next_views,
 )
 from calib.verdict.views import habits_of, shape_of

@@ -14,11 +14,11 @@ from calib.show.run.tables import checks_table
 from calib.solver.calibration import Calibration
 from calib.verdict.coverage import coverage_of
 from calib.verdict.halves import Halves, NoHalves, halves_apart
-from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged, judge_run
+from calib.verdict.judge import VERDICT, VERDICT_FILE, Judged
 from calib.verdict.verdict import Check
 from designer.base.errors import InputError
 from designer.page.terminal import say_findings, say_table
-from tests.support.verdict_cases import judged, sightings, solved
+from tests.support.verdict_cases import judge_run, judged, sightings, solved
 
 
 @pytest.fixture(scope="module")

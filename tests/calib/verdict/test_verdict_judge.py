@@ -13,7 +13,7 @@ from calib.solver.solve import solve
 from calib.verdict.criteria import read_criteria
 from calib.verdict.evidence import evidence_of, uncertainty_of
 from calib.verdict.halves import NoHalves, half_split
-from calib.verdict.judge import WORSE, judge, judge_run
+from calib.verdict.judge import WORSE, judge
 from calib.verdict.target_shape import ShapeEffect
 from calib.verdict.verdict import Check, Criteria, Grade, Limits, measured_text
 from tests.support.solver_scenes import observe, pose_from, poses_around
@@ -26,6 +26,7 @@ from tests.support.verdict_cases import (
     bent,
     check,
     halves_apart_by,
+    judge_run,
     judged,
     sightings,
     solved,

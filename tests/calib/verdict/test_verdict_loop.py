@@ -11,9 +11,10 @@ from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
 from calib.verdict.criteria import read_criteria
 from calib.verdict.halves import half_split
-from calib.verdict.judge import Judged, judge_run
+from calib.verdict.judge import Judged
 from calib.verdict.next_views import NextView, next_views
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around
+from tests.support.verdict_cases import judge_run
 
 Array = NDArray[np.float64]
 
