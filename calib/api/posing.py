@@ -5,11 +5,8 @@ from collections.abc import Iterable
 from calib.api.loading import Place, Progress, camera_of, photos_of, target_of, unheard
 from calib.api.searching import search_once
 from calib.cameras.camera import Camera
-from calib.observe.target_poses import PoseResult, target_poses
+from calib.observe.target_poses import PhotoWithoutPose, PoseResult, target_poses
 from designer.target import TargetGeometry
-
-TOO_FEW = "too few rings for a pose, or all on a line"
-NOT_SOLVED = "no pose fits the rings that were found; check the camera file"
 
 
 def pose(
@@ -37,12 +34,5 @@ def pose(
     geometry, known = target_of(target, "rings"), camera_of(camera)
     search = search_once(geometry, photos_of(photos), camera=known, jobs=jobs, progress=progress)
     found = target_poses(search.detections, geometry, known, weighted=weighted)
-    reasons = {result.photo.name: result.failure for result in search.results if result.seen is None}
-    for seen in search.detections:
-        if not len(seen.ring):
-            reasons[seen.image] = "; ".join(seen.remarks) or "the target was not found"
-        elif seen.image in found.too_few:
-            reasons[seen.image] = TOO_FEW
-        elif seen.image in found.not_solved:
-            reasons[seen.image] = NOT_SOLVED
-    return PoseResult(geometry, known, search, found.poses, tuple(reasons.items()))
+    unread = (PhotoWithoutPose(one.photo.name, one.failure) for one in search.results if one.seen is None)
+    return PoseResult(geometry, known, search, found.poses, (*unread, *found.failed))

@@ -303,9 +303,7 @@ def _remove_ours(kinds: Mapping[Path, str]) -> None:
 def write_search(table: Path, search: Search) -> Records:
     """Write the detections and their records, photos that could not be searched among them; the records."""
     failed = [result.record for result in search.results if result.seen is None]
-    return write_detections(
-        table, search.detections, search.target, detector=program(), failed=failed, rendered_id=search.rendered_id
-    )
+    return write_detections(table, search.detections, search.target, failed=failed, rendered_id=search.rendered_id)
 
 
 def _with_overlays(search: Search, staging: Path) -> Search:

@@ -15,7 +15,6 @@ from calib.studies.compare.results import Results, results_of
 from calib.studies.progress import DrawCount
 from calib.studies.store import read_study
 from calib.studies.study_table import StudyTable, cases_of, study_table
-from designer.base.answer import program
 from designer.base.errors import InputError
 
 
@@ -54,9 +53,7 @@ def study_paper(
     write_files(paper_study.missing_targets(work))
     count = work.photo_count
     paper_study.make_photos(work, jobs=processes, tell=lambda done: progress("rendering", done, count))
-    paper_study.make_detections(
-        work, detector=program(), jobs=processes, tell=lambda done: progress("searching", done, count)
-    )
+    paper_study.make_detections(work, jobs=processes, tell=lambda done: progress("searching", done, count))
     progress("solving all views of each set", 0, 0)
     sampled = sampling.run(paper_study.identity(work), [(list(paper_study.cases_of(work)), work.samples)])
     return sampling.result(sampled, (), "paper")

@@ -85,6 +85,21 @@ def column_fault(columns: tuple[str, ...], required: Sequence[str], wanted: str)
     return "" if again is None else f"column {shown(again)} a second time; keep one"
 
 
+def csv_cell(text: str) -> str:
+    """A cell of CSV; Python's own writer leaves a carriage return bare before 3.13."""
+    return '"' + text.replace('"', '""') + '"' if re.search(r'[\s,"#]', text) or not text else text
+
+
+def require_version(path: Path, first_line: str, wanted: str, otherwise: str) -> None:
+    """Refuse a file whose first line is of another version than the one wanted, or of something else."""
+    kind, _, version = wanted.rpartition(" ")
+    if first_line != wanted:
+        if first_line.startswith(f"{kind} "):
+            given = first_line.removeprefix(f"{kind} ")[:20]
+            raise InputError(f"{path}: version {given}; this program reads version {version}")
+        raise InputError(f"{path}: {otherwise}: it must begin with {wanted!r}")
+
+
 def read_text(path: Path, kind: str, max_bytes: int = MAX_FILE_BYTES) -> str:
     """The text of a table's file (`read_small_text`), in which files may have any name."""
     return read_small_text(path, max_bytes, kind, ANY_NAME)

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from calib.core.files import write_files
 from calib.core.types import Detections
-from calib.observe.csv_table import ANY_NAME, CsvTable, is_covariance, read_table, read_text
+from calib.observe.csv_table import ANY_NAME, CsvTable, csv_cell, is_covariance, read_table, read_text, require_version
 from calib.observe.records import RECORDS, ImageRecord, Records, image_record, read_records, records_path
+from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours
 from designer.target import TargetGeometry
@@ -30,7 +31,6 @@ FIRST_LINE = f"# ringsolid detections, version {VERSION}"
 COLUMNS = ("image", "face", "ring", "i", "j", "u", "v", "suu", "suv", "svv", "X", "Y", "Z")
 MAX_SIDE_PX = 1_000_000
 
-_KIND = "# ringsolid detections, version "
 _COVARIANCE_FORMAT = ".5e"
 _IMAGE_LINE = re.compile(r'# image (\d{1,7}) x (\d{1,7}) px (".*")')
 _ID_LINE = re.compile(r"# (layout_id|geometry_id|detector) (\S.*)")
@@ -69,7 +69,6 @@ def write_detections(
     seen: Sequence[Detections],
     target: TargetGeometry,
     *,
-    detector: str,
     failed: Iterable[ImageRecord] = (),
     rendered_id: str = "",
 ) -> Records:
@@ -84,17 +83,17 @@ def write_detections(
     """
     seen = [_storable(one) for one in seen]
     images = (*map(image_record, seen), *failed)
-    records = Records(detector, target.layout_id, target.geometry_id, images, rendered_id=rendered_id)
-    text = detections_to_csv(seen, target, detector=detector)
+    records = Records(program(), target.layout_id, target.geometry_id, images, rendered_id=rendered_id)
+    text = detections_to_csv(seen, target)
     write_files({records_path(path): RECORDS.text(records), path: text.encode("utf-8", ANY_NAME)})
     return records
 
 
-def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry, *, detector: str) -> str:
+def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry) -> str:
     """The text of `detections.csv`."""
     stream = io.StringIO(newline="")
     stream.write(f"{FIRST_LINE}\n# layout_id {target.layout_id}\n# geometry_id {target.geometry_id}\n")
-    stream.write(f"# detector {detector}\n# u v in px, (0, 0) is the centre of the top-left pixel; X Y Z in mm\n")
+    stream.write(f"# detector {program()}\n# u v in px, (0, 0) is the centre of the top-left pixel; X Y Z in mm\n")
     if len({one.image for one in seen}) < len(seen):
         raise ValueError("two images have the same name")
     for one in seen:
@@ -110,14 +109,9 @@ def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry, *, det
             *((f"{x:{_COVARIANCE_FORMAT}}" for x in column) for column in one.cov_px2.reshape(-1, 4)[:, [0, 1, 3]].T),
             *((f"{x:.6f}" for x in column) for column in target.center_mm[ring].T),
         ]
-        name = _quoted(one.image)
+        name = csv_cell(one.image)
         stream.writelines(f"{name},{','.join(row)}\n" for row in zip(*numbers, strict=True))
     return stream.getvalue()
-
-
-def _quoted(name: str) -> str:
-    """A cell of CSV; Python's own writer leaves a carriage return bare before 3.13."""
-    return '"' + name.replace('"', '""') + '"' if re.search(r'[\s,"#]', name) else name
 
 
 def _storable(one: Detections) -> Detections:
@@ -196,11 +190,7 @@ def _checked_rings(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]
 
 def _read_header(path: Path, stream: io.StringIO) -> _Header:
     """The comment lines; leaves the stream at the line of column names."""
-    first = stream.readline().strip()
-    if first != FIRST_LINE:
-        if first.startswith(_KIND):
-            raise InputError(f"{path}: version {first.removeprefix(_KIND)[:20]}; this program reads version {VERSION}")
-        raise InputError(f"{path}: not a detections file: it must begin with {FIRST_LINE!r}")
+    require_version(path, stream.readline().strip(), FIRST_LINE, "not a detections file")
     ids: dict[str, str] = {}
     sizes: dict[str, tuple[int, int]] = {}
     number, at = 1, stream.tell()

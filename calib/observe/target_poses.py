@@ -39,6 +39,8 @@ CSV_EXPLAINED = (
     "# c00..c55: covariance of a further rotation vector (rad) and translation (mm), both in the camera's axes",
 )
 SUFFIXES = (".json", ".csv")
+TOO_FEW = "too few rings for a pose, or all on a line"
+NOT_SOLVED = "no pose fits the rings that were found; check the camera file"
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +92,7 @@ class PoseResult:
     camera: Camera
     search: Search
     poses: tuple[TargetPose, ...]  # in the order of the photos
-    without_pose: tuple[tuple[str, str], ...]  # the other photos, and why
+    without_pose: tuple[PhotoWithoutPose, ...]
 
     @property
     def usual_px(self) -> float:
@@ -110,8 +112,7 @@ class PoseResult:
         return place
 
     def _json(self) -> bytes:
-        failed = tuple(PhotoWithoutPose(image, reason) for image, reason in self.without_pose)
-        return POSES.text(PosesDocument(self.target.geometry_id, self.camera, self.poses, failed))
+        return POSES.text(PosesDocument(self.target.geometry_id, self.camera, self.poses, self.without_pose))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +120,7 @@ class FoundPoses:
     """What came of several photos."""
 
     poses: tuple[TargetPose, ...]  # in the order of the photos
-    too_few: tuple[str, ...]  # photos with too few rings for a pose, or all on a line
-    not_solved: tuple[str, ...]  # photos whose rings no pose fits
+    failed: tuple[PhotoWithoutPose, ...]  # the other photos
 
 
 def check_output(path: Path) -> None:
@@ -145,23 +145,29 @@ def target_poses(photos: Sequence[Detections], target: TargetGeometry, camera: C
     """
     seen = observations_for_poses(photos, target)
     if seen is None:
-        return FoundPoses((), tuple(one.image for one in photos), ())
+        return FoundPoses((), tuple(PhotoWithoutPose(one.image, _why_not(one)) for one in photos))
     solved = solve_poses(camera, seen, weighted=weighted)
     is_solved = [
         bool(np.isfinite(pose).all() and np.isfinite(covariance).all())
         for pose, covariance in zip(solved.cam_from_target, solved.covariance, strict=True)
     ]
-    usable = set(seen.view_names)
-    poses = (
+    poses = tuple(
         _target_pose(name, solved.cam_from_target[view], solved.covariance[view], solved.residual_px[seen.view == view])
         for view, name in enumerate(seen.view_names)
         if is_solved[view]
     )
-    return FoundPoses(
-        poses=tuple(poses),
-        too_few=tuple(one.image for one in photos if one.image not in usable),
-        not_solved=tuple(name for name, ok in zip(seen.view_names, is_solved, strict=True) if not ok),
+    fits = dict(zip(seen.view_names, is_solved, strict=True))
+    failed = (
+        PhotoWithoutPose(one.image, NOT_SOLVED if one.image in fits else _why_not(one))
+        for one in photos
+        if not fits.get(one.image, False)
     )
+    return FoundPoses(poses, tuple(failed))
+
+
+def _why_not(seen: Detections) -> str:
+    """Why a photo has no rings for a pose."""
+    return TOO_FEW if len(seen.ring) else "; ".join(seen.remarks) or "the target was not found"
 
 
 def _target_pose(image: str, cam_from_target: Array, covariance: Array, residual_px: Array) -> TargetPose:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from calib.cameras import MODELS
 from calib.metrics.errors import Errors, ErrorSummary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation
-from calib.observe.csv_table import ANY_NAME
-from calib.records.observation_table import quoted
+from calib.observe.csv_table import ANY_NAME, csv_cell
 from designer.base.file_kind import FileKind
 from designer.base.marks import INLINE, LEFT_OUT, Count, Gap
 
@@ -74,7 +73,7 @@ def evaluation_files(evaluation: Evaluation, folder: Path) -> dict[Path, bytes]:
     """The files of an evaluation and their contents."""
     seen = evaluation.calibration.observations
     points = seen.points
-    images = [quoted(name) for name in seen.view_names]
+    images = [csv_cell(name) for name in seen.view_names]
     places = [
         f"{n},{face},{x:.6f},{y:.6f},{z:.6f}"
         for n, (face, (x, y, z)) in enumerate(zip(points.face.tolist(), points.position_mm.tolist(), strict=True))

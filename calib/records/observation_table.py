@@ -5,7 +5,6 @@ Numbers are printed so that they read back bit for bit.
 
 import csv
 import io
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,22 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.types import KnownPoints
-from calib.observe.csv_table import ANY_NAME, MAX_FILE_BYTES
+from calib.observe.csv_table import ANY_NAME, COVARIANCE, MAX_FILE_BYTES, csv_cell, is_covariance, require_version
+from calib.observe.dataset import MAX_SIDE_PX
 from calib.solver.calibration import Calibration
 from designer.base.errors import InputError
 
 VERSION = 1
 FIRST_LINE = f"# ringsolid observations, version {VERSION}"
 COLUMNS = ("image", "point", "face", "X", "Y", "Z", "u", "v", "du", "dv", "outlier")
-COVARIANCE = ("suu", "suv", "svv")
-MAX_SIDE_PX = 1_000_000
 MAX_RESIDUAL_PX = 1e6
 """What a camera predicts farther from what was measured than any image is wide, it does not predict."""
 EXPLAINED = (
     "# X Y Z in mm; u v as measured and du dv = predicted - measured in px, (0, 0) the centre of the first pixel"
 )
-
-_KIND = "# ringsolid observations, version "
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +56,7 @@ def observations_to_csv(calibration: Calibration) -> bytes:
     ends = np.searchsorted(seen.view, np.arange(seen.view_count + 1)).tolist()
     for name, start, end in zip(seen.view_names, ends, ends[1:], strict=False):
         # A view at a time: the text of a large set is not held twice.
-        image, numbers = quoted(name), _numbers(calibration, slice(start, end))
+        image, numbers = csv_cell(name), _numbers(calibration, slice(start, end))
         rows = zip(seen.point[start:end].tolist(), numbers, strict=True)
         stream.write("".join(f"{image},{places[point]},{row}\n" for point, row in rows).encode("utf-8", ANY_NAME))
     return stream.getvalue()
@@ -78,11 +74,6 @@ def _numbers(calibration: Calibration, rows: slice) -> Iterator[str]:
     after = np.concatenate(covariance, axis=1).tolist() if covariance else [[]] * len(before)
     for first, flag, last in zip(before, is_outlier.tolist(), after, strict=True):
         yield ",".join([*map(repr, first), "1" if flag else "0", *map(repr, last)])
-
-
-def quoted(name: str) -> str:
-    """A cell of CSV; Python's own writer leaves a carriage return bare before 3.13."""
-    return '"' + name.replace('"', '""') + '"' if re.search(r'[\s,"#]', name) or not name else name
 
 
 def read_sightings(path: Path, view_names: Sequence[str], points: KnownPoints) -> TableSightings:
@@ -125,9 +116,7 @@ def read_sightings(path: Path, view_names: Sequence[str], points: KnownPoints) -
     covariance = None
     if has_covariance:
         covariance = values[:, [11, 12, 12, 13]].reshape(-1, 2, 2)
-        determinant = covariance[:, 0, 0] * covariance[:, 1, 1] - covariance[:, 0, 1] ** 2
-        is_definite = (covariance[:, 0, 0] > 0) & (determinant > 0) & np.isfinite(determinant)
-        require(is_definite, "suu, suv, svv must be a covariance, which is positive definite")
+        require(is_covariance(covariance), "suu, suv, svv must be a covariance, which is positive definite")
     return TableSightings(
         values[:, 0].astype(np.int64), point, values[:, 6:8], values[:, 8:10], values[:, 10] == 1, covariance
     )
@@ -147,12 +136,7 @@ def _opened(path: Path) -> Iterator[tuple[TextIO, tuple[str, ...], int]]:
     if path.stat().st_size > MAX_FILE_BYTES:
         raise InputError(f"{path}: {path.stat().st_size} bytes; at most {MAX_FILE_BYTES} are read")
     with path.open(encoding="utf-8", errors=ANY_NAME, newline="") as stream:
-        first = stream.readline(200).strip()
-        if first != FIRST_LINE:
-            if first.startswith(_KIND):
-                version = first.removeprefix(_KIND)[:20]
-                raise InputError(f"{path}: version {version}; this program reads version {VERSION}")
-            raise InputError(f"{path}: line 1: no observations: it must begin with {FIRST_LINE!r}")
+        require_version(path, stream.readline(200).strip(), FIRST_LINE, "line 1: no observations")
         number = 2
         while (line := stream.readline().strip()).startswith("#"):
             number += 1

@@ -14,25 +14,17 @@ SAID_EVERY_S = 4.0
 
 
 @contextmanager
-def progress_bar(label: str, total: int, *, rate: bool = False) -> Iterator[Callable[[float], None]]:
+def progress_bar(label: str, total: int) -> Iterator[Callable[[float], None]]:
     """A bar that is told how many of the total are done, parts of one included; off a terminal, a line now and then.
 
     Args:
         label: what is being done, as in "searching".
         total: how many there are.
-        rate: say how many are done in a second.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
-    from rich.text import Text
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    class Rate(ProgressColumn):
-        def render(self, task: Task) -> Text:
-            return Text(f"{task.speed:.0f}/s" if rate and task.speed else "")
-
-    columns = (
-        TextColumn(label), BarColumn(), TextColumn("{task.fields[whole]}/{task.total}"), Rate(), TimeRemainingColumn()
-    )  # fmt: skip
+    columns = TextColumn(label), BarColumn(), TextColumn("{task.fields[whole]}/{task.total}"), TimeRemainingColumn()
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _lines(label, total)

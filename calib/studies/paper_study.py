@@ -247,12 +247,11 @@ def make_photos(study: PaperStudy, *, jobs: int, tell: Tell) -> None:
         tell((place + 1) * study.views)
 
 
-def make_detections(study: PaperStudy, *, detector: str, jobs: int, tell: Tell) -> None:
+def make_detections(study: PaperStudy, *, jobs: int, tell: Tell) -> None:
     """Search the photos of sets that have no detections yet.
 
     Args:
         study: the study.
-        detector: name and version of this program, for the record.
         jobs: photos at a time.
         tell: told of progress.
     """
@@ -261,7 +260,7 @@ def make_detections(study: PaperStudy, *, detector: str, jobs: int, tell: Tell) 
         if not path.exists():
             told = after(place * study.views, tell)
             seen = search_with_lens(target, study.photo_folder(photos), jobs=jobs, tell=told)
-            write_detections(path, seen, target, detector=detector)
+            write_detections(path, seen, target)
         tell((place + 1) * study.views)
 
 

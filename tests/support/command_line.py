@@ -122,4 +122,4 @@ def _detections(seen: Observations, target: TargetGeometry, name: str, row: NDAr
 def write_inputs(seen: Observations, target: TargetGeometry) -> None:
     """`board.target.json` and `detections.csv` in the current folder."""
     Path("board.target.json").write_text(target_to_json(target))
-    write_detections(Path("detections.csv"), detections_of(seen, target), target, detector="test")
+    write_detections(Path("detections.csv"), detections_of(seen, target), target)

@@ -75,7 +75,7 @@ def make_scene(folder: Path) -> None:
     (folder / "blank").mkdir()
     for path in (*(folder / "photos" / name for name in PHOTOS), folder / "blank/none.png"):
         cv2.imwrite(str(path), np.full(SIZE[::-1], 90, np.uint8))
-    write_detections(folder / "detections.csv", list(FOUND.values()), BOARD, detector="test")
+    write_detections(folder / "detections.csv", list(FOUND.values()), BOARD)
     job = RenderJob(BOARD, CAMERA, _poses(), RenderOptions(), 0)
     (folder / "truth.json").write_text(truth_text(job))
     (folder / "camera.json").write_text(camera_to_json(CAMERA))
@@ -98,4 +98,4 @@ def _write_squarely(folder: Path) -> None:
         poses[:, 2, 3] = np.linspace(150, 220, 6)
         seen = seen_by(CAMERA, known_points(BOARD), poses, names=PHOTOS[:6])
         noisy = replace(seen, center_px=seen.center_px + NOISE_PX * rng.standard_normal(seen.center_px.shape))
-        write_detections(folder / f"{name}.csv", detections_of(noisy, BOARD), BOARD, detector="test")
+        write_detections(folder / f"{name}.csv", detections_of(noisy, BOARD), BOARD)

@@ -8,7 +8,7 @@ import numpy as np
 from calib.cameras.camera import Camera, camera_to_json
 from calib.core.types import TOO_FLAT, Detections, FaceRecord
 from calib.observe.photos import PhotoFile, PhotoResult, Search
-from calib.observe.target_poses import PoseResult, TargetPose
+from calib.observe.target_poses import PhotoWithoutPose, PoseResult, TargetPose
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
 from calib.show.parts.kept_target import keep_target
@@ -117,7 +117,7 @@ def posed(folder: Path, rms_px: Sequence[float] = (0.02, 0.03, 0.09), reasons: S
         TargetPose(name, 30, rms, np.arange(3.0), np.full(3, 0.01), 500.0, 0.02, 1e-4, pose, np.eye(6))
         for name, rms, pose in zip(names, rms_px, poses(max(len(rms_px), 1)), strict=False)
     )
-    why = tuple(zip(names[len(rms_px) :], reasons, strict=True))
+    why = tuple(map(PhotoWithoutPose, names[len(rms_px) :], reasons))
     search = Search(ICO, tuple(result(name) for name in names), (), 0, 1.0)
     made = PoseResult(ICO, CAMERA, search, found, why)
     write_photos(folder, told_posed(made, Path("my.target.json"), "camera.json", Path("poses.json"), overlays))

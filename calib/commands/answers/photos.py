@@ -54,7 +54,7 @@ def poses_answer(found: "PoseResult") -> "dict[str, Value]":
         "with_pose": len(found.poses),
         "failures": list(found.search.failures),
         "poses": [_pose(one) for one in found.poses],
-        "without_pose": [{"image": image, "reason": reason} for image, reason in found.without_pose],
+        "without_pose": [{"image": one.image, "reason": one.reason} for one in found.without_pose],
     }
 
 

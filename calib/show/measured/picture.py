@@ -40,7 +40,6 @@ class Layout:
     middle_mm: Array  # (F, 2) where the middle of a face's outline lies
     face_middle_mm: Array  # (F, 2) the same in the face's frame
     size_mm: tuple[float, float]
-    face_mm: float  # size of the largest face
     key_mm: float  # room above them
     label_from_middle_mm: tuple[float, float]
     has_room_inside: bool  # for labels of two lines, left of a face's top
@@ -73,7 +72,7 @@ def layout_of(target: TargetGeometry) -> Layout:
     upper_left = np.stack([low[:, 0], high[:, 1]], axis=1)
     has_room = bool((np.linalg.norm(target.outline_mm - upper_left[:, None], axis=2).min(axis=1) > 0.2 * face).all())
     return Layout(
-        middle, (low + high) / 2, (columns * cell[0], rows * cell[1]), face,
+        middle, (low + high) / 2, (columns * cell[0], rows * cell[1]),
         KEY * height if count > 1 else 0.1 * height,
         (-0.36 * face, 0.26 * face) if has_room else (0.0, (height + gap) / 2), has_room,
     )  # fmt: skip

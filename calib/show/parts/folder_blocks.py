@@ -16,7 +16,6 @@ from designer.page.blocks import (
     FileRow,
     Finding,
     Findings,
-    Level,
     Section,
     is_linkable,
 )
@@ -34,11 +33,11 @@ def title_of(folder: Path) -> str:
     return printable(name) or DEFAULT_NAME
 
 
-def number(value: float, digits: int = 3, *, level: Level | None = None) -> Cell:
+def number(value: float, digits: int = 3) -> Cell:
     """A number to some digits that sorts by its value; empty where it is not known."""
     if not math.isfinite(value):
-        return Cell("", None, level=level)
-    return Cell(figure(value, digits), value, level=level)
+        return Cell("", None)
+    return Cell(figure(value, digits), value)
 
 
 def whole(value: int) -> Cell:
@@ -77,10 +76,10 @@ def warnings(title: str, lines: Sequence[str]) -> tuple[Block, ...]:
     return (Findings(tuple(Finding("usable", title, line) for line in lines)),) if lines else ()
 
 
-def some_of(lines: Sequence[str], most: int = MOST_LINES) -> list[str]:
+def some_of(lines: Sequence[str]) -> list[str]:
     """The first of very many lines, and how many more there are."""
-    more = [f"{len(lines) - most} more"] if len(lines) > most else []
-    return [*lines[:most], *more]
+    more = [f"{len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else []
+    return [*lines[:MOST_LINES], *more]
 
 
 def file_list(folder: Path, purposes: Sequence[tuple[str, str]]) -> FileList:

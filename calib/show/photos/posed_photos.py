@@ -67,7 +67,8 @@ def told_posed(
         out: the file of poses; None: there is none.
         overlays: names of pictures in the page's folder, by name of the photo.
     """
-    rows, reasons, poses = _checks(found), dict(found.without_pose), {pose.image: pose for pose in found.poses}
+    rows, poses = _checks(found), {pose.image: pose for pose in found.poses}
+    reasons = {one.image: one.reason for one in found.without_pose}
     failed = [*found.search.missing, *(result.failure for result in found.search.results if result.failure)]
     searched = {seen.image for seen in found.search.detections}
     without = [*failed, *(f"{name}: {shortened(why)}" for name, why in reasons.items() if name in searched)]

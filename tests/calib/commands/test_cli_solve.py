@@ -320,7 +320,7 @@ def test_views_that_cannot_be_used_are_named_and_recorded() -> None:
         replace(seen[1], image="other.png", image_size=(1400, 1000)),
         part(seen[2], 3, "few.png"),
     ]
-    write_detections(Path("detections.csv"), [*seen, *odd], BOARD, detector="test")
+    write_detections(Path("detections.csv"), [*seen, *odd], BOARD)
     solved, said = solve()
     assert solved.observations.view_names == SEEN.view_names
     for name in ("again.png", "other.png", "few.png"):
@@ -418,7 +418,7 @@ def test_two_hundred_photos_do_not_flood_the_screen() -> None:
     """What is said does not grow with the photos, and names of many left-out ones are cut short."""
     seen = detections_of(SEEN, BOARD)
     odd = [part(seen[0], 2, f"odd{n}.png") for n in range(200)]
-    write_detections(Path("detections.csv"), [*seen, *odd], BOARD, detector="test")
+    write_detections(Path("detections.csv"), [*seen, *odd], BOARD)
     _, said = solve()
     assert said.count("\n") < 60
     assert "odd0.png, odd1.png, odd2.png, odd3.png and 196 more" in said

@@ -83,7 +83,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def write_seen(shown: Observations, name: str, target: TargetGeometry | None = None) -> None:
     """Detections with the nominal target."""
     target = target or solid()
-    write_detections(Path(name), detections_of(shown, target), target, detector="test")
+    write_detections(Path(name), detections_of(shown, target), target)
 
 
 def command(*arguments: object) -> Answer:

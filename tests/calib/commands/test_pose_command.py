@@ -18,7 +18,17 @@ from calib.core.se3 import exp_rotation, transform
 from calib.core.types import Detections
 from calib.observe.observations import known_points
 from calib.observe.photos import PhotoFile, PhotoResult, Search, find_photos
-from calib.observe.target_poses import CSV_COLUMNS, POSES, PoseResult, TargetPose, poses_to_csv, target_poses
+from calib.observe.target_poses import (
+    CSV_COLUMNS,
+    NOT_SOLVED,
+    POSES,
+    TOO_FEW,
+    PhotoWithoutPose,
+    PoseResult,
+    TargetPose,
+    poses_to_csv,
+    target_poses,
+)
 from calib.renderer.poses import load_poses
 from calib.show.photos.posed_photos import told_posed
 from designer.base.codec import encode
@@ -118,7 +128,9 @@ def test_files_hold_the_poses_to_the_last_bit(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     poses = target_poses(photos_from(ICO, poses_around(4, rng), rng), ICO, CAMERA, weighted=False).poses
     path = tmp_path / "poses.json"
-    PoseResult(ICO, CAMERA, Search(ICO, (), (), 0, 1.0), poses, (("lost.png", "too few rings"),)).save(path)
+    PoseResult(ICO, CAMERA, Search(ICO, (), (), 0, 1.0), poses, (PhotoWithoutPose("lost.png", "too few rings"),)).save(
+        path
+    )
     document = json.loads(path.read_bytes())
     assert document["geometry_id"] == ICO.geometry_id
     assert document["failed"] == [{"file": "lost.png", "reason": "too few rings"}]
@@ -146,11 +158,11 @@ def test_photos_without_a_pose_are_sorted_by_the_reason() -> None:
         seen[photo] = seen[photo].keep(rows)
     seen[2] = replace(seen[2], center_px=np.tile([600.0, 450.0], (len(seen[2].ring), 1)))
     found = target_poses(seen, BOARD, CAMERA, weighted=False)
-    assert found.too_few == ("0.png", "1.png")
-    assert found.not_solved == ("2.png",)
+    too_few = (PhotoWithoutPose("0.png", TOO_FEW), PhotoWithoutPose("1.png", TOO_FEW))
+    assert found.failed == (*too_few, PhotoWithoutPose("2.png", NOT_SOLVED))
     assert [one.image for one in found.poses] == ["3.png"]
     none = target_poses(seen[:2], BOARD, CAMERA, weighted=False)
-    assert (none.poses, none.too_few) == ((), ("0.png", "1.png"))
+    assert (none.poses, none.failed) == ((), too_few)
 
 
 TRUTH = poses_around(3, np.random.default_rng(4), distance_mm=300.0)

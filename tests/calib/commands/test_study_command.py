@@ -124,7 +124,7 @@ def test_weights_count(quick: None) -> None:
     """Weighted by their covariances, observations give other cameras than all alike."""
     detections = detections_of(SEEN, BOARD)
     uneven = [replace(one, cov_px2=one.cov_px2 * (1 + 50 * (n % 2))) for n, one in enumerate(detections)]
-    write_detections(Path("detections.csv"), uneven, BOARD, detector="test")
+    write_detections(Path("detections.csv"), uneven, BOARD)
     bootstrap(samples=2)
     bootstrap("--unweighted", out="alike", samples=2)
     assert all(a[PARAMS] != b[PARAMS] for a, b in zip(rows_of(), rows_of("alike/study.sqlite"), strict=True))

@@ -56,7 +56,7 @@ def test_opencv_solves_from_our_detections_what_we_solve(found: list[calib.Detec
 
 def test_points_of_a_file_are_those_of_the_photo(found: list[calib.Detections], tmp_path: Path) -> None:
     """Detections that were written and read give OpenCV the same points; a part has the part's."""
-    write_detections(tmp_path / "d.csv", found, BOARD, detector="test")
+    write_detections(tmp_path / "d.csv", found, BOARD)
     again = read_detections(tmp_path / "d.csv", BOARD, target_path=tmp_path)
     for one, other in zip(found, again, strict=True):
         assert np.array_equal(one.object_points, other.object_points)

@@ -107,7 +107,7 @@ def test_three_kinds_of_file_are_told_apart_and_agree(tmp_path: Path) -> None:
         )
         for name, rows in ((name, np.flatnonzero(seen.view == view)) for view, name in enumerate(seen.view_names))
     ]  # fmt: skip
-    write_detections(tmp_path / "d.csv", detections, BOARD, detector="test")
+    write_detections(tmp_path / "d.csv", detections, BOARD)
     (tmp_path / "t.json").write_text(target_to_json(BOARD))
     write_csv(tmp_path / "c.csv", as_rows(seen), USUAL)
     lines = ["# filename x y level"]
@@ -133,7 +133,7 @@ def test_three_kinds_of_file_are_told_apart_and_agree(tmp_path: Path) -> None:
 def test_what_does_not_belong_together_is_refused(tmp_path: Path) -> None:
     """A target is needed for detections and for nothing else; sizes and grids for what does not hold them."""
     (tmp_path / "t.json").write_text(target_to_json(BOARD))
-    write_detections(tmp_path / "d.csv", [], BOARD, detector="test")
+    write_detections(tmp_path / "d.csv", [], BOARD)
     write_csv(tmp_path / "c.csv", as_rows(sightings(known_points(BOARD))), USUAL)
     (tmp_path / "c.vnl").write_text("# filename x y\na 1 2\n")
     target = tmp_path / "t.json"

@@ -19,6 +19,7 @@ from calib.observe.dataset import (
     write_detections,
 )
 from calib.observe.records import ImageRecord, read_records, records_path
+from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
@@ -55,7 +56,7 @@ def seen(
 
 def written(path: Path, *images: Detections) -> tuple[Detections, ...]:
     """Write and read back."""
-    write_detections(path, images, ICO, detector="test 1")
+    write_detections(path, images, ICO)
     return read_detections(path, ICO, target_path=TARGET_PATH)
 
 
@@ -89,7 +90,7 @@ def test_names_that_are_not_unicode_come_back(tmp_path: Path) -> None:
 def test_the_table_is_the_published_one(tmp_path: Path) -> None:
     """Columns, and the target's face, indices and X Y Z of each ring, as another program would read them."""
     one = seen("a.png", 5, np.random.default_rng(2))
-    write_detections(tmp_path / "d.csv", [one], ICO, detector="test 1")
+    write_detections(tmp_path / "d.csv", [one], ICO)
     lines = (tmp_path / "d.csv").read_text().splitlines()
     assert lines[0] == FIRST_LINE
     assert '# image 640 x 480 px "a.png"' in lines
@@ -164,7 +165,7 @@ CHANGES = {
 def test_a_line_that_breaks_a_rule_is_named(name: str, tmp_path: Path) -> None:
     """Each broken rule refuses the file, with the line where there is one."""
     change, rule = CHANGES[name]
-    text = detections_to_csv([seen("a.png", 4, np.random.default_rng(4))], ICO, detector="test 1")
+    text = detections_to_csv([seen("a.png", 4, np.random.default_rng(4))], ICO)
     path = tmp_path / "d.csv"
     path.write_text("\n".join(change(text.splitlines())) + "\n")
     with pytest.raises(InputError) as refused:
@@ -178,7 +179,7 @@ def test_a_line_that_breaks_a_rule_is_named(name: str, tmp_path: Path) -> None:
 
 def test_lines_are_counted_across_names_with_line_breaks(tmp_path: Path) -> None:
     """The line named is the one an editor shows, also after a file name of two lines."""
-    text = detections_to_csv([seen("a\nb.png", 4, np.random.default_rng(4))], ICO, detector="test 1")
+    text = detections_to_csv([seen("a\nb.png", 4, np.random.default_rng(4))], ICO)
     path = tmp_path / "d.csv"
     path.write_text(text + text.splitlines()[-1].join(['"a\n', "\n"]))
     with pytest.raises(InputError, match="line 17: "):
@@ -190,7 +191,7 @@ def test_lines_are_counted_across_names_with_line_breaks(tmp_path: Path) -> None
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_files_end_in_data_or_one_line(data: st.DataObject, tmp_path: Path) -> None:
     """Changed bytes and cuts of a file give detections or a refusal."""
-    text = detections_to_csv([seen("a.png", 4, np.random.default_rng(4))], ICO, detector="test 1")
+    text = detections_to_csv([seen("a.png", 4, np.random.default_rng(4))], ICO)
     content = bytearray(text.encode())
     for at, value in data.draw(st.lists(st.tuples(st.integers(0, len(content) - 1), st.integers(0, 255)), max_size=5)):
         content[at] = value
@@ -234,7 +235,6 @@ def test_another_layout_is_not_written(tmp_path: Path) -> None:
             tmp_path / "d.csv",
             [replace(seen("a.png", 3, np.random.default_rng(5)), layout_id="x")],
             ICO,
-            detector="test 1",
         )
     assert list(tmp_path.iterdir()) == []
 
@@ -243,13 +243,13 @@ def test_records_come_back(tmp_path: Path) -> None:
     """Faces, remarks, counts and failures of each photo are read back as written."""
     lost = ImageRecord("b.png", None, 0, 0, (), (), "is empty")
     path = tmp_path / "run" / "d.csv"
-    write_detections(path, [seen("a.png", 6, np.random.default_rng(6))], ICO, detector="test 1", failed=[lost])
+    write_detections(path, [seen("a.png", 6, np.random.default_rng(6))], ICO, failed=[lost])
     records = read_records(records_path(path))
     assert records.images == (
         ImageRecord("a.png", (640, 480), 6, 2, (RECORD,), ("page 1 of 2 read",)),
         lost,
     )
-    assert (records.detector, records.layout_id, records.geometry_id) == ("test 1", ICO.layout_id, ICO.geometry_id)
+    assert (records.detector, records.layout_id, records.geometry_id) == (program(), ICO.layout_id, ICO.geometry_id)
 
 
 def test_what_is_seen_too_flat_is_not_expected() -> None:
@@ -305,6 +305,6 @@ def test_a_failed_write_leaves_the_earlier_files(tmp_path: Path) -> None:
     records_path(path).unlink()
     records_path(path).mkdir()
     with pytest.raises(InputError, match="cannot be written"):
-        write_detections(path, [seen("b.png", 3, np.random.default_rng(9))], ICO, detector="test 1")
+        write_detections(path, [seen("b.png", 3, np.random.default_rng(9))], ICO)
     assert path.read_bytes() == before
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["d.csv", "d.records.json"]

@@ -85,7 +85,7 @@ def test_good_photos_are_all_kept() -> None:
 def test_in_memory_and_through_a_file_are_the_same(tmp_path: Path) -> None:
     """Detections are the same directly and written and read, to the digits of the file."""
     seen = photos(4)
-    write_detections(tmp_path / "d.csv", seen, BOARD, detector="test")
+    write_detections(tmp_path / "d.csv", seen, BOARD)
     for read, direct in zip(read_detections(tmp_path / "d.csv", BOARD, target_path=Path("t")), seen, strict=True):
         assert (read.image, read.image_size, read.geometry_id) == (direct.image, direct.image_size, direct.geometry_id)
         assert np.array_equal(read.ring, direct.ring)
@@ -191,7 +191,7 @@ def test_what_many_photos_say_is_not_lost_in_files(tmp_path: Path) -> None:
     """The records beside a table hold it; without them, or beside those of another target, nothing is said."""
     doubted = [replace(one, remarks=("is it this target?",)) for one in photos(3)]
     path = tmp_path / "d.csv"
-    records = write_detections(path, doubted, BOARD, detector="test 1")
+    records = write_detections(path, doubted, BOARD)
 
     def said() -> tuple[str, ...]:
         return prepared(list(read_detections(path, BOARD, target_path=Path("t")))).remarks

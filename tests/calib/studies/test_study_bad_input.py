@@ -83,7 +83,7 @@ def some(views: int) -> Observations:
 def other_target() -> None:
     Path("board.target.json").unlink()
     write_inputs(SEEN, board(11, 9))
-    write_detections(Path("detections.csv"), detections_of(SEEN, BOARD), BOARD, detector="test")
+    write_detections(Path("detections.csv"), detections_of(SEEN, BOARD), BOARD)
 
 
 def other_photos() -> None:
