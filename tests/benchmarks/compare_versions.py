@@ -39,7 +39,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("calib", "solve", "d.csv", "--target", T, "--model", "opencv", "-o", "solved"),
     ("calib", "evaluate", "solved", "--held-out", "3", "-o", "held"),
     ("calib", "report", "camera", "--criteria", "metrology"),
-    ("calib", "measure", T, "d.csv", "-o", "measured/b.target.json", "--held-out", "3"),
+    ("calib", "measure", T, "d.csv", "-o", "measured/b.target.json", "--held-out", "3", "--model", "opencv"),
     ("calib", "pose", T, "solved/camera.json", "photos", "-o", "poses.json"),
     ("calib", "undistort", "solved/camera.json", "photos", "-o", "flat"),
     ("calib", "convert", "solved/camera.json", "--to", "opencv", "-o", "camera.yaml"),
