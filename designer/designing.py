@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from designer.base.errors import InputError
+from designer.base.small_file import place_of
 from designer.formats.folder import OutputFile, files_left, replaced_target, write_folder
 from designer.kinds.presets import preset_or_file
 from designer.kinds.sizing import size_job
@@ -80,7 +81,7 @@ class DesignedTarget:
         Raises:
             InputError: the folder takes no files, or holds somebody else's.
         """
-        place = Path("exports") / self.name if folder is None else Path(folder)
+        place = Path("exports") / self.name if folder is None else place_of(folder, "a folder")
         replaced_lines = replaced_target(place, self.name, self.geometry)
         from designer.report.design_page import Written
 
@@ -103,7 +104,7 @@ def design(kind: str, *, must_fit: bool = False, **wishes: Wish) -> DesignedTarg
     Raises:
         InputError: a value that breaks a rule, or a target that cannot be made; the nearest that can be is named.
     """
-    if kind not in KINDS:
+    if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"kind {kind!r}: there is none; there are {', '.join(KINDS)}")
     return designed({"kind": kind, **_values(wishes)}, "", must_fit=must_fit)
 
@@ -116,10 +117,11 @@ def load(spec: Place, *, must_fit: bool = False, **wishes: Wish) -> DesignedTarg
     Raises:
         InputError: no such template or file, or a value that breaks a rule.
     """
+    place = place_of(spec, "a template, or a TOML file")
     path = preset_or_file("targets", fspath(spec))
     name = re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-._")[:64] or None
     values = {"name": name, **replaced(read_spec_file(path), _values(wishes))}
-    return designed(values, str(path) if path == Path(spec) else fspath(spec), must_fit=must_fit)
+    return designed(values, str(path) if path == place else fspath(spec), must_fit=must_fit)
 
 
 def designed(values: dict[str, RawValue], origin: str, *, must_fit: bool) -> DesignedTarget:

@@ -11,14 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
 from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from designer.base.errors import InputError
-from designer.base.small_file import once_each, read_small_text
+from designer.base.small_file import once_each, place_of, read_small_text
 from designer.base.solid import CODES
 from designer.spec.kind import spec_from_mapping, spec_to_mapping
 from designer.spec.spec import Build, Spec
@@ -318,7 +317,7 @@ def load_target(path: str | PathLike[str], needs: Needs = "points") -> TargetGeo
     Raises:
         InputError: the file cannot be read or is no valid target file; the message names it.
     """
-    path = Path(path)
+    path = place_of(path, "a target file (NAME.target.json)")
     text = read_small_text(path, MAX_FILE_BYTES, "a target file (NAME.target.json)")
     try:
         target = target_from_json(text)

@@ -15,6 +15,7 @@ from calib.api.loading import (
     Observed,
     Place,
     Progress,
+    folder_of,
     load_observations,
     observations_of,
     target_of,
@@ -41,7 +42,7 @@ from calib.studies.store import check_place, open_study, read_study
 from calib.studies.study_table import StudyCases, StudyTable, cases_of, study_table
 from calib.studies.workers import CaseSpec
 from designer.base.errors import InputError
-from designer.base.words import printable
+from designer.base.words import printable, several
 from designer.target import TargetGeometry
 
 MAX_SAMPLES, MAX_SIZE = 1_000_000, 100_000
@@ -77,7 +78,7 @@ class BootstrapResult(ShownAsPage):
         """
         from calib.show.studies.study_page import study_files
 
-        place = Path(folder)
+        place = folder_of(folder)
         check_folder(place)
         path = place / STUDY_FILE
         if path.exists() and path.read_bytes() != self.study:
@@ -215,11 +216,14 @@ def bootstrap(
     )
     if len(plan.models) > 1:
         raise InputError(f"--model {model}: a study is of one model; give {', '.join(solved_models())}")
-    views, count = [whole("--sizes", size, 1, MAX_SIZE) for size in sizes], whole("--samples", samples, 1, MAX_SAMPLES)
+    views, count = (
+        [whole("--sizes", size, 1, MAX_SIZE) for size in several("--sizes", sizes)],
+        whole("--samples", samples, 1, MAX_SAMPLES),
+    )
     seed = whole("--seed", seed, 0, MAX_SEED)
     processes = None if jobs is None else whole("--jobs", jobs, 1, 1024)
     if out is not None:
-        check_folder(Path(out))
+        check_folder(folder_of(out))
     if isinstance(observed, str | PathLike):
         observations = load_observations(observed, target, image_size=image_size, grid=grid)
     else:

@@ -15,7 +15,8 @@ from calib.interop.format import CameraFormat
 from calib.interop.reading import OpenedCamera, find_format, fit_to_format
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours, signed
-from designer.base.words import shown
+from designer.base.small_file import place_of
+from designer.base.words import several, shown
 
 LARGE_PX = 0.05
 """A larger residual is worth a warning: calibrations are good to some hundredths of a pixel."""
@@ -71,7 +72,7 @@ class Conversion:
         Raises:
             InputError: a folder, the file that was read, or somebody else's.
         """
-        place = Path(path)
+        place = place_of(path, "a file to write")
         check_converted(place, self.format, self.opened)
         write_files({place: signed(self.format.file_name, self.text.encode(), self.format.name)})
         return place
@@ -104,8 +105,8 @@ def convert(
     target = find_format(to)
     opened = opened_camera(camera, source)
     if out is not None:
-        check_converted(Path(out), target, opened)
-    zero = _lens_parameters(tuple(without))
+        check_converted(place_of(out, "a file to write"), target, opened)
+    zero = _lens_parameters(several("--without", without))
     try:
         written, refit = fit_to_format(opened.read.camera, target, model, zero)
     except InputError as error:

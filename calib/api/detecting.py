@@ -15,6 +15,7 @@ from calib.observe.images import Grey, grey_of, read_image
 from calib.observe.photos import PhotoFile, require_size
 from calib.show.photos.why_nothing import explained
 from designer.base.errors import InputError
+from designer.base.words import shown
 from designer.target import TargetGeometry
 
 Pixels: TypeAlias = NDArray[np.generic]
@@ -69,11 +70,15 @@ class Detector:
             found: in it.
 
         Raises:
-            InputError: no such file, or no image.
+            InputError: no such file, no image, or found in a photo of another size or with another target.
         """
         from calib.detector.overlay import draw_overlay
 
         pixels = grey_pixels(image)
+        if not isinstance(found, Detections):
+            raise InputError(f"{shown(found)}: is of type {type(found).__name__}; give what was detected in the photo")
+        if found.image_size != (pixels.shape[1], pixels.shape[0]) or found.layout_id != self.target.layout_id:
+            raise InputError(f"{found.image}: was detected in another photo, or with another target; give its own")
         if pixels.dtype == np.float32:  # of any scale: a picture shows what lies between its darkest and its lightest
             low, high = float(pixels.min()), float(pixels.max())
             pixels = ((pixels - low) * (255 / max(high - low, 1e-9))).astype(np.uint8)

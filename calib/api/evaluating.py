@@ -1,9 +1,10 @@
 """How large a camera's errors are, on the photos it was solved from or on others."""
 
 from dataclasses import dataclass
+from numbers import Integral
 from pathlib import Path
 
-from calib.api.loading import Place, truth_from
+from calib.api.loading import Place, folder_of, truth_from
 from calib.api.run_result import RunResult
 from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
@@ -17,6 +18,7 @@ from calib.solver.options import SolveOptions
 from calib.virtual.calibrate import calibrate
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours
+from designer.base.small_file import place_of
 
 REFERENCE = "reference"
 """The setting that names the photo a map is learned from."""
@@ -45,7 +47,7 @@ class EvaluationResult:
         Raises:
             InputError: the folder takes no files, or holds somebody else's.
         """
-        place = Path(folder)
+        place = folder_of(folder)
         check_metrics_folder(place)
         files = evaluation_files(self.asked, place)
         if figures:
@@ -85,7 +87,9 @@ def evaluate(
         solved, options = best.calibration, calibration.task.plan.options_of(best.model)
         has_reference, known = calibration.task.reference is not None, known or calibration.task.truth
     else:
-        solved, provenance = read_calibration(calibration_in(Path(calibration)))
+        solved, provenance = read_calibration(
+            calibration_in(place_of(calibration, "a run, a calibration.json, or its folder"))
+        )
         options, has_reference = provenance.options, bool(dict(provenance.settings).get(REFERENCE))
     every = evaluate_all(solved, known)
     held = _held_out(solved, options, held_out, known, has_reference=has_reference) if held_out else None
@@ -111,7 +115,7 @@ def _held_out(
     calibration: Calibration, options: SolveOptions, folds: int, truth: Truth | None, *, has_reference: bool
 ) -> Evaluation:
     views = calibration.observations.view_count
-    if not LEAST_FOLDS <= folds <= views:
+    if not isinstance(folds, Integral) or not LEAST_FOLDS <= folds <= views:
         raise InputError(
             f"--held-out {folds}: {views} photos fall into {LEAST_FOLDS} to {views} parts; give one of these"
         )

@@ -21,7 +21,7 @@ from calib.observe.records import read_records, records_path
 from calib.renderer.quantities import whole
 from calib.renderer.truth import TRUTH, Truth
 from designer.base.errors import InputError
-from designer.base.words import shown
+from designer.base.small_file import place_of
 from designer.target import Needs, TargetGeometry, load_target
 
 Place: TypeAlias = str | PathLike[str]
@@ -66,14 +66,12 @@ def load_observations(
     Raises:
         InputError: the file cannot be read, something else is needed, or nothing is left to solve from.
     """
-    place = Path(_place(path, "a file of observations"))
+    place = place_of(path, "a file of observations")
     if not place.is_file():
         why = "is a folder" if place.is_dir() else "no such file"
         raise InputError(f"{place}: {why}; give a detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl")
     geometry = (
-        target
-        if target is None or isinstance(target, TargetGeometry)
-        else Path(_place(target, "a target, or its file"))
+        target if target is None or isinstance(target, TargetGeometry) else place_of(target, "a target, or its file")
     )
     return read_observations(place, geometry, image_size=image_size, grid=grid)
 
@@ -125,7 +123,7 @@ def truth_from(truth: Truth | Place | None) -> Truth | None:
     Raises:
         InputError: the file cannot be read; the message names it.
     """
-    return truth if truth is None or isinstance(truth, Truth) else TRUTH.read(Path(truth))
+    return truth if truth is None or isinstance(truth, Truth) else TRUTH.read(place_of(truth, "a truth.json"))
 
 
 def rendered_id_of(observed: Observed) -> str:
@@ -146,7 +144,7 @@ def target_of(target: TargetGeometry | Place, needs: Needs = "points") -> Target
     """
     if isinstance(target, TargetGeometry):
         return target
-    return load_target(Path(_place(target, "a target geometry, or its file")), needs)
+    return load_target(place_of(target, "a target geometry, or its file"), needs)
 
 
 def camera_of(camera: Camera | Place) -> Camera:
@@ -166,13 +164,17 @@ def opened_camera(camera: Camera | Place, kind: str | None = None) -> OpenedCame
     """
     if isinstance(camera, Camera):
         return OpenedCamera(FORMATS[OWN], ReadCamera(camera))
-    return open_camera(fspath(_place(camera, "a camera, its file, or a template")), kind)
+    place_of(camera, "a camera, its file, or a template")
+    return open_camera(fspath(camera), kind)
 
 
-def _place(value: object, wanted: str) -> Place:
-    if not isinstance(value, str | PathLike):
-        raise InputError(f"{shown(repr(value))}: is of type {type(value).__name__}; give {wanted}")
-    return value
+def folder_of(folder: Place) -> Path:
+    """A folder to write to.
+
+    Raises:
+        InputError: no path.
+    """
+    return place_of(folder, "a folder, such as '.'")
 
 
 def processes_of(jobs: int | None) -> int:

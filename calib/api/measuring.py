@@ -4,6 +4,7 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
 from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
@@ -24,14 +25,16 @@ from calib.core.types import Detections, Observations
 from calib.metrics.evaluation import evaluate
 from calib.observe.dataset import read_detections
 from calib.records.as_built_file import AsBuiltRecord, record_of
+from calib.renderer.quantities import number
 from calib.show.measured.files import TARGET_SUFFIX, check_places, measured_files, places_of
 from calib.show.measured.words import why_not
 from calib.solver.solve import solve
 from calib.verdict.judge import VERDICT, VERDICT_FILE
 from designer.base.answer import program
 from designer.base.errors import InputError
+from designer.base.small_file import place_of
 from designer.base.units import NO_SKEW, Skew, format_skew
-from designer.base.words import shown
+from designer.base.words import several, shown
 from designer.target import TargetGeometry, target_to_json
 from designer.tolerance.made import EXACT, Made, how_made
 
@@ -74,7 +77,7 @@ class MeasureResult(ShownAsPage):
         Raises:
             InputError: another name, a file of somebody else's, or the target it was measured against.
         """
-        places = places_of(Path(path))
+        places = places_of(place_of(path, "a name, such as as_built.target.json"))
         check_places(places, self.measured_against)
         files = measured_files(places, self.record, self.target, self.found.nominal)
         write_files(files)
@@ -142,9 +145,9 @@ def measure(
     """
     nominal = _nominal(target)
     way = _way(nominal, made)
-    given = (lengths,) if isinstance(lengths, str | CaliperLength) else tuple(lengths)
+    given = (lengths,) if isinstance(lengths, CaliperLength) else several("--length", lengths)
     asked = [asked_length("--length", one, nominal) for one in given]
-    fix, share = ((words,) if isinstance(words, str) else tuple(words) for words in (fix, share))
+    fix, share = several("--fix", fix), several("--share", share)
     plan = plan_from_words(
         model or ALL, fix=fix, share=share, focal_px=None, loss="squares", reject=reject_sigma, weighted=weighted
     )
@@ -155,7 +158,12 @@ def measure(
         )
     if rings not in ("free", "rigid"):
         raise InputError(f"--rings {rings!r}: it must be free or rigid")
-    made_with = Compensation(shrink_compensation_percent, skew_compensation_rad)
+    shrink_percent = number("--shrink-compensation", shrink_compensation_percent)
+    skew_rad = [number("--skew-compensation", one) for one in several("--skew-compensation", skew_compensation_rad)]
+    if len(skew_rad) != len(NO_SKEW):
+        raise InputError(f"--skew-compensation {shown(skew_compensation_rad)}: give angles of xy, xz and yz")
+    made_with = Compensation(shrink_percent, (skew_rad[0], skew_rad[1], skew_rad[2]))
+    bed_turn_rad = number("--bed-turn", bed_turn_rad)
     if not abs(bed_turn_rad) <= math.tau:
         raise InputError(
             f"--bed-turn {math.degrees(bed_turn_rad):g}deg: must be a full turn at most; give it in degrees"
@@ -216,7 +224,7 @@ class RescaledTarget:
         Raises:
             InputError: another name, a file of somebody else's, or the target as designed.
         """
-        places = places_of(Path(path))
+        places = places_of(place_of(path, "a name, such as as_built.target.json"))
         check_places(places, self.measured_against)
         write_files({places.target: target_to_json(self.target).encode()})
         return places.target
@@ -291,7 +299,7 @@ def _items(observed: Several) -> tuple[_Item, ...]:
     Raises:
         InputError: nothing, something else, or the photos of one camera among those of others.
     """
-    items = (observed,) if isinstance(observed, Observations | str | PathLike) else tuple(observed)
+    items = (observed,) if isinstance(observed, Observations | PathLike) else several("observed", observed)
     if not items:
         raise InputError("no detections: give the detections.csv of photos of the print, or what was detected in them")
     for one in items:
@@ -400,7 +408,7 @@ def _parts(asked: int | None, views: int) -> int:
     """In how many parts photos are held out, of the camera with the fewest; 0: not."""
     if asked is None:
         return min(USUAL_PARTS, views) if views > LEAST_VIEWS else 0
-    if asked and not LEAST_PARTS <= asked <= views:
+    if asked and not (isinstance(asked, Integral) and LEAST_PARTS <= asked <= views):
         raise InputError(
             f"--held-out {asked}: {views} photos fall into {LEAST_PARTS} to {views} parts; give one of these, or 0 for "
             "none"

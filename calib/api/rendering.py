@@ -11,7 +11,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import Place, Progress, camera_of, processes_of, target_of, unheard
+from calib.api.loading import Place, Progress, camera_of, folder_of, processes_of, target_of, unheard
 from calib.cameras.camera import Camera
 from calib.core.se3 import rigid_fault
 from calib.core.types import LEAST_RADIUS_PX
@@ -25,6 +25,7 @@ from calib.renderer.scene import RenderScene, scene_from_target
 from calib.renderer.truth import TRUTH_FILE, FileFormat
 from calib.renderer.view import render_view
 from designer.base.errors import InputError
+from designer.base.words import shown
 from designer.target import TargetGeometry, bounding_radius_mm
 
 CHECKED_VIEWS = 50
@@ -57,8 +58,9 @@ class RenderedPhotos:
 
     def image(self, number: int) -> Levels:
         """A photo, the same as the file that `save` writes of it.  # (H, W)"""
-        rng = np.random.default_rng([self.job.seed, number])
         job = self.job
+        number = whole("photo", number, 0, len(job.cam_from_target) - 1)
+        rng = np.random.default_rng([job.seed, number])
         return render_view(self.scene, job.camera, job.cam_from_target[number], job.options, rng).image
 
     def save(
@@ -78,7 +80,7 @@ class RenderedPhotos:
         """
         processes = processes_of(jobs)
         return run_job(
-            self.job, Path(folder), processes=processes, overwrite=overwrite,
+            self.job, folder_of(folder), processes=processes, overwrite=overwrite,
             on_view=lambda done, total: progress("rendering", done, total),
         )  # fmt: skip
 
@@ -128,6 +130,8 @@ def render(
     """
     geometry, taken = target_of(target, "marks"), camera_of(camera)
     light = RenderOptions() if options is None else options
+    if not isinstance(light, RenderOptions):
+        raise InputError(f"options {shown(light)}: is of type {type(light).__name__}; give calib.RenderOptions")
     _check(light, file_format)
     seed = whole("--seed", seed, 0, MAX_SEED)
     if poses is None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from calib.api.loading import folder_of
 from calib.api.page_shown import ShownAsPage
 from calib.api.solving import Solution, SolveTask
 from calib.api.staging import keep_pictures, no_empty_folders, staging_folder
@@ -83,7 +84,7 @@ class RunResult(ShownAsPage):
         Raises:
             InputError: the folder takes no files, or holds somebody else's; the message names them.
         """
-        writer = RunWriter(Path(folder), self.task.plan.models)
+        writer = RunWriter(folder_of(folder), self.task.plan.models)
         writer.write_all(self)
         return tuple(writer.files)
 

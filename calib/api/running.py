@@ -9,6 +9,7 @@ from calib.api.loading import (
     Observed,
     Place,
     Progress,
+    folder_of,
     observations_of,
     photos_of,
     rendered_id_of,
@@ -39,6 +40,7 @@ from calib.verdict.verdict import Criteria
 from calib.virtual.calibrate import ALL_VIEWS
 from calib.virtual.solve_virtual import Reference
 from designer.base.errors import InputError
+from designer.base.small_file import place_of
 from designer.base.words import suggestion
 from designer.target import TargetGeometry
 from designer.tolerance.made import how_made
@@ -110,7 +112,7 @@ def run(
     asked = photos_of(photos)
     if writer is not None:
         asked = writer.without_own_pictures(asked)
-    known, doubt = truth_of(asked, None if truth is None else Path(truth))
+    known, doubt = truth_of(asked, None if truth is None else place_of(truth, "a truth.json"))
     rendered_id = "" if known is None else known.rendered_id(path.name for path in asked.paths)
     way = how_made(geometry, made, rendered_id=rendered_id)
     reference = _checked_reference(reference, plan, [photo.name for photo in named_photos(asked.paths)])
@@ -253,15 +255,16 @@ def _name(target: TargetGeometry | Place) -> str:
 
 
 def _criteria(criteria: Criteria | Place) -> Criteria:
-    return criteria if isinstance(criteria, Criteria) else read_criteria(fspath(criteria))
+    if isinstance(criteria, Criteria):
+        return criteria
+    place_of(criteria, "a template's name, or a TOML file")
+    return read_criteria(fspath(criteria))
 
 
 def _writer(out: RunWriter | Place | None, plan: SolvePlan) -> RunWriter | None:
     if out is None or isinstance(out, RunWriter):
         return out
-    if not fspath(out):
-        raise InputError("out '': is no folder; give one, or '.' for the current folder")
-    return RunWriter(Path(out), plan.models)
+    return RunWriter(folder_of(out), plan.models)
 
 
 def _checked_reference(reference: Reference | None, plan: SolvePlan, photos: Sequence[str]) -> Reference | None:

@@ -9,6 +9,7 @@ from calib.cameras import MODELS, models_of_all, parameter_names, solved_models
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.metrics.evaluation import Evaluation, evaluate
+from calib.renderer.quantities import number
 from calib.renderer.truth import Truth
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.calibration import Calibration
@@ -18,7 +19,7 @@ from calib.solver.target_error import with_target_error
 from calib.virtual.calibrate import calibrate
 from calib.virtual.solve_virtual import Reference
 from designer.base.errors import InputError
-from designer.base.words import suggestion
+from designer.base.words import several, suggestion
 from designer.tolerance.made import Made
 
 ALL = "all"
@@ -68,8 +69,8 @@ def plan_from_words(
     Raises:
         InputError: a word that means nothing; the message says what may stand there.
     """
-    fix, share = ((words,) if isinstance(words, str) else words for words in (fix, share))
-    models = models_of_all() if model == ALL else (model,)
+    fix, share = several("--fix", fix), several("--share", share)
+    models = models_of_all() if model == ALL else (str(model),)
     choices = ", ".join(solved_models())
     for name in models:
         if name in MODELS and name not in solved_models():
@@ -77,6 +78,7 @@ def plan_from_words(
         if name not in MODELS:
             hint = suggestion(name, [*solved_models(), ALL]) or f"; there are {choices} and {ALL}"
             raise InputError(f"--model {name!r}: no such model{hint}")
+    reject = None if reject is None else number("--reject", reject)
     if reject is not None and not 1 <= reject < float("inf"):
         raise InputError(f"--reject {reject:g}: give 1 or more standard deviations, such as 4")
     if loss not in ("squares", "huber", "cauchy"):
@@ -90,7 +92,7 @@ def plan_from_words(
         reject_sigma=reject,
         fixed=fixed,
         shared=shared,
-        focal_px=None if focal_px is None else _focal_px(focal_px),
+        focal_px=None if focal_px is None else _focal_px(number("--focal", focal_px)),
     )
     plan = SolvePlan(models, options)
     for name in models:

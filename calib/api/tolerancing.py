@@ -9,13 +9,13 @@ from os import fspath
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from calib.api.loading import Place, Progress, camera_of, target_of, unheard
+from calib.api.loading import Place, Progress, camera_of, folder_of, target_of, unheard
 from calib.api.page_shown import ShownAsPage
 from calib.cameras import DEFAULT
 from calib.cameras.camera import Camera
 from calib.core.files import check_folder, write_files
 from calib.renderer.poses import MAX_VIEWS
-from calib.renderer.quantities import whole
+from calib.renderer.quantities import real, whole
 from calib.solver.options import SolveOptions
 from calib.studies.progress import DrawCount
 from calib.studies.tolerance.explore import PhotographedTarget, TolerancePlan, compared, explore
@@ -25,6 +25,7 @@ from calib.studies.tolerance.seen import view_fit
 from calib.studies.tolerance.setting import make_setting
 from calib.studies.tolerance.stored import Keeping
 from designer.base.errors import InputError
+from designer.base.small_file import place_of
 from designer.base.words import printable
 from designer.target import TargetGeometry, bounding_radius_mm, target_to_json
 from designer.tolerance.error_file import error_model
@@ -63,7 +64,7 @@ class ToleranceResult(ShownAsPage):
         """
         from calib.show.studies.tolerance_files import tolerance_files
 
-        place = Path(folder)
+        place = folder_of(folder)
         check_folder(place)
         files = tolerance_files(self.study, place, formats)
         write_files(files)
@@ -165,7 +166,7 @@ def tolerance(
         progress("asking the cluster", 0, 0)
         check_cluster(dask)
     if out is not None:
-        check_folder(Path(out))
+        check_folder(folder_of(out))
     progress("setting up", 0, 0)
     with ExitStack() as stack:
         place = Path(stack.enter_context(TemporaryDirectory())) if out is None else Path(out)
@@ -226,9 +227,7 @@ def _photographed(
     """
     geometry = target_of(target, "rings")
     made = error_model(errors, changes)
-    low, high = DISTANCES_MM
-    if not low <= distance_mm <= high:
-        raise InputError(f"--distance {distance_mm:g}mm: must be from {low:g}mm to {high:g}mm")
+    distance_mm = real("--distance", distance_mm, *DISTANCES_MM, "mm")
     inside = bounding_radius_mm(geometry)
     if distance_mm <= inside:
         raise InputError(
@@ -267,7 +266,7 @@ def _file_of(target: TargetGeometry | Place, stack: ExitStack) -> Path:
 
 
 def _path_of(target: TargetGeometry | Place) -> Path:
-    return Path("target") if isinstance(target, TargetGeometry) else Path(target)
+    return Path("target") if isinstance(target, TargetGeometry) else place_of(target, "a target geometry, or its file")
 
 
 def _count(number: int, noun: str) -> str:

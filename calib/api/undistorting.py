@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from calib.api.detecting import Pixels, require_image
-from calib.api.loading import Place, Progress, camera_of, photos_of, unheard
+from calib.api.loading import Place, Progress, camera_of, folder_of, photos_of, unheard
 from calib.api.searching import refuse_nothing
 from calib.cameras import LINEAR, undistortion
 from calib.cameras.camera import CAMERA, Camera, camera_to_json
@@ -77,7 +77,7 @@ class Undistorter:
             InputError: a folder of somebody else's or of another camera, or not one photo that can be undistorted.
             UndistortionStoppedError: by a person; it says what is finished and stays.
         """
-        place = Path(folder)
+        place = folder_of(folder)
         asked = photos_of(photos)
         named = named_photos(asked.paths)
         mine = [photo for photo in named if not Path(photo.name).stem.endswith(MARK)]

@@ -18,7 +18,7 @@ from calib.core.types import freeze
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind, laid_out
 from designer.base.marks import LEFT_OUT, Above, AtLeast, AtMost, Length, Shape
-from designer.base.small_file import JsonValue, parse_json, read_small_text
+from designer.base.small_file import JsonValue, parse_json, place_of, read_small_text
 from designer.base.words import shown, suggestion
 from designer.kinds.presets import preset_or_file
 from designer.kinds.spec_file import RawValue, read_spec_file
@@ -62,6 +62,13 @@ class Camera:
 
     def __post_init__(self) -> None:
         freeze(self, "params")
+        if self.model not in MODELS:
+            raise InputError(f"unknown camera model {shown(self.model)}; there are {', '.join(MODELS)}")
+        names = parameter_names(self.model)
+        if self.params.shape != (len(names),):
+            raise InputError(
+                f"{self.params.size} parameters: model {self.model} takes {len(names)}: {', '.join(names)}"
+            )
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -90,11 +97,11 @@ class Camera:
 
     def project(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pixels (..., 2) of points (..., 3) in the camera's frame; nan where it does not see: `camera.project(x)`."""
-        return project(self, np.asarray(point, dtype=np.float64))
+        return project(self, _rows_of(point, 3, "points"))
 
     def rays(self, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
         """Unit directions (..., 3) of the light that reaches pixels (..., 2); nan where none does: `camera.rays(u)`."""
-        ray = rays(self, np.asarray(pixel, dtype=np.float64))
+        ray = rays(self, _rows_of(pixel, 2, "pixels"))
         unit: NDArray[np.float64] = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
         return unit
 
@@ -113,9 +120,24 @@ class Camera:
         Raises:
             InputError: the place takes no file, or holds somebody else's.
         """
-        place = Path(path)
+        place = place_of(path, "a file to write, such as camera.json")
         write_files({place: camera_to_json(self).encode()})
         return place
+
+
+def _rows_of(value: object, columns: int, what: str) -> NDArray[np.float64]:
+    """An array (..., columns) of numbers.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        rows = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{shown(value)}: {what} are numbers; give an array (..., {columns})") from None
+    if rows.shape[-1:] != (columns,):
+        raise InputError(f"{what} of shape {rows.shape}: give an array (..., {columns})")
+    return rows
 
 
 MAX_SIDE_PX = 100_000

@@ -22,6 +22,7 @@ from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import Key, Shape
 from designer.base.own_files import require_ours
+from designer.base.small_file import place_of
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
@@ -106,7 +107,7 @@ class PoseResult:
         Raises:
             InputError: another suffix, or a file of somebody else's.
         """
-        place = Path(path)
+        place = place_of(path, "a file to write, such as poses.csv")
         check_output(place)
         write_files({place: poses_to_csv(self.poses) if place.suffix.lower() == ".csv" else self._json()})
         return place

@@ -51,6 +51,13 @@ def real(option: str, value: object, low: float, high: float, unit: str = "") ->
     return float(value)
 
 
+def number(option: str, value: object) -> float:
+    """A number, whose limits another rule has."""
+    if not isinstance(value, Real) or isinstance(value, bool):
+        raise InputError(f"{option} {shown(value)}: must be a number")
+    return float(value)
+
+
 def choice(option: str, text: str, known: tuple[str, ...]) -> str:
     """One of a few words."""
     if text not in known:

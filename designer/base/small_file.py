@@ -3,12 +3,27 @@
 import json
 import stat
 from collections import Counter
+from os import PathLike, fspath
 from pathlib import Path
 from typing import TypeAlias
 
 from designer.base.errors import InputError
+from designer.base.words import shown
 
 JsonValue: TypeAlias = "dict[str, JsonValue] | list[JsonValue] | str | int | float | bool | None"
+
+
+def place_of(value: object, wanted: str) -> Path:
+    """The path that a person gave, where a name or a path is `wanted`, in words with an article.
+
+    Raises:
+        InputError: it is of another type, or empty.
+    """
+    if not isinstance(value, str | PathLike):
+        raise InputError(f"{shown(value)}: is of type {type(value).__name__}; give {wanted}")
+    if not fspath(value):
+        raise InputError(f"{fspath(value)!r}: is no path; give {wanted}")
+    return Path(value)
 
 
 def read_small_text(path: Path, max_bytes: int, kind: str, errors: str = "strict") -> str:

@@ -1,5 +1,12 @@
 """The program's name, and small matters of writing."""
 
+from collections.abc import Iterable
+from typing import TypeVar
+
+from designer.base.errors import InputError
+
+Item = TypeVar("Item")
+
 NAME = "ringsolid"
 """Files say whose they are: JSON by `"format": "ringsolid.KIND"`, tables by `# ringsolid KIND, version 1`."""
 
@@ -29,9 +36,22 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def suggestion(word: str, known: list[str]) -> str:
+def several(option: str, value: Iterable[Item] | str) -> tuple[Item | str, ...]:
+    """What an option was given: one text, or any number of values.
+
+    Raises:
+        InputError: neither.
+    """
+    if isinstance(value, str):
+        return (value,)
+    if not isinstance(value, Iterable):
+        raise InputError(f"{option} {shown(value)}: is of type {type(value).__name__}; give a text, or a list of them")
+    return tuple(value)
+
+
+def suggestion(word: object, known: list[str]) -> str:
     """`; did you mean 'x'?` for the known word nearest to a misspelt one, or nothing."""
     import difflib
 
-    match = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    match = difflib.get_close_matches(str(word), known, n=1, cutoff=0.5)
     return f"; did you mean {match[0]!r}?" if match else ""

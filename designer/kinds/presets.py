@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from designer.base.errors import InputError
+from designer.base.small_file import place_of
 from designer.base.words import shown, suggestion
 from designer.spec.spec import Build, Lattice
 
@@ -35,9 +36,9 @@ def preset_or_file(kind: PresetKind, name: str) -> Path:
     Raises:
         InputError: neither a template nor an existing file; the message suggests the nearest template.
     """
+    own = place_of(name, "a template's name, or a TOML file")
     if name in preset_names(kind):
         return preset_folder() / kind / f"{name}.toml"
-    own = Path(name)
     if os.path.islink(own) and not own.exists():
         raise InputError(f"{shown(name)}: a link that leads nowhere; check it, or use one of the templates")
     if kind == "targets" and own.suffix.lower() == ".json":

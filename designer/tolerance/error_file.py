@@ -9,7 +9,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from designer.base.errors import InputError
 from designer.base.units import parse_angle_rad, parse_length_mm, parse_percent, parse_quantity
-from designer.base.words import shown, suggestion
+from designer.base.words import several, shown, suggestion
 from designer.kinds.presets import preset_or_file
 from designer.kinds.spec_file import RawValue, read_spec_file
 from designer.tolerance.model import ErrorModel
@@ -67,7 +67,7 @@ def error_model(name_or_path: str, overrides: Sequence[str] = ()) -> ErrorModel:
     """
     path = preset_or_file("errors", name_or_path)
     model = _read(path)
-    for override in overrides:
+    for override in several("--set", overrides):
         model = _overridden(model, override)
     return _checked(model, path)
 

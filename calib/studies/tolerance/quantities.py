@@ -7,7 +7,7 @@ from typing import NamedTuple
 from calib.renderer.quantities import parse_degrees, parse_pixels
 from designer.base.errors import InputError
 from designer.base.units import parse_length_mm
-from designer.base.words import shown, suggestion
+from designer.base.words import several, shown, suggestion
 
 
 class Quantity(NamedTuple):
@@ -89,7 +89,7 @@ def parse_requirements(texts: Sequence[str]) -> tuple[Requirement, ...]:
     Raises:
         InputError: no '=', an unknown quantity, a unit of another dimension, not above 0, or a quantity twice.
     """
-    found = [_parse(text) for text in texts]
+    found = [_parse(text) for text in several("--require", texts)]
     names = [one.quantity for one in found]
     for name in names:
         if names.count(name) > 1:

@@ -1,5 +1,6 @@
 """The public functions: what a command does, in one call that returns a value and prints nothing."""
 
+import inspect
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import calib
+import designer
 from calib.records.calibration_file import Provenance, write_calibration
 from calib.solver.options import SolveOptions
 from calib.solver.solve import solve
@@ -99,6 +101,67 @@ def test_what_is_no_photo_to_render_is_refused(options: dict[str, object]) -> No
     """Numbers that are none, beyond their limits or of another type end in one line, before any work."""
     with pytest.raises(calib.InputError):
         calib.render(BOARD, CAMERA, **{"distance_mm": 120.0, **options})  # type: ignore[arg-type]
+
+
+WRONG = {
+    calib.run: ("target", "photos", "model", "fix", "share", "focal_px", "loss", "reject_sigma", "made", "truth",
+                "criteria", "jobs", "out"),
+    calib.solve: ("observed", "target", "model", "fix", "share", "focal_px", "reject_sigma", "made", "truth",
+                  "criteria", "out"),
+    calib.evaluate: ("calibration", "truth"),
+    calib.measure: ("target", "observed", "lengths", "model", "rings", "made", "reject_sigma", "fix", "share",
+                    "shrink_compensation_percent", "skew_compensation_rad", "bed_turn_rad"),
+    calib.rescale: ("target", "length", "made"),
+    calib.bootstrap: ("observed", "truth", "sizes", "samples", "model", "seed", "jobs", "out"),
+    calib.tolerance: ("target", "errors", "changes", "views", "distance_mm", "camera", "model", "draws", "require",
+                      "by", "seed", "jobs", "out"),
+    calib.render: ("target", "camera", "views", "region", "options", "seed", "file_format"),
+    calib.undistort: ("image", "camera", "alpha", "focal_px"),
+    calib.convert: ("camera", "to", "model", "without", "out"),
+    designer.load: ("spec",), designer.load_target: ("path",), designer.design: ("kind",),
+}  # fmt: skip
+VALID = {
+    "target": BOARD, "observed": example(BOARD, np.random.default_rng(1), views=6).observations, "photos": "*.png",
+    "errors": "fdm-dual", "camera": CAMERA, "image": np.zeros((120, 160), np.uint8), "to": "ros", "length": "edge:1mm",
+    "calibration": "cal",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("call", "option"), [(call, option) for call, options in WRONG.items() for option in options],
+    ids=[f"{call.__name__}-{option}" for call, options in WRONG.items() for option in options],
+)  # fmt: skip
+def test_a_value_of_another_type_is_refused(call: Callable[..., object], option: str) -> None:
+    """Whatever an option is given, the answer is a line and no TypeError from within."""
+    needed = inspect.signature(call).parameters
+    given = {name: value for name, value in VALID.items() if name in needed}
+    with pytest.raises(calib.InputError) as refused:
+        call(**{**given, option: 5j})
+    assert "\n" not in str(refused.value)
+
+
+def test_a_camera_says_what_it_takes() -> None:
+    """Its model and the number of its parameters when it is made, the shape of points and pixels when they come."""
+    for call, why in (
+        (lambda: calib.Camera("fisheye", CAMERA.params, (160, 120)), "unknown camera model 'fisheye'"),
+        (lambda: calib.Camera("pinhole", CAMERA.params, (160, 120)), "9 parameters: model pinhole takes 4: fx_px"),
+        (lambda: CAMERA.project([1.0, 2.0]), r"points of shape \(2,\)"),  # type: ignore[arg-type]
+        (lambda: CAMERA.rays("here"), "pixels are numbers"),  # type: ignore[arg-type]
+        (lambda: CAMERA.save(""), "is no path"),
+    ):
+        with pytest.raises(calib.InputError, match=why):
+            call()
+
+
+def test_a_picture_is_of_the_photo_that_was_searched() -> None:
+    """Detections of another photo would be drawn where nothing is."""
+    image = calib.render(BOARD, CAMERA, views=1, distance_mm=120.0).image(0)
+    detector = calib.Detector(BOARD)
+    found = detector.detect(image)
+    with pytest.raises(calib.InputError, match="another photo"):
+        detector.draw(image[:60], found)
+    with pytest.raises(calib.InputError, match="must be from 0 to 0"):
+        calib.render(BOARD, CAMERA, views=1, distance_mm=120.0).image(1)
 
 
 def test_wrong_types_are_refused_in_one_line() -> None:

@@ -76,7 +76,7 @@ def test_somebody_elses_file_stops_it_before_anything_is_written(name: str) -> N
         run.save("mine")
     assert files_in(Path("mine")) == {name}
     assert place.read_text() == "mine"
-    with pytest.raises(calib.InputError, match="is no folder"):
+    with pytest.raises(calib.InputError, match="is no path; give a folder"):
         calib.solve(seen(), BOARD, out="", **MODEL)
 
 
