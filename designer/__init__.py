@@ -7,7 +7,6 @@
 There is a function for each kind of target. Names are loaded when they are used: `calib` needs a few light ones only.
 """
 
-from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -40,9 +39,9 @@ def __getattr__(name: str) -> object:
     from designer.spec.kind import KINDS
 
     if name in KINDS:
-        from designer.designing import design
+        from designer.designing import function_of
 
-        globals()[name] = made = partial(design, name)
+        globals()[name] = made = function_of(name)
         return made
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

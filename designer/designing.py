@@ -16,7 +16,8 @@ from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import RawValue, parse_spec, read_spec_file, replaced
 from designer.make.printability import PrintCheck, check_printability
 from designer.produce import Design, make_files
-from designer.spec.kind import KINDS
+from designer.spec.kind import KINDS, kind_named
+from designer.spec.options import options_of
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:
@@ -107,6 +108,23 @@ def design(kind: str, *, must_fit: bool = False, **wishes: Wish) -> DesignedTarg
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"kind {kind!r}: there is none; there are {', '.join(KINDS)}")
     return designed({"kind": kind, **_values(wishes)}, "", must_fit=must_fit)
+
+
+def function_of(kind: str) -> Callable[..., DesignedTarget]:
+    """What `designer.ico` and the others are: `design` of a kind, with the kind's options in its help."""
+
+    def made(*, must_fit: bool = False, **wishes: Wish) -> DesignedTarget:
+        return design(kind, must_fit=must_fit, **wishes)
+
+    entry = kind_named(kind)
+    options = [f"    {name}: {option.help}" for name, option in options_of(entry.asked).items()]
+    made.__doc__ = "\n".join([
+        f'Design {entry.title}: `designer.{kind}(...).save("exports/{kind}")`.', "",
+        "A value is as on the command line, or a number under a name that ends in `_mm`.", "", "Args:",
+        "    must_fit: refuse a part that is larger than the printer's bed", *options,
+    ])  # fmt: skip
+    made.__name__ = made.__qualname__ = kind
+    return made
 
 
 def load(spec: Place, *, must_fit: bool = False, **wishes: Wish) -> DesignedTarget:

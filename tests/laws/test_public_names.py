@@ -11,6 +11,8 @@ import pytest
 
 import calib
 import designer
+from designer.spec.kind import KINDS, kind_named
+from designer.spec.options import options_of
 
 ROOT = Path(__file__).parents[2]
 PUBLIC = [(package, name) for package in (calib, designer) for name in getattr(package, "__all__", ())]
@@ -25,6 +27,16 @@ def test_each_public_name_opens_with_what_a_caller_types(package: object, name: 
     assert EXAMPLE.search(line), line
     for code in re.findall("`([^`]+)`", line):
         ast.parse(code if not code.startswith("except") else f"try: pass\n{code}")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_kind_of_target_is_a_function_with_help(kind: str) -> None:
+    """Its name is the kind's, and its docstring tells all options of the command."""
+    function = getattr(designer, kind)
+    told = inspect.getdoc(function) or ""
+    assert function.__name__ == kind
+    assert told.startswith(f"Design {kind_named(kind).title}: `designer.{kind}(")
+    assert all(f"    {name}: " in told for name in options_of(kind_named(kind).asked))
 
 
 def test_type_checkers_see_what_is_loaded_when_used() -> None:

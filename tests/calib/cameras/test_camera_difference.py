@@ -13,6 +13,7 @@ from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation
 from calib.figures.difference_picture import difference_picture
 from calib.figures.sigma_map import scale_end
+from calib.figures.style import WIDTH_PX
 from calib.interop import FORMATS
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE, ask_mrcal
@@ -134,6 +135,6 @@ def test_the_picture_can_be_drawn(b: Camera, tmp_path: Path) -> None:
     (tmp_path / "d.png").write_bytes(difference_picture(camera_difference(A, b, radius_px=200), "a to b", "note"))
     picture = cv2.imread(str(tmp_path / "d.png"))
     assert picture is not None
-    assert picture.shape[1] == 1350
+    assert picture.shape[1] == WIDTH_PX
     assert 0.6 < picture.shape[0] / picture.shape[1] < 1
     assert picture.std() > 10
