@@ -1,11 +1,12 @@
 """Pictures of calibrations, as PNG. matplotlib takes a second to load, so it is loaded when something is drawn."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calib.core.number_text import figure as digits
-from calib.figures.fields import draw_coverage, draw_means, draw_residuals, draw_uncertainty
-from calib.figures.histograms import draw_histogram, draw_sizes
+from calib.figures.fields import coverage_drawing, residuals_drawing, systematic_drawing, uncertainty_drawing
+from calib.figures.histograms import distribution_drawing, sizes_drawing
 from calib.figures.sigma_map import sigma_map
 from calib.figures.style import (
     ABOVE_PX,
@@ -14,8 +15,8 @@ from calib.figures.style import (
     LEFT_PX,
     WIDTH_PX,
     axes_at,
-    bar_beside,
     headline,
+    note,
     picture,
 )
 from calib.metrics.errors import summarise
@@ -24,7 +25,6 @@ from calib.metrics.residual_cells import cells_of_residuals, residuals_of
 from calib.verdict.coverage import coverage_of
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 IMAGE_PX, HISTOGRAM_PX = 576, 375
@@ -49,22 +49,25 @@ def calibration_figures(evaluation: Evaluation, folder: Path) -> dict[Path, byte
 def _draw_page(page: "Figure", evaluation: Evaluation, image_px: float) -> None:
     """Three rows of two panels, the first two of which are images so high."""
     calibration, residuals = evaluation.calibration, residuals_of(evaluation)
-    cells, covered = cells_of_residuals(residuals), coverage_of(calibration)
+    cells = cells_of_residuals(residuals)
 
-    def panel(row: int, column: int) -> "Axes":
-        top = HEADLINE_PX + ABOVE_PX + row * (image_px + ABOVE_PX + BELOW_PX)
-        return axes_at(page, column * WIDTH_PX / 2 + LEFT_PX, top, IMAGE_PX, image_px if row < 2 else HISTOGRAM_PX)
-
-    draw_residuals(panel(0, 0), residuals)
-    field = panel(0, 1)
-    means = draw_means(field, cells, residuals.image_size, "Systematic residuals: mean of each cell", cells.long_px)
-    bar_beside(field, means, "length of the mean in px", longer=True)
-    draw_coverage(panel(1, 0), covered.image_size, covered.views)
-    draw_uncertainty(panel(1, 1), calibration, sigma_map(calibration))
-    draw_histogram(panel(2, 0), evaluation)
     errors = evaluation.of("reprojection")
+    rmse_px = math.nan if errors is None else summarise(errors).rmse
+    drawings = [
+        residuals_drawing(residuals, rmse_px), systematic_drawing(cells, residuals.image_size),
+        coverage_drawing(coverage_of(calibration)), uncertainty_drawing(sigma_map(calibration)),
+        distribution_drawing(evaluation),
+    ]  # fmt: skip
     if errors is not None:
-        draw_sizes(panel(2, 1), errors.size[errors.is_counted], errors.unit)
+        drawings.append(sizes_drawing(errors.metric, errors.size[errors.is_counted], errors.unit))
+    for place, drawing in enumerate(drawings):
+        row, column = divmod(place, 2)
+        top = HEADLINE_PX + ABOVE_PX + row * (image_px + ABOVE_PX + BELOW_PX)
+        high = HISTOGRAM_PX if drawing.image_size is None else image_px
+        axes = axes_at(page, column * WIDTH_PX / 2 + LEFT_PX, top, IMAGE_PX, high)
+        axes.set_title(drawing.title)
+        note(axes, drawing.words)
+        drawing.draw(axes)
     headline(page, describe(evaluation))
 
 

@@ -38,7 +38,8 @@ def difference_picture(difference: CameraDifference, title: str, text: str) -> b
 
     def draw(page: "Figure") -> None:
         axes = page.add_subplot()
-        image_axes(axes, difference.image_size, title)
+        image_axes(axes, difference.image_size)
+        axes.set_title(title)
         draw_map(axes, difference.pixel, length, "px")
         longest, is_cut = _arrows(axes, difference)
         _fitted_region(axes, difference)

@@ -1,5 +1,6 @@
 """Fields over the image: residuals and their means, values as bands of colour, what is covered."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,46 +17,54 @@ from calib.figures.style import (
     PALE,
     SEQUENTIAL,
     VERMILION,
+    Drawing,
     bar_beside,
     image_axes,
-    note,
     round_length,
 )
-from calib.metrics.residual_cells import LEAST_PER_CELL, ResidualCells, Residuals
-from calib.solver.calibration import Calibration
+from calib.metrics.residual_cells import ResidualCells, Residuals
+from calib.verdict.coverage import Coverage
+from designer.base.words import capital
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.collections import QuadMesh
 
 MOST_ARROWS = 4000
 ARROW_SHARE = 0.04
 """Length of a large residual (95 %) on paper, of the image's width."""
 
 
-def draw_residuals(axes: "Axes", residuals: Residuals, most: int = MOST_ARROWS) -> None:
+def _draw_residuals(axes: "Axes", residuals: Residuals, most: int) -> None:
     """An arrow a residual, enlarged, or of very many some."""
-    image_axes(axes, residuals.image_size, "Residuals: predicted - measured")
+    image_axes(axes, residuals.image_size)
     count = len(residuals.pixel)
     rows = np.arange(count) if count <= most else np.linspace(0, count - 1, most).astype(np.int64)
     pixel, arrow = residuals.pixel[rows], residuals.residual_px[rows]
-    if not count:
-        note(axes, "no residual counts")
-    else:
+    if count:
         enlarged = _enlarged(residuals.image_size, float(np.percentile(np.hypot(*residuals.residual_px.T), 95)))
         axes.quiver(
             *pixel.T, *arrow.T, angles="xy", scale_units="xy", scale=1 / enlarged, width=0.012, units="inches",
             color=BLUE, headwidth=4, headlength=4, headaxislength=3.5, rasterized=True,
         )  # fmt: skip
         _scale_arrow(axes, residuals.image_size[0], enlarged)
-        shown = "" if len(rows) == count else f"; {len(rows)} of {count} drawn"
-        note(axes, f"arrows {enlarged:g} x enlarged{shown}")
     if len(residuals.outlier_px):
         axes.plot(
             *residuals.outlier_px.T, "x", color=VERMILION, markersize=8, markeredgewidth=2,
             label=f"{len(residuals.outlier_px)} outliers, left out",
         )  # fmt: skip
         axes.legend(loc="upper right")
+
+
+def residuals_drawing(residuals: Residuals, rmse_px: float, most: int = MOST_ARROWS) -> Drawing:
+    """How large residuals are, as arrows."""
+    count, outliers = len(residuals.pixel), len(residuals.outlier_px)
+    words = f"{count} residuals, {digits(rmse_px, 3)} px root mean square"
+    words += f"; {outliers} outliers, marked by crosses, were left out" if outliers else ""
+    words += f"; {most} are drawn" if count > most else ""
+    return Drawing(
+        "Residuals: predicted - measured", words, lambda axes: _draw_residuals(axes, residuals, most),
+        residuals.image_size,
+    )  # fmt: skip
 
 
 def _enlarged(image_size: tuple[int, int], length_px: float) -> float:
@@ -76,28 +85,25 @@ def _scale_arrow(axes: "Axes", width: int, enlarged: float) -> None:
     )  # fmt: skip
 
 
-def draw_means(
-    axes: "Axes", cells: ResidualCells, image_size: tuple[int, int], title: str, long_px: float
-) -> "QuadMesh":
-    """The mean residual of each cell; return what a scale of colours belongs to.
+def _draw_means(axes: "Axes", cells: ResidualCells, image_size: tuple[int, int], long_px: float) -> None:
+    """The mean residual of each cell, with a scale of colours.
 
     Args:
         axes: to draw in.
         cells: with their means.
         image_size: width, height in px.
-        title: of the axes.
         long_px: the end of the scales; longer arrows are cut, brighter colours are not there.
     """
-    image_axes(axes, image_size, title)
+    image_axes(axes, image_size)
     axes.set_facecolor(EMPTY)
     long_px = max(long_px, 1e-12)
     shown = axes.pcolormesh(
         cells.edge_u, cells.edge_v, cells.length_px, cmap=SEQUENTIAL, vmin=0, vmax=long_px, rasterized=True
     )
+    bar_beside(axes, shown, "length of the mean in px", longer=True)
     known = np.isfinite(cells.length_px)
     if not known.any():
-        note(axes, f"no cell has {LEAST_PER_CELL} residuals")
-        return shown
+        return
     step = float(cells.edge_u[1] - cells.edge_u[0])
     enlarged = round_length(step / long_px)
     arrow = cells.mean_px[known]
@@ -108,8 +114,19 @@ def draw_means(
         headlength=4, headaxislength=3.5,
     )  # fmt: skip
     _scale_arrow(axes, image_size[0], enlarged)
-    note(axes, f"RMS {digits(cells.rms_of_means_px, 2)} px, {digits(cells.rms_by_noise_px, 2)} by noise alone")
-    return shown
+
+
+def systematic_drawing(
+    cells: ResidualCells, image_size: tuple[int, int], title: str = "Systematic residuals", long_px: float | None = None
+) -> Drawing:
+    """The mean residuals, cell by cell, in colours that end at a length; None: as the cells have it."""
+    mean, noise = cells.rms_of_means_px, cells.rms_by_noise_px
+    words = "Too few observations to tell what is systematic"
+    if math.isfinite(mean):
+        expected = f", noise alone would leave {digits(noise, 2)} px" if math.isfinite(noise) else ""
+        words = f"Means of cells are {digits(mean, 2)} px long{expected}"
+    end = cells.long_px if long_px is None else long_px
+    return Drawing(title, words, lambda axes: _draw_means(axes, cells, image_size, end), image_size, has_bar=True)
 
 
 Array = NDArray[np.float64]
@@ -163,12 +180,11 @@ def _thinned(levels: list[float]) -> list[float]:
     return levels[:: -(-len(levels) // MOST_CONTOURS) or 1]
 
 
-def draw_coverage(axes: "Axes", image_size: tuple[int, int], views: NDArray[np.int64]) -> None:
-    """How many photos cover each cell (R, C) of the image; what none covers is hatched."""
-    image_axes(axes, image_size, "Coverage of the sensor")
-    width, height = image_size
+def _draw_coverage(axes: "Axes", coverage: Coverage) -> None:
+    """How many photos cover each cell of the image; what none covers is hatched."""
+    image_axes(axes, coverage.image_size)
+    (width, height), views = coverage.image_size, coverage.views
     axes.fill_between([-0.5, width - 0.5], -0.5, height - 0.5, facecolor=EMPTY, hatch="///", linewidth=0)
-    note(axes, f"{100 * float((views > 0).mean()):.0f} % of the image is covered by observations")
     if (views > 0).any():
         rows, columns = views.shape
         edge_u, edge_v = np.linspace(-0.5, width - 0.5, columns + 1), np.linspace(-0.5, height - 0.5, rows + 1)
@@ -182,13 +198,23 @@ def draw_coverage(axes: "Axes", image_size: tuple[int, int], views: NDArray[np.i
         )
 
 
-def draw_uncertainty(axes: "Axes", calibration: Calibration, found: SigmaMap) -> None:
+def coverage_drawing(coverage: Coverage, checked: str = "") -> Drawing:
+    """How many photos cover the image, and what the verdict's check says of it; "" where nobody judged."""
+    words = capital(checked) or f"The observations surround {100 * coverage.share:.0f} % of the image"
+    return Drawing(
+        "Coverage of the sensor", words, lambda axes: _draw_coverage(axes, coverage), coverage.image_size, has_bar=True
+    )
+
+
+def uncertainty_drawing(found: SigmaMap) -> Drawing:
+    """How uncertain a camera is over the image."""
+    title = "Uncertainty of the camera (1 sigma)"
+    return Drawing(title, found.words, lambda axes: _draw_uncertainty(axes, found), found.image_size, has_bar=True)
+
+
+def _draw_uncertainty(axes: "Axes", found: SigmaMap) -> None:
     """Standard deviation of the camera's pixels over the image."""
-    image_axes(axes, found.image_size, "Uncertainty of the camera (1 sigma)")
+    image_axes(axes, found.image_size)
     axes.set_facecolor(EMPTY)
-    if not found.is_known:
-        note(axes, "no parameter was estimated" if len(found.known_px) else "the photos do not determine it")
-        return
-    draw_map(axes, found.pixel, found.sigma_px, "px", may_be_wide=True)
-    less = "less a common rotation" if calibration.camera.learned is None else "the learned map taken as exact"
-    note(axes, f"centre {digits(found.centre_px, 2)} px, worst {digits(found.worst_px, 2)} px; {less}")
+    if found.is_known:
+        draw_map(axes, found.pixel, found.sigma_px, "px", may_be_wide=True)

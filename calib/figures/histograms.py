@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.number_text import figure as digits
-from calib.figures.style import BLUE, ORANGE, VERMILION, note, nothing
+from calib.figures.style import BLUE, ORANGE, VERMILION, Drawing, nothing, open_axes
 from calib.metrics.evaluation import Evaluation
 from calib.solver.outliers import whitened
 from calib.solver.problem import whiteners
@@ -24,22 +24,11 @@ ROOM = 1.45
 """Height over the highest bar, for the legend, which no line may cross."""
 
 
-def draw_sizes(axes: "Axes", sizes: Array, unit: str) -> None:
-    """A histogram of the lengths (N,) of error vectors, with their root mean square and 95 % marked.
-
-    Args:
-        axes: to draw in.
-        sizes: in `unit`; what is not finite is left away.
-        unit: of the sizes.
-    """
-    sizes = sizes[np.isfinite(sizes)]
-    axes.set_title("Sizes of the errors")
-    axes.set_xlabel(f"length of an error in {unit}")
-    axes.set_ylabel("how many")
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+def _draw_sizes(axes: "Axes", sizes: Array, unit: str) -> None:
+    """A histogram of the lengths (N,) of error vectors, with their root mean square and 95 % marked."""
+    open_axes(axes, f"length of an error in {unit}", "how many")
     if not len(sizes):
-        nothing(axes, "no error counts")
+        nothing(axes)
         return
     most = float(np.percentile(sizes, SHOWN_PERCENT)) or float(sizes.max()) or 1.0
     bins = min(max(round(2 * len(sizes) ** (1 / 3)), FEWEST_BINS), MOST_BINS)
@@ -55,18 +44,11 @@ def draw_sizes(axes: "Axes", sizes: Array, unit: str) -> None:
     axes.legend(loc="upper right", frameon=False)
 
 
-def draw_histogram(axes: "Axes", evaluation: Evaluation) -> None:
+def _draw_histogram(axes: "Axes", values: Array, unit: str, sigma: float) -> None:
     """Coordinates of residuals against the Gaussian that the solution states."""
-    calibration = evaluation.calibration
-    values, unit = standardised(evaluation)
-    sigma = calibration.scale
-    axes.set_title("Distribution of the residuals")
-    axes.set_xlabel(f"predicted - measured, u and v together, in {unit}")
-    axes.set_ylabel("share in a bin, in %")
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    open_axes(axes, f"predicted - measured, u and v together, in {unit}", "share in a bin, in %")
     if not len(values):
-        nothing(axes, "no residual counts")
+        nothing(axes)
         return
     spread = sigma if sigma > 0 else max(float(values.std()), 1e-12)
     limit = max(4.0 * spread, min(float(np.abs(values).max()), 6.0 * spread))
@@ -82,11 +64,30 @@ def draw_histogram(axes: "Axes", evaluation: Evaluation) -> None:
     axes.set_xlim(-limit, limit)
     axes.set_ylim(0, 1.3 * max(share.max(), gauss.max()))
     axes.legend(loc="upper right", frameon=False)
-    beyond = 100 * float(np.mean(np.abs(values) > 3 * spread))
-    note(axes, f"{beyond:.2f} % beyond 3 sigma; a Gaussian has 0.27 %" if sigma > 0 else "no sigma is stated")
 
 
-def standardised(evaluation: Evaluation) -> tuple[Array, str]:
+def sizes_drawing(metric: str, sizes: Array, unit: str) -> Drawing:
+    """How large the errors of a metric are."""
+    known = sizes[np.isfinite(sizes)]
+    words = f"{len(known)} {metric} errors"
+    if len(known):
+        rmse, most = digits(float(np.sqrt(np.mean(known**2))), 3), digits(float(np.percentile(known, 95)), 3)
+        words += f": root mean square {rmse} {unit}, 95 % are below {most} {unit}"
+    return Drawing(f"{metric.capitalize()} error", words, lambda axes: _draw_sizes(axes, known, unit))
+
+
+def distribution_drawing(evaluation: Evaluation) -> Drawing:
+    """How many residuals are larger than a Gaussian has them."""
+    scale = evaluation.calibration.scale
+    counted, unit = _standardised(evaluation)
+    words = f"{len(counted)} coordinates of residuals against a Gaussian"
+    if len(counted) and scale > 0:
+        beyond = 100 * float(np.mean(np.abs(counted) > 3 * scale))
+        words = f"{beyond:.2f} % of {len(counted)} coordinates lie beyond 3 sigma; of a Gaussian 0.27 % do"
+    return Drawing("Distribution against the Gaussian", words, lambda axes: _draw_histogram(axes, counted, unit, scale))
+
+
+def _standardised(evaluation: Evaluation) -> tuple[Array, str]:
     """All coordinates of residuals that count, in px, or of a weighted solution over their stated deviations."""
     calibration, errors = evaluation.calibration, evaluation.of("reprojection")
     if errors is None or errors.sighting is None:

@@ -1,5 +1,6 @@
 """How uncertain a camera is at each pixel, as figures draw it and captions say it."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,8 +8,10 @@ from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.refit import image_grid
+from calib.core.number_text import figure as digits
 from calib.solver.accuracy import projected_sigma_px, sigma_over_image_px
 from calib.solver.calibration import Calibration
+from designer.base.words import capital
 
 Array = NDArray[np.float64]
 
@@ -56,6 +59,20 @@ class SigmaMap:
         """Where the largest is, in words: "in the top left corner"."""
         row, column = np.unravel_index(np.nanargmax(self.sigma_px), self.sigma_px.shape)
         return place_on_map(self.pixel, np.isfinite(self.sigma_px), (int(row), int(column)), self.image_size)
+
+    @property
+    def words(self) -> str:
+        """The finding, as a sentence without its full stop."""
+        if not self.is_known:
+            return "No parameter was estimated" if len(self.known_px) else "The photos do not determine it"
+        middle = f"{digits(self.centre_px, 2)} px in the middle, " if math.isfinite(self.centre_px) else ""
+        most = (
+            f"95 % of the image is within {digits(self.most_px, 2)} px"
+            if math.isfinite(self.most_px)
+            else f"{100 * (1 - self.known_share):.0f} % of the image has no directions"
+        )
+        words = f"{middle}{digits(self.worst_px, 2)} px {self.worst_place}; {most}"
+        return capital(words)
 
 
 def sigma_map(calibration: Calibration) -> SigmaMap:

@@ -3,6 +3,7 @@
 import io
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -31,8 +32,17 @@ LEFT_IN, RIGHT_IN, BAR_IN, BOTTOM_IN, TOP_IN = 0.82, 0.14, 1.12, 0.62, 0.1
 LEAST_AXES_IN, MOST_AXES_IN = 1.5, 6.0
 RASTER_DPI = 160
 """Of the parts of a panel that would be too many shapes."""
-NOTE_ID = "note"
-"""Marks the line under a title, which a panel leaves to the caption beside it."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What a pair of axes shows: on a page title and words are text beside it, on a sheet they stand above it."""
+
+    title: str
+    words: str  # the finding, a sentence without its full stop
+    draw: "Callable[[Axes], None]"
+    image_size: tuple[int, int] | None = None  # of axes that are an image
+    has_bar: bool = False  # a scale of colours beside them
 
 
 def _style() -> AbstractContextManager[None]:
@@ -106,7 +116,7 @@ def headline(page: "Figure", text: str) -> None:
 def svg_panel(draw: "Callable[[Axes], None]", *, height_in: float = PANEL_HEIGHT_IN, has_bar: bool = False) -> bytes:
     """An SVG of one pair of axes for a page, the same from the same data.
 
-    Title and note are left away: on a page they are text beside the picture, which wraps on small screens. Margins are
+    It has no title and no note: on a page they are text beside the picture, which wraps on small screens. Margins are
     fixed: panels line up, and are drawn in half the time that a search for the best margins takes.
 
     Args:
@@ -126,9 +136,6 @@ def svg_panel(draw: "Callable[[Axes], None]", *, height_in: float = PANEL_HEIGHT
             width_in / PANEL_WIDTH_IN, (height_in - BOTTOM_IN - TOP_IN) / height_in,
         ))  # fmt: skip
         draw(axes)
-        axes.set_title("")
-        for text in axes.texts:
-            text.set_visible(text.get_gid() != NOTE_ID)
         stream = io.BytesIO()
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
     return stream.getvalue()
@@ -141,7 +148,7 @@ def panel_height_in(image_size: tuple[int, int], *, has_bar: bool = False) -> fl
     return min(max(axes_in, LEAST_AXES_IN), MOST_AXES_IN) + BOTTOM_IN + TOP_IN
 
 
-def image_axes(axes: "Axes", image_size: tuple[int, int], title: str) -> None:
+def image_axes(axes: "Axes", image_size: tuple[int, int]) -> None:
     """Axes that are the image: u to the right, v down, one pixel as wide as high."""
     width, height = image_size
     axes.set_xlim(-0.5, width - 0.5)
@@ -149,7 +156,14 @@ def image_axes(axes: "Axes", image_size: tuple[int, int], title: str) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel("u in px")
     axes.set_ylabel("v in px")
-    axes.set_title(title)
+
+
+def open_axes(axes: "Axes", x_label: str, y_label: str) -> None:
+    """Axes with labels, and without a frame above and on the right."""
+    axes.set_xlabel(x_label)
+    axes.set_ylabel(y_label)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
 
 
 def bar_beside(
@@ -183,16 +197,17 @@ def note(axes: "Axes", text: str) -> None:
     """A line of explanation under the title."""
     axes.annotate(
         text, (0, 1), (0, NOTE_POINTS), xycoords="axes fraction", textcoords="offset points", fontsize=11, color=GREY,
-        va="center", ha="left", annotation_clip=False, gid=NOTE_ID,
+        va="center", ha="left", annotation_clip=False,
     )  # fmt: skip
     axes.set_title(axes.get_title("left"), pad=26)
 
 
-def nothing(axes: "Axes", text: str) -> None:
-    """Say why axes are empty."""
+def nothing(axes: "Axes", text: str = "") -> None:
+    """Axes that are empty, and why."""
     axes.set_xticks([])
     axes.set_yticks([])
-    note(axes, text)
+    if text:
+        note(axes, text)
 
 
 def round_length(length: float) -> float:

@@ -184,7 +184,8 @@ def _next(made: UndistortedFiles, change: Change) -> tuple[Command, ...]:
 
 def undistortion_figure(taken: Camera, pinhole: Camera) -> Figure:
     """Lines that were straight and level in the photo, in the undistorted frame."""
-    from calib.show.run.figures import image_panel
+    from calib.figures.style import Drawing, image_axes
+    from calib.show.run.figures import figure_of
 
     width, height = taken.image_size
     u, v = np.linspace(0, width - 1, POINTS), np.linspace(0, height - 1, POINTS)
@@ -193,9 +194,7 @@ def undistortion_figure(taken: Camera, pinhole: Camera) -> Figure:
     lines = [project(pinhole, rays(taken, line)) for line in (*across, *down)]
 
     def draw(axes: "Axes") -> None:
-        from calib.figures.style import image_axes
-
-        image_axes(axes, taken.image_size, "")
+        image_axes(axes, taken.image_size)
         for line in lines:
             axes.plot(*line.T, color="#0072b2", linewidth=0.8)
         axes.plot([0, width, width, 0, 0], [0, 0, height, height, 0], color="#1a1a1a", linewidth=2)
@@ -204,10 +203,8 @@ def undistortion_figure(taken: Camera, pinhole: Camera) -> Figure:
 
     shift = change_of(taken, pinhole).shift_words
     words = f"Rows and columns of the photo when they are undistorted: pixels move by up to {shift}"
-    caption = (
-        f"{words}. The thick frame is the new image: lines outside are cut off, and where none reaches it is black."
-    )
-    return image_panel("What undistortion moves", taken.image_size, draw, words, caption, has_bar=False)
+    frame = "The thick frame is the new image: lines outside are cut off, and where none reaches it is black."
+    return figure_of(Drawing("What undistortion moves", words, draw, taken.image_size), frame)
 
 
 def _span(lines: list[Array], axis: int, side: int) -> tuple[float, float]:

@@ -1,7 +1,8 @@
 """Figures of a run, each with what it shows in words and numbers."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,8 +10,8 @@ from numpy.typing import NDArray
 
 from calib.core.number_text import figure as digits
 from calib.core.types import Observations
-from calib.figures.fields import draw_coverage, draw_map, draw_means, draw_residuals, draw_uncertainty
-from calib.figures.histograms import draw_histogram, draw_sizes, standardised
+from calib.figures.fields import coverage_drawing, draw_map, residuals_drawing, uncertainty_drawing
+from calib.figures.histograms import sizes_drawing
 from calib.figures.sigma_map import SigmaMap, place_on_map
 from calib.figures.style import (
     BLUE,
@@ -18,14 +19,12 @@ from calib.figures.style import (
     ORANGE,
     PALE,
     VERMILION,
-    bar_beside,
+    Drawing,
     image_axes,
-    note,
     panel_height_in,
     svg_panel,
 )
-from calib.metrics.evaluation import Evaluation
-from calib.metrics.residual_cells import ResidualCells, Residuals
+from calib.metrics.residual_cells import Residuals
 from calib.solver.accuracy import share_px
 from calib.solver.calibration import Calibration
 from calib.verdict.apart import Apart, Known, sigma_over
@@ -33,7 +32,6 @@ from calib.verdict.checks import made_words
 from calib.verdict.coverage import Coverage
 from calib.verdict.halves import HalvesApart, NoHalves
 from calib.verdict.next_views import NextView
-from designer.base.words import capital
 from designer.page.blocks import Figure
 from designer.page.pictures import drawing_of_svg
 
@@ -53,30 +51,28 @@ HISTOGRAM_IN = 3.2
 """How high the panel of a histogram is."""
 
 
-def panel(title: str, draw: "Callable[[Axes], None]", alt: str, caption: str = "") -> Figure:
-    """One pair of axes as a figure of a page."""
-    return Figure(title, drawing_of_svg(svg_panel(draw, height_in=HISTOGRAM_IN)), alt, caption)
+def figure_of(drawing: Drawing, said: str = "", alt: str = "") -> Figure:
+    """A drawing as a figure of a page.
 
-
-def image_panel(
-    title: str, image_size: tuple[int, int], draw: "Callable[[Axes], None]", alt: str, caption: str, *,
-    has_bar: bool = True,
-) -> Figure:  # fmt: skip
-    """Axes that are the image as a figure of a page, with a scale of colours or without."""
-    svg = svg_panel(draw, height_in=panel_height_in(image_size, has_bar=has_bar), has_bar=has_bar)
-    return Figure(title, drawing_of_svg(svg), alt, caption)
+    Args:
+        drawing: its words are the caption.
+        said: more of the caption.
+        alt: in place of the picture; "": the words.
+    """
+    size, has_bar = drawing.image_size, drawing.has_bar
+    height_in = HISTOGRAM_IN if size is None else panel_height_in(size, has_bar=has_bar)
+    svg = svg_panel(drawing.draw, height_in=height_in, has_bar=has_bar)
+    return Figure(drawing.title, drawing_of_svg(svg), alt or drawing.words, f"{drawing.words}. {said}".rstrip())
 
 
 def uncertainty_figure(
     calibration: Calibration, coverage: Coverage, found: SigmaMap, halves: HalvesApart | NoHalves
 ) -> Figure:
     """How uncertain the camera is at each pixel, and how much of that cameras of halves of the photos confirm."""
-    title = "Uncertainty of the camera (1 sigma)"
-    inside = covered_words(calibration, coverage, found)
-    alt = f"{title}: {uncertainty_words(found)}"
+    drawing, inside = uncertainty_drawing(found), covered_words(calibration, coverage, found)
     caption = (
-        f"{uncertainty_words(found)}. How far a direction may be shown from its true pixel, the rotation that fits the "
-        "whole image best removed: what the noise of the photos leaves open"
+        "How far a direction may be shown from its true pixel, the rotation that fits the whole image best removed: "
+        "what the noise of the photos leaves open"
     )
     if calibration.target_error is not None and calibration.target_error.param_covariance.any():
         caption += f", and what a target {made_words(calibration.target_error)} may be off"
@@ -88,24 +84,7 @@ def uncertainty_figure(
     if found.known_share < 1:
         share = f", in {100 * (1 - found.known_share):.0f} % of the image" if math.isfinite(found.most_px) else ""
         caption += f". Grey: the model has no directions there{share}"
-    return image_panel(
-        title, found.image_size, lambda axes: draw_uncertainty(axes, calibration, found), alt,
-        f"{caption}. {halves_words(halves)}".rstrip(),
-    )  # fmt: skip
-
-
-def uncertainty_words(found: SigmaMap) -> str:
-    """The finding, as a sentence without its full stop."""
-    if not found.is_known:
-        return "No parameter was estimated" if len(found.known_px) else "The photos do not determine it"
-    middle = f"{digits(found.centre_px, 2)} px in the middle, " if math.isfinite(found.centre_px) else ""
-    most = (
-        f"95 % of the image is within {digits(found.most_px, 2)} px"
-        if math.isfinite(found.most_px)
-        else f"{100 * (1 - found.known_share):.0f} % of the image has no directions"
-    )
-    words = f"{middle}{digits(found.worst_px, 2)} px {found.worst_place}; {most}"
-    return capital(words)
+    return figure_of(drawing, f"{caption}. {halves_words(halves)}", f"{drawing.title}: {drawing.words}")
 
 
 def covered_words(calibration: Calibration, coverage: Coverage, found: SigmaMap) -> str:
@@ -130,84 +109,21 @@ def halves_words(halves: HalvesApart | NoHalves) -> str:
 
 
 def coverage_figure(coverage: Coverage, checked: str = "") -> Figure:
-    """Where observations are.
-
-    Args:
-        coverage: of the image.
-        checked: what the verdict's check says of it; "" where nobody judged.
-    """
-    words = capital(checked) or f"The observations surround {100 * coverage.share:.0f} % of the image"
-    hatched = " Where it is hatched, no photo shows the target: the lens is only extrapolated there."
-    hatched = "" if coverage.is_covered.all() else hatched
-    return image_panel(
-        "Coverage of the sensor", coverage.image_size,
-        lambda axes: draw_coverage(axes, coverage.image_size, coverage.views), words,
-        f"{words}.{hatched}",
-    )  # fmt: skip
+    """Where observations are, and what the verdict's check says of it; "" where nobody judged."""
+    hatched = "Where it is hatched, no photo shows the target: the lens is only extrapolated there."
+    return figure_of(coverage_drawing(coverage, checked), "" if coverage.is_covered.all() else hatched)
 
 
 def residuals_figure(residuals: Residuals, rmse_px: float) -> Figure:
     """The residual of each observation."""
-    outliers = len(residuals.outlier_px)
-    words = f"{len(residuals.pixel)} residuals, {digits(rmse_px, 3)} px root mean square"
-    left = f"; {outliers} outliers, marked by crosses, were left out" if outliers else ""
-    shown = min(len(residuals.pixel), MOST_ARROWS)
-    some = "" if shown == len(residuals.pixel) else f" {shown} of them are drawn."
-    return image_panel(
-        "Residuals: predicted - measured", residuals.image_size,
-        lambda axes: draw_residuals(axes, residuals, MOST_ARROWS), f"{words}{left}",
-        f"{words}{left}.{some} The arrow at the lower right gives the scale.", has_bar=False,
-    )  # fmt: skip
+    drawing = residuals_drawing(residuals, rmse_px, MOST_ARROWS)
+    return figure_of(drawing, "The arrow at the lower right gives the scale.")
 
 
-def systematic_figure(
-    cells: ResidualCells,
-    image_size: tuple[int, int],
-    *,
-    title: str = "Systematic residuals",
-    long_px: float | None = None,
-    checked: str = "",
-) -> Figure:
-    """The mean residuals, cell by cell.
-
-    Args:
-        cells: of the residuals.
-        image_size: width, height in px.
-        title: of the figure.
-        long_px: the end of the colours; None: as the cells have it.
-        checked: what the verdict's check says of it; "" where nobody judged.
-    """
-    end = cells.long_px if long_px is None else long_px
-    words = f"{systematic_words(cells)}{f': {checked}' if checked else ''}"
-
-    def draw(axes: "Axes") -> None:
-        bar_beside(axes, draw_means(axes, cells, image_size, title, end), "length of the mean in px", longer=True)
-
-    return image_panel(title, image_size, draw, words, f"{words}. Arrows are the mean residual of a cell, enlarged.")
-
-
-def systematic_words(cells: ResidualCells) -> str:
-    """The finding, as a sentence without its full stop."""
-    mean, noise = cells.rms_of_means_px, cells.rms_by_noise_px
-    if not math.isfinite(mean):
-        return "Too few observations to tell what is systematic"
-    expected = f"noise alone would leave {digits(noise, 2)} px"
-    if not math.isfinite(noise):
-        return f"Means of cells are {digits(mean, 2)} px long"
-    return f"Means of cells are {digits(mean, 2)} px long, {expected}"
-
-
-def distribution_figure(evaluation: Evaluation) -> Figure:
-    """Residuals against the Gaussian that the solution states."""
-    scale = evaluation.calibration.scale
-    counted, _ = standardised(evaluation)
-    words = f"{len(counted)} coordinates of residuals against a Gaussian"
-    if len(counted) and scale > 0:
-        beyond = 100 * float(np.mean(np.abs(counted) > 3 * scale))
-        words = f"{beyond:.2f} % of {len(counted)} coordinates lie beyond 3 sigma; of a Gaussian 0.27 % do"
-    return panel(
-        "Distribution against the Gaussian", lambda axes: draw_histogram(axes, evaluation), words, f"{words}.",
-    )  # fmt: skip
+def systematic_figure(drawing: Drawing, checked: str = "") -> Figure:
+    """The mean residuals, cell by cell, and what the verdict's check says of them; "" where nobody judged."""
+    words = f"{drawing.words}{f': {checked}' if checked else ''}"
+    return figure_of(replace(drawing, words=words), "Arrows are the mean residual of a cell, enlarged.")
 
 
 SUBJECTS = {
@@ -222,16 +138,8 @@ SUBJECTS = {
 
 def sizes_figure(metric: str, sizes: Array, unit: str) -> Figure:
     """A histogram of one metric's errors."""
-    known = sizes[np.isfinite(sizes)]
-    words = f"{len(known)} {metric} errors"
-    if len(known):
-        rmse, most = digits(float(np.sqrt(np.mean(known**2))), 3), digits(float(np.percentile(known, 95)), 3)
-        words += f": root mean square {rmse} {unit}, 95 % are below {most} {unit}"
     what = SUBJECTS.get(metric)
-    return panel(
-        f"{metric.capitalize()} error", lambda axes: draw_sizes(axes, sizes, unit), words,
-        f"{words}." + (f" An error is {what}." if what else ""),
-    )  # fmt: skip
+    return figure_of(sizes_drawing(metric, sizes, unit), f"An error is {what}." if what else "")
 
 
 def apart_figure(title: str, found: Apart | HalvesApart, image_size: tuple[int, int], words: str) -> Figure:
@@ -245,10 +153,10 @@ def apart_figure(title: str, found: Apart | HalvesApart, image_size: tuple[int, 
     """
 
     def draw(axes: "Axes") -> None:
-        image_axes(axes, image_size, title)
+        image_axes(axes, image_size)
         draw_map(axes, found.pixel, found.length_px, "px")
 
-    return image_panel(title, image_size, draw, words, f"{words}.")
+    return figure_of(Drawing(title, words, draw, image_size, has_bar=True))
 
 
 def apart_words(found: Apart | HalvesApart) -> str:
@@ -290,7 +198,7 @@ def draw_next_views(
         views: the proposed ones, in their order.
         covered_pixels: where rings were seen (N, 2).
     """
-    image_axes(axes, image_size, "Where to hold the target next")
+    image_axes(axes, image_size)
     axes.set_facecolor("white")
     count = len(covered_pixels)
     rows = np.arange(count) if count <= MOST_DOTS else np.linspace(0, count - 1, MOST_DOTS).astype(np.int64)
@@ -301,7 +209,6 @@ def draw_next_views(
     labels: list[NDArray[np.float64]] = []
     for number, view in enumerate(views, start=1):
         _draw_one(axes, number, view, labels, LABEL_APART * image_size[0])
-    note(axes, "grey: rings seen so far; numbered: the next photos" if views else "nothing to propose")
 
 
 def _draw_one(axes: "Axes", number: int, view: NextView, labels: list[NDArray[np.float64]], apart_px: float) -> None:
@@ -331,8 +238,10 @@ def next_views_figure(seen: Observations, proposed: Sequence[NextView]) -> Figur
     if last.covered_after > proposed[0].covered_before:
         words += f" and the coverage to {100 * last.covered_after:.0f} %"
     words += ", if the lens is as estimated"
-    return image_panel(
-        "Where to hold the target next", seen.image_size,
-        lambda axes: draw_next_views(axes, seen.image_size, proposed, seen.center_px), words,
-        f"{words}. Grey: rings seen so far. Numbered: outlines of the target in the next photos.", has_bar=False,
+    return figure_of(
+        Drawing(
+            "Where to hold the target next", words,
+            lambda axes: draw_next_views(axes, seen.image_size, proposed, seen.center_px), seen.image_size,
+        ),
+        "Grey: rings seen so far. Numbered: outlines of the target in the next photos.",
     )  # fmt: skip

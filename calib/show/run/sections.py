@@ -9,6 +9,8 @@ import numpy as np
 from calib.cameras import rays
 from calib.cameras.camera import Camera
 from calib.core.number_text import figure as digits
+from calib.figures.fields import systematic_drawing
+from calib.figures.histograms import distribution_drawing
 from calib.figures.sigma_map import SigmaMap
 from calib.metrics.residual_cells import cells_of, cells_of_residuals, columns_rows, residuals_of
 from calib.observe.records import ImageRecord
@@ -18,14 +20,13 @@ from calib.show.run.figures import (
     apart_figure,
     apart_words,
     coverage_figure,
-    distribution_figure,
+    figure_of,
     halves_words,
     next_views_figure,
     pixels,
     residuals_figure,
     sizes_figure,
     systematic_figure,
-    uncertainty_words,
 )
 from calib.show.run.tables import errors_table, focal_length, models_table, parameters_table
 from calib.verdict.apart import Known, apart
@@ -221,13 +222,15 @@ def accuracy_section(run: Run, found: SigmaMap, halves: HalvesApart | NoHalves) 
         coverage_figure(best.coverage, checked.get("coverage", "")),
         _halves_block(best, halves),
         residuals_figure(residuals, best.rms_px),
-        systematic_figure(cells_of_residuals(residuals), residuals.image_size, checked=checked.get("systematic", "")),
-        distribution_figure(best.evaluation),
+        systematic_figure(
+            systematic_drawing(cells_of_residuals(residuals), residuals.image_size), checked.get("systematic", "")
+        ),
+        figure_of(distribution_drawing(best.evaluation)),
         *(sizes_figure(e.metric, e.size[e.is_counted], e.unit) for e in best.evaluation.errors),
         errors_table(best.metrics),
         *(() if best.held_out is None else (errors_table(best.held_out),)),
     ]
-    lead = f"{uncertainty_words(found)} (1 sigma, as stated). {halves_words(halves)}"
+    lead = f"{found.words} (1 sigma, as stated). {halves_words(halves)}"
     return Section("Accuracy", tuple(blocks), lead=lead.rstrip())
 
 
@@ -275,8 +278,6 @@ def _fields(solved: Sequence[Solved]) -> list[Figure]:
     cells = [cells_of(field.image_size, field.pixel, field.residual_px, shape) for field in residuals]
     longest = max(one.long_px for one in cells)
     return [
-        systematic_figure(
-            one, residuals[0].image_size, title=f"{of.model}: mean residual of each cell", long_px=longest
-        )
-        for of, one in zip(solved, cells, strict=True)
+        systematic_figure(systematic_drawing(one, field.image_size, f"{of.model}: mean residual of each cell", longest))
+        for of, field, one in zip(solved, residuals, cells, strict=True)
     ]
