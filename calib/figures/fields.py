@@ -208,7 +208,8 @@ def coverage_drawing(coverage: Coverage, checked: str = "") -> Drawing:
 
 def uncertainty_drawing(found: SigmaMap) -> Drawing:
     """How uncertain a camera is over the image."""
-    title = "Uncertainty of the camera (1 sigma)"
+    less = "learned map taken as exact" if found.is_map_exact else "less a common rotation"
+    title = f"Uncertainty of the camera (1 sigma, {less})"
     return Drawing(title, found.words, lambda axes: _draw_uncertainty(axes, found), found.image_size, has_bar=True)
 
 

@@ -80,7 +80,7 @@ def distribution_drawing(evaluation: Evaluation) -> Drawing:
     """How many residuals are larger than a Gaussian has them."""
     scale = evaluation.calibration.scale
     counted, unit = _standardised(evaluation)
-    words = f"{len(counted)} coordinates of residuals against a Gaussian"
+    words = f"{len(counted)} coordinates of residuals{'' if scale > 0 else '; no sigma is stated'}"
     if len(counted) and scale > 0:
         beyond = 100 * float(np.mean(np.abs(counted) > 3 * scale))
         words = f"{beyond:.2f} % of {len(counted)} coordinates lie beyond 3 sigma; of a Gaussian 0.27 % do"

@@ -32,6 +32,7 @@ class SigmaMap:
     sigma_px: Array  # (R, C) nan where the camera has no rays
     most_px: float  # what 95 % of the image do not exceed; infinite if less is known
     known_share: float  # the part of the image where the camera has rays, 0 to 1
+    is_map_exact: bool  # the error of a learned map is not in it
 
     @property
     def known_px(self) -> Array:
@@ -83,7 +84,7 @@ def sigma_map(calibration: Calibration) -> SigmaMap:
     most_px = sigma_over_image_px(calibration.camera, calibration.stated_covariance)
     # Of the same pixels as the verdict's share, so that both are one number.
     known = float(np.isfinite(rays(calibration.camera, image_grid(size).reshape(-1, 2))).all(axis=1).mean())
-    return SigmaMap(size, pixel, sigma.reshape(pixel.shape[:2]), most_px, known)
+    return SigmaMap(size, pixel, sigma.reshape(pixel.shape[:2]), most_px, known, calibration.camera.learned is not None)
 
 
 def scale_end(values: Array) -> tuple[float, bool]:

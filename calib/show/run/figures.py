@@ -78,7 +78,7 @@ def uncertainty_figure(
         caption += f", and what a target {made_words(calibration.target_error)} may be off"
     if calibration.image_field is not None:
         caption += ", and what it may have taken of a field fixed in the image that the lens model does not follow"
-    if calibration.camera.learned is not None:
+    if found.is_map_exact:
         caption += "; the learned map is taken as exact, so the truth is larger"
     caption += f". {inside}" if inside else ""
     if found.known_share < 1:
