@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from calib.cameras.camera import Camera
     from calib.cameras.refit import Refit
 
-_FORMATS = "|".join(FORMATS)
-
 
 def convert(
     camera: Annotated[

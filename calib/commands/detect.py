@@ -48,7 +48,7 @@ def detect(
     from calib.observe.dataset import check_output
     from calib.observe.photos import find_photos
     from calib.observe.records import records_path
-    from calib.show.photos.detected_photos import told_detected
+    from calib.show.photos.detected_photos import SOLVED_FOLDER, told_detected
     from designer.target import load_target
 
     geometry = load_target(target, "rings")
@@ -76,7 +76,9 @@ def detect(
     summary = Summary(
         detections_answer(search),
         (table, records_path(table), *pictures),
-        (f"calib solve {quoted(table)} --target {quoted(target)} -o DIR",) if is_found else (),
+        (f"calib solve {quoted(table)} --target {quoted(target)} -o {quoted(table.parent / SOLVED_FOLDER)}",)
+        if is_found
+        else (),
         () if named is None else named.remarks,
         exit_code=0 if is_found else NOTHING_FOUND,
     )

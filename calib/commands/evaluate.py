@@ -54,19 +54,21 @@ def evaluate(
     summary = Summary(
         {"calibration_file": str(path), **evaluation_answer(found.asked)},
         files,
-        _advise(path, found.asked),
+        _next_steps(path, found.asked),
         exit_code=DEGENERATE if found.calibration.status == "degenerate" else 0,
     )
+    for step in summary.next_steps:
+        print(f"next  {step}")
     reported = next((place for place in (folder, folder.parent) if is_of_kind(place, "calibration")), None)
     return summary if reported is None else with_page_again(summary, reported, ("calibration",))
 
 
-def _advise(path: Path, evaluation: "Evaluation") -> tuple[str, ...]:
-    """Say the next step; return it if it is a command line."""
+def _next_steps(path: Path, evaluation: "Evaluation") -> tuple[str, ...]:
+    """To photos that the camera was not solved from, and from there to other programs."""
+    if evaluation.calibration.status == "degenerate":
+        return ()
     views = evaluation.calibration.observations.view_count
     if not evaluation.folds and views >= LEAST_VIEWS_HELD_OUT:
-        step = f"calib evaluate {quoted(path)} --held-out 5"
-        print(f"next  {step} measures it on photos that it was not solved from")
-        return (step,)
-    print("next  calib convert writes the camera for other programs, calib pose and calib undistort use it")
-    return ()
+        return (f"calib evaluate {quoted(path)} --held-out 5   # on photos that it was not solved from",)
+    camera = quoted(path.parent / "camera.json")
+    return (f"calib convert {camera} --to colmap -o cameras.txt   # or opencv, ros, kalibr, ...",)

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from calib.commands.folder_page import with_page
-from calib.observe.photos import Search
 from calib.show.photos.photos_file import ToldPhotos, told_table, write_photos
 from designer.base.answer import Summary
 from designer.base.words import printable
@@ -24,13 +23,6 @@ def say_photos(told: ToldPhotos, *, has_table: bool = True) -> None:
         say_table(few_rows(told_table(told)))
     if told.lead:
         print(printable(told.lead))
-
-
-def photo_table(search: Search) -> Table:
-    """A row a photo that was searched."""
-    from calib.show.photos.detected_photos import told_detected
-
-    return few_rows(told_table(told_detected(search, Path(), Path())))
 
 
 def few_rows(table: Table) -> Table:

@@ -57,5 +57,5 @@ def report(
         "sentence": None if headline is None else headline.sentence,
         "sections": [section.title for section in page.sections],
     }
-    is_bad = headline is not None and headline.level == "bad"
-    return Summary(answer, wrote, steps, exit_code=NEGATIVE if is_bad else 0)
+    is_negative = page.is_negative or (headline is not None and headline.level == "bad")
+    return Summary(answer, wrote, steps, exit_code=NEGATIVE if is_negative else 0)

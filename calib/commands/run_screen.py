@@ -6,6 +6,7 @@ from pathlib import Path
 
 from calib.api.run_result import RunResult
 from calib.commands.photo_screen import few_rows
+from calib.core.number_text import figure
 from calib.metrics.evaluation import Evaluation
 from calib.observe.photos import Search
 from calib.records.evaluation_files import metrics_of
@@ -15,7 +16,7 @@ from calib.show.run.sections import check_findings, headline_of, key_facts, step
 from calib.show.run.tables import checks_table, errors_table, faces_table, models_table, parameters_table
 from calib.show.screen import quoted, shown
 from designer.base.command import command_line
-from designer.page.blocks import Finding
+from designer.page.blocks import Finding, Headline
 from designer.page.terminal import say_facts, say_findings, say_headline, say_line, say_lines, say_table, say_written
 
 MOST_SKIPPED, MOST_STEPS = 5, 3
@@ -128,11 +129,12 @@ def say_next(steps: NextSteps) -> None:
 
 
 def say_evaluation(path: Path, evaluation: Evaluation, *, verbose: bool) -> None:
-    """A camera's parameters and errors, and with `verbose` those of photos and faces; what was left out of them."""
+    """A camera's errors and what was left out of them; with `verbose` its parameters, and errors by photo and face."""
     calibration = evaluation.calibration
     seen, metrics = calibration.observations, metrics_of(evaluation)
     width, height = seen.image_size
     photos = f"{seen.view_count} photos, {len(seen.view)} observations"
+    say_headline(_errors_headline(evaluation))
     say_line("camera", f"{path}: model {calibration.camera.model}, {width} x {height} px, {calibration.status}")
     left_out = (f"{errors.metric}: {count} left out: {reason}" for errors in evaluation.errors
                 for reason, count in errors.left_out)  # fmt: skip
@@ -140,12 +142,22 @@ def say_evaluation(path: Path, evaluation: Evaluation, *, verbose: bool) -> None
     remarks = dict.fromkeys((*calibration.remarks, *evaluation.remarks, *left_out, _sample(evaluation)))
     say_findings(Finding("note", "", remark) for remark in remarks)
     print()
-    say_table(parameters_table(metrics))
     say_table(errors_table(metrics))
     if verbose:
+        say_table(parameters_table(metrics))
         say_table(few_rows(views_table(photo_rows(evaluation, None), is_flat=len(seen.points.plane) == 1)))
         if len(seen.points.plane) > 1:
             say_table(faces_table(evaluation, None))
+
+
+def _errors_headline(evaluation: Evaluation) -> Headline:
+    """The root mean square of each error, and of which photos."""
+    if evaluation.calibration.status == "degenerate":
+        return Headline("bad", "do not use", "The photos do not determine the camera.")
+    found = metrics_of(evaluation).metrics.items()
+    rms = (f"{name} {figure(one.errors.rmse)} {one.unit}" for name, one in found if one.errors.count)
+    photos = "held out" if evaluation.folds else "that the camera was solved from"
+    return Headline("note", "evaluated", f"Root mean square errors of photos {photos}: {', '.join(rms)}.")
 
 
 def _sample(evaluation: Evaluation) -> str:

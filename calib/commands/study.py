@@ -123,7 +123,8 @@ def paper(
 ) -> Summary:
     """Make the paper's study again from nothing: both targets, photos, detections, 10,000 samples a case, its table.
 
-    It takes about half an hour on two cores; photos, detections and samples are kept, so that it can be stopped.
+    It takes about a quarter of an hour on two cores; photos, detections and samples are kept, so that it can be
+    stopped.
     """
     from calib.api.studying import study_paper
 

@@ -45,9 +45,9 @@ def undistort(
     told = told_undistorted(made, camera)
     say_photos(told)
     print(f"wrote {shown(out)}: NAME.undistorted.png, and {made.camera_file.name}, which belongs to them")
-    step = f"calib convert {quoted(made.camera_file)} --to colmap -o cameras.txt"
+    step = f"calib convert {quoted(made.camera_file)} --to colmap -o cameras.txt   # or opencv, ros, kalibr, ..."
     summary = with_photos_page(replace(_summary(made), next_steps=(step,), remarks=named.remarks), out, told)
-    print(f"next  {step}  writes it for COLMAP")
+    print(f"next  {step}")
     return summary
 
 

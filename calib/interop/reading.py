@@ -49,7 +49,7 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
         return OpenedCamera(FORMATS[OWN], ReadCamera(camera_or_preset(name)), own)
     path, wanted = _split(name)
     if path.is_dir():
-        path = path / FORMATS[OWN].file_name
+        path = _camera_in(path)
     largest = max(one.max_bytes for one in FORMATS.values()) if known is None else known.max_bytes
     text = read_small_text(path, largest, "a camera file")
     kind = known or recognise(text)
@@ -60,6 +60,16 @@ def open_camera(name: str, format_name: str | None = None) -> OpenedCamera:
     if wanted is not None and not kind.holds_many:
         raise InputError(f"{path}: {kind.title} holds one camera; leave out {shown('#' + wanted)}")
     return OpenedCamera(kind, kind.read(text, str(path), wanted), path)
+
+
+def _camera_in(folder: Path) -> Path:
+    """The camera's file in a folder of results."""
+    own = FORMATS[OWN].file_name
+    inside = [] if (folder / own).exists() else sorted(folder.glob(f"*/{own}"))
+    if inside:
+        models = ", ".join(str(path.parent) for path in inside)
+        raise InputError(f"{folder}: holds a camera in a folder of each model; name the folder of one: {models}")
+    return folder / own
 
 
 def _is_ours_alone(path: Path) -> bool:

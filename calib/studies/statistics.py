@@ -37,11 +37,6 @@ class Metric:
     short: str
     power: int  # the paper's unit is this power of ten of `unit`
 
-    @property
-    def paper_unit(self) -> str:
-        """As over the paper's columns."""
-        return f"1e{self.power} {self.unit}"
-
     def in_paper_units(self, value: float) -> float:
         """A value in `unit` as the paper's table states it."""
         return value * 10.0**-self.power

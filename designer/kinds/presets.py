@@ -49,6 +49,10 @@ def preset_or_file(kind: PresetKind, name: str) -> Path:
         raise InputError(
             f"{shown(name)}: no such file; check the path, or use a template: {', '.join(preset_names(kind))}"
         )
+    if _is_file(own):
+        raise InputError(
+            f"{shown(name)}: is no TOML file (NAME.toml), and no template: {', '.join(preset_names(kind))}"
+        )
     hint = suggestion(name, preset_names(kind)) or f"; there are {', '.join(preset_names(kind))}"
     if kind == "printers":  # the nearest name may well be that of another machine
         near = difflib.get_close_matches(name, preset_names(kind), n=3) or preset_names(kind)

@@ -231,6 +231,7 @@ class Page:
     lead: tuple[Block, ...] = ()  # between headline and contents: the picture that says most, key facts
     made_by: str = ""  # the command line that wrote the folder
     program: str = ""  # name and version
+    is_negative: bool = False  # the command that made it says no, though nothing is bad: exit code 1
 
 
 def href(path: str) -> str:

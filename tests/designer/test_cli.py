@@ -153,6 +153,7 @@ BAD_INPUT = {
     "option": (["ico", "--egde", "20mm"], "--edge"),
     "nothing": (["ico"], "edge is missing"),
     "no file": (["make", "none.toml"], "no such file"),
+    "a file of another kind": (["make", __file__], "is no TOML file"),
     "no target": (["check", "none.target.json"], "cannot be read"),
     "count": (["board", "--columns", "0", "--rows", "5", "--pitch", "9mm"], "above zero"),
     "deep inlay": (["board", "--size", "60x60mm", "--thickness", "2mm", "--inlay-depth", "3mm"], "at most 1mm"),

@@ -20,6 +20,7 @@ from calib.show.measured.words import (
     headline_of,
     is_plastic,
     validation_findings,
+    why_not,
 )
 from calib.show.parts.folder_blocks import files_section, question_section, read_small_bytes
 from calib.show.parts.origin import Origin
@@ -96,14 +97,14 @@ def measure_page(folder: Path, origin: Origin) -> Page:
         asked = question_section(QUESTION, _setting(one.record), one.findings)
         return Page(
             printable(one.stem), kind, headline, (asked, *_sections(one), _files(folder, prints)), lead=one.view,
-            made_by=origin.command, program=origin.program,
+            made_by=origin.command, program=origin.program, is_negative=bool(why_not(one.record)),
         )  # fmt: skip
     worst = max((one.level for one in headlines), key=WORST_LAST.index)
     each = "; ".join(f"{printable(one.stem)}: {told.word}" for one, told in zip(prints, headlines, strict=True))
     return Page(
         folder_name or "prints", kind, Headline(worst, f"{len(prints)} prints", f"{each}."),
         (question_section(QUESTION, ()), *(_whole_print(one) for one in prints), _files(folder, prints)),
-        made_by=origin.command, program=origin.program,
+        made_by=origin.command, program=origin.program, is_negative=any(why_not(one.record) for one in prints),
     )  # fmt: skip
 
 

@@ -28,6 +28,8 @@ from designer.page.blocks import Cell, Column, Command, Finding, Findings, Headl
 from designer.target import TargetGeometry
 
 WORDS: Mapping[Level, str] = {"good": "found", "usable": "found in part", "bad": "not found", "note": ""}
+SOLVED_FOLDER = "camera"
+"""Beside the detections: where the next step solves the camera."""
 LOOK = (
     "Open the overlays of photos without the target: is it the target of this file, sharp, and at least a quarter of "
     "the image wide?",
@@ -255,9 +257,10 @@ def _next(search: Search, target: Path, table: Path, level: Level) -> ToldSectio
     """What to do with the detections."""
     blocks: list[Command | Steps] = []
     if search.with_target:
-        shown, found = (shlex.quote(printable(str(path))) for path in (target, table))
+        places = (target, table, table.parent / SOLVED_FOLDER)
+        shown, found, out = (shlex.quote(printable(str(path))) for path in places)
         blocks.append(Command(
-            f"calib solve {found} --target {shown} -o DIR", "solves the camera; type it where calib detect was typed"
+            f"calib solve {found} --target {shown} -o {out}", "solves the camera; type it where calib detect was typed"
         ))  # fmt: skip
     if level != "good":
         blocks.append(Steps(LOOK))

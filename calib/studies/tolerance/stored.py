@@ -33,7 +33,7 @@ NAN = float("nan")
 
 @dataclass(frozen=True, eq=False)
 class DrawPool:
-    """What draws are made from, as `calib.studies.workers.Pool`."""
+    """What draws are made from, as `calib.studies.workers.SamplePool`."""
 
     setting: Setting
     errors: ErrorModel

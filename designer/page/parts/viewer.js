@@ -1,5 +1,5 @@
 /* The page's 3D views: each `div.viewer[data-scene]` shows the scene that stands as JSON in the script element with
-   that id; see designer/page/scene_json.py for the JSON and three_entry.js for THREE. Names come from files and may
+   that id; see designer/page/scene.py for the JSON and three_entry.js for THREE. Names come from files and may
    hold anything: they reach the page as text nodes and letters on a canvas only.
 
    An element tells of itself, for tests: data-state (ready, unavailable), data-rest (yes: all is drawn and still),

@@ -1,4 +1,4 @@
-/* The shapes of the page's 3D views: from the JSON of designer/page/scene_json.py to what THREE draws (three_entry.js says
+/* The shapes of the page's 3D views: from the JSON of designer/page/scene.py to what THREE draws (three_entry.js says
    what of it there is). Names come from files and may hold anything: they become letters on a canvas only. */
 "use strict";
 

@@ -131,3 +131,12 @@ def test_the_kind_can_be_given() -> None:
         convert("c.yaml", to="json", out=Path("d.json"), source="mrcal")
     with pytest.raises(InputError, match="unknown camera format 'kolmap'; did you mean 'colmap'"):
         convert("c.yaml", to="kolmap", out=Path("d.json"))
+
+
+def test_a_folder_of_several_models_names_theirs(folder: Path) -> None:
+    """A folder of `calib run` with all models holds a camera in a folder of each: the error names them."""
+    for model in ("luhmann", "opencv"):
+        convert("barrel.json", to="json", out=folder / "run" / model / "camera.json")
+    with pytest.raises(InputError, match="name the folder of one: run/luhmann, run/opencv"):
+        open_camera("run")
+    assert open_camera("run/opencv").path == Path("run/opencv/camera.json")

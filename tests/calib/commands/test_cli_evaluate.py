@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -87,7 +88,9 @@ def test_a_calibration_alone_is_enough(tmp_path: Path) -> None:
 def test_truth_adds_pose_errors(tmp_path: Path) -> None:
     """With truth.json there are pose errors, and the parameters stand beside the true ones."""
     folder = folder_of(SOLVED, tmp_path / "cal")
-    result = run(folder / "calibration.json", "--truth", truth_file(tmp_path), "-o", tmp_path / "out", "--no-figures")
+    result = run(
+        folder / "calibration.json", "--truth", truth_file(tmp_path), "-o", tmp_path / "out", "--no-figures", "-v"
+    )  # fmt: skip
     assert result.exit_code == 0, result.output
     assert "\npose " in result.output
     assert "sigma" in result.output
@@ -96,6 +99,21 @@ def test_truth_adds_pose_errors(tmp_path: Path) -> None:
     assert document["metrics"]["pose"]["rmse"] == pytest.approx(math.sqrt((expected**2).mean()))
     assert document["parameters"]["fx_px"]["true"] == TRUE.camera.params[0]
     assert document["parameters"]["k3"] == {"value": 0.0, "sigma": 0.0, "unit": "1", "fixed": True, "true": 0.0}
+
+
+def test_the_answer_comes_first_and_the_next_step_can_be_typed(tmp_path: Path) -> None:
+    """At most 25 lines, the root mean squares of the table on the first; next steps are command lines to the end."""
+    folder = folder_of(SOLVED, tmp_path / "cal")
+    for more, photos in ((), "that the camera was solved from"), (("--held-out", 4), "held out"):
+        result = run(folder, *more)
+        lines = result.output.splitlines()
+        assert len(lines) <= 25
+        rms = json.loads((folder / "metrics.json").read_text())["metrics"]["reprojection"]["rmse"]
+        assert lines[0].startswith(
+            f"evaluated: Root mean square errors of photos {photos}: reprojection {figure(rms)} px"
+        )
+        step = next(line for line in lines if line.startswith("next  ")).removeprefix("next  ")
+        assert shlex.split(step, comments=True)[:2] in (["calib", "evaluate"], ["calib", "convert"])
 
 
 def _centers(one: Calibration) -> np.ndarray:

@@ -245,6 +245,7 @@ def test_what_is_no_better_is_not_recommended() -> None:
         assert answer.code == 1
         assert word in answer.out
         assert "calib solve" not in answer.out
+        assert calib("report", ".").code == 1
         held = json.loads(Path("measured.as_built.json").read_text())["held_out"]
         assert held["is_better"] is (False if views > 4 else None)
 
