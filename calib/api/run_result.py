@@ -55,6 +55,10 @@ class RunResult(ShownAsPage):
     judged: Judged
     next_views: tuple[NextView, ...]  # photos that would make the camera better
 
+    def __repr__(self) -> str:
+        """A line, where no page can be shown."""
+        return f"<RunResult, {self.verdict.grade}: {self.verdict.sentence}>"
+
     @property
     def observations(self) -> Observations:
         """What the cameras were solved from."""

@@ -96,6 +96,10 @@ class Detections:
         rejected = np.zeros((0, 2)) if self.rejected_px is None else self.rejected_px
         object.__setattr__(self, "rejected_px", frozen_array(rejected))
 
+    def __repr__(self) -> str:
+        """A line, without the numbers."""
+        return f"<Detections of {self.image}: {'; '.join((f'{len(self.ring)} features', *self.remarks))}>"
+
     @property
     def object_points(self) -> NDArray[np.float32]:
         """X Y Z in mm as OpenCV takes them, and as `cv2.aruco.Board.matchImagePoints` returns them.  # (N, 1, 3)"""

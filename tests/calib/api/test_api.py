@@ -157,7 +157,8 @@ def test_a_picture_is_of_the_photo_that_was_searched() -> None:
     """Detections of another photo would be drawn where nothing is."""
     image = calib.render(BOARD, CAMERA, views=1, distance_mm=120.0).image(0)
     detector = calib.Detector(BOARD)
-    found = detector.detect(image)
+    found = detector.detect(image, "a.png")
+    assert repr(found).startswith(f"<Detections of a.png: {len(found.ring)} features")
     with pytest.raises(calib.InputError, match="another photo"):
         detector.draw(image[:60], found)
     with pytest.raises(calib.InputError, match="must be from 0 to 0"):
