@@ -17,7 +17,7 @@ from calib.figures.style import (
     PALE,
     SEQUENTIAL,
     VERMILION,
-    Drawing,
+    AxesDrawing,
     bar_beside,
     image_axes,
     round_length,
@@ -55,13 +55,13 @@ def _draw_residuals(axes: "Axes", residuals: Residuals, most: int) -> None:
         axes.legend(loc="upper right")
 
 
-def residuals_drawing(residuals: Residuals, rmse_px: float, most: int = MOST_ARROWS) -> Drawing:
+def residuals_drawing(residuals: Residuals, rmse_px: float, most: int = MOST_ARROWS) -> AxesDrawing:
     """How large residuals are, as arrows."""
     count, outliers = len(residuals.pixel), len(residuals.outlier_px)
     words = f"{count} residuals, {digits(rmse_px, 3)} px root mean square"
     words += f"; {outliers} outliers, marked by crosses, were left out" if outliers else ""
     words += f"; {most} are drawn" if count > most else ""
-    return Drawing(
+    return AxesDrawing(
         "Residuals: predicted - measured", words, lambda axes: _draw_residuals(axes, residuals, most),
         residuals.image_size,
     )  # fmt: skip
@@ -118,7 +118,7 @@ def _draw_means(axes: "Axes", cells: ResidualCells, image_size: tuple[int, int],
 
 def systematic_drawing(
     cells: ResidualCells, image_size: tuple[int, int], title: str = "Systematic residuals", long_px: float | None = None
-) -> Drawing:
+) -> AxesDrawing:
     """The mean residuals, cell by cell, in colours that end at a length; None: as the cells have it."""
     mean, noise = cells.rms_of_means_px, cells.rms_by_noise_px
     words = "Too few observations to tell what is systematic"
@@ -126,7 +126,7 @@ def systematic_drawing(
         expected = f", noise alone would leave {digits(noise, 2)} px" if math.isfinite(noise) else ""
         words = f"Means of cells are {digits(mean, 2)} px long{expected}"
     end = cells.long_px if long_px is None else long_px
-    return Drawing(title, words, lambda axes: _draw_means(axes, cells, image_size, end), image_size, has_bar=True)
+    return AxesDrawing(title, words, lambda axes: _draw_means(axes, cells, image_size, end), image_size, has_bar=True)
 
 
 Array = NDArray[np.float64]
@@ -198,19 +198,19 @@ def _draw_coverage(axes: "Axes", coverage: Coverage) -> None:
         )
 
 
-def coverage_drawing(coverage: Coverage, checked: str = "") -> Drawing:
+def coverage_drawing(coverage: Coverage, checked: str = "") -> AxesDrawing:
     """How many photos cover the image, and what the verdict's check says of it; "" where nobody judged."""
     words = capital(checked) or f"The observations surround {100 * coverage.share:.0f} % of the image"
-    return Drawing(
+    return AxesDrawing(
         "Coverage of the sensor", words, lambda axes: _draw_coverage(axes, coverage), coverage.image_size, has_bar=True
     )
 
 
-def uncertainty_drawing(found: SigmaMap) -> Drawing:
+def uncertainty_drawing(found: SigmaMap) -> AxesDrawing:
     """How uncertain a camera is over the image."""
     less = "learned map taken as exact" if found.is_map_exact else "less a common rotation"
     title = f"Uncertainty of the camera (1 sigma, {less})"
-    return Drawing(title, found.words, lambda axes: _draw_uncertainty(axes, found), found.image_size, has_bar=True)
+    return AxesDrawing(title, found.words, lambda axes: _draw_uncertainty(axes, found), found.image_size, has_bar=True)
 
 
 def _draw_uncertainty(axes: "Axes", found: SigmaMap) -> None:

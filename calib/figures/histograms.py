@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.number_text import figure as digits
-from calib.figures.style import BLUE, ORANGE, VERMILION, Drawing, nothing, open_axes
+from calib.figures.style import BLUE, ORANGE, VERMILION, AxesDrawing, nothing, open_axes
 from calib.metrics.evaluation import Evaluation
 from calib.solver.outliers import whitened
 from calib.solver.problem import whiteners
@@ -66,17 +66,17 @@ def _draw_histogram(axes: "Axes", values: Array, unit: str, sigma: float) -> Non
     axes.legend(loc="upper right", frameon=False)
 
 
-def sizes_drawing(metric: str, sizes: Array, unit: str) -> Drawing:
+def sizes_drawing(metric: str, sizes: Array, unit: str) -> AxesDrawing:
     """How large the errors of a metric are."""
     known = sizes[np.isfinite(sizes)]
     words = f"{len(known)} {metric} errors"
     if len(known):
         rmse, most = digits(float(np.sqrt(np.mean(known**2))), 3), digits(float(np.percentile(known, 95)), 3)
         words += f": root mean square {rmse} {unit}, 95 % are below {most} {unit}"
-    return Drawing(f"{metric.capitalize()} error", words, lambda axes: _draw_sizes(axes, known, unit))
+    return AxesDrawing(f"{metric.capitalize()} error", words, lambda axes: _draw_sizes(axes, known, unit))
 
 
-def distribution_drawing(evaluation: Evaluation) -> Drawing:
+def distribution_drawing(evaluation: Evaluation) -> AxesDrawing:
     """How many residuals are larger than a Gaussian has them."""
     scale = evaluation.calibration.scale
     counted, unit = _standardised(evaluation)
@@ -84,7 +84,9 @@ def distribution_drawing(evaluation: Evaluation) -> Drawing:
     if len(counted) and scale > 0:
         beyond = 100 * float(np.mean(np.abs(counted) > 3 * scale))
         words = f"{beyond:.2f} % of {len(counted)} coordinates lie beyond 3 sigma; of a Gaussian 0.27 % do"
-    return Drawing("Distribution against the Gaussian", words, lambda axes: _draw_histogram(axes, counted, unit, scale))
+    return AxesDrawing(
+        "Distribution against the Gaussian", words, lambda axes: _draw_histogram(axes, counted, unit, scale)
+    )
 
 
 def _standardised(evaluation: Evaluation) -> tuple[Array, str]:

@@ -35,7 +35,7 @@ RASTER_DPI = 160
 
 
 @dataclass(frozen=True)
-class Drawing:
+class AxesDrawing:
     """What a pair of axes shows: on a page title and words are text beside it, on a sheet they stand above it."""
 
     title: str

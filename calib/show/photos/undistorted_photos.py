@@ -184,7 +184,7 @@ def _next(made: UndistortedFiles, change: Change) -> tuple[Command, ...]:
 
 def undistortion_figure(taken: Camera, pinhole: Camera) -> Figure:
     """Lines that were straight and level in the photo, in the undistorted frame."""
-    from calib.figures.style import Drawing, image_axes
+    from calib.figures.style import AxesDrawing, image_axes
     from calib.show.run.figures import figure_of
 
     width, height = taken.image_size
@@ -204,7 +204,7 @@ def undistortion_figure(taken: Camera, pinhole: Camera) -> Figure:
     shift = change_of(taken, pinhole).shift_words
     words = f"Rows and columns of the photo when they are undistorted: pixels move by up to {shift}"
     frame = "The thick frame is the new image: lines outside are cut off, and where none reaches it is black."
-    return figure_of(Drawing("What undistortion moves", words, draw, taken.image_size), frame)
+    return figure_of(AxesDrawing("What undistortion moves", words, draw, taken.image_size), frame)
 
 
 def _span(lines: list[Array], axis: int, side: int) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from calib.figures.style import (
     ORANGE,
     PALE,
     VERMILION,
-    Drawing,
+    AxesDrawing,
     image_axes,
     panel_height_in,
     svg_panel,
@@ -51,7 +51,7 @@ HISTOGRAM_IN = 3.2
 """How high the panel of a histogram is."""
 
 
-def figure_of(drawing: Drawing, said: str = "", alt: str = "") -> Figure:
+def figure_of(drawing: AxesDrawing, said: str = "", alt: str = "") -> Figure:
     """A drawing as a figure of a page.
 
     Args:
@@ -120,7 +120,7 @@ def residuals_figure(residuals: Residuals, rmse_px: float) -> Figure:
     return figure_of(drawing, "The arrow at the lower right gives the scale.")
 
 
-def systematic_figure(drawing: Drawing, checked: str = "") -> Figure:
+def systematic_figure(drawing: AxesDrawing, checked: str = "") -> Figure:
     """The mean residuals, cell by cell, and what the verdict's check says of them; "" where nobody judged."""
     words = f"{drawing.words}{f': {checked}' if checked else ''}"
     return figure_of(replace(drawing, words=words), "Arrows are the mean residual of a cell, enlarged.")
@@ -156,7 +156,7 @@ def apart_figure(title: str, found: Apart | HalvesApart, image_size: tuple[int, 
         image_axes(axes, image_size)
         draw_map(axes, found.pixel, found.length_px, "px")
 
-    return figure_of(Drawing(title, words, draw, image_size, has_bar=True))
+    return figure_of(AxesDrawing(title, words, draw, image_size, has_bar=True))
 
 
 def apart_words(found: Apart | HalvesApart) -> str:
@@ -239,7 +239,7 @@ def next_views_figure(seen: Observations, proposed: Sequence[NextView]) -> Figur
         words += f" and the coverage to {100 * last.covered_after:.0f} %"
     words += ", if the lens is as estimated"
     return figure_of(
-        Drawing(
+        AxesDrawing(
             "Where to hold the target next", words,
             lambda axes: draw_next_views(axes, seen.image_size, proposed, seen.center_px), seen.image_size,
         ),
