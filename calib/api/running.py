@@ -18,7 +18,7 @@ from calib.api.loading import (
     unheard,
 )
 from calib.api.run_result import DETECTIONS_FILE, RunResult, RunWriter, best_of
-from calib.api.searching import search_twice, truth_of
+from calib.api.searching import search_twice, with_truth
 from calib.api.solving import (
     ALL,
     Solution,
@@ -112,15 +112,11 @@ def run(
     asked = photos_of(photos)
     if writer is not None:
         asked = writer.without_own_pictures(asked)
-    known, doubt = truth_of(asked, None if truth is None else place_of(truth, "a truth.json"))
-    rendered_id = "" if known is None else known.rendered_id(path.name for path in asked.paths)
-    way = how_made(geometry, made, rendered_id=rendered_id)
+    asked, known = with_truth(asked, None if truth is None else place_of(truth, "a truth.json"))
+    way = how_made(geometry, made, rendered_id=asked.rendered_id)
     reference = _checked_reference(reference, plan, [photo.name for photo in named_photos(asked.paths)])
     with nullcontext() if writer is None else writer.drawing() as staging:
-        search, plan = search_twice(
-            geometry, asked, plan, overlay_folder=staging, jobs=jobs, rendered_id=rendered_id, progress=progress,
-            remarks=(doubt,) if doubt else (),
-        )  # fmt: skip
+        search, plan = search_twice(geometry, asked, plan, overlay_folder=staging, jobs=jobs, progress=progress)
         if writer is not None and staging is not None:
             writer.write_search(search, staging)
     if not search.with_target:

@@ -44,7 +44,6 @@ def search_once(
     camera: Camera | None = None,
     overlay_folder: Path | None = None,
     jobs: int | None = None,
-    rendered_id: str = "",
     progress: Progress = unheard,
 ) -> Search:
     """Search photos.
@@ -55,7 +54,6 @@ def search_once(
         camera: that took them, if it is known.
         overlay_folder: for pictures of what was found; None: none are drawn.
         jobs: photos at a time; None: one per core.
-        rendered_id: of the geometry that they were rendered of.
         progress: is told how many are done.
 
     Raises:
@@ -63,7 +61,7 @@ def search_once(
     """
     start = time.perf_counter()
     results = _search(Detector(target, camera).look, target, photos, overlay_folder, jobs, read_image, progress)
-    return _search_of(target, photos, results, start, rendered_id)
+    return _search_of(target, photos, results, start)
 
 
 def search_twice(
@@ -73,8 +71,6 @@ def search_twice(
     *,
     overlay_folder: Path | None = None,
     jobs: int | None = None,
-    rendered_id: str = "",
-    remarks: tuple[str, ...] = (),
     progress: Progress = unheard,
 ) -> tuple[Search, SolvePlan]:
     """Search photos, solve a first camera, and search again with its lens: centres are surer where it is known.
@@ -85,8 +81,6 @@ def search_twice(
         plan: how they are to be solved.
         overlay_folder: for pictures of what was found; None: none are drawn.
         jobs: photos at a time; None: one per core.
-        rendered_id: of the geometry that they were rendered of.
-        remarks: on the photos, known already.
         progress: is told how many are done.
 
     Returns:
@@ -101,8 +95,8 @@ def search_twice(
     camera, why = _first_camera(results, target, plan)
     results = _search(first.again(camera), target, photos, overlay_folder, jobs, read, progress)
     without = f"searched without the lens, which a first solution does not give: {why}" if why else ""
-    said = (*remarks, *filter(None, (without, guess)))
-    return _search_of(target, photos, results, start, rendered_id, said), plan
+    said = (*photos.remarks, *filter(None, (without, guess)))
+    return _search_of(target, photos, results, start, said), plan
 
 
 def _search(
@@ -128,12 +122,11 @@ def _search_of(
     photos: FoundPhotos,
     results: tuple[PhotoResult, ...],
     start: float,
-    rendered_id: str,
     remarks: tuple[str, ...] = (),
 ) -> Search:
     """The search, if one photo at least could be searched."""
     search = Search(
-        target, results, photos.failures, photos.overlays, time.perf_counter() - start, rendered_id, remarks
+        target, results, photos.failures, photos.overlays, time.perf_counter() - start, photos.rendered_id, remarks
     )
     if not search.detections:
         refuse_nothing(search.failures, NOTHING_LEFT)
@@ -215,18 +208,19 @@ def truth_beside(paths: Iterable[Path]) -> Path | None:
     return beside if beside is not None and beside.is_file() else None
 
 
-def truth_of(photos: FoundPhotos, asked: Path | None) -> tuple[Truth | None, str]:
-    """The truth of rendered photos, or a remark on one that lies there by chance and is none.
+def with_truth(photos: FoundPhotos, asked: Path | None) -> tuple[FoundPhotos, Truth | None]:
+    """The photos with what they were rendered of, and their truth; a remark on one that lies there and is none.
 
     Raises:
         InputError: the one that was asked for cannot be read.
     """
     path = asked or truth_beside(photos.paths)
     if path is None:
-        return None, ""
+        return photos, None
     try:
-        return TRUTH.read(path), ""
+        truth = TRUTH.read(path)
     except InputError as error:
         if asked is not None:
             raise
-        return None, f"not used: {error}"
+        return replace(photos, remarks=(f"not used: {error}",)), None
+    return replace(photos, rendered_id=truth.rendered_id(photo.name for photo in photos.paths)), truth

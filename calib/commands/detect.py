@@ -41,7 +41,7 @@ def detect(
     The exit code is 1 if nothing at all was found.
     """
     from calib.api.run_result import write_search
-    from calib.api.searching import search_once, truth_of
+    from calib.api.searching import search_once, with_truth
     from calib.api.staging import keep_pictures, staging_folder
     from calib.commands.camera_argument import read_camera
     from calib.commands.photo_screen import say_photos, with_photos_page
@@ -55,14 +55,12 @@ def detect(
     named = None if camera is None else read_camera(camera)
     table = _table_path(out, target)
     check_output(table)
-    asked = find_photos(photos)
-    truth, _ = truth_of(asked, None)  # what lies there by chance does not matter
-    rendered_id = "" if truth is None else truth.rendered_id(path.name for path in asked.paths)
+    asked, _ = with_truth(find_photos(photos), None)  # a truth that is none does not matter here
     with nullcontext() if overlay is None else staging_folder(overlay) as staging:
         with progress_bars() as progress:
             search = search_once(
                 geometry, asked, camera=None if named is None else named.camera, overlay_folder=staging, jobs=jobs,
-                rendered_id=rendered_id, progress=progress,
+                progress=progress,
             )  # fmt: skip
         write_search(table, search)
         pictures = () if staging is None or overlay is None else keep_pictures(staging, overlay)

@@ -102,6 +102,8 @@ class FoundPhotos:
     paths: tuple[Path, ...]
     failures: tuple[str, ...]  # arguments that stand for none, one line each
     overlays: int  # earlier overlays among them, which are left out
+    rendered_id: str = ""  # of the geometry that they were rendered of; "": real photos
+    remarks: tuple[str, ...] = ()  # on them
 
 
 def find_photos(arguments: Sequence[str]) -> FoundPhotos:

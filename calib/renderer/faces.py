@@ -119,20 +119,9 @@ def _seen_face(
     box = _box(edge_px, camera.image_size)
     if box is None:
         return None
-    is_binary = options.sampling == "binary"
-    arrays = FaceArrays(
-        outline=face.outline,
-        window=face.window,
-        has_border=face.has_border,
-        is_plain=height < 0,
-        ring=scene.ring,
-        raster=face.raster,
-        raster_origin=face.raster_origin_mm,
-        cell_mm=face.cell_mm,
-        lone_mm=face.lone_mm,
-        black=0.0 if is_binary else options.black,
-        white=1.0 if is_binary else options.white,
-    )
+    arrays = face.arrays._replace(is_plain=height < 0)
+    if options.sampling != "binary":
+        arrays = arrays._replace(black=options.black, white=options.white)
     middle = transform(cam_from_face, np.append(face.corner_mm.mean(axis=0), 0.0))
     return SeenFace(
         number=face.number,

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.core.jit import jit
+from calib.renderer.trace import FaceArrays
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
@@ -19,18 +20,12 @@ NEIGHBOURHOOD = 2.5
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """One face in its own frame. Half-planes are rows (nx, ny, c): inside where nx x + ny y < c."""
+    """One face in its own frame."""
 
     number: int
     target_from_face: Array  # (4, 4)
     corner_mm: Array  # (K, 2) counter-clockwise
-    outline: Array  # (K, 3)
-    window: Array  # (K, 3)
-    has_border: bool
-    raster: NDArray[np.int32]  # (rows, columns) row of the ring whose edge is nearest or encloses; -1: none near
-    raster_origin_mm: Array  # (2,) corner of the first cell
-    cell_mm: float
-    lone_mm: float  # an edge within this of a point belongs to the raster's ring there, and not to its neighbour
+    arrays: FaceArrays  # of its printed side, black and white as 0 and 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +56,6 @@ def scene_from_target(target: TargetGeometry) -> RenderScene:
 
 def _face(target: TargetGeometry, number: int, ring: Array) -> Face:
     corners = target.outline_mm[number]
-    outline, window = _half_planes(corners), _half_planes(target.window_mm[number])
     rows = np.flatnonzero(target.ring_face == number)
     lower, upper = corners.min(axis=0), corners.max(axis=0)
     size = upper - lower
@@ -74,14 +68,20 @@ def _face(target: TargetGeometry, number: int, ring: Array) -> Face:
         number=number,
         target_from_face=target.target_from_face[number],
         corner_mm=corners,
-        outline=outline,
-        window=window,
-        has_border=not np.array_equal(target.window_mm[number], corners),
-        raster=raster,
-        raster_origin_mm=lower,
-        cell_mm=cell,
-        # The raster knows the nearest ring at its cells' centres: elsewhere it may be off by a diagonal.
-        lone_mm=max(0.0, (gap - np.sqrt(2) * cell) / 2),
+        arrays=FaceArrays(
+            outline=_half_planes(corners),
+            window=_half_planes(target.window_mm[number]),
+            has_border=not np.array_equal(target.window_mm[number], corners),
+            is_plain=False,
+            ring=ring,
+            raster=raster,
+            raster_origin=lower,
+            cell_mm=cell,
+            # The raster knows the nearest ring at its cells' centres: elsewhere it may be off by a diagonal.
+            lone_mm=max(0.0, (gap - np.sqrt(2) * cell) / 2),
+            black=0.0,
+            white=1.0,
+        ),
     )
 
 

@@ -36,10 +36,10 @@ class FaceArrays(NamedTuple):
     has_border: bool  # the window differs from the outline
     is_plain: bool  # nothing is printed on this side
     ring: Array  # (R, 5) x, y, z, outer and inner radius
-    raster: NDArray[np.int32]  # (rows, columns) row of the nearest ring, -1: none
+    raster: NDArray[np.int32]  # (rows, columns) row of the ring whose edge is nearest or encloses; -1: none near
     raster_origin: Array  # (2,) corner of the first cell
     cell_mm: float
-    lone_mm: float  # see `scene.Face`
+    lone_mm: float  # an edge within this of a point belongs to the raster's ring there, and not to its neighbour
     black: float  # light of the ink
     white: float  # light of the white
 
