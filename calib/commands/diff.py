@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from calib.commands.camera_argument import camera_answer
-from calib.show.screen import shown
+from calib.show.screen import quoted, shown
 from designer.base.answer import Summary, Value
 from designer.base.words import printable
 
@@ -57,7 +57,10 @@ def diff(
             fitted = "" if one.read.refit is None else f": max {one.read.refit.max_px:.4f} px off"
             print(f"   {remark}{fitted}")
     if picture is None:
-        print("next  the same command with --picture FILE.png draws the map")
+        within = "" if radius is None else f" --radius {radius:g}"
+        print(
+            f"next  calib diff {quoted(Path(a))} {quoted(Path(b))}{within} --picture difference.png   # draws the map"
+        )
     else:
         print(f"wrote {shown(picture)}: the map; arrows lead from where A sees the light to where B does")
     remarks = (
