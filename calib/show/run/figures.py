@@ -28,10 +28,11 @@ from calib.metrics.residual_cells import Residuals
 from calib.solver.accuracy import share_px
 from calib.solver.calibration import Calibration
 from calib.verdict.apart import Apart, Known, sigma_over
-from calib.verdict.checks import made_words
+from calib.verdict.checks import LEAST_PX, made_words, px
 from calib.verdict.coverage import Coverage
 from calib.verdict.halves import HalvesApart, NoHalves
 from calib.verdict.next_views import NextView
+from designer.base.words import capital
 from designer.page.blocks import Figure
 from designer.page.pictures import drawing_of_svg
 
@@ -43,8 +44,6 @@ Array = NDArray[np.float64]
 MOST_ARROWS = 1500
 CONTRADICTED = 2.0
 """Cameras of halves that differ by so many of their standard deviations contradict these."""
-NOTHING_PX = 1e-4
-"""Cameras that differ by less are the same for any use."""
 NOTICEABLE = 1.5
 """The covered area is told apart if the whole image is so many times as uncertain."""
 HISTOGRAM_IN = 3.2
@@ -167,17 +166,9 @@ def apart_words(found: Apart | HalvesApart) -> str:
     size = round(width + 1), round(height + 1)
     place = place_on_map(found.pixel, np.isfinite(length), (int(row), int(column)), size)
     most = float(np.nanmax(length))
-    if most < NOTHING_PX:
-        return f"Less than {NOTHING_PX:g} px everywhere"
-    return (
-        f"95 % of the covered area differs by at most {pixels(found.percentile_95_px)}, "
-        f"the most is {pixels(most)} {place}"
-    )
-
-
-def pixels(value: float) -> str:
-    """A distance in the image in words; what is next to nothing is called so."""
-    return f"{digits(value, 2)} px" if value >= NOTHING_PX else f"less than {NOTHING_PX:g} px"
+    if most < LEAST_PX:
+        return f"{capital(px(most))} everywhere"
+    return f"95 % of the covered area differs by at most {px(found.percentile_95_px)}, the most is {px(most)} {place}"
 
 
 MOST_DOTS, MANY_DOTS = 3000, 1500

@@ -16,20 +16,19 @@ from calib.metrics.residual_cells import cells_of, cells_of_residuals, columns_r
 from calib.observe.records import ImageRecord
 from calib.records.run_folder import Run, Solved
 from calib.show.run.figures import (
-    NOTHING_PX,
     apart_figure,
     apart_words,
     coverage_figure,
     figure_of,
     halves_words,
     next_views_figure,
-    pixels,
     residuals_figure,
     sizes_figure,
     systematic_figure,
 )
 from calib.show.run.tables import errors_table, focal_length, models_table, parameters_table
 from calib.verdict.apart import Known, apart
+from calib.verdict.checks import LEAST_PX, px
 from calib.verdict.halves import HalvesApart, NoHalves, half_split, halves_apart
 from calib.verdict.next_views import why_no_next_views
 from calib.verdict.verdict import Check, Grade, Verdict
@@ -261,8 +260,8 @@ def models_section(run: Run) -> Section:
             differences.append(Paragraph(f"{best.model} and {one.model} share no part of the covered image."))
             continue
         title, said = f"Difference of {one.model} from {best.model}", apart_words(found)
-        words.append(f"{one.model} by {pixels(found.percentile_95_px)}")
-        is_nothing = np.nanmax(found.length_px) < NOTHING_PX
+        words.append(f"{one.model} by {px(found.percentile_95_px)}")
+        is_nothing = np.nanmax(found.length_px) < LEAST_PX
         figure = apart_figure(title, found, a.camera.image_size, said) if not is_nothing else None
         differences.append(figure or Paragraph(f"{title}: {said[:1].lower()}{said[1:]}."))
     lead = f"Where the target was seen, 95 % of the image differs from {best.model} at most: {', '.join(words)}."
