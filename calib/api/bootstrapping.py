@@ -1,7 +1,6 @@
 """How sure a camera is, by thousands of samples of its photos: what `calib study bootstrap` does."""
 
 import hashlib
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,19 +11,21 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from calib.api.loading import (
+    MAX_SEED,
     Observed,
     Place,
     Progress,
+    ask_cluster,
     folder_of,
     load_observations,
     observations_of,
+    processes_of,
     target_of,
     truth_from,
     unheard,
 )
 from calib.api.page_shown import ShownAsPage
 from calib.api.solving import SolvePlan, plan_from_words
-from calib.api.tolerancing import MAX_SEED
 from calib.cameras import DEFAULT, solved_models
 from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
@@ -42,11 +43,10 @@ from calib.studies.store import check_place, open_study, read_study
 from calib.studies.study_table import StudyCases, StudyTable, cases_of, study_table
 from calib.studies.workers import CaseSpec
 from designer.base.errors import InputError
-from designer.base.words import printable, several
+from designer.base.words import cut, printable, several
 from designer.target import TargetGeometry
 
 MAX_SAMPLES, MAX_SIZE = 1_000_000, 100_000
-LONGEST_NAME = 60
 RUN_FOLDER = "calibration"
 """How `calib run` calls its folder."""
 
@@ -89,18 +89,13 @@ class BootstrapResult(ShownAsPage):
         write_files(files)
         return (*files, path)
 
-    def _write_all(self, folder: Path) -> tuple[Path, ...]:
-        from calib.show.folder import write_folder_page
-
-        return (*self.save(folder), *write_folder_page(folder, self.kind, "")[0])
-
 
 @dataclass(frozen=True, eq=False)
 class Sampling:
     """Where the samples of a study are kept, and who computes them."""
 
     path: Path  # of the study's file
-    jobs: int | None  # processes; None: one per core
+    jobs: int  # processes
     dask: str | None  # address of a cluster's scheduler, which computes the samples instead
     resume: bool
     progress: Progress
@@ -112,11 +107,7 @@ class Sampling:
             InputError: so it is.
         """
         check_place(self.path, identity, resume=self.resume)
-        if self.dask is not None:
-            from calib.studies.dask_cluster import check_cluster
-
-            self.progress("asking the cluster", 0, 0)
-            check_cluster(self.dask)
+        ask_cluster(self.dask, self.progress)
 
     def run(
         self, identity: StudyIdentity, groups: Sequence[tuple[Sequence[CaseSpec], int]], chunk: int | None = None
@@ -145,7 +136,7 @@ class Sampling:
 
                 try:
                     run_cases(
-                        specs, study, samples=samples, seed=identity.seed, jobs=self.jobs or os.cpu_count() or 1,
+                        specs, study, samples=samples, seed=identity.seed, jobs=self.jobs,
                         dask=self.dask, on_progress=tell, chunk=chunk,
                     )  # fmt: skip
                 except StudyStoppedError as error:
@@ -220,8 +211,10 @@ def bootstrap(
         [whole("--sizes", size, 1, MAX_SIZE) for size in several("--sizes", sizes)],
         whole("--samples", samples, 1, MAX_SAMPLES),
     )
+    if len(set(views)) < len(views):
+        raise InputError(f"--sizes {', '.join(map(str, views))}: a size stands there twice; give each once")
     seed = whole("--seed", seed, 0, MAX_SEED)
-    processes = None if jobs is None else whole("--jobs", jobs, 1, 1024)
+    processes = processes_of(jobs)
     if out is not None:
         check_folder(folder_of(out))
     if isinstance(observed, str | PathLike):
@@ -298,6 +291,6 @@ def _name_of(*places: Place) -> str:
     place = path.absolute().parent
     folder = place.parent.name if place.name == RUN_FOLDER else place.name
     name = printable((folder or file) if file == "target" else file)
-    short = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
+    short = cut(name)
     # The paper's own targets are others, whose numbers must not stand beside.
     return f"own {short}" if short in TARGETS else short

@@ -30,7 +30,9 @@ Progress: TypeAlias = Callable[[str, float, int], None]
 
 Nothing here prints; a caller may.
 """
-MOST_JOBS = 1024
+MAX_SEED, MOST_JOBS = 2**63 - 1, 1024
+DISTANCES_MM = (1.0, 10_000.0)
+"""From which targets are photographed."""
 Observed: TypeAlias = Observations | Place | Iterable[Detections]
 """What a camera is solved from: observations, a file of them, or what was found in photos."""
 
@@ -175,6 +177,19 @@ def folder_of(folder: Place) -> Path:
         InputError: no path.
     """
     return place_of(folder, "a folder, such as '.'")
+
+
+def ask_cluster(dask: str | None, progress: Progress) -> None:
+    """Refuse a cluster that cannot be used, by the address of its scheduler; None: there is none to ask.
+
+    Raises:
+        InputError: so it is.
+    """
+    if dask is not None:
+        from calib.studies.dask_cluster import check_cluster
+
+        progress("asking the cluster", 0, 0)
+        check_cluster(dask)
 
 
 def processes_of(jobs: int | None) -> int:

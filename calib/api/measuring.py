@@ -55,6 +55,7 @@ class MeasureResult(ShownAsPage):
     found: AsBuilt  # the solution: cameras, faces, rings and their covariances
     record: AsBuiltRecord  # all that is told of it, as `NAME.as_built.json` has it
     measured_against: Path | None = None  # the file of the target as designed, which `save` leaves alone
+    kind = "measure"
 
     @property
     def target(self) -> TargetGeometry:
@@ -83,10 +84,8 @@ class MeasureResult(ShownAsPage):
         write_files(files)
         return tuple(files)
 
-    def _write_all(self, folder: Path) -> tuple[Path, ...]:
-        from calib.show.folder import write_folder_page
-
-        return (*self.save(folder / f"measured{TARGET_SUFFIX}"), *write_folder_page(folder, "measure", "")[0])
+    def _save_in(self, folder: Path) -> None:
+        self.save(folder / f"measured{TARGET_SUFFIX}")
 
 
 def measure(

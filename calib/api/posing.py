@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from calib.api.loading import Place, Progress, camera_of, photos_of, target_of, unheard
-from calib.api.searching import search_once
+from calib.api.searching import PhotoSearch
 from calib.cameras.camera import Camera
 from calib.observe.target_poses import PhotoWithoutPose, PoseResult, target_poses
 from designer.target import TargetGeometry
@@ -32,7 +32,7 @@ def pose(
         InputError: files that cannot be read, or not one photo that can be searched.
     """
     geometry, known = target_of(target, "rings"), camera_of(camera)
-    search = search_once(geometry, photos_of(photos), camera=known, jobs=jobs, progress=progress)
+    search = PhotoSearch(geometry, photos_of(photos), jobs=jobs, progress=progress).once(known)
     found = target_poses(search.detections, geometry, known, weighted=weighted)
     unread = (PhotoWithoutPose(one.photo.name, one.failure) for one in search.results if one.seen is None)
     return PoseResult(geometry, known, search, found.poses, (*unread, *found.failed))

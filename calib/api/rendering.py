@@ -11,7 +11,17 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.api.loading import Place, Progress, camera_of, folder_of, processes_of, target_of, unheard
+from calib.api.loading import (
+    DISTANCES_MM,
+    MAX_SEED,
+    Place,
+    Progress,
+    camera_of,
+    folder_of,
+    processes_of,
+    target_of,
+    unheard,
+)
 from calib.cameras.camera import Camera
 from calib.core.se3 import rigid_fault
 from calib.core.types import LEAST_RADIUS_PX
@@ -29,8 +39,6 @@ from designer.base.words import shown
 from designer.target import TargetGeometry, bounding_radius_mm
 
 CHECKED_VIEWS = 50
-MAX_SEED = 2**63 - 1
-DISTANCES_MM = (1.0, 10_000.0)
 HALF_ANGLE_RAD = {"hemisphere": math.pi / 2, "sphere": math.pi}
 
 

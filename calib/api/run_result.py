@@ -54,6 +54,7 @@ class RunResult(ShownAsPage):
     solutions: tuple[Solution, ...]  # of each model, at least one of them solved
     judged: Judged
     next_views: tuple[NextView, ...]  # photos that would make the camera better
+    kind = "calibration"
 
     def __repr__(self) -> str:
         """A line, where no page can be shown."""
@@ -82,7 +83,7 @@ class RunResult(ShownAsPage):
         of_best = (*self.best.calibration.remarks, *(self.best.evaluation.remarks if self.best.evaluation else ()))
         return tuple(dict.fromkeys((*of_search, *made, *of_best)))
 
-    def save(self, folder: str | Path) -> tuple[Path, ...]:
+    def save(self, folder: str | os.PathLike[str]) -> tuple[Path, ...]:
         """Write the folder that `calib run` writes: cameras, tables, pictures, verdict and page; return the files.
 
         Raises:
@@ -91,9 +92,6 @@ class RunResult(ShownAsPage):
         writer = RunWriter(folder_of(folder), self.task.plan.models)
         writer.write_all(self)
         return tuple(writer.files)
-
-    def _write_all(self, folder: Path) -> tuple[Path, ...]:
-        return self.save(folder)
 
 
 def best_of(solutions: Sequence[Solution]) -> Solution:

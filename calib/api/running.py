@@ -18,7 +18,7 @@ from calib.api.loading import (
     unheard,
 )
 from calib.api.run_result import DETECTIONS_FILE, RunResult, RunWriter, best_of
-from calib.api.searching import search_twice, with_truth
+from calib.api.searching import PhotoSearch, with_truth
 from calib.api.solving import (
     ALL,
     Solution,
@@ -27,7 +27,7 @@ from calib.api.solving import (
     plan_from_words,
     solve_models,
 )
-from calib.cameras import learned_models, models_of_all
+from calib.cameras import learned_models
 from calib.core.files import named_in_files
 from calib.observe.observations import observations_from_detections
 from calib.observe.photos import Search, named_photos
@@ -116,14 +116,15 @@ def run(
     way = how_made(geometry, made, rendered_id=asked.rendered_id)
     reference = _checked_reference(reference, plan, [photo.name for photo in named_photos(asked.paths)])
     with nullcontext() if writer is None else writer.drawing() as staging:
-        search, plan = search_twice(geometry, asked, plan, overlay_folder=staging, jobs=jobs, progress=progress)
+        search, plan = PhotoSearch(geometry, asked, staging, jobs, progress).twice(plan)
         if writer is not None and staging is not None:
             writer.write_search(search, staging)
     if not search.with_target:
         raise NothingFoundError(f"none of {len(search.results)} photos shows the target", search)
     observations = observations_from_detections(search.with_target, geometry, origin="the photos")
     table = () if writer is None else (("detections", named_in_files(writer.folder / DETECTIONS_FILE)),)
-    kept = (("target", _name(target)), *table, ("photos", str(len(asked.paths))), *settings)
+    file = "NAME.target.json" if isinstance(target, TargetGeometry) else named_in_files(Path(target))
+    kept = (("target", file), *table, ("photos", str(len(asked.paths))), *settings)
     task = SolveTask(observations, plan, geometry.layout_id, kept, reference, known, way)
     return _solved(task, geometry, search, limits, progress, writer, is_whole=not isinstance(out, RunWriter))
 
@@ -225,11 +226,6 @@ def _solved(
     return result
 
 
-def models_of(model: str) -> tuple[str, ...]:
-    """The models that a name asks for: itself, or of `all` the paper's."""
-    return models_of_all() if model == ALL else (model,)
-
-
 def _require_one(solutions: Sequence[Solution]) -> None:
     """Refuse a run of which no model could be solved.
 
@@ -243,11 +239,6 @@ def _require_one(solutions: Sequence[Solution]) -> None:
     several = len(reasons) > 1
     said = "; ".join(f"{model}: {why}" if several else why for why, model in reasons.items())
     raise UndeterminedError(said) if any(one.is_undetermined for one in solutions) else InputError(said)
-
-
-def _name(target: TargetGeometry | Place) -> str:
-    """What results call a target's file."""
-    return "NAME.target.json" if isinstance(target, TargetGeometry) else named_in_files(Path(target))
 
 
 def _criteria(criteria: Criteria | Place) -> Criteria:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib.api.detecting import Detector
@@ -37,100 +37,64 @@ from designer.target import TargetGeometry
 NOTHING_LEFT = "no photos left to search"
 
 
-def search_once(
-    target: TargetGeometry,
-    photos: FoundPhotos,
-    *,
-    camera: Camera | None = None,
-    overlay_folder: Path | None = None,
-    jobs: int | None = None,
-    progress: Progress = unheard,
-) -> Search:
-    """Search photos.
+@dataclass(frozen=True, eq=False)
+class PhotoSearch:
+    """Photos to be searched for a target: `PhotoSearch(target, photos).once()`."""
 
-    Args:
-        target: what they show.
-        photos: where they are.
-        camera: that took them, if it is known.
-        overlay_folder: for pictures of what was found; None: none are drawn.
-        jobs: photos at a time; None: one per core.
-        progress: is told how many are done.
+    target: TargetGeometry  # what they show
+    photos: FoundPhotos
+    overlay_folder: Path | None = None  # for pictures of what was found; None: none are drawn
+    jobs: int | None = None  # photos at a time; None: one per core
+    progress: Progress = unheard
 
-    Raises:
-        InputError: not one photo could be searched.
-    """
-    start = time.perf_counter()
-    results = _search(Detector(target, camera).look, target, photos, overlay_folder, jobs, read_image, progress)
-    return _search_of(target, photos, results, start)
+    def once(self, camera: Camera | None = None) -> Search:
+        """Search with the lens of a camera, if it is known.
 
+        Raises:
+            InputError: not one photo could be searched.
+        """
+        start = time.perf_counter()
+        return self._found(self._looked(Detector(self.target, camera).look, self.overlay_folder, read_image), start)
 
-def search_twice(
-    target: TargetGeometry,
-    photos: FoundPhotos,
-    plan: SolvePlan,
-    *,
-    overlay_folder: Path | None = None,
-    jobs: int | None = None,
-    progress: Progress = unheard,
-) -> tuple[Search, SolvePlan]:
-    """Search photos, solve a first camera, and search again with its lens: centres are surer where it is known.
+    def twice(self, plan: SolvePlan) -> tuple[Search, SolvePlan]:
+        """Search, solve a first camera, and search again with its lens: centres are surer where it is known.
 
-    Args:
-        target: what they show.
-        photos: where they are.
-        plan: how they are to be solved.
-        overlay_folder: for pictures of what was found; None: none are drawn.
-        jobs: photos at a time; None: one per core.
-        progress: is told how many are done.
+        Args:
+            plan: how the photos are to be solved.
 
-    Returns:
-        What was found, and the plan with a first guess of the focal length if the photos state one.
+        Returns:
+            What was found, and the plan with a first guess of the focal length if the photos state one.
 
-    Raises:
-        InputError: not one photo could be searched.
-    """
-    start = time.perf_counter()
-    read, first = reading_once(), _FirstPass(target)
-    plan, guess = _with_stated_focal(plan, results := _search(first.look, target, photos, None, jobs, read, progress))
-    camera, why = _first_camera(results, target, plan)
-    results = _search(first.again(camera), target, photos, overlay_folder, jobs, read, progress)
-    without = f"searched without the lens, which a first solution does not give: {why}" if why else ""
-    said = (*photos.remarks, *filter(None, (without, guess)))
-    return _search_of(target, photos, results, start, said), plan
+        Raises:
+            InputError: not one photo could be searched.
+        """
+        start = time.perf_counter()
+        read, first = reading_once(), _FirstPass(self.target)
+        plan, guess = _with_stated_focal(plan, results := self._looked(first.look, None, read))
+        camera, why = _first_camera(results, self.target, plan)
+        results = self._looked(first.again(camera), self.overlay_folder, read)
+        without = f"searched without the lens, which a first solution does not give: {why}" if why else ""
+        said = (*self.photos.remarks, *filter(None, (without, guess)))
+        return self._found(results, start, said), plan
 
+    def _looked(self, look: Look, overlay_folder: Path | None, read: Read) -> tuple[PhotoResult, ...]:
+        named = named_photos(self.photos.paths)
+        results: list[PhotoResult] = []
+        processes = processes_of(self.jobs)
+        for result in detect_photos(named, self.target, look, overlay_folder=overlay_folder, jobs=processes, read=read):
+            results.append(result)
+            self.progress("searching", len(results), len(named))
+        return tuple(results)
 
-def _search(
-    look: Look,
-    target: TargetGeometry,
-    photos: FoundPhotos,
-    overlay_folder: Path | None,
-    jobs: int | None,
-    read: Read,
-    progress: Progress,
-) -> tuple[PhotoResult, ...]:
-    named = named_photos(photos.paths)
-    results: list[PhotoResult] = []
-    processes = processes_of(jobs)
-    for result in detect_photos(named, target, look, overlay_folder=overlay_folder, jobs=processes, read=read):
-        results.append(result)
-        progress("searching", len(results), len(named))
-    return tuple(results)
-
-
-def _search_of(
-    target: TargetGeometry,
-    photos: FoundPhotos,
-    results: tuple[PhotoResult, ...],
-    start: float,
-    remarks: tuple[str, ...] = (),
-) -> Search:
-    """The search, if one photo at least could be searched."""
-    search = Search(
-        target, results, photos.failures, photos.overlays, time.perf_counter() - start, photos.rendered_id, remarks
-    )
-    if not search.detections:
-        refuse_nothing(search.failures, NOTHING_LEFT)
-    return search
+    def _found(self, results: tuple[PhotoResult, ...], start: float, said: tuple[str, ...] = ()) -> Search:
+        """The search, if one photo at least could be searched."""
+        search = Search(
+            self.target, results, self.photos.failures, self.photos.overlays, time.perf_counter() - start,
+            self.photos.rendered_id, said,
+        )  # fmt: skip
+        if not search.detections:
+            refuse_nothing(search.failures, NOTHING_LEFT)
+        return search
 
 
 def refuse_nothing(failures: Sequence[str], otherwise: str) -> None:

@@ -70,7 +70,7 @@ def plan_from_words(
         InputError: a word that means nothing; the message says what may stand there.
     """
     fix, share = several("--fix", fix), several("--share", share)
-    models = models_of_all() if model == ALL else (str(model),)
+    models = models_of(str(model))
     choices = ", ".join(solved_models())
     for name in models:
         if name in MODELS and name not in solved_models():
@@ -98,6 +98,11 @@ def plan_from_words(
     for name in models:
         tie_parameters(name, plan.options_of(name))  # refuses what cannot be together, before any work is done
     return plan
+
+
+def models_of(model: str) -> tuple[str, ...]:
+    """The models that a name asks for: itself, or of `all` the paper's."""
+    return models_of_all() if model == ALL else (model,)
 
 
 def _fixed(text: str, known: set[str]) -> tuple[str, float | None]:

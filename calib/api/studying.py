@@ -1,13 +1,13 @@
 """The paper's studies made again from nothing, and the tables and figures of any study, from its samples."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 from calib.api.bootstrapping import BootstrapResult, Sampling
-from calib.api.loading import Place, Progress, unheard
+from calib.api.loading import MAX_SEED, Place, Progress, processes_of, unheard
 from calib.api.page_shown import ShownAsPage
 from calib.core.files import check_folder, write_files
+from calib.renderer.quantities import whole
 from calib.show.studies.study_folder import STUDY_FILE
 from calib.studies import paper_study
 from calib.studies.compare import cases
@@ -45,10 +45,10 @@ def study_paper(
         InputError: the folder holds something else, or the cluster cannot be used.
         StudyStoppedError: interrupted, or no workers are left; the samples are kept.
     """
-    place, processes = Path(folder), jobs or os.cpu_count() or 1
+    place, processes, seed = Path(folder), processes_of(jobs), whole("--seed", seed, 0, MAX_SEED)
     check_folder(place)
     work = paper_study.quick_study(place, seed) if quick else paper_study.full_study(place, seed)
-    sampling = Sampling(place / STUDY_FILE, jobs, dask, resume, progress)
+    sampling = Sampling(place / STUDY_FILE, processes, dask, resume, progress)
     sampling.check(paper_study.settings_of(work))
     write_files(paper_study.missing_targets(work))
     count = work.photo_count
@@ -99,6 +99,7 @@ class ComparisonResult(ShownAsPage):
 
     results: Results
     sampled: DrawCount
+    kind = "compare"
 
     def save(self, folder: Place) -> tuple[Path, ...]:
         """Write the tables and figures; return the files."""
@@ -107,11 +108,6 @@ class ComparisonResult(ShownAsPage):
         files = comparison_files(self.results, Path(folder))
         write_files(files)
         return tuple(files)
-
-    def _write_all(self, folder: Path) -> tuple[Path, ...]:
-        from calib.show.folder import write_folder_page
-
-        return (*self.save(folder), *write_folder_page(folder, "compare", "")[0])
 
 
 def compare_objects(
@@ -147,15 +143,16 @@ def compare_objects(
     """
     if virtual_sets > sets:
         raise InputError(f"--virtual-sets {virtual_sets}: there are {sets} sets of a print; give at most as many")
+    processes, seed = processes_of(jobs), whole("--seed", seed, 0, MAX_SEED)
     check_folder(Path(folder))
     plan = cases.Plan(camera, prints, sets, virtual_sets, seed=seed)
     plan = cases.quick(plan) if quick else plan
     cases.usable_camera(camera)
     identity = cases.identity(plan)
-    sampling = Sampling(Path(folder) / STUDY_FILE, jobs, None, resume, progress)
+    sampling = Sampling(Path(folder) / STUDY_FILE, processes, None, resume, progress)
     sampling.check(identity)
     progress("placing cameras", 0, 0)
-    whole = cases.comparison(plan)
-    sampled = sampling.run(identity, [(group.specs, group.samples) for group in whole.groups], chunk=1)
+    comparison = cases.comparison(plan)
+    sampled = sampling.run(identity, [(group.specs, group.samples) for group in comparison.groups], chunk=1)
     with read_study(sampling.path) as study:
-        return ComparisonResult(results_of(study, whole), sampled)
+        return ComparisonResult(results_of(study, comparison), sampled)

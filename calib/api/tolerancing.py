@@ -1,6 +1,5 @@
 """What manufacturing errors cost a calibration, and how large they may be: what `design tolerance` does."""
 
-import os
 import shlex
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -9,7 +8,18 @@ from os import fspath
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from calib.api.loading import Place, Progress, camera_of, folder_of, target_of, unheard
+from calib.api.loading import (
+    DISTANCES_MM,
+    MAX_SEED,
+    Place,
+    Progress,
+    ask_cluster,
+    camera_of,
+    folder_of,
+    processes_of,
+    target_of,
+    unheard,
+)
 from calib.api.page_shown import ShownAsPage
 from calib.cameras import DEFAULT
 from calib.cameras.camera import Camera
@@ -26,15 +36,12 @@ from calib.studies.tolerance.setting import make_setting
 from calib.studies.tolerance.stored import Keeping
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
-from designer.base.words import printable
+from designer.base.words import cut, printable
 from designer.target import TargetGeometry, bounding_radius_mm, target_to_json
 from designer.tolerance.error_file import error_model
 from designer.tolerance.sources import source_named
 
 MAX_DRAWS = 1_000_000
-MAX_SEED = 2**63 - 1
-DISTANCES_MM = (1.0, 10_000.0)
-LONGEST_NAME = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +53,7 @@ class ToleranceResult(ShownAsPage):
 
     study: ToleranceStudy
     drawn: DrawCount
+    kind = "tolerance"
 
     @property
     def is_kept(self) -> bool:
@@ -69,11 +77,6 @@ class ToleranceResult(ShownAsPage):
         files = tolerance_files(self.study, place, formats)
         write_files(files)
         return tuple(files)
-
-    def _write_all(self, folder: Path) -> tuple[Path, ...]:
-        from calib.show.folder import write_folder_page
-
-        return (*self.save(folder), *write_folder_page(folder, "tolerance", "")[0])
 
 
 @dataclass(frozen=True)
@@ -157,14 +160,10 @@ def tolerance(
     )  # fmt: skip
     count = whole("--draws", draws, 2, MAX_DRAWS)
     by = quantity_named(chosen).name
-    processes = os.cpu_count() or 1 if jobs is None else whole("--jobs", jobs, 1, 1024)
+    processes = processes_of(jobs)
     _check_mode(full=full, linear=linear, resume=resume, dask=dask)
     _check_against(against, against_errors, against_distance_mm, vary)
-    if dask is not None:
-        from calib.studies.dask_cluster import check_cluster
-
-        progress("asking the cluster", 0, 0)
-        check_cluster(dask)
+    ask_cluster(dask, progress)
     if out is not None:
         check_folder(folder_of(out))
     progress("setting up", 0, 0)
@@ -275,5 +274,4 @@ def _count(number: int, noun: str) -> str:
 
 def _name_of(path: Path) -> str:
     """What a target is called in tables."""
-    name = printable(path.name.removesuffix(".json").removesuffix(".target")) or shlex.quote(str(path))
-    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
+    return cut(printable(path.name.removesuffix(".json").removesuffix(".target")) or shlex.quote(str(path)))

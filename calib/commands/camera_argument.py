@@ -1,24 +1,14 @@
 """A camera as commands take it, and as they tell programs of it."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from designer.base.words import printable
-from designer.kinds.presets import camera_templates
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera
     from calib.cameras.refit import Refit
     from designer.base.answer import Value
-
-CameraArgument = Annotated[
-    str,
-    typer.Argument(
-        help="camera file of ours or of another tool, or a camera template", autocompletion=camera_templates
-    ),
-]
 
 
 @dataclass(frozen=True, eq=False)

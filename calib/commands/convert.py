@@ -9,10 +9,10 @@ import typer
 from calib.cameras import fitted_models
 from calib.commands.camera_argument import camera_answer, refit_answer
 from calib.interop import FORMATS
-from calib.show.screen import quoted
 from designer.base.answer import Summary
 from designer.base.words import printable
 from designer.kinds.presets import camera_templates, one_of
+from designer.page.terminal import quoted
 
 if TYPE_CHECKING:
     from calib.cameras.camera import Camera

@@ -6,18 +6,19 @@ from typing import Annotated
 
 import typer
 
-from calib.commands.answers.photos import detections_answer
 from calib.commands.folder_page import say_next
-from calib.show.screen import progress_bars, quoted, shown
+from calib.commands.options import PhotoJobsOption, PhotosArgument, TargetArgument
+from calib.show.screen import progress_bars
 from designer.base.answer import Summary
 from designer.kinds.presets import camera_templates
+from designer.page.terminal import quoted, shown
 
 NOTHING_FOUND = 1
 
 
 def detect(
-    target: Annotated[Path, typer.Argument(help="the target file (NAME.target.json) of what the photos show")],
-    photos: Annotated[list[str], typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")],
+    target: TargetArgument,
+    photos: PhotosArgument,
     *,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="detections to write (default: exports/NAME/detections.csv)")
@@ -32,19 +33,17 @@ def detect(
             autocompletion=camera_templates,
         ),
     ] = None,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
-    ] = None,
+    jobs: PhotoJobsOption = None,
 ) -> Summary:
     """Find a target's rings in photos, name them, and measure their centres.
 
     The exit code is 1 if nothing at all was found.
     """
     from calib.api.run_result import write_search
-    from calib.api.searching import search_once, with_truth
+    from calib.api.searching import PhotoSearch, with_truth
     from calib.api.staging import keep_pictures, staging_folder
     from calib.commands.camera_argument import read_camera
-    from calib.commands.photo_screen import say_photos, with_photos_page
+    from calib.commands.photo_screen import detections_answer, say_photos, with_photos_page
     from calib.observe.dataset import check_output
     from calib.observe.photos import find_photos
     from calib.observe.records import records_path
@@ -58,10 +57,8 @@ def detect(
     asked, _ = with_truth(find_photos(photos), None)  # a truth that is none does not matter here
     with nullcontext() if overlay is None else staging_folder(overlay) as staging:
         with progress_bars() as progress:
-            search = search_once(
-                geometry, asked, camera=None if named is None else named.camera, overlay_folder=staging, jobs=jobs,
-                progress=progress,
-            )  # fmt: skip
+            wanted = PhotoSearch(geometry, asked, staging, jobs, progress)
+            search = wanted.once(None if named is None else named.camera)
         write_search(table, search)
         pictures = () if staging is None or overlay is None else keep_pictures(staging, overlay)
     told = told_detected(search, target, table, overlay)

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from calib.commands.camera_argument import camera_answer
-from calib.show.screen import quoted, shown
 from designer.base.answer import Summary, Value
 from designer.base.words import printable
+from designer.page.terminal import quoted, shown
 
 if TYPE_CHECKING:
     from calib.api.diffing import ComparedCameras, ZoneDifference

@@ -5,18 +5,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.answers.solutions import evaluation_answer
 from calib.commands.folder_page import with_page_again
-from calib.commands.solve import VerboseOption
-from calib.show.screen import quoted
+from calib.commands.options import VerboseOption
+from calib.commands.running import evaluation_answer
 from designer.base.answer import Summary
+from designer.page.terminal import quoted
 
 if TYPE_CHECKING:
     from calib.metrics.evaluation import Evaluation
 
 DEGENERATE = 1
-LEAST_VIEWS_HELD_OUT = 6
-"""Fewer are not worth the advice to hold some out."""
 
 
 def evaluate(
@@ -65,6 +63,8 @@ def evaluate(
 
 def _next_steps(path: Path, evaluation: "Evaluation") -> tuple[str, ...]:
     """To photos that the camera was not solved from, and from there to other programs."""
+    from calib.commands.run_screen import LEAST_VIEWS_HELD_OUT
+
     if evaluation.calibration.status == "degenerate":
         return ()
     views = evaluation.calibration.observations.view_count

@@ -1,21 +1,14 @@
 """The command `calib measure`."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from calib.cameras import fitted_models
-from calib.commands.solve import (
-    FixOption,
-    ImageSizeOption,
-    RejectOption,
-    ShareOption,
-    VerboseOption,
-    WeightedOption,
-    image_size_of,
-)
+from calib.commands import options
+from calib.commands.solve import image_size_of
 from calib.show.screen import progress_bars, waiting
 from designer.base.answer import Summary
 from designer.base.command import command_line
@@ -27,7 +20,6 @@ if TYPE_CHECKING:
     from calib.api.measuring import MeasureResult
     from calib.show.measured.next_print import Told
 
-T = TypeVar("T")
 NOT_TO_BE_USED = 1
 
 
@@ -77,10 +69,10 @@ def measure(
             autocompletion=error_templates,
         ),
     ] = None,
-    weighted: WeightedOption = True,
-    reject: RejectOption = None,
-    fix: FixOption = None,
-    share: ShareOption = None,
+    weighted: options.WeightedOption = True,
+    reject: options.RejectOption = None,
+    fix: options.FixOption = None,
+    share: options.ShareOption = None,
     shrink_compensation: Annotated[
         str, typer.Option(help="that this print was made with, to tell that of the next")
     ] = "0%",
@@ -90,7 +82,7 @@ def measure(
     bed_turn: Annotated[
         str, typer.Option(help="by which the print was turned on the bed against `design`: 90deg; for axes and skew")
     ] = "0deg",
-    image_size: ImageSizeOption = None,
+    image_size: options.ImageSizeOption = None,
     held_out: Annotated[
         int | None,
         typer.Option(
@@ -102,7 +94,7 @@ def measure(
     truth: Annotated[
         Path | None, typer.Option(help="of rendered photos: the target file they show, to judge the gain by too")
     ] = None,
-    verbose: VerboseOption = False,
+    verbose: options.VerboseOption = False,
 ) -> Summary:
     """Measure a printed target with photos of it, and calibrate with what was printed.
 
@@ -110,11 +102,12 @@ def measure(
     target is no better than the designed one, or too few were held out to tell; it is written all the same.
     """
     from calib.api.measuring import measure as measure_print
+    from calib.renderer.quantities import parsed
     from calib.show.measured.files import check_places, places_of
     from designer.base.units import parse_angle_rad, parse_percent, parse_skew_rad
 
     check_places(places_of(out), target)
-    percent = _parsed("--shrink-compensation", shrink_compensation, parse_percent)
+    percent = parsed("--shrink-compensation", shrink_compensation, parse_percent)
     if measured_length is not None:
         if detections or length:
             raise InputError(
@@ -131,21 +124,13 @@ def measure(
             target, detections, lengths=length or (), model=model, one_camera=one_camera, rings=rings, bow=bow,
             made=made, weighted=weighted, reject_sigma=reject, fix=fix or (), share=share or (),
             shrink_compensation_percent=percent,
-            skew_compensation_rad=_parsed("--skew-compensation", skew_compensation, parse_skew_rad),
-            bed_turn_rad=_parsed("--bed-turn", bed_turn, parse_angle_rad), image_size=image_size_of(image_size),
+            skew_compensation_rad=parsed("--skew-compensation", skew_compensation, parse_skew_rad),
+            bed_turn_rad=parsed("--bed-turn", bed_turn, parse_angle_rad), image_size=image_size_of(image_size),
             held_out=held_out, truth=truth, progress=progress,
         )  # fmt: skip
     folder = quoted(out.with_name(out.name.removesuffix(".target.json")))
     use = f"calib solve {quoted(detections[0])} --target {quoted(out)} -o {folder}"
     return _write_and_say(measured, out, use, verbose=verbose)
-
-
-def _parsed(option: str, text: str, parse: Callable[[str], T]) -> T:
-    """The value of an option."""
-    try:
-        return parse(text)
-    except ValueError as error:
-        raise InputError(f"{option} {text!r}: {error}") from None
 
 
 def _write_and_say(measured: "MeasureResult", out: Path, use: str, *, verbose: bool) -> Summary:

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.answers.photos import poses_answer
-from calib.commands.camera_argument import CameraArgument, read_camera
-from calib.commands.solve import WeightedOption
-from calib.show.screen import progress_bars, shown
+from calib.commands.camera_argument import read_camera
+from calib.commands.options import CameraArgument, PhotoJobsOption, PhotosArgument, TargetArgument, WeightedOption
+from calib.show.screen import progress_bars
 from designer.base.answer import Summary
 from designer.base.errors import InputError
 from designer.base.words import printable
+from designer.page.terminal import shown
 
 if TYPE_CHECKING:
     from calib.observe.target_poses import PoseResult
@@ -20,25 +20,23 @@ NO_POSE = 1
 
 
 def pose(
-    target: Annotated[Path, typer.Argument(help="the target file (NAME.target.json) of what the photos show")],
+    target: TargetArgument,
     camera: CameraArgument,
-    photos: Annotated[list[str], typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")],
+    photos: PhotosArgument,
     *,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="poses to write, .json or .csv")] = None,
     overlay: Annotated[
         Path | None, typer.Option(help="folder for pictures with the axes and the residuals", metavar="DIR")
     ] = None,
     weighted: WeightedOption = True,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
-    ] = None,
+    jobs: PhotoJobsOption = None,
 ) -> Summary:
     """Find where a known camera stood before the target, and how surely, photo by photo.
 
     The exit code is 1 if no photo gives a pose.
     """
     from calib.api.posing import pose as find_poses
-    from calib.commands.photo_screen import say_photos, with_photos_page
+    from calib.commands.photo_screen import poses_answer, say_photos, with_photos_page
     from calib.observe.target_poses import check_output
     from calib.show.photos.posed_photos import told_posed
 

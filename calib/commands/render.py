@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
-from calib.show.screen import progress_bars, shown
+from calib.commands.options import CameraTemplateOption, JobsOption, SeedOption
+from calib.show.screen import progress_bars
 from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
-from designer.kinds.presets import camera_templates, one_of
+from designer.kinds.presets import one_of
+from designer.page.terminal import shown
 
 if TYPE_CHECKING:
     from calib.api.rendering import RenderedPhotos
@@ -22,9 +24,7 @@ def render(
     target: Annotated[Path, typer.Argument(help="a target file (NAME.target.json)")],
     *,
     out: Annotated[Path, typer.Option("--out", "-o", help="folder for the images and truth.json")],
-    camera: Annotated[
-        str, typer.Option(help="camera template, or a camera file", autocompletion=camera_templates)
-    ] = "machine-vision",
+    camera: CameraTemplateOption = "machine-vision",
     views: Annotated[int, typer.Option(help="how many photos")] = 20,
     distance: Annotated[str, typer.Option(help="from the target's origin: 400mm, or 250mm..800mm")] = "400mm",
     region: Annotated[
@@ -61,8 +61,8 @@ def render(
         str, typer.Option("--format", help="png, tiff or jpeg", autocompletion=one_of(("png", "tiff", "jpeg")))
     ] = "png",
     quality: Annotated[int, typer.Option(help="of JPEG, 1 to 100")] = 95,
-    seed: Annotated[int, typer.Option(help="of all that is random")] = 0,
-    jobs: Annotated[int | None, typer.Option(help="processes (default: one per core)")] = None,
+    seed: SeedOption = 0,
+    jobs: JobsOption = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace another set in the folder")] = False,
 ) -> Summary:
     """Render synthetic photos of a target from known poses.

@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from calib.commands.solve import criteria_templates
-from calib.show.screen import quoted, shown, waiting
+from calib.commands.options import criteria_templates
+from calib.show.screen import waiting
 from designer.base.answer import Summary
-from designer.page.terminal import say_headline
+from designer.page.terminal import quoted, say_headline, shown
 
 NEGATIVE = 1
 

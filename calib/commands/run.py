@@ -5,33 +5,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.answers.solutions import run_answer
+from calib.commands import options
 from calib.commands.detect import exports_folder
 from calib.commands.folder_page import say_next as say_next_of_overlays
-from calib.commands.running import negative, report_of, stopped
-from calib.commands.solve import (
-    DEFAULT_CRITERIA,
-    CriteriaOption,
-    FixOption,
-    FocalOption,
-    LossOption,
-    MadeOption,
-    ModelOption,
-    PageOption,
-    ReferenceOption,
-    ReferenceTargetOption,
-    RejectOption,
-    ShareOption,
-    VerboseOption,
-    WeightedOption,
-    focal_of,
-    made_settings,
-    reference_of,
-    reference_settings,
-)
-from calib.show.screen import progress_bars, quoted
+from calib.commands.running import negative, report_of, solutions_answer, stopped
+from calib.commands.solve import focal_of, made_settings, reference_of, reference_settings
+from calib.show.screen import progress_bars
 from designer.base.answer import Summary
 from designer.base.command import command_line
+from designer.page.terminal import quoted
 
 if TYPE_CHECKING:
     from calib.api.run_result import RunResult, RunWriter
@@ -41,38 +23,37 @@ NOTHING_FOUND = 1
 
 
 def run(
-    target: Annotated[Path, typer.Argument(help="the target file (NAME.target.json) of what the photos show")],
-    photos: Annotated[list[str], typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")],
+    target: options.TargetArgument,
+    photos: options.PhotosArgument,
     *,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="folder (default: exports/NAME/calibration)")] = None,
-    model: ModelOption = "all",
-    fix: FixOption = None,
-    share: ShareOption = None,
-    focal: FocalOption = None,
-    loss: LossOption = "squares",
-    reject: RejectOption = None,
-    weighted: WeightedOption = True,
-    reference: ReferenceOption = None,
-    reference_target: ReferenceTargetOption = None,
-    made: MadeOption = None,
+    model: options.ModelOption = "all",
+    fix: options.FixOption = None,
+    share: options.ShareOption = None,
+    focal: options.FocalOption = None,
+    loss: options.LossOption = "squares",
+    reject: options.RejectOption = None,
+    weighted: options.WeightedOption = True,
+    reference: options.ReferenceOption = None,
+    reference_target: options.ReferenceTargetOption = None,
+    made: options.MadeOption = None,
     truth: Annotated[
         Path | None, typer.Option(help="of rendered photos (default: the truth.json beside them, if there is one)")
     ] = None,
-    criteria: CriteriaOption = DEFAULT_CRITERIA,
-    page: PageOption = True,
-    verbose: VerboseOption = False,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
-    ] = None,
+    criteria: options.CriteriaOption = options.DEFAULT_CRITERIA,
+    page: options.PageOption = True,
+    verbose: options.VerboseOption = False,
+    jobs: options.PhotoJobsOption = None,
 ) -> Summary:
     """From photos to a calibrated camera: detect, solve, detect again with the lens known, solve all models, judge.
 
     The exit code is 1 if nothing was found, or if the verdict is: do not use.
     """
     from calib.api.run_result import RunWriter
-    from calib.api.running import NothingFoundError, models_of
+    from calib.api.running import NothingFoundError
     from calib.api.running import run as run_all
     from calib.api.searching import truth_beside
+    from calib.api.solving import models_of
     from calib.observe.photos import find_photos
     from calib.solver.accuracy import UndeterminedError
 
@@ -93,7 +74,7 @@ def run(
         negative(writer, error)
     known = truth or truth_beside(find_photos(photos).paths)
     return report_of(
-        found, writer, run_answer, page=page, verbose=verbose, more="and add them to the photos",
+        found, writer, page=page, verbose=verbose, more="and add them to the photos",
         evaluate=_evaluation(found, writer, known if found.task.truth is not None else None),
     )  # fmt: skip
 
@@ -113,9 +94,7 @@ def _evaluation(found: "RunResult", writer: "RunWriter", truth: Path | None) -> 
 def _nothing_found(error: "NothingFoundError", target: Path, writer: "RunWriter", *, page: bool) -> Summary:
     """Write the page that shows why, of the run's folder, or of its overlays if an earlier camera has the folder."""
     from calib.api.run_result import DETECTIONS_FILE, OVERLAYS
-    from calib.commands.answers.photos import detections_answer
-    from calib.commands.answers.solutions import solutions_answer
-    from calib.commands.photo_screen import say_photos, with_photos_page
+    from calib.commands.photo_screen import detections_answer, say_photos, with_photos_page
     from calib.records.run_folder import is_run_folder
     from calib.show.photos.detected_photos import told_detected
 

@@ -14,10 +14,19 @@ from calib.records.run_folder import Run
 from calib.show.run.photos import photo_rows, views_table
 from calib.show.run.sections import check_findings, headline_of, key_facts, steps_of
 from calib.show.run.tables import checks_table, errors_table, faces_table, models_table, parameters_table
-from calib.show.screen import quoted, shown
 from designer.base.command import command_line
 from designer.page.blocks import Finding, Headline
-from designer.page.terminal import say_facts, say_findings, say_headline, say_line, say_lines, say_table, say_written
+from designer.page.terminal import (
+    quoted,
+    say_facts,
+    say_findings,
+    say_headline,
+    say_line,
+    say_lines,
+    say_table,
+    say_written,
+    shown,
+)
 
 MOST_SKIPPED, MOST_STEPS = 5, 3
 LONGEST_LINE = 400

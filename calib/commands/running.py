@@ -1,33 +1,31 @@
-"""How the commands that solve cameras end: well, stopped, or without a camera."""
+"""How the commands that solve cameras end: well, stopped, or without a camera; what they tell programs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, cast
 
-from calib.commands.answers.solutions import solutions_answer
-from calib.show.screen import shown, waiting
+from calib.show.screen import waiting
 from designer.base.answer import NegativeError, StoppedError, Summary
 from designer.base.command import NOTHING_WRITTEN, command_line
+from designer.page.terminal import shown
 
 if TYPE_CHECKING:
     from calib.api.run_result import RunResult, RunWriter
+    from calib.api.solving import Solution
+    from calib.metrics.evaluation import Evaluation
+    from calib.verdict.verdict import Verdict
     from designer.base.answer import Value
 
 BAD = 1
 """The camera is not to be used."""
 
-Answer = Callable[["RunResult", Callable[[str], Path]], "dict[str, Value]"]
 
-
-def report_of(
-    run: "RunResult", writer: "RunWriter", answer: Answer, *, page: bool, verbose: bool, more: str, evaluate: str
-) -> Summary:
+def report_of(run: "RunResult", writer: "RunWriter", *, page: bool, verbose: bool, more: str, evaluate: str) -> Summary:
     """Write the page, and say what came of a run.
 
     Args:
         run: solved, judged and written but for its page.
         writer: that wrote it.
-        answer: makes what a program is told.
         page: whether to write it; `calib report` does so later.
         verbose: say all tables.
         more: what to do with more photos, as in "and add them to the photos".
@@ -47,7 +45,7 @@ def report_of(
     say_next(steps)
     of_search = () if run.search is None else run.search.remarks
     return Summary(
-        answer(run, writer.place_of), tuple(writer.files), steps.commands,
+        run_answer(run, writer.place_of), tuple(writer.files), steps.commands,
         (*of_search, *run.observations.remarks, *remarks), BAD if run.verdict.grade == "bad" else 0,
     )  # fmt: skip
 
@@ -74,3 +72,65 @@ def negative(writer: "RunWriter", error: Exception) -> NoReturn:
     answer = {**solutions_answer(writer.solutions, None, writer.place_of), "verdict": None}
     said = str(error)
     raise NegativeError(f"no camera is determined: {said}", Summary(answer, tuple(writer.files), remarks=(said,)))
+
+
+def run_answer(run: "RunResult", place_of: Callable[[str], Path]) -> "dict[str, Value]":
+    """All models, the one to go on with, the verdict, and what was found in photos."""
+    from calib.commands.photo_screen import detections_answer
+
+    found = {} if run.search is None else {"detections": detections_answer(run.search)}
+    solved = solutions_answer(run.solutions, run.best, place_of)
+    return {**found, **solved, "verdict": verdict_answer(run.verdict)}
+
+
+def verdict_answer(verdict: "Verdict") -> "dict[str, Value]":
+    """The verdict and its checks, as `verdict.json` has them."""
+    from calib.verdict.verdict import Verdict
+    from designer.base.codec import encode
+
+    return cast("dict[str, Value]", encode(Verdict, verdict))
+
+
+def solutions_answer(
+    solutions: Sequence["Solution"], best: "Solution | None", place_of: Callable[[str], Path]
+) -> "dict[str, Value]":
+    """All models, and the one to go on with.
+
+    Args:
+        solutions: what came of each.
+        best: None: none.
+        place_of: where a model's files are.
+    """
+    models = [_solution(one, place_of(one.model)) for one in solutions]
+    return {"best": None if best is None else best.model, "models": models}
+
+
+def _solution(solution: "Solution", folder: Path) -> "dict[str, Value]":
+    from calib.records.calibration_file import CALIBRATION_FILE, CAMERA_FILE
+
+    if solution.evaluation is None:
+        return {"model": solution.model, "status": "failed", "failure": solution.failure}
+    return {
+        **evaluation_answer(solution.evaluation),
+        "failure": None,
+        "camera_file": str(folder / CAMERA_FILE),
+        "calibration_file": str(folder / CALIBRATION_FILE),
+    }
+
+
+def evaluation_answer(evaluation: "Evaluation") -> "dict[str, Value]":
+    """A calibration and its errors, as `metrics.json` has them, and how it was solved."""
+    from calib.records.evaluation_files import Metrics, metrics_of
+    from designer.base.codec import encode
+
+    calibration, metrics = evaluation.calibration, metrics_of(evaluation)
+    reprojection = metrics.metrics.get("reprojection")
+    return {
+        **cast("dict[str, Value]", encode(Metrics, metrics)),
+        "image_size_px": calibration.camera.image_size,
+        "rms_px": None if reprojection is None else reprojection.errors.rmse,
+        "sigma_px": None if calibration.weighted else calibration.scale,
+        "sigma_of_stated": calibration.scale if calibration.weighted else None,
+        "iterations": calibration.iterations,
+        "seconds": calibration.seconds,
+    }

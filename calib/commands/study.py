@@ -9,26 +9,16 @@ from typing import TYPE_CHECKING, Annotated, TypeVar, cast
 import typer
 
 from calib.cameras import DEFAULT, learned_models, solved_models
+from calib.commands import options
 from calib.commands.folder_page import say_next, with_page, with_page_again
-from calib.commands.solve import (
-    FixOption,
-    GridOption,
-    ImageSizeOption,
-    LossOption,
-    PitchOption,
-    RejectOption,
-    ShareOption,
-    WeightedOption,
-    grid_of,
-    image_size_of,
-)
-from calib.show.screen import progress_bars, quoted, waiting
+from calib.commands.solve import grid_of, image_size_of
+from calib.show.screen import progress_bars, waiting
 from designer.base.answer import StoppedError, Summary, Value
 from designer.base.codec import encode
 from designer.base.command import command
 from designer.base.errors import InputError
-from designer.kinds.presets import camera_templates, one_of
-from designer.page.terminal import say_findings, say_headline, say_line, say_table, say_written
+from designer.kinds.presets import one_of
+from designer.page.terminal import quoted, say_findings, say_headline, say_line, say_table, say_written
 
 if TYPE_CHECKING:
     from calib.api.bootstrapping import BootstrapResult
@@ -37,9 +27,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-MAX_SIZE = 100_000
-MAX_SAMPLES = 1_000_000
-MAX_SEED = 2**63 - 1
 MAX_PRINTS, MAX_SETS = 10_000, 1000
 KEPT = "stopped; what is finished is kept: go on with --resume"
 
@@ -50,12 +37,6 @@ app = typer.Typer(
 )
 
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="folder for the study")]
-SeedOption = Annotated[int, typer.Option(min=0, max=MAX_SEED, help="of all that is random")]
-JobsOption = Annotated[int | None, typer.Option(min=1, max=1024, help="processes (default: one per core)")]
-DaskOption = Annotated[
-    str | None, typer.Option(help="have the samples computed by the Dask cluster of this scheduler: tcp://host:8786")
-]
-ResumeOption = Annotated[bool, typer.Option("--resume", help="go on with the study in the folder")]
 
 
 @app.callback(invoke_without_command=True)
@@ -73,7 +54,7 @@ def bootstrap(
     ],
     truth: Annotated[Path | None, typer.Option(help="truth.json of rendered photos: adds the error of poses")] = None,
     sizes: Annotated[str, typer.Option(help="views of a sample, drawn with replacement")] = "20,50,120",
-    samples: Annotated[int, typer.Option(min=1, max=MAX_SAMPLES, help="of each size")] = 10_000,
+    samples: Annotated[int, typer.Option(help="of each size")] = 10_000,
     model: Annotated[
         str,
         typer.Option(
@@ -82,18 +63,18 @@ def bootstrap(
         ),
     ] = DEFAULT,
     out: OutOption,
-    seed: SeedOption = 1,
-    jobs: JobsOption = None,
-    dask: DaskOption = None,
-    resume: ResumeOption = False,
-    weighted: WeightedOption = True,
-    fix: FixOption = None,
-    share: ShareOption = None,
-    loss: LossOption = "squares",
-    reject: RejectOption = None,
-    image_size: ImageSizeOption = None,
-    grid: GridOption = None,
-    pitch: PitchOption = None,
+    seed: options.SeedOption = 1,
+    jobs: options.JobsOption = None,
+    dask: options.DaskOption = None,
+    resume: options.ResumeOption = False,
+    weighted: options.WeightedOption = True,
+    fix: options.FixOption = None,
+    share: options.ShareOption = None,
+    loss: options.LossOption = "squares",
+    reject: options.RejectOption = None,
+    image_size: options.ImageSizeOption = None,
+    grid: options.GridOption = None,
+    pitch: options.PitchOption = None,
 ) -> Summary:
     """Draw views with replacement, calibrate and measure, thousands of times: errors with their spread."""
     from calib.api.bootstrapping import bootstrap as find_spread
@@ -116,10 +97,10 @@ def paper(
     *,
     out: OutOption,
     quick: Annotated[bool, typer.Option("--quick", help="60 photos a set and 300 samples a case, in minutes")] = False,
-    seed: SeedOption = 1,
-    jobs: JobsOption = None,
-    dask: DaskOption = None,
-    resume: ResumeOption = False,
+    seed: options.SeedOption = 1,
+    jobs: options.JobsOption = None,
+    dask: options.DaskOption = None,
+    resume: options.ResumeOption = False,
 ) -> Summary:
     """Make the paper's study again from nothing: both targets, photos, detections, 10,000 samples a case, its table.
 
@@ -146,12 +127,10 @@ def compare(
     virtual_sets: Annotated[
         int, typer.Option(min=1, max=MAX_SETS, help="of them solved with the virtual camera, which is slow")
     ] = 1,
-    camera: Annotated[
-        str, typer.Option(help="template or file; it takes the photos", autocompletion=camera_templates)
-    ] = "phase-one-ixg",
-    seed: SeedOption = 1,
-    jobs: JobsOption = None,
-    resume: ResumeOption = False,
+    camera: options.CameraTemplateOption = "phase-one-ixg",
+    seed: options.SeedOption = 1,
+    jobs: options.JobsOption = None,
+    resume: options.ResumeOption = False,
 ) -> Summary:
     """Simulate the paper's real-world figure: five made objects, three camera models, 12 sets of photos a print.
 
@@ -249,20 +228,18 @@ def parse_sizes(text: str) -> tuple[int, ...]:
     """Numbers of views, `20,50,120`.
 
     Raises:
-        InputError: one is none, or stands there twice.
+        InputError: one is none.
     """
-    sizes = []
-    for word in text.split(","):
-        digits = word.strip()
-        if not (digits.isascii() and digits.isdigit() and 0 < len(digits) < 10 and 0 < int(digits) <= MAX_SIZE):
+    from calib.api.bootstrapping import MAX_SIZE
+
+    words = [word.strip() for word in text.split(",")]
+    for word in words:
+        if not (word.isascii() and word.isdigit() and len(word) < 10):
             raise InputError(
-                f"--sizes {text[:60]!r}: {digits[:20]!r} is no number of views from 1 to {MAX_SIZE}; "
+                f"--sizes {text[:60]!r}: {word[:20]!r} is no number of views from 1 to {MAX_SIZE}; "
                 "give such as 20,50,120"
             )
-        sizes.append(int(digits))
-    if len(set(sizes)) < len(sizes):
-        raise InputError(f"--sizes {text[:60]!r}: a size stands there twice; give each once")
-    return tuple(sizes)
+    return tuple(map(int, words))
 
 
 @contextmanager

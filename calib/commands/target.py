@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.show.screen import quoted, shown
 from designer.base.answer import Summary, Value
 from designer.base.errors import InputError
+from designer.page.terminal import quoted, shown
 
 if TYPE_CHECKING:
     from designer.target import TargetGeometry

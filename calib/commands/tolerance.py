@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.cameras import DEFAULT, fitted_models
+from calib.commands import options
 from calib.commands.camera_argument import read_camera
-from calib.commands.figure_formats import FiguresOption, figure_formats
 from calib.commands.folder_page import say_next, with_page
 from calib.commands.study import answer_of, kept_when_stopped
-from calib.show.screen import progress_bars, quoted, waiting
+from calib.show.screen import progress_bars, waiting
 from designer.base.answer import Summary
-from designer.kinds.presets import camera_templates, error_templates, one_of
+from designer.kinds.presets import error_templates, one_of
 from designer.page.blocks import Finding
+from designer.page.terminal import quoted
 
 if TYPE_CHECKING:
     from calib.api.tolerancing import ToleranceResult
@@ -37,9 +38,7 @@ def tolerance(
     ] = None,
     views: Annotated[int, typer.Option(help="how many photos")] = 90,
     distance: Annotated[str, typer.Option(help="of the cameras from the target's origin")] = "400mm",
-    camera: Annotated[
-        str, typer.Option(help="camera template, or a camera file", autocompletion=camera_templates)
-    ] = "machine-vision",
+    camera: options.CameraTemplateOption = "machine-vision",
     model: Annotated[
         str,
         typer.Option(
@@ -47,9 +46,7 @@ def tolerance(
             autocompletion=one_of(fitted_models()),
         ),
     ] = DEFAULT,
-    weighted: Annotated[
-        bool, typer.Option("--weighted/--unweighted", help="weigh observations by their covariances, or all alike")
-    ] = False,
+    weighted: options.WeightedOption = False,
     draws: Annotated[int, typer.Option(help="how many made targets to draw")] = 200,
     full: Annotated[
         bool, typer.Option("--full", help="render and detect real images in each draw: minutes a draw")
@@ -66,24 +63,22 @@ def tolerance(
     ] = None,
     against_distance: Annotated[str | None, typer.Option(help="distance to that target (default: --distance)")] = None,
     vary: Annotated[str | None, typer.Option(help="error to compare by (default: the worst one of faces)")] = None,
-    seed: Annotated[int, typer.Option(help="of all that is random")] = 1,
-    jobs: Annotated[int | None, typer.Option(help="processes (default: one per core)")] = None,
-    dask: Annotated[
-        str | None, typer.Option(help="have the draws computed by the Dask cluster of this scheduler: tcp://host:8786")
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="go on with the study in the folder")] = False,
-    figures: FiguresOption = None,
+    seed: options.SeedOption = 1,
+    jobs: options.JobsOption = None,
+    dask: options.DaskOption = None,
+    resume: options.ResumeOption = False,
+    figures: options.FiguresOption = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="folder for tables, figures and draws")],
 ) -> Summary:
     """What if a print is off by this much? What manufacturing errors cost a calibration, and how large they may be.
 
     The exit code is 1 if a limit of --require is missed.
     """
-    from calib.api.tolerancing import DISTANCES_MM
+    from calib.api.loading import DISTANCES_MM
     from calib.api.tolerancing import tolerance as find_tolerance
     from calib.renderer.quantities import length
 
-    formats = figure_formats(figures)
+    formats = options.figure_formats(figures)
     far = None if against_distance is None else length("--against-distance", against_distance, *DISTANCES_MM)
     read_camera(camera)
     with nullcontext() if linear else kept_when_stopped():

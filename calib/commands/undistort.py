@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calib.commands.camera_argument import CameraArgument, camera_answer, read_camera
-from calib.show.screen import progress_bars, quoted, shown
+from calib.commands.camera_argument import camera_answer, read_camera
+from calib.commands.options import CameraArgument, PhotosArgument
+from calib.show.screen import progress_bars
 from designer.base.answer import StoppedError, Summary
+from designer.page.terminal import quoted, shown
 
 if TYPE_CHECKING:
     from calib.show.photos.undistorted_photos import UndistortedFiles
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 
 def undistort(
     camera: CameraArgument,
-    photos: Annotated[list[str], typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")],
+    photos: PhotosArgument,
     *,
     out: Annotated[Path, typer.Option("--out", "-o", help="folder for the photos and the new camera file")],
     alpha: Annotated[

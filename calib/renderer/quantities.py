@@ -4,20 +4,27 @@ import math
 import re
 from collections.abc import Callable
 from numbers import Integral, Real
+from typing import TypeVar
 
 from designer.base.errors import InputError
 from designer.base.units import parse_length_mm, parse_percent
 from designer.base.words import shown, suggestion
 
+T = TypeVar("T")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
+
+
+def parsed(option: str, text: str, parse: Callable[[str], T]) -> T:
+    """What a text means that a person gave for an option."""
+    try:
+        return parse(text)
+    except ValueError as error:
+        raise InputError(f"{option} {shown(text)}: {error}") from None
 
 
 def bounded(option: str, text: str, parse: Callable[[str], float], low: float, high: float, unit: str) -> float:
     """A quantity within its limits, whose unit messages name."""
-    try:
-        value = parse(text)
-    except ValueError as error:
-        raise InputError(f"{option} {shown(text)}: {error}") from None
+    value = parsed(option, text, parse)
     if not low <= value <= high:
         raise InputError(f"{option} {shown(text)}: must be from {low:g}{unit} to {high:g}{unit}")
     return value

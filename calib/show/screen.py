@@ -1,4 +1,4 @@
-"""What commands show: tables on standard output, progress on standard error while there is a screen."""
+"""Progress on standard error, while there is a screen."""
 
 import math
 import sys
@@ -6,9 +6,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
 
-from designer.page.terminal import quoted, shown, table_console
-
-__all__ = ["progress_bar", "progress_bars", "quoted", "shown", "table_console", "waiting"]
 SAID_EVERY_S = 4.0
 """Between lines of progress where there is no terminal."""
 

@@ -33,7 +33,12 @@ def shown(value: object) -> str:
         text = repr(value)
     except (RecursionError, ValueError):  # nested too deep, or an integer of thousands of digits
         return f"({type(value).__name__})"
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return cut(text)
+
+
+def cut(text: str, most: int = 60) -> str:
+    """A text, or as much of a longer one as fits."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def several(option: str, value: Iterable[Item] | str) -> tuple[Item | str, ...]:

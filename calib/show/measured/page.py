@@ -25,7 +25,7 @@ from calib.show.measured.words import (
 from calib.show.parts.folder_blocks import files_section, question_section, read_small_bytes
 from calib.show.parts.origin import Origin
 from designer.base.errors import InputError
-from designer.base.words import capital, printable
+from designer.base.words import capital, cut, printable
 from designer.page.blocks import (
     Block,
     Command,
@@ -126,7 +126,7 @@ def _read(path: Path) -> MeasuredPrint:
 def _setting(record: AsBuiltRecord) -> tuple[tuple[str, str], ...]:
     """What was measured from, and how."""
     given = [
-        (name.replace("-", " "), value if len(value) <= LONGEST_SETTING else f"{value[: LONGEST_SETTING - 3]}...")
+        (name.replace("-", " "), cut(value, LONGEST_SETTING))
         for name, text in record.settings.items()
         if (value := {"True": "yes", "False": "no"}.get(text, printable(text))).strip()
     ]

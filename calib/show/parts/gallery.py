@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from calib.observe.image_headers import DamagedError
 from calib.observe.images import read_preview
 from calib.show.parts.folder_blocks import size_bytes, title_of
-from designer.base.words import printable
+from designer.base.words import cut, printable
 from designer.page.blocks import Finding, Findings, Gallery, Leaf, Level, Picture, Raster, is_linkable
 
 OVERLAYS = "overlays"
@@ -101,7 +101,7 @@ def spread(shots: Sequence[Shot]) -> Sequence[Shot]:
 def shortened(remark: str) -> str:
     """A remark as one line that fits under a photo."""
     text = printable(remark)
-    return text if len(text) <= LONGEST_REMARK else f"{text[: LONGEST_REMARK - 3]}..."
+    return cut(text, LONGEST_REMARK)
 
 
 def title_of_pictures(folder: Path) -> str:

@@ -16,7 +16,7 @@ from calib.studies.store import read_study
 from designer.base.codec import encode
 from designer.base.errors import InputError
 from designer.base.small_file import JsonValue
-from designer.base.words import printable
+from designer.base.words import cut, printable
 from designer.page.blocks import Block, Figure, Finding, Findings, Link, Raster, Svg
 from designer.page.pictures import drawing_of_svg
 
@@ -119,7 +119,7 @@ def identity_facts(identity: StudyIdentity | None, names: Mapping[str, str]) -> 
     settings = dict(identity.settings)
     for name, title in names.items():
         if value := printable(settings.get(name, "")):
-            yield title, value if len(value) <= LONGEST_SETTING else f"{value[: LONGEST_SETTING - 3]}..."
+            yield title, cut(value, LONGEST_SETTING)
     yield "seed", str(identity.seed)
 
 

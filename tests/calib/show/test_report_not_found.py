@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.commands.solve import criteria_templates
+from calib.commands.options import criteria_templates
 from calib.core.types import Detections
 from calib.observe.photos import Search
 from calib.observe.records import Records, image_record

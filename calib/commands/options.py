@@ -1,0 +1,120 @@
+"""Options and arguments that several commands take, each declared once."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from calib.cameras import learned_models, models_of_all, solved_models
+from designer.base.errors import InputError
+from designer.base.words import shown
+from designer.kinds.presets import camera_templates, error_templates, one_of
+
+TargetArgument = Annotated[Path, typer.Argument(help="the target file (NAME.target.json) of what the photos show")]
+PhotosArgument = Annotated[list[str], typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")]
+CameraArgument = Annotated[
+    str,
+    typer.Argument(
+        help="camera file of ours or of another tool, or a camera template", autocompletion=camera_templates
+    ),
+]
+CameraTemplateOption = Annotated[
+    str, typer.Option(help="camera template, or a camera file", autocompletion=camera_templates)
+]
+SeedOption = Annotated[int, typer.Option(help="of all that is random")]
+JobsOption = Annotated[int | None, typer.Option(help="processes (default: one per core)")]
+DaskOption = Annotated[
+    str | None, typer.Option(help="have the samples computed by the Dask cluster of this scheduler: tcp://host:8786")
+]
+ResumeOption = Annotated[bool, typer.Option("--resume", help="go on with the study in the folder")]
+PhotoJobsOption = Annotated[
+    int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
+]
+_SOLVED, _ALL, _LEARNED = (", ".join(names) for names in (solved_models(), models_of_all(), learned_models()))
+ModelOption = Annotated[
+    str,
+    typer.Option(help=f"{_SOLVED}, or all: {_ALL}", autocompletion=one_of((*solved_models(), "all"))),
+]
+FixOption = Annotated[list[str] | None, typer.Option(help="keep a parameter as it starts, or at a value: k3, k3=0")]
+ShareOption = Annotated[list[str] | None, typer.Option(help="parameters that have one value: fx_px,fy_px")]
+FocalOption = Annotated[str | None, typer.Option(help="first guess of the focal length: 2500px (not needed)")]
+LossOption = Annotated[
+    str,
+    typer.Option(
+        help="squares, huber or cauchy: how far-off observations count",
+        autocompletion=one_of(("squares", "huber", "cauchy")),
+    ),
+]
+RejectOption = Annotated[
+    float | None, typer.Option(help="leave out what is off by more than so many robust standard deviations, such as 4")
+]
+WeightedOption = Annotated[
+    bool, typer.Option("--weighted/--unweighted", help="weigh observations by the covariances they state, or all alike")
+]
+MadeOption = Annotated[
+    str | None,
+    typer.Option(
+        help="how the target was made: an error template (fdm-board, sheet-print, ...), a TOML file of errors, or "
+        "exact (default: assumed from how it was built; exact if the photos were rendered)",
+        metavar="NAME|FILE",
+        autocompletion=error_templates,
+    ),
+]
+ImageSizeOption = Annotated[str | None, typer.Option(help="of files that do not say it: 2448x2048")]
+GridOption = Annotated[str | None, typer.Option(help="of a corners.vnl: 10x7 corners")]
+PitchOption = Annotated[str | None, typer.Option(help="of a corners.vnl: distance of its corners, 20mm")]
+ReferenceOption = Annotated[
+    str | None,
+    typer.Option(
+        help=f"{_LEARNED}: the photo that the map is learned from, or all (default: of a board the photo that covers "
+        "the image best, of other targets all)"
+    ),
+]
+ReferenceTargetOption = Annotated[
+    Path | None, typer.Option(help=f"{_LEARNED}: target file of a board that the reference photo shows")
+]
+DEFAULT_CRITERIA = "standard"
+
+
+def criteria_templates(incomplete: str) -> list[str]:
+    """Templates of limits, for a shell."""
+    from designer.kinds.presets import preset_names
+
+    return [name for name in preset_names("criteria") if name.startswith(incomplete)]
+
+
+CriteriaOption = Annotated[
+    str,
+    typer.Option(
+        help="limits of the verdict: a template (standard, metrology, robotics), or a TOML file of one's own",
+        metavar="NAME|FILE",
+        autocompletion=criteria_templates,
+    ),
+]
+
+PageOption = Annotated[
+    bool, typer.Option("--page/--no-page", help="write the folder's index.html, or save the seconds that takes")
+]
+
+VerboseOption = Annotated[
+    bool, typer.Option("--verbose", "-v", help="say all tables: photos, parameters, models, checks")
+]
+
+FIGURE_FORMATS = ("pdf", "svg")
+
+FiguresOption = Annotated[
+    str | None, typer.Option("--figures", help="draw figures as PDF or SVG besides PNG: pdf,svg", metavar="FORMATS")
+]
+
+
+def figure_formats(text: str | None) -> tuple[str, ...]:
+    """The formats of an option, each once.
+
+    Raises:
+        InputError: another format.
+    """
+    names = [] if text is None else [name.strip().lower() for name in text.split(",")]
+    for name in names:
+        if name not in FIGURE_FORMATS:
+            raise InputError(f"--figures {shown(name)}: there are {' and '.join(FIGURE_FORMATS)}, besides PNG")
+    return tuple(dict.fromkeys(names))
