@@ -22,6 +22,8 @@ from calib.cameras.camera import Camera
 from calib.cli import app as calib_app
 from calib.detector.pipeline import detect
 from calib.interop import FORMATS
+from calib.show.parts.origin import Origin
+from calib.show.run import calibration_page
 from calib.verdict.checks import CHECKS
 from calib.verdict.criteria import read_criteria
 from calib.verdict.halves import NoHalves
@@ -32,6 +34,7 @@ from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec
 from designer.tolerance.shape import shape_of, target_of
 from tests.support.ring_views import view_of
+from tests.support.run_folders import write_run
 from tests.support.sightings import pinhole
 from tests.support.verdict_cases import judge_run, sightings, solved
 
@@ -71,6 +74,16 @@ def test_check_of_an_entry_is_in_the_verdict_by_its_own_limits(monkeypatch: pyte
         run = judge_run(calibrations, 0, NoHalves("not asked for"), read_criteria(criteria))
         found = next(check for check in run.verdict.checks if check.name == "photos")
         assert (found.grade, found.measured) == (grade, "6.0 photos")
+
+
+def test_section_of_a_function_and_a_line_is_on_the_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Where the line stands, between its neighbours; of what a folder stores."""
+    place = len(calibration_page.SECTIONS) - 1
+    monkeypatch.setattr(calibration_page, "SECTIONS", [*calibration_page.SECTIONS])
+    calibration_page.SECTIONS.insert(place, example("distance_section").distance_section)
+    write_run(tmp_path, solved(sightings(views=6), ("opencv",)))
+    page = calibration_page.calibration_page(tmp_path, Origin("calibration", "", ""))
+    assert [one.title for one in page.sections][-2:] == ["Distances", "Files"]
 
 
 def test_camera_format_of_a_file_and_a_line_reads_what_it_writes(

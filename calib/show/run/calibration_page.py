@@ -1,9 +1,11 @@
 """The page of a run: from a run in memory, or from what its folder stores and nothing else."""
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
-from calib.figures.sigma_map import sigma_map
+from calib.figures.sigma_map import SigmaMap, sigma_map
 from calib.records.run_folder import Run, Solved, read_run
 from calib.show.parts.folder_blocks import file_list, title_of
 from calib.show.parts.gallery import OVERLAYS
@@ -22,6 +24,7 @@ from calib.show.run.sections import (
     verdict_section,
 )
 from calib.show.run.tables import faces_table, faces_words
+from calib.verdict.halves import HalvesApart, NoHalves
 from designer.page.blocks import Fold, Page, Section
 
 FILES_OF_RUN = (
@@ -54,39 +57,58 @@ def calibration_page(folder: Path, origin: Origin) -> Page:
     return page_of(read_run(folder), folder, origin)
 
 
+@dataclass(frozen=True, eq=False)
+class RunView:
+    """What the sections of a run's page are made from."""
+
+    run: Run
+    folder: Path  # of the run's files
+    found: SigmaMap  # how uncertain the best camera is over the image
+    halves: HalvesApart | NoHalves  # how far cameras of halves of its photos lie apart
+
+
 def page_of(run: Run, folder: Path, origin: Origin) -> Page:
-    """The page of a run whose files lie in a folder."""
+    """The page of a run whose files lie in a folder: `SECTIONS`, as far as they have something to say."""
     best = run.best
-    calibration = best.calibration
-    faces = len(calibration.observations.points.plane)
-    with ThreadPoolExecutor(1) as beside:  # pictures are decoded while figures are drawn
-        rows, common = photo_rows(best.evaluation, run.records), remarks_of_all(run.records)
-        place = folder if run.records is not None else None
-        photos = beside.submit(photos_section, place, rows, common, is_flat=faces == 1)
-        found, halves = sigma_map(calibration), halves_of(run)
-        sections = [
-            verdict_section(run),
-            *next_section(run),
-            camera_section(run),
-            accuracy_section(run, found, halves),
-        ]
-        after: list[Section] = []
-        if faces > 1:
-            after.append(Section("Faces", (faces_table(best.evaluation, run.records),), lead=faces_words(best)))
-        scene = camera_view(best, run.target, run.next_views)
-        after.append(Section("Views in 3D", (scene,), lead=spread_words(best)))
-        if run.others:
-            after.append(models_section(run))
-        lead = (uncertainty_figure(calibration, best.coverage, found, halves), key_facts(run))
-        sections += [photos.result(), *after, _files_section(run, folder)]
+    with ThreadPoolExecutor(1) as beside:
+        view = RunView(run, folder, sigma_map(best.calibration), halves_of(run))
+        photos = beside.submit(_photos, view)  # pictures are decoded while figures are drawn
+        made = [photos.result() if make is _photos else make(view) for make in SECTIONS]
+    lead = (uncertainty_figure(best.calibration, best.coverage, view.found, view.halves), key_facts(run))
     return Page(
-        title=title_of(folder), kind="Calibration", headline=headline_of(run), sections=tuple(sections), lead=lead,
-        made_by=origin.command, program=origin.program,
+        title=title_of(folder), kind="Calibration", headline=headline_of(run), lead=lead,
+        sections=tuple(one for one in made if one is not None), made_by=origin.command, program=origin.program,
     )  # fmt: skip
 
 
-def _files_section(run: Run, folder: Path) -> Section:
+def _photos(view: RunView) -> Section:
+    """Each photo with its residuals, and pictures of what was found."""
+    run = view.run
+    rows, common = photo_rows(run.best.evaluation, run.records), remarks_of_all(run.records)
+    return photos_section(None if run.records is None else view.folder, rows, common, is_flat=_is_flat(run))
+
+
+def _is_flat(run: Run) -> bool:
+    return len(run.best.calibration.observations.points.plane) == 1
+
+
+def _faces(view: RunView) -> Section | None:
+    """The faces of a solid one by one."""
+    run = view.run
+    if _is_flat(run):
+        return None
+    return Section("Faces", (faces_table(run.best.evaluation, run.records),), lead=faces_words(run.best))
+
+
+def _scene(view: RunView) -> Section:
+    """Camera and target in 3D."""
+    run = view.run
+    return Section("Views in 3D", (camera_view(run.best, run.target, run.next_views),), lead=spread_words(run.best))
+
+
+def _files(view: RunView) -> Section:
     """What the folder holds: of the run and of the best camera in sight, of the others behind a click."""
+    run, folder = view.run, view.folder
     found = file_list(folder, tuple(dict([*FILES_OF_RUN, *_of_model(run.best)]).items()))
     others = [(one, file_list(folder, _of_model(one))) for one in run.others]
     count = len(found.rows) + sum(len(files.rows) for _, files in others)
@@ -97,3 +119,17 @@ def _files_section(run: Run, folder: Path) -> Section:
 
 def _of_model(one: Solved) -> list[tuple[str, str]]:
     return [(f"{one.path}{name}", purpose) for name, purpose in FILES_OF_MODEL]
+
+
+SECTIONS: list[Callable[[RunView], Section | None]] = [
+    lambda view: verdict_section(view.run),
+    lambda view: next_section(view.run),
+    lambda view: camera_section(view.run),
+    lambda view: accuracy_section(view.run, view.found, view.halves),
+    _photos,
+    _faces,
+    _scene,
+    lambda view: models_section(view.run) if view.run.others else None,
+    _files,
+]
+"""In the order of reading; one that has nothing to say of a run is None."""

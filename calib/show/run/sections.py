@@ -170,8 +170,8 @@ def steps_of(run: Run) -> tuple[str, ...]:
     return () if run.verdict is None else tuple(map(printable, run.verdict.advice))
 
 
-def next_section(run: Run) -> tuple[Section, ...]:
-    """What to do better next time, and a sketch of where to hold the target; nothing if there is nothing."""
+def next_section(run: Run) -> Section | None:
+    """What to do better next time, and a sketch of where to hold the target; None if there is nothing."""
     blocks: list[Block] = []
     if steps := steps_of(run):
         blocks.append(Steps(tuple(as_sentence(line.replace("`", "")) for line in steps)))
@@ -180,7 +180,7 @@ def next_section(run: Run) -> tuple[Section, ...]:
     elif why := why_no_next_views(run.best.calibration):
         blocks.append(Paragraph(f"No photos are proposed: {printable(why)}."))
     lead = "What would make the camera better, the most useful first."
-    return (Section("Next time", tuple(blocks), lead=lead),) if blocks else ()
+    return Section("Next time", tuple(blocks), lead=lead) if blocks else None
 
 
 def camera_section(run: Run) -> Section:
