@@ -147,8 +147,8 @@ def _write_and_say(measured: "MeasureResult", out: Path, use: str, *, verbose: b
     from calib.show.measured.next_print import USES, next_steps
     from calib.show.measured.tables import cameras_table, faces_table, gains_table, whole_table
     from calib.show.measured.words import facts_of, findings_of, headline_of, is_plastic, validation_findings
-    from designer.page.blocks import Command
-    from designer.page.terminal import say_facts, say_findings, say_headline, say_lines, say_table, say_written
+    from designer.page.blocks import Command, Paragraph
+    from designer.page.terminal import say_facts, say_findings, say_headline, say_lines, say_table, say_written, shown
 
     record = measured.record
     with waiting("drawing the page"):
@@ -165,7 +165,7 @@ def _write_and_say(measured: "MeasureResult", out: Path, use: str, *, verbose: b
     say_written(out.parent, (*files, *page))
     say_lines("note", [remark] if remark else [])
     steps = next_steps(record, use, plastic=is_plastic(measured.target))
-    _say_next(steps)
+    _say_next((*(Paragraph(f"open {shown(one)} in a browser") for one in page if one.suffix == ".html"), *steps))
     return Summary(
         AS_BUILT.document(record), (*files, *page), (use,) if Command(use, USES) in steps else (),
         (*record.remarks, *([remark] if remark else [])), NOT_TO_BE_USED if measured.why_not else 0,

@@ -136,7 +136,9 @@ def origin_in(folder: Path) -> Origin:
     """
     if not folder.is_dir():
         what = "is a file, not a folder" if folder.exists() else "no such folder"
-        raise InputError(f"{folder}: {what}; give a folder of calib run, calib measure or calib study")
+        raise InputError(
+            f"{folder}: {what}; give a folder that calib run, calib measure, calib study or design tolerance wrote"
+        )
     if (folder / ORIGIN_FILE).exists():
         return read_origin(folder)
     if kind := _kind_in(folder):
