@@ -145,7 +145,8 @@ def _costs(study: ToleranceStudy, pictures: Pictures) -> Section:
     )  # fmt: skip
     tables = ranking_table(study), cost_table(study), together_table(study)
     notes = _findings(*cost_notes(study))
-    return Section("Costs", (tables[0], *pictures(text), *tables[1:], *notes), lead=cost_sentence(study))
+    lead = cost_sentence(study) if study.budgets else "Each error alone, the one that costs most first."
+    return Section("Costs", (tables[0], *pictures(text), *tables[1:], *notes), lead=lead)
 
 
 def _limits(study: ToleranceStudy, pictures: Pictures) -> Section:
