@@ -17,7 +17,7 @@ from manifold3d import CrossSection, Manifold, OpType
 
 from designer.kinds.ico import IcoSpec, icosahedron
 from designer.kinds.layout import lay_out
-from designer.make.mesh import Part, icosahedron_hull, inlaid
+from designer.make.mesh import Part, inlaid, solid_hull
 from designer.make.pattern import Pattern, make_pattern
 from designer.spec.spec import PrinterProfile, PrintSpec
 
@@ -44,7 +44,7 @@ def pattern() -> Pattern:
 def mesh_route() -> Part:
     """The geometry stage of the command, from the spec on."""
     ink = pattern()
-    return inlaid(ink, icosahedron_hull(ink, EDGE_MM, INLAY_MM), INLAY_MM)
+    return inlaid(ink, solid_hull(ink, SPEC.solid, INLAY_MM), INLAY_MM)
 
 
 def cad_route() -> float:

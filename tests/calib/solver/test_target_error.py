@@ -23,7 +23,6 @@ from calib.solver.target_error import extended, stated_prior, with_target_error
 from calib.verdict.criteria import read_criteria
 from calib.verdict.evidence import evidence_of
 from calib.verdict.halves import half_split
-from calib.verdict.judge import judge_run
 from calib.verdict.next_views import next_views
 from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
@@ -36,6 +35,7 @@ from designer.tolerance.prior import ShapePrior, shape_prior
 from designer.tolerance.source import Amount
 from tests.support.perturbed_targets import made_with
 from tests.support.solver_scenes import observe
+from tests.support.verdict_cases import judge_run
 
 Array = NDArray[np.float64]
 

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.cameras import project
+from calib.cameras.camera import Camera
 from calib.cameras.refit import image_grid
 from calib.core.se3 import look_at, make_pose, transform
 from calib.core.types import Observations, without_empty_views
@@ -355,7 +356,12 @@ def test_what_cannot_be_proposed_says_why() -> None:
     points = calibration.observations.points
     nowhere = replace(points, face=np.full(len(points.face), -1))
     for odd, word in (
-        (replace(calibration, camera=replace(calibration.camera, model="virtual")), "map"),
+        (
+            replace(
+                calibration, camera=Camera("virtual", calibration.camera.params[:4], calibration.camera.image_size)
+            ),
+            "map",
+        ),
         (replace(calibration, scale=math.nan), "accuracy"),
         (replace(calibration, observations=replace(calibration.observations, points=nowhere)), "plane"),
     ):
