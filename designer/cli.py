@@ -59,7 +59,8 @@ def _takes(*asked: type[AskedPrinting]) -> Callable[[Callable[..., Summary]], Ca
     def decorate(function: Callable[..., Summary]) -> Callable[..., Summary]:
         named = [p for p in inspect.signature(function).parameters.values() if p.kind != p.VAR_KEYWORD]
         known = {name: option for one in asked for name, option in options_of(one).items()}
-        own_first = sorted(known, key=lambda name: name in options_of(Asked))
+        typed = [name for name, option in known.items() if option.value != "machine"]  # a table, of files alone
+        own_first = sorted(typed, key=lambda name: name in options_of(Asked))
         options = [_option(name, known[name]) for name in own_first]
         function.__signature__ = inspect.Signature(named + options)  # type: ignore[attr-defined]  # what inspect reads
         return function

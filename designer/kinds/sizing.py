@@ -12,6 +12,7 @@ from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_d
 from designer.kinds.presets import preset_names, preset_or_file
 from designer.kinds.spec_file import FORMATS, IDLE_OPTIONS, read_printer_file
 from designer.spec.kind import kinds
+from designer.spec.machine import Machine
 from designer.spec.options import Asked, AskedPrinting
 from designer.spec.spec import (
     PAPER_LINE_MM,
@@ -115,11 +116,14 @@ def printer_of(asked: AskedPrinting) -> PrinterProfile:
         InputError: an unknown printer, or a nozzle it has no line for while none is given.
     """
     name = DEFAULT_PRINTER if asked.printer is None else asked.printer
-    nozzle, line, layer, bed = asked.nozzle, asked.line_width, asked.layer_height, asked.bed
+    nozzle, line, layer, bed, machine = (
+        asked.nozzle, asked.line_width, asked.layer_height, asked.bed, asked.machine
+    )  # fmt: skip
     # A full profile, as a resolved spec has it, stands without the file it once came from.
     if not (nozzle and line and layer and bed):
         file = read_printer_file(preset_or_file("printers", name))
         nozzle, bed = nozzle or file.nozzle, bed or file.bed
+        machine = machine or file.machine_with(nozzle)
         if not (line and layer):
             known = next((one for one in file.nozzles if one.diameter == nozzle), None)
             if known is None:
@@ -140,7 +144,13 @@ def printer_of(asked: AskedPrinting) -> PrinterProfile:
         raise InputError(
             f"layer height {layer:g}mm is too high for a {nozzle:g}mm nozzle; use at most {0.8 * nozzle:.3g}mm"
         )
-    return PrinterProfile(name, bed, nozzle, line, layer)
+    return PrinterProfile(name, bed, nozzle, line, layer, machine or _machine_of(name, nozzle))
+
+
+def _machine_of(printer: str, nozzle_mm: float) -> Machine:
+    """Of a printer whose bed and lines were all given: what its template says, or the defaults."""
+    known = printer in preset_names("printers")
+    return read_printer_file(preset_or_file("printers", printer)).machine_with(nozzle_mm) if known else Machine()
 
 
 def _choose_build(asked: AskedPrinting, known: tuple[Build, ...], what: str) -> Build:

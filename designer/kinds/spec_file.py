@@ -7,13 +7,15 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Optional, TypeVar, get_args
+from typing import Annotated, Optional, TypeVar, cast, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
+from designer.base.codec import decode, encode
 from designer.base.errors import InputError
-from designer.base.small_file import read_small_text
+from designer.base.small_file import JsonValue, read_small_text
 from designer.base.units import (
     format_mm,
     format_skew,
@@ -25,6 +27,7 @@ from designer.base.units import (
 )
 from designer.base.words import shown, suggestion
 from designer.spec.kind import KINDS, kind_named, kinds
+from designer.spec.machine import Machine
 from designer.spec.options import Asked, AskedPrinting, Value, is_required, options_of
 from designer.spec.spec import Build, Format, Job, Lattice
 
@@ -131,6 +134,10 @@ def _chord_error(value: float) -> float:
     return value
 
 
+def _machine(value: RawValue) -> Machine:
+    return value if isinstance(value, Machine) else decode(Machine, cast("JsonValue", value))
+
+
 Length = Annotated[float, BeforeValidator(parse_length_mm)]
 PositiveLength = Annotated[Length, AfterValidator(_positive)]
 NonNegativeLength = Annotated[Length, AfterValidator(_not_negative)]
@@ -141,6 +148,7 @@ Size = Annotated[tuple[float, float], BeforeValidator(_size)]
 Bed = Annotated[tuple[float, float, float], BeforeValidator(_bed)]
 Name = Annotated[str, AfterValidator(_name)]
 Colour = Annotated[str, AfterValidator(_colour)]
+OfMachine = Annotated[Machine, BeforeValidator(_machine)]
 Ratio = Annotated[float, BeforeValidator(_ratio)]
 Formats = Annotated[list[Format], BeforeValidator(_format_list)]
 TYPE_OF_VALUE: Mapping[Value, object] = {
@@ -162,6 +170,7 @@ TYPE_OF_VALUE: Mapping[Value, object] = {
     "formats": Formats,
     "page": Annotated[str, AfterValidator(_page)],
     "switch": bool,
+    "machine": OfMachine,
 }
 """What an option's text must look like, by what it takes."""
 
@@ -180,6 +189,9 @@ class NozzleFile(_SpecFile):
     diameter: PositiveLength = Field(description="nozzle diameter, such as 0.4mm")
     line_width: PositiveLength = Field(description="line width, such as 0.45mm")
     layer_height: PositiveLength = Field(description="layer height, such as 0.2mm")
+    flow_mm3_s: Annotated[float | None, Field(gt=0, le=200, strict=True)] = Field(
+        None, description="the most that it melts, such as 12"
+    )
 
 
 class PrinterFile(_SpecFile):
@@ -189,6 +201,12 @@ class PrinterFile(_SpecFile):
     bed: Bed = Field(description="printable volume, such as 256x256x256mm")
     nozzle: PositiveLength = Field(description="nozzle it comes with, such as 0.4mm")
     nozzles: Annotated[list[NozzleFile], Field(min_length=1, description="list of nozzles")]
+    machine: OfMachine = Field(Machine(), description="speeds, filament change and fits")
+
+    def machine_with(self, nozzle_mm: float) -> Machine:
+        """What it is with one of its nozzles."""
+        flow = next((one.flow_mm3_s for one in self.nozzles if one.diameter == nozzle_mm), None)
+        return self.machine if flow is None else replace(self.machine, flow_mm3_s=flow)
 
 
 _Model = TypeVar("_Model", bound=_SpecFile)
@@ -240,9 +258,9 @@ def replaced(values: Mapping[str, RawValue], options: Mapping[str, RawValue]) ->
     """
     gone: set[str] = set()
     if "printer" in options:
-        gone |= {"bed", "line_width", "layer_height"}
+        gone |= {"bed", "line_width", "layer_height", "machine"}
     if "nozzle" in options:
-        gone |= {"line_width", "layer_height"}
+        gone |= {"line_width", "layer_height", "machine"}
     return {**{key: value for key, value in values.items() if key not in gone}, **options}
 
 
@@ -333,6 +351,7 @@ def spec_to_toml(job: Job) -> str:
         "line_width": format_mm(printer.line_width_mm),
         "layer_height": format_mm(printer.layer_height_mm),
         "bed": format_mm(*printer.bed_mm),
+        "machine": encode(Machine, printer.machine),
         "inlay_depth": format_mm(printing.inlay_mm),
         "ink_offset": format_mm(printing.ink_offset_mm),
         "shrink_compensation": f"{printing.shrink_compensation_percent!r}%",
@@ -355,6 +374,8 @@ def _toml_value(value: RawValue) -> str:
         return str(value).lower()
     if isinstance(value, list):
         return f"[{', '.join(_toml_value(item) for item in value)}]"
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_toml_value(item)}' for key, item in value.items())} }}"
     if isinstance(value, str):
         # TOML's basic strings are JSON's, but for the delete character, which TOML wants escaped too.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

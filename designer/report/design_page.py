@@ -38,7 +38,6 @@ from designer.report.making import (
     PURGE_G_PER_CHANGE,
     SPREAD,
     Filament,
-    Shells,
     colour_words,
     expected_filament,
     print_settings,
@@ -49,6 +48,7 @@ from designer.report.making import (
 )
 from designer.report.measuring import measure_blocks, photo_blocks
 from designer.report.pictures import Panels, preview_panels, printed_ink, printed_scene, sheet_picture
+from designer.spec.machine import Shells
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 

@@ -22,6 +22,7 @@ from designer.make.mesh import Mesh
 from designer.make.printability import COUNT
 from designer.page.blocks import Block, Fold, Leaf, Paragraph, Steps, text_table
 from designer.produce import Design
+from designer.spec.machine import Shells
 from designer.spec.spec import PrinterProfile, PrintSpec
 
 DENSITY_G_PER_CM3 = 1.24
@@ -39,24 +40,6 @@ _SAME_NORMAL = 1e-6
 _LAST_BITS = 1e-9
 _COLOUR_NAMES = {"#ffffff": "white", "#000000": "black"}
 BODY_SLOT, INK_SLOT = 1, 2
-
-
-@dataclass(frozen=True)
-class Shells:
-    """The slicer's settings that decide on filament."""
-
-    walls: int = 3
-    bottom_layers: int = 4
-    top_layers: int = 5
-    infill: float = 0.15
-
-    @property
-    def text(self) -> str:
-        """In words."""
-        return (
-            f"{self.walls} walls, {self.bottom_layers} solid layers at the bottom and {self.top_layers} at the top, "
-            f"{100 * self.infill:g} % infill"
-        )
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,12 @@ from typing import Annotated, Literal, get_args, get_type_hints
 
 from designer.base.errors import InputError
 from designer.base.units import round_down, round_up
+from designer.spec.machine import Machine
 from designer.spec.spec import Build, Format, Line, Spec
 
 Value = Literal[
     "file", "name", "length", "length above 0", "length from 0", "chord error", "size", "bed", "count", "ratio",
-    "percent", "skew", "colour", "build", "lattice", "formats", "page", "switch",
+    "percent", "skew", "colour", "build", "lattice", "formats", "page", "switch", "machine",
 ]  # fmt: skip
 DIAMETER_OVER_PITCH = 0.7
 """Of the paper's rings, 7 mm at 10 mm."""
@@ -38,6 +39,9 @@ class AskedPrinting:
     line_width: Annotated[float | None, Option("length above 0", "width of a printed line")] = None
     layer_height: Annotated[float | None, Option("length above 0", "height of a printed layer")] = None
     bed: Annotated[tuple[float, float, float] | None, Option("bed", "printable volume, such as 256x256x256mm")] = None
+    machine: Annotated[
+        Machine | None, Option("machine", "speeds, filament change and fits of the printer, as its file has them")
+    ] = None
     build: Annotated[Build | None, Option("build", "solids: solid or stickers; boards: printed or sheet")] = None
     inlay_depth: Annotated[float | None, Option("length above 0", "depth of the ink in a two-filament print")] = None
     ink_offset: Annotated[float | None, Option("length", "grow (or, below zero, shrink) the ink to undo bleed")] = None

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+from designer.spec.machine import UNKNOWN_MACHINE, Machine
+
 if TYPE_CHECKING:
     from designer.base.solid import Solid
     from designer.target import TargetGeometry
@@ -91,6 +93,13 @@ class PrinterProfile:
     nozzle_mm: float
     line_width_mm: float
     layer_height_mm: float
+    machine: Machine = UNKNOWN_MACHINE
+    """What time, filament and fits follow from."""
+
+    @property
+    def clearance_mm(self) -> float:
+        """Between parts that are put into each other."""
+        return self.machine.clearance_mm
 
 
 @dataclass(frozen=True)

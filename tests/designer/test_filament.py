@@ -8,7 +8,8 @@ import pytest
 
 from designer.kinds.sizing import size_job
 from designer.produce import Design
-from designer.report.making import DENSITY_G_PER_CM3, SPREAD, FilamentAmount, Shells, expected_filament, inked_layers
+from designer.report.making import DENSITY_G_PER_CM3, SPREAD, FilamentAmount, expected_filament, inked_layers
+from designer.spec.machine import Shells
 from tests.support.designs import asked_for, ink_of, packages_of, small
 from tests.support.gcode import require_slicer, run_slicer, slice_3mf, slicer_settings
 

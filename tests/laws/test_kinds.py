@@ -4,6 +4,7 @@ import ast
 import io
 import json
 import re
+import tomllib
 from pathlib import Path
 
 import jsonschema
@@ -93,7 +94,7 @@ def test_resolved_spec_gives_the_same_job(name: str) -> None:
     """What was chosen, typed again, chooses the same; and the extent alone, typed again, is a target of that size."""
     job = small(name).job
     text = spec_to_toml(job)
-    values = {key: json.loads(value) for key, value in (line.split(" = ", 1) for line in text.splitlines())}
+    values = tomllib.loads(text)
     assert size_job(parse_spec(values, "")).job == job
     extent = {key: job.target.options()[key] for key in job.target.extent}
     assert size_job(asked_for(name, extent)).job.target.size_words == job.target.size_words

@@ -1,0 +1,92 @@
+"""How a printer moves, melts and changes its filament: what time, filament and fits follow from.
+
+The defaults are those of a printer that nothing is known of (`templates/printers/generic.toml`): a machine of 2023 or
+later at moderate settings, every number an assumption. A printer's file says its own, each with a source.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from designer.base.marks import Above, AtLeast, AtMost
+
+Speed = Annotated[float, Above(0), AtMost(2000)]
+Acceleration = Annotated[float, Above(0), AtMost(100_000)]
+Seconds = Annotated[float, AtLeast(0), AtMost(7200)]
+Purge = Annotated[float, AtLeast(0), AtMost(5000)]
+Flow = Annotated[float, Above(0), AtMost(200)]
+Layers = Annotated[int, AtLeast(0), AtMost(10_000)]
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """How fast the nozzle moves along each kind of line, in mm/s."""
+
+    outer_wall_mm_s: Speed = 120.0
+    inner_wall_mm_s: Speed = 180.0
+    infill_mm_s: Speed = 200.0
+    solid_infill_mm_s: Speed = 180.0
+    top_mm_s: Speed = 120.0
+    first_layer_mm_s: Speed = 40.0
+    travel_mm_s: Speed = 300.0
+
+
+@dataclass(frozen=True)
+class Accelerations:
+    """How fast it gets there, in mm/s²."""
+
+    outer_wall_mm_s2: Acceleration = 3000.0
+    inner_wall_mm_s2: Acceleration = 4000.0
+    infill_mm_s2: Acceleration = 5000.0
+    solid_infill_mm_s2: Acceleration = 5000.0
+    top_mm_s2: Acceleration = 2000.0
+    first_layer_mm_s2: Acceleration = 500.0
+    travel_mm_s2: Acceleration = 7000.0
+
+
+@dataclass(frozen=True)
+class FilamentChange:
+    """From one filament to the other."""
+
+    time_s: Seconds = 40.0  # all of it but the purge
+    purge_to_ink_mm3: Purge = 140.0
+    purge_to_body_mm3: Purge = 280.0  # dark before light needs more
+    purge_flow_mm3_s: Flow = 10.0
+    is_tool_changer: bool = False  # each filament has a nozzle of its own
+    has_tower: bool = True  # what is purged, or primed, is printed as a tower beside the part
+
+
+@dataclass(frozen=True)
+class Shells:
+    """The slicer's settings that decide on filament."""
+
+    walls: Layers = 3
+    bottom_layers: Layers = 4
+    top_layers: Layers = 5
+    infill: Annotated[float, AtLeast(0), AtMost(1)] = 0.15
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return (
+            f"{self.walls} walls, {self.bottom_layers} solid layers at the bottom and {self.top_layers} at the top, "
+            f"{100 * self.infill:g} % infill"
+        )
+
+
+@dataclass(frozen=True)
+class Machine:
+    """All of it."""
+
+    speeds: Speeds = Speeds()
+    accelerations: Accelerations = Accelerations()
+    change: FilamentChange = FilamentChange()
+    shells: Shells = Shells()
+    flow_mm3_s: Flow = 12.0  # the most that the nozzle melts
+    jerk_mm_s: Speed = 9.0  # by how much the speed may jump at a corner
+    retraction_s: Seconds = 0.1  # to pull filament back before a travel and to push it on again
+    start_s: Seconds = 300.0  # heating, homing and levelling, before the first layer
+    clearance_mm: Annotated[float, AtLeast(0), AtMost(2)] = 0.15  # between printed parts that are put into each other
+
+
+UNKNOWN_MACHINE = Machine()
+"""Of a printer that nothing is known of."""
