@@ -174,7 +174,7 @@ def _gap_mm(target: TargetGeometry) -> float:
     width = int(index.max()) + 2
     key = (face * width + index[:, 0]) * width + index[:, 1]
     order = np.argsort(key)
-    least = np.inf
+    least = np.inf if target.spec is None else target.spec.least_gap_mm
     for i_step, j_step in ((1, 0), (0, 1), (1, -1), (1, 1)):
         wanted = key + i_step * width + j_step
         place = np.minimum(np.searchsorted(key, wanted, sorter=order), len(key) - 1)

@@ -100,6 +100,8 @@ def _strip(target: TargetGeometry, printing: PrintSpec, clear_mm: float, scale: 
         mitre = inset_per_depth(target) * depth
         return edge + mitre + clear_mm, border_top + printing.ink_offset_mm - clear_mm
     lowest = scale * float((target.center_in_face_mm[:, 1] - 1.5 * target.radius_outer_mm).min())
+    if target.spec is not None and len(marks := target.spec.marks_mm):
+        lowest = min(lowest, scale * float(marks[..., 1].min()) - clear_mm)
     return edge + max(2 * clear_mm, EDGE_CLEARANCE_MM), lowest
 
 

@@ -44,7 +44,7 @@ class FacePattern:
     window: Contour | None  # inner edge of the border, clockwise; None: no border
     stamp: NDArray[np.int64]  # (N,) row of Pattern.stamps
     position_mm: NDArray[np.float64]  # (N, 2)
-    dark_text: tuple[Contour, ...]  # ink on white, counter-clockwise
+    dark_text: tuple[Contour, ...]  # letters and other marks of ink on white, counter-clockwise
     light_text: tuple[Contour, ...]  # white in the border, clockwise
 
 
@@ -78,6 +78,7 @@ def make_pattern(target: TargetGeometry, printing: PrintSpec, *, scale: float = 
     # Rounded, so that faces with the same lattice have the same numbers after the way through the target frame.
     position = np.round(target.center_in_face_mm[:, :2] * scale, 7) + 0.0
     lettering = letter_faces(target, printing, scale)
+    marks = () if target.spec is None else tuple(moved_in(mark * scale, -offset) for mark in target.spec.marks_mm)
     faces = []
     for face in range(target.face_count):
         mine = target.ring_face == face
@@ -90,7 +91,7 @@ def make_pattern(target: TargetGeometry, printing: PrintSpec, *, scale: float = 
                 window=window,
                 stamp=stamp[mine],
                 position_mm=position[mine],
-                dark_text=() if has_border else text,
+                dark_text=marks if has_border else (*marks, *text),
                 light_text=tuple(contour[::-1] for contour in text) if has_border else (),
             )
         )

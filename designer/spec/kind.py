@@ -15,6 +15,7 @@ KINDS = (
     "ico",
     "board",
     "cube",
+    "coupon",
 )
 """Names of the kinds, and of their modules, each of which holds a `KIND`. A module is loaded when it is asked for."""
 

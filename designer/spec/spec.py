@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from designer.spec.machine import UNKNOWN_MACHINE, Machine
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from designer.base.solid import Solid
     from designer.target import TargetGeometry
 
@@ -45,6 +48,9 @@ class Spec(ABC):
     extent: ClassVar[tuple[str, ...]]
     """The options that say how large it is; all others can be chosen from them."""
 
+    least_gap_mm: ClassVar[float] = math.inf
+    """The least white between marks that are no rings."""
+
     ring_diameter_mm: float
     ring_ratio: float
     pitch_mm: float
@@ -59,6 +65,13 @@ class Spec(ABC):
     def solid(self) -> "Solid | None":
         """The solid that the faces bound; None: a plate with one face, `depth_mm` thick."""
         return None
+
+    @property
+    def marks_mm(self) -> "NDArray[np.float64]":
+        """Ink on each face beside rings, dots and border: convex quadrangles, counter-clockwise.  # (K, 4, 2)"""
+        import numpy as np  # here: reading a command line needs none
+
+        return np.empty((0, 4, 2))
 
     @property
     def depth_mm(self) -> float:

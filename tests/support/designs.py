@@ -26,6 +26,7 @@ SMALL: Mapping[str, Mapping[str, object]] = {
         "size": "60x60mm", "thickness": "4mm", "ring_diameter": "7mm", "pitch": "10mm", "columns": 5, "rows": 5,
     },
     "cube": {"edge": "28mm"},
+    "coupon": {},
 }  # fmt: skip
 """A few rings of each kind."""
 
