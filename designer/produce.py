@@ -1,9 +1,11 @@
-"""From a job to its files, in memory: one exporter per format."""
+"""From a job to its files, in memory: one exporter per format, one maker per build."""
 
-from collections.abc import Callable, Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib import import_module
 
 import numpy as np
 
@@ -16,8 +18,11 @@ from designer.make.bed import against_skew, bed_from_target, mapped
 from designer.make.mesh import Mesh, Part, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
 from designer.make.pages import SheetPage
 from designer.make.pattern import Pattern, make_pattern
+from designer.make.plate import Plate
 from designer.make.sheets import lay_out_sheets
-from designer.spec.spec import Format, Job
+from designer.page.blocks import Section
+from designer.spec.build import Format
+from designer.spec.spec import Job, PrintSpec
 from designer.target import TargetGeometry, target_to_json
 
 
@@ -52,6 +57,11 @@ class Design:
         """The printed solid, ready for a slicer, with shrinkage and skew compensation."""
         return self._straight_part().placed(lambda points: against_skew(self.target, self.job.printing, points))
 
+    @cached_property
+    def plates(self) -> tuple[Plate, ...]:
+        """All that is printed of plastic, plate by plate."""
+        return maker_of(self.job.printing).plates(self)
+
     def _straight_part(self) -> Part:
         """The printed solid of a printer with square axes."""
         spec, printing = self.job.target, self.job.printing
@@ -76,6 +86,37 @@ class Design:
     def pages(self) -> tuple[SheetPage, ...]:
         """Sticker sheets or board artwork."""
         return lay_out_sheets(self.target, self.artwork, self.job.printing, self.job.page, self.job.name)
+
+
+class Maker(ABC):
+    """What a build needs to be made, and how a maker goes about it; each has a file in `designer.builds`."""
+
+    @abstractmethod
+    def plates(self, design: Design) -> tuple[Plate, ...]:
+        """All that is printed of plastic.
+
+        Raises:
+            InputError: it cannot be built so.
+        """
+
+    @abstractmethod
+    def machine_words(self, printing: PrintSpec) -> str:
+        """What it is made on, as in `all rules hold on a printed sheet`."""
+
+    @abstractmethod
+    def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
+        """The page's section on how it is made; `files` are all others of the folder."""
+
+    @abstractmethod
+    def next_step(self, design: Design, stem: str) -> str:
+        """The line that says what to do with the files, whose path without suffix is `stem`."""
+
+
+def maker_of(printing: PrintSpec) -> Maker:
+    """The maker of a build; its module is loaded when it is asked for."""
+    maker = import_module(f"designer.builds.{printing.build.replace('-', '_')}").MAKER
+    assert isinstance(maker, Maker)  # noqa: S101 - what a module of `designer.builds` is for
+    return maker
 
 
 THREADS = 2

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
-from typing import Literal, cast, get_args
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from designer.base.errors import InputError
 from designer.base.small_file import once_each, place_of, read_small_text
 from designer.base.solid import CODES
+from designer.spec.build import BUILDS, Form, build_name
 from designer.spec.kind import spec_from_mapping, spec_to_mapping
-from designer.spec.spec import Build, Spec
+from designer.spec.spec import Spec
 
 FORMAT = "ringsolid.target"
 DIGESTED = bytes.fromhex("72696e67666f7267652e7461726765742031")
@@ -86,14 +87,13 @@ class TargetGeometry:
     lattice_mm: NDArray[np.float64]  # (F, 2, 2) rows: steps of i and of j in the face frame
     face_covariance: NDArray[np.float64] | None = None  # (F, 6, 6) rotation vector (rad), translation (mm)
     mode_mm: NDArray[np.float64] | None = None  # (S, R, 3) see `designer.tolerance.prior`: what else may be off
-    build: Build | None = None  # how it is made, for information: no id tells it; None: not known
+    build: str | None = None  # how it is made, for information: no id tells it; None: not known
 
     def __post_init__(self) -> None:
         if self.source not in SOURCES:
             raise ValueError(f"source is {self.source!r}; it must be one of {', '.join(SOURCES)}")
-        known = get_args(Build)
-        if self.build is not None and self.build not in known:
-            raise ValueError(f"build is {self.build!r}; it must be one of {', '.join(known)}")
+        if self.build is not None and self.build not in BUILDS:
+            raise ValueError(f"build is {self.build!r}; it must be one of {', '.join(BUILDS)}")
         sizes: dict[str, int] = {}
         for name, (dtype, shape) in _ARRAYS.items():
             values = getattr(self, name)
@@ -123,6 +123,13 @@ class TargetGeometry:
     def is_planar(self) -> bool:
         """Whether there is one face only, as of a board; else the faces look several ways, as those of a solid do."""
         return self.face_count == 1
+
+    @property
+    def form(self) -> Form:
+        """What may be built of it: as its spec says; without one, a target with one face is a plate."""
+        if self.spec is not None:
+            return self.spec.form
+        return "plate" if self.is_planar else "solid"
 
     @property
     def has_codes(self) -> bool:
@@ -290,10 +297,20 @@ def _target_from_document(document: Mapping[str, object]) -> TargetGeometry:
             spec=None if spec is None else spec_from_mapping(spec),
             **{name: np.asarray(document[name]) for name in _REQUIRED},
             **{name: np.asarray(document[name]) for name in _OPTIONAL if document.get(name) is not None},
-            build=cast("Build | None", document.get("build")),  # checked by TargetGeometry
+            build=_build_of(document.get("build")),
         )
     except (TypeError, OverflowError, RecursionError) as error:
         raise ValueError(f"a value of the wrong type: {error}") from error
+
+
+def _build_of(name: object) -> str | None:
+    """A build's name of today."""
+    if name is None:
+        return None
+    try:
+        return build_name(str(name))
+    except ValueError as error:
+        raise ValueError(f"build is {name!r}; it {error}") from None
 
 
 def _holds_truth_value(values: object) -> bool:

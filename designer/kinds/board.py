@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from designer.base.errors import InputError
 from designer.base.units import format_mm, round_down, round_up
+from designer.spec.build import Form
 from designer.spec.kind import Kind
 from designer.spec.options import (
     DIAMETER_OVER_PITCH,
@@ -18,7 +19,7 @@ from designer.spec.options import (
     chosen_words,
     diameter_and_pitch,
 )
-from designer.spec.spec import PLATE_BUILDS, RING_RATIO, Build, Lattice, Line, Spec, SpecValue
+from designer.spec.spec import RING_RATIO, Lattice, Line, Spec, SpecValue
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,7 +42,7 @@ class BoardSpec(Spec):
     """A rectangular plate with rings on one face; `columns` counts the longest row."""
 
     kind: ClassVar[str] = "board"
-    builds: ClassVar[tuple[Build, ...]] = PLATE_BUILDS
+    form: ClassVar[Form] = "plate"
     page: ClassVar[str] = "fit"
     extent: ClassVar[tuple[str, ...]] = ("size", "lattice", "thickness")
 

@@ -12,7 +12,8 @@ from typing import Literal, get_args
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
 from designer.base.words import shown, suggestion
-from designer.spec.spec import Build, Lattice
+from designer.spec.build import BUILDS
+from designer.spec.spec import Lattice
 
 PresetKind = Literal["targets", "printers", "cameras", "errors", "criteria"]
 Complete = Callable[[str], list[str]]
@@ -86,7 +87,7 @@ def one_of(words: Sequence[str]) -> Complete:
 
 OPTION_VALUES = {
     "printer": printer_templates,
-    "build": one_of(get_args(Build)),
+    "build": one_of(tuple(BUILDS)),
     "lattice": one_of(get_args(Lattice)),
 }
 """What completes the option of a spec's field."""

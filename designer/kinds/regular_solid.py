@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from designer.base.errors import InputError
 from designer.base.units import format_mm, round_down, round_up
+from designer.spec.build import Form
 from designer.spec.options import (
     DIAMETER_OVER_PITCH,
     Asked,
@@ -23,7 +24,7 @@ from designer.spec.options import (
     diameter_and_pitch,
     widths_mm,
 )
-from designer.spec.spec import RING_RATIO, SOLID_BUILDS, Build, Line, Spec, SpecValue
+from designer.spec.spec import RING_RATIO, Line, Spec, SpecValue
 
 if TYPE_CHECKING:
     from designer.base.solid import Polyhedron, Solid
@@ -44,7 +45,7 @@ MOST_RINGS_PER_SIDE = 8
 class SolidSpec(Spec):
     """A regular solid with `rings_per_side` rings along each side of a face's lattice."""
 
-    builds: ClassVar[tuple[Build, ...]] = SOLID_BUILDS
+    form: ClassVar[Form] = "solid"
     page: ClassVar[str] = "A4"
     extent: ClassVar[tuple[str, ...]] = ("edge",)
     fewest_rings: ClassVar[int]

@@ -10,23 +10,12 @@ from designer.base.errors import InputError
 from designer.base.units import NO_SKEW, format_skew, round_down
 from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_depth, lay_out
 from designer.kinds.presets import preset_names, preset_or_file
-from designer.kinds.spec_file import FORMATS, IDLE_OPTIONS, read_printer_file
+from designer.kinds.spec_file import FORMATS, read_printer_file
+from designer.spec.build import BUILDS, Format, builds_of
 from designer.spec.kind import kinds
 from designer.spec.machine import Machine
 from designer.spec.options import Asked, AskedPrinting
-from designer.spec.spec import (
-    PAPER_LINE_MM,
-    PLATE_BUILDS,
-    SOLID_BUILDS,
-    TWO_FILAMENT_BUILDS,
-    Build,
-    Format,
-    Job,
-    Line,
-    PrinterProfile,
-    PrintSpec,
-    Spec,
-)
+from designer.spec.spec import PAPER_LINE_MM, Job, Line, PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
 
 DEFAULT_PRINTER = "bambu-p1s"
@@ -35,9 +24,6 @@ SOLID_INLAY_MM = 1.0
 FLAT_INLAY_LAYERS = 3
 CHORD_ERROR_MM = 0.005
 STICKER_THICKNESS_MM = 0.1
-
-TWO_FILAMENT_FORMATS: tuple[Format, ...] = ("3mf", "stl", "png")
-PAPER_FORMATS: tuple[Format, ...] = ("stl", "png", "pdf", "svg")
 
 
 @dataclass(frozen=True)
@@ -55,19 +41,19 @@ def size_job(asked: Asked) -> Sized:
         InputError: a size that no target can have, or that this printer cannot print.
     """
     kind = next(kind for kind in kinds() if kind.asked is type(asked))
-    printer, build = printer_of(asked), _choose_build(asked, kind.spec.builds, repr(kind.name))
+    printer, build = printer_of(asked), _choose_build(asked, builds_of(kind.spec.form), repr(kind.name))
     target, remark = asked.sized(_line_of(build, printer))
     printing, print_remarks = _size_printing(asked, printer, build, lay_out(target))
-    formats, format_remark = _choose_formats(asked, printing.is_two_filament)
+    formats, format_remark = _choose_formats(asked, build)
     _check_step(formats, printing)
     remarks = tuple(text for text in (remark, *print_remarks, format_remark) if text)
     name = asked.name or _default_name(asked, target, build)
     return Sized(Job(name, target, printing, formats, asked.page or target.page), remarks)
 
 
-def _default_name(asked: Asked, target: Spec, build: Build) -> str:
+def _default_name(asked: Asked, target: Spec, build: str) -> str:
     """A name from the kind, what sizes it, and the build where it is not the usual one."""
-    usual = build == target.builds[0]
+    usual = build == builds_of(target.form)[0]
     return f"{target.kind}-{asked.size_name(target)}" + ("" if usual else f"-{build}")
 
 
@@ -77,17 +63,18 @@ def size_printing(asked: AskedPrinting, target: TargetGeometry) -> PrintSpec:
     Raises:
         InputError: a build that is not for this kind, an unknown printer, or a value that does not fit the target.
     """
-    builds, what = (PLATE_BUILDS, "a target with one face") if target.is_planar else (SOLID_BUILDS, "a solid")
-    printing, _ = _size_printing(asked, printer_of(asked), _choose_build(asked, builds, what), target)
+    what = "a target with one face" if target.is_planar else f"a {target.form}"
+    build = _choose_build(asked, builds_of(target.form), what)
+    printing, _ = _size_printing(asked, printer_of(asked), build, target)
     return printing
 
 
 def _size_printing(
-    asked: AskedPrinting, printer: PrinterProfile, build: Build, target: TargetGeometry
+    asked: AskedPrinting, printer: PrinterProfile, build: str, target: TargetGeometry
 ) -> tuple[PrintSpec, tuple[str, ...]]:
     """How a target is made, and remarks where a default had to give way or an option says nothing."""
-    idle = [option for option in IDLE_OPTIONS[build] if getattr(asked, option) is not None]
-    nothing: dict[str, None] = dict.fromkeys(IDLE_OPTIONS[build])
+    idle = [option for option in BUILDS[build].idle if getattr(asked, option) is not None]
+    nothing: dict[str, None] = dict.fromkeys(BUILDS[build].idle)
     asked = replace(asked, **nothing)
     remarks = [f"{option}: of no effect on the build {build!r}" for option in sorted(idle)]
     inlay, remark = _choose_inlay(asked, build, printer.layer_height_mm, target)
@@ -153,21 +140,21 @@ def _machine_of(printer: str, nozzle_mm: float) -> Machine:
     return read_printer_file(preset_or_file("printers", printer)).machine_with(nozzle_mm) if known else Machine()
 
 
-def _choose_build(asked: AskedPrinting, known: tuple[Build, ...], what: str) -> Build:
+def _choose_build(asked: AskedPrinting, known: tuple[str, ...], what: str) -> str:
     if asked.build is not None and asked.build not in known:
         raise InputError(f"build {asked.build!r} is not for {what}; use {' or '.join(map(repr, known))}")
     return asked.build or known[0]
 
 
-def _line_of(build: Build, printer: PrinterProfile) -> Line:
-    if build in TWO_FILAMENT_BUILDS:
+def _line_of(build: str, printer: PrinterProfile) -> Line:
+    if BUILDS[build].is_two_filament:
         return Line(
             printer.line_width_mm, printer.nozzle_mm, f"a {printer.nozzle_mm:g}mm nozzle", 10_000, SOLID_INLAY_MM
         )
     return Line(PAPER_LINE_MM, PAPER_LINE_MM, "a printed sheet", 50_000, 0.0)
 
 
-def _choose_inlay(asked: AskedPrinting, build: Build, layer_mm: float, target: TargetGeometry) -> tuple[float, str]:
+def _choose_inlay(asked: AskedPrinting, build: str, layer_mm: float, target: TargetGeometry) -> tuple[float, str]:
     """The ink's depth in whole layers, and a remark where it is less than usual."""
     if asked.inlay_depth is not None:
         return asked.inlay_depth, ""
@@ -177,14 +164,14 @@ def _choose_inlay(asked: AskedPrinting, build: Build, layer_mm: float, target: T
     border_mm = border_width_mm(target)
     deepest = min(SOLID_INLAY_MM, deepest_inlay_mm(target))
     inlay = round(max(1, math.floor(deepest / layer_mm + 1e-9)) * layer_mm, 6)
-    is_shallow = build == "solid" and inlay < SOLID_INLAY_MM - layer_mm
+    is_shallow = BUILDS[build].is_two_filament and inlay < SOLID_INLAY_MM - layer_mm
     return inlay, f"inlay {inlay:g}mm: as deep as a border of {border_mm:g}mm allows" if is_shallow else ""
 
 
-def _choose_formats(asked: Asked, two_filament: bool) -> tuple[tuple[Format, ...], str]:
+def _choose_formats(asked: Asked, build: str) -> tuple[tuple[Format, ...], str]:
     """The default set and the formats asked for, in a fixed order."""
-    wanted = {*(TWO_FILAMENT_FORMATS if two_filament else PAPER_FORMATS), *(asked.formats or ())}
-    if two_filament or "3mf" not in wanted:
+    wanted = {*BUILDS[build].formats, *(asked.formats or ())}
+    if BUILDS[build].is_two_filament or "3mf" not in wanted:
         return tuple(f for f in FORMATS if f in wanted), ""
     return tuple(
         f for f in FORMATS if f in wanted - {"3mf"}
@@ -203,15 +190,15 @@ def _check_step(formats: tuple[Format, ...], printing: PrintSpec) -> None:
 
 def _check_paper(printing: PrintSpec, target: TargetGeometry) -> None:
     """Sheets neither shrink nor skew; the border must outlive the strip that the stickers' thickness takes off it."""
-    if printing.build == "sheet" and printing.shrink_compensation_percent:
+    if not printing.way.has_body and printing.shrink_compensation_percent:
         raise InputError(
             f"shrink compensation {printing.shrink_compensation_percent:g}% is for printed plastic, and a sheet has "
             "none; leave it out, and check the print against the scale bar"
         )
-    if printing.build == "sheet" and printing.skew_compensation_rad != NO_SKEW:
+    if not printing.way.has_body and printing.skew_compensation_rad != NO_SKEW:
         skew = format_skew(printing.skew_compensation_rad)
         raise InputError(f"skew compensation '{skew}' is for printed plastic, and a sheet has none; leave it out")
-    if printing.build != "stickers":
+    if not printing.way.has_stickers:
         return
     border_mm, inset = border_width_mm(target), inset_per_depth(target)
     thickness, thickest = printing.sticker_thickness_mm, 0.5 * border_mm / inset

@@ -26,20 +26,14 @@ from designer.base.units import (
     parse_skew_rad,
 )
 from designer.base.words import shown, suggestion
+from designer.spec.build import Format, build_name
 from designer.spec.kind import KINDS, kind_named, kinds
 from designer.spec.machine import Machine
 from designer.spec.options import Asked, AskedPrinting, Value, is_required, options_of
-from designer.spec.spec import Build, Format, Job, Lattice
+from designer.spec.spec import Job, Lattice
 
 MAX_FILE_BYTES = 2**14
 LEAST_LENGTH_MM = 0.0005
-IDLE_OPTIONS: Mapping[Build, tuple[str, ...]] = {
-    "solid": ("sticker_thickness",),
-    "printed": ("sticker_thickness",),
-    "stickers": ("inlay_depth",),
-    "sheet": ("inlay_depth", "sticker_thickness"),
-}
-"""Options that say nothing about a build; a resolved spec leaves them out."""
 FORMATS: tuple[Format, ...] = get_args(Format)
 
 RawValue = object
@@ -165,7 +159,7 @@ TYPE_OF_VALUE: Mapping[Value, object] = {
     "percent": Percent,
     "skew": Skew,
     "colour": Colour,
-    "build": Build,
+    "build": Annotated[str, AfterValidator(build_name)],
     "lattice": Lattice,
     "formats": Formats,
     "page": Annotated[str, AfterValidator(_page)],
@@ -365,7 +359,7 @@ def spec_to_toml(job: Job) -> str:
         "formats": list(job.formats),
         "page": job.page,
     }
-    idle = IDLE_OPTIONS[printing.build]
+    idle = printing.way.idle
     return "".join(f"{key} = {_toml_value(value)}\n" for key, value in values.items() if key not in idle)
 
 

@@ -98,7 +98,7 @@ def _straight_corners_mm(target: TargetGeometry, printing: PrintSpec) -> NDArray
     corners, spec = corners_mm(target), target.spec
     if spec is not None and spec.solid is None:
         corners = np.concatenate([corners, corners - spec.depth_mm * target.target_from_face[:, None, :3, 2]])
-    elif spec is not None and spec.solid is not None and printing.build == "stickers":
+    elif spec is not None and spec.solid is not None and printing.way.has_stickers:
         corners = corners * (1 - printing.sticker_thickness_mm / spec.solid.inradius_mm)
     printed: NDArray[np.float64] = corners.reshape(-1, 3) * (1 + printing.shrink_compensation_percent / 100)
     return printed

@@ -96,7 +96,7 @@ def _strip(target: TargetGeometry, printing: PrintSpec, clear_mm: float, scale: 
     border_top = scale * float(target.window_mm[:, :, 1].min())
     if border_top > edge:
         # Below the face, the border ends where the neighbour's begins; a sticker is cut there.
-        depth = printing.sticker_thickness_mm if printing.build == "stickers" else printing.inlay_mm
+        depth = printing.sticker_thickness_mm if printing.way.has_stickers else printing.inlay_mm
         mitre = inset_per_depth(target) * depth
         return edge + mitre + clear_mm, border_top + printing.ink_offset_mm - clear_mm
     lowest = scale * float((target.center_in_face_mm[:, 1] - 1.5 * target.radius_outer_mm).min())

@@ -222,7 +222,7 @@ def _inlay_remarks(target: TargetGeometry, printing: PrintSpec) -> Iterator[tupl
 
 
 def _bed(target: TargetGeometry, printing: PrintSpec) -> Look | None:
-    if printing.build == "sheet":
+    if not printing.way.has_body:
         return None
     size, bed = printed_size_mm(target, printing), printing.printer.bed_mm
     room, said = " x ".join(f"{length:g}" for length in bed), tuple[tuple[Level, str], ...]()

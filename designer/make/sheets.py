@@ -73,7 +73,7 @@ def _stickers(
 ) -> tuple[tuple[Drawing, ...], PieceGrid, str]:
     """The stickers, the grid they are set in, and a line about them."""
     # A solid build is not made smaller: its sheets show the nominal faces.
-    thickness = printing.sticker_thickness_mm if printing.build == "stickers" else 0.0
+    thickness = printing.sticker_thickness_mm if printing.way.has_stickers else 0.0
     outline = pattern.faces[0].outline
     inset = inset_per_depth(target) * thickness
     _check_cut(pattern.faces[0], inset, thickness)

@@ -33,29 +33,22 @@ from designer.page.blocks import (
     View3d,
 )
 from designer.page.shell import page_html
-from designer.produce import Design
+from designer.produce import Design, maker_of
 from designer.report.making import (
     PURGE_G_PER_CHANGE,
     SPREAD,
     Filament,
     colour_words,
     expected_filament,
-    print_settings,
-    sheet_blocks,
-    slicer_folds,
-    sticker_blocks,
     two_digits,
 )
 from designer.report.measuring import measure_blocks, photo_blocks
-from designer.report.pictures import Panels, preview_panels, printed_ink, printed_scene, sheet_picture
-from designer.spec.machine import Shells
+from designer.report.pictures import Panels, preview_panels, printed_ink, printed_scene
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
 PAGE_FILE = "index.html"
 RULES_TITLE = "Printability"
-MOST_SHEETS = 10
-"""Pages of stickers that are shown; the others are in the PDF file."""
 _MEASURE_LEAD = (
     "The print is not the drawing. A length and the photos say by how much, and the calibration uses what was printed."
 )
@@ -87,7 +80,7 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile]) 
         files: all other files of the folder.
     """
     job = design.job
-    filament = None if job.printing.build == "sheet" else expected_filament(design)
+    filament = expected_filament(design) if job.printing.way.has_body else None
     panels = _panels(design, files)
     return Page(
         title=job.name,
@@ -96,7 +89,7 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile]) 
         lead=_lead(design, filament, panels),
         sections=(
             Section(RULES_TITLE, (check.told(),), _rule_lead(job.printing, check)),
-            _making(design, filament, files),
+            maker_of(job.printing).making(design, files),
             *(() if filament is None else (_filament_section(filament, design),)),
             Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
             Section("What was printed: measure it", measure_blocks(design), _MEASURE_LEAD),
@@ -119,10 +112,7 @@ def headline(printing: PrintSpec, check: PrintCheck) -> Headline:
     warnings = [finding for finding in check.findings if finding.level == "warning"]
     warned = sum(len(finding.rules) for finding in warnings)
     count = len(check.holding) + warned
-    machine = f"{printing.printer.name} with a {printing.printer.nozzle_mm:g} mm nozzle"
-    how = {"stickers": f"printed stickers on a body from {machine}", "sheet": "a printed sheet"}.get(
-        printing.build, machine
-    )
+    how = maker_of(printing).machine_words(printing)
     if not warnings:
         return Headline("good", "printable", f"All {count} design rules hold on {how}.")
     which = ", ".join(RULES[rule].title.lower() for finding in warnings for rule in finding.rules)
@@ -175,34 +165,6 @@ def _net(design: Design, panels: Panels | None) -> tuple[Block, ...]:
             is_wide=True,
         ),
     )
-
-
-def _making(design: Design, filament: Filament | None, files: Sequence[OutputFile]) -> Section:
-    """Instructions for the build."""
-    title, build = "Making it", design.job.printing.build
-    if build == "stickers":
-        lead = f"A body in one filament, and {design.target.face_count} printed stickers."
-        return Section(title, sticker_blocks(design, _sheets(design)), lead)
-    if build == "sheet":
-        return Section(title, (*sheet_blocks(design), *_sheets(design)), "A sheet from a print shop.")
-    settings = print_settings(design, Shells() if filament is None else filament.shells)
-    folds = slicer_folds(design, [file.name for file in files])
-    return Section(title, (*settings, *folds), "One object in two filaments, as it lies in the file.")
-
-
-def _sheets(design: Design) -> tuple[Leaf, ...]:
-    """The pages to print."""
-    name, count, shown = design.job.name, len(design.pages), design.pages[:MOST_SHEETS]
-    files = (Link(f"{name}.pdf", f"{name}.pdf"),) if "pdf" in design.job.formats else ()
-    figures = []
-    for number, page in enumerate(shown, start=1):
-        size = f"{page.width_mm:.0f} x {page.height_mm:.0f} mm"
-        title = "What is printed" if count == 1 else f"Page {number} of {count}"
-        alt = f"A page of {size} with the pattern, cut lines and a scale bar."
-        caption = f"{size}. Magenta lines are cut, not printed."
-        figures.append(Figure(title, sheet_picture(page), alt, caption, files if number == 1 else ()))
-    more = (Paragraph(f"{count - len(shown)} more pages are in {name}.pdf."),) if count > len(shown) else ()
-    return (*figures, *more)
 
 
 def _filament_section(filament: Filament, design: Design) -> Section:
@@ -273,7 +235,7 @@ def _print_rows(design: Design, filament: Filament | None) -> list[tuple[str, st
         rows.append(("shrinkage", f"files are {printing.shrink_compensation_percent:+g} % against the design"))
     if printing.skew_compensation_rad != NO_SKEW:
         rows.append(("skew", f"files are sheared against {format_skew(printing.skew_compensation_rad)}"))
-    if printing.build == "stickers":
+    if printing.way.has_stickers:
         rows.append(("sticker", f"{printing.sticker_thickness_mm:g} mm thick; the body is smaller by it on every face"))
     return rows
 

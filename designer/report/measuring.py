@@ -17,7 +17,6 @@ from designer.produce import Design
 from designer.report.making import two_digits
 from designer.target import TargetGeometry, bounding_radius_mm
 from designer.tolerance.error_file import error_model
-from designer.tolerance.made import ERRORS_OF_BUILD
 from designer.tolerance.model import ErrorModel
 
 REACH_MM = 150.0
@@ -70,7 +69,7 @@ class _Measuring:
     @cached_property
     def errors(self) -> ErrorModel:
         """Of the build."""
-        return error_model(ERRORS_OF_BUILD[self.design.job.printing.build])
+        return error_model(self.design.job.printing.way.errors[self.design.job.target.form])
 
     def sigma(self, source: str) -> float:
         """Standard deviation of an error source."""
@@ -300,7 +299,7 @@ def _solid_meaning(measuring: _Measuring) -> Table:
             if one.is_upright
         ),
     ]
-    if design.job.printing.build == "stickers":
+    if design.job.printing.way.has_stickers:
         rows.append(("one pair too long", "glue, bubbles, or a seam below a sticker"))
     return _meanings(rows)
 
@@ -331,7 +330,7 @@ def _meanings(rows: list[tuple[str, str]]) -> Table:
 
 def _size_remedy(design: Design) -> str:
     """What is done about a wrong size."""
-    if design.job.printing.build == "sheet":
+    if not design.job.printing.way.has_body:
         return "Give the length to calib measure; a new sheet is not needed"
     made = design.job.printing.shrink_compensation_percent
     had = f" (this one has {made:g}%)" if made else ""

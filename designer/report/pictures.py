@@ -12,7 +12,7 @@ from designer.formats.png import CAPTION_PX, HEIGHT_PX
 from designer.formats.svg import svg_bytes
 from designer.make.pages import SheetPage
 from designer.make.pattern import Contour, Pattern
-from designer.page.blocks import Raster, Svg
+from designer.page.blocks import Figure, Leaf, Link, Paragraph, Raster, Svg
 from designer.page.pictures import thumbnail
 from designer.page.scene import Layer, Scene, Surface
 from designer.produce import Design
@@ -67,6 +67,8 @@ def _letters(
 
 _PX_PER_MM = 96 / 25.4
 POSTER_PX = 800
+MOST_SHEETS = 10
+"""Pages of stickers that are shown; the others are in the PDF file."""
 NET_PX = 1400
 
 
@@ -89,3 +91,18 @@ def sheet_picture(page: SheetPage) -> Svg:
     """A page on white paper, as the SVG file draws it."""
     drawn = svg_bytes((page,)).replace(b"<title>", b'<rect width="100%" height="100%" fill="#ffffff"/>\n<title>', 1)
     return Svg(drawn, page.width_mm * _PX_PER_MM, page.height_mm * _PX_PER_MM)
+
+
+def sheet_figures(design: Design) -> tuple[Leaf, ...]:
+    """The pages to print."""
+    name, count, shown = design.job.name, len(design.pages), design.pages[:MOST_SHEETS]
+    files = (Link(f"{name}.pdf", f"{name}.pdf"),) if "pdf" in design.job.formats else ()
+    figures = []
+    for number, page in enumerate(shown, start=1):
+        size = f"{page.width_mm:.0f} x {page.height_mm:.0f} mm"
+        title = "What is printed" if count == 1 else f"Page {number} of {count}"
+        alt = f"A page of {size} with the pattern, cut lines and a scale bar."
+        caption = f"{size}. Magenta lines are cut, not printed."
+        figures.append(Figure(title, sheet_picture(page), alt, caption, files if number == 1 else ()))
+    more = (Paragraph(f"{count - len(shown)} more pages are in {name}.pdf."),) if count > len(shown) else ()
+    return (*figures, *more)

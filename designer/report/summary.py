@@ -10,7 +10,7 @@ from designer.make.bed import printed_size_mm
 from designer.make.printability import PrintCheck
 from designer.page.blocks import Facts, Finding, Findings, text_table
 from designer.page.terminal import quoted, say_facts, say_findings, say_headline, say_lines, say_table, say_written
-from designer.produce import Design
+from designer.produce import Design, maker_of
 from designer.report.design_page import PAGE_FILE, RULES_TITLE, Written, headline
 from designer.report.pictures import printed_ink
 from designer.spec.kind import spec_to_mapping
@@ -46,7 +46,7 @@ def say_design(design: Design, remarks: Sequence[str], written: Written) -> None
         text = f"{', '.join(written.left)}; maybe of another target"
         say_findings([Finding("usable", "left from an earlier run", text)])
     say_written(written.folder, [written.folder / file.name for file in written.files])
-    say_lines("next", _next_steps(design.job, written.folder))
+    say_lines("next", _next_steps(design, written.folder))
 
 
 def _say_rules(rows: Sequence[Finding]) -> None:
@@ -159,21 +159,12 @@ def templates_summary(
     })  # fmt: skip
 
 
-def _next_steps(job: Job, folder: Path) -> tuple[str, ...]:
+def _next_steps(design: Design, folder: Path) -> tuple[str, ...]:
     """What a maker does with the files."""
-    name, page = folder / job.name, folder / PAGE_FILE
-    if job.printing.is_two_filament:
-        slicers = f"{name}.bambu.3mf in Bambu Studio or OrcaSlicer, or {name}.prusa.3mf in PrusaSlicer"
-        what = f"open {slicers}; filament 1 is the body, 2 the ink"
-    elif job.printing.build == "stickers":
-        what = (
-            f"print {name}.pdf at 100 % and {name}.body.stl in one filament, then glue the stickers on by their numbers"
-        )
-    else:
-        what = f"have {name}.pdf printed at 100 % and measure its scale bar"
+    job = design.job
     return (
-        f"open {page} in a browser: how to print and measure it, and its photos",
-        what,
+        f"open {folder / PAGE_FILE} in a browser: how to print and measure it, and its photos",
+        maker_of(job.printing).next_step(design, str(folder / job.name)),
         f"{_run_line(job, folder)}   # when there are photos of it, in the folder photos",
     )
 

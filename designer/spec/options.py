@@ -11,8 +11,9 @@ from typing import Annotated, Literal, get_args, get_type_hints
 
 from designer.base.errors import InputError
 from designer.base.units import round_down, round_up
+from designer.spec.build import BUILDS, Format
 from designer.spec.machine import Machine
-from designer.spec.spec import Build, Format, Line, Spec
+from designer.spec.spec import Line, Spec
 
 Value = Literal[
     "file", "name", "length", "length above 0", "length from 0", "chord error", "size", "bed", "count", "ratio",
@@ -42,7 +43,7 @@ class AskedPrinting:
     machine: Annotated[
         Machine | None, Option("machine", "speeds, filament change and fits of the printer, as its file has them")
     ] = None
-    build: Annotated[Build | None, Option("build", "solids: solid or stickers; boards: printed or sheet")] = None
+    build: Annotated[str | None, Option("build", f"how it is made: {', '.join(BUILDS)}")] = None
     inlay_depth: Annotated[float | None, Option("length above 0", "depth of the ink in a two-filament print")] = None
     ink_offset: Annotated[float | None, Option("length", "grow (or, below zero, shrink) the ink to undo bleed")] = None
     shrink_compensation: Annotated[float | None, Option("percent", "print this much larger, in percent")] = None

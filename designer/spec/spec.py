@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+from designer.spec.build import BUILDS, Build, Form, Format
 from designer.spec.machine import UNKNOWN_MACHINE, Machine
 
 if TYPE_CHECKING:
@@ -21,15 +22,8 @@ if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
 Lattice = Literal["square", "triangular"]
-Build = Literal["solid", "stickers", "printed", "sheet"]
-Format = Literal["3mf", "stl", "png", "pdf", "svg", "step", "glb"]
 SpecValue = str | float | int | bool | list[float]
 
-SOLID_BUILDS: tuple[Build, ...] = ("solid", "stickers")
-PLATE_BUILDS: tuple[Build, ...] = ("printed", "sheet")
-"""The usual one first."""
-TWO_FILAMENT_BUILDS: tuple[Build, ...] = ("solid", "printed")
-"""Builds whose ink is printed into the body."""
 PAPER_LINE_MM = 0.1
 """Thinnest line of an office printer, where the pattern is printed on paper or sheet."""
 RING_RATIO = 0.45
@@ -41,8 +35,8 @@ class Spec(ABC):
 
     kind: ClassVar[str]
     """The kind's name in files and commands."""
-    builds: ClassVar[tuple[Build, ...]]
-    """The ways to make one, the usual one first."""
+    form: ClassVar[Form]
+    """Which ways there are to make one (`designer.spec.build.builds_of`)."""
     page: ClassVar[str]
     """The usual page of its sheets."""
     extent: ClassVar[tuple[str, ...]]
@@ -119,7 +113,7 @@ class PrinterProfile:
 class PrintSpec:
     """How the target is made. Nothing in here changes the target's nominal geometry."""
 
-    build: Build
+    build: str  # a name in `designer.spec.build.BUILDS`
     printer: PrinterProfile
     inlay_mm: float  # depth of the ink in a two-filament print
     ink_offset_mm: float  # > 0 grows the ink, < 0 shrinks it
@@ -134,9 +128,14 @@ class PrintSpec:
     """xy, xz, yz of the bed: the files are sheared against this skew of the printer, see `designer.make.bed`."""
 
     @property
+    def way(self) -> Build:
+        """What the build is like."""
+        return BUILDS[self.build]
+
+    @property
     def is_two_filament(self) -> bool:
         """Whether the ink is printed into the body."""
-        return self.build in TWO_FILAMENT_BUILDS
+        return self.way.is_two_filament
 
     @property
     def pattern_line_mm(self) -> float:

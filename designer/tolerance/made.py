@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from designer.base.errors import InputError
-from designer.spec.spec import Build
+from designer.spec.build import BUILDS, builds_of
 from designer.target import TargetGeometry
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
@@ -12,13 +12,6 @@ from designer.tolerance.prior import ShapePrior, measured_prior, shape_prior
 EXACT, MEASURED = "exact", "measured"
 """What a target is that is as its file says, and one that is so up to the accuracy that its file states."""
 
-ERRORS_OF_BUILD: dict[Build, str] = {
-    "solid": "fdm-dual",
-    "printed": "fdm-board",
-    "stickers": "hand-stickers",
-    "sheet": "sheet-print",
-}
-"""The error template that says how a build usually comes out."""
 _BY_OTHERS = ("sheet-print", "hand-stickers")
 """Of a target that we did not design: a flat one is a print on a plate; patterns on several faces were put there."""
 
@@ -28,7 +21,7 @@ class Assumed:
     """A way of making that was not told."""
 
     errors: ErrorModel
-    because: str  # what it was taken from, as in "its file says the build 'solid'"
+    because: str  # what it was taken from, as in "its file says the build 'one-piece'"
 
 
 def error_model_for(target: TargetGeometry) -> Assumed | None:
@@ -38,10 +31,11 @@ def error_model_for(target: TargetGeometry) -> Assumed | None:
     """
     if target.source != "nominal":
         return None
-    if target.build is not None:
-        return Assumed(error_model(ERRORS_OF_BUILD[target.build]), f"its file says the build '{target.build}'")
+    # A file made by hand may name a build that is not for its form.
+    if target.build is not None and (name := BUILDS[target.build].errors.get(target.form)) is not None:
+        return Assumed(error_model(name), f"its file says the build '{target.build}'")
     if target.spec is not None:
-        name = ERRORS_OF_BUILD[target.spec.builds[0]]
+        name = BUILDS[builds_of(target.form)[0]].errors[target.form]
         return Assumed(error_model(name), f"its file does not say how the {target.spec.kind} was built")
     return Assumed(
         error_model(_BY_OTHERS[0 if target.is_planar else 1]),

@@ -24,7 +24,7 @@ from designer.spec.spec import PrinterProfile, PrintSpec
 EDGE_MM, INLAY_MM = 100.0, 1.0
 SPEC = IcoSpec(EDGE_MM, 8, 7.0, 0.45, 10.0, 2.0, 3.0)
 PRINTER = PrinterProfile("bambu-p1s", (256.0, 256.0, 256.0), 0.4, 0.45, 0.2)
-PRINTING = PrintSpec("solid", PRINTER, INLAY_MM, 0.0, 0.0, 0.0, "#ffffff", "#000000", True, False, 0.005)
+PRINTING = PrintSpec("one-piece", PRINTER, INLAY_MM, 0.0, 0.0, 0.0, "#ffffff", "#000000", True, False, 0.005)
 
 
 def best_of(times: int, work: Callable[[], object]) -> float:

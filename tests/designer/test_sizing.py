@@ -162,7 +162,7 @@ def test_edge_20_just_works(nozzle: str) -> None:
     border=st.none() | st.floats(0.4, 20),
     margin=st.none() | st.floats(0.01, 20),
     ratio=st.none() | st.floats(0.2, 0.8),
-    build=st.sampled_from(["solid", "stickers"]),
+    build=st.sampled_from(["one-piece", "stickers"]),
 )
 @settings(max_examples=40, deadline=None)
 def test_named_smallest_edge_is_the_smallest(
@@ -256,7 +256,7 @@ def test_largest_ring_and_smallest_edge_named_work(
         ("ico", {"edge": 100, "ring_diameter": 7, "pitch": 10, "rings_per_side": 9}, "9 rings .* at most 8 rings"),
         ("ico", {"edge": 9000, "pitch": 1, "ring_diameter": 0.5, "nozzle": "0.2mm"}, "stroke|more than"),
         ("ico", {"edge": 100, "border": 40, "pitch": 0.001}, "stroke|touch"),
-        ("ico", {"edge": 100, "build": "printed"}, "build 'printed' is not for 'ico'; use 'solid' or 'stickers'"),
+        ("ico", {"edge": 100, "build": "sheet"}, "build 'sheet' is not for 'ico'; use 'one-piece' or 'stickers'"),
         ("ico", {"edge": 100, "build": "stickers", "sticker_thickness": 4}, "sticker thickness 4mm .* at most"),
         ("board", {}, TOO_LITTLE),
         ("board", {"pitch": 10}, TOO_LITTLE),
@@ -271,7 +271,7 @@ def test_largest_ring_and_smallest_edge_named_work(
         ("board", {"size": "10x10m", "pitch": 5}, r"rings are more than \d+; use a larger pitch"),
         ("board", {"size": "60x60mm", "pitch": 10, "ring_diameter": 12}, "touch; use at least 12.9mm"),
         ("board", {"size": "60x60mm", "build": "sheet", "shrink_compensation": 1}, "a sheet has none; leave it out"),
-        ("board", {"size": "60x60mm", "build": "solid"}, "build 'solid' is not for 'board'"),
+        ("board", {"size": "60x60mm", "build": "stickers"}, "build 'stickers' is not for 'board'"),
     ],
 )  # fmt: skip
 def test_impossible_sizes_are_refused(kind: str, values: dict[str, RawValue], message: str) -> None:

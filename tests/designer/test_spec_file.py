@@ -83,7 +83,7 @@ def test_every_key_is_read(tmp_path: Path) -> None:
     assert asked == AskedIco(
         name="my-ico", edge=100.0, rings_per_side=7, ring_diameter=7.0, pitch=10.0, ring_ratio=0.4,
         border=2.54, margin=2.5, formats=["step", "glb"], page="A3", printer="prusa-mk4", nozzle=0.4, line_width=0.42,
-        layer_height=0.15, bed=(250.0, 210.0, 220.0), build="solid", inlay_depth=0.9, ink_offset=-0.05,
+        layer_height=0.15, bed=(250.0, 210.0, 220.0), build="one-piece", inlay_depth=0.9, ink_offset=-0.05,
         shrink_compensation=0.4, skew_compensation=(math.radians(0.02), -0.002, 0.0), sticker_thickness=0.2,
         body_colour="#ffeedd", ink_colour="#001122", labels=False, stand=True, chord_error=0.01,
     )  # fmt: skip
@@ -233,7 +233,7 @@ toml_values = st.recursive(
         st.dates(),
         st.builds("{}{}".format, st.floats(), st.sampled_from(["", "mm", "cm", "in", "%", "x1mm", "kg"])),
         st.sampled_from(
-            ["ico", "board", "square", "solid", "all", "bambu-p1s", "#ffffff", "A4", "x.toml", "../x.toml"]
+            ["ico", "board", "square", "one-piece", "all", "bambu-p1s", "#ffffff", "A4", "x.toml", "../x.toml"]
         ),
     ),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=2),
@@ -356,8 +356,8 @@ def test_target_templates_are_the_papers(name: str) -> None:
     spec = job.target
     size = spec.edge_mm if spec.kind == "ico" else (*spec.size_mm, spec.thickness_mm)
     assert size == sizes.get(name, (220.0, 220.0, 5.0))
-    builds = {"master-ico": "stickers", "alu-board": "sheet", "3d-board": "printed"}
-    assert job.printing.build == builds.get(name, "solid")
+    builds = {"master-ico": "stickers", "alu-board": "sheet"}
+    assert job.printing.build == builds.get(name, "one-piece")
     assert name in preset_names("targets")
 
 
@@ -369,7 +369,7 @@ specs = st.one_of(
         {"kind": st.just("ico"), "edge": st.floats(5, 300)},
         optional={
             "rings_per_side": st.integers(5, 12),
-            "build": st.sampled_from(["solid", "stickers"]),
+            "build": st.sampled_from(["one-piece", "stickers"]),
             "sticker_thickness": st.floats(0.01, 0.5),
         },
     ),
@@ -382,7 +382,7 @@ specs = st.one_of(
             "thickness": st.floats(0.5, 10),
             "lattice": st.sampled_from(["square", "triangular"]),
             "dots": st.booleans(),
-            "build": st.sampled_from(["printed", "sheet"]),
+            "build": st.sampled_from(["one-piece", "sheet"]),
         },
     ),
 )
@@ -450,7 +450,7 @@ def test_idle_options_are_named_and_change_nothing() -> None:
     plain, idle = size_job(parse_spec(ICO, "")), size_job(parse_spec({**ICO, "sticker_thickness": "0.3mm"}, ""))
     assert idle.job == plain.job
     assert [remark for remark in idle.remarks if remark not in plain.remarks] == [
-        "sticker_thickness: of no effect on the build 'solid'"
+        "sticker_thickness: of no effect on the build 'one-piece'"
     ]
 
 

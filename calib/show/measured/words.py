@@ -9,6 +9,7 @@ from calib.as_built.deviations import JUDGED, Estimate
 from calib.core.number_text import figure, with_digits
 from calib.records.as_built_file import AsBuiltRecord
 from designer.page.blocks import Facts, Finding, Findings, Headline
+from designer.spec.build import BUILDS, builds_of
 from designer.target import TargetGeometry
 
 LEAST_SPREAD_MM = 0.001
@@ -42,8 +43,8 @@ def degrees(one: Estimate) -> str:
 
 def is_plastic(target: TargetGeometry) -> bool:
     """Whether it is of ours and printed in plastic, so that `design` corrects size and angles; else on paper, or so."""
-    build = target.build or (None if target.spec is None else target.spec.builds[0])
-    return build not in (None, "sheet")
+    build = target.build or (None if target.spec is None else builds_of(target.form)[0])
+    return build is not None and BUILDS[build].has_body
 
 
 def axes_words(target: TargetGeometry) -> str:

@@ -16,7 +16,7 @@ from designer.spec.spec import PrinterProfile, PrintSpec
 
 SPEC = IcoSpec(30.0, 5, 3.0, 0.45, 4.0, 1.0, 0.5)
 PRINTING = PrintSpec(
-    "solid",
+    "one-piece",
     PrinterProfile("p", (256, 256, 256), 0.4, 0.45, 0.2),
     1.0,
     0,

@@ -21,8 +21,8 @@ from designer.spec.spec import PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
 
 PRINTER = PrinterProfile("p", (256, 256, 256), 0.4, 0.45, 0.2)
-ICO = PrintSpec("solid", PRINTER, 1.0, 0.0, 0.0, 0.25, "#f0e0c0", "#203040", False, False, 0.005)
-BOARD = replace(ICO, build="printed", inlay_mm=0.6, labels=True)
+ICO = PrintSpec("one-piece", PRINTER, 1.0, 0.0, 0.0, 0.25, "#f0e0c0", "#203040", False, False, 0.005)
+BOARD = replace(ICO, inlay_mm=0.6, labels=True)
 SCALE = 1.01
 
 

@@ -19,8 +19,8 @@ from designer.target import TargetGeometry
 
 LINE = 0.45
 PRINTER = PrinterProfile("mine", (256.0, 256.0, 256.0), 0.4, LINE, 0.2)
-PRINTING = PrintSpec("printed", PRINTER, 0.6, 0.0, 0.0, 0.1, "#ffffff", "#000000", True, False, 0.005)
-SOLID = replace(PRINTING, build="solid", inlay_mm=1.0)
+PRINTING = PrintSpec("one-piece", PRINTER, 0.6, 0.0, 0.0, 0.1, "#ffffff", "#000000", True, False, 0.005)
+SOLID = replace(PRINTING, inlay_mm=1.0)
 ICO = lay_out(IcoSpec(100.0, 8, 7.0, 0.45, 10.0, 2.0, 3.0))
 BOARD = lay_out(BoardSpec((90.0, 80.0), 5.0, 8, 7, "square", 7.0, 0.45, 10.0, 1.5, 2.0, dots=True))
 

@@ -20,7 +20,7 @@ from designer.spec.spec import PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
 
 PRINTING = PrintSpec(
-    "solid",
+    "one-piece",
     PrinterProfile("p", (256, 256, 256), 0.4, 0.45, 0.2),
     1.0,
     0,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -11,10 +12,10 @@ from calib.core.se3 import exp_rotation
 from designer.kinds.presets import preset_names
 from designer.kinds.sizing import size_job
 from designer.produce import Design
-from designer.spec.spec import Build
+from designer.spec.build import BUILDS, Form, builds_of
 from designer.target import TargetGeometry, target_from_json, target_to_json
 from designer.tolerance.error_file import error_model
-from designer.tolerance.made import ERRORS_OF_BUILD, error_model_for
+from designer.tolerance.made import error_model_for
 from designer.tolerance.model import displaced_shape, draw_values, perturb
 from designer.tolerance.prior import ShapePrior, measured_prior, shape_prior
 from designer.tolerance.shape import centers_mm
@@ -102,24 +103,36 @@ def _by_motion(target: TargetGeometry) -> Array:
     return np.stack(columns, axis=2)
 
 
-@pytest.mark.parametrize("build", ERRORS_OF_BUILD)
-def test_the_way_of_making_is_assumed_from_the_build(build: Build) -> None:
+@pytest.mark.parametrize(
+    ("build", "nominal"),
+    [(name, {"plate": board, "solid": ico}[form]()) for form in get_args(Form) for name in builds_of(form)],
+)
+def test_the_way_of_making_is_assumed_from_the_build(build: str, nominal: TargetGeometry) -> None:
     """A target's file says its build, no id depends on it, and the error template of that build is assumed."""
-    target = replace(board(), build=build)
-    assert target.geometry_id == board().geometry_id
+    target = replace(nominal, build=build)
+    assert target.geometry_id == nominal.geometry_id
     again = target_from_json(target_to_json(target))
     assert again.build == build
     assumed = error_model_for(again)
     assert assumed is not None
-    assert assumed.errors.name == ERRORS_OF_BUILD[build]
+    assert assumed.errors.name == BUILDS[build].errors[target.form]
     assert build in assumed.because
+
+
+def test_a_build_that_does_not_suit_a_target_is_not_believed() -> None:
+    """A board whose file was changed to say stickers gets the errors of a usual board; a former name is read."""
+    assumed = error_model_for(replace(board(), build="stickers"))
+    assert assumed is not None
+    assert assumed.errors.name == "fdm-board"
+    former = target_to_json(replace(ico(), build="one-piece")).replace('"build": "one-piece"', '"build": "solid"')
+    assert target_from_json(former).build == "one-piece"
 
 
 def test_a_design_says_how_it_is_built() -> None:
     """The target of a design carries the build that was asked for, or the usual one."""
     for build in ("stickers", None):
         design = Design(size_job(asked_for("ico", {"edge": "100mm", "build": build})).job)
-        assert design.target.build == (build or "solid")
+        assert design.target.build == (build or "one-piece")
 
 
 def test_without_a_build_the_kind_decides_and_parts_are_exact() -> None:

@@ -1,0 +1,30 @@
+"""What lies on the printer's bed at a time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from designer.make.mesh import Part
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A part and where it lies; slicers show it as one object."""
+
+    name: str
+    part: Part  # in a frame of its own
+    bed_from_part: NDArray[np.float64]  # (4, 4) a rigid motion; the bed's origin is a corner
+
+
+@dataclass(frozen=True)
+class Plate:
+    """The pieces of one print."""
+
+    name: str  # part of its files' names, such as "plate-1"; "" where there is but one plate
+    pieces: tuple[Piece, ...]
+
+    @property
+    def is_two_filament(self) -> bool:
+        """Whether there is ink on it."""
+        return any(piece.part.ink is not None for piece in self.pieces)

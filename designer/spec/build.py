@@ -1,0 +1,74 @@
+"""The ways to build a target: an entry here for each, and a file of `designer/builds/`, which makes it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Form = Literal["solid", "plate"]
+"""What a target is: faces around a body, or a board."""
+Format = Literal["3mf", "stl", "png", "pdf", "svg", "step", "glb"]
+
+
+@dataclass(frozen=True)
+class Build:
+    """A way to build targets, as far as sizes, files and studies ask; `designer.produce.maker_of` makes them."""
+
+    name: str
+    title: str  # as in a table of them
+    errors: Mapping[Form, str]  # the error template that says how it usually comes out, of each form that it is for
+    formats: tuple[Format, ...]  # its usual files
+    idle: tuple[str, ...]  # options that say nothing about it; a resolved spec leaves them out
+    is_two_filament: bool = False  # the ink is printed into the body; else it is paper or sheet
+    has_body: bool = True  # something is printed of plastic
+    has_stickers: bool = False  # the body is smaller by their thickness
+
+
+BUILDS: Mapping[str, Build] = {
+    build.name: build
+    for build in (
+        Build(
+            "one-piece",
+            "printed in one piece, in two filaments",
+            {"solid": "fdm-dual", "plate": "fdm-board"},
+            ("3mf", "stl", "png"),
+            ("sticker_thickness",),
+            is_two_filament=True,
+        ),
+        Build(
+            "stickers",
+            "a body in one filament, and stickers",
+            {"solid": "hand-stickers"},
+            ("stl", "png", "pdf", "svg"),
+            ("inlay_depth",),
+            has_stickers=True,
+        ),
+        Build(
+            "sheet",
+            "artwork on one sheet from a print shop",
+            {"plate": "sheet-print"},
+            ("stl", "png", "pdf", "svg"),
+            ("inlay_depth", "sticker_thickness"),
+            has_body=False,
+        ),
+    )
+}
+"""By name. The first of a form is the usual one."""
+FORMER_NAMES = {"solid": "one-piece", "printed": "one-piece"}
+"""As files of earlier versions have them."""
+
+
+def builds_of(form: Form) -> tuple[str, ...]:
+    """The builds of a form, the usual one first."""
+    return tuple(name for name, build in BUILDS.items() if form in build.errors)
+
+
+def build_name(name: str) -> str:
+    """A build's name of today.
+
+    Raises:
+        ValueError: there is no such build.
+    """
+    today = FORMER_NAMES.get(name, name)
+    if today not in BUILDS:
+        raise ValueError(f"must be one of {', '.join(BUILDS)}")
+    return today
