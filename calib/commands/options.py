@@ -8,7 +8,7 @@ import typer
 from calib.cameras import learned_models, models_of_all, solved_models
 from designer.base.errors import InputError
 from designer.base.words import shown
-from designer.kinds.presets import camera_templates, error_templates, one_of
+from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of
 
 TargetArgument = Annotated[Path, typer.Argument(help="the target file (NAME.target.json) of what the photos show")]
 PhotosArgument = Annotated[list[str], typer.Argument(help="images, folders of images, or patterns such as 'run/*.png'")]
@@ -74,13 +74,6 @@ ReferenceTargetOption = Annotated[
     Path | None, typer.Option(help=f"{_LEARNED}: target file of a board that the reference photo shows")
 ]
 DEFAULT_CRITERIA = "standard"
-
-
-def criteria_templates(incomplete: str) -> list[str]:
-    """Templates of limits, for a shell."""
-    from designer.kinds.presets import preset_names
-
-    return [name for name in preset_names("criteria") if name.startswith(incomplete)]
 
 
 CriteriaOption = Annotated[

@@ -78,6 +78,7 @@ target_templates = _templates_of("targets")
 printer_templates = _templates_of("printers")
 error_templates = _templates_of("errors")
 camera_templates = _templates_of("cameras")
+criteria_templates = _templates_of("criteria")
 
 
 def one_of(words: Sequence[str]) -> Complete:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.commands.options import criteria_templates
 from calib.core.types import Detections
 from calib.observe.photos import Search
 from calib.observe.records import Records, image_record
@@ -25,6 +24,7 @@ from calib.verdict.criteria import read_criteria
 from calib.verdict.judge import Judged
 from calib.verdict.verdict import Verdict
 from designer.base.errors import InputError
+from designer.kinds.presets import criteria_templates
 from tests.support.calibrations import board
 from tests.support.picture_folders import BOARD, face, overlaid, page_of, pictures, result
 from tests.support.run_folders import solved, write_run
