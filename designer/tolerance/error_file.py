@@ -12,7 +12,7 @@ from designer.base.units import parse_angle_rad, parse_length_mm, parse_percent,
 from designer.base.words import several, shown, suggestion
 from designer.kinds.presets import preset_or_file
 from designer.kinds.spec_file import RawValue, read_spec_file
-from designer.tolerance.model import ErrorModel
+from designer.tolerance.model import ErrorModel, Piece
 from designer.tolerance.source import KINDS, Amount, ErrorSource, Unit
 from designer.tolerance.sources import SOURCES, source_named
 
@@ -43,6 +43,16 @@ class Sourced(BaseModel):
     source: Text = Field(description="publication the number comes from, or 'assumption: ' and the reason")
 
 
+class PieceTable(BaseModel):
+    """`designer.tolerance.model.Piece` as people write it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: Text = Field(description="word for it, such as 'tile'")
+    lifted: Text = Field(description="remedy where one is high, low or tilted")
+    aside: Text = Field(description="remedy where one is turned or shifted in its plane")
+
+
 class ErrorFile(BaseModel):
     """An error model: how a way of making misses the drawing."""
 
@@ -52,6 +62,7 @@ class ErrorFile(BaseModel):
     material: Text = Field(description="material")
     expansion: Sourced | None = Field(None, description="linear expansion of the material, such as 68e-6/K")
     layer_height: Sourced | None = Field(None, description="height of a printed layer")
+    piece: PieceTable | None = Field(None, description="what a face is, where faces are put on one by one")
     errors: dict[str, Sourced] = Field(description="tables, one for each error source")
 
 
@@ -89,6 +100,7 @@ def _read(path: Path) -> ErrorModel:
             expansion_per_kelvin=_positive("expansion", file.expansion, parse_expansion),
             layer_height_mm=_positive("layer_height", file.layer_height, parse_length_mm),
             material=file.material,
+            piece=None if file.piece is None else Piece(**file.piece.model_dump()),
             notes=tuple((name, entry.source) for name, entry in entries.items() if entry is not None),
         )
     except InputError as error:
@@ -134,7 +146,8 @@ def _explain(error: ValidationError) -> str:
     first = min(error.errors(), key=lambda wrong: wrong["type"] != "extra_forbidden")
     place = [str(part) for part in first["loc"]]
     key = ".".join(place)
-    fields = (ErrorFile if len(place) == 1 else Sourced).model_fields
+    table = ErrorFile if len(place) == 1 else PieceTable if place[0] == "piece" else Sourced
+    fields = table.model_fields
     if first["type"] == "extra_forbidden":
         if len(place) == 1 and key in SOURCES:
             return f"unknown key {shown(key)}; write it as a table [errors.{key}]"
@@ -143,7 +156,7 @@ def _explain(error: ValidationError) -> str:
     if first["type"] == "missing":
         return f"{key} is missing; give the {fields[place[-1]].description}"
     if first["type"] in ("model_type", "dict_type"):
-        return f"{key} {shown(first['input'])}: must be a table [{key}] with amount and source"
+        return f"{key} {shown(first['input'])}: must be a table [{key}] with {'name, lifted and aside' if key == 'piece' else 'amount and source'}"
     rule = str(first["msg"]).removeprefix("Value error, ")
     return f"{key} {shown(first['input'])}: {rule[:1].lower()}{rule[1:]}"
 

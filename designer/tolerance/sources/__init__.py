@@ -11,6 +11,7 @@ from designer.tolerance.sources.face_bow import FACE_BOW
 from designer.tolerance.sources.face_offset import FACE_OFFSET
 from designer.tolerance.sources.face_rotation import FACE_ROTATION
 from designer.tolerance.sources.face_shift import FACE_SHIFT
+from designer.tolerance.sources.face_stretch import FACE_STRETCH
 from designer.tolerance.sources.face_tilt import FACE_TILT
 from designer.tolerance.sources.ink_bleed import INK_BLEED
 from designer.tolerance.sources.ring_jitter import RING_JITTER
@@ -23,6 +24,7 @@ from designer.tolerance.sources.warp import WARP
 _IN_ORDER: tuple[ErrorSource, ...] = (
     # Within a face, in its frame.
     RING_JITTER,
+    FACE_STRETCH,
     INK_BLEED,
     STAIR_STEPS,
     FACE_BOW,

@@ -53,7 +53,7 @@ def refusal(name: str, *overrides: str) -> str:
 def test_the_ways_of_making_are_there() -> None:
     """Each way of making that the commands name is a template."""
     assert preset_names("errors") == [
-        "fdm-board", "fdm-dual", "fdm-dual-calibrated", "hand-stickers", "machined", "resin", "sheet-print"
+        "fdm-board", "fdm-dual", "fdm-dual-calibrated", "fdm-tiles", "hand-stickers", "machined", "resin", "sheet-print"
     ]  # fmt: skip
 
 

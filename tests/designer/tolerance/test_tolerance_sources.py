@@ -84,8 +84,10 @@ def by_hand(target: TargetGeometry, values: Values, bed: Array) -> Array:
     for row, face in enumerate(target.ring_face):
         frame = target.target_from_face[face]
         point = frame[:3, :3].T @ (target.center_mm[row] - frame[:3, 3])
-        point += [*values["ring_jitter"][row], 0]
         middle = np.append(target.outline_mm[face].mean(axis=0), 0)
+        (a, b), (x, y, _) = values["face_stretch"][face], point - middle
+        point += [a * x + b * y, b * x - a * y, 0]
+        point += [*values["ring_jitter"][row], 0]
         spin = Rotation.from_rotvec([0, 0, values["face_rotation"][face, 0]])
         tilt = Rotation.from_rotvec([*values["face_tilt"][face], 0])
         point = tilt.apply(spin.apply(point - middle)) + middle
