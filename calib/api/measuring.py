@@ -17,6 +17,7 @@ from calib.as_built.deviations import Compensation, Estimate
 from calib.as_built.lengths import CaliperLength, asked_length, doubt_about, length_in, rescaled
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.result import AsBuilt
+from calib.as_built.seats import Seat
 from calib.as_built.solve import measure as measure_print
 from calib.as_built.solve import with_known_weights
 from calib.cameras import fitted_models
@@ -66,6 +67,14 @@ class MeasureResult(ShownAsPage):
     def remarks(self) -> tuple[str, ...]:
         """What a person must know, a line each."""
         return self.record.remarks
+
+    @property
+    def seats(self) -> tuple[Seat, ...]:
+        """How each piece sits of a target put together from tiles or stickers, in the order of the faces; else none.
+
+        >>> [one.face for one in measured.seats if one.verdict == "sits badly"]
+        """
+        return () if self.record.seats is None else self.record.seats.seats
 
     @property
     def why_not(self) -> str:
@@ -183,6 +192,7 @@ def measure(
         )
     record = record_of(
         found, held, made_with, bed_turn_rad=bed_turn_rad, weighted=options.solve.weighted, program=program(),
+        made=way.errors,
         remarks=(*why, *_remarks(sets, way, asked, nominal)),
         settings={
             "target": _named(target), "detections": ", ".join(map(_named, _paths(items))),

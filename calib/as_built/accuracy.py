@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from calib.as_built.blocks import Normal
 from calib.as_built.datum import SeenParts, by_shared_dense, datum_rings, fit_rings, rigid_design, rigid_fit, scale_fit
 from calib.as_built.eliminate import Factor, covariance_factor
+from calib.as_built.outlying import motions_of_whole
 from calib.as_built.problem import Joint
 from calib.as_built.unknowns import RingPlaces, TargetUnknowns, Unknowns, place_rings, strain_matrix
-from calib.core.se3 import skew
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def accuracy_of(joint: Joint, shape: TargetUnknowns, seen: SeenParts, normal: No
         rows = _Wide(np.zeros((6, width)), np.zeros((6, 3 * count)))
         rows.common[unknowns.strain] = shared[:first]
         strain = rows.minus(ISOTROPIC[:, None], scale).covariance()
-    adjoint = _adjoints(unknowns)
+    adjoint = motions_of_whole(unknowns.target)
     own_rows = [_through(inverse, which, offset, own) for which, inverse in design]
     folds = _Wide(np.concatenate([one.common for one in own_rows]), np.concatenate([one.own for one in own_rows]))
     if unknowns.has_motion:
@@ -108,17 +108,6 @@ def _face_designs(unknowns: Unknowns, seen: SeenParts) -> list[tuple[NDArray[np.
     for rows in fit_rings(unknowns, seen):
         found.append((rows, rigid_fit(center[rows]) if len(rows) else np.zeros((6, 0))))
     return found
-
-
-def _adjoints(unknowns: Unknowns) -> Array:
-    """What a small motion of the unstrained target is to each face's own motion.  # (F, 6, 6)"""
-    frame = unknowns.target.target_from_face
-    turn = frame[:, :3, :3].transpose(0, 2, 1)
-    adjoint = np.zeros((len(frame), 6, 6))
-    adjoint[:, :3, :3] = turn
-    adjoint[:, 3:, 3:] = turn
-    adjoint[:, 3:, :3] = -turn @ skew(frame[:, :3, 3])
-    return adjoint
 
 
 def _faces(

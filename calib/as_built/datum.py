@@ -2,7 +2,8 @@
 
 The measured target is laid over the nominal one so that its rings come nearest, in least squares: the inner constraints
 of a free network (Grafarend and Schaffrin 1974), which prefer no ring. Only rings take part whose faces the views join,
-and of them not those that few views show: what is not known of them would be told of all faces.
+and of them not those that few views show, or that lie unlike all others: what is not known, or odd, of them would be
+told of all faces.
 The scale is that of the rings as they are; the rigid motion is that of the rings without the strain of the whole print,
 which acts about the target's origin: a print that is only shrunk has then no face that moved, even if half of it was
 seen.
@@ -50,6 +51,7 @@ class SeenParts:
     face: Flags  # (F,) enough of it for a pose in some view
     group: NDArray[np.int64]  # (F,) faces with one number are joined by views; -1: not seen
     views: NDArray[np.int64]  # (F,) in how many views
+    outlying: Flags  # (F,) lie unlike all others, see `calib.as_built.outlying`
 
     @property
     def main(self) -> Flags:
@@ -61,7 +63,7 @@ class SeenParts:
     @property
     def datum(self) -> Flags:
         """The faces by which the target is laid over the nominal one.  # (F,)"""
-        often = self.main & ~few_views(self.views)
+        often = self.main & ~few_views(self.views) & ~self.outlying
         return often if often.any() else self.main
 
 
@@ -82,7 +84,7 @@ def what_is_seen(unknowns: Unknowns, sets: list[tuple[Observations, Flags]]) -> 
         shown.extend(count >= LEAST_RINGS)
     for one in shown:
         views += one
-    return SeenParts(ring, views > 0, _groups(np.array(shown)), views)
+    return SeenParts(ring, views > 0, _groups(np.array(shown)), views, np.zeros_like(views, dtype=bool))
 
 
 def _groups(shown: Flags) -> NDArray[np.int64]:

@@ -50,6 +50,7 @@ class AsBuilt:
     scale_sigma: float  # relative, of the whole target; nan if not known
     lengths: tuple[FittedLength, ...]  # that told the scale
     is_determined: NDArray[np.bool_]  # (F,) the photos tell where the face is
+    is_outlying: NDArray[np.bool_]  # (F,) lies unlike all others, and took no part in laying the target over
     face_views: NDArray[np.int64]  # (F,) how many views show the face
     centre_noise_mm: Array  # (F,) what the noise of one centre along an axis is on the face, at the photos' scale
     is_ring_seen: NDArray[np.bool_]  # (R,)

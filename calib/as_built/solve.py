@@ -19,6 +19,7 @@ from calib.as_built.descend import TargetMinimum, minimise
 from calib.as_built.expected import is_same_spread, with_expected_deviations, with_seen_deviations, with_seen_spread
 from calib.as_built.lengths import CaliperLength, Scale, scale_from
 from calib.as_built.options import AsBuiltOptions
+from calib.as_built.outlying import outlying_faces
 from calib.as_built.problem import Joint, State, joint_problem, without
 from calib.as_built.remarks import far_off, remarks_of
 from calib.as_built.result import AsBuilt, face_shift_mm, left_open_mm, target_of
@@ -145,6 +146,7 @@ def _descend(started: Sequence[Calibration], target: TargetGeometry, model: str,
         iterations += found.iterations
         if is_last:
             break
+    seen = replace(seen, outlying=outlying_faces(joint.unknowns, seen, found.state.shape))
     return _Descended(joint, found, seen, iterations)
 
 
@@ -324,6 +326,7 @@ def _as_built(
         lengths=() if scale is None else scale.lengths,
         is_determined=measured.is_determined,
         face_views=seen.views,
+        is_outlying=seen.outlying,
         centre_noise_mm=size * measured.centre_noise_mm,
         is_ring_seen=seen.ring,
         remarks=_remarks(started, target, measured),

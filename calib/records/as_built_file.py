@@ -23,6 +23,7 @@ from calib.as_built.deviations import (
 )
 from calib.as_built.lengths import FittedLength
 from calib.as_built.result import AsBuilt
+from calib.as_built.seats import Seats, seats_of
 from calib.solver.calibration import Status
 from designer.base.file_kind import FileKind
 from designer.base.marks import (
@@ -39,6 +40,7 @@ from designer.base.marks import (
     Word,
 )  # fmt: skip
 from designer.base.units import Skew
+from designer.tolerance.model import ErrorModel
 
 MOST_FACES, MOST_RINGS = 2000, 100_000
 LARGEST = 1e6
@@ -100,6 +102,7 @@ class AsBuiltRecord:
     cameras: Annotated[tuple[SolvedCamera, ...], Length(0, 100)]
     held_out: CrossValidation | None  # None: nobody asked
     weighted: bool = True  # by stated covariances, in which the standard deviation of an observation is told then
+    seats: Seats | None = None  # how the pieces sit of a target that was put together; None: one print
 
     def __post_init__(self) -> None:
         faces = len(self.face_motion)
@@ -131,6 +134,7 @@ def record_of(
     bed_turn_rad: float,
     weighted: bool,
     remarks: tuple[str, ...],
+    made: ErrorModel | None = None,
     program: str,
     settings: Mapping[str, str],
 ) -> AsBuiltRecord:
@@ -143,6 +147,7 @@ def record_of(
         bed_turn_rad: by which it was turned on the bed against `design`.
         weighted: by stated covariances.
         remarks: beside those of the solution.
+        made: the errors of its way of making.
         program: name and version.
         settings: names and values of the options.
     """
@@ -183,6 +188,7 @@ def record_of(
         ring_offset_sigma_mm=found.offset_sigma_mm,
         cameras=tuple(_cameras(found)),
         held_out=held_out,
+        seats=seats_of(found, made),
         weighted=weighted,
     )
 

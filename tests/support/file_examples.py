@@ -9,6 +9,7 @@ import numpy as np
 from calib.as_built.cross_validation import CrossValidation, Gain
 from calib.as_built.deviations import Compensation, Estimate, WholePrint
 from calib.as_built.lengths import FittedLength
+from calib.as_built.seats import Seat, SeatLimits, Seats
 from calib.cameras.camera import Camera, CameraDocument, LearnedMap
 from calib.core.types import FaceRecord
 from calib.metrics.errors import ErrorSummary
@@ -151,6 +152,8 @@ def _as_built() -> AsBuiltRecord:
         "pinhole", (1000, 800), dict(PINHOLE.parameters), np.diag([1.0, 2, math.nan, 4]), 3, 100, 1, math.nan
     )
     estimate = Estimate(1 / 3, math.inf)
+    numbers = (estimate,) * 6
+    seat = Seat(0, "sits badly", *numbers, ("turned", "lifted"), math.nan)
     return AsBuiltRecord(
         "ringsolid 1.0", {"seed": "0"}, "l1", "g1", "g2", "converged", ("a remark",), 7, 0.1, True, math.nan,
         WholePrint(estimate, {"x": estimate}, {"xy": Estimate(math.nan, 0.1)}), eye,
@@ -158,6 +161,7 @@ def _as_built() -> AsBuiltRecord:
         (FittedLength("a", 10.0, 0.1, -0.5),), np.array([3]), np.array([True]), np.zeros((1, 6)),
         np.full((6, 6), math.nan), (), gap, gap[:, None] * eye, (0.1, 0.2), np.array([True, False]),
         np.zeros((2, 3)), np.full((2, 3), math.nan), (camera,), CrossValidation(5, (gain,), (), (), True), False,
+        Seats("tile", "wipe it", "turn it", "mine", SeatLimits(0.1, 0.2, 1 / 3, 0.4), None, (seat,)),
     )  # fmt: skip
 
 

@@ -13,7 +13,8 @@ from calib.as_built.deviations import (
     next_skew_rad,
 )
 from calib.records.as_built_file import AsBuiltRecord
-from calib.show.measured.words import UNJUDGED, degrees, judged_gain, why_not
+from calib.show.measured.numbers import degrees
+from calib.show.measured.words import UNJUDGED, judged_gain, why_not
 from designer.base.units import MOST_SKEW_DEG, SKEW_NAMES, Skew
 from designer.base.words import capital
 from designer.page.blocks import Command, Paragraph

@@ -9,8 +9,10 @@ from calib.as_built.cross_validation import Gain
 from calib.as_built.deviations import FREE_PARAMETERS, Estimate
 from calib.core.number_text import figure
 from calib.records.as_built_file import AsBuiltRecord
+from calib.show.measured.numbers import degrees, percent, told
 from calib.show.measured.scene import deviations_of
-from calib.show.measured.words import axes_words, degrees, percent, told
+from calib.show.measured.seats import seats_table
+from calib.show.measured.words import axes_words
 from designer.page.blocks import Cell, Column, Level, Table
 from designer.target import TargetGeometry
 
@@ -45,6 +47,8 @@ def faces_table(record: AsBuiltRecord) -> Table | None:
     """How each face lies; None of a single one, of which that is the pose."""
     if not record.face_verdict:
         return None
+    if record.seats is not None:
+        return seats_table(record.seats, record.face_views.tolist())
     units = [("mm", 1.0) if name.startswith("shift") else ("deg", math.degrees(1)) for name in FREE_PARAMETERS]
     named = zip(FREE_PARAMETERS, units, strict=True)
     columns = [Column("face"), Column("verdict", is_number=False), Column("photos")]

@@ -6,39 +6,19 @@ import numpy as np
 
 from calib.as_built.cross_validation import Gain
 from calib.as_built.deviations import JUDGED, Estimate
-from calib.core.number_text import figure, with_digits
+from calib.core.number_text import figure
 from calib.records.as_built_file import AsBuiltRecord
+from calib.show.measured.numbers import degrees, percent
+from calib.show.measured.seats import seat_findings, seats_sentence
 from designer.page.blocks import Facts, Finding, Findings, Headline
 from designer.spec.build import BUILDS, builds_of
 from designer.target import TargetGeometry
 
 LEAST_SPREAD_MM = 0.001
-FINEST = 1.5e-4
-"""Standard deviation to whose digits numbers are told at the most."""
 UNJUDGED = (
     "Nothing shows whether the measured target is better than the drawing: leave --held-out 0 away to know before you "
     "use it."
 )
-
-
-def told(one: Estimate, unit: str = "", scale: float = 1.0, *, signed: bool = True) -> str:
-    """`+0.312 ± 0.004 %`."""
-    value, sigma = scale * one.value, scale * one.sigma
-    if not math.isfinite(value):
-        return "-"
-    text = with_digits(value, max(sigma, FINEST))
-    sign = "+" if signed and not text.startswith("-") else ""
-    return f"{sign}{text} ± {figure(sigma, 2)}{unit}"
-
-
-def percent(one: Estimate, *, signed: bool = True) -> str:
-    """`+0.312 ± 0.004 %`."""
-    return told(one, " %", 100, signed=signed)
-
-
-def degrees(one: Estimate) -> str:
-    """`+0.031 ± 0.002 deg`."""
-    return told(one, " deg", math.degrees(1))
 
 
 def is_plastic(target: TargetGeometry) -> bool:
@@ -95,7 +75,8 @@ def facts_of(record: AsBuiltRecord) -> Facts:
 
 def findings_of(record: AsBuiltRecord) -> Findings:
     """What a person must know, a line each."""
-    return Findings(tuple(Finding("note", "", line) for line in record.remarks))
+    seats = () if record.seats is None else seat_findings(record.seats)
+    return Findings((*seats, *(Finding("note", "", line) for line in record.remarks)))
 
 
 def validation_findings(record: AsBuiltRecord) -> Findings:
@@ -134,6 +115,8 @@ def deviation_sentence(record: AsBuiltRecord) -> str:
 
 def face_sentence(record: AsBuiltRecord) -> str:
     """How many faces moved, and how far, and how many the photos do not judge; "" of a single one."""
+    if record.seats is not None:
+        return seats_sentence(record.seats)
     verdicts = record.face_verdict
     unjudged = sum(verdict not in JUDGED for verdict in verdicts)
     if unjudged == len(verdicts):
