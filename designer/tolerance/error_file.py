@@ -156,7 +156,8 @@ def _explain(error: ValidationError) -> str:
     if first["type"] == "missing":
         return f"{key} is missing; give the {fields[place[-1]].description}"
     if first["type"] in ("model_type", "dict_type"):
-        return f"{key} {shown(first['input'])}: must be a table [{key}] with {'name, lifted and aside' if key == 'piece' else 'amount and source'}"
+        holds = "name, lifted and aside" if key == "piece" else "amount and source"
+        return f"{key} {shown(first['input'])}: must be a table [{key}] with {holds}"
     rule = str(first["msg"]).removeprefix("Value error, ")
     return f"{key} {shown(first['input'])}: {rule[:1].lower()}{rule[1:]}"
 
