@@ -29,6 +29,8 @@ DIGESTED = bytes.fromhex("72696e67666f7267652e7461726765742031")
 VERSION = 1
 MAX_FILE_BYTES = 64 * 2**20
 MAX_INDEX = 1_000_000
+PARALLEL = 1e-6
+"""How far the cosine of the angle between the normals of opposite faces may be from -1."""
 
 Source = Literal["nominal", "measured", "perturbed"]
 Needs = Literal["points", "marks", "rings"]
@@ -125,11 +127,24 @@ class TargetGeometry:
         return self.face_count == 1
 
     @property
+    @property
     def form(self) -> Form:
-        """What may be built of it: as its spec says; without one, a target with one face is a plate."""
+        """What may be built of it: as its spec says; without one, a front, and perhaps a back, are a plate."""
         if self.spec is not None:
             return self.spec.form
-        return "plate" if self.is_planar else "solid"
+        normal = self.target_from_face[:, :3, 2]
+        has_back = self.face_count == 2 and bool(normal[0] @ normal[1] < PARALLEL - 1)
+        return "plate" if self.is_planar or has_back else "solid"
+
+    @property
+    def is_plate(self) -> bool:
+        """Whether it is flat, with one face or with a front and a back; else the faces bound a solid."""
+        return self.form == "plate"
+
+    @property
+    def shown_at_once(self) -> int:
+        """How many faces a photo needs to fix where the target is, and can show: of a plate one, of a solid three."""
+        return 1 if self.is_plate else min(3, self.face_count)
 
     @property
     def has_codes(self) -> bool:

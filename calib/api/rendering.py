@@ -194,9 +194,12 @@ def _grid(
             f"--distance {near:g}mm: the target reaches {inside:.0f}mm from its origin, "
             f"and the aim {aim_offset_mm:g}mm; stay farther away"
         )
-    where = choice("--region", region or ("cap" if target.is_planar else "sphere"), get_args(Region))
+    where = choice("--region", region or ("cap" if target.is_plate else "sphere"), get_args(Region))
     half_angle = {**HALF_ANGLE_RAD, "cap": real("--cap-angle", cap_rad, 0, math.pi, " rad")}[where]
-    return PoseGrid(whole("--views", views, 1, MAX_VIEWS), half_angle, (near, far), random_roll, aim_offset_mm)
+    is_two_sided = where == "cap" and not target.is_planar and target.is_plate
+    return PoseGrid(
+        whole("--views", views, 1, MAX_VIEWS), half_angle, (near, far), random_roll, aim_offset_mm, is_two_sided
+    )
 
 
 def _checked_poses(poses: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,6 +4,8 @@ Grids whose faces touch share corners in the image. A guess for one grid settles
 as many poses as the solid has turns (60 for the icosahedron); the one whose codes agree best wins, if by a margin.
 """
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -354,7 +356,7 @@ def name_board(
 
 
 def _by_dots(plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: GridReader) -> BoardName:
-    """Every turn and shift that puts a seen dot on a dot of the target; the best one, if by a margin."""
+    """Every face, turn and shift that puts a seen dot on a dot of the target; the best one, if by a margin."""
     dots = reader.discs
     if not len(dots):
         return BoardName(None, "the origin dots were not seen")
@@ -364,49 +366,54 @@ def _by_dots(plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: Grid
         return BoardName(None, "mirrored: the image shows the board in a mirror, or was flipped", is_mirrored=True)
     if proper is None:
         return BoardName(None, "the dots seen do not form the origin mark")
-    score, margin, alignment = proper
+    score, margin, face, alignment = proper
     marks = reader.marks(alignment.on_grid(plan.mark_index))
     # All dots read and no other way to explain them as well; or two of them, and every other way denied.
-    is_whole_mark = bool((marks == DOT).all()) and margin > 0
+    is_whole_mark = bool((marks[plan.mark_is_dot[face]] == DOT).all()) and margin > 0
     if not is_whole_mark and (score < 2 or margin < MIN_MARGIN - 1):
         return BoardName(None, "the origin mark could not be read beyond doubt")
-    return BoardName(NamedGrid(grid, 0, alignment, tuple(map(int, marks)), margin))
+    return BoardName(NamedGrid(grid, face, alignment, tuple(map(int, marks)), margin))
 
 
 def _best(
     plan: TargetPlan, grid: Grid, sure: NDArray[np.bool_], reader: GridReader, dots: Integers, turns: Integers
-) -> tuple[int, int, Alignment] | None:
-    """Score, margin and alignment of the best way to explain the dots seen; None: nothing speaks for any.
+) -> tuple[int, int, int, Alignment] | None:
+    """Score, margin, face and alignment of the best way to explain the dots seen; None: nothing speaks for any.
 
     A way that leaves rings outside the target is a rival only where it explains the dots as well as the best one that
     does not: of a board a row larger than the target it is the true way.
     """
     index = grid.index[sure]
-    fitting: list[tuple[int, Alignment]] = []
+    fitting: list[tuple[int, int, Alignment]] = []
     outside: list[int] = []
-    tried: set[bytes] = set()
-    for turn in turns:
-        for dot in dots:
-            for origin in plan.mark_index:
-                alignment = Alignment(turn, origin - turn @ dot)
-                key = turn.tobytes() + alignment.shift.tobytes()
-                if key in tried:
-                    continue
-                tried.add(key)
-                marks = reader.marks(alignment.on_grid(plan.mark_index))
-                strange = plan.rows_at(0, alignment.on_face(dots))
-                false_dots = int(((strange >= 0) & ~plan.target.is_dot[strange]).sum())
-                score = int(agreement(plan.mark_is_dot[0], marks, RING_FOR_DOT)) - false_dots
-                if (plan.rows_at(0, alignment.on_face(index)) < 0).sum() <= MAX_OUTSIDE * len(index):
-                    fitting.append((score, alignment))
-                else:
-                    outside.append(score)
+    for face, alignment in _ways(plan, dots, turns):
+        own = plan.mark_is_dot[face]
+        marks = reader.marks(alignment.on_grid(plan.mark_index[own]))
+        strange = plan.rows_at(face, alignment.on_face(dots))
+        false_dots = int(((strange >= 0) & ~plan.target.is_dot[strange]).sum())
+        score = int(agreement(own[own], marks, RING_FOR_DOT)) - false_dots
+        if (plan.rows_at(face, alignment.on_face(index)) < 0).sum() <= MAX_OUTSIDE * len(index):
+            fitting.append((score, face, alignment))
+        else:
+            outside.append(score)
     fitting.sort(key=lambda item: -item[0])
     if not fitting or fitting[0][0] <= 0:
         return None
-    score, best = fitting[0]
-    rivals = [other for other, _ in fitting[1:]] + [other for other in outside if other >= score]
-    return score, score - max(rivals, default=-MIN_MARGIN), best
+    score, face, best = fitting[0]
+    rivals = [other for other, *_ in fitting[1:]] + [other for other in outside if other >= score]
+    return score, score - max(rivals, default=-MIN_MARGIN), face, best
+
+
+def _ways(plan: TargetPlan, dots: Integers, turns: Integers) -> Iterator[tuple[int, Alignment]]:
+    """Faces, and how a grid lies on them so that one of its dots (D, 2) is one of theirs; each way once."""
+    tried: set[tuple[int, bytes, bytes]] = set()
+    for face, turn, dot in itertools.product(range(plan.target.face_count), turns, dots):
+        for origin in plan.mark_index[plan.mark_is_dot[face]]:
+            shift = origin - turn @ dot
+            key = face, turn.tobytes(), shift.tobytes()
+            if key not in tried:
+                tried.add(key)
+                yield face, Alignment(turn, shift)
 
 
 def _by_outline(plan: TargetPlan, candidates: Candidates, grid: Grid, sure: NDArray[np.bool_]) -> BoardName:

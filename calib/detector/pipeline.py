@@ -224,10 +224,10 @@ def _search_at(pixels: NDArray[np.generic], plan: TargetPlan, factor: int) -> Na
 def _completed(pixels: NDArray[np.generic], plan: TargetPlan, found: NamedRings) -> tuple[NamedRings, bool]:
     """What was found, placed if need be, and whether that is all, so that other thresholds have nothing to add.
 
-    What must be in the image is known from a board's one face, or from three faces of a solid: fewer leave its pose
+    What must be in the image is known from a board's face, or from three faces of a solid: fewer leave its pose
     open.
     """
-    if len(found.named) < min(3, plan.target.face_count):
+    if len(found.named) < plan.target.shown_at_once:
         return found, False
     naming = _naming(plan, found.named)
     if np.isin(np.flatnonzero(~plan.target.is_dot), naming.ring).all():

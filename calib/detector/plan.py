@@ -157,9 +157,6 @@ def _shared_corners(target: TargetGeometry) -> Integers:
 def _marks(target: TargetGeometry) -> tuple[Integers, NDArray[np.bool_]]:
     """Where marks may be, and where they are: of coded faces wherever one has a dot, row by row from the corner on."""
     face, index = target.ring_face[target.is_dot], target.ring_index[target.is_dot]
-    if not target.has_codes:
-        index = index[face == 0]
-        return index, np.ones((target.face_count, len(index)), dtype=np.bool_)
     place, row = np.unique(np.column_stack([index.sum(axis=1), index[:, ::-1]]), axis=0, return_inverse=True)
     is_dot = np.zeros((target.face_count, len(place)), dtype=np.bool_)
     is_dot[face, row.reshape(-1)] = True

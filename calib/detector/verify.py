@@ -68,7 +68,7 @@ class Evidence:
     end_odds: float  # logarithm of the odds that the pattern ends, and is not hidden, before the target does
     ended_faces: int  # on which it does so
     cut_off: int  # features outside the image, of a target without marks
-    is_board: bool  # the target has one face
+    is_board: bool  # the target is flat
     is_lone: bool  # one face of a solid, so that no other face tells how large it is
     is_bounded: bool  # of a face, rings were found along every side
     radius_px: float  # semi-minor axis of the features, in the median
@@ -180,8 +180,8 @@ def gather(
         end_odds=sum(end.odds for end in ends),
         ended_faces=sum(end.odds > 0 for end in ends),
         cut_off=0 if plan.target.is_dot.any() else plan.target.ring_count - len(places.ring),
-        is_board=plan.target.is_planar,
-        is_lone=len(faces) == 1 < plan.target.face_count,
+        is_board=plan.target.is_plate,
+        is_lone=len(faces) == 1 and not plan.target.is_plate,
         is_bounded=any(end.is_bounded for end in ends),
         radius_px=float(np.median(semi_axes_px(measured.shape)[1])) if len(measured.ring) else 0.0,
         skew=skew,

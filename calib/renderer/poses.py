@@ -34,6 +34,7 @@ class PoseGrid:
     distance_mm: tuple[float, float]  # drawn evenly between the two
     random_roll: bool
     aim_offset_mm: float  # the camera looks at a random point of a ball of this radius
+    is_two_sided: bool = False  # every second camera stands opposite, below the plane z = 0
 
 
 def fibonacci_cap(count: int, half_angle_rad: float) -> Array:
@@ -51,6 +52,8 @@ def fibonacci_cap(count: int, half_angle_rad: float) -> Array:
 def grid_poses(grid: PoseGrid, rng: np.random.Generator) -> Array:
     """Poses `cam_from_target` (V, 4, 4) of a grid."""
     direction = fibonacci_cap(grid.views, grid.half_angle_rad)
+    if grid.is_two_sided:
+        direction[1::2, 2] *= -1
     distance = rng.uniform(*grid.distance_mm, size=grid.views)
     roll = rng.uniform(-np.pi, np.pi, size=grid.views) if grid.random_roll else np.zeros(grid.views)
     step = rng.standard_normal((grid.views, 3))

@@ -1,4 +1,4 @@
-"""A plate with rings on one face."""
+"""A plate with rings on one face, or on both."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from designer.base.errors import InputError
+from designer.base.marks import LEFT_OUT
 from designer.base.units import format_mm, round_down, round_up
 from designer.spec.build import Form
 from designer.spec.kind import Kind
@@ -35,11 +36,16 @@ THICKNESS_MM = 5.0
 BOARD_DOTS: "frozenset[Index]" = frozenset({(0, 0), (1, 0), (0, 2)})
 """The origin mark of a board. Its three distances differ on both lattices, so no rotation and no mirror image
 maps it onto itself. The dot at (0, 0) is the index origin."""
+BACK_DOTS: "frozenset[Index]" = frozenset({(0, 0), (3, 0), (1, 3)})
+"""The mark of the back of a board with two faces: on both lattices no two of its dots are as far apart as two of the
+front's, so that a turned, shifted or mirrored part of one mark is no part of the other; two dots tell the face."""
+LEAST_ACROSS, LEAST_ACROSS_TWO_SIDED = 3, 4
+"""Rings along a side that hold the marks."""
 
 
 @dataclass(frozen=True)
 class BoardSpec(Spec):
-    """A rectangular plate with rings on one face; `columns` counts the longest row."""
+    """A rectangular plate with rings on one face, or on both; `columns` counts the longest row."""
 
     kind: ClassVar[str] = "board"
     form: ClassVar[Form] = "plate"
@@ -57,12 +63,14 @@ class BoardSpec(Spec):
     border_mm: float
     margin_mm: float
     dots: bool  # three dots that mark origin and orientation
+    two_sided: Annotated[bool | None, LEFT_OUT] = None  # None: one face; files of such boards never named it
 
     def lay_out(self) -> "TargetGeometry":
         """The board: x right, y up, z out of the face, origin at the face's centre.
 
         The lattice is centred on the face. Index (0, 0) is the corner dot of the origin mark, which lies near the
-        middle; without dots the indices are counted from the same place.
+        middle; without dots the indices are counted from the same place. A back has the same rings in a frame turned by
+        half a turn about y, and its own mark.
         """
         import numpy as np  # here: reading a command line needs none
 
@@ -71,18 +79,24 @@ class BoardSpec(Spec):
         steps = self.pitch_mm * lattice_steps(self.lattice)
         raw = board_index(self.columns, self.rows, self.lattice)
         position = np.array(raw) @ steps
-        origin = _origin_index(raw, position)
+        origin = _origin_index(raw, position, BOARD_DOTS)
+        dots, frames = [BOARD_DOTS if self.dots else frozenset()], [np.eye(4)]
+        if self.two_sided:
+            i, j = _origin_index(raw, position, BACK_DOTS)
+            dots.append(frozenset((i - origin[0] + k, j - origin[1] + m) for k, m in BACK_DOTS))
+            frames.append(np.diag([-1.0, 1.0, -1.0, 1.0]))
+            frames[1][2, 3] = -self.thickness_mm
         width, height = self.size_mm
         outline = 0.5 * np.array([[-width, -height], [width, -height], [width, height], [-width, height]])
         return same_on_all_faces(
             self,
             index=[(i - origin[0], j - origin[1]) for i, j in raw],
             in_face_mm=position - 0.5 * (position.min(axis=0) + position.max(axis=0)),
-            dots=[BOARD_DOTS if self.dots else frozenset()],
-            target_from_face=np.eye(4)[None],
+            dots=dots,
+            target_from_face=np.stack(frames),
             outline_mm=outline,
             window_mm=outline - np.sign(outline) * self.border_mm,
-            face_code=[-1],
+            face_code=[-1] * len(frames),
             lattice_mm=steps,
         )
 
@@ -94,7 +108,7 @@ class BoardSpec(Spec):
     @property
     def words(self) -> str:
         """As in `board of 220 x 220 mm`."""
-        return f"board of {self.size_mm[0]:g} x {self.size_mm[1]:g} mm"
+        return f"board of {self.size_mm[0]:g} x {self.size_mm[1]:g} mm{', two-sided' if self.two_sided else ''}"
 
     @property
     def size_words(self) -> str:
@@ -105,7 +119,7 @@ class BoardSpec(Spec):
         """Shape and lattice."""
         width, height = self.size_mm
         return (
-            ("shape", f"board, {width:g} x {height:g} x {self.thickness_mm:g} mm"),
+            ("shape", f"board, {width:g} x {height:g} x {self.thickness_mm:g} mm{', two-sided' * bool(self.two_sided)}"),
             ("lattice", f"{self.lattice}, {self.columns} columns, {self.rows} rows"),
         )
 
@@ -118,6 +132,7 @@ class BoardSpec(Spec):
             "rows": self.rows,
             "lattice": self.lattice,
             "dots": self.dots,
+            "two_sided": bool(self.two_sided),
         }
 
 
@@ -131,6 +146,7 @@ class AskedBoard(Asked):
     rows: Annotated[int | None, Option("count", "rows of rings")] = None
     lattice: Annotated[Lattice | None, Option("lattice", "square or triangular")] = None
     dots: Annotated[bool | None, Option("switch", "three dots that mark origin and orientation")] = None
+    two_sided: Annotated[bool | None, Option("switch", "rings on both faces, with marks that tell them apart")] = None
 
     def sized(self, line: Line) -> tuple[BoardSpec, str]:
         """See `Asked.sized`."""
@@ -164,6 +180,7 @@ class AskedBoard(Asked):
             border_mm=border,
             margin_mm=margin,
             dots=self.dots is not False,
+            two_sided=self.two_sided or None,
         )
         _check_board(spec, line, ((columns - 1) * pitch + around, (rows - 1) * row_step + around))
         return spec, chosen_words(_chosen(self, spec))
@@ -218,11 +235,14 @@ def _auto_board_rings(asked: AskedBoard, shorter_mm: float, line: Line) -> tuple
 
 def _check_board(spec: BoardSpec, line: Line, needed_mm: tuple[float, float]) -> None:
     """The rules of a board but those of its rings, whoever chose the sizes."""
-    if spec.columns < 3 or spec.rows < 3:
+    least = LEAST_ACROSS_TWO_SIDED if spec.two_sided else LEAST_ACROSS
+    if spec.columns < least or spec.rows < least:
         raise InputError(
             f"a board of {format_mm(*spec.size_mm)} holds {max(spec.columns, 0)} x {max(spec.rows, 0)} rings at pitch "
-            f"{spec.pitch_mm:g}mm; it must hold 3 x 3: use a larger board or a smaller pitch"
+            f"{spec.pitch_mm:g}mm; it must hold {least} x {least}: use a larger board or a smaller pitch"
         )
+    if spec.two_sided and not spec.dots:
+        raise InputError("two_sided without dots: nothing tells front from back; leave --no-dots out")
     if any(need > have + 1e-9 for need, have in zip(needed_mm, spec.size_mm, strict=True)):
         raise InputError(
             f"{spec.columns} x {spec.rows} rings with their margin need {needed_mm[0]:.4g} x {needed_mm[1]:.4g}mm, "
@@ -235,7 +255,7 @@ def _check_board(spec: BoardSpec, line: Line, needed_mm: tuple[float, float]) ->
         )
     if spec.margin_mm + spec.border_mm <= 0:
         raise InputError("margin 0mm lets rings touch the board's edge; use a margin of at least one line")
-    check_count(spec.columns * spec.rows, line)
+    check_count(spec.columns * spec.rows * (2 if spec.two_sided else 1), line)
 
 
 def lattice_steps(lattice: Lattice) -> "NDArray[np.float64]":
@@ -255,8 +275,8 @@ def board_index(columns: int, rows: int, lattice: Lattice) -> "list[Index]":
     return [(i - j // 2, j) for j in range(rows) for i in range(columns - j % 2)]
 
 
-def _origin_index(index: "list[Index]", position: "NDArray[np.float64]") -> "Index":
-    """The index that brings the origin mark nearest to the middle of the lattice."""
+def _origin_index(index: "list[Index]", position: "NDArray[np.float64]", dots: "frozenset[Index]") -> "Index":
+    """The index that brings a mark nearest to the middle of the lattice."""
     import numpy as np
 
     from designer.kinds.layout import DECIMALS
@@ -265,7 +285,7 @@ def _origin_index(index: "list[Index]", position: "NDArray[np.float64]") -> "Ind
     middle = 0.5 * (position.min(axis=0) + position.max(axis=0))
 
     def distance(origin: "Index") -> float:
-        marks = [place.get((origin[0] + i, origin[1] + j)) for i, j in BOARD_DOTS]
+        marks = [place.get((origin[0] + i, origin[1] + j)) for i, j in dots]
         on_board = [mark for mark in marks if mark is not None]
         if len(on_board) < len(marks):
             return math.inf
@@ -274,4 +294,4 @@ def _origin_index(index: "list[Index]", position: "NDArray[np.float64]") -> "Ind
     return min(index, key=distance)
 
 
-KIND = Kind("a board with rings on one face", AskedBoard, BoardSpec)
+KIND = Kind("a board with rings on one face or on both", AskedBoard, BoardSpec)

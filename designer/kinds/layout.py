@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 
 from designer.base.solid import INLAY_SHARE, Index
 from designer.spec.spec import Spec
-from designer.target import TargetGeometry
+from designer.target import PARALLEL, TargetGeometry
 
 DECIMALS = 9
 """Coordinates are rounded to a picometre, so that processors whose sine differs in the last bit agree on ids."""
 SAME_PLACE = 0.02
 """Corners and middles of sides nearer than this share of a side are one: faces of a print meet about so well."""
 _FACE_DOWN = np.diag([1.0, -1.0, -1.0])
-PARALLEL = 1e-6
-"""How far the normals of opposite faces may be from opposite."""
 
 
 def lay_out(spec: Spec) -> TargetGeometry:
@@ -70,13 +68,18 @@ def corners_mm(target: TargetGeometry) -> NDArray[np.float64]:
 
 
 def adjacent_faces(target: TargetGeometry) -> NDArray[np.int64]:
-    """The face across each side of each face, from corner k to the next; -1: none.  # (F, K)"""
+    """The face across each side of each face, from corner k to the next; -1: none.  # (F, K)
+
+    Front and back of a plate meet nowhere, however thin it is.
+    """
     corner = corners_mm(target)
     after = np.roll(corner, -1, axis=1)
     middle, length = (corner + after) / 2, np.linalg.norm(after - corner, axis=2)
     apart = np.linalg.norm(middle[:, :, None, None] - middle, axis=4)  # (F, K, F, K)
     faces = np.arange(target.face_count)
     apart[faces, :, faces] = np.inf
+    for first, second in opposite_faces(target):
+        apart[first, :, second] = apart[second, :, first] = np.inf
     nearest = apart.min(axis=3)  # (F, K, F)
     return np.where(nearest.min(axis=2) < SAME_PLACE * length, nearest.argmin(axis=2), -1)
 

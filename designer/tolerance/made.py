@@ -38,8 +38,8 @@ def error_model_for(target: TargetGeometry) -> Assumed | None:
         name = BUILDS[builds_of(target.form)[0]].errors[target.form]
         return Assumed(error_model(name), f"its file does not say how the {target.spec.kind} was built")
     return Assumed(
-        error_model(_BY_OTHERS[0 if target.is_planar else 1]),
-        f"it was made by others and has {'one face' if target.is_planar else 'several faces'}",
+        error_model(_BY_OTHERS[0 if target.is_plate else 1]),
+        f"it was made by others and has {'one face' if target.is_planar else 'a front and a back' if target.is_plate else 'several faces'}",
     )
 
 

@@ -39,7 +39,7 @@ def place_view(
     size_mm = camera_size_mm(poses)
     drawn = _axes(poses) if target is None else target_layers(target, body_colour=BODY, ink_colour=INK)
     cameras = camera_layer(poses, corner_rays(camera), names[::every], (CAMERA,), size_mm)
-    is_flat = target is not None and target.is_planar
+    is_flat = target is not None and target.is_plate
     up, from_direction = first_look(poses, centers_mm(poses), is_flat=is_flat)
     said = caption if every == 1 else f"{caption} One of {every} is drawn."
     return View3d(
@@ -53,7 +53,7 @@ def place_words(target: TargetGeometry | None, cam_from_target: Array) -> str:
     centre = centers_mm(cam_from_target)
     photos = "1 photo" if len(centre) == 1 else f"{len(centre)} photos"
     words = f"{photos} from {distance_words(cam_from_target)} away"
-    if target is not None and target.is_planar:
+    if target is not None and target.is_plate:
         tilt = tilts_deg(target, cam_from_target)
         words += f", at {tilt.min():.0f} to {tilt.max():.0f}° from straight on"
     return f"{words}."
@@ -67,12 +67,12 @@ def distance_words(cam_from_target: Array) -> str:
 
 
 def tilts_deg(target: TargetGeometry, cam_from_target: Array) -> Array:
-    """Between the normal of a flat target and the line of sight to its origin.  # (V,)"""
+    """Between the normal of the side of a flat target that is seen and the line of sight to its origin.  # (V,)"""
     normal = cam_from_target[:, :3, :3] @ target.target_from_face[0, :3, 2]
     shift = cam_from_target[:, :3, 3]
     cosine = -np.einsum("vi,vi->v", normal, shift) / np.maximum(np.linalg.norm(shift, axis=1), 1e-9)
     tilt: Array = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    return tilt
+    return tilt if target.is_planar else np.minimum(tilt, 180.0 - tilt)
 
 
 def _axes(poses: Array) -> tuple[Layer, ...]:

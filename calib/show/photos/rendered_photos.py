@@ -55,7 +55,7 @@ def told_rendered(job: RenderJob, target: Path, folder: Path) -> ToldPhotos:
         target: the target's file, as it was given.
         folder: of the photos.
     """
-    photos, is_flat = _photos(job), job.target.is_planar
+    photos, is_flat = _photos(job), job.target.is_plate
     too_small = _too_small(photos) if any(photo.is_too_small for photo in photos) else ""
     return ToldPhotos(
         "photos", _headline(job, photos, too_small), _facts(job), _columns(is_flat=is_flat),
@@ -88,7 +88,7 @@ def commands_after(job: RenderJob, target: Path, folder: Path) -> tuple[Command,
 def _photos(job: RenderJob) -> list[RenderedPhoto]:
     """Faces and rings that each photo shows large enough, and how large they are."""
     scene, poses, photos = scene_from_target(job.target), job.cam_from_target, []
-    tilt_deg = tilts_deg(job.target, poses).tolist() if job.target.is_planar else [np.nan] * len(poses)
+    tilt_deg = tilts_deg(job.target, poses).tolist() if job.target.is_plate else [np.nan] * len(poses)
     for name, pose, tilt in zip(job.file_names, poses, tilt_deg, strict=True):
         rings = ring_truth(scene, job.camera, pose)
         clear = rings.whole & (rings.minor_radius_px >= MIN_RADIUS_PX)

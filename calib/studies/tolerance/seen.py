@@ -57,9 +57,15 @@ CLOSE = 1.01
 
 
 def views_from(target: TargetGeometry, distance_mm: float, views: int, seed: int) -> Array:
-    """Poses on a Fibonacci grid around a target, of a board from a cap, rolled at random.  # (V, 4, 4)"""
-    half_angle = CAP_RAD if target.is_planar else math.pi
-    grid = PoseGrid(views, half_angle, (distance_mm, distance_mm), random_roll=True, aim_offset_mm=0.0)
+    """Poses on a Fibonacci grid around a target, of a board from a cap on each of its sides, rolled at random.
+
+    (V, 4, 4)
+    """
+    half_angle = CAP_RAD if target.is_plate else math.pi
+    grid = PoseGrid(
+        views, half_angle, (distance_mm, distance_mm), random_roll=True, aim_offset_mm=0.0,
+        is_two_sided=target.is_plate and not target.is_planar,
+    )  # fmt: skip
     return grid_poses(grid, np.random.default_rng(seed))
 
 
