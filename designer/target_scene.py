@@ -34,9 +34,9 @@ def target_scene(
     legend: tuple[tuple[str, str], ...] = (),
     more: tuple[Layer, ...] = (),
 ) -> Scene:
-    """The target standing upright, seen from its printed side; `more` layers go on top. See `target_layers`."""
+    """The target standing upright, seen from its front; `more` layers go on top. See `target_layers`."""
     up, from_direction = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.35, 0.5])
-    if target.is_planar:
+    if target.is_plate:
         axes = target.target_from_face[0, :3, :3]
         up, from_direction = axes[:, 1], axes @ np.array([0.45, 0.3, 1.0])
     layers = target_layers(target, body_colour=body_colour, ink_colour=ink_colour, ring_colours=ring_colours)
@@ -96,11 +96,12 @@ def _body(target: TargetGeometry, body_colour: str, ink_colour: str) -> tuple[Sh
         if has_border:
             border.append((np.concatenate([_placed(frame, outline), _placed(frame, window)]), _strip(len(outline))))
     edges = [] if has_border else [_sides(_placed(f, o)) for f, o in _faces(target)]
-    if target.is_planar:
+    if target.is_plate:
         frame, outline = target.target_from_face[0], target.outline_mm[0]
         front, back = _placed(frame, outline), _placed(frame, outline, -thickness_mm(target))
         inside.append((np.concatenate([back, front]), _strip(len(outline))))
-        inside.append((back, polygon_triangles(outline)[:, ::-1]))
+        if target.is_planar:
+            inside.append((back, polygon_triangles(outline)[:, ::-1]))
         edges += [_sides(back), np.stack([front, back], axis=1)]
     shapes: list[Shape] = [_surface(inside, body_colour)]
     if has_border:
@@ -136,7 +137,7 @@ def _face_numbers(target: TargetGeometry) -> Labels:
 def _axes(target: TargetGeometry) -> tuple[Shape, ...]:
     """The frame's axes with their letters; those of a solid reach out of it."""
     radius = bounding_radius_mm(target)
-    length = (0.55 if target.is_planar else 1.14) * radius
+    length = (0.55 if target.is_plate else 1.14) * radius
     ends = np.zeros((3, 2, 3))
     ends[:, 1] = length * np.eye(3)
     # A label hides when its normal points away: two with opposite normals are always seen.
@@ -148,6 +149,9 @@ def _axes(target: TargetGeometry) -> tuple[Shape, ...]:
 
 def thickness_mm(target: TargetGeometry) -> float:
     """How thick a board is drawn."""
+    if not target.is_planar:
+        front, back = target.target_from_face[:, :3, 3]
+        return float(target.target_from_face[0, :3, 2] @ (front - back))
     return THICKNESS_MM if target.spec is None else target.spec.depth_mm
 
 

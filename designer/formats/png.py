@@ -20,6 +20,7 @@ HEIGHT_PX = 800
 NET_WIDTH_PX = 1640
 CAPTION_PX = 46
 _OVERSAMPLING = 3
+_SIDES_OF_PLATE = 2
 _BACKGROUND = (228, 232, 238)
 _NUMBER_COLOUR = (200, 30, 60)
 _LIGHT = np.array([0.35, 0.55, 0.76])
@@ -46,7 +47,7 @@ class _SphereCamera:
 
 
 def preview_png(pattern: Pattern, spec: Spec, printing: PrintSpec, caption: str) -> bytes:
-    """The preview as a PNG file: the target, of a solid its net too, and a line below them.
+    """The preview as a PNG file: the target, of a solid its net and of a plate its back too, and a line below them.
 
     Args:
         pattern: the ink on all faces.
@@ -55,7 +56,8 @@ def preview_png(pattern: Pattern, spec: Spec, printing: PrintSpec, caption: str)
         caption: the line.
     """
     colours = _rgb(printing.body_colour), _rgb(printing.ink_colour)
-    panels = [_perspective(pattern, spec.depth_mm, colours)]
+    sides = range(len(pattern.faces) if spec.solid is None else 1)
+    panels = [_perspective(pattern, side, spec.depth_mm, colours) for side in sides]
     if spec.solid is not None:
         panels.append(_unfolded(pattern, spec.solid.polyhedron, colours))
     image = Image.new("RGB", (sum(panel.width for panel in panels), HEIGHT_PX + CAPTION_PX), _BACKGROUND)
@@ -69,10 +71,12 @@ def preview_png(pattern: Pattern, spec: Spec, printing: PrintSpec, caption: str)
     return buffer.getvalue()
 
 
-def _perspective(pattern: Pattern, thickness_mm: float, colours: tuple[_Colour, _Colour]) -> Image.Image:
-    """The target as a camera sees it."""
-    is_plate = len(pattern.faces) == 1
+def _perspective(pattern: Pattern, side: int, thickness_mm: float, colours: tuple[_Colour, _Colour]) -> Image.Image:
+    """The target as a camera sees it; of a plate from one of its sides."""
+    is_plate = len(pattern.faces) <= _SIDES_OF_PLATE
     direction = np.array([-0.35, -0.45, 1.0]) if is_plate else np.array([0.9, -0.35, 0.45])
+    if is_plate:
+        direction = pattern.target_from_face[side, :3, :3] @ direction
     view = _look_from(pattern, direction, up=np.eye(3)[1 if is_plate else 2])
     canvas = Image.new("RGB", (HEIGHT_PX * _OVERSAMPLING,) * 2, _BACKGROUND)
     draw = ImageDraw.Draw(canvas)

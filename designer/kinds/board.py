@@ -119,7 +119,10 @@ class BoardSpec(Spec):
         """Shape and lattice."""
         width, height = self.size_mm
         return (
-            ("shape", f"board, {width:g} x {height:g} x {self.thickness_mm:g} mm{', two-sided' * bool(self.two_sided)}"),
+            (
+                "shape",
+                f"board, {width:g} x {height:g} x {self.thickness_mm:g} mm{', two-sided' * bool(self.two_sided)}",
+            ),
             ("lattice", f"{self.lattice}, {self.columns} columns, {self.rows} rows"),
         )
 

@@ -158,9 +158,9 @@ def _choose_inlay(asked: AskedPrinting, build: str, layer_mm: float, target: Tar
     """The ink's depth in whole layers, and a remark where it is less than usual."""
     if asked.inlay_depth is not None:
         return asked.inlay_depth, ""
-    if target.is_planar:
+    if target.is_plate:
         depth = math.inf if target.spec is None else target.spec.depth_mm
-        return round(min(FLAT_INLAY_LAYERS * layer_mm, depth / 2), 6), ""
+        return round(min(FLAT_INLAY_LAYERS * layer_mm, depth / (2 * target.face_count)), 6), ""
     border_mm = border_width_mm(target)
     deepest = min(SOLID_INLAY_MM, deepest_inlay_mm(target))
     inlay = round(max(1, math.floor(deepest / layer_mm + 1e-9)) * layer_mm, 6)

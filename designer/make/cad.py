@@ -77,7 +77,9 @@ def plain_solid(spec: Spec, printing: PrintSpec, *, scale: float = 1.0) -> Solid
 def _solid_below(spec: Spec, depth_mm: float, scale: float) -> Solid:
     """The part of the target's solid that lies at least `depth_mm` below the faces with ink."""
     if spec.solid is None:
-        return _prism(scale * spec.lay_out().outline_mm[0], -spec.depth_mm * scale, -depth_mm)
+        target = spec.lay_out()
+        behind_back_mm = depth_mm if target.face_count > 1 else 0.0
+        return _prism(scale * target.outline_mm[0], behind_back_mm - spec.depth_mm * scale, -depth_mm)
     vertices = spec.solid.corners_mm(below_mm=depth_mm, scale=scale)
     return Solid(Shell([_polygon(vertices[face]) for face in spec.solid.polyhedron.faces]))
 

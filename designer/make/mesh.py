@@ -97,25 +97,36 @@ def solid_hull(pattern: Pattern, solid: Solid, inlay_mm: float, *, scale: float 
 
 
 def plate_hull(pattern: Pattern, thickness_mm: float, inlay_mm: float) -> Hull:
-    """The plate behind a single face.
+    """The plate behind a single face, or between a front and a back.
 
     Raises:
         InputError: the inlay goes through the plate.
     """
-    if inlay_mm >= thickness_mm:
+    faces = pattern.faces
+    if inlay_mm * len(faces) >= thickness_mm:
+        both = " from both sides" * (len(faces) - 1)
         raise InputError(
-            f"inlay {inlay_mm:g}mm goes through a board {thickness_mm:g}mm thick; use at most {thickness_mm / 2:g}mm"
+            f"inlay {inlay_mm:g}mm{both} goes through a board {thickness_mm:g}mm thick; "
+            f"use at most {thickness_mm / (2 * len(faces)):g}mm"
         )
-    face = pattern.faces[0]
-    corners = len(face.outline)
-    heights = (0.0, -inlay_mm, -thickness_mm)
-    vertices = np.concatenate([np.column_stack([face.outline, np.full(corners, z)]) for z in heights])
-    top, floor, bottom = _numbers(0, 3 * corners).reshape(3, corners)
-    skin_from = top if face.window is None else floor
-    sides = _walls(skin_from, bottom)
-    underside = triangulate([face.outline])[:, ::-1] + 2 * corners
-    rim = _walls(top, floor) if face.window is not None else np.empty((0, 3), dtype=np.int32)
-    return Hull(vertices, top[None], floor[None], face.outline[None], np.concatenate([sides, underside]), rim)
+    corners, has_border = len(faces[0].outline), faces[0].window is not None
+    heights = (0.0, -inlay_mm, -thickness_mm, inlay_mm - thickness_mm)
+    vertices = np.concatenate([np.column_stack([faces[0].outline, np.full(corners, z)]) for z in heights])
+    top, floor, bottom, bottom_floor = _numbers(0, 4 * corners).reshape(4, corners)
+    nothing = np.empty((0, 3), dtype=np.int32)
+    rim = _walls(top, floor) if has_border else nothing
+    upper = floor if has_border else top
+    if len(faces) == 1:
+        underside = triangulate([faces[0].outline])[:, ::-1] + 2 * corners
+        skin = np.concatenate([_walls(upper, bottom), underside])
+        return Hull(vertices, top[None], floor[None], faces[0].outline[None], skin, rim)
+    # The back's corners run the other way, seen from the front.
+    at_back = faces[1].outline @ pattern.target_from_face[1, :2, :2].T
+    own = np.linalg.norm(at_back[:, None] - faces[0].outline, axis=2).argmin(axis=1)
+    skin = _walls(upper, bottom_floor if has_border else bottom)
+    rim = np.concatenate([rim, _walls(bottom_floor, bottom)]) if has_border else rim
+    outlines = np.stack([face.outline for face in faces])
+    return Hull(vertices, np.stack([top, bottom[own]]), np.stack([floor, bottom_floor[own]]), outlines, skin, rim)
 
 
 def inlaid(pattern: Pattern, hull: Hull, inlay_mm: float) -> Part:

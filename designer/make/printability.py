@@ -184,7 +184,7 @@ _border_look = _width("border", "use a wider border or a finer nozzle", lambda w
 
 def _border(target: TargetGeometry, printing: PrintSpec) -> Look | None:
     """A plate may do without."""
-    return _border_look(target, printing) if not target.is_planar or border_width_mm(target) > 0 else None
+    return _border_look(target, printing) if not target.is_plate or border_width_mm(target) > 0 else None
 
 
 def _inlay(target: TargetGeometry, printing: PrintSpec) -> Look | None:
@@ -202,9 +202,8 @@ def _inlay_remarks(target: TargetGeometry, printing: PrintSpec) -> Iterator[tupl
     elif abs(layers - round(layers)) > 1e-6:
         good = math.ceil(layers) * layer
         yield "warning", f"inlay {depth:g}mm is no multiple of the layer height {layer:g}mm; use {good:.4g}mm"
-    if target.is_planar:
-        if target.spec is not None and depth >= target.spec.depth_mm:
-            yield "violation", f"inlay {depth:g}mm goes through the board; use at most {target.spec.depth_mm / 2:g}mm"
+    if target.is_plate:
+        yield from _plate_remarks(target, depth, layer)
         return
     if depth < STEEP_FACE_INLAY_MM - 1e-9:
         yield (
@@ -218,6 +217,23 @@ def _inlay_remarks(target: TargetGeometry, printing: PrintSpec) -> Iterator[tupl
         yield (
             "violation",
             f"inlay {depth:g}mm undercuts a border of {border:.3g}mm; use at most {deepest:g}mm or a wider border",
+        )
+
+
+def _plate_remarks(target: TargetGeometry, depth: float, layer: float) -> Iterator[tuple[Level, str]]:
+    """Ink may not go through; of two sides, the upper one's begins at a layer only if the plate ends at one."""
+    if target.spec is None:
+        return
+    thickness, sides = target.spec.depth_mm, target.face_count
+    if depth * sides >= thickness:
+        yield "violation", f"inlay {depth:g}mm goes through the board; use at most {thickness / (2 * sides):g}mm"
+    layers = thickness / layer
+    if sides > 1 and abs(layers - round(layers)) > 1e-6:
+        good = math.ceil(layers) * layer
+        yield (
+            "warning",
+            f"thickness {thickness:g}mm is no multiple of the layer height {layer:g}mm, so that the upper side's ink is "
+            f"off by part of a layer; use {good:.4g}mm",
         )
 
 

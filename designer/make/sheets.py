@@ -53,9 +53,11 @@ def lay_out_sheets(
         InputError: a bad page size, a piece that does not fit on the page, or a sticker so thick that the cut
             runs through the border.
     """
-    if target.is_planar:
+    if target.is_plate:
         pieces, grid, what = _board(pattern, printing)
         hints: tuple[str, ...] = ("Cut along the thin line.",)
+        if not target.is_planar:
+            hints = (*hints, "Side 0 is the front, side 1 the back; up is up on both: turn the board about its height.")
     else:
         pieces, grid, what = _stickers(target, pattern, printing)
         example = min(7, target.face_count - 1)
@@ -170,17 +172,25 @@ def _code_corner_mark(cut: Contour, reach: float, text_mm: float) -> Area:
 
 
 def _board(pattern: Pattern, printing: PrintSpec) -> tuple[tuple[Drawing, ...], PieceGrid, str]:
-    """The board's artwork, the room it takes, and a line about it."""
-    face = pattern.faces[0]
-    band = BLEED_MM + _CLEAR_MM + _TRIM_MARK_MM
-    width, height = np.ptp(face.outline, axis=0).tolist()
-    piece = Drawing(
-        areas=_ink(face, pattern.stamps, printing.ink_colour),
-        cuts=(polygon(face.outline),),
-        marks=_trim_marks(face.outline, BLEED_MM, band),
+    """The artwork of the board's sides, the room each takes, and a line about it."""
+    several = len(pattern.faces) > 1
+    label_mm = (_TEXT_MM + _CLEAR_MM) if several else 0.0
+    band = BLEED_MM + _CLEAR_MM + max(_TRIM_MARK_MM, label_mm)
+    outline = pattern.faces[0].outline
+    width, height = np.ptp(outline, axis=0).tolist()
+    below = (0.0, -height / 2 - BLEED_MM - _CLEAR_MM - _ASCENT * _TEXT_MM)
+    pieces = tuple(
+        Drawing(
+            areas=_ink(face, pattern.stamps, printing.ink_colour),
+            cuts=(polygon(outline),),
+            marks=_trim_marks(outline, BLEED_MM, band),
+            texts=(Text(f"SIDE {number}", below, _TEXT_MM, centred=True),) if several else (),
+        )
+        for number, face in enumerate(pattern.faces)
     )
     room = (width + 2 * band, height + 2 * band)
-    return (piece,), PieceGrid(room[0], room[0], room[1], room[1] / 2, turns=False), f"board {width:g} x {height:g} mm"
+    grid = PieceGrid(room[0], room[0], room[1], room[1] / 2, turns=False)
+    return pieces, grid, f"{'two sides of a ' if several else ''}board {width:g} x {height:g} mm"
 
 
 def _ink(face: FacePattern, stamps: tuple[Stamp, ...], colour: str) -> tuple[Area, ...]:

@@ -131,6 +131,8 @@ def _run_over_rise(vertices: NDArray[np.float64], corner: NDArray[np.float64]) -
 
 def _easel(target: TargetGeometry, spec: Spec, wall_mm: float) -> Manifold:
     """Two shoes for the lower edge, on a bar, and a fin behind the board's middle, on a spine."""
+    if target.face_count > 1:
+        raise InputError("a stand leans on the back, and this board has rings there; leave --stand out")
     lip = _lip_mm(target)
     up, out = _board_axes()
     width, height = _size_mm(target)
