@@ -127,7 +127,6 @@ class TargetGeometry:
         return self.face_count == 1
 
     @property
-    @property
     def form(self) -> Form:
         """What may be built of it: as its spec says; without one, a front, and perhaps a back, are a plate."""
         if self.spec is not None:

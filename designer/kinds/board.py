@@ -190,9 +190,8 @@ class AskedBoard(Asked):
 
     def size_name(self, spec: Spec) -> str:
         """Its size, or its rings and their distance, whichever was given."""
-        if self.size is not None:
-            return format_mm(*self.size)
-        return f"{self.columns}x{self.rows}-{format_mm(spec.pitch_mm)}"
+        size = f"{self.columns}x{self.rows}-{format_mm(spec.pitch_mm)}" if self.size is None else format_mm(*self.size)
+        return f"{size}-two-sided" if self.two_sided else size
 
 
 def _check_extent(asked: AskedBoard) -> None:

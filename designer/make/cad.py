@@ -57,7 +57,7 @@ def inlaid_solids(spec: Spec, pattern: Pattern, inlay_mm: float, *, scale: float
     ink: list[Solid] = []
     if pattern.faces[0].window is not None:
         core = _solid_below(spec, inlay_mm, scale)
-        ink.append(_border(solid, core, pattern, frames, inlay_mm))
+        ink += _border(solid, core, pattern, frames, inlay_mm)
     stamps = [_stamp_solid(stamp, inlay_mm) for stamp in pattern.stamps]
     for face, frame in zip(pattern.faces, frames, strict=True):
         for row, (x, y) in zip(face.stamp, face.position_mm.tolist(), strict=True):
@@ -84,17 +84,18 @@ def _solid_below(spec: Spec, depth_mm: float, scale: float) -> Solid:
     return Solid(Shell([_polygon(vertices[face]) for face in spec.solid.polyhedron.faces]))
 
 
-def _border(solid: Solid, core: Solid, pattern: Pattern, frames: list[Location], inlay_mm: float) -> Solid:
-    """The border of all faces as one solid: the shell around `core` without the windows and the light letters.
+def _border(solid: Solid, core: Solid, pattern: Pattern, frames: list[Location], inlay_mm: float) -> list[Solid]:
+    """The border of all faces that meet as one solid: the shell around `core` without windows and light letters.
 
-    Twenty mitred frames would touch in sixty walls inside the ink, which no printer and no neighbour has.
+    Twenty mitred frames would touch in sixty walls inside the ink, which no printer and no neighbour has. Front and
+    back of a plate have one each.
     """
     openings = [
         _prism(contour[::-1], -inlay_mm, inlay_mm).moved(frame)
         for face, frame in zip(pattern.faces, frames, strict=True)
         for contour in (*([] if face.window is None else [face.window]), *face.light_text)
     ]
-    return _labelled(_only_solid(solid.cut(core, *openings)), "border")
+    return [_labelled(border, "border") for border in solid.cut(core, *openings).solids()]
 
 
 def _stamp_solid(stamp: Stamp, depth_mm: float) -> Solid:

@@ -232,8 +232,8 @@ def _plate_remarks(target: TargetGeometry, depth: float, layer: float) -> Iterat
         good = math.ceil(layers) * layer
         yield (
             "warning",
-            f"thickness {thickness:g}mm is no multiple of the layer height {layer:g}mm, so that the upper side's ink is "
-            f"off by part of a layer; use {good:.4g}mm",
+            f"thickness {thickness:g}mm is no multiple of the layer height {layer:g}mm, so that the ink above "
+            f"is off by part of a layer; use {good:.4g}mm",
         )
 
 

@@ -155,6 +155,9 @@ def _net(design: Design, panels: Panels | None) -> tuple[Block, ...]:
     if panels is None or panels.net is None:
         return ()
     path = f"{design.job.name}.png"
+    if design.target.is_plate:
+        alt = "The back of the board with its rings and its own three dots."
+        return (Figure("The back", panels.net, alt, "Face 1, as seen from behind.", (Link(path, path),)),)
     return (
         Figure(
             "All faces unfolded",
@@ -287,15 +290,18 @@ def _origin_mark(target: TargetGeometry) -> tuple[Leaf, ...]:
     if not len(dots):
         text = "No dots: origin and orientation cannot be told from a photo, only up to the symmetry of the lattice."
         return (Paragraph(text),)
+    several = not target.is_planar
     columns = (
+        *((Column("face", note="0 is the front, 1 the back"),) if several else ()),
         Column("ring", note="row in the target file"),
         Column("index (i, j)", is_number=False),
-        Column("x mm", note="from the middle of the board, to the right"),
+        Column("x mm", note="from the middle of the board, to the right as one looks at the face"),
         Column("y mm", note="upwards"),
     )
     place = target.center_in_face_mm
     rows = tuple(
         (
+            *((Cell(str(target.ring_face[dot]), float(target.ring_face[dot])),) if several else ()),
             Cell(str(dot), float(dot)),
             Cell(f"({target.ring_index[dot, 0]}, {target.ring_index[dot, 1]})"),
             Cell(f"{place[dot, 0]:.3f}", float(place[dot, 0])),
@@ -307,4 +313,10 @@ def _origin_mark(target: TargetGeometry) -> tuple[Leaf, ...]:
         "Three dots instead of rings mark origin and orientation; no turn and no mirror image maps them onto "
         "themselves. Keep them in every photo: a board whose dots are all hidden cannot be named."
     )
-    return (Table("The origin mark", columns, rows, note=note),)
+    if several:
+        note = (
+            "Three dots on each face mark origin, orientation and face; no two of the back's are as far apart as two "
+            "of the front's, so that two dots tell the face. Keep them in every photo: a board whose dots are all "
+            "hidden cannot be named."
+        )
+    return (Table("The marks of both faces" if several else "The origin mark", columns, rows, note=note),)

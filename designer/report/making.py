@@ -122,7 +122,12 @@ def expected_filament(design: Design, shells: Shells | None = None) -> Filament:
 
 def inked_layers(design: Design) -> int:
     """How many layers hold ink."""
-    return 0 if design.part.ink is None else _layers(design, design.part.ink)
+    if design.part.ink is None:
+        return 0
+    if design.target.is_plate:
+        printing = design.job.printing
+        return design.target.face_count * max(1, round(printing.inlay_mm / printing.printer.layer_height_mm))
+    return _layers(design, design.part.ink)
 
 
 def _layers(design: Design, mesh: Mesh) -> int:
@@ -242,7 +247,11 @@ def _slicer_steps(design: Design, slicer: Slicer) -> Steps:
     printing, slot = design.job.printing, slicer.slot
     body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
     tower = "Prime tower on: only the first layers change the filament."
-    if not design.target.is_planar:
+    if design.target.is_plate and not design.target.is_planar:
+        tower = (
+            "Prime tower on: only the first and the last layers change the filament, so it grows as high as the part."
+        )
+    elif not design.target.is_plate:
         tower = "Prime tower on. It grows as high as the part, since every layer changes the filament: leave it room."
     return Steps((
         slicer.choose,
@@ -263,10 +272,15 @@ def print_settings(design: Design, shells: Shells) -> tuple[Leaf, ...]:
     ink_layers = printing.inlay_mm / printer.layer_height_mm
     lying = f"as the file has it: face {design.target.face_count - 1} down"
     brim = "if the part comes loose: it stands on one face; cut it off flush, or it adds to the caliper's lengths"
-    if design.target.is_planar:
+    if design.target.is_plate:
         lying = (
             "as the file has it: the printed side down, so that ink is in the first layers and the bed makes it flat"
         )
+        if not design.target.is_planar:
+            lying = (
+                "as the file has it: the back (face 1) down, its ink in the first layers, and the front's in the last "
+                "ones; the back comes out as flat and as glossy as the bed, the front shows the lines of the top layer"
+            )
         brim = "worth it on a large board: corners that lift bend the plate; cut it off flush"
     supports, over = "off: nothing overhangs", overhang(design.target, printing)
     if over is not None:

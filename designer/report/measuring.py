@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from designer.base.units import NO_SKEW, format_skew
 from designer.base.words import capital
-from designer.kinds.layout import PARALLEL, opposite_faces
+from designer.kinds.layout import opposite_faces
 from designer.make.bed import bed_from_target
 from designer.page.blocks import Block, Cell, Column, Command, Leaf, Paragraph, Steps, Table, text_table
 from designer.produce import Design
 from designer.report.making import two_digits
-from designer.target import TargetGeometry, bounding_radius_mm
+from designer.target import PARALLEL, TargetGeometry, bounding_radius_mm
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
 
@@ -69,7 +69,10 @@ class _Measuring:
     @cached_property
     def errors(self) -> ErrorModel:
         """Of the build."""
-        return error_model(self.design.job.printing.way.errors[self.design.job.target.form])
+        target = self.design.target
+        name = self.design.job.printing.way.errors_of(target.form, target.face_count)
+        assert name is not None  # noqa: S101 - a design has a build of its form
+        return error_model(name)
 
     def sigma(self, source: str) -> float:
         """Standard deviation of an error source."""
@@ -97,7 +100,7 @@ class _Measuring:
 
 def caliper_lengths(design: Design) -> tuple[Caliper, ...]:
     """The lengths worth measuring on this target."""
-    return _plate_lengths(design) if design.target.is_planar else _solid_lengths(design)
+    return _plate_lengths(design) if design.target.is_plate else _solid_lengths(design)
 
 
 def _solid_lengths(design: Design) -> tuple[Caliper, ...]:
@@ -162,6 +165,8 @@ def _plate_lengths(design: Design) -> tuple[Caliper, ...]:
         "lower row": (0, 1), "right column": (1, 2), "upper row": (2, 3), "left column": (3, 0),
         "diagonal up right": (0, 2), "diagonal up left": (1, 3),
     }  # fmt: skip
+    if not target.is_planar:
+        rows[2] = Caliper("thickness: face 0 to face 1", sides[2], None, "face 0 to face 1", "face_offset")
     rings = [_between_rings(target, name, corners[a], corners[b]) for name, (a, b) in pairs.items()]
     inside = _within_reach(target)
     if inside != corners[0] and all(one.is_long for one in rings):
@@ -179,17 +184,18 @@ def _within_reach(target: TargetGeometry) -> int:
     """The ring of the lower row farthest from its first that a caliper still takes over both outer edges."""
     first = corner_rings(target)[0]
     place = target.center_in_face_mm
-    (row,) = np.nonzero(np.abs(place[:, 1] - place[first, 1]) < PARALLEL)
+    (row,) = np.nonzero((np.abs(place[:, 1] - place[first, 1]) < PARALLEL) & (target.ring_face == 0))
     distance = np.linalg.norm(place[row] - place[first], axis=1)
     over_edges = distance + target.radius_outer_mm[row] + target.radius_outer_mm[first]
     return int(row[np.argmax(np.where(over_edges <= REACH_MM, distance, 0.0))])
 
 
 def corner_rings(target: TargetGeometry) -> tuple[int, int, int, int]:
-    """The rings nearest the corners of a plate, counter-clockwise from the lower left."""
-    place: NDArray[np.float64] = target.center_in_face_mm[:, :2]
+    """The rings nearest the corners of a plate's front, counter-clockwise from the lower left."""
+    (front,) = np.nonzero(target.ring_face == 0)
+    place: NDArray[np.float64] = target.center_in_face_mm[front, :2]
     ways = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    a, b, c, d = (int(np.argmax(place @ np.array(way, dtype=float))) for way in ways)
+    a, b, c, d = (int(front[np.argmax(place @ np.array(way, dtype=float))]) for way in ways)
     return a, b, c, d
 
 
@@ -212,7 +218,7 @@ def skew_per_mm_deg(target: TargetGeometry) -> float:
 def measure_blocks(design: Design) -> tuple[Block, ...]:
     """The lengths, what a deviation means, and the commands that use them."""
     measuring = _Measuring(design)
-    if design.target.is_planar:
+    if design.target.is_plate:
         return (_length_table(measuring), _plate_hints(measuring), _plate_meaning(measuring), *_commands(measuring))
     return (_length_table(measuring), _solid_hints(measuring), _solid_meaning(measuring), *_commands(measuring))
 
@@ -383,10 +389,15 @@ def photo_blocks(design: Design) -> tuple[Block, ...]:
         "20 to 30 photos from all sides; turn the target between them. One can be solved, but hardly checked; to "
         "measure the print takes 20 or more."
     )
-    if design.target.is_planar:
+    if design.target.is_plate:
         count = (
             "20 to 30 photos, tilted by 20 to 50 degrees about different axes, and a few straight on. Fewer than 6 "
             "cannot be checked."
+        )
+    if design.target.is_plate and not design.target.is_planar:
+        count = (
+            f"{count} A photo of either side counts; cameras that face each other with the board between them are "
+            "tied together by photos taken at the same time, one from each side."
         )
     rules = Steps((
         "Fix focus, zoom and aperture; no image stabilisation, full resolution, no lens correction in the camera.",
@@ -416,10 +427,10 @@ def simulated_line(design: Design) -> str:
 
     From the nearest place the target's outline fills the height of the image.
     """
-    nearest, is_planar = bounding_radius_mm(design.target) / IMAGE_HALF_HEIGHT, design.target.is_planar
-    aim = (_PLANAR_AIM_SHARE if is_planar else _AIM_SHARE) * IMAGE_HALF_DIAGONAL * nearest
+    nearest, is_flat = bounding_radius_mm(design.target) / IMAGE_HALF_HEIGHT, design.target.is_plate
+    aim = (_PLANAR_AIM_SHARE if is_flat else _AIM_SHARE) * IMAGE_HALF_DIAGONAL * nearest
     near, far, aside = (two_digits(length) for length in (nearest, 2 * nearest, aim))
-    cap = " --cap-angle 45deg" if is_planar else ""
+    cap = " --cap-angle 45deg" if is_flat else ""
     return (
         f"calib render {design.job.name}.target.json -o simulated --views {_SIMULATED_VIEWS} "
         f"--distance {near}mm..{far}mm --aim-offset {aside}mm --random-roll{cap} --blur 0.7px --contrast-to-noise 50"

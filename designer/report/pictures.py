@@ -77,7 +77,7 @@ class Panels:
     """The two panels of a preview."""
 
     target: Raster
-    net: Raster | None  # None: a board has a single face
+    net: Raster | None  # of a board the back; None: it has a single face
 
 
 def preview_panels(png: bytes) -> Panels:

@@ -21,6 +21,12 @@ class Build:
     is_two_filament: bool = False  # the ink is printed into the body; else it is paper or sheet
     has_body: bool = True  # something is printed of plastic
     has_stickers: bool = False  # the body is smaller by their thickness
+    back_errors: str = ""  # the error template of a plate with a front and a back; "": not made so
+
+    def errors_of(self, form: Form, face_count: int) -> str | None:
+        """The error template of a target; None: it is not for this form."""
+        is_two_sided = form == "plate" and face_count > 1
+        return (self.back_errors or None) if is_two_sided else self.errors.get(form)
 
 
 BUILDS: Mapping[str, Build] = {
@@ -33,6 +39,7 @@ BUILDS: Mapping[str, Build] = {
             ("3mf", "stl", "png"),
             ("sticker_thickness",),
             is_two_filament=True,
+            back_errors="fdm-board-two-sided",
         ),
         Build(
             "stickers",
@@ -49,6 +56,7 @@ BUILDS: Mapping[str, Build] = {
             ("stl", "png", "pdf", "svg"),
             ("inlay_depth", "sticker_thickness"),
             has_body=False,
+            back_errors="sheet-two-sided",
         ),
     )
 }
