@@ -36,6 +36,8 @@ THICKNESS_MM = 5.0
 BOARD_DOTS: "frozenset[Index]" = frozenset({(0, 0), (1, 0), (0, 2)})
 """The origin mark of a board. Its three distances differ on both lattices, so no rotation and no mirror image
 maps it onto itself. The dot at (0, 0) is the index origin."""
+USUAL_SIZE_MM = (280.0, 200.0)
+"""Of a board of which nothing is said: A4 with room for the edge of a page; less where a printer makes less."""
 BACK_DOTS: "frozenset[Index]" = frozenset({(0, 0), (3, 0), (1, 3)})
 """The mark of the back of a board with two faces: on both lattices no two of its dots are as far apart as two of the
 front's, so that a turned, shifted or mirrored part of one mark is no part of the other; two dots tell the face."""
@@ -154,9 +156,9 @@ class AskedBoard(Asked):
     def sized(self, line: Line) -> tuple[BoardSpec, str]:
         """See `Asked.sized`."""
         lattice: Lattice = self.lattice or "square"
-        _check_extent(self)
-        if self.size is not None and self.ring_diameter is None and self.pitch is None:
-            diameter, pitch = _auto_board_rings(self, min(self.size), line)
+        asked_size = self.size if self.size is not None or self._has_rings else _usual_size_mm(line)
+        if asked_size is not None and self.ring_diameter is None and self.pitch is None:
+            diameter, pitch = _auto_board_rings(self, min(asked_size), line)
         else:
             diameter, pitch = diameter_and_pitch(self)
         check_rings(diameter, self.ring_ratio or RING_RATIO, pitch, line)
@@ -164,11 +166,11 @@ class AskedBoard(Asked):
         margin = self.margin if self.margin is not None else pitch / 2
         around = diameter + 2 * (border + margin)
         row_step = pitch * (1.0 if lattice == "square" else math.sqrt(3) / 2)
-        if self.size is None:
+        if asked_size is None:
             columns, rows = self.columns or 0, self.rows or 0  # both are given
             size = (round_up((columns - 1) * pitch + around), round_up((rows - 1) * row_step + around))
         else:
-            size = self.size
+            size = asked_size
             columns = self.columns or 1 + math.floor((size[0] - around) / pitch + 1e-9)
             rows = self.rows or 1 + math.floor((size[1] - around) / row_step + 1e-9)
         spec = BoardSpec(
@@ -190,27 +192,41 @@ class AskedBoard(Asked):
 
     def size_name(self, spec: Spec) -> str:
         """Its size, or its rings and their distance, whichever was given."""
-        size = f"{self.columns}x{self.rows}-{format_mm(spec.pitch_mm)}" if self.size is None else format_mm(*self.size)
-        return f"{size}-two-sided" if self.two_sided else size
+        named = f"{self.columns}x{self.rows}-{format_mm(spec.pitch_mm)}"
+        if not self._has_rings or self.size is not None:
+            named = str(spec.options()["size"])
+        return f"{named}-two-sided" if self.two_sided else named
+
+    @property
+    def _has_rings(self) -> bool:
+        """Whether the rings, not the size, say how large it is.
+
+        Raises:
+            InputError: rings without their distance, or the other way round.
+        """
+        if self.columns is None and self.rows is None:
+            return False
+        is_whole = None not in (self.columns, self.rows) and (self.pitch is not None or self.ring_diameter is not None)
+        if self.size is None and not is_whole:
+            raise InputError(
+                "a board needs its size, or its rings and their distance; give --size 200x200mm, or --columns 10 "
+                "--rows 7 --pitch 20mm"
+            )
+        return is_whole
 
 
-def _check_extent(asked: AskedBoard) -> None:
-    """Refuse a board of which too little is said, with all that it needs.
-
-    Raises:
-        InputError: neither its size, nor its rings and their distance.
-    """
-    has_rings = asked.columns is not None and asked.rows is not None
-    has_distance = asked.pitch is not None or asked.ring_diameter is not None
-    if asked.size is None and not (has_rings and has_distance):
-        raise InputError(
-            "a board needs its size, or its rings and their distance; give --size 200x200mm, or --columns 10 --rows 7 "
-            "--pitch 20mm"
-        )
+def _usual_size_mm(line: Line) -> tuple[float, float]:
+    """The size of a board of which nothing is said."""
+    width, height = (10 * max(math.floor(min(pair) / 10), 1) for pair in zip(USUAL_SIZE_MM, line.plate_mm, strict=True))
+    return width, height
 
 
 def _chosen(asked: AskedBoard, spec: BoardSpec) -> Iterator[str]:
     """What was not given, and why it is as it is."""
+    if asked.size is None:
+        of_rings = asked.columns is not None
+        room = "about A4, or what the bed takes beside brim and prime tower; --size says otherwise"
+        yield f"board {format_mm(*spec.size_mm)} ({'rings and margin' if of_rings else room})"
     pitch = spec.pitch_mm
     if asked.pitch is None and asked.ring_diameter is None:
         finest = pitch > round_down(min(spec.size_mm) / RINGS_ACROSS)
@@ -219,8 +235,6 @@ def _chosen(asked: AskedBoard, spec: BoardSpec) -> Iterator[str]:
     yield from chosen_ring(asked, spec)
     if asked.columns is None or asked.rows is None:
         yield f"{spec.columns} x {spec.rows} rings (as many as fit)"
-    if asked.size is None:
-        yield f"board {format_mm(*spec.size_mm)} (rings and margin)"
     if asked.margin is None:
         yield f"margin {spec.margin_mm:g}mm (half the pitch)"
     if asked.thickness is None:

@@ -23,6 +23,10 @@ SOLID_INLAY_MM = 1.0
 """Inlay of a one-piece icosahedron: its 12 steep faces fill to 70 % at 0.6 mm, to 93 % at 0.9-1.0 mm."""
 FLAT_INLAY_LAYERS = 3
 CHORD_ERROR_MM = 0.005
+BRIM_MM = 5.0
+"""Around a plate; the usual width in slicers."""
+TOWER_DEPTH_MM = 40.0
+"""Assumption: of a prime tower beside a plate, whose few changes take a strip of 60 mm by less than that."""
 STICKER_THICKNESS_MM = 0.1
 
 
@@ -148,9 +152,11 @@ def _choose_build(asked: AskedPrinting, known: tuple[str, ...], what: str) -> st
 
 def _line_of(build: str, printer: PrinterProfile) -> Line:
     if BUILDS[build].is_two_filament:
+        longer, shorter = sorted(printer.bed_mm[:2], reverse=True)
         return Line(
-            printer.line_width_mm, printer.nozzle_mm, f"a {printer.nozzle_mm:g}mm nozzle", 10_000, SOLID_INLAY_MM
-        )
+            printer.line_width_mm, printer.nozzle_mm, f"a {printer.nozzle_mm:g}mm nozzle", 10_000, SOLID_INLAY_MM,
+            (longer - 2 * BRIM_MM, shorter - 2 * BRIM_MM - TOWER_DEPTH_MM),
+        )  # fmt: skip
     return Line(PAPER_LINE_MM, PAPER_LINE_MM, "a printed sheet", 50_000, 0.0)
 
 

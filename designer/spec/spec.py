@@ -168,6 +168,7 @@ class Line:
     process: str
     most_rings: int  # more would take minutes and gigabytes
     inlay_mm: float  # how deep ink is usually set into steep faces; 0: it is laid on
+    plate_mm: tuple[float, float] = (math.inf, math.inf)  # the largest plate that it makes, longer side first
 
     @property
     def finer(self) -> str:

@@ -12,6 +12,7 @@ from designer.base.errors import InputError
 from designer.kinds.board import BoardSpec
 from designer.kinds.ico import IcoSpec
 from designer.kinds.layout import border_width_mm, lay_out, narrowest_widths
+from designer.kinds.presets import preset_names
 from designer.kinds.sizing import Sized, size_job
 from designer.kinds.spec_file import RawValue, parse_spec, spec_to_toml
 from designer.spec.options import widths_mm
@@ -258,8 +259,7 @@ def test_largest_ring_and_smallest_edge_named_work(
         ("ico", {"edge": 100, "border": 40, "pitch": 0.001}, "stroke|touch"),
         ("ico", {"edge": 100, "build": "sheet"}, "build 'sheet' is not for 'ico'; use 'one-piece' or 'stickers'"),
         ("ico", {"edge": 100, "build": "stickers", "sticker_thickness": 4}, "sticker thickness 4mm .* at most"),
-        ("board", {}, TOO_LITTLE),
-        ("board", {"pitch": 10}, TOO_LITTLE),
+        ("board", {"bed": "40x40x40mm"}, "a board of 30x10mm holds .* use a larger board"),
         ("board", {"columns": 10, "rows": 7}, TOO_LITTLE),
         ("board", {"columns": 10, "pitch": 10}, TOO_LITTLE),
         ("board", {"size": "30x30mm", "pitch": 10}, r"30x30mm holds 2 x 2 rings at pitch 10mm; it must hold 3 x 3"),
@@ -277,6 +277,19 @@ def test_largest_ring_and_smallest_edge_named_work(
 def test_impossible_sizes_are_refused(kind: str, values: dict[str, RawValue], message: str) -> None:
     """One line with value, rule and remedy."""
     assert re.search(message, refusal(kind, **values))
+
+
+@pytest.mark.parametrize("printer", preset_names("printers"))
+def test_a_board_of_which_nothing_is_said_fits_the_bed(printer: str) -> None:
+    """About A4; less where the bed, with a brim around the board and a prime tower beside it, is smaller; and said."""
+    result = sized(kind="board", printer=printer)
+    spec, (*bed, _) = board(printer=printer), result.job.printing.printer.bed_mm
+    (width, height), (longer, shorter) = spec.size_mm, sorted(bed, reverse=True)
+    assert 100 <= height <= min(200, shorter - 50)
+    assert 100 <= width <= min(280, longer - 10)
+    assert width == 280 or width + 10 > longer - 10
+    assert f"board {width:g}x{height:g}mm (" in result.remarks[0]
+    assert result.job.name == f"board-{width:g}x{height:g}mm"
 
 
 @pytest.mark.parametrize("values", [{"size": "200x200mm"}, {"columns": 10, "rows": 7, "pitch": "20mm"}])
