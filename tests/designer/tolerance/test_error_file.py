@@ -53,7 +53,8 @@ def refusal(name: str, *overrides: str) -> str:
 def test_the_ways_of_making_are_there() -> None:
     """Each way of making that the commands name is a template."""
     assert preset_names("errors") == [
-        "fdm-board", "fdm-dual", "fdm-dual-calibrated", "fdm-tiles", "hand-stickers", "machined", "resin", "sheet-print"
+        "fdm-board", "fdm-board-two-sided", "fdm-dual", "fdm-dual-calibrated", "fdm-tiles", "hand-stickers", "machined",
+        "resin", "sheet-print", "sheet-two-sided",
     ]  # fmt: skip
 
 
@@ -94,6 +95,8 @@ def test_templates_say_nothing_that_has_no_effect() -> None:
         if name in ("fdm-board", "sheet-print"):
             assert not {source for source in used if source.startswith("face_")} | used & {"stair_steps"}, name
             assert "warp" in used, name
+        elif name.endswith("two-sided"):  # a board whose back is put there by hand, or by other layers
+            assert {"warp", "face_offset", "face_shift", "face_tilt"} <= used, name
         else:
             assert "warp" not in used, name
         assert ("stair_steps" in used) == (name in ("fdm-dual", "fdm-dual-calibrated", "resin")), name
