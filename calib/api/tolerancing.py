@@ -34,11 +34,14 @@ from calib.studies.tolerance.record import PhotographedSetting, ToleranceStudy
 from calib.studies.tolerance.seen import view_fit
 from calib.studies.tolerance.setting import make_setting
 from calib.studies.tolerance.stored import Keeping
+from calib.studies.tolerance.what_if import WhatIf
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
-from designer.base.words import cut, printable
+from designer.base.words import cut, printable, several
+from designer.kinds.presets import preset_names
 from designer.target import TargetGeometry, bounding_radius_mm, target_to_json
 from designer.tolerance.error_file import error_model
+from designer.tolerance.model import ErrorModel
 from designer.tolerance.sources import source_named
 
 MAX_DRAWS = 1_000_000
@@ -59,6 +62,13 @@ class ToleranceResult(ShownAsPage):
     def is_kept(self) -> bool:
         """Whether all limits are kept."""
         return self.study.is_kept
+
+    def what_if(self, errors: str | None = None, **sizes: str) -> WhatIf:
+        """What the calibration would be with other errors: `found.what_if("resin", skew="0.05deg").total("pose")`.
+
+        As `calib.studies.tolerance.record.ToleranceStudy.what_if`: predicted, in less than a millisecond.
+        """
+        return self.study.what_if(errors, **sizes)
 
     def save(self, folder: Place, *, formats: Sequence[str] = ()) -> tuple[Path, ...]:
         """Write the tables and figures; return the files.
@@ -108,6 +118,7 @@ def tolerance(
     by: str | None = None,
     against: TargetGeometry | Place | None = None,
     against_errors: str | None = None,
+    against_changes: Sequence[str] = (),
     against_distance_mm: float | None = None,
     vary: str | None = None,
     seed: int = 1,
@@ -138,6 +149,7 @@ def tolerance(
         by: the quantity to rank errors by; None: the first that is required.
         against: another target to compare with.
         against_errors: the errors of that target.
+        against_changes: other sizes of single errors of that target, as `changes`.
         against_distance_mm: to that target; None: the same.
         vary: the error to compare by; None: the worst one of faces.
         seed: of all that is random.
@@ -162,7 +174,7 @@ def tolerance(
     by = quantity_named(chosen).name
     processes = processes_of(jobs)
     _check_mode(full=full, linear=linear, resume=resume, dask=dask)
-    _check_against(against, against_errors, against_distance_mm, vary)
+    _check_against(against, against_errors, against_changes, against_distance_mm, vary)
     ask_cluster(dask, progress)
     if out is not None:
         check_folder(folder_of(out))
@@ -175,7 +187,7 @@ def tolerance(
         other = None
         if against is not None and against_errors is not None:
             distance = against_distance_mm or distance_mm
-            other = _photographed(against, against_errors, (), distance, photographing, stack)
+            other = _photographed(against, against_errors, against_changes, distance, photographing, stack)
             other = replace(other, name=other.name if other.name != first.name else f"{other.name} (other)")
         if vary is not None and first.errors.amount(source_named(vary).name).sigma == 0:
             raise InputError(f"--vary {vary}: has no size in {first.errors.name}; give it one, such as with --set")
@@ -199,6 +211,7 @@ def _check_mode(*, full: bool, linear: bool, resume: bool, dask: str | None) -> 
 def _check_against(
     against: TargetGeometry | Place | None,
     against_errors: str | None,
+    against_changes: Sequence[str],
     against_distance_mm: float | None,
     vary: str | None,
 ) -> None:
@@ -206,7 +219,11 @@ def _check_against(
     if against is not None and against_errors is None:
         raise InputError(f"--against {_path_of(against)}: say how it is made too, such as --against-errors fdm-board")
     distance = None if against_distance_mm is None else f"{against_distance_mm:g}mm"
-    for option, value in (("--against-errors", against_errors), ("--against-distance", distance), ("--vary", vary)):
+    sizes = " ".join(map(str, several("--against-set", against_changes))) or None
+    for option, value in (
+        ("--against-errors", against_errors), ("--against-set", sizes), ("--against-distance", distance),
+        ("--vary", vary),
+    ):  # fmt: skip
         if value is not None and against is None:
             raise InputError(f"{option} {value} says nothing without --against; name the other target's file")
 
@@ -252,7 +269,13 @@ def _photographed(
         *setting.remarks,
     )
     words = PhotographedSetting(photos, f"{made.name}: {made.title}", remarks, (fit,) if fit else ())
-    return PhotographedTarget(_name_of(_path_of(target)), _file_of(target, stack), setting, made, words)
+    name, ways = _name_of(_path_of(target)), {errors: error_model(errors), **_templates()}
+    return PhotographedTarget(name, _file_of(target, stack), setting, made, words, errors, ways)
+
+
+def _templates() -> dict[str, ErrorModel]:
+    """The ways of making that travel with the program, by name."""
+    return {name: error_model(name) for name in preset_names("errors")}
 
 
 def _file_of(target: TargetGeometry | Place, stack: ExitStack) -> Path:

@@ -61,6 +61,10 @@ def tolerance(
     against_errors: Annotated[
         str | None, typer.Option(help="errors of that target, as --errors", autocompletion=error_templates)
     ] = None,
+    against_changes: Annotated[
+        list[str] | None,
+        typer.Option("--against-set", help="another size of one error of that target, as --set", metavar="ERROR=SIZE"),
+    ] = None,
     against_distance: Annotated[str | None, typer.Option(help="distance to that target (default: --distance)")] = None,
     vary: Annotated[str | None, typer.Option(help="error to compare by (default: the worst one of faces)")] = None,
     seed: options.SeedOption = 1,
@@ -87,8 +91,9 @@ def tolerance(
                 target, errors, changes=changes or (), views=views,
                 distance_mm=length("--distance", distance, *DISTANCES_MM), camera=camera, model=model,
                 weighted=weighted, draws=draws, full=full, linear=linear, require=require or (), by=by,
-                against=against, against_errors=against_errors, against_distance_mm=far, vary=vary, seed=seed,
-                jobs=jobs, dask=dask, resume=resume, out=out, progress=progress,
+                against=against, against_errors=against_errors, against_changes=against_changes or (),
+                against_distance_mm=far, vary=vary, seed=seed, jobs=jobs, dask=dask, resume=resume,
+                out=out, progress=progress,
             )  # fmt: skip
         return say_next(with_page(_write(found, out, target, formats), out, "tolerance"), out)
 

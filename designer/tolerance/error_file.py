@@ -1,6 +1,6 @@
 """Error models that people write, in TOML: amounts with units, each with the source of its number."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -8,19 +8,15 @@ from typing import Annotated
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from designer.base.errors import InputError
-from designer.base.units import parse_angle_rad, parse_length_mm, parse_percent, parse_quantity
+from designer.base.units import parse_length_mm
 from designer.base.words import several, shown, suggestion
 from designer.kinds.presets import preset_or_file
 from designer.kinds.spec_file import RawValue, read_spec_file
+from designer.tolerance.amount_text import parse_amount, parse_expansion
 from designer.tolerance.model import ErrorModel, Piece
-from designer.tolerance.source import KINDS, Amount, ErrorSource, Unit
+from designer.tolerance.source import Amount
 from designer.tolerance.sources import SOURCES, source_named
 
-MAX_KELVIN = 1000.0
-_KELVIN_PER_UNIT = {"": 1.0, "K": 1.0, "°C": 1.0, "degC": 1.0}
-_PER_KELVIN_PER_UNIT = {"": 1.0, "/K": 1.0, "ppm/K": 1e-6, "um/m/K": 1e-6}
-NEEDED_BY: Mapping[str, str] = {"stair_steps": "layer_height", "thermal": "expansion"}
-"""What the model must tell of a print for a source to have an effect."""
 Text = Annotated[str, Field(min_length=1)]
 
 
@@ -132,9 +128,9 @@ def _overridden(model: ErrorModel, override: str) -> ErrorModel:
 
 def _checked(model: ErrorModel, path: Path) -> ErrorModel:
     """The model, if it says what its sources need to have an effect."""
-    known = {"layer_height": model.layer_height_mm, "expansion": model.expansion_per_kelvin}
-    for name, needed in NEEDED_BY.items():
-        if model.amount(name) != Amount("normal", 0.0) and not known[needed]:
+    for name, amount in model.amounts:
+        if amount != Amount("normal", 0.0) and not model.gain(name):
+            needed = SOURCES[name].needs
             raise InputError(
                 f"{path}: {name} needs the {needed}; add a table [{needed}] to the file, or to a copy of it"
             )
@@ -160,48 +156,3 @@ def _explain(error: ValidationError) -> str:
         return f"{key} {shown(first['input'])}: must be a table [{key}] with {holds}"
     rule = str(first["msg"]).removeprefix("Value error, ")
     return f"{key} {shown(first['input'])}: {rule[:1].lower()}{rule[1:]}"
-
-
-def parse_kelvin(text: str) -> float:
-    """A difference of temperature in kelvin.
-
-    Raises:
-        ValueError: no number with a unit of temperature, not finite, or more than 1000 K.
-    """
-    return parse_quantity(text, _KELVIN_PER_UNIT, "a difference of temperature such as 5K", MAX_KELVIN)
-
-
-def parse_expansion(text: str) -> float:
-    """A coefficient of linear expansion per kelvin.
-
-    Raises:
-        ValueError: no such quantity, or more than 0.001/K.
-    """
-    return parse_quantity(text, _PER_KELVIN_PER_UNIT, "an expansion such as 68e-6/K or 68ppm/K", 1e-3)
-
-
-_PARSERS: Mapping[Unit, Callable[[str], float]] = {
-    "mm": parse_length_mm,
-    "rad": parse_angle_rad,
-    "1": lambda text: parse_percent(text) / 100,
-    "K": parse_kelvin,
-}
-
-
-def parse_amount(text: str, source: ErrorSource) -> Amount:
-    """The amount of a source: a quantity, and before it `normal` (or nothing), `uniform` or `fixed`.
-
-    Raises:
-        InputError: an unknown distribution, a unit of another dimension, not finite, or a spread below zero.
-    """
-    word, _, rest = text.strip().partition(" ")
-    has_kind = bool(rest) and word.isalpha() and word.lower() not in ("nan", "inf", "infinity")
-    kind, quantity = (word.lower(), rest) if has_kind else ("normal", text)
-    for known in KINDS:
-        if kind == known:
-            try:
-                return Amount(known, _PARSERS[source.unit](quantity))
-            except ValueError as error:
-                raise InputError(f"{source.name} {shown(text)}: {error}") from None
-    hint = suggestion(kind, list(KINDS)) or f"; use {', '.join(KINDS)}"
-    raise InputError(f"{source.name} {shown(text)}: unknown distribution {shown(word)}{hint}")

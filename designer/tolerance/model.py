@@ -59,6 +59,12 @@ class ErrorModel:
         """How large a source is; a source that was left out is zero."""
         return dict(self.amounts).get(name, Amount("normal", 0.0))
 
+    def gain(self, name: str) -> float:
+        """What the numbers of a source are multiplied by: what it needs to know of the print, else 1."""
+        return {"": 1.0, "layer_height": self.layer_height_mm, "expansion": self.expansion_per_kelvin}[
+            SOURCES[name].needs
+        ]
+
     def only(self, *names: str) -> "ErrorModel":
         """The same model with these sources alone."""
         return replace(self, amounts=tuple((name, amount) for name, amount in self.amounts if name in names))

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 Scope = Literal["print", "face", "ring"]
 Unit = Literal["mm", "rad", "1", "K"]
 Kind = Literal["normal", "uniform", "fixed"]
+Need = Literal["", "layer_height", "expansion"]
+"""What a way of making must tell of itself for a source to have an effect, which is in proportion to it."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
@@ -69,6 +71,7 @@ class ErrorSource:
     scope: Scope  # has one instance a print, a face or a ring
     components: int  # numbers of an instance
     apply: Callable[[MadeShape, Array], MadeShape]
+    needs: Need = ""
 
     def instances(self, target: TargetGeometry) -> int:
         """How many instances a target has."""

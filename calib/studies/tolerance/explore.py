@@ -15,6 +15,7 @@ from calib.studies.tolerance.budget import Budget, budget_row, checked, largest_
 from calib.studies.tolerance.crossover import crossovers, default_vary
 from calib.studies.tolerance.draw import BARE, TOGETHER
 from calib.studies.tolerance.first_order import FirstOrder, first_order
+from calib.studies.tolerance.law import what_if_table
 from calib.studies.tolerance.predict import control_of, linear_table
 from calib.studies.tolerance.quantities import QUANTITIES, Quantity, Requirement
 from calib.studies.tolerance.record import CostRow, Crossovers, PhotographedSetting, ToleranceStudy, nine_digits
@@ -22,6 +23,7 @@ from calib.studies.tolerance.result import Cost, ToleranceTable, table_of_draws
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.sizes import FACTORS, Reach, reach_of, sweep_rows
 from calib.studies.tolerance.stored import AGAINST_FILE, STUDY_FILE, SWEEPS_FOLDER, DrawPool, Keeping
+from calib.studies.tolerance.what_if import WhatIfTable
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.sources import SOURCES
 
@@ -58,6 +60,13 @@ class PhotographedTarget:
     setting: Setting
     errors: ErrorModel
     words: PhotographedSetting
+    way: str = ""  # what the errors are called without sizes that were set; "": by their name
+    ways: Mapping[str, ErrorModel] = field(default_factory=dict)  # others to choose from, by what they are called
+
+    def what_ifs(self, plan: TolerancePlan) -> WhatIfTable:
+        """What other sizes of errors would do."""
+        plan.progress(f"what if {self.name} were made otherwise", 0, 0)
+        return what_if_table(self.setting, self.errors, self.way or self.errors.name, self.ways, seed=plan.seed)
 
     def draws(self, plan: TolerancePlan, file: str, count: int, tell: Tell, factor: float = 1.0) -> Array:
         """Draws of all errors, times a factor, kept in a file of the folder; the missing ones computed.  # (D, C, Q)
@@ -114,7 +123,8 @@ def compared(
         drawn = other.draws(plan, AGAINST_FILE, plan.draws, plan.tell("drawing the other", plan.draws))
         theirs = _table(other, plan, first_order(other.setting), theirs, drawn)
     chosen, found = vary or default_vary(table, plan.by), crossovers(table, theirs)
-    return replace(study, crossovers=Crossovers(other.name, other.words, other.errors.name, chosen, found))
+    them = Crossovers(other.name, other.words, other.errors.name, chosen, found, other.what_ifs(plan))
+    return replace(study, crossovers=them)
 
 
 def _told(
@@ -143,7 +153,7 @@ def _told(
     return ToleranceStudy(
         scene.name, scene.words, table.kind, table.draws, table.failed, plan.by,
         tuple(_cost_rows(table, linear, reaches)), tuple(budget_row(one, table) for one in budgets),
-        sweep_rows(sweeps, linear) if sweeps else (), None, dict(scene.errors.notes),
+        sweep_rows(sweeps, linear) if sweeps else (), None, dict(scene.errors.notes), scene.what_ifs(plan),
     )  # fmt: skip
 
 

@@ -9,6 +9,9 @@ from typing import Annotated, Literal
 from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.draw import BARE, TOGETHER
 from calib.studies.tolerance.quantities import MAIN, NAMES
+from calib.studies.tolerance.what_if import WhatIf, WhatIfTable
+from designer.base import square_law
+from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
 from designer.base.marks import (
     AGAIN,
@@ -29,7 +32,7 @@ from designer.base.marks import (
 MOST_SOURCES = 100
 FEWEST_TO_CHECK = 10
 """Draws that a prediction is held against: the spread of fewer says nothing of chance."""
-OFF = 0.1
+OFF = square_law.OFF
 """A prediction that is off by more than this is told."""
 NEVER = 100.0
 """A multiple of what is assumed above this is told as one that does not matter."""
@@ -175,6 +178,7 @@ class Crossovers:
     errors: Word
     vary: Word  # the error that is looked at more closely; "": none costs anything
     found: Annotated[tuple[CrossoverRow, ...], Length(1, MOST_ROWS)]
+    what_ifs: WhatIfTable | None = None
 
     def __post_init__(self) -> None:
         if any((error, name) not in self.by_key for error, _ in self.by_key for name in NAMES):
@@ -206,6 +210,7 @@ class ToleranceStudy:
     sweeps: Annotated[tuple[SweepRow, ...], Length(0, MOST_SOURCES)]
     crossovers: Crossovers | None
     sources_of_amounts: Annotated[dict[Word, Line], Length(0, MOST_SOURCES)]
+    what_ifs: WhatIfTable | None = None  # None: a file from before there was one
 
     def __post_init__(self) -> None:
         errors = {BARE, TOGETHER, *self.errors}
@@ -247,6 +252,22 @@ class ToleranceStudy:
         """Cost of all together over the root of the summed squares of each; 1 where errors add in squares, nan of 0."""
         alone = math.hypot(*(_or_zero(self.cost(error, quantity).cost) for error in self.errors))
         return self.cost(TOGETHER, quantity).cost / alone if alone > 0 else math.nan
+
+    def what_if(self, errors: str | None = None, **sizes: str) -> WhatIf:
+        """What the calibration would be with other sizes: `study.what_if(skew="0.05deg", scale="uniform 0.2%")`.
+
+        Predicted, and in less than a millisecond; `beyond` of the answer names what the prediction may miss.
+
+        Args:
+            errors: another way of making, by the name of its error template; None: as the study assumed.
+            sizes: other sizes of single errors.
+
+        Raises:
+            InputError: an unknown way or source, a size that breaks a rule, or a study from before there were any.
+        """
+        if self.what_ifs is None:
+            raise InputError(f"the study of {self.target} holds no coefficients; {AGAIN}")
+        return self.what_ifs.ask(errors, sizes)
 
     @cached_property
     def _largest(self) -> dict[str, float]:

@@ -20,7 +20,7 @@ from calib.studies.tolerance.predict import linear_table
 from calib.studies.tolerance.quantities import MAIN, NAMES, Requirement, quantity_row
 from calib.studies.tolerance.record import TOLERANCE_TABLE, BudgetRow
 from designer.page.blocks import Page, Table
-from designer.tolerance.error_file import parse_amount
+from designer.tolerance.amount_text import parse_amount
 from designer.tolerance.sources import SOURCES
 from tests.support.report_folders import findings_of, page_of, table_of, tolerance_files, written
 from tests.support.tolerance_settings import few_errors, ico_setting, tolerance_study, tolerance_table

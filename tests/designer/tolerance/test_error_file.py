@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from designer.base.errors import InputError
 from designer.kinds.presets import preset_folder, preset_names
 from designer.kinds.spec_file import MAX_FILE_BYTES, read_spec_file
-from designer.tolerance.error_file import ErrorFile, error_model, parse_amount, parse_expansion
+from designer.tolerance.amount_text import parse_amount, parse_expansion
+from designer.tolerance.error_file import ErrorFile, error_model
 from designer.tolerance.source import KINDS, Amount, Kind, format_quantity
 from designer.tolerance.sources import SOURCES
 
