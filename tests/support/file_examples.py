@@ -42,11 +42,13 @@ from calib.studies.tolerance.record import (
     Together,
     ToleranceStudy,
 )
+from calib.studies.tolerance.what_if import SetError, Way, WhatIfTable
 from calib.verdict.apart import Known
 from calib.verdict.halves import Half
 from calib.verdict.judge import Judged
 from calib.verdict.next_views import NextView, NextViews
 from calib.verdict.verdict import Check, Criteria, Limits, Verdict
+from designer.base.square_law import SquareLaw
 from designer.page.blocks import (
     Cell,
     Column,
@@ -138,10 +140,13 @@ def _tolerance() -> ToleranceStudy:
         for name in QUANTITY_NAMES
     )
     setting = PhotographedSetting("30 views", "pla: plastic", ("a remark",), ("a warning",))
+    row = (*[0.5] * (len(QUANTITY_NAMES) - 1), math.nan)
+    way = Way("pla", "plastic", (SetError("scale", "uniform", 0.1, 1.0),))
+    what_ifs = WhatIfTable(SquareLaw(row, *[(row,)] * 5), (way, replace(way, name="other")), way)
     return ToleranceStudy(
         "ico", setting, "draws", 100, (0, 1, 0), "pose", costs,
         (BudgetRow("pose", 1.0, "mm", True, False, (allowed,), together),), (sweep,),
-        Crossovers("board", setting, "pla", "scale", crossed), {"scale": "a book"},
+        Crossovers("board", setting, "pla", "scale", crossed), {"scale": "a book"}, what_ifs,
     )  # fmt: skip
 
 

@@ -5,6 +5,9 @@ known for all sizes at once. What that misses is measured: exact calibrations of
 other sign, without noise, against the prediction for the same numbers. By the sign all odd powers cancel, as they do in
 the mean over draws, and the fourth power of the size is what is left. Numbers that are known have one sign, so their
 third power counts too.
+
+The length of N drawn numbers in standard deviations says nothing of its mean over draws but chance, so all are given
+the length whose fourth power is the mean of all, N (N + 2); what is left to chance is their direction.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -31,7 +34,7 @@ Array = NDArray[np.float64]
 
 REFERENCE = ErrorModel("reference", "", (), expansion_per_kelvin=1e-4, layer_height_mm=1.0)
 """Sizes in the law are of this: those of another are in proportion to what it tells of itself."""
-DRAWS = 4
+DRAWS = 6
 """And as many with the other sign."""
 HALVINGS = 8
 USUAL: dict[Unit, float] = {"mm": 0.1, "rad": np.radians(0.1), "1": 1e-3, "K": 3.0}
@@ -125,14 +128,21 @@ def _missed(first: FirstOrder, source: _Source, without: BareDraw, seed: int) ->
     """
     size = source.tried
     for _ in range(HALVINGS):
-        one = REFERENCE.with_amount(source.name, Amount("normal", size))
-        values = [drawn_values(first.setting, one, seed, number)[source.name] for number in range(DRAWS)]
+        values = [size * _direction(first.setting, source.name, seed, number) for number in range(DRAWS)]
         beyond = _beyond_law(first, source, [*values, np.full_like(values[0], size)], without)
         if np.isfinite(beyond[:, :, 0]).all():
             break
         size /= 2
     up, down = beyond[-1]
     return beyond[:-1].mean(axis=(0, 1)) / size**4, 0.5 * np.abs(up - down) / size**3, 0.5 * (up + down) / size**4
+
+
+def _direction(setting: Setting, name: str, seed: int, number: int) -> Array:
+    """Standard normal numbers of a source, of the length whose fourth power is the mean.  # (instances, components)"""
+    drawn = drawn_values(setting, REFERENCE.with_amount(name, Amount("normal", 1.0)), seed, number)[name]
+    count = drawn.size
+    turned: Array = drawn * (count * (count + 2)) ** 0.25 / np.linalg.norm(drawn)
+    return turned
 
 
 def _beyond_law(first: FirstOrder, source: _Source, values: Sequence[Array], without: BareDraw) -> Array:
