@@ -106,7 +106,7 @@ def by_draws(asked: WhatIf, draws: int) -> np.ndarray:
         ("axis_scale", "principal_point"),
         ("face_shift", "principal_point"),
         ("face_offset", "pose"),
-    ],  # fmt: skip
+    ],
 )
 def test_what_is_beyond_reach_is_off_and_the_rest_is_not(error: str, quantity: str) -> None:
     """A third of the size at which an error is told to put a quantity beyond reach is within 10 %; thrice it is not."""
