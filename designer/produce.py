@@ -15,13 +15,14 @@ from designer.formats.folder import OutputFile
 from designer.kinds.layout import lay_out
 from designer.kinds.spec_file import spec_to_toml
 from designer.make.bed import against_skew, bed_from_target, mapped
+from designer.make.cutting import Cutting, cuttings
 from designer.make.mesh import Mesh, Part, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
 from designer.make.pages import SheetPage
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.plate import Plate
 from designer.make.sheets import lay_out_sheets
 from designer.page.blocks import Section
-from designer.spec.build import Format
+from designer.spec.build import CircuitInk, Format
 from designer.spec.spec import Job, PrintSpec
 from designer.target import TargetGeometry, target_to_json
 
@@ -235,6 +236,43 @@ def _stand(design: Design) -> Made:
     yield "stand.stl", stl_bytes(stand), "a stand that touches no ring"
 
 
+def _dxf(design: Design) -> Made:
+    from designer.formats.dxf import dxf_bytes
+
+    for suffix, sheet, which in _cut_sheets(design):
+        content = dxf_bytes(sheet, f"{design.job.name}, target {design.target.geometry_id}")
+        yield f"{suffix}dxf", content, f"for lasers and cutters{which}: layers CUT and ENGRAVE, in mm"
+
+
+def _laser(design: Design) -> Made:
+    from designer.formats.laser import laser_svg_bytes
+
+    for suffix, sheet, which in _cut_sheets(design):
+        yield f"{suffix}laser.svg", laser_svg_bytes(sheet), f"for lasers{which}: red lines cut, black areas engraved"
+
+
+def _cut_sheets(design: Design) -> Iterator[tuple[str, Cutting, str]]:
+    """Part of the file's name, what is cut, and which sheet it is; one sheet alone has no number."""
+    sheets = cuttings(design.pages)
+    for number, sheet in enumerate(sheets, start=1):
+        yield ("", sheet, "") if len(sheets) == 1 else (f"{number}.", sheet, f", sheet {number} of {len(sheets)}")
+
+
+def _gerber(design: Design) -> Made:
+    yield _circuit(design, "legend", "gerber.zip", "black silkscreen on white")
+
+
+def _gerber_mask(design: Design) -> Made:
+    yield _circuit(design, "mask", "gerber-mask.zip", "black solder mask, opened where it is white")
+
+
+def _circuit(design: Design, ink: CircuitInk, suffix: str, what: str) -> tuple[str, bytes, str]:
+    from designer.formats.gerber import gerber_zip
+
+    content = gerber_zip(design.target, design.artwork, ink, design.job.name)
+    return suffix, content, f"for a board house: {what}, as it is"
+
+
 EXPORTERS: dict[Format, Exporter] = {
     "3mf": _3mf,
     "stl": _stl,
@@ -243,4 +281,8 @@ EXPORTERS: dict[Format, Exporter] = {
     "svg": _svg,
     "step": _step,
     "glb": _glb,
+    "dxf": _dxf,
+    "laser": _laser,
+    "gerber": _gerber,
+    "gerber-mask": _gerber_mask,
 }

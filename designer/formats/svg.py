@@ -15,7 +15,7 @@ def svg_bytes(pages: tuple[SheetPage, ...]) -> bytes:
     Page k is the group `page-k`, with a layer each for ink, cut lines, marks and text, and a page of Inkscape's.
     """
     tops = [sum(page.height_mm + PAGE_GAP_MM for page in pages[:k]) for k in range(len(pages))]
-    width_mm, height_mm = _number(max(page.width_mm for page in pages)), _number(tops[-1] + pages[-1].height_mm)
+    width_mm, height_mm = decimal(max(page.width_mm for page in pages)), decimal(tops[-1] + pages[-1].height_mm)
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"',
@@ -24,8 +24,8 @@ def svg_bytes(pages: tuple[SheetPage, ...]) -> bytes:
         f"<title>{escape(pages[0].title, quote=False)}</title>",
         '<sodipodi:namedview inkscape:document-units="mm">',
         *(
-            f'<inkscape:page x="0" y="{_number(top)}" width="{_number(page.width_mm)}" '
-            f'height="{_number(page.height_mm)}"/>'
+            f'<inkscape:page x="0" y="{decimal(top)}" width="{decimal(page.width_mm)}" '
+            f'height="{decimal(page.height_mm)}"/>'
             for page, top in zip(pages, tops, strict=True)
         ),
         "</sodipodi:namedview>",
@@ -40,14 +40,14 @@ def _page_lines(page: SheetPage, number: int, top: float) -> Iterator[str]:
     """The group of one page."""
     drawing = page.drawing
     stroke = f'fill="none" stroke-width="{LINE_MM}"'
-    yield f'<g id="page-{number}" transform="translate(0 {_number(top)})">'
+    yield f'<g id="page-{number}" transform="translate(0 {decimal(top)})">'
     yield _layer(number, "ink", 'fill-rule="evenodd"')
     for area in drawing.areas:
-        yield f'<path fill="{area.colour}" d="{_area_path(area, page.height_mm)}"/>'
+        yield f'<path fill="{area.colour}" d="{area_path(area, page.height_mm)}"/>'
     yield "</g>"
     yield _layer(number, "cut", f'{stroke} stroke="{CUT_COLOUR}"')
     for cut in drawing.cuts:
-        yield f'<path d="{_polygon_path(cut, page.height_mm)}"/>'
+        yield f'<path d="{polygon_path(cut, page.height_mm)}"/>'
     yield "</g>"
     yield _layer(number, "marks", f'{stroke} stroke="{MARK_COLOUR}"')
     for start, end in drawing.marks:
@@ -64,37 +64,37 @@ def _layer(page_number: int, name: str, style: str) -> str:
     return f'<g id="page-{page_number}-{name}" inkscape:groupmode="layer" inkscape:label="{name}" {style}>'
 
 
-def _area_path(area: Area, height: float) -> str:
+def area_path(area: Area, height: float) -> str:
     circles = (_circle_path(circle, height) for circle in area.circles)
-    return "".join([*circles, *(_polygon_path(polygon, height) for polygon in area.polygons)])
+    return "".join([*circles, *(polygon_path(polygon, height) for polygon in area.polygons)])
 
 
 def _circle_path(circle: Circle, height: float) -> str:
     """Two half circles."""
-    (x, y), radius = circle.centre_mm, _number(circle.radius_mm)
+    (x, y), radius = circle.centre_mm, decimal(circle.radius_mm)
     left, right = (_point((x + side, y), height) for side in (-circle.radius_mm, circle.radius_mm))
     arc = f"A{radius} {radius} 0 0 0 "
     return f"M{left}{arc}{right}{arc}{left}Z"
 
 
-def _polygon_path(polygon: Polygon, height: float) -> str:
+def polygon_path(polygon: Polygon, height: float) -> str:
     return "M" + "L".join(_point(point, height) for point in polygon) + "Z"
 
 
 def _text_element(text: Text, height: float) -> str:
     anchor = ' text-anchor="middle"' if text.centred else ""
     place = f"translate({_point(text.position_mm, height)})"
-    turn = f" rotate({_number(-math.degrees(text.angle_rad))})" if text.angle_rad else ""
+    turn = f" rotate({decimal(-math.degrees(text.angle_rad))})" if text.angle_rad else ""
     words = escape(text.text, quote=False)
-    return f'<text transform="{place}{turn}" font-size="{_number(text.size_mm)}"{anchor}>{words}</text>'
+    return f'<text transform="{place}{turn}" font-size="{decimal(text.size_mm)}"{anchor}>{words}</text>'
 
 
 def _point(point: Point, height: float) -> str:
     """A point of the page, whose y points up, in SVG, whose y points down."""
-    return f"{_number(point[0])} {_number(height - point[1])}"
+    return f"{decimal(point[0])} {decimal(height - point[1])}"
 
 
-def _number(value: float) -> str:
+def decimal(value: float) -> str:
     """Rounded to 10 nm, and no longer than needed."""
     text = f"{value:.5f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text

@@ -6,12 +6,15 @@ The sizes of each kind of target are chosen by what was asked for of it (`Asked.
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from designer.base.errors import InputError
 from designer.base.units import NO_SKEW, format_skew, round_down
 from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_depth, lay_out
 from designer.kinds.presets import preset_names, preset_or_file
-from designer.kinds.spec_file import FORMATS, read_printer_file
-from designer.spec.build import BUILDS, Format, builds_of
+from designer.kinds.spec_file import read_printer_file
+from designer.spec.build import BUILDS, builds_of
+from designer.spec.format import FORMATS, choose_formats
 from designer.spec.kind import kinds
 from designer.spec.machine import Machine
 from designer.spec.options import Asked, AskedPrinting
@@ -47,10 +50,12 @@ def size_job(asked: Asked) -> Sized:
     kind = next(kind for kind in kinds() if kind.asked is type(asked))
     printer, build = printer_of(asked), _choose_build(asked, builds_of(kind.spec.form), repr(kind.name))
     target, remark = asked.sized(_line_of(build, printer))
-    printing, print_remarks = _size_printing(asked, printer, build, lay_out(target))
-    formats, format_remark = _choose_formats(asked, build)
-    _check_step(formats, printing)
-    remarks = tuple(text for text in (remark, *print_remarks, format_remark) if text)
+    geometry = lay_out(target)
+    printing, print_remarks = _size_printing(asked, printer, build, geometry)
+    formats, left_out = choose_formats(BUILDS[build].formats, tuple(asked.formats or ()), target.form, printing)
+    width, height = np.ptp(geometry.outline_mm[0], axis=0).tolist()
+    large = (text for name in formats for text in FORMATS[name].remarks(name, (width, height)))
+    remarks = tuple(text for text in (remark, *print_remarks, *left_out, *large) if text)
     name = asked.name or _default_name(asked, target, build)
     return Sized(Job(name, target, printing, formats, asked.page or target.page), remarks)
 
@@ -172,26 +177,6 @@ def _choose_inlay(asked: AskedPrinting, build: str, layer_mm: float, target: Tar
     inlay = round(max(1, math.floor(deepest / layer_mm + 1e-9)) * layer_mm, 6)
     is_shallow = BUILDS[build].is_two_filament and inlay < SOLID_INLAY_MM - layer_mm
     return inlay, f"inlay {inlay:g}mm: as deep as a border of {border_mm:g}mm allows" if is_shallow else ""
-
-
-def _choose_formats(asked: Asked, build: str) -> tuple[tuple[Format, ...], str]:
-    """The default set and the formats asked for, in a fixed order."""
-    wanted = {*BUILDS[build].formats, *(asked.formats or ())}
-    if BUILDS[build].is_two_filament or "3mf" not in wanted:
-        return tuple(f for f in FORMATS if f in wanted), ""
-    return tuple(
-        f for f in FORMATS if f in wanted - {"3mf"}
-    ), "3mf: left out, this build is in one filament; print the STL"
-
-
-def _check_step(formats: tuple[Format, ...], printing: PrintSpec) -> None:
-    """True circles do not stay circles in a sheared solid."""
-    if "step" in formats and printing.skew_compensation_rad != NO_SKEW:
-        skew = format_skew(printing.skew_compensation_rad)
-        raise InputError(
-            f"skew compensation '{skew}' shears meshes, not STEP; leave out the one or the other: formats that go "
-            f"with it are {', '.join(name for name in FORMATS if name != 'step')}"
-        )
 
 
 def _check_paper(printing: PrintSpec, target: TargetGeometry) -> None:

@@ -27,6 +27,7 @@ from designer.base.units import (
 )
 from designer.base.words import shown, suggestion
 from designer.spec.build import Format, build_name
+from designer.spec.format import FORMATS
 from designer.spec.kind import KINDS, kind_named, kinds
 from designer.spec.machine import Machine
 from designer.spec.options import Asked, AskedPrinting, Value, is_required, options_of
@@ -34,7 +35,6 @@ from designer.spec.spec import Job, Lattice
 
 MAX_FILE_BYTES = 2**14
 LEAST_LENGTH_MM = 0.0005
-FORMATS: tuple[Format, ...] = get_args(Format)
 
 RawValue = object
 """A value as TOML or the command line gives it, before the models have checked it."""

@@ -1,0 +1,98 @@
+"""The formats of a target's files: an entry here for each; `designer.produce.EXPORTERS` makes them."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from designer.base.errors import InputError
+from designer.base.units import NO_SKEW, format_skew
+from designer.spec.build import Form, Format
+from designer.spec.spec import PrintSpec
+
+
+@dataclass(frozen=True)
+class FileFormat:
+    """A format, as far as options and pages ask."""
+
+    title: str  # what it is, for whom
+    forms: tuple[Form, ...] = ("solid", "plate")
+    instead: str = ""  # what a target of another form takes in its place
+    is_flat: bool = False  # of flat stock, which neither shrinks nor skews as plastic does
+    has_true_circles: bool = False  # which do not stay circles in a sheared part
+    guide: str = ""  # module of `designer.formats` that tells what to do with it; "": the build's own text does
+    largest_mm: tuple[float, float] | None = None  # that is usually made
+    largest_of: str = ""  # who says so
+
+    def why_not(self, form: Form, printing: PrintSpec) -> str:
+        """Why a target so made has no such file, with the remedy; "" if it has one."""
+        name = self.title.partition(",")[0]
+        is_skewed = printing.skew_compensation_rad != NO_SKEW
+        is_scaled = printing.shrink_compensation_percent != 0
+        if form not in self.forms:
+            return f"{name} is of a {' or a '.join(self.forms)}, and this is a {form}; use {self.instead}"
+        if self.has_true_circles and is_skewed:
+            skew = format_skew(printing.skew_compensation_rad)
+            return f"skew compensation '{skew}' shears meshes, not {name}; leave out the one or the other"
+        if self.is_flat and printing.is_two_filament and (is_skewed or is_scaled):
+            what = "skew" if is_skewed else "shrink"
+            return f"{name} is for flat stock, {what} compensation for printed plastic; leave out the one or the other"
+        return ""
+
+    def remarks(self, name: str, size_mm: tuple[float, float]) -> Iterator[str]:
+        """What to know of a board of this size."""
+        largest = self.largest_mm or size_mm
+        if any(have > most for have, most in zip(sorted(size_mm), sorted(largest), strict=True)):
+            yield (
+                f"{name}: a board of {size_mm[0]:g} x {size_mm[1]:g}mm is larger than the usual {largest[0]:g} x "
+                f"{largest[1]:g}mm ({self.largest_of}); ask the maker, or use a smaller one"
+            )
+
+
+_GERBER = FileFormat(
+    "Gerber, a printed circuit: black silkscreen on a white solder mask",
+    ("plate",),
+    "dxf or laser for the sheets of its faces",
+    is_flat=True,
+    guide="gerber",
+    largest_mm=(400.0, 500.0),
+    largest_of="JLCPCB's capabilities, two layers",
+)
+FORMATS: Mapping[Format, FileFormat] = {
+    "3mf": FileFormat("3MF, for slicers"),
+    "stl": FileFormat("STL, for slicers"),
+    "png": FileFormat("PNG, a preview"),
+    "pdf": FileFormat("PDF, artwork for printers"),
+    "svg": FileFormat("SVG, artwork for print shops"),
+    "step": FileFormat("STEP, for CAD", has_true_circles=True),
+    "glb": FileFormat("GLB, for viewers"),
+    "dxf": FileFormat("DXF, for lasers, cutters and CAD", is_flat=True, guide="dxf"),
+    "laser": FileFormat("Laser SVG, to engrave and cut", is_flat=True, guide="laser"),
+    "gerber": _GERBER,
+    "gerber-mask": replace(_GERBER, title="Gerber, a printed circuit: black solder mask opened where it is white"),
+}
+"""By name, in the order in which they are written."""
+
+
+def choose_formats(
+    usual: tuple[Format, ...], asked: tuple[Format, ...], form: Form, printing: PrintSpec
+) -> tuple[tuple[Format, ...], tuple[str, ...]]:
+    """The usual formats and those asked for, in a fixed order, and why others are left out.
+
+    Who asks for all gets those that there can be; one that is asked for by name must be possible.
+
+    Raises:
+        InputError: it is not.
+    """
+    wanted, remarks = {*usual, *asked}, []
+    if "3mf" in wanted and not printing.is_two_filament:
+        wanted.remove("3mf")
+        remarks.append("3mf: left out, this build is in one filament; print the STL")
+    reasons = {name: FORMATS[name].why_not(form, printing) for name in FORMATS}
+    impossible = [name for name in FORMATS if name in wanted and reasons[name]]
+    if set(asked) == set(FORMATS):
+        return tuple(name for name in FORMATS if name in wanted and not reasons[name]), (
+            *remarks, *(f"{name}: left out, {reasons[name]}" for name in impossible)
+        )  # fmt: skip
+    for name in impossible:
+        others = ", ".join(name for name, reason in reasons.items() if not reason)
+        raise InputError(f"--formats {name}: {reasons[name]}: formats that go with it are {others}")
+    return tuple(name for name in FORMATS if name in wanted), tuple(remarks)
