@@ -5,8 +5,10 @@ The file format is that of Autodesk's DXF reference for AC1009: pairs of lines, 
 
 from collections.abc import Iterator
 
+from designer.base.words import capital
 from designer.make.cutting import CUT, ENGRAVE, LABEL, Cutting
 from designer.make.pages import Circle, Polygon
+from designer.target import TargetGeometry
 
 COLOURS = {CUT: 1, ENGRAVE: 7, LABEL: 5}
 """Of the layers, in AutoCAD's table: red, black or white, blue."""
@@ -32,6 +34,41 @@ def dxf_bytes(cutting: Cutting, title: str) -> bytes:
     return "".join(f"{code}\n{_text(value)}\n" for code, value in pairs).encode("ascii")
 
 
+def steps(name: str, target: TargetGeometry, suffix: str) -> tuple[str, ...]:
+    """What to do with the file.
+
+    Args:
+        name: of the design.
+        target: what is cut and engraved.
+        suffix: of the format.
+    """
+    return (
+        f"Open {name}.{suffix} in LightBurn, or in your cutter's or CAD program. DXF of release 12 says no unit: "
+        "choose millimetres, scale 1.",
+        *layer_steps(target, "Layer CUT, red", "layer ENGRAVE, black", "layer LABEL, blue"),
+        *STOCK,
+    )
+
+
+def layer_steps(target: TargetGeometry, cut: str, engrave: str, label: str) -> Iterator[str]:
+    """What belongs to which operation; the last three are what a file calls them."""
+    yield f"{capital(engrave)}: fill, all shapes at once, so that what lies between two circles is a ring."
+    yield f"{capital(cut)}: line, and last: cut pieces move."
+    if not target.is_planar:
+        numbers = "numbers beside the pieces, the face's own and those of the faces that it joins"
+        yield f"{capital(label)}: {numbers}; mark them on the scrap."
+
+
+STOCK = (
+    "Stock that is light and turns dark where it is engraved, and matt: white laminate over a black core, or coated "
+    "aluminium. The detector looks for dark rings on light ground.",
+    "The beam is wider than a line: rings come out too wide by half of it on each side. Measure a ring, and design "
+    "again with --ink-offset, below zero; centres stay where they are.",
+    "Measure the distance of far rings along both axes of the machine, which are driven apart.",
+)
+"""The same for every laser."""
+
+
 def _text(value: str | float) -> str:
     return f"{value:.{DECIMALS}f}" if isinstance(value, float) else str(value)
 
@@ -44,7 +81,16 @@ def _header(cutting: Cutting) -> Iterator[Pair]:
 
 def _layers() -> Iterator[Pair]:
     yield from ((0, "SECTION"), (2, "TABLES"), (0, "TABLE"), (2, "LTYPE"), (70, 1))
-    yield from ((0, "LTYPE"), (2, "CONTINUOUS"), (70, 0), (3, "Solid line"), (72, 65), (73, 0), (40, 0.0), (0, "ENDTAB"))
+    yield from (
+        (0, "LTYPE"),
+        (2, "CONTINUOUS"),
+        (70, 0),
+        (3, "Solid line"),
+        (72, 65),
+        (73, 0),
+        (40, 0.0),
+        (0, "ENDTAB"),
+    )
     yield from ((0, "TABLE"), (2, "LAYER"), (70, len(COLOURS)))
     for name, colour in COLOURS.items():
         yield from ((0, "LAYER"), (2, name), (70, 0), (62, colour), (6, "CONTINUOUS"))

@@ -5,7 +5,7 @@ a round hole, so its centre and both its circles are exact to the nanometre of t
 the format of Excellon. All layers are drawn as seen from the top, in millimetres, the board's lower left corner at 0.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +61,46 @@ def gerber_zip(target: TargetGeometry, pattern: Pattern, ink: CircuitInk, name: 
     return zipped({f"{name}-{layer}": content for layer, content in sorted(layers.items())})
 
 
+def steps(name: str, target: TargetGeometry, suffix: str) -> tuple[str, ...]:
+    """What to order, and what to look at when it comes.
+
+    Args:
+        name: of the design.
+        target: the board.
+        suffix: of the format: `gerber` or `gerber-mask`.
+    """
+    diagonal_mm = float(np.linalg.norm(np.ptp(target.outline_mm[0], axis=0)))
+    order, edges = _ink_words(has_mask=suffix == "gerber-mask")
+    return (
+        f"Upload {name}.{suffix}.zip as it is: two layers, outline and an empty drill file. One piece, no panel, "
+        "routed edges, 1.6 mm or thicker.",
+        order,
+        "Tell the maker: print at 100 %, do not move or clip the pattern, no order number on a side with rings.",
+        edges,
+        f"Bow and twist may reach 0.75 % of the diagonal and still pass: {0.0075 * diagonal_mm:.2g} mm here. Lay a "
+        "ruler across it; glue a board that is bent on a flat plate.",
+        "Measure the distance of far rings along both directions: laminate shrinks as it is made, along and across its "
+        "fibres by different amounts. The outline is no measure, it is routed to 0.2 mm.",
+    )
+
+
+def _ink_words(*, has_mask: bool) -> tuple[str, str]:
+    """What to order for the ink, and what its edges will be like."""
+    if has_mask:
+        return (
+            "Solder mask black, and matt: gloss mirrors lamps. No silkscreen, no copper. The mask stays where ink is; "
+            "what is white in the design is bare laminate, pale yellow.",
+            "The mask's edges are exposed by light and sharper than silkscreen, but it has a thickness: looked at from "
+            "the side, an edge casts a shadow. The laminate lets light through; put white paper behind it.",
+        )
+    return (
+        "Solder mask white, matt if there is a choice; silkscreen black. The silkscreen is the ink; the copper under "
+        "the mask, alike on both sides, keeps the board flat and its white opaque.",
+        "Black is printed on white, so the mask does nothing to the edges: they are as sharp as the maker's legend "
+        "printer, which holds lines of 0.15 mm.",
+    )
+
+
 def sides_of(target: TargetGeometry, pattern: Pattern) -> tuple[Side, Side]:
     """Top and bottom: faces whose normal points up, and down."""
     frame = target.target_from_face
@@ -103,13 +143,14 @@ def _profile(outline: Contour, target: TargetGeometry) -> bytes:
 
 
 def _layer(
-    function: str, polarity: str, target: TargetGeometry, stamps: Sequence[Stamp], drawn: Sequence[str]
+    function: str, polarity: str, target: TargetGeometry, stamps: Sequence[Stamp], drawn: Iterable[str]
 ) -> bytes:
     """A file: attributes, format, apertures and what is drawn."""
-    head = (
-        "%TF.GenerationSoftware,ringsolid,ringsolid*%", f"%TF.SameCoordinates,{target.geometry_id}*%", "%TF.Part,Single*%",
-        f"%TF.FileFunction,{function}*%", f"%TF.FilePolarity,{polarity}*%", "%FSLAX46Y46*%", "%MOMM*%", "G01*",
+    about = (
+        "GenerationSoftware,ringsolid,ringsolid", f"SameCoordinates,{target.geometry_id}", "Part,Single",
+        f"FileFunction,{function}", f"FilePolarity,{polarity}",
     )  # fmt: skip
+    head = (*(f"%TF.{text}*%" for text in about), "%FSLAX46Y46*%", "%MOMM*%", "G01*")
     apertures = (f"%ADD{_FIRST_APERTURE + row}C,{_aperture(stamp)}*%" for row, stamp in enumerate(stamps))
     return "\n".join([*head, *apertures, *drawn, "M02*\n"]).encode("ascii")
 

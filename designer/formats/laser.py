@@ -1,7 +1,9 @@
 """SVG for lasers: what is engraved as black areas, what is cut as red hairlines; user units are millimetres."""
 
+from designer.formats.dxf import STOCK, layer_steps
 from designer.formats.svg import area_path, decimal, polygon_path
 from designer.make.cutting import CUT, ENGRAVE, LABEL, Cutting
+from designer.target import TargetGeometry
 
 STYLES = {
     ENGRAVE: 'fill="#000000" fill-rule="evenodd" stroke="none"',
@@ -9,6 +11,22 @@ STYLES = {
     LABEL: 'fill="none" stroke="#0000ff" stroke-width="0.01"',
 }
 """Colours by which LightBurn and the drivers of engravers tell operations apart."""
+
+
+def steps(name: str, target: TargetGeometry, suffix: str) -> tuple[str, ...]:
+    """What to do with the file.
+
+    Args:
+        name: of the design.
+        target: what is cut and engraved.
+        suffix: of the format.
+    """
+    return (
+        f"Open {name}.{suffix}.svg in LightBurn, or print it from Inkscape to the laser's driver: it is in "
+        "millimetres.",
+        *layer_steps(target, "red hairlines", "black areas", "blue hairlines"),
+        *STOCK,
+    )
 
 
 def laser_svg_bytes(cutting: Cutting) -> bytes:

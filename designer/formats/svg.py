@@ -65,6 +65,7 @@ def _layer(page_number: int, name: str, style: str) -> str:
 
 
 def area_path(area: Area, height: float) -> str:
+    """Circles and polygons as one path, of a page so high."""
     circles = (_circle_path(circle, height) for circle in area.circles)
     return "".join([*circles, *(polygon_path(polygon, height) for polygon in area.polygons)])
 
@@ -78,6 +79,7 @@ def _circle_path(circle: Circle, height: float) -> str:
 
 
 def polygon_path(polygon: Polygon, height: float) -> str:
+    """A closed line as a path, of a page so high."""
     return "M" + "L".join(_point(point, height) for point in polygon) + "Z"
 
 

@@ -56,13 +56,17 @@ def _bounds(drawing: Drawing) -> NDArray[np.float64]:
     boxes = [np.array(outline) for outline in drawing.cuts]
     for area in drawing.areas:
         boxes += [np.array(outline) for outline in area.polygons]
-        boxes += [np.array(circle.centre_mm) + circle.radius_mm * np.array([[-1, -1], [1, 1]]) for circle in area.circles]
+        boxes += [
+            np.array(circle.centre_mm) + circle.radius_mm * np.array([[-1, -1], [1, 1]]) for circle in area.circles
+        ]
     return np.concatenate(boxes)
 
 
 def _stencil(text: Text) -> tuple[Polygon, ...]:
     """A label in the letters of the target itself, as no program then lacks its font; words without such letters go."""
     words = " ".join(word for word in text.text.split() if word.upper() == word)
-    turn = np.array([[np.cos(text.angle_rad), np.sin(text.angle_rad)], [-np.sin(text.angle_rad), np.cos(text.angle_rad)]])
+    turn = np.array(
+        [[np.cos(text.angle_rad), np.sin(text.angle_rad)], [-np.sin(text.angle_rad), np.cos(text.angle_rad)]]
+    )
     outlines = text_contours(words, _CAPITAL * text.size_mm / HEIGHT, 0.0)
     return tuple(polygon(outline @ turn + np.array(text.position_mm)) for outline in outlines)

@@ -43,6 +43,7 @@ from designer.report.making import (
     two_digits,
 )
 from designer.report.measuring import measure_blocks, photo_blocks
+from designer.report.other_makers import other_makers
 from designer.report.pictures import Panels, preview_panels, printed_ink, printed_scene
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
@@ -81,7 +82,7 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile]) 
     """
     job = design.job
     filament = expected_filament(design) if job.printing.way.has_body else None
-    panels = _panels(design, files)
+    panels, others = _panels(design, files), other_makers(design)
     return Page(
         title=job.name,
         kind="Target",
@@ -90,6 +91,7 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile]) 
         sections=(
             Section(RULES_TITLE, (check.told(),), _rule_lead(job.printing, check)),
             maker_of(job.printing).making(design, files),
+            *(() if others is None else (others,)),
             *(() if filament is None else (_filament_section(filament, design),)),
             Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
             Section("What was printed: measure it", measure_blocks(design), _MEASURE_LEAD),

@@ -94,5 +94,5 @@ def choose_formats(
         )  # fmt: skip
     for name in impossible:
         others = ", ".join(name for name, reason in reasons.items() if not reason)
-        raise InputError(f"--formats {name}: {reasons[name]}: formats that go with it are {others}")
+        raise InputError(f"{reasons[name]}: formats that go with it are {others}")
     return tuple(name for name in FORMATS if name in wanted), tuple(remarks)

@@ -148,7 +148,7 @@ BAD_INPUT = {
     "printer": (["ico", "--edge", "20mm", "--printer", "bambu-p1"], "bambu-p1s"),
     "nozzle": (["ico", "--edge", "20mm", "--nozzle", "0.5mm"], "0.2mm, 0.4mm"),
     "name": (["ico", "--edge", "20mm", "--name", "../up"], "letters"),
-    "format": (["ico", "--edge", "20mm", "--formats", "dxf"], "unknown format"),
+    "format": (["ico", "--edge", "20mm", "--formats", "dwg"], "unknown format"),
     "page": (["ico", "--edge", "60mm", "--build", "stickers", "--page", "A9"], "A9"),
     "option": (["ico", "--egde", "20mm"], "--edge"),
     "nothing": (["ico"], "edge is missing"),

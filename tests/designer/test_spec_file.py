@@ -407,7 +407,7 @@ options = st.fixed_dictionaries(
         "stand": st.booleans(),
         "chord_error": st.floats(0.0005, 0.5),
         "body_colour": st.from_regex(r"#[0-9a-fA-F]{6}", fullmatch=True),
-        "formats": st.lists(st.sampled_from(FORMATS), max_size=3),
+        "formats": st.lists(st.sampled_from(list(FORMATS)), max_size=3),
         "page": st.sampled_from(["A4", "Letter", "fit", "400.25x600mm"]),
     },
 )
