@@ -114,17 +114,17 @@ def plate_hull(pattern: Pattern, thickness_mm: float, inlay_mm: float) -> Hull:
     vertices = np.concatenate([np.column_stack([faces[0].outline, np.full(corners, z)]) for z in heights])
     top, floor, bottom, bottom_floor = _numbers(0, 4 * corners).reshape(4, corners)
     nothing = np.empty((0, 3), dtype=np.int32)
-    rim = _walls(top, floor) if has_border else nothing
+    rim = wall_strip(top, floor) if has_border else nothing
     upper = floor if has_border else top
     if len(faces) == 1:
         underside = triangulate([faces[0].outline])[:, ::-1] + 2 * corners
-        skin = np.concatenate([_walls(upper, bottom), underside])
+        skin = np.concatenate([wall_strip(upper, bottom), underside])
         return Hull(vertices, top[None], floor[None], faces[0].outline[None], skin, rim)
     # The back's corners run the other way, seen from the front.
     at_back = faces[1].outline @ pattern.target_from_face[1, :2, :2].T
     own = np.linalg.norm(at_back[:, None] - faces[0].outline, axis=2).argmin(axis=1)
-    skin = _walls(upper, bottom_floor if has_border else bottom)
-    rim = np.concatenate([rim, _walls(bottom_floor, bottom)]) if has_border else rim
+    skin = wall_strip(upper, bottom_floor if has_border else bottom)
+    rim = np.concatenate([rim, wall_strip(bottom_floor, bottom)]) if has_border else rim
     outlines = np.stack([face.outline for face in faces])
     return Hull(vertices, np.stack([top, bottom[own]]), np.stack([floor, bottom_floor[own]]), outlines, skin, rim)
 
@@ -142,7 +142,7 @@ def inlaid(pattern: Pattern, hull: Hull, inlay_mm: float) -> Part:
         own = _numbers(count, count + len(at_top))
         top = np.concatenate([hull.top[number], own])
         floor = np.concatenate([hull.floor[number], own + len(own)])
-        walls = _walls(top, floor, surfaces.edges)
+        walls = wall_strip(top, floor, surfaces.edges)
         body += [top[surfaces.white], floor[surfaces.ink_floor], walls[:, ::-1]]
         ink += [top[surfaces.ink], floor[surfaces.ink_floor][:, ::-1], walls]
         count += 2 * len(own)
@@ -167,7 +167,7 @@ def plain_plate(outline_mm: Contour, thickness_mm: float) -> Mesh:
     vertices = np.concatenate([np.column_stack([outline_mm, np.full(corners, z)]) for z in (0.0, -thickness_mm)])
     top, bottom = _numbers(0, 2 * corners).reshape(2, corners)
     cap = triangulate([outline_mm])
-    return Mesh(vertices, np.concatenate([cap, cap[:, ::-1] + corners, _walls(top, bottom)]).astype(np.int32))
+    return Mesh(vertices, np.concatenate([cap, cap[:, ::-1] + corners, wall_strip(top, bottom)]).astype(np.int32))
 
 
 @dataclass(frozen=True)
@@ -298,7 +298,7 @@ def _stamp_surfaces(stamp: Stamp, flat: _Triangulator) -> _Surfaces:
     return _Surfaces(np.concatenate([stamp.rim, stamp.hole]), ink, ink, flat([hole.reversed()]), edges)
 
 
-def _walls(top: Ids, floor: Ids, edges: Ids | None = None) -> Ids:
+def wall_strip(top: Ids, floor: Ids, edges: Ids | None = None) -> Ids:
     """Quads from `top` down to `floor` along edges that have the solid on their left, as triangles.
 
     Without `edges`, the walls go once around both.

@@ -1,0 +1,192 @@
+"""What a solid in tiles is held by: a post that is glued into a pit at one of the core's corners.
+
+Only the tiles' tips are cut away for it, within border and white, so no ring is lost. A post for a screw holds a
+captive nut: it bears a tripod's torque for years, where a thread in plastic wears, and prints in any direction.
+A post's frame has z outwards along the corner's axis and its origin at the solid's centroid.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from manifold3d import CrossSection, Manifold
+from numpy.typing import NDArray
+
+from designer.base.errors import InputError
+from designer.base.solid import Solid
+from designer.make.booleans import cone, cylinder, union
+from designer.make.core import SOCKET_WALL_MM, Socket, mount_vertex
+from designer.make.tile import TileSizes
+from designer.target import TargetGeometry
+
+NO_MOUNT = "none"
+DEFAULT_MOUNT = "1/4-20"
+HEAD_ABOVE_MM = 1.0
+"""Of a post above the corner of the solid: a tripod's plate then touches the post alone."""
+NUT_WALL_MM = 1.6
+"""Between nut and head: a tripod's screw reaches 5.5 mm at most (ISO 1222), and two lines each way hold the nut."""
+POST_WALL_MM = 1.2
+FIT_MM = 0.2
+"""Added to a bought part's size, over both sides."""
+LEAST_ENGAGED_MM = 12.0
+ROD_DEPTH_MM = 20.0
+FLANGE_NECK_MM = 20.0
+FLANGE_MM = 8.0
+CENTRING_MM = 3.0
+SCREW_HEAD_MM = 11.0
+"""Of an M6 cap screw (10 mm, ISO 4762), and room around it."""
+
+
+@dataclass(frozen=True)
+class Mount:
+    """A way to hold a target."""
+
+    name: str
+    title: str
+    stem_mm: float  # diameter of the post in its pit
+    build: Callable[["PostSizes"], Manifold]
+    needs: str  # what to buy
+    up_is_in: bool  # printed with the end that goes into the pit up
+    source: str
+
+
+@dataclass(frozen=True)
+class PostSizes:
+    """Lengths along the axis, from the centroid."""
+
+    radius_mm: float
+    bottom_mm: float
+    head_mm: float
+
+
+def _with_nut(across_mm: float, bore_mm: float) -> Callable[[PostSizes], Manifold]:
+    """A stem with a hexagonal pocket from the inner end to the wall below the head."""
+
+    def build(post: PostSizes) -> Manifold:
+        radius = (across_mm + FIT_MM) / math.sqrt(3)
+        turn = np.pi / 3 * np.arange(6)
+        hexagon = CrossSection([radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)])
+        pocket = Manifold.extrude(hexagon, post.head_mm - NUT_WALL_MM - post.bottom_mm + 1.0)
+        stem = cylinder(post.radius_mm, post.bottom_mm, post.head_mm)
+        bore = cylinder((bore_mm + 2 * FIT_MM) / 2, post.bottom_mm, post.head_mm + 1.0)
+        return stem - pocket.translate((0.0, 0.0, post.bottom_mm - 1.0)) - bore
+
+    return build
+
+
+def _for_rod(rod_mm: float) -> Callable[[PostSizes], Manifold]:
+    """A stem with a bore from outside."""
+
+    def build(post: PostSizes) -> Manifold:
+        low = max(post.head_mm - ROD_DEPTH_MM, post.bottom_mm + POST_WALL_MM)
+        bore = cylinder((rod_mm + FIT_MM) / 2, low, post.head_mm + 1.0)
+        return cylinder(post.radius_mm, post.bottom_mm, post.head_mm) - bore
+
+    return build
+
+
+def _flange(post: PostSizes) -> Manifold:
+    """A flange for ISO 9409-1-50-4-M6: 63 mm across, four screws on 50 mm, a centring boss for the 31.5 mm recess."""
+    outer, start = 31.5, post.head_mm + FLANGE_NECK_MM
+    flare = outer - post.radius_mm
+    top = start + flare + FLANGE_MM
+    body = [
+        cylinder(post.radius_mm, post.bottom_mm, start),
+        cone(post.radius_mm, outer, flare).translate((0.0, 0.0, start)),
+        cylinder(outer, start + flare, top),
+        cylinder((31.5 - FIT_MM) / 2, top, top + CENTRING_MM),
+    ]
+    cuts = []
+    for turn in np.radians([45, 135, 225, 315]).tolist():
+        at = (25 * math.cos(turn), 25 * math.sin(turn))
+        cuts.append(cylinder((6 + 3 * FIT_MM) / 2, start, top + 1.0, at))
+        cuts.append(cylinder(SCREW_HEAD_MM / 2, start - 1.0, top - FLANGE_MM, at))
+    return union(body) - union(cuts)
+
+
+MOUNTS: dict[str, Mount] = {
+    mount.name: mount
+    for mount in (
+        Mount(
+            "1/4-20", "a camera tripod's screw, 1/4-20 UNC", 15.4, _with_nut(11.11, 6.35), "a nut 1/4-20 UNC", True,
+            "nut 7/16 inch across flats (ASME B18.2.2); screw at most 5.5 mm long (ISO 1222)",
+        ),
+        Mount(
+            "m5", "an M5 screw", 11.8, _with_nut(8.0, 5.0), "a nut M5", True, "nut 8 mm across flats (ISO 4032)",
+        ),
+        Mount("rod 8mm", "a rod of 8 mm, glued in", 11.4, _for_rod(8.0), "a rod of 8 mm", False, "the rod's diameter"),
+        Mount(
+            "iso9409-50", "a robot flange, ISO 9409-1-50-4-M6", 16.0, _flange, "four screws M6 x 16", False,
+            "63 mm across, 4 x M6 on 50 mm, centring 31.5 mm (ISO 9409-1)",
+        ),
+    )
+}  # fmt: skip
+"""The ways to hold a target, by what `--mount` calls them."""
+
+
+@dataclass(frozen=True)
+class Mounted:
+    """A mount in its place."""
+
+    mount: Mount
+    socket: Socket
+    post: PostSizes
+    cut_mm: float  # radius of what is cut off the tiles' tips
+
+    def solid(self) -> Manifold:
+        """The post, in its frame."""
+        return self.mount.build(self.post)
+
+
+def room_mm(target: TargetGeometry, solid: Solid) -> float:
+    """How far from the axis of the mount's corner the first ring begins."""
+    axis = solid.polyhedron.vertices[mount_vertex(solid.polyhedron)]
+    axis = axis / np.linalg.norm(axis)
+    along = target.center_mm @ axis
+    aside = np.linalg.norm(target.center_mm - along[:, None] * axis, axis=1)
+    return float((aside - target.radius_outer_mm)[along > 0].min())
+
+
+def mounted(name: str, target: TargetGeometry, solid: Solid, sizes: TileSizes) -> Mounted:
+    """A mount on a solid.
+
+    Raises:
+        InputError: it needs more room than the rings or the core leave.
+    """
+    mount = MOUNTS[name]
+    cut = mount.stem_mm / 2 + sizes.clearance_mm
+    needed, room = cut + sizes.line_mm, room_mm(target, solid)
+    vertex = mount_vertex(solid.polyhedron)
+    corner_mm = float(np.linalg.norm(solid.polyhedron.vertices[vertex])) * solid.edge_mm
+    # The core's surface at the pit's rim lies below its corner.
+    rise = solid.inradius_mm / corner_mm
+    core_inradius = solid.inradius_mm - sizes.seat_depth_mm
+    rim = (core_inradius - math.sqrt(1 - rise**2) * cut) / rise
+    bottom = rim - max(LEAST_ENGAGED_MM, 0.9 * mount.stem_mm)
+    least_bottom = 0.35 * rim + SOCKET_WALL_MM
+    if needed > room or bottom < least_bottom:
+        by_rings = needed / room
+        by_core = (max(LEAST_ENGAGED_MM, 0.9 * mount.stem_mm) + SOCKET_WALL_MM) / (0.65 * rim) if rim > 0 else 9.0
+        edge = math.ceil(solid.edge_mm * max(by_rings, by_core) * 1.02)
+        fitting = [one for one in MOUNTS if MOUNTS[one].stem_mm < mount.stem_mm and fits(one, target, solid, sizes)]
+        others = "".join(f"--mount {one!r}, " for one in fitting)
+        raise InputError(
+            f"mount {name}: needs {2 * needed:.1f}mm about a corner, and rings and core leave {2 * room:.1f}mm; use "
+            f"{others}an edge of about {edge}mm, or --mount none"
+        )
+    return Mounted(
+        mount,
+        Socket(vertex, cut, bottom - sizes.layer_mm),
+        PostSizes(mount.stem_mm / 2, bottom, corner_mm + HEAD_ABOVE_MM),
+        cut,
+    )
+
+
+def fits(name: str, target: TargetGeometry, solid: Solid, sizes: TileSizes) -> bool:
+    """Whether a mount can be had."""
+    try:
+        mounted(name, target, solid, sizes)
+    except InputError:
+        return False
+    return True

@@ -1,0 +1,120 @@
+"""Equal tiles on the printer's beds: as many as fit side by side, turned together, beside the prime tower."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from designer.base.errors import InputError
+from designer.base.solid import regular_polygon
+
+Array = NDArray[np.float64]
+
+SPACINGS_MM = (8.0, 5.0, 3.0, 2.0, 1.5)
+"""Between tiles, the widest first: 8 mm leave room for two brims of 4 mm."""
+BED_RIM_MM = 2.0
+"""Free along the bed's rim: an assumption, as machines differ."""
+TOWER_MM = 60.0
+"""Side of the corner that is left for a prime tower: PrusaSlicer's is 60 mm wide."""
+_TURNS = np.radians(np.arange(0.0, 120.0, 5.0))
+_SHIFTS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where tiles lie on a bed."""
+
+    bed_from_tile: Array  # (N, 3, 3) motions of the plane
+    spacing_mm: float
+
+
+def nest(sides: int, inradius_mm: float, count: int, bed_mm: tuple[float, float], *, tower: bool) -> tuple[Places, ...]:
+    """Regular polygons on as few beds as they fit on, then evenly and as far apart as that allows.
+
+    Args:
+        sides: 3 or 4.
+        inradius_mm: of a tile where it is widest.
+        count: of tiles.
+        bed_mm: width and depth.
+        tower: whether the corner with the highest x and y stays free for a prime tower.
+
+    Raises:
+        InputError: not one fits.
+    """
+    densest = _lattice(sides, inradius_mm, SPACINGS_MM[-1], bed_mm, tower)
+    if not len(densest):
+        room = min(bed_mm) - 2 * BED_RIM_MM
+        raise InputError(
+            f"a tile of {2 * inradius_mm / math.cos(math.pi / sides):.0f}mm across does not fit a bed of "
+            f"{bed_mm[0]:g} x {bed_mm[1]:g}mm{' beside a prime tower' if tower else ''}; use an edge of at most about "
+            f"{math.floor(room * (0.9 if sides == 3 else 0.95))}mm, or a larger printer"
+        )
+    beds = math.ceil(count / len(densest))
+    each = math.ceil(count / beds)
+    spacing, lattice = SPACINGS_MM[-1], densest
+    for spacing in SPACINGS_MM:
+        lattice = _lattice(sides, inradius_mm, spacing, bed_mm, tower)
+        if len(lattice) >= each:
+            break
+    shares = [each] * (count // each) + ([count % each] if count % each else [])
+    return tuple(Places(lattice[:share], spacing) for share in shares)
+
+
+def _lattice(sides: int, inradius: float, spacing: float, bed: tuple[float, float], tower: bool) -> Array:
+    """The densest of the tilings that are turned and shifted by steps: all tiles inside, nearest to the middle first."""
+    cell = inradius + spacing / 2
+    cells = _cells(sides, cell, math.hypot(*bed))
+    outline = regular_polygon(sides, inradius)
+    corners = np.einsum("nij,kj->nki", cells[:, :2, :2], outline) + cells[:, None, :2, 2]
+    step = 2 * cell * (math.sqrt(3) if sides == 3 else 1.0)
+    best = cells[:0]
+    middle = np.array(bed) / 2
+    for turn in _TURNS[_TURNS < 2 * math.pi / sides - 1e-9].tolist():
+        cosine, sine = math.cos(turn), math.sin(turn)
+        turned = corners @ np.array([[cosine, sine], [-sine, cosine]])
+        for u in np.linspace(0, step, _SHIFTS, endpoint=False).tolist():
+            for v in np.linspace(0, step, _SHIFTS, endpoint=False).tolist():
+                moved = turned + middle + [u, v]
+                inside = (moved >= BED_RIM_MM).all(axis=(1, 2)) & (moved <= np.array(bed) - BED_RIM_MM).all(axis=(1, 2))
+                if inside.sum() <= len(best):
+                    continue
+                if tower:
+                    inside &= _clear_of_corner(moved, np.array(bed) - TOWER_MM)
+                if inside.sum() > len(best):
+                    motion = np.array([[cosine, -sine, middle[0] + u], [sine, cosine, middle[1] + v], [0, 0, 1]])
+                    best = motion @ cells[inside]
+    order = np.argsort(np.round(np.linalg.norm(best[:, :2, 2] - middle, axis=1), 6), kind="stable")
+    return best[order]
+
+
+def _cells(sides: int, inradius: float, reach: float) -> Array:
+    """Motions of the plane that tile it around the origin.  # (N, 3, 3)"""
+    side = 2 * inradius * math.tan(math.pi / sides)
+    count = math.ceil(reach / side) + 1
+    around = range(-count, count + 1)
+    cells = []
+    for i in around:
+        for j in around:
+            if sides == 4:
+                cells.append(_motion(0.0, side * i, side * j))
+            else:
+                x, y = side * (i + j / 2), 3 * inradius * j
+                cells.append(_motion(0.0, x, y))
+                cells.append(_motion(math.pi, x + side / 2, y + inradius))
+    return np.array([cell for cell in cells if math.hypot(cell[0, 2], cell[1, 2]) < reach])
+
+
+def _motion(turn: float, x: float, y: float) -> Array:
+    cosine, sine = math.cos(turn), math.sin(turn)
+    return np.array([[cosine, -sine, x], [sine, cosine, y], [0.0, 0.0, 1.0]])
+
+
+def _clear_of_corner(corners: Array, low: Array) -> NDArray[np.bool_]:
+    """Whether convex polygons stay out of the quadrant above `low`: one of their sides or its own parts them."""
+    clear: NDArray[np.bool_] = (corners <= low).all(axis=1).any(axis=1)
+    after = np.roll(corners, -1, axis=1)
+    outward = np.stack([after[..., 1] - corners[..., 1], corners[..., 0] - after[..., 0]], axis=2)
+    beyond = ((low - corners) * outward).sum(axis=2) >= 0
+    clear |= ((outward >= -1e-12).all(axis=2) & beyond).any(axis=1)
+    return clear
