@@ -45,10 +45,16 @@ def against_skew(target: TargetGeometry, printing: PrintSpec, points_mm: NDArray
         printing: gives the compensation; with none the points stay as they are.
         points_mm: in the target frame.  # (N, 3)
     """
+    return against_skew_along(_bed_axes(target, printing), printing, points_mm)
+
+
+def against_skew_along(
+    bed_axes: NDArray[np.float64], printing: PrintSpec, points_mm: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Points of a piece's frame where the printed files have them; `bed_axes` turn it to the bed's axes.  # (3, 3)"""
     if printing.skew_compensation_rad == NO_SKEW:
         return points_mm
-    axes = _bed_axes(target, printing)
-    shear = axes.T @ np.linalg.inv(skew_matrix(printing.skew_compensation_rad)) @ axes
+    shear = bed_axes.T @ np.linalg.inv(skew_matrix(printing.skew_compensation_rad)) @ bed_axes
     return mapped(points_mm, shear)
 
 

@@ -15,7 +15,7 @@ from manifold3d import Manifold
 from numpy.typing import NDArray
 
 from designer.base.solid import Polyhedron, Solid
-from designer.make.booleans import CIRCLE_SEGMENTS, cone, cylinder, frame_along, placed, prism, union
+from designer.make.booleans import cone, cylinder, frame_along, placed, prism, union
 from designer.make.pattern import moved_in
 from designer.make.tile import TileSizes, key_places, number_contours, pad_places
 

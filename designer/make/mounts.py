@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from manifold3d import CrossSection, Manifold
-from numpy.typing import NDArray
 
 from designer.base.errors import InputError
 from designer.base.solid import Solid
@@ -173,7 +172,7 @@ def mounted(name: str, target: TargetGeometry, solid: Solid, sizes: TileSizes) -
         others = "".join(f"--mount {one!r}, " for one in fitting)
         raise InputError(
             f"mount {name}: needs {2 * needed:.1f}mm about a corner, and rings and core leave {2 * room:.1f}mm; use "
-            f"{others}an edge of about {edge}mm, or --mount none"
+            f"{others}an edge of about {edge}mm, a wider --margin, or --mount none"
         )
     return Mounted(
         mount,

@@ -29,7 +29,9 @@ class Places:
     spacing_mm: float
 
 
-def nest(sides: int, inradius_mm: float, count: int, bed_mm: tuple[float, float], *, tower: bool) -> tuple[Places, ...]:
+def nest(
+    sides: int, inradius_mm: float, count: int, bed_mm: tuple[float, float], *, tower: bool, edge_mm: float
+) -> tuple[Places, ...]:
     """Regular polygons on as few beds as they fit on, then evenly and as far apart as that allows.
 
     Args:
@@ -38,17 +40,19 @@ def nest(sides: int, inradius_mm: float, count: int, bed_mm: tuple[float, float]
         count: of tiles.
         bed_mm: width and depth.
         tower: whether the corner with the highest x and y stays free for a prime tower.
+        edge_mm: of the solid, which messages name.
 
     Raises:
         InputError: not one fits.
     """
     densest = _lattice(sides, inradius_mm, SPACINGS_MM[-1], bed_mm, tower)
     if not len(densest):
-        room = min(bed_mm) - 2 * BED_RIM_MM
+        fitting = edge_mm
+        while fitting > 1 and not len(_lattice(sides, inradius_mm * fitting / edge_mm, SPACINGS_MM[-1], bed_mm, tower)):
+            fitting = math.floor(0.98 * fitting)
         raise InputError(
-            f"a tile of {2 * inradius_mm / math.cos(math.pi / sides):.0f}mm across does not fit a bed of "
-            f"{bed_mm[0]:g} x {bed_mm[1]:g}mm{' beside a prime tower' if tower else ''}; use an edge of at most about "
-            f"{math.floor(room * (0.9 if sides == 3 else 0.95))}mm, or a larger printer"
+            f"edge {edge_mm:g}mm: a tile does not fit a bed of {bed_mm[0]:g} x {bed_mm[1]:g}mm"
+            f"{' beside a prime tower' if tower else ''}; use an edge of at most {fitting:g}mm, or a larger printer"
         )
     beds = math.ceil(count / len(densest))
     each = math.ceil(count / beds)
@@ -62,7 +66,7 @@ def nest(sides: int, inradius_mm: float, count: int, bed_mm: tuple[float, float]
 
 
 def _lattice(sides: int, inradius: float, spacing: float, bed: tuple[float, float], tower: bool) -> Array:
-    """The densest of the tilings that are turned and shifted by steps: all tiles inside, nearest to the middle first."""
+    """The densest of the tilings that are turned and shifted by steps: tiles inside, those in the middle first."""
     cell = inradius + spacing / 2
     cells = _cells(sides, cell, math.hypot(*bed))
     outline = regular_polygon(sides, inradius)
@@ -70,7 +74,7 @@ def _lattice(sides: int, inradius: float, spacing: float, bed: tuple[float, floa
     step = 2 * cell * (math.sqrt(3) if sides == 3 else 1.0)
     best = cells[:0]
     middle = np.array(bed) / 2
-    for turn in _TURNS[_TURNS < 2 * math.pi / sides - 1e-9].tolist():
+    for turn in _TURNS[2 * math.pi / sides - 1e-9 > _TURNS].tolist():
         cosine, sine = math.cos(turn), math.sin(turn)
         turned = corners @ np.array([[cosine, sine], [-sine, cosine]])
         for u in np.linspace(0, step, _SHIFTS, endpoint=False).tolist():
@@ -112,9 +116,10 @@ def _motion(turn: float, x: float, y: float) -> Array:
 
 def _clear_of_corner(corners: Array, low: Array) -> NDArray[np.bool_]:
     """Whether convex polygons stay out of the quadrant above `low`: one of their sides or its own parts them."""
-    clear: NDArray[np.bool_] = (corners <= low).all(axis=1).any(axis=1)
     after = np.roll(corners, -1, axis=1)
     outward = np.stack([after[..., 1] - corners[..., 1], corners[..., 0] - after[..., 0]], axis=2)
     beyond = ((low - corners) * outward).sum(axis=2) >= 0
-    clear |= ((outward >= -1e-12).all(axis=2) & beyond).any(axis=1)
+    by_own_side = ((outward >= -1e-12).all(axis=2) & beyond).any(axis=1)
+    beside = np.logical_or.reduce((corners <= low).all(axis=1), axis=1)
+    clear: NDArray[np.bool_] = by_own_side | beside
     return clear

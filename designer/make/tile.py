@@ -8,7 +8,7 @@ clearance. All lengths are the design's: shrinkage and skew compensation come wi
 import math
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Literal
+from itertools import pairwise
 
 import numpy as np
 from manifold3d import Manifold, triangulate
@@ -20,11 +20,9 @@ from designer.make.booleans import cone, cylinder, mesh_of, prism, solid_of, uni
 from designer.make.lettering import HEIGHT, text_contours, text_width
 from designer.make.mesh import Hull, Part, inlaid, wall_strip
 from designer.make.pattern import Contour, Pattern, moved_in
-from designer.spec.spec import PrinterProfile
+from designer.spec.spec import InkSide, PrinterProfile
 
 Array = NDArray[np.float64]
-InkSide = Literal["down", "up"]
-"""Which way the printed face looks on the bed."""
 
 THICKNESS_OVER_EDGE = 0.04
 MOST_THICKNESS_MM = 4.0
@@ -199,11 +197,12 @@ def pad_places(sizes: TileSizes) -> Array:
     rate = -toward @ inward.T
     far = -(inner * inward).sum(axis=1)
     distance = np.where(rate > 1e-9, far / np.where(rate > 1e-9, rate, 1.0), np.inf).min(axis=1)
-    return distance[:, None] * toward
+    places: Array = distance[:, None] * toward
+    return places
 
 
 def number_contours(sizes: TileSizes, number: int) -> tuple[Contour, ...]:
-    """A face's number inside the circle of keys, else between them and the code's corner; none where neither has room."""
+    """A face's number inside the circle of keys, else outside by the code's corner; none where there is no room."""
     text, below = str(number), sizes.push_radius_mm + 2 * sizes.line_mm
     around = sizes.key_hole_mm / 2 + sizes.line_mm
     low = sizes.key_radius_mm + around
@@ -277,7 +276,7 @@ def _hull_of(pattern: Pattern, face: int, sizes: TileSizes) -> tuple[Pattern, Hu
         [np.column_stack([loop, np.full(corners, -z)]) for loop, (z, _) in zip(loops, levels, strict=True)]
     )
     ids = np.arange(len(vertices), dtype=np.int32).reshape(len(levels), corners)
-    strips = [wall_strip(upper, lower) for upper, lower in zip(ids[:-1], ids[1:], strict=True)]
+    strips = [wall_strip(upper, lower) for upper, lower in pairwise(ids)]
     back = triangulate([loops[-1]])[:, ::-1].astype(np.int32) + ids[-1, 0]
     hull = Hull(
         vertices_mm=vertices, top=ids[:1], floor=ids[floor_level : floor_level + 1],

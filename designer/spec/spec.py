@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
 Lattice = Literal["square", "triangular"]
+InkSide = Literal["down", "up"]
+"""Which way the printed face of a flat piece looks on the bed."""
 SpecValue = str | float | int | bool | list[float]
 
 PAPER_LINE_MM = 0.1
@@ -126,6 +128,8 @@ class PrintSpec:
     chord_error_mm: float  # farthest a polygon may stray from its circle
     skew_compensation_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """xy, xz, yz of the bed: the files are sheared against this skew of the printer, see `designer.make.bed`."""
+    ink_side: InkSide = "down"
+    mount: str | None = None  # a name of `designer.make.mounts`, or "none"; None: the usual one where it fits
 
     @property
     def way(self) -> Build:

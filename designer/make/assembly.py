@@ -1,0 +1,217 @@
+"""A solid in parts: its tiles, the core that holds them, the post that holds the core, and the plates to print them.
+
+What is here is put together in the design's lengths, in the target's frame, so that fits can be checked by booleans;
+shrinkage and skew compensation are applied to each piece as it lies on the bed.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from manifold3d import Manifold
+from numpy.typing import NDArray
+
+from designer.base.errors import InputError
+from designer.base.solid import Solid
+from designer.kinds.layout import border_width_mm
+from designer.make.bed import against_skew_along
+from designer.make.booleans import cylinder, frame_along, mesh_of, placed, solid_of
+from designer.make.core import CorePart, make_core, mount_vertex
+from designer.make.lettering import ID_DIGITS
+from designer.make.mesh import Part
+from designer.make.mounts import DEFAULT_MOUNT, NO_MOUNT, Mounted, fits, mounted
+from designer.make.nesting import BED_RIM_MM, nest
+from designer.make.pattern import Pattern, make_pattern
+from designer.make.plate import Piece, Plate
+from designer.make.tile import TileSizes, make_tile, tile_sizes
+from designer.spec.spec import PrintSpec
+from designer.target import TargetGeometry
+
+Array = NDArray[np.float64]
+
+APART_MM = 8.0
+"""Between the pieces of a core: room for two brims."""
+_FACE_DOWN = np.diag([-1.0, 1.0, -1.0, 1.0])
+_ALONG_AXIS_MM = 1000.0
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """A solid in parts, in the design's lengths."""
+
+    solid: Solid
+    sizes: TileSizes
+    target_from_tile: Array  # (F, 4, 4)
+    tiles: tuple[Part, ...]  # in their own frames  # (F,)
+    core: tuple[CorePart, ...]
+    mounted: Mounted | None
+    remark: str  # on the mount, where it was chosen
+
+    @property
+    def post(self) -> Manifold | None:
+        """What the core is held by, in the target's frame."""
+        return None if self.mounted is None else placed(self.mounted.solid(), self.target_from_post)
+
+    @property
+    def target_from_post(self) -> Array:
+        """The frame along the axis of the mount's corner."""
+        return frame_along(self.solid.polyhedron.vertices[mount_vertex(self.solid.polyhedron)])
+
+
+def assemble(target: TargetGeometry, solid: Solid, printing: PrintSpec) -> Assembly:
+    """Tiles, core and post of a solid.
+
+    Args:
+        target: the nominal geometry.
+        solid: that its faces bound.
+        printing: how it is made.
+
+    Raises:
+        InputError: the edge is too small for keys, or the mount does not fit.
+    """
+    scale = 1 + printing.shrink_compensation_percent / 100
+    sizes = tile_sizes(
+        solid, target.outline_mm[0], border_width_mm(target), printing.printer, printing.inlay_mm / scale,
+        printing.ink_side,
+    )  # fmt: skip
+    on, remark = _chosen_mount(target, solid, sizes, printing.mount)
+    # Ink is offset by what the print bleeds, whatever it shrinks.
+    pattern = make_pattern(target, replace(printing, ink_offset_mm=printing.ink_offset_mm / scale))
+    frames, codes = target.target_from_face, tuple(target.face_code.tolist())
+    return Assembly(
+        solid=solid,
+        sizes=sizes,
+        target_from_tile=frames,
+        tiles=tuple(_tiles(target, solid, pattern, sizes, on)),
+        core=make_core(solid, frames, codes, sizes, None if on is None else on.socket),
+        mounted=on,
+        remark=remark,
+    )
+
+
+def _chosen_mount(
+    target: TargetGeometry, solid: Solid, sizes: TileSizes, name: str | None
+) -> tuple[Mounted | None, str]:
+    """The mount asked for, or the usual one where it fits, and a remark on what was chosen."""
+    if name == NO_MOUNT:
+        return None, ""
+    if name is not None:
+        return mounted(name, target, solid, sizes), ""
+    if fits(DEFAULT_MOUNT, target, solid, sizes):
+        on = mounted(DEFAULT_MOUNT, target, solid, sizes)
+        return on, f"mount {DEFAULT_MOUNT}: {on.mount.title}; --mount takes others, or none"
+    return None, f"mount none: rings or core leave no room for {DEFAULT_MOUNT}"
+
+
+def _tiles(
+    target: TargetGeometry, solid: Solid, pattern: Pattern, sizes: TileSizes, on: Mounted | None
+) -> Iterator[Part]:
+    """All tiles; those at the mount lose their tips."""
+    target_id = target.geometry_id[:ID_DIGITS].upper()
+    vertex = mount_vertex(solid.polyhedron)
+    for face, code in enumerate(target.face_code.tolist()):
+        tile = make_tile(pattern, face, code, target_id, sizes)
+        if on is not None and vertex in solid.polyhedron.faces[face]:
+            axis = frame_along(solid.polyhedron.vertices[vertex])
+            tip = placed(cylinder(on.cut_mm, 0.0, _ALONG_AXIS_MM), np.linalg.inv(target.target_from_face[face]) @ axis)
+            assert tile.ink is not None  # noqa: S101 - tiles have borders
+            tile = Part(mesh_of(solid_of(tile.body) - tip), mesh_of(solid_of(tile.ink) - tip))
+        yield tile
+
+
+def plates_of(assembly: Assembly, printing: PrintSpec) -> tuple[Plate, ...]:
+    """All plates: tiles in two filaments first, then core and post in one.
+
+    Raises:
+        InputError: a tile or a piece of the core is larger than the bed.
+    """
+    groups = [*_tile_pieces(assembly, printing), *_core_pieces(assembly, printing)]
+    return tuple(Plate(f"plate-{number}", group) for number, group in enumerate(groups, start=1))
+
+
+def _tile_pieces(assembly: Assembly, printing: PrintSpec) -> Iterator[tuple[Piece, ...]]:
+    """Tiles by their numbers, side by side."""
+    sizes, scale = assembly.sizes, 1 + printing.shrink_compensation_percent / 100
+    is_down = sizes.ink_side == "down"
+    widest = sizes.outline_at(sizes.chamfer_mm if is_down else 0.0)
+    width, depth, _ = printing.printer.bed_mm
+    shares = nest(
+        len(widest), scale * float(-widest[:, 1].min()), len(assembly.tiles), (width, depth), tower=True,
+        edge_mm=assembly.solid.edge_mm,
+    )  # fmt: skip
+    tiles = enumerate(assembly.tiles)
+    for share in shares:
+        pieces = []
+        for place in share.bed_from_tile:
+            number, tile = next(tiles)
+            motion = np.eye(4)
+            motion[:2, :2], motion[:2, 3] = place[:2, :2], place[:2, 2]
+            if is_down:
+                motion = motion @ _FACE_DOWN
+            else:
+                motion[2, 3] = scale * sizes.thickness_mm
+            pieces.append(Piece(f"tile {number}", _as_printed(tile, motion[:3, :3], printing), motion))
+        yield tuple(pieces)
+
+
+def _core_pieces(assembly: Assembly, printing: PrintSpec) -> Iterator[tuple[Piece, ...]]:
+    """The core's parts and the post as they are printed, in rows."""
+    parts = [(part.name, part.solid, frame_along(part.up)[:3, :3].T) for part in assembly.core]
+    post = assembly.post
+    if assembly.mounted is not None and post is not None:
+        axis = assembly.target_from_post[:3, 2]
+        up = -axis if assembly.mounted.mount.up_is_in else axis
+        parts.append(("post", post, frame_along(up)[:3, :3].T))
+    pieces = []
+    for name, solid, axes in parts:
+        part = _as_printed(Part(mesh_of(solid), None), axes, printing)
+        motion = np.eye(4)
+        motion[:3, :3] = axes
+        pieces.append(Piece(name, part, motion))
+    yield from _in_rows(pieces, printing, assembly.solid.edge_mm)
+
+
+def _as_printed(part: Part, axes: Array, printing: PrintSpec) -> Part:
+    """A part with shrinkage compensation, and sheared against the printer's skew as it lies."""
+    scale = 1 + printing.shrink_compensation_percent / 100
+    return part.placed(lambda points: against_skew_along(axes, printing, scale * points))
+
+
+def _in_rows(pieces: list[Piece], printing: PrintSpec, edge_mm: float) -> Iterator[tuple[Piece, ...]]:
+    """Pieces in rows from the left front, on as many beds as they take; all on one are centred together."""
+    bed = np.array(printing.printer.bed_mm)
+    room = bed - [2 * BED_RIM_MM, 2 * BED_RIM_MM, 0.0]
+    row: list[Piece] = []
+    at, deepest = np.zeros(2), 0.0
+    for piece in pieces:
+        turned = piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T
+        low, size = turned.min(axis=0), np.ptp(turned, axis=0)
+        if (size > room).any():
+            edge = int(0.95 * edge_mm * float((room / size).min()))  # a mount that falls away leaves it higher
+            shown = " x ".join(f"{length:.0f}" for length in size)
+            raise InputError(
+                f"the core's {piece.name} needs {shown}mm, the bed of {printing.printer.name} has "
+                f"{' x '.join(f'{length:g}' for length in bed)}mm; use an edge of at most {edge}mm, or a larger printer"
+            )
+        if at[0] + size[0] > room[0]:
+            at = np.array([0.0, at[1] + deepest + APART_MM])
+            deepest = 0.0
+        if at[1] + size[1] > room[1]:
+            yield _centred(row, bed)
+            row, at, deepest = [], np.zeros(2), 0.0
+        motion = piece.bed_from_part.copy()
+        motion[:3, 3] = [at[0] - low[0], at[1] - low[1], -low[2]]
+        row.append(replace(piece, bed_from_part=motion))
+        at = at + np.array([size[0] + APART_MM, 0.0])
+        deepest = max(deepest, float(size[1]))
+    yield _centred(row, bed)
+
+
+def _centred(pieces: list[Piece], bed_mm: Array) -> tuple[Piece, ...]:
+    """Pieces moved together to the middle of the bed."""
+    corners = np.concatenate(
+        [piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T + piece.bed_from_part[:3, 3] for piece in pieces]
+    )
+    step = np.zeros((4, 4))
+    step[:2, 3] = bed_mm[:2] / 2 - (corners.max(axis=0) + corners.min(axis=0))[:2] / 2
+    return tuple(replace(piece, bed_from_part=piece.bed_from_part + step) for piece in pieces)

@@ -1,0 +1,328 @@
+"""Solids in parts: tiles, core and post, held against each other by mesh booleans."""
+
+import itertools
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from manifold3d import JoinType, Manifold
+from numpy.typing import NDArray
+
+from designer.base.errors import InputError
+from designer.base.solid import Polyhedron
+from designer.base.units import skew_matrix
+from designer.kinds.sizing import size_job
+from designer.make.assembly import Assembly, assemble, plates_of
+from designer.make.booleans import cylinder, frame_along, placed, solid_of
+from designer.make.core import split_of
+from designer.make.mounts import MOUNTS, mounted, room_mm
+from designer.make.tile import key_places, pin
+from designer.produce import Design
+from designer.spec.kind import KINDS, kind_named
+from designer.spec.spec import InkSide
+from tests.support.designs import COARSE, asked_for
+
+SOLIDS = [name for name in KINDS if kind_named(name).spec.form == "solid"]
+NOTHING_MM3 = 1e-6
+CLEARANCE_MM = 0.15
+each_solid = pytest.mark.parametrize("kind", SOLIDS)
+
+
+@cache
+def design_of(kind: str, edge_mm: float = 100.0) -> Design:
+    """A design whose rings are coarse: fits do not ask for them."""
+    return Design(size_job(asked_for(kind, {"edge": edge_mm, "chord_error": COARSE})).job)
+
+
+@cache
+def assembly_of(kind: str, edge_mm: float = 100.0, ink_side: InkSide = "down") -> Assembly:
+    """Its parts."""
+    design = design_of(kind, edge_mm)
+    solid = design.job.target.solid
+    assert solid is not None
+    return assemble(design.target, solid, replace(design.job.printing, inlay_mm=0.6, ink_side=ink_side))
+
+
+def in_place(assembly: Assembly, face: int, out_mm: float = 0.0) -> Manifold:
+    """A tile's body where it belongs, or so far out along its normal."""
+    out = np.eye(4)
+    out[2, 3] = out_mm
+    return placed(solid_of(assembly.tiles[face].body), assembly.target_from_tile[face] @ out)
+
+
+def beside(assembly: Assembly, face: int) -> list[int]:
+    """Faces that share a corner or more."""
+    corners = assembly.solid.polyhedron.faces
+    return [other for other in range(len(corners)) if other != face and set(corners[other]) & set(corners[face])]
+
+
+@each_solid
+@pytest.mark.parametrize("ink_side", ["down", "up"])
+def test_tiles_are_closed_and_hold_the_ink_that_one_piece_has(kind: str, ink_side: InkSide) -> None:
+    """Body and ink share no volume, together they are one closed solid, and rings keep their area."""
+    assembly = assembly_of(kind, ink_side=ink_side)
+    for tile in (assembly.tiles[0], assembly.tiles[-1]):  # one whole, one at the mount
+        assert tile.ink is not None
+        body, ink = solid_of(tile.body), solid_of(tile.ink)
+        assert (body ^ ink).volume() < NOTHING_MM3
+        # Where booleans cut both, a sheet without volume may stay between them.
+        assert sum(abs(piece.volume()) > NOTHING_MM3 for piece in (body + ink).decompose()) == 1
+        assert (body + ink).volume() == pytest.approx(body.volume() + ink.volume(), rel=1e-9)
+    design = design_of(kind)
+    mine = design.target.ring_face == 0
+    disc = np.pi * (design.target.radius_outer_mm[mine] ** 2 - design.target.radius_inner_mm[mine] ** 2)
+    border = assembly.sizes.outline_at(0.6)
+    assert design.target.ring_count
+    section = solid_of(assembly.tiles[0].ink or assembly.tiles[0].body).slice(-0.6 + 1e-6).area()
+    window = float(_area(border) - _area(design.target.window_mm[0]))
+    assert section == pytest.approx(disc.sum() + window, rel=5e-3)
+
+
+def _area(outline: NDArray[np.float64]) -> float:
+    x, y = outline.T
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+@each_solid
+def test_neighbours_are_the_clearance_apart(kind: str) -> None:
+    """No two tiles overlap, and those that share an edge are as far apart as the printer needs."""
+    assembly = assembly_of(kind)
+    corners = assembly.solid.polyhedron.faces
+    for other in beside(assembly, 0):
+        gap = in_place(assembly, 0).min_gap(in_place(assembly, other), 1.0)
+        if len(set(corners[0]) & set(corners[other])) == 2:
+            assert gap == pytest.approx(CLEARANCE_MM, abs=1e-6)
+        else:
+            assert gap > CLEARANCE_MM
+
+
+@each_solid
+@pytest.mark.parametrize("edge_mm", [100.0, 45.0])
+def test_a_tile_fits_its_own_seat_only_and_in_one_orientation(kind: str, edge_mm: float) -> None:
+    """Pins of every tile against every seat in every turn: free in the own, in the way in all others."""
+    assembly = assembly_of(kind, edge_mm)
+    sizes, sides = assembly.sizes, assembly.solid.polyhedron.sides
+    codes = assembly.solid.polyhedron.face_code
+    spots = {
+        (tile, turn): [tuple(np.round(place, 6)) for place in key_places(sizes, code) @ _turned(turn / sides).T]
+        for (tile, code), turn in itertools.product(enumerate(codes), range(sides))
+    }
+    for seat, frame in enumerate(assembly.target_from_tile):
+        core = next(part for part in assembly.core if seat in part.seats)
+        local = placed(core.solid, np.linalg.inv(frame)).trim_by_plane((0.0, 0.0, 1.0), -sizes.seat_depth_mm - 4.0)
+        assert (solid_of(assembly.tiles[seat].body) ^ local).volume() < NOTHING_MM3
+        free = {
+            (x, y): (pin(sizes).translate((x, y, -sizes.thickness_mm)) ^ local).volume() < NOTHING_MM3
+            for x, y in sorted({place for places in spots.values() for place in places})
+        }
+        fitting = [key for key, places in spots.items() if all(free[place] for place in places)]
+        assert fitting == [(seat, 0)]
+
+
+def _turned(turns: float) -> NDArray[np.float64]:
+    cosine, sine = np.cos(2 * np.pi * turns), np.sin(2 * np.pi * turns)
+    return np.array([[cosine, -sine], [sine, cosine]])
+
+
+@each_solid
+def test_a_tile_rests_on_its_seat_and_nothing_else(kind: str) -> None:
+    """It touches the core in the plane of its back, at three pads (under a lid's tile: along the rim), nowhere else."""
+    assembly = assembly_of(kind)
+    sizes = assembly.sizes
+    for part in assembly.core:
+        for face in part.seats:
+            local = placed(part.solid, np.linalg.inv(assembly.target_from_tile[face]))
+            touching = local.slice(-sizes.thickness_mm - 1e-4)
+            if part.name == "lid":
+                assert local.bounding_box()[5] == pytest.approx(-sizes.seat_depth_mm)
+                continue
+            assert len(touching.decompose()) == 3
+            assert touching.area() == pytest.approx(3 * np.pi * sizes.pad_radius_mm**2, rel=0.01)
+            assert local.bounding_box()[5] == pytest.approx(-sizes.thickness_mm)
+    lidded = split_of(assembly.solid.polyhedron).lid_face
+    if lidded is not None:
+        rim = placed(assembly.core[0].solid, np.linalg.inv(assembly.target_from_tile[lidded]))
+        assert rim.bounding_box()[5] == pytest.approx(-sizes.thickness_mm)
+
+
+@each_solid
+def test_every_tile_can_be_put_in_last(kind: str) -> None:
+    """Along its normal it leaves and enters freely, all others and the core in place."""
+    assembly = assembly_of(kind)
+    core = [part.solid for part in assembly.core]
+    for face in range(len(assembly.tiles)):
+        around = [in_place(assembly, other) for other in beside(assembly, face)]
+        for out_mm in (0.0, 0.05, 1.0, 3.0, 8.0):
+            tile = in_place(assembly, face, out_mm)
+            assert all((tile ^ other).volume() < NOTHING_MM3 for other in (*around, *core))
+
+
+@each_solid
+@pytest.mark.parametrize("edge_mm", [100.0, 45.0])
+def test_core_and_post_fit_together(kind: str, edge_mm: float) -> None:
+    """No two of their pieces overlap, and tiles leave the post free."""
+    assembly = assembly_of(kind, edge_mm)
+    pieces = [part.solid for part in assembly.core] + ([] if assembly.post is None else [assembly.post])
+    for first, second in itertools.combinations(pieces, 2):
+        assert (first ^ second).volume() < NOTHING_MM3
+    assert all(len(piece.decompose()) == 1 for piece in pieces)
+    assert sorted(face for part in assembly.core for face in part.seats) == list(range(len(assembly.tiles)))
+    if assembly.post is not None:
+        for face in range(len(assembly.tiles)):
+            assert (in_place(assembly, face) ^ assembly.post).volume() < NOTHING_MM3
+
+
+@each_solid
+def test_the_upper_part_of_a_core_comes_off_with_its_tiles(kind: str) -> None:
+    """Lifted along the joint's normal, it and its tiles pass those of the lower part."""
+    assembly = assembly_of(kind)
+    upper = next(part for part in assembly.core if part.name in ("cap", "lid"))
+    low = [part for part in assembly.core if part.seats and part is not upper]
+    for lift_mm in (0.1, 2.0, 20.0):
+        lifted = [upper.solid, *(in_place(assembly, face) for face in upper.seats)]
+        for moved, part in itertools.product(lifted, low):
+            there = moved.translate(tuple(lift_mm * upper.up))
+            near = [in_place(assembly, face) for face in part.seats if lift_mm == 0.1 or face % 4 == 0]
+            assert all((there ^ other).volume() < NOTHING_MM3 for other in (part.solid, *near))
+
+
+@each_solid
+def test_a_tile_can_be_pushed_out_from_inside(kind: str) -> None:
+    """A stick passes through the hole behind each tile, along its normal, into the hollow or out of the open side."""
+    assembly = assembly_of(kind)
+    sizes = assembly.sizes
+    for part in assembly.core:
+        for face in part.seats:
+            local = placed(part.solid, np.linalg.inv(assembly.target_from_tile[face]))
+            stick = cylinder(0.8 * sizes.push_radius_mm, -assembly.solid.inradius_mm, 0.0)
+            assert (stick ^ local).volume() < NOTHING_MM3
+
+
+def unsupported(solid: Manifold, up: NDArray[np.float64], layer_mm: float = 0.2) -> tuple[float, int]:
+    """How wide the widest place is that hangs over more than 45 degrees, and how many islands begin in the air."""
+    turned = placed(solid, np.linalg.inv(frame_along(up)))
+    low, high = turned.bounding_box()[2], turned.bounding_box()[5]
+    below = turned.slice(low + layer_mm / 2)
+    widest, islands = 0.0, 0
+    for z in np.arange(low + 1.5 * layer_mm, high, layer_mm).tolist():
+        section = turned.slice(z)
+        islands += sum((piece ^ below).area() < 1e-6 for piece in section.decompose())
+        hanging = section - below.offset(1.02 * layer_mm, JoinType.Round, circular_segments=24)
+        while hanging.offset(-widest / 2 - 0.05, JoinType.Round).area() > 0:
+            widest += 0.1
+        below = section
+    return widest, islands
+
+
+@each_solid
+def test_a_core_prints_without_supports(kind: str) -> None:
+    """As it lies, no layer begins in the air, and what hangs over are bridges no wider than a key's hole."""
+    assembly = assembly_of(kind)
+    for part in assembly.core:
+        width, islands = unsupported(part.solid, part.up)
+        assert islands == 0
+        assert width < max(assembly.sizes.key_hole_mm, 2 * assembly.sizes.push_radius_mm)
+
+
+@pytest.mark.parametrize("name", MOUNTS)
+def test_a_post_prints_without_supports_and_loses_no_ring(name: str) -> None:
+    """Every mount on an icosahedron of edge 100 mm; its pit and the cut tips stay clear of all rings."""
+    design, assembly = design_of("ico"), assembly_of("ico")
+    on = mounted(name, design.target, assembly.solid, assembly.sizes)
+    assert on.cut_mm < room_mm(design.target, assembly.solid)
+    width, islands = unsupported(on.solid(), np.array([0.0, 0.0, -1.0 if on.mount.up_is_in else 1.0]))
+    assert islands == 0
+    assert width < 3.0
+    assert on.cut_mm == pytest.approx(on.mount.stem_mm / 2 + CLEARANCE_MM)
+
+
+@each_solid
+@pytest.mark.parametrize(("percent", "skew_deg"), [(0.0, 0.0), (0.4, 0.3)])
+def test_rings_of_the_assembled_solid_are_those_of_the_target(kind: str, percent: float, skew_deg: float) -> None:
+    """Centres on the plates, brought back by the plates' frames and the printer's shrinkage and skew: within 10 nm."""
+    design, made = design_of(kind), assembly_of(kind)
+    skew = (np.radians(skew_deg), 0.0, 0.0)
+    printing = replace(
+        design.job.printing, inlay_mm=0.6, shrink_compensation_percent=percent, skew_compensation_rad=skew
+    )
+    assembly = assemble(design.target, made.solid, printing)
+    target, found = design.target, np.full((design.target.ring_count, 3), np.nan)
+    for plate in plates_of(assembly, printing):
+        for piece in plate.pieces:
+            if piece.part.ink is not None:
+                face = int(piece.name.split()[1])
+                motion = piece.bed_from_part
+                from_bed = motion[:3, :3].T @ skew_matrix(skew) @ motion[:3, :3] / (1 + percent / 100)
+                points = piece.part.ink.vertices_mm @ from_bed.T
+                found[target.ring_face == face] = ring_centres(assembly, face, points, design)
+    assert np.abs(found - target.center_mm).max() < 1e-5
+
+
+def ring_centres(assembly: Assembly, face: int, ink_mm: NDArray[np.float64], design: Design) -> NDArray[np.float64]:
+    """Means of the ink's corners at each ring, which are regular polygons, in the target's frame.  # (N, 3)"""
+    target = design.target
+    mine = target.ring_face == face
+    frame = assembly.target_from_tile[face]
+    on_top = ink_mm[ink_mm[:, 2] > -1e-6]
+    expected = target.center_in_face_mm[mine, :2]
+    apart = np.linalg.norm(on_top[None, :, :2] - expected[:, None], axis=2)
+    near = apart < 1.05 * target.radius_outer_mm[mine, None]
+    centres = np.stack([on_top[row].mean(axis=0) for row in near])
+    centred: NDArray[np.float64] = centres @ frame[:3, :3].T + frame[:3, 3]
+    return centred
+
+
+def octahedron() -> Polyhedron:
+    """As `docs/extend.md` has it."""
+    return Polyhedron(
+        name="octahedron",
+        vertices=np.sqrt(0.5) * np.concatenate([np.eye(3), -np.eye(3)]),
+        faces=np.array([[0, 1, 2], [0, 5, 1], [0, 2, 4], [0, 4, 5], [3, 2, 1], [3, 1, 5], [3, 4, 2], [3, 5, 4]]),
+        inradius=np.sqrt(1 / 6), dihedral_rad=np.arccos(-1 / 3), face_code=(0, 19, 5, 13, 8, 16, 11, 3),
+        code_corner=(0, 1, 2, 0, 2, 1, 0, 1), net=(), net_angle_rad=0.0,
+    )  # fmt: skip
+
+
+def test_a_solid_of_ones_own_is_parted_where_it_cuts_no_face() -> None:
+    """An octahedron at its waist, an icosahedron below its top corner; a cube has no such plane and gets a lid."""
+    assert split_of(octahedron()).lid_face is None
+    assert split_of(octahedron()).height == pytest.approx(0.0)
+    ico, cube = assembly_of("ico").solid.polyhedron, assembly_of("cube").solid.polyhedron
+    heights = ico.vertices @ split_of(ico).up
+    assert int((heights > split_of(ico).height + 1e-6).sum()) == 1
+    assert split_of(cube).lid_face is not None
+
+
+@pytest.mark.parametrize(
+    ("edge_mm", "bed_mm", "says"),
+    [(100.0, (90.0, 90.0, 90.0), "use an edge of at most"), (100.0, (180.0, 180.0, 100.0), "use an edge of at most")],
+)
+def test_a_bed_too_small_says_which_edge_fits(edge_mm: float, bed_mm: tuple[float, float, float], says: str) -> None:
+    """For a tile and for the core; and the edge that is named does fit."""
+    design = design_of("ico", edge_mm)
+    small_bed = replace(design.job.printing.printer, bed_mm=bed_mm)
+    with pytest.raises(InputError, match=says) as error:
+        plates_of(assembly_of("ico", edge_mm), replace(design.job.printing, printer=small_bed))
+    edge = float(str(error.value).split("at most ")[1].split("mm")[0])
+    plates_of(assembly_of("ico", edge), replace(design.job.printing, printer=small_bed))
+
+
+def test_pins_that_cannot_be_printed_are_refused() -> None:
+    """With the edge from which on they can."""
+    with pytest.raises(InputError, match="use an edge of at least") as error:
+        assembly_of("ico", 20.0)
+    edge = float(str(error.value).split("at least ")[1].split("mm")[0])
+    assert assembly_of("ico", edge).sizes.key_mm >= 0.9
+    with pytest.raises(InputError, match="of at least"):
+        assembly_of("ico", 0.9 * edge)
+
+
+def test_a_mount_that_does_not_fit_names_an_edge_that_does() -> None:
+    """The edge that the message names has room."""
+    design = design_of("ico", 60.0)
+    with pytest.raises(InputError, match="mount 1/4-20: needs") as error:
+        mounted("1/4-20", design.target, assembly_of("ico", 60.0).solid, assembly_of("ico", 60.0).sizes)
+    edge = float(str(error.value).split("edge of about ")[1].split("mm")[0])
+    larger = assembly_of("ico", edge)
+    mounted("1/4-20", design_of("ico", edge).target, larger.solid, larger.sizes)
