@@ -151,9 +151,9 @@ def test_every_tile_can_be_put_in_last(kind: str) -> None:
     """Along its normal it leaves and enters freely, all others and the core in place."""
     assembly = assembly_of(kind)
     core = [part.solid for part in assembly.core]
-    for face in range(len(assembly.tiles)):
+    for face in range(0, len(assembly.tiles), 5 if len(assembly.tiles) > 6 else 1):  # of caps and bands one each
         around = [in_place(assembly, other) for other in beside(assembly, face)]
-        for out_mm in (0.0, 0.05, 1.0, 3.0, 8.0):
+        for out_mm in (0.0, 0.05, 2.0, 8.0):
             tile = in_place(assembly, face, out_mm)
             assert all((tile ^ other).volume() < NOTHING_MM3 for other in (*around, *core))
 
@@ -296,7 +296,7 @@ def test_a_solid_of_ones_own_is_parted_where_it_cuts_no_face() -> None:
 
 @pytest.mark.parametrize(
     ("edge_mm", "bed_mm", "says"),
-    [(100.0, (90.0, 90.0, 90.0), "use an edge of at most"), (100.0, (180.0, 180.0, 100.0), "use an edge of at most")],
+    [(60.0, (55.0, 55.0, 90.0), "use an edge of at most"), (60.0, (110.0, 110.0, 60.0), "use an edge of at most")],
 )
 def test_a_bed_too_small_says_which_edge_fits(edge_mm: float, bed_mm: tuple[float, float, float], says: str) -> None:
     """For a tile and for the core; and the edge that is named does fit."""
