@@ -66,6 +66,7 @@ class FaceRecord:
     rings_expected: int  # features of the face
     missing: tuple[tuple[str, int], ...]  # reason, how many; sums to expected - found for a named face
     remark: str = ""
+    carries: int | None = None  # the face whose code it shows, against its neighbours; itself: it lies turned
 
     @property
     def measurable(self) -> int:

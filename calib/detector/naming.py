@@ -139,6 +139,23 @@ class NamedGrid:
     margin: int
 
 
+@dataclass(frozen=True)
+class StrangeCode:
+    """A face, by its neighbours, that shows another's code beyond doubt, or its own turned."""
+
+    face: int
+    carries: int
+
+
+@dataclass(frozen=True, eq=False)
+class NamedFaces:
+    """The grids that have a name beyond doubt, and faces that carry a code which is not theirs."""
+
+    named: tuple[NamedGrid, ...]
+    strange: tuple[StrangeCode, ...]
+    score: int  # in all
+
+
 @dataclass(frozen=True, eq=False)
 class _Option:
     """One way a grid may lie on any face, with the score of every face's code."""
@@ -160,17 +177,17 @@ class _Placed:
 
 def name_faces(
     plan: TargetPlan, candidates: Candidates, grids: tuple[Grid, ...], image: NDArray[np.generic], contrast: float
-) -> tuple[tuple[NamedGrid, ...], bool]:
+) -> tuple[NamedFaces, bool]:
     """Names of the grids that have one beyond doubt, and whether the image is a mirror image."""
     grids = tuple(part for grid in grids for part in _on_one_face(plan, candidates, grid))
     readers = [GridReader(image, candidates, grid, plan, contrast) for grid in grids]
-    named, score = _name(plan, candidates, grids, readers, plan.lattice.turns)
-    if len(named) == sum(len(grid.row) >= MIN_GRID for grid in grids):
-        return named, False
-    mirrored, mirrored_score = _name(plan, candidates, grids, readers, plan.lattice.mirrors)
-    if len(mirrored) > 1 and mirrored_score >= score + MIN_MARGIN:
-        return (), True
-    return named, False
+    found = _name(plan, candidates, grids, readers, plan.lattice.turns)
+    if len(found.named) == sum(len(grid.row) >= MIN_GRID for grid in grids):
+        return found, False
+    mirrored = _name(plan, candidates, grids, readers, plan.lattice.mirrors)
+    if len(mirrored.named) > 1 and mirrored.score >= found.score + MIN_MARGIN:
+        return NamedFaces((), (), 0), True
+    return found, False
 
 
 def _on_one_face(plan: TargetPlan, candidates: Candidates, grid: Grid) -> tuple[Grid, ...]:
@@ -183,8 +200,8 @@ def _on_one_face(plan: TargetPlan, candidates: Candidates, grid: Grid) -> tuple[
 
 def _name(
     plan: TargetPlan, candidates: Candidates, grids: tuple[Grid, ...], readers: list[GridReader], turns: Integers
-) -> tuple[tuple[NamedGrid, ...], int]:
-    """The best names with the given turns of the lattice, and their total score."""
+) -> NamedFaces:
+    """The best names with the given turns of the lattice."""
     placed = [
         item
         for grid, reader in zip(grids, readers, strict=True)
@@ -192,6 +209,7 @@ def _name(
     ]
     placed = _number_corners(placed)
     named: list[NamedGrid] = []
+    strange: list[StrangeCode] = []
     total = 0
     for group in _groups(placed):
         scores, names = _poses(plan, [placed[k] for k in group])
@@ -208,8 +226,20 @@ def _name(
             if face != UNNAMED and option.score[face] >= 0:
                 marks = tuple(int(mark) for mark in option.marks)
                 named.append(NamedGrid(placed[group[k]].grid, face, option.alignment, marks, margin))
+            if face != UNNAMED and (carries := _other_code(placed[group[k]], face, number)) is not None:
+                strange.append(StrangeCode(face, carries))
     faces = [item.face for item in named]
-    return tuple(item for item in named if faces.count(item.face) == 1), total
+    sure = tuple(item for item in named if faces.count(item.face) == 1)
+    return NamedFaces(sure, tuple(strange), total)
+
+
+def _other_code(item: _Placed, face: int, number: int) -> int | None:
+    """The face whose code a grid shows beyond doubt, if that is not what its neighbours say; itself: it lies turned."""
+    score = np.array([option.score for option in item.options])
+    first, second = np.sort(score.ravel())[[-1, -2]]
+    if first < MIN_MARGIN or first - second < MIN_MARGIN or score[number, face] == first:
+        return None
+    return int(score.max(axis=0).argmax())
 
 
 def _place(plan: TargetPlan, candidates: Candidates, grid: Grid, reader: GridReader, turns: Integers) -> _Placed | None:

@@ -15,7 +15,7 @@ from calib.detector.grid import Grid, grow_grids
 from calib.detector.lens import CameraLens, Lens, estimate_lens, misfit_px
 from calib.detector.marks import DOT, RING
 from calib.detector.measure import Measured, measure
-from calib.detector.naming import BoardName, NamedGrid, name_board, name_faces
+from calib.detector.naming import BoardName, NamedGrid, StrangeCode, name_board, name_faces
 from calib.detector.place import Naming, Placement, complete, predict, without_strangers
 from calib.detector.plan import TargetPlan, plan_for
 from calib.detector.verify import gather, proportion_remark, refusal
@@ -34,12 +34,13 @@ MIRRORED = "mirrored: the image shows the target in a mirror, or was flipped; fl
 
 
 def face_records(
-    plan: TargetPlan, named: tuple[NamedGrid, ...], placement: Placement, measured: Measured
+    plan: TargetPlan, found: "NamedRings", placement: Placement, measured: Measured
 ) -> tuple[FaceRecord, ...]:
     """A record for each face that shows, in the order of the faces."""
-    read = {item.face: item for item in named}
+    read = {item.face: item for item in found.named}
+    carried = {one.face: one.carries for one in found.strange}
     face_of = plan.target.ring_face
-    found = Counter(face_of[measured.ring].tolist())
+    rings = Counter(face_of[measured.ring].tolist())
     records = []
     for face in placement.seen().tolist():
         missing = Counter(reason for row, reason in measured.missing if face_of[row] == face)
@@ -49,10 +50,11 @@ def face_records(
                 face=face,
                 code_read=() if item is None else tuple(_WORDS.get(mark, "unreadable") for mark in item.marks),
                 margin=0 if item is None else item.margin,
-                rings_found=found.get(face, 0),
+                rings_found=rings.get(face, 0),
                 rings_expected=int(np.count_nonzero(face_of == face)),
                 missing=tuple(sorted(missing.items())),
-                remark=_remark(item, found.get(face, 0)),
+                remark=_remark(item, rings.get(face, 0)),
+                carries=carried.get(face),
             )
         )
     return tuple(records)
@@ -74,6 +76,7 @@ class NamedRings:
     named: tuple[NamedGrid, ...]
     remarks: tuple[str, ...]
     is_mirrored: bool = False
+    strange: tuple[StrangeCode, ...] = ()
     placed: tuple[Naming, Placement] | None = None  # completed by a lens guessed from the grids; None: not asked for
 
     @property
@@ -247,10 +250,11 @@ def _name(pixels: NDArray[np.generic], plan: TargetPlan, candidates: Candidates)
     if not grids:
         return NamedRings(candidates, (), (), ("no grid of rings was found",))
     if plan.is_coded:
-        named, mirrored = name_faces(plan, candidates, grids, pixels, contrast)
+        faces, mirrored = name_faces(plan, candidates, grids, pixels, contrast)
         if mirrored:
             return NamedRings(candidates, grids, (), (MIRRORED,), is_mirrored=True)
-        return NamedRings(candidates, grids, named, () if named else ("no face code could be read beyond doubt",))
+        remarks = () if faces.named else ("no face code could be read beyond doubt",)
+        return NamedRings(candidates, grids, faces.named, remarks, strange=faces.strange)
     board: BoardName = name_board(plan, candidates, grids, pixels, contrast)
     remarks = (MIRRORED,) if board.is_mirrored else (board.remark,) if board.remark else ()
     return NamedRings(candidates, grids, (board.named,) if board.named else (), remarks, board.is_mirrored)
@@ -313,7 +317,7 @@ def _result(
         center_px=measured.center_px[order],
         cov_px2=measured.cov_px2[order],
         ellipse_px=_ellipses(measured.center_px[order], measured.shape[order]),
-        faces=face_records(plan, found.named, placement, measured),
+        faces=face_records(plan, found, placement, measured),
         remarks=remarks,
         rejected_px=found.candidates.ellipse[rejected, :2],
     )

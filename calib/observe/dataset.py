@@ -130,9 +130,9 @@ def _storable(one: Detections) -> Detections:
 
 
 def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) -> tuple[Detections, ...]:
-    """Read `detections.csv` for a target with the same layout: each photo's, without contours and faces.
+    """Read `detections.csv` for a target with the same layout: each photo's, without contours.
 
-    X, Y, Z come from the target, not from this file; what is remarked of a photo, from the records beside it.
+    X, Y, Z come from the target, not from this file; faces and what is remarked of a photo, from the records beside it.
 
     Raises:
         InputError: not a detections file, of another version or layout, or a line that breaks a rule; it names the
@@ -157,25 +157,26 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
         table.reals(name)
     order = table.sorted_once(view, ring, "the same ring of the same image a second time; keep one")
     start = np.searchsorted(view[order], np.arange(len(header.sizes) + 1))
-    remarks = _remarks_beside(path, header)
+    record = _records_beside(path, header)
     return tuple(
         Detections(
             name, size, header.layout_id, header.geometry_id, ring[rows], target.center_mm[ring[rows]],
-            center[rows], cov[rows], np.full((len(rows), 5), np.nan), (), remarks.get(name, ()),
+            center[rows], cov[rows], np.full((len(rows), 5), np.nan),
+            record[name].faces if name in record else (), record[name].remarks if name in record else (),
         )
         for (name, size), rows in zip(header.sizes.items(), (order[a:b] for a, b in pairwise(start)), strict=True)
     )  # fmt: skip
 
 
-def _remarks_beside(path: Path, header: _Header) -> dict[str, tuple[str, ...]]:
-    """What the records beside a table remark of each photo; nothing if there are none, or they are of another one."""
+def _records_beside(path: Path, header: _Header) -> dict[str, ImageRecord]:
+    """What the records beside a table tell of each photo; nothing if there are none, or they are of another one."""
     try:
         records = read_records(records_path(path))
     except InputError:
         return {}
     if (records.layout_id, records.geometry_id) != (header.layout_id, header.geometry_id):
         return {}
-    return {image.image: image.remarks for image in records.images}
+    return {image.image: image for image in records.images}
 
 
 def _checked_rings(table: CsvTable, target: TargetGeometry) -> NDArray[np.int64]:

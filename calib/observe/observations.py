@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from calib.core.linear_algebra import solve_square
 from calib.core.types import SUREST, Detections, KnownPoints, Observations, keep_views, with_sound_covariances
 from calib.observe.mirrored import mirrored_views
+from calib.observe.misplaced import misplaced_pieces
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
@@ -73,11 +74,12 @@ def _said_of_many(seen: Sequence[Detections]) -> tuple[str, ...]:
     """What is to be known of a good part of the photos that show the target, as that it may be another one."""
     shown = [one for one in seen if len(one.ring)]
     count = Counter(remark for one in shown for remark in dict.fromkeys(one.remarks))
-    return tuple(
+    many = (
         f"{times} of {len(shown)} photos: {remark}"
         for remark, times in count.items()
         if times >= max(2, MANY * len(shown))
     )
+    return (*misplaced_pieces(shown), *many)
 
 
 def observations_for_poses(seen: Sequence[Detections], target: TargetGeometry) -> Observations | None:

@@ -13,7 +13,7 @@ from designer.base.words import several, shown, suggestion
 from designer.kinds.presets import preset_or_file
 from designer.kinds.spec_file import RawValue, read_spec_file
 from designer.tolerance.amount_text import parse_amount, parse_expansion
-from designer.tolerance.model import ErrorModel, Piece
+from designer.tolerance.model import ErrorModel, PieceWords
 from designer.tolerance.source import Amount
 from designer.tolerance.sources import SOURCES, source_named
 
@@ -96,7 +96,7 @@ def _read(path: Path) -> ErrorModel:
             expansion_per_kelvin=_positive("expansion", file.expansion, parse_expansion),
             layer_height_mm=_positive("layer_height", file.layer_height, parse_length_mm),
             material=file.material,
-            piece=None if file.piece is None else Piece(**file.piece.model_dump()),
+            piece=None if file.piece is None else PieceWords(**file.piece.model_dump()),
             notes=tuple((name, entry.source) for name, entry in entries.items() if entry is not None),
         )
     except InputError as error:

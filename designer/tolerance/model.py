@@ -19,7 +19,7 @@ Values = Mapping[str, Array]
 
 
 @dataclass(frozen=True)
-class Piece:
+class PieceWords:
     """What a face is where faces are put on one by one, and what to do with one that sits badly."""
 
     name: str  # "tile"
@@ -42,7 +42,7 @@ class ErrorModel:
     expansion_per_kelvin: float = 0.0
     layer_height_mm: float = 0.0
     material: str = ""
-    piece: Piece | None = None  # what a face is, where faces are put on one by one
+    piece: PieceWords | None = None  # what a face is, where faces are put on one by one
     notes: tuple[tuple[str, str], ...] = ()  # where each number comes from, by source name, "expansion", "layer_height"
 
     def __post_init__(self) -> None:

@@ -1,6 +1,7 @@
 """Targets to be perturbed, and an error model with every source in it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -92,3 +93,20 @@ def drawn(target: TargetGeometry, seed: int, *names: str) -> Values:
 def made_with(errors: ErrorModel, target: TargetGeometry) -> Made:
     """A way of making by its errors."""
     return Made(errors.name, "", shape_prior(target, errors))
+
+
+def with_piece(shown: TargetGeometry, drawing: TargetGeometry, place: int, piece: int, thirds: int) -> TargetGeometry:
+    """A solid of triangles with the pattern of one face of a drawing in the place of another, turned by thirds."""
+    angle = 2 * np.pi * thirds / 3
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    (there,), (drawn,) = np.nonzero(drawing.ring_face == place), np.nonzero(drawing.ring_face == piece)
+    moved = drawing.center_in_face_mm[drawn, :2] @ turn.T
+    nearest = np.linalg.norm(drawing.center_in_face_mm[there, None, :2] - moved, axis=2).argmin(axis=1)
+    outer, inner, is_dot = (np.array(one) for one in (shown.radius_outer_mm, shown.radius_inner_mm, shown.is_dot))
+    for values, source in (
+        (outer, drawing.radius_outer_mm),
+        (inner, drawing.radius_inner_mm),
+        (is_dot, drawing.is_dot),
+    ):
+        values[there] = source[drawn[nearest]]
+    return replace(shown, source="perturbed", radius_outer_mm=outer, radius_inner_mm=inner, is_dot=is_dot)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from calib.core.number_text import figure as digits
 from calib.core.types import NOT_MEASURABLE, UNMEASURABLE_WORDS
+from calib.observe.misplaced import misplaced_pieces
 from calib.observe.photos import PhotoResult, Search
 from calib.observe.records import ImageRecord, common_remarks, median_sigma_px
 from calib.show.parts.folder_blocks import number, some_of, whole
@@ -66,6 +67,7 @@ def told_detected(
         lead=_sigma_words(search),
         notes=(
             *(Finding("note", "All photos", shortened(remark)) for remark in common),
+            *(Finding("usable", "Pieces", capital(line)) for line in misplaced_pieces(search.detections)),
             *(Finding("usable", "Not searched", line) for line in some_of(search.failures)),
             *((Finding("note", "Left out", f"{search.overlays_left_out} overlays of an earlier run"),)
               if search.overlays_left_out else ()),

@@ -15,6 +15,7 @@ from calib.detector.plan import plan_for
 from calib.renderer import RenderOptions, View
 from designer.target import TargetGeometry
 from tests.benchmarks.synthetic import readable_faces
+from tests.support.perturbed_targets import with_piece
 from tests.support.ring_views import USUAL, board, ico, misplaced, view_of
 
 Array = NDArray[np.float64]
@@ -264,3 +265,23 @@ def test_plan_names_corners_and_marks_of_the_solid() -> None:
 
 
 ROW_ARRAYS = ("ring_face", "ring_index", "center_mm", "radius_outer_mm", "radius_inner_mm", "is_dot")
+
+
+@pytest.mark.parametrize(("pieces", "carries"), [
+    ({7: (12, 0), 12: (7, 0)}, {7: 12, 12: 7}), ({3: (3, 1)}, {3: 3}), ({7: (12, 2)}, {7: 12})
+])  # fmt: skip
+def test_pieces_in_wrong_places_are_told_and_named_by_their_neighbours(
+    pieces: dict[int, tuple[int, int]], carries: dict[int, int]
+) -> None:
+    """Swapped, turned or twice there: told by the code in some views, and of no other face; all rings lie right."""
+    shown = ico()
+    for place, (piece, thirds) in pieces.items():
+        shown = with_piece(shown, ico(), place, piece, thirds)
+    told = set()
+    for seed in range(6):
+        view = view_of(shown, seed)
+        found = detect(view.image, ico(), name="view")
+        assert (misplaced(found, view) < 2).all()
+        told |= {(record.face, record.carries) for record in found.faces if record.carries is not None}
+    assert told
+    assert told <= set(carries.items())
