@@ -84,6 +84,7 @@ class Machine:
     flow_mm3_s: Flow = 12.0  # the most that the nozzle melts
     jerk_mm_s: Speed = 9.0  # by how much the speed may jump at a corner
     retraction_s: Seconds = 0.1  # to pull filament back before a travel and to push it on again
+    least_layer_s: Seconds = 5.0  # a layer that takes less is printed slower, to cool
     start_s: Seconds = 300.0  # heating, homing and levelling, before the first layer
     clearance_mm: Annotated[float, AtLeast(0), AtMost(2)] = 0.15  # between printed parts that are put into each other
 

@@ -127,3 +127,73 @@ def slice_3mf(command: str, package: Path, settings: Mapping[str, str], center_m
     center = f"{center_mm[0]:g},{center_mm[1]:g}"
     run_slicer(command, "--load", str(ini), "--export-gcode", "--center", center, "-o", str(gcode), str(package))
     return read_gcode(gcode.read_text())
+
+
+def machine_settings(printer: PrinterProfile) -> Mapping[str, str]:
+    """A printer's profile as PrusaSlicer 2.5 takes it, with a wipe tower for two filaments.
+
+    What that version has no setting for: one acceleration for walls and one for infill (here those of outer walls and
+    of infill), and the tower's speed. Ramming and cooling moves are left out, since the profile's time of a change
+    holds them.
+    """
+    machine = printer.machine
+    speeds, rates, change, shells = machine.speeds, machine.accelerations, machine.change, machine.shells
+    bed_x, bed_y, _ = printer.bed_mm
+    limits = {"x": (1000, 1), "y": (1000, 1), "z": (30, 1), "e": (120, 0)}
+    return {
+        **slicer_settings(printer),
+        "single_extruder_multi_material": str(int(not change.is_tool_changer)),
+        "perimeters": str(shells.walls),
+        "bottom_solid_layers": str(shells.bottom_layers),
+        "top_solid_layers": str(shells.top_layers),
+        "fill_density": f"{100 * shells.infill:g}%",
+        "fill_pattern": "grid",
+        "external_perimeter_speed": f"{speeds.outer_wall_mm_s:g}",
+        "small_perimeter_speed": f"{speeds.outer_wall_mm_s:g}",
+        "perimeter_speed": f"{speeds.inner_wall_mm_s:g}",
+        "infill_speed": f"{speeds.infill_mm_s:g}",
+        "solid_infill_speed": f"{speeds.solid_infill_mm_s:g}",
+        "gap_fill_speed": f"{speeds.solid_infill_mm_s:g}",
+        "top_solid_infill_speed": f"{speeds.top_mm_s:g}",
+        "first_layer_speed": f"{speeds.first_layer_mm_s:g}",
+        "travel_speed": f"{speeds.travel_mm_s:g}",
+        "perimeter_acceleration": f"{rates.outer_wall_mm_s2:g}",
+        "infill_acceleration": f"{rates.infill_mm_s2:g}",
+        "bridge_acceleration": f"{rates.infill_mm_s2:g}",
+        "first_layer_acceleration": f"{rates.first_layer_mm_s2:g}",
+        "default_acceleration": f"{rates.infill_mm_s2:g}",
+        "machine_limits_usage": "time_estimate_only",
+        "gcode_flavor": "marlin2",
+        "machine_max_acceleration_extruding": "50000",
+        "machine_max_acceleration_retracting": "5000",
+        "machine_max_acceleration_travel": f"{rates.travel_mm_s2:g}",
+        **{f"machine_max_acceleration_{axis}": "50000" for axis in "xy"},
+        "machine_max_acceleration_z": "500",
+        "machine_max_acceleration_e": "5000",
+        **{f"machine_max_feedrate_{axis}": str(speed) for axis, (speed, _) in limits.items()},
+        **{f"machine_max_jerk_{axis}": f"{machine.jerk_mm_s:g}" for axis in "xy"},
+        "filament_max_volumetric_speed": f"{machine.flow_mm3_s:g},{machine.flow_mm3_s:g}",
+        "retract_length": "0.8,0.8",
+        "retract_speed": "40,40",
+        "retract_length_toolchange": "0,0",
+        "slowdown_below_layer_time": f"{machine.least_layer_s:g},{machine.least_layer_s:g}",
+        "min_print_speed": "10,10",
+        "filament_density": "1.24,1.24",
+        "wipe_tower": "1",
+        "wipe_tower_x": f"{bed_x - 70:g}",
+        "wipe_tower_y": f"{bed_y / 2:g}",
+        "wiping_volumes_matrix": f"0,{change.purge_to_ink_mm3:g},{change.purge_to_body_mm3:g},0",
+        "filament_load_time": f"{change.time_s:g},{change.time_s:g}",
+        "filament_unload_time": "0,0",
+        "filament_cooling_moves": "0,0",
+        "cooling_tube_retraction": "5",
+        "cooling_tube_length": "0",
+        "parking_pos_retraction": "5",
+        "extra_loading_move": "0",
+        **{f"filament_{name}": "100,100" for name in (
+            "loading_speed", "loading_speed_start", "unloading_speed", "unloading_speed_start",
+        )},
+        "filament_ramming_parameters": "120 100 6.6| 0.05 6.6 0.45 6.6",
+        "use_relative_e_distances": "1",
+        "layer_gcode": "G92 E0",
+    }
