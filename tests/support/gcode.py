@@ -148,6 +148,7 @@ def machine_settings(printer: PrinterProfile) -> Mapping[str, str]:
         "top_solid_layers": str(shells.top_layers),
         "fill_density": f"{100 * shells.infill:g}%",
         "fill_pattern": "grid",
+        "ensure_vertical_shell_thickness": "1",
         "external_perimeter_speed": f"{speeds.outer_wall_mm_s:g}",
         "small_perimeter_speed": f"{speeds.outer_wall_mm_s:g}",
         "perimeter_speed": f"{speeds.inner_wall_mm_s:g}",
@@ -194,6 +195,7 @@ def machine_settings(printer: PrinterProfile) -> Mapping[str, str]:
             "loading_speed", "loading_speed_start", "unloading_speed", "unloading_speed_start",
         )},
         "filament_ramming_parameters": "120 100 6.6| 0.05 6.6 0.45 6.6",
+        "single_extruder_multi_material_priming": "0",
         "use_relative_e_distances": "1",
         "layer_gcode": "G92 E0",
     }

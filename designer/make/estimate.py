@@ -1,0 +1,369 @@
+"""What a print takes before it is sliced: hours, filament of each slot, changes, purge, spools and money.
+
+    >>> designer.ico(edge_mm=100).estimate
+
+From the model's own geometry: each layer is cut out of the meshes and covered as slicers do it. Walls are offsets of its
+contours, the inside is filled sparsely where so many layers below and above reach over it, and solid elsewhere. Time is
+the sum over lines with the printer's speeds and accelerations (`designer.make.motion`), and over changes of filament.
+Of high parts some layers are taken for those around them; the volumes of body and ink are those of the meshes.
+
+What is not in it: brim, supports, and what a printer does beyond its profile. `tests/benchmarks/bench_estimate.py` holds
+it against PrusaSlicer.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from manifold3d import CrossSection, JoinType
+from numpy.typing import NDArray
+
+from designer.make.bed import mapped
+from designer.make.mesh import Part
+from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s, tour_mm
+from designer.make.plate import Piece, Plate
+from designer.make.section import SIMPLE_MM, Layered, Outline
+from designer.spec.machine import Accelerations, FilamentChange, Machine, Speeds
+from designer.spec.spec import PrinterProfile
+
+DENSITY_G_PER_CM3 = 1.24
+"""PLA, as the tables of filament makers and slicers have it."""
+DIAMETER_MM = 1.75
+SPOOL_G = 1000.0
+PRICE_PER_KG = 25.0
+"""Bambu Studio's profile of its maker's PLA says 24.99 a kg; shops ask from 15 to 35."""
+MOST_LAYERS = 64
+"""More are not cut, but stand for each other."""
+RETRACTED_MM = 2.0
+"""Shorter ways are gone without pulling the filament back (PrusaSlicer's and OrcaSlicer's default)."""
+_ALIKE = 0.01
+Body = 0
+Ink = 1
+
+
+@dataclass(frozen=True)
+class PlateEstimate:
+    """One print."""
+
+    name: str
+    layers: int
+    inked_layers: int
+    changes: int  # of the filament
+    printing_s: float  # the part's own lines and ways
+    changing_s: float  # with purge
+    start_s: float
+    body_mm3: float
+    ink_mm3: float
+    purge_mm3: float
+
+    @property
+    def time_s(self) -> float:
+        """From the button to the last line."""
+        return self.start_s + self.printing_s + self.changing_s
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """All plates of a design."""
+
+    plates: tuple[PlateEstimate, ...]
+    machine: Machine
+    price_per_kg: float
+
+    @property
+    def time_s(self) -> float:
+        """Of all plates, one after the other."""
+        return sum(plate.time_s for plate in self.plates)
+
+    @property
+    def changing_s(self) -> float:
+        """What of it goes into changes."""
+        return sum(plate.changing_s for plate in self.plates)
+
+    @property
+    def changes(self) -> int:
+        """Of the filament."""
+        return sum(plate.changes for plate in self.plates)
+
+    @property
+    def inked_layers(self) -> int:
+        """Layers that hold ink."""
+        return sum(plate.inked_layers for plate in self.plates)
+
+    @property
+    def body_g(self) -> float:
+        """In the print."""
+        return _grams(sum(plate.body_mm3 for plate in self.plates))
+
+    @property
+    def ink_g(self) -> float:
+        """In the print."""
+        return _grams(sum(plate.ink_mm3 for plate in self.plates))
+
+    @property
+    def purge_g(self) -> float:
+        """Of both, thrown away."""
+        return _grams(sum(plate.purge_mm3 for plate in self.plates))
+
+    @property
+    def total_g(self) -> float:
+        """All that comes off the spools."""
+        return self.body_g + self.ink_g + self.purge_g
+
+    @property
+    def spools(self) -> float:
+        """Of 1 kg."""
+        return self.total_g / SPOOL_G
+
+    @property
+    def price(self) -> float:
+        """In the currency of the price of a kilogram."""
+        return self.total_g / 1000 * self.price_per_kg
+
+
+def _grams(volume_mm3: float) -> float:
+    return volume_mm3 / 1000 * DENSITY_G_PER_CM3
+
+
+def estimate(plates: Sequence[Plate], printer: PrinterProfile, price_per_kg: float = PRICE_PER_KG) -> Estimate:
+    """What plates take on a printer: `estimate(design.plates, design.job.printing.printer).changes`."""
+    return Estimate(tuple(_plate_estimate(plate, printer) for plate in plates), printer.machine, price_per_kg)
+
+
+def change_count(has_body: NDArray[np.bool_], has_ink: NDArray[np.bool_]) -> int:
+    """Changes over layers: each begins with the filament that is loaded, if it has any of it.
+
+    Args:
+        has_body: by layer, from the bed up.  # (L,)
+        has_ink: the same.  # (L,)
+    """
+    loaded, changes = Body if len(has_body) and has_body[0] else Ink, 0
+    for layer in zip(has_body.tolist(), has_ink.tolist(), strict=True):
+        changes += sum(layer) == 2 or (any(layer) and not layer[loaded])
+        if sum(layer) == 2 or (any(layer) and not layer[loaded]):
+            loaded = 1 - loaded
+    return changes
+
+
+def _plate_estimate(plate: Plate, printer: PrinterProfile) -> PlateEstimate:
+    """The sum over its pieces, layer by layer."""
+    machine, change = printer.machine, printer.machine.change
+    alike: list[_CutPiece] = []
+    cut = [_cut_piece(piece, printer, alike) for piece in plate.pieces]
+    layers = max((one.layers for one in cut), default=0)
+    there = np.zeros((2, layers), dtype=bool)
+    for one in cut:
+        there[:, : one.layers] |= one.is_there
+    changes = change_count(*there)
+    purge_mm3, change_s = _change(change, changes)
+    times = np.zeros(layers)
+    for one in cut:
+        times[: one.layers] += one.time_s
+    changed = change_s / max(layers, 1) if changes >= layers - 1 else 0.0
+    printing = np.maximum(times, machine.least_layer_s - changed).sum()
+    return PlateEstimate(
+        plate.name, layers, int(there[Ink].sum()), changes, float(printing), change_s + changes * change.time_s,
+        machine.start_s, sum(one.body_mm3 for one in cut), sum(one.ink_mm3 for one in cut), purge_mm3,
+    )  # fmt: skip
+
+
+def _change(change: FilamentChange, count: int) -> tuple[float, float]:
+    """What is purged in so many changes, and how long that takes."""
+    to_ink = (count + 1) // 2
+    purge_mm3 = to_ink * change.purge_to_ink_mm3 + (count - to_ink) * change.purge_to_body_mm3
+    return purge_mm3, purge_mm3 / change.purge_flow_mm3_s
+
+
+@dataclass(frozen=True)
+class _CutPiece:
+    """What one piece takes."""
+
+    part: Part
+    is_there: NDArray[np.bool_]  # (2, L) of body and ink
+    time_s: NDArray[np.float64]  # (L,)
+    body_mm3: float
+    ink_mm3: float
+
+    @property
+    def layers(self) -> int:
+        return self.is_there.shape[1]
+
+
+def _cut_piece(piece: Piece, printer: PrinterProfile, known: list[_CutPiece]) -> _CutPiece:
+    """A piece that is as large as one before, such as a tile with other dots, takes as much."""
+    part = piece.part.placed(lambda points: mapped(points, piece.bed_from_part[:3, :3]) + piece.bed_from_part[:3, 3])
+    for one in known:
+        if _is_alike(part, one.part):
+            return one
+    known.append(_Slicing(part, printer).cut())
+    return known[-1]
+
+
+def _is_alike(part: Part, other: Part) -> bool:
+    if (part.ink is None) != (other.ink is None):
+        return False
+    pairs = [(part.body, other.body)] + ([(part.ink, other.ink)] if part.ink and other.ink else [])
+    return all(
+        math.isclose(a.volume_mm3, b.volume_mm3, rel_tol=_ALIKE)
+        and abs(float(np.ptp(a.vertices_mm[:, 2]) - np.ptp(b.vertices_mm[:, 2]))) < 1e-3
+        for a, b in pairs
+    )
+
+
+def _taken(count: int, closely: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The layers that are cut, and how many each stands for; the first and last ones all are.
+
+    Those between are at golden steps within equal shares, so that no rows of rings keep time with them.
+    """
+    if count <= MOST_LAYERS:
+        return np.arange(count), np.ones(count)
+    inner = count - 2 * closely
+    shares = MOST_LAYERS - 2 * closely
+    bounds = closely + np.arange(shares + 1) * inner // shares
+    golden = (np.arange(shares) * (math.sqrt(5) - 1) / 2) % 1
+    middle = bounds[:-1] + np.floor(golden * np.diff(bounds)).astype(np.int64)
+    ends = np.ones(closely)
+    return (
+        np.concatenate([np.arange(closely), middle, np.arange(count - closely, count)]),
+        np.concatenate([ends, np.diff(bounds).astype(np.float64), ends]),
+    )
+
+
+class _Slicing:
+    """One piece, cut and covered."""
+
+    def __init__(self, part: Part, printer: PrinterProfile) -> None:
+        self.machine, self.layer_mm, self.line_mm = printer.machine, printer.layer_height_mm, printer.line_width_mm
+        # Lines have round sides and overlap by them: the spacing of the slicers' flow mathematics.
+        self.spacing_mm = self.line_mm - self.layer_mm * (1 - math.pi / 4)
+        self.part = part
+        meshes = (part.body,) if part.ink is None else (part.body, part.ink)
+        self.layered = tuple(Layered(mesh, self.layer_mm) for mesh in meshes)
+        self.outline = Outline(meshes, self.layered, self.layer_mm)
+        self.outline_at = cache(self.outline.section)
+
+    def cut(self) -> _CutPiece:
+        """All layers."""
+        count, shells = self.outline.count, self.machine.shells
+        there = np.zeros((2, count), dtype=bool)
+        for row, one in enumerate(self.layered):
+            there[row, : len(one.is_there)] = one.is_there
+        layers, stands_for = _taken(count, max(shells.bottom_layers, shells.top_layers) + 2)
+        laid = [self._layer(layer) for layer in layers.tolist()]
+        areas = np.array([one.area_mm2 for one in laid]).reshape(-1, 2)
+        filled = np.array([one.filled_mm2 for one in laid]).reshape(-1, 2)
+        share = (stands_for @ filled) / np.maximum(stands_for @ areas, 1e-9)
+        volumes = [mesh.volume_mm3 for mesh in (self.part.body, self.part.ink) if mesh is not None]
+        body, ink = (*(v * s for v, s in zip(volumes, share, strict=False)), 0.0)[:2]
+        times = np.repeat([one.time_s for one in laid], stands_for.astype(np.int64))
+        return _CutPiece(self.part, there, times, float(body), float(ink))
+
+    def _layer(self, layer: int) -> "_Laid":
+        """One layer: body and ink."""
+        sections = [one.section(layer) for one in self.layered]
+        is_first = layer == 0
+        laid = [
+            self._area(section, layer if row == Body else None, is_first=is_first)
+            for row, section in enumerate(sections)
+        ]
+        laid += [(0.0, 0.0, 0.0)] * (2 - len(laid))
+        area, filled, time = zip(*laid, strict=True)
+        return _Laid(area, filled, sum(time))
+
+    def _area(self, section: CrossSection, layer: int | None, *, is_first: bool) -> tuple[float, float, float]:
+        """An area of one filament: its size, what of it is filled, and the time.
+
+        Args:
+            section: the area.
+            layer: where sparse infill may be inside; None: nowhere.
+            is_first: it lies on the bed.
+        """
+        area = section.area()
+        if area <= 0:
+            return 0.0, 0.0, 0.0
+        walls = self.machine.shells.walls
+        inside = section.offset(-self.line_mm - (walls - 1) * self.spacing_mm, JoinType.Miter) if walls else section
+        time, starts = self._walls(section, is_first)
+        solid = inside if layer is None else self._solid(inside, layer)
+        sparse = inside - solid if layer is not None else CrossSection()
+        top = solid - self.outline_at(layer + 1) if layer is not None else CrossSection()
+        for part, pace, spacing in (
+            (solid - top if not top.is_empty() else solid, self._pace("solid_infill", is_first), self.spacing_mm),
+            (top, self._pace("top", is_first), self.spacing_mm),
+            (sparse, self._pace("infill", is_first), self.spacing_mm / max(self.machine.shells.infill, 1e-3)),
+        ):
+            time += self._fill(part, pace, spacing)
+            starts += [contour[0] for contour in part.to_polygons()]
+        time += self._ways(starts)
+        return area, area - sparse.area() * (1 - self.machine.shells.infill), time
+
+    def _walls(self, section: CrossSection, is_first: bool) -> tuple[float, list[NDArray[np.float64]]]:
+        """Time of the walls, and where their outer ones begin.
+
+        A strip that is too narrow for a line on each side is drawn in one.
+        """
+        time, starts, left = 0.0, [], section
+        for number in range(self.machine.shells.walls):
+            left = left.offset(-self.spacing_mm if number else -self.line_mm / 2, JoinType.Miter).simplify(SIMPLE_MM)
+            loops = [np.asarray(loop) for loop in left.to_polygons()]
+            time += loops_time_s(loops, self._pace("inner_wall" if number else "outer_wall", is_first))
+            starts += [loop[0] for loop in loops] if number == 0 else []
+        return time, starts
+
+    def _solid(self, inside: CrossSection, layer: int) -> CrossSection:
+        """What of the inside is filled solid: some layer near it, below or above, does not reach over it.
+
+        Bands narrower than a line are left to the sparse infill, as slicers do.
+        """
+        shells = self.machine.shells
+        if inside.is_empty() or shells.infill >= 1:
+            return inside
+        near = [self.outline_at(layer + away) for away in (shells.top_layers, -shells.bottom_layers)]
+        if any(one.is_empty() for one in near):
+            return inside
+        outline = self.outline_at(layer)
+        short = [one for one in near if (outline - one).area() > _ALIKE]
+        if not short:
+            return CrossSection()
+        around = sum(float(np.hypot(*np.diff(loop, axis=0, append=loop[:1]).T).sum()) for loop in outline.to_polygons())
+        depth_mm = max(outline.area() - inside.area(), 0.0) / max(around, 1e-9)
+        covered, half = inside, self.spacing_mm / 2
+        for one in short:
+            covered = covered ^ one.offset(-depth_mm, JoinType.Miter)
+        return (inside - covered).offset(-half, JoinType.Miter).offset(half, JoinType.Miter) ^ inside
+
+    def _fill(self, area: CrossSection, pace: Pace, spacing_mm: float) -> float:
+        """Time of parallel lines with short ones between them, at 45 degrees."""
+        contours = [np.asarray(loop) for loop in area.to_polygons()]
+        chords = chords_mm(contours, spacing_mm, math.pi / 4)
+        corner = self.machine.jerk_mm_s / math.sqrt(2)  # both axes turn at once, by half of the jump each
+        turns = np.full(len(chords), min(spacing_mm, 10 * self.line_mm))
+        return lines_time_s(chords, pace, corner) + lines_time_s(turns, pace, corner)
+
+    def _ways(self, starts: list[NDArray[np.float64]]) -> float:
+        """Time between lines."""
+        if len(starts) < 2:
+            return 0.0
+        ways = tour_mm(np.array(starts))
+        pace = Pace(self.machine.speeds.travel_mm_s, self.machine.accelerations.travel_mm_s2, self.machine.jerk_mm_s)
+        return lines_time_s(ways, pace, pace.jerk_mm_s) + self.machine.retraction_s * int((ways > RETRACTED_MM).sum())
+
+    def _pace(self, kind: str, is_first: bool) -> Pace:
+        """Of a kind of line; never more than the nozzle melts."""
+        speeds, rates = self.machine.speeds, self.machine.accelerations
+        name = "first_layer" if is_first else kind
+        most = self.machine.flow_mm3_s / (self.spacing_mm * self.layer_mm)
+        return Pace(
+            min(getattr(speeds, f"{name}_mm_s"), most), getattr(rates, f"{name}_mm_s2"), self.machine.jerk_mm_s
+        )
+
+
+@dataclass(frozen=True)
+class _Laid:
+    """One layer of a piece."""
+
+    area_mm2: tuple[float, ...]  # of body and ink
+    filled_mm2: tuple[float, ...]
+    time_s: float

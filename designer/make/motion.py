@@ -1,0 +1,108 @@
+"""How long a nozzle takes along lines: trapezoids of speed, with a jump ("jerk") allowed at corners.
+
+A line of length l is begun at speed u and ended at w; at acceleration a it reaches at most p² = (u² + w²) / 2 + a l, and
+no more than the speed asked for. At a corner the speed is such that no axis jumps by more than the jerk (Marlin's rule,
+which the slicers' time estimates follow).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How a kind of line is drawn."""
+
+    speed_mm_s: float
+    acceleration_mm_s2: float
+    jerk_mm_s: float
+
+
+def lines_time_s(length_mm: Array, pace: Pace, corner_mm_s: float) -> float:
+    """Of straight lines that each begin and end at the speed of their corner."""
+    corner = np.full(len(length_mm), min(corner_mm_s, pace.speed_mm_s) ** 2)
+    return float(_time_s(length_mm, pace, corner, corner).sum())
+
+
+def loops_time_s(loops: Sequence[Array], pace: Pace) -> float:
+    """Of closed polylines, each begun and ended at the jerk.
+
+    Args:
+        loops: their points, the first not repeated.  # (N, 2)
+        pace: how they are drawn.
+    """
+    if not loops:
+        return 0.0
+    steps = np.concatenate([np.diff(loop, axis=0, append=loop[:1]) for loop in loops])
+    length = np.maximum(np.hypot(steps[:, 0], steps[:, 1]), 1e-9)
+    along = steps / length[:, None]
+    first = np.cumsum([0, *(len(loop) for loop in loops)])[:-1]
+    jump = np.abs(along - np.roll(along, 1, axis=0)).max(axis=1)
+    begin = np.minimum(pace.speed_mm_s, pace.jerk_mm_s / np.maximum(jump, 1e-9)) ** 2
+    begin[first] = min(pace.speed_mm_s, pace.jerk_mm_s) ** 2  # the next line begins with a loop of its own
+    gain = 2 * pace.acceleration_mm_s2 * length
+    forth = _reachable(begin, gain)
+    back = _reachable(np.roll(begin, -1)[::-1], gain[::-1])[::-1]
+    speeds = np.minimum(forth, np.roll(back, 1))
+    return float(_time_s(length, pace, speeds, np.roll(speeds, -1)).sum())
+
+
+def _reachable(most: Array, gain: Array) -> Array:
+    """Squares of speeds at the beginnings of lines: each at most its own, and what the one before allows.
+
+    u(i + 1) = min(most(i + 1), u(i) + gain(i)) is a running minimum of most - G, where G sums the gains.
+    """
+    total = np.concatenate([[0.0], np.cumsum(gain)[:-1]])
+    return total + np.minimum.accumulate(most - total)
+
+
+def _time_s(length: Array, pace: Pace, begin: Array, end: Array) -> Array:
+    """Of lines whose squares of speed at both ends are given."""
+    rate = pace.acceleration_mm_s2
+    peak = np.maximum(np.minimum(pace.speed_mm_s**2, (begin + end) / 2 + rate * length), np.maximum(begin, end))
+    steady = np.maximum(length - (2 * peak - begin - end) / (2 * rate), 0.0)
+    root = np.sqrt(peak)
+    time: Array = (2 * root - np.sqrt(begin) - np.sqrt(end)) / rate + steady / root
+    return time
+
+
+def tour_mm(places: Array) -> Array:
+    """Lengths of the ways from each place to the nearest that is left.  # (N - 1,)"""
+    left, at = places.copy(), np.zeros(2)
+    ways = np.empty(len(left))
+    for count in range(len(left)):
+        apart = np.hypot(*(left - at).T)
+        nearest = int(apart.argmin())
+        ways[count], at = apart[nearest], left[nearest].copy()
+        left[nearest] = left[-1]
+        left = left[:-1]
+    return ways[1:]
+
+
+def chords_mm(contours: Sequence[Array], spacing_mm: float, angle_rad: float) -> Array:
+    """Lengths of the parallel lines that fill an area.
+
+    Args:
+        contours: closed, without the first point repeated.
+        spacing_mm: between lines.
+        angle_rad: of the lines, against x.
+    """
+    if not contours:
+        return np.empty(0)
+    turn = np.array([[np.cos(angle_rad), -np.sin(angle_rad)], [np.sin(angle_rad), np.cos(angle_rad)]])
+    turned = [contour @ turn for contour in contours]  # lines run along the first axis
+    a = np.concatenate(turned)
+    b = np.concatenate([np.roll(contour, -1, axis=0) for contour in turned])
+    low, high = (np.ceil(f(a[:, 1], b[:, 1]) / spacing_mm).astype(np.int64) for f in (np.minimum, np.maximum))
+    count = high - low
+    edge = np.repeat(np.arange(len(a)), count)
+    line = low[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    share = (line * spacing_mm - a[edge, 1]) / (b[edge, 1] - a[edge, 1])
+    at = a[edge, 0] + share * (b[edge, 0] - a[edge, 0])
+    along = at[np.lexsort((at, line))]
+    return np.maximum(along[1::2] - along[: len(along) // 2 * 2 : 2], 0.0)

@@ -1,0 +1,127 @@
+"""What planes parallel to the bed cut out of a mesh."""
+
+from functools import cached_property
+
+import numpy as np
+from manifold3d import CrossSection, FillRule, Manifold
+from numpy.typing import NDArray
+
+from designer.make.mesh import Mesh
+
+Polyline = NDArray[np.float64]  # (N, 2)
+SIMPLE_MM = 0.0125
+"""Slicers leave out points that stray less (PrusaSlicer's G-code resolution, Bambu Studio's 0.012 mm)."""
+_UPRIGHT_MM2 = 1e-9
+
+
+class Layered:
+    """A mesh in the bed's frame, to be cut into layers of one height; the plane of a layer is in its middle."""
+
+    def __init__(self, mesh: Mesh, layer_mm: float) -> None:
+        self._mesh = mesh
+        self._layer_mm = layer_mm
+        height = mesh.vertices_mm[:, 2][mesh.triangles]
+        self._low, self._high = height.min(axis=1), height.max(axis=1)
+        a, b, c = (mesh.vertices_mm[mesh.triangles[:, k], :2] for k in range(3))
+        self._is_upright = np.abs(_cross(b - a, c - a)) < _UPRIGHT_MM2
+        self._known: dict[bytes, CrossSection] = {}
+
+    @cached_property
+    def is_there(self) -> NDArray[np.bool_]:
+        """In which layers there is any of it.  # (L,)"""
+        first = np.ceil(self._low / self._layer_mm - 0.5).astype(np.int64)
+        after = np.ceil(self._high / self._layer_mm - 0.5).astype(np.int64)
+        first, after = np.maximum(first, 0), np.maximum(after, 0)
+        count = int(after.max(initial=0))
+        steps = np.bincount(first, minlength=count + 1) - np.bincount(after, minlength=count + 1)
+        there: NDArray[np.bool_] = np.cumsum(steps[:count]) > 0
+        return there
+
+    def section(self, layer: int) -> CrossSection:
+        """What a layer's plane cuts out of it."""
+        plane = (layer + 0.5) * self._layer_mm
+        is_cut = (self._low <= plane) & (self._high > plane)
+        same = is_cut.tobytes() if self._is_upright[is_cut].all() else None  # between the same upright walls
+        if same in self._known:
+            return self._known[same]
+        section = self._cut(self._mesh.triangles[is_cut].astype(np.int64), plane)
+        if same is not None:
+            self._known[same] = section
+        return section
+
+    def _cut(self, triangles: NDArray[np.int64], plane: float) -> CrossSection:
+        """The area between triangles that all reach through the plane."""
+        if not len(triangles):
+            return CrossSection()
+        points, following = _segments(self._mesh.vertices_mm, triangles, plane)
+        return CrossSection(_loops(points, following), FillRule.Positive).simplify(SIMPLE_MM)
+
+
+def _segments(
+    vertices_mm: NDArray[np.float64], triangles: NDArray[np.int64], plane: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Where each triangle's piece of the contour begins, and the triangle that goes on from its end.
+
+    Seen from outside, a triangle's edges run counter-clockwise: the piece goes from the edge that falls through the
+    plane to the edge that rises through it, which its neighbour has as the falling one.
+    """
+    above = vertices_mm[triangles, 2] > plane
+    ahead = np.roll(above, -1, axis=1)
+    rows = np.arange(len(triangles))
+
+    def edge(at: NDArray[np.intp]) -> NDArray[np.int64]:
+        """Its two vertices, the smaller number first.  # (T, 2)"""
+        return np.sort(np.stack([triangles[rows, at], triangles[rows, (at + 1) % 3]], axis=1), axis=1)
+
+    falling, rising = edge((above & ~ahead).argmax(axis=1)), edge((~above & ahead).argmax(axis=1))
+    a, b = vertices_mm[falling[:, 0]], vertices_mm[falling[:, 1]]
+    share = (plane - a[:, 2]) / (b[:, 2] - a[:, 2])
+    points = a[:, :2] + share[:, None] * (b[:, :2] - a[:, :2])
+    begins, ends = (pair[:, 0] * len(vertices_mm) + pair[:, 1] for pair in (falling, rising))
+    order = np.argsort(begins)
+    return points, order[np.minimum(np.searchsorted(begins[order], ends), len(order) - 1)]
+
+
+def _loops(points: NDArray[np.float64], following: NDArray[np.int64]) -> list[Polyline]:
+    """The closed contours."""
+    loops, after, seen = [], following.tolist(), bytearray(len(points))
+    for start in range(len(after)):
+        at, loop = start, list[int]()
+        while not seen[at]:
+            seen[at] = 1
+            loop.append(at)
+            at = after[at]
+        if len(loop) > 2:
+            loops.append(points[loop])
+    return loops
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Twice the areas between vectors.  # (T,)"""
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+class Outline:
+    """All of a piece, body and ink: cut as its convex hull where it is one, else as the union of both."""
+
+    def __init__(self, meshes: tuple[Mesh, ...], layered: tuple[Layered, ...], layer_mm: float) -> None:
+        self._layered, self._layer_mm = layered, layer_mm
+        hull = Manifold.hull_points(np.unique(np.concatenate([mesh.vertices_mm for mesh in meshes]), axis=0))
+        volume = sum(mesh.volume_mm3 for mesh in meshes)
+        self._hull = hull if volume > (1 - _CONVEX) * hull.volume() else None
+        self.count = max(len(one.is_there) for one in layered)
+
+    def section(self, layer: int) -> CrossSection:
+        """What a layer's plane cuts out of it; nothing beside the layers that there are."""
+        if not 0 <= layer < self.count:
+            return CrossSection()
+        if self._hull is not None:
+            return self._hull.slice((layer + 0.5) * self._layer_mm)
+        first, *others = (one.section(layer) for one in self._layered)
+        for other in others:
+            first += other
+        return first
+
+
+_CONVEX = 1e-3
+"""Of the hull's volume: letters and polygons of circles take less."""
