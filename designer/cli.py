@@ -123,7 +123,7 @@ def _saved(target: "DesignedTarget", out: Path | None) -> Summary:
     with progress() as on_stage:
         written = target.save(out, on_stage)
     say_design(target.design, target.remarks, written)
-    return design_summary(target.design, target.remarks, target.check, written)
+    return design_summary(target.design, target.remarks, target.check, target.costs, written)
 
 
 @command(app)

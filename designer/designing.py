@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from numbers import Real
 from os import PathLike, fspath
 from pathlib import Path
@@ -14,6 +15,7 @@ from designer.formats.folder import OutputFile, files_left, replaced_target, wri
 from designer.kinds.presets import preset_or_file
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import RawValue, parse_spec, read_spec_file, replaced
+from designer.make.estimate import PrintEstimate
 from designer.make.printability import PrintCheck, check_printability
 from designer.produce import Design, make_files
 from designer.spec.kind import KINDS, kind_named
@@ -22,6 +24,7 @@ from designer.target import TargetGeometry
 
 if TYPE_CHECKING:
     from designer.page.blocks import Page
+    from designer.report.costs import Costs
     from designer.report.design_page import Written
 
 Place: TypeAlias = str | PathLike[str]
@@ -55,6 +58,18 @@ class DesignedTarget:
         """Where its rings are: what detector, solver and studies read."""
         return self.design.target
 
+    @property
+    def estimate(self) -> PrintEstimate:
+        """What printing it takes: `target.estimate.time_s`, `.changes`, `.total_g`, `.price`."""
+        return self.design.estimate
+
+    @cached_property
+    def costs(self) -> "Costs":
+        """The same against the other builds of the target."""
+        from designer.report.costs import costs_of
+
+        return costs_of(self.design)
+
     def files(self, on_stage: Callable[[str], None] = unheard) -> tuple[OutputFile, ...]:
         """All files of the folder, in memory, the page last.
 
@@ -69,7 +84,7 @@ class DesignedTarget:
 
         files = make_files(self.design, on_stage)
         on_stage("page")
-        page = design_page(self.design, self.check, files)
+        page = design_page(self.design, self.check, files, self.costs)
         return (*files, page_file(page)), page
 
     def save(self, folder: Place | None = None, on_stage: Callable[[str], None] = unheard) -> "Written":

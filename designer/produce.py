@@ -16,6 +16,7 @@ from designer.kinds.layout import lay_out
 from designer.kinds.spec_file import spec_to_toml
 from designer.make.bed import against_skew, bed_from_target, mapped
 from designer.make.cutting import Cutting, cuttings
+from designer.make.estimate import PrintEstimate, estimate
 from designer.make.mesh import Mesh, Part, inlaid, plain_plate, plain_solid, plate_hull, solid_hull
 from designer.make.pages import SheetPage
 from designer.make.pattern import Pattern, make_pattern
@@ -62,6 +63,11 @@ class Design:
     def plates(self) -> tuple[Plate, ...]:
         """All that is printed of plastic, plate by plate."""
         return maker_of(self.job.printing).plates(self)
+
+    @cached_property
+    def estimate(self) -> PrintEstimate:
+        """What printing all plates takes: hours, changes, filament, money."""
+        return estimate(self.plates, self.job.printing)
 
     def _straight_part(self) -> Part:
         """The printed solid of a printer with square axes."""

@@ -18,7 +18,7 @@ from designer.spec.format import FORMATS, choose_formats
 from designer.spec.kind import kinds
 from designer.spec.machine import Machine
 from designer.spec.options import Asked, AskedPrinting
-from designer.spec.spec import PAPER_LINE_MM, Job, Line, PrinterProfile, PrintSpec, Spec
+from designer.spec.spec import FILAMENT_PRICE, PAPER_LINE_MM, Job, Line, PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
 
 DEFAULT_PRINTER = "bambu-p1s"
@@ -99,6 +99,7 @@ def _size_printing(
         ink_colour=asked.ink_colour or "#000000",
         labels=asked.labels is not False,
         stand=bool(asked.stand),
+        filament_price=FILAMENT_PRICE if asked.filament_price is None else asked.filament_price,
         chord_error_mm=asked.chord_error or CHORD_ERROR_MM,
     )
     _check_paper(printing, target)

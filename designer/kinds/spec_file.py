@@ -122,6 +122,13 @@ def _ratio(value: RawValue) -> float:
     return float(ratio)
 
 
+def _price(value: RawValue) -> float:
+    price = float(value) if isinstance(value, str) and re.fullmatch(r"\d{0,6}\.?\d{1,6}", value) else value
+    if isinstance(price, bool) or not isinstance(price, (int, float)) or not 0 <= price <= 10_000:
+        raise ValueError("must be a number from 0 to 10000, without a currency")
+    return float(price)
+
+
 def _chord_error(value: float) -> float:
     if not 0.0005 <= value <= 0.5:
         raise ValueError("must be from 0.0005mm to 0.5mm")
@@ -165,6 +172,7 @@ TYPE_OF_VALUE: Mapping[Value, object] = {
     "page": Annotated[str, AfterValidator(_page)],
     "switch": bool,
     "machine": OfMachine,
+    "price": Annotated[float, BeforeValidator(_price)],
 }
 """What an option's text must look like, by what it takes."""
 
@@ -355,6 +363,7 @@ def spec_to_toml(job: Job) -> str:
         "ink_colour": printing.ink_colour,
         "labels": printing.labels,
         "stand": printing.stand,
+        "filament_price": printing.filament_price,
         "chord_error": format_mm(printing.chord_error_mm),
         "formats": list(job.formats),
         "page": job.page,

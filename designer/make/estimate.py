@@ -1,18 +1,18 @@
 """What a print takes before it is sliced: hours, filament of each slot, changes, purge, spools and money.
 
-    >>> designer.ico(edge_mm=100).estimate
+    >>> designer.ico(edge_mm=100).estimate.changes
 
-From the model's own geometry: each layer is cut out of the meshes and covered as slicers do it. Walls are offsets of its
-contours, the inside is filled sparsely where so many layers below and above reach over it, and solid elsewhere. Time is
-the sum over lines with the printer's speeds and accelerations (`designer.make.motion`), and over changes of filament.
-Of high parts some layers are taken for those around them; the volumes of body and ink are those of the meshes.
+From the model's own geometry: each layer is cut out of the meshes and covered as slicers do it. Walls are offsets of
+its contours, the inside is filled sparsely where so many layers below and above reach over it, and solid elsewhere.
+Time is the sum over lines, with the printer's speeds and accelerations (`designer.make.motion`), and over changes of
+filament. Of high parts some layers are taken for those around them; volumes of body and ink are those of the meshes.
 
-What is not in it: brim, supports, and what a printer does beyond its profile. `tests/benchmarks/bench_estimate.py` holds
-it against PrusaSlicer.
+What is not in it: brim, supports, and what a printer does beyond its profile. `tests/benchmarks/bench_estimate.py`
+holds it against PrusaSlicer.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -25,22 +25,19 @@ from designer.make.mesh import Part
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s, tour_mm
 from designer.make.plate import Piece, Plate
 from designer.make.section import SIMPLE_MM, Layered, Outline
-from designer.spec.machine import Accelerations, FilamentChange, Machine, Speeds
-from designer.spec.spec import PrinterProfile
+from designer.spec.machine import FilamentChange, Machine
+from designer.spec.spec import PrinterProfile, PrintSpec
 
 DENSITY_G_PER_CM3 = 1.24
 """PLA, as the tables of filament makers and slicers have it."""
 DIAMETER_MM = 1.75
 SPOOL_G = 1000.0
-PRICE_PER_KG = 25.0
-"""Bambu Studio's profile of its maker's PLA says 24.99 a kg; shops ask from 15 to 35."""
 MOST_LAYERS = 64
 """More are not cut, but stand for each other."""
 RETRACTED_MM = 2.0
 """Shorter ways are gone without pulling the filament back (PrusaSlicer's and OrcaSlicer's default)."""
 _ALIKE = 0.01
-Body = 0
-Ink = 1
+BODY, INK = 0, 1
 
 
 @dataclass(frozen=True)
@@ -59,13 +56,18 @@ class PlateEstimate:
     purge_mm3: float
 
     @property
+    def body_g(self) -> float:
+        """In the print."""
+        return _grams(self.body_mm3)
+
+    @property
     def time_s(self) -> float:
         """From the button to the last line."""
         return self.start_s + self.printing_s + self.changing_s
 
 
 @dataclass(frozen=True)
-class Estimate:
+class PrintEstimate:
     """All plates of a design."""
 
     plates: tuple[PlateEstimate, ...]
@@ -127,9 +129,12 @@ def _grams(volume_mm3: float) -> float:
     return volume_mm3 / 1000 * DENSITY_G_PER_CM3
 
 
-def estimate(plates: Sequence[Plate], printer: PrinterProfile, price_per_kg: float = PRICE_PER_KG) -> Estimate:
-    """What plates take on a printer: `estimate(design.plates, design.job.printing.printer).changes`."""
-    return Estimate(tuple(_plate_estimate(plate, printer) for plate in plates), printer.machine, price_per_kg)
+def estimate(plates: Sequence[Plate], printing: PrintSpec) -> PrintEstimate:
+    """What plates take on a printer: `estimate(design.plates, design.job.printing).changes`."""
+    printer = printing.printer
+    return PrintEstimate(
+        tuple(_plate_estimate(plate, printer) for plate in plates), printer.machine, printing.filament_price
+    )
 
 
 def change_count(has_body: NDArray[np.bool_], has_ink: NDArray[np.bool_]) -> int:
@@ -139,11 +144,13 @@ def change_count(has_body: NDArray[np.bool_], has_ink: NDArray[np.bool_]) -> int
         has_body: by layer, from the bed up.  # (L,)
         has_ink: the same.  # (L,)
     """
-    loaded, changes = Body if len(has_body) and has_body[0] else Ink, 0
-    for layer in zip(has_body.tolist(), has_ink.tolist(), strict=True):
-        changes += sum(layer) == 2 or (any(layer) and not layer[loaded])
-        if sum(layer) == 2 or (any(layer) and not layer[loaded]):
+    loaded = BODY if len(has_body) and bool(has_body[0]) else INK
+    changes = 0
+    layers: list[tuple[bool, bool]] = list(zip(has_body.tolist(), has_ink.tolist(), strict=True))
+    for layer in layers:
+        if all(layer) or (any(layer) and not layer[loaded]):
             loaded = 1 - loaded
+            changes += 1
     return changes
 
 
@@ -164,7 +171,7 @@ def _plate_estimate(plate: Plate, printer: PrinterProfile) -> PlateEstimate:
     changed = change_s / max(layers, 1) if changes >= layers - 1 else 0.0
     printing = np.maximum(times, machine.least_layer_s - changed).sum()
     return PlateEstimate(
-        plate.name, layers, int(there[Ink].sum()), changes, float(printing), change_s + changes * change.time_s,
+        plate.name, layers, int(there[INK].sum()), changes, float(printing), change_s + changes * change.time_s,
         machine.start_s, sum(one.body_mm3 for one in cut), sum(one.ink_mm3 for one in cut), purge_mm3,
     )  # fmt: skip
 
@@ -188,7 +195,7 @@ class _CutPiece:
 
     @property
     def layers(self) -> int:
-        return self.is_there.shape[1]
+        return len(self.time_s)
 
 
 def _cut_piece(piece: Piece, printer: PrinterProfile, known: list[_CutPiece]) -> _CutPiece:
@@ -265,7 +272,7 @@ class _Slicing:
         sections = [one.section(layer) for one in self.layered]
         is_first = layer == 0
         laid = [
-            self._area(section, layer if row == Body else None, is_first=is_first)
+            self._area(section, layer if row == BODY else None, is_first=is_first)
             for row, section in enumerate(sections)
         ]
         laid += [(0.0, 0.0, 0.0)] * (2 - len(laid))
@@ -355,9 +362,7 @@ class _Slicing:
         speeds, rates = self.machine.speeds, self.machine.accelerations
         name = "first_layer" if is_first else kind
         most = self.machine.flow_mm3_s / (self.spacing_mm * self.layer_mm)
-        return Pace(
-            min(getattr(speeds, f"{name}_mm_s"), most), getattr(rates, f"{name}_mm_s2"), self.machine.jerk_mm_s
-        )
+        return Pace(min(getattr(speeds, f"{name}_mm_s"), most), getattr(rates, f"{name}_mm_s2"), self.machine.jerk_mm_s)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """How long a nozzle takes along lines: trapezoids of speed, with a jump ("jerk") allowed at corners.
 
-A line of length l is begun at speed u and ended at w; at acceleration a it reaches at most p² = (u² + w²) / 2 + a l, and
-no more than the speed asked for. At a corner the speed is such that no axis jumps by more than the jerk (Marlin's rule,
-which the slicers' time estimates follow).
+A line of length l is begun at speed u and ended at w; at acceleration a it reaches at most p² = (u² + w²) / 2 + a l,
+and no more than the speed asked for. At a corner the speed is such that no axis jumps by more than the jerk (Marlin's
+rule, which the slicers' time estimates follow).
 """
 
 from collections.abc import Sequence
@@ -105,4 +105,5 @@ def chords_mm(contours: Sequence[Array], spacing_mm: float, angle_rad: float) ->
     share = (line * spacing_mm - a[edge, 1]) / (b[edge, 1] - a[edge, 1])
     at = a[edge, 0] + share * (b[edge, 0] - a[edge, 0])
     along = at[np.lexsort((at, line))]
-    return np.maximum(along[1::2] - along[: len(along) // 2 * 2 : 2], 0.0)
+    chords: Array = np.maximum(along[1::2] - along[: len(along) // 2 * 2 : 2], 0.0)
+    return chords

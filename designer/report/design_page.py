@@ -34,13 +34,9 @@ from designer.page.blocks import (
 )
 from designer.page.shell import page_html
 from designer.produce import Design, maker_of
+from designer.report.costs import Costs, cost_sentence, cost_table, costs_of, filament_section, verdict
 from designer.report.making import (
-    PURGE_G_PER_CHANGE,
-    SPREAD,
-    Filament,
     colour_words,
-    expected_filament,
-    two_digits,
 )
 from designer.report.measuring import measure_blocks, photo_blocks
 from designer.report.other_makers import other_makers
@@ -72,27 +68,27 @@ def page_file(page: Page) -> OutputFile:
     return OutputFile(PAGE_FILE, page_html(page), "this folder at a glance: open it in a browser")
 
 
-def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile]) -> Page:
+def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], costs: Costs | None = None) -> Page:
     """The page of a design.
 
     Args:
         design: what was made.
         check: what the design rules said of it.
         files: all other files of the folder.
+        costs: what it takes, if that is known already.
     """
-    job = design.job
-    filament = expected_filament(design) if job.printing.way.has_body else None
+    job, costs = design.job, costs or costs_of(design)
     panels, others = _panels(design, files), other_makers(design)
     return Page(
         title=job.name,
         kind="Target",
-        headline=headline(job.printing, check),
-        lead=_lead(design, filament, panels),
+        headline=headline(job.printing, check, costs),
+        lead=_lead(design, costs, panels),
         sections=(
             Section(RULES_TITLE, (check.told(),), _rule_lead(job.printing, check)),
             maker_of(job.printing).making(design, files),
             *(() if others is None else (others,)),
-            *(() if filament is None else (_filament_section(filament, design),)),
+            *((_filament_section(costs, job.printing),) if costs.is_printed else ()),
             Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
             Section("What was printed: measure it", measure_blocks(design), _MEASURE_LEAD),
             Section("Codes", (*code_blocks(design), *_net(design, panels))),
@@ -107,18 +103,28 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile]) 
     )
 
 
-def headline(printing: PrintSpec, check: PrintCheck) -> Headline:
-    """Whether a target can be made, and why."""
+def _filament_section(costs: Costs, printing: PrintSpec) -> Section:
+    return filament_section(costs, colour_words(printing.body_colour), colour_words(printing.ink_colour))
+
+
+def headline(printing: PrintSpec, check: PrintCheck, costs: Costs | None = None) -> Headline:
+    """Whether a target can be made, whether it should be, and why."""
     if check.violations:
         return Headline("bad", "not printable", check.violations[0].text)
     warnings = [finding for finding in check.findings if finding.level == "warning"]
     warned = sum(len(finding.rules) for finding in warnings)
     count = len(check.holding) + warned
     how = maker_of(printing).machine_words(printing)
-    if not warnings:
-        return Headline("good", "printable", f"All {count} design rules hold on {how}.")
     which = ", ".join(RULES[rule].title.lower() for finding in warnings for rule in finding.rules)
-    return Headline("usable", "printable with care", f"{warned} of {count} design rules warn on {how}: {which}.")
+    rules = f"All {count} design rules hold on {how}."
+    if warnings:
+        rules = f"{warned} of {count} design rules warn on {how}: {which}."
+    if costs is not None and (against := verdict(costs)):
+        return Headline("usable", "printable, but not sensible", f"{against} {rules}")
+    cost = f" {cost_sentence(costs.own.estimate)}" if costs and costs.is_printed else ""
+    if warnings:
+        return Headline("usable", "printable with care", f"{rules}{cost}")
+    return Headline("good", "printable", f"{rules}{cost}")
 
 
 def _rule_lead(printing: PrintSpec, check: PrintCheck) -> str:
@@ -131,7 +137,7 @@ def _rule_lead(printing: PrintSpec, check: PrintCheck) -> str:
     return f"{held}."
 
 
-def _lead(design: Design, filament: Filament | None, panels: Panels | None) -> tuple[Block, ...]:
+def _lead(design: Design, costs: Costs, panels: Panels | None) -> tuple[Block, ...]:
     """The target in 3D, and its dimensions."""
     what, target = design.job.target.words, design.target
     dots = int(target.is_dot.sum())
@@ -143,7 +149,8 @@ def _lead(design: Design, filament: Filament | None, panels: Panels | None) -> t
         caption=f"{capital(what)}, as designed. {sentence(printed_ink(design).lettering.remark)}",
         poster=None if panels is None else panels.target,
     )
-    return (view, dimension_facts(design, filament))
+    table = (cost_table(costs, design.job.printing),) if costs.is_printed else ()
+    return (view, *table, dimension_facts(design))
 
 
 def _panels(design: Design, files: Sequence[OutputFile]) -> Panels | None:
@@ -172,40 +179,7 @@ def _net(design: Design, panels: Panels | None) -> tuple[Block, ...]:
     )
 
 
-def _filament_section(filament: Filament, design: Design) -> Section:
-    """How much of which, and what a single nozzle throws away."""
-    printing, body, ink = design.job.printing, filament.body, filament.ink
-    slots = [("1, body", colour_words(printing.body_colour) if ink else "any", body)]
-    if ink is not None:
-        slots.append(("2, ink", colour_words(printing.ink_colour), ink))
-    columns = (
-        Column("slot", is_number=False),
-        Column("colour", is_number=False),
-        Column("weight"),
-        Column("length", note="of filament of 1.75 mm"),
-    )
-    rows = tuple(
-        (Cell(slot), Cell(colour), Cell(amount.mass_text, amount.mass_g), Cell(amount.length_text, amount.length_m))
-        for slot, colour, amount in slots
-    )
-    left_out = "Brim and purge are" if filament.changes else "Brim is"
-    note = (
-        f"Computed from the volumes for PLA (1.24 g/cm³), {filament.shells.text}; PrusaSlicer agrees within "
-        f"{100 * SPREAD:g} %. {left_out} not in it{', nor is the stand' if printing.stand else ''}."
-    )
-    blocks: list[Block] = [Table("Filament of each slot", columns, rows, note=note)]
-    if filament.changes:
-        blocks.append(Paragraph(
-            f"{filament.inked_layers} layers hold ink, which makes {filament.changes} changes of the filament. On a "
-            f"single nozzle each purges some: about {two_digits(filament.purge_g)} g in all at {PURGE_G_PER_CHANGE:g} "
-            "g a change; your slicer tells its own number, which can be several times that. Printers with a nozzle for "
-            "each filament purge little."
-        ))  # fmt: skip
-    lead = f"{body.mass_text} of body{f' and {ink.mass_text} of ink' if ink else ''}."
-    return Section("Expected filament", tuple(blocks), lead)
-
-
-def dimension_facts(design: Design, filament: Filament | None) -> Facts:
+def dimension_facts(design: Design) -> Facts:
     """What a drawing would say."""
     spec, target = design.job.target, design.target
     rings = f"{target.ring_count} in all, of which {int(target.is_dot.sum())} are dots"
@@ -218,21 +192,21 @@ def dimension_facts(design: Design, filament: Filament | None) -> Facts:
         ("ring", f"diameter {spec.ring_diameter_mm:g} mm, white centre {centre_mm:.4g} mm"),
         ("pitch", f"{spec.pitch_mm:g} mm between neighbouring centres"),
         ("border", f"{spec.border_mm:g} mm" if spec.border_mm else "none"),
-        *_print_rows(design, filament),
+        *_print_rows(design),
         ("target id", target.geometry_id),
         ("layout id", target.layout_id),
     ))  # fmt: skip
 
 
-def _print_rows(design: Design, filament: Filament | None) -> list[tuple[str, str]]:
+def _print_rows(design: Design) -> list[tuple[str, str]]:
     """Sizes of what is made."""
     printing = design.job.printing
-    if filament is None:
+    if not printing.way.has_body:
         pages = design.pages
         width, height = pages[0].width_mm, pages[0].height_mm
         return [("sheet", f"{len(pages)} page{'s' * (len(pages) > 1)} of {width:.0f} x {height:.0f} mm")]
     size = " x ".join(f"{length:.1f}" for length in printed_size_mm(design.target, printing))
-    rows = [("on the bed", f"{size} mm"), ("weight", f"about {two_digits(filament.total_g)} g in PLA")]
+    rows = [("on the bed", f"{size} mm")]
     if printing.is_two_filament:
         offset = f", grown by {printing.ink_offset_mm:+g} mm a side" if printing.ink_offset_mm else ""
         rows.append(("ink", f"{printing.inlay_mm:g} mm deep{offset}"))

@@ -8,9 +8,10 @@ from pathlib import Path
 from designer.base.answer import Summary, Value
 from designer.make.bed import printed_size_mm
 from designer.make.printability import PrintCheck
-from designer.page.blocks import Facts, Finding, Findings, text_table
+from designer.page.blocks import Facts, Finding, Findings, Table, text_table
 from designer.page.terminal import quoted, say_facts, say_findings, say_headline, say_lines, say_table, say_written
 from designer.produce import Design, maker_of
+from designer.report.costs import Costs, costs_summary
 from designer.report.design_page import PAGE_FILE, RULES_TITLE, Written, headline
 from designer.report.pictures import printed_ink
 from designer.spec.kind import spec_to_mapping
@@ -35,6 +36,8 @@ def say_design(design: Design, remarks: Sequence[str], written: Written) -> None
     if page.headline is not None:
         say_headline(page.headline)
     for block in page.lead:
+        if isinstance(block, Table):
+            say_table(block)
         if isinstance(block, Facts):
             say_facts(block)
     say_lines("chosen", _chosen(design, remarks))
@@ -61,7 +64,9 @@ def _chosen(design: Design, remarks: Sequence[str]) -> tuple[str, ...]:
     return (*remarks, printed_ink(design).lettering.remark)
 
 
-def design_summary(design: Design, remarks: Sequence[str], check: PrintCheck, written: Written) -> Summary:
+def design_summary(
+    design: Design, remarks: Sequence[str], check: PrintCheck, costs: Costs, written: Written
+) -> Summary:
     """The same for a program."""
     job, geometry = design.job, design.target
     answer: dict[str, Value] = {
@@ -69,6 +74,7 @@ def design_summary(design: Design, remarks: Sequence[str], check: PrintCheck, wr
         **_target_numbers(geometry),
         "spec": spec_to_mapping(job.target),
         "printing": asdict(job.printing),
+        "estimates": costs_summary(costs),
         "printed_size_mm": list(printed_size_mm(geometry, job.printing)),
         **_findings(check),
         "files": [{"name": one.name, "bytes": len(one.content), "purpose": one.purpose} for one in written.files],

@@ -17,7 +17,7 @@ from designer.spec.spec import Line, Spec
 
 Value = Literal[
     "file", "name", "length", "length above 0", "length from 0", "chord error", "size", "bed", "count", "ratio",
-    "percent", "skew", "colour", "build", "lattice", "formats", "page", "switch", "machine",
+    "percent", "skew", "colour", "build", "lattice", "formats", "page", "switch", "machine", "price",
 ]  # fmt: skip
 DIAMETER_OVER_PITCH = 0.7
 """Of the paper's rings, 7 mm at 10 mm."""
@@ -57,6 +57,9 @@ class AskedPrinting:
     ink_colour: Annotated[str | None, Option("colour", "colour of the ink (#000000)")] = None
     labels: Annotated[bool | None, Option("switch", "print face numbers and target id where they fit")] = None
     stand: Annotated[bool | None, Option("switch", "also write a printable stand")] = None
+    filament_price: Annotated[
+        float | None, Option("price", "what a kilogram of filament costs, in any currency (25)")
+    ] = None
     chord_error: Annotated[float | None, Option("chord error", "farthest a polygon strays from its circle (5um)")] = (
         None
     )

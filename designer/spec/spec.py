@@ -26,6 +26,8 @@ InkSide = Literal["down", "up"]
 """Which way the printed face of a flat piece looks on the bed."""
 SpecValue = str | float | int | bool | list[float]
 
+FILAMENT_PRICE = 25.0
+"""Of a kilogram: Bambu Studio's profile of its maker's PLA says 24.99."""
 PAPER_LINE_MM = 0.1
 """Thinnest line of an office printer, where the pattern is printed on paper or sheet."""
 RING_RATIO = 0.45
@@ -126,6 +128,7 @@ class PrintSpec:
     labels: bool  # face numbers and target id where they fit
     stand: bool
     chord_error_mm: float  # farthest a polygon may stray from its circle
+    filament_price: float = FILAMENT_PRICE  # of a kilogram, in any currency
     skew_compensation_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """xy, xz, yz of the bed: the files are sheared against this skew of the printer, see `designer.make.bed`."""
     ink_side: InkSide = "down"

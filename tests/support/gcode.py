@@ -191,9 +191,15 @@ def machine_settings(printer: PrinterProfile) -> Mapping[str, str]:
         "cooling_tube_length": "0",
         "parking_pos_retraction": "5",
         "extra_loading_move": "0",
-        **{f"filament_{name}": "100,100" for name in (
-            "loading_speed", "loading_speed_start", "unloading_speed", "unloading_speed_start",
-        )},
+        **{
+            f"filament_{name}": "100,100"
+            for name in (
+                "loading_speed",
+                "loading_speed_start",
+                "unloading_speed",
+                "unloading_speed_start",
+            )
+        },
         "filament_ramming_parameters": "120 100 6.6| 0.05 6.6 0.45 6.6",
         "single_extruder_multi_material_priming": "0",
         "use_relative_e_distances": "1",

@@ -1,0 +1,297 @@
+"""What a print takes, against stacks and boxes that are counted by hand, and against PrusaSlicer."""
+
+import math
+import re
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from manifold3d import Manifold
+from numpy.typing import NDArray
+
+import designer
+from designer.base.errors import InputError
+from designer.kinds.sizing import size_job
+from designer.make.estimate import DENSITY_G_PER_CM3, change_count, estimate
+from designer.make.mesh import Mesh, Part
+from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
+from designer.make.plate import Piece, Plate
+from designer.make.section import Layered, Outline
+from designer.report.costs import costs_of, duration, grams, verdict
+from designer.spec.machine import FilamentChange, Shells, Speeds
+from designer.spec.spec import PrintSpec
+from tests.support.designs import asked_for, packages_of, small
+from tests.support.gcode import machine_settings, require_slicer, run_slicer, slice_3mf
+
+PRINTING = size_job(asked_for("ico", {"edge": "20mm", "printer": "generic"})).job.printing
+LAYER_MM, LINE_MM = PRINTING.printer.layer_height_mm, PRINTING.printer.line_width_mm
+PACE = Pace(100.0, 2000.0, 8.0)
+
+
+def mesh_of(solid: Manifold) -> Mesh:
+    mesh = solid.to_mesh64()
+    return Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, dtype=np.int32))
+
+
+def box(x: float, y: float, z: float, at: tuple[float, float, float] = (0, 0, 0)) -> Mesh:
+    """A box, its lowest corner at a place."""
+    return mesh_of(Manifold.cube((x, y, z)).translate(at))
+
+
+def plate(*parts: Part) -> Plate:
+    """Parts that lie where they are."""
+    return Plate("", tuple(Piece(str(n), part, np.eye(4)) for n, part in enumerate(parts)))
+
+
+def printing(shells: Shells | None = None, change: FilamentChange | None = None, faster: float = 1.0) -> PrintSpec:
+    """With other walls, layers and infill, or another change of filament, or faster walls and infill."""
+    machine = PRINTING.printer.machine
+    speeds = machine.speeds
+    machine = replace(
+        machine,
+        shells=shells or machine.shells,
+        change=change or machine.change,
+        speeds=Speeds(faster * speeds.outer_wall_mm_s, faster * speeds.inner_wall_mm_s, faster * speeds.infill_mm_s),
+        least_layer_s=0.0,
+    )
+    return replace(PRINTING, printer=replace(PRINTING.printer, machine=machine))
+
+
+@pytest.mark.parametrize(
+    ("body", "ink", "changes"),
+    [
+        ("", "", 0),
+        ("111", "000", 0),
+        ("111", "001", 1),
+        ("111", "100", 2),  # to the ink in the first layer, back for the second
+        ("111", "111", 3),
+        ("1111", "0110", 2),  # the second layer with ink begins with it
+        ("0011", "1100", 1),
+        ("10101", "01010", 4),
+    ],
+)
+def test_changes_of_simple_stacks(body: str, ink: str, changes: int) -> None:
+    """Each layer begins with the filament that is loaded, and a layer of both takes one change."""
+    has_body, has_ink = (np.array([digit == "1" for digit in text], dtype=bool) for text in (body, ink))
+    assert change_count(has_body, has_ink) == changes
+
+
+def test_a_plain_box_by_hand() -> None:
+    """Its filament is its volume less the inside, of which the infill's share is filled."""
+    shells = Shells(walls=2, bottom_layers=3, top_layers=4, infill=0.2)
+    spacing = LINE_MM - LAYER_MM * (1 - math.pi / 4)
+    wall, high = LINE_MM + spacing, 10 - 7 * LAYER_MM
+    inside = (40 - 2 * wall) * (30 - 2 * wall) * high
+    one = estimate((plate(Part(box(40, 30, 10), None)),), printing(shells))
+    assert one.body_g == pytest.approx((40 * 30 * 10 - 0.8 * inside) / 1000 * DENSITY_G_PER_CM3, rel=1e-6)
+    assert (one.changes, one.purge_g, one.ink_g, one.plates[0].layers) == (0, 0.0, 0.0, 50)
+    assert one.price == pytest.approx(one.total_g / 1000 * 25)
+
+
+def test_more_of_anything_takes_more() -> None:
+    """Each wall, layer and per cent of infill adds plastic; so does a higher box, and time goes with it."""
+    usual = Shells()
+    base = estimate((plate(Part(box(40, 30, 10), None)),), printing(usual))
+    for more in (
+        replace(usual, walls=4), replace(usual, bottom_layers=5), replace(usual, top_layers=6),
+        replace(usual, infill=0.2),
+    ):  # fmt: skip
+        assert estimate((plate(Part(box(40, 30, 10), None)),), printing(more)).body_g > base.body_g
+    higher = estimate((plate(Part(box(40, 30, 12), None)),), printing(usual))
+    assert higher.body_g > base.body_g
+    assert higher.time_s > base.time_s > estimate((plate(Part(box(40, 30, 10), None)),), printing(faster=2)).time_s
+
+
+def test_high_parts_are_cut_here_and_there_and_keep_their_volume() -> None:
+    """A box of 400 layers takes eight times the plastic of 50; time grows by the layers, the first one left out."""
+    shells = Shells(bottom_layers=0, top_layers=0)
+    low, middle, high = (estimate((plate(Part(box(20, 20, z), None)),), printing(shells)) for z in (10, 45, 80))
+    assert high.body_g == pytest.approx(8 * low.body_g, rel=1e-6)
+    assert high.time_s - middle.time_s == pytest.approx(middle.time_s - low.time_s, rel=1e-6)
+
+
+def test_pieces_of_a_plate_share_its_changes() -> None:
+    """Twice the pieces, twice the plastic, and as many changes; on two plates twice as many."""
+
+    def part(x: float) -> Part:
+        return Part(box(20, 20, 2, (x, 0, 0.4)), box(20, 20, 0.4, (x, 0, 0)))
+
+    one = estimate((plate(part(0)),), PRINTING)
+    both = estimate((plate(part(0), part(30)),), PRINTING)
+    apart = estimate((plate(part(0)), plate(part(30))), PRINTING)
+    assert (one.changes, both.changes, apart.changes) == (1, 1, 2)
+    assert both.body_g == pytest.approx(2 * one.body_g)
+    assert both.ink_g == pytest.approx(2 * one.ink_g)
+    assert apart.purge_g == pytest.approx(2 * both.purge_g)
+
+
+def test_a_change_costs_its_time_and_its_purge() -> None:
+    """Two changes: one purges to the ink and one to the body; volume over flow is time."""
+    part = Part(box(20, 20, 2, (0, 0, 0.2)), box(20, 10, 0.2, (0, 0, 0)))
+    over = Part(part.body, mesh_of(Manifold.cube((20, 10, 0.2)) + Manifold.cube((20, 10, 0.2)).translate((0, 0, 2.2))))
+    change = FilamentChange(time_s=7, purge_to_ink_mm3=100, purge_to_body_mm3=300, purge_flow_mm3_s=20)
+    one = estimate((plate(over),), printing(change=change))
+    assert one.changes == 2
+    assert one.purge_g == pytest.approx(0.4 * DENSITY_G_PER_CM3)
+    assert one.changing_s == pytest.approx(2 * 7 + 400 / 20)
+
+
+@given(st.lists(st.tuples(st.floats(-20, 20), st.floats(-20, 20)), min_size=3, max_size=30))
+def test_a_loop_is_timed_as_a_planner_does(points: list[tuple[float, float]]) -> None:
+    """The slow oracle: forth and back over the corners, one line after another."""
+    loop = np.array(points)
+    assert loops_time_s([loop, loop], PACE) == pytest.approx(2 * slow_time_s(loop), rel=1e-9)
+
+
+def slow_time_s(loop: NDArray[np.float64]) -> float:
+    """One closed line, begun and ended at the jerk."""
+    steps = np.roll(loop, -1, axis=0) - loop
+    length = np.maximum(np.hypot(*steps.T), 1e-9)
+    along = steps / length[:, None]
+    most = [PACE.jerk_mm_s]
+    for before, after in pairwise(along):
+        most.append(min(PACE.speed_mm_s, PACE.jerk_mm_s / max(np.abs(after - before).max(), 1e-9)))
+    speeds = [*most, PACE.jerk_mm_s]
+    for k in range(len(length)):
+        speeds[k + 1] = min(speeds[k + 1], math.sqrt(speeds[k] ** 2 + 2 * PACE.acceleration_mm_s2 * length[k]))
+    for k in reversed(range(len(length))):
+        speeds[k] = min(speeds[k], math.sqrt(speeds[k + 1] ** 2 + 2 * PACE.acceleration_mm_s2 * length[k]))
+    time = 0.0
+    for begin, end, way in zip(speeds[:-1], speeds[1:], length, strict=True):
+        peak = min(PACE.speed_mm_s, math.sqrt((begin**2 + end**2) / 2 + PACE.acceleration_mm_s2 * way))
+        peak = max(peak, begin, end)
+        speeding = (2 * peak - begin - end) / PACE.acceleration_mm_s2
+        ramps = (2 * peak**2 - begin**2 - end**2) / 2 / PACE.acceleration_mm_s2
+        time += speeding + max(way - ramps, 0) / peak
+    return time
+
+
+def test_a_line_from_rest_to_rest() -> None:
+    """Textbook: l / v + v / a if the speed is reached, 2 sqrt(l / a) if not."""
+    times = [lines_time_s(np.array([length]), PACE, 0.0) for length in (50.0, 0.5)]
+    assert times == pytest.approx([50 / 100 + 100 / 2000, 2 * math.sqrt(0.5 / 2000)])
+
+
+@given(st.floats(0, math.pi), st.floats(0.3, 3))
+def test_lines_that_fill_an_area_are_as_long_as_it_is_large(angle_rad: float, spacing_mm: float) -> None:
+    """Length times spacing is the area, holes left out."""
+    outer = 40 * np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) + 0.123
+    hole = 10 * np.array([[1, 1], [1, 2], [2, 2], [2, 1.0]])
+    chords = chords_mm([outer, hole], spacing_mm, angle_rad)
+    assert chords.sum() * spacing_mm == pytest.approx(1500, abs=60 * spacing_mm)
+    assert chords.max() <= 40 * math.sqrt(2) + 1e-9
+
+
+def test_sections_add_up_to_the_volume() -> None:
+    """Areas of all layers times their height, of a ball; a layer is there where its section has an area."""
+    ball = mesh_of(Manifold.sphere(10, 128).translate((0, 0, 12.05)))
+    layered = Layered(ball, LAYER_MM)
+    areas = np.array([layered.section(layer).area() for layer in range(len(layered.is_there))])
+    assert areas.sum() * LAYER_MM == pytest.approx(ball.volume_mm3, rel=1e-3)
+    assert ((areas > 0) == layered.is_there).all()
+    assert not layered.is_there[:10].any()
+
+
+def test_an_outline_is_body_and_ink_together_convex_or_not() -> None:
+    """The same areas from the hull as from the union; what is not convex keeps its notch."""
+    body, ink = box(20, 20, 4), box(20, 20, 1, (0, 0, 4))
+    layered = (Layered(body, LAYER_MM), Layered(ink, LAYER_MM))
+    outline = Outline((body, ink), layered, LAYER_MM)
+    assert [outline.section(layer).area() for layer in (-1, 0, 24, 25)] == pytest.approx([0, 400, 400, 0])
+    notched = mesh_of(Manifold.cube((20, 20, 4)) - Manifold.cube((10, 20, 4)).translate((5, 0, 2)))
+    assert Outline((notched,), (Layered(notched, LAYER_MM),), LAYER_MM).section(15).area() == pytest.approx(200)
+
+
+def test_every_kind_has_an_estimate_and_a_sheet_has_nothing_to_print() -> None:
+    """From Python in one word; a sheet takes no plastic and is compared with nothing."""
+    target = designer.ico(edge_mm=20, chord_error="50um")
+    assert target.estimate.changes == target.estimate.inked_layers == 151
+    sheet = designer.board(size="60x60mm", build="sheet")
+    assert (sheet.estimate.plates, sheet.estimate.total_g, sheet.costs.is_printed) == ((), 0, False)
+
+
+def test_a_print_beyond_reason_is_said_and_the_better_build_named() -> None:
+    """Hours of changing are a fault of one piece, and not of stickers; a small board has none."""
+    large = costs_of(designer.ico(edge_mm=60, chord_error="50um").design)
+    assert large.own.faults
+    assert large.better is not None
+    assert not large.better.faults
+    assert f"--build {large.better.build}" in verdict(large)
+    assert verdict(costs_of(small("board"))) == ""
+
+
+@pytest.mark.parametrize(
+    ("time_s", "text"), [(10, "1 min"), (2400, "40 min"), (12_100, "3 h 20 min"), (14_380, "4 h"), (140_000, "39 h")]
+)
+def test_durations_have_the_digits_of_an_estimate(time_s: float, text: str) -> None:
+    """Minutes below ten hours, in fives above one."""
+    assert duration(time_s) == text
+
+
+def test_grams_have_the_digits_of_an_estimate() -> None:
+    """Two, or three above a hundred."""
+    assert [grams(mass) for mass in (0.0, 0.7234, 9.76, 45.6, 123.4, 1234.0)] == [
+        "0 g", "0.72 g", "9.8 g", "46 g", "123 g", "1230 g",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("machine", "message"),
+    [
+        ("{ jerk_mm_s = -1 }", "machine.*jerk_mm_s.*0 or more|machine.*jerk_mm_s.*more than 0"),
+        ("{ speeds = { outer_wall_mm_s = 0 } }", "outer_wall_mm_s.*more than 0"),
+        ("{ change = { purge_to_ink_mm3 = '1' } }", "purge_to_ink_mm3"),
+        ("{ speed = 5 }", "speed"),
+        ("5", "machine"),
+    ],
+)
+def test_a_printers_file_is_held_to_the_rules(machine: str, message: str, tmp_path: Path) -> None:
+    """One line with the place and the rule."""
+    path = tmp_path / "mine.toml"
+    lines = 'title = "mine"\nbed = "200x200x200mm"\nnozzle = "0.4mm"\n'
+    nozzle = 'nozzles = [{ diameter = "0.4mm", line_width = "0.45mm", layer_height = "0.2mm" }]\n'
+    path.write_text(f"{lines}{nozzle}machine = {machine}\n")
+    with pytest.raises(InputError, match=message) as raised:
+        designer.ico(edge_mm=20, printer=str(path))
+    assert len(str(raised.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("price", ["cheap", "-1", "20 EUR", "1e9", "", "nan", True])
+def test_a_price_is_a_number(price: str | bool) -> None:
+    """Without a currency."""
+    with pytest.raises(InputError, match=r"filament_price.*must be a number from 0 to 10000"):
+        designer.ico(edge_mm=20, filament_price=price)
+
+
+@pytest.mark.slicer
+def test_prusaslicer_agrees(tmp_path: Path) -> None:
+    """Changes to the count, grams of each slot, and time, at the settings of the profile."""
+    command, design = require_slicer(), small("cube")
+    printer = design.job.printing.printer
+    package = tmp_path / "target.3mf"
+    package.write_bytes(packages_of(design).prusa)
+    settings = {**machine_settings(printer), "wipe_tower": "0", "filament_load_time": "0,0"}
+    toolpaths = slice_3mf(command, package, settings, (printer.bed_mm[0] / 2, printer.bed_mm[1] / 2))
+    text = package.with_suffix(".gcode").read_text()
+    account = re.search(r"^; filament used \[g\] = (.+)$", text, re.MULTILINE)
+    assert account is not None
+    body_g, ink_g = (float(mass) for mass in account[1].split(","))
+    assert design.estimate.changes == toolpaths.tool_changes
+    assert design.estimate.inked_layers == len(set(toolpaths.of_tool(1).end_mm[:, 2].round(3).tolist()))
+    assert design.estimate.body_g == pytest.approx(body_g, rel=0.05)
+    assert design.estimate.ink_g == pytest.approx(ink_g, rel=0.1)
+
+
+@pytest.mark.slicer
+def test_a_profile_of_one_filament_prints_all_of_it_in_that_one(tmp_path: Path) -> None:
+    """What the instructions warn of: PrusaSlicer drops the pattern of a printer with one filament, and exits with 0."""
+    command, design = require_slicer(), small("board")
+    package, ini, gcode = (tmp_path / name for name in ("target.3mf", "one.ini", "one.gcode"))
+    package.write_bytes(packages_of(design).prusa)
+    ini.write_text("nozzle_diameter = 0.4\nfilament_diameter = 1.75\nskirts = 0\n")
+    run_slicer(command, "--load", str(ini), "--export-gcode", "-o", str(gcode), str(package))
+    assert not re.search(r"^T1", gcode.read_text(), re.MULTILINE)
