@@ -13,7 +13,8 @@ from designer.base.words import several, shown, suggestion
 from designer.kinds.presets import preset_or_file
 from designer.kinds.spec_file import RawValue, read_spec_file
 from designer.tolerance.amount_text import parse_amount, parse_expansion
-from designer.tolerance.model import ErrorModel, PieceWords
+from designer.tolerance.effort import Effort, parse_effort
+from designer.tolerance.model import SHAPES, ErrorModel, PieceWords, Shape
 from designer.tolerance.source import Amount
 from designer.tolerance.sources import SOURCES, source_named
 
@@ -59,6 +60,9 @@ class ErrorFile(BaseModel):
     expansion: Sourced | None = Field(None, description="linear expansion of the material, such as 68e-6/K")
     layer_height: Sourced | None = Field(None, description="height of a printed layer")
     piece: PieceTable | None = Field(None, description="what a face is, where faces are put on one by one")
+    suits: list[Shape] = Field(list(SHAPES), description=f"list of what is made so, of {', '.join(SHAPES)}")
+    price: Sourced | None = Field(None, description="what it costs, such as 12EUR + 3EUR/dm2")
+    hours: Sourced | None = Field(None, description="how long it takes, such as 1h + 0.1h/face")
     errors: dict[str, Sourced] = Field(description="tables, one for each error source")
 
 
@@ -85,7 +89,10 @@ def _read(path: Path) -> ErrorModel:
         file = ErrorFile.model_validate(read_spec_file(path))
     except ValidationError as error:
         raise InputError(" ".join(f"{path}: {_explain(error)}".split())) from None
-    entries = {"expansion": file.expansion, "layer_height": file.layer_height, **file.errors}
+    entries = {
+        "expansion": file.expansion, "layer_height": file.layer_height, "price": file.price, "hours": file.hours,
+        **file.errors,
+    }  # fmt: skip
     try:
         return ErrorModel(
             name=path.stem,
@@ -96,11 +103,22 @@ def _read(path: Path) -> ErrorModel:
             expansion_per_kelvin=_positive("expansion", file.expansion, parse_expansion),
             layer_height_mm=_positive("layer_height", file.layer_height, parse_length_mm),
             material=file.material,
+            suits=tuple(file.suits),
+            price=_effort("price", file.price, "EUR"),
+            hours=_effort("hours", file.hours, "h"),
             piece=None if file.piece is None else PieceWords(**file.piece.model_dump()),
             notes=tuple((name, entry.source) for name, entry in entries.items() if entry is not None),
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def _effort(name: str, entry: Sourced | None, unit: str) -> Effort | None:
+    """What making takes; None where the file does not tell it."""
+    try:
+        return None if entry is None else parse_effort(entry.amount, unit)
+    except ValueError as error:
+        raise InputError(f"{name} {shown(entry.amount if entry else '')}: {error}") from None
 
 
 def _positive(name: str, entry: Sourced | None, parse: Callable[[str], float]) -> float:

@@ -3,15 +3,20 @@
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
+from designer.tolerance.effort import Effort
 from designer.tolerance.shape import MadeShape, shape_of, target_of
 from designer.tolerance.source import Amount, ErrorSource, format_quantity
 from designer.tolerance.sources import SOURCES, source_named
+
+Shape = Literal["solid", "board", "two-sided board"]
+SHAPES: tuple[Shape, ...] = get_args(Shape)
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Array]
@@ -43,12 +48,20 @@ class ErrorModel:
     layer_height_mm: float = 0.0
     material: str = ""
     piece: PieceWords | None = None  # what a face is, where faces are put on one by one
+    suits: tuple[Shape, ...] = SHAPES  # what is made so
+    price: Effort | None = None  # in euros; None: not known
+    hours: Effort | None = None  # of machine and hands, without delivery
     notes: tuple[tuple[str, str], ...] = ()  # where each number comes from, by source name, "expansion", "layer_height"
 
     def __post_init__(self) -> None:
         names = [source_named(name).name for name, _ in self.amounts]
         if len(set(names)) < len(names):
             raise ValueError("an error source is given twice")
+
+    def suits_target(self, target: TargetGeometry) -> bool:
+        """Whether such a target is made so."""
+        shape: Shape = "solid" if not target.is_plate else "board" if target.is_planar else "two-sided board"
+        return shape in self.suits
 
     @property
     def sources(self) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ BOARD = BoardSpec((90.0, 60.0), 5.0, 7, 5, "triangular", 7.0, 0.45, 10.0, 1.0, 4
 NATURAL = {"mm": 0.3, "rad": 0.01, "1": 0.004, "K": 20.0}
 """Sizes of errors that are large for a print and small for mathematics."""
 MOTIONS = ("face_rotation", "face_tilt", "face_shift", "face_offset")
-BENDING = ("face_bow", "warp")
+BENDING = ("face_bow", "warp", "bow_twist")
 
 
 def made_by_others() -> TargetGeometry:

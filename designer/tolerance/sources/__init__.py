@@ -7,6 +7,7 @@ from designer.base.errors import InputError
 from designer.base.words import shown, suggestion
 from designer.tolerance.source import ErrorSource
 from designer.tolerance.sources.axis_scale import AXIS_SCALE
+from designer.tolerance.sources.bow_twist import BOW_TWIST
 from designer.tolerance.sources.face_bow import FACE_BOW
 from designer.tolerance.sources.face_offset import FACE_OFFSET
 from designer.tolerance.sources.face_rotation import FACE_ROTATION
@@ -29,6 +30,7 @@ _IN_ORDER: tuple[ErrorSource, ...] = (
     STAIR_STEPS,
     FACE_BOW,
     WARP,
+    BOW_TWIST,
     # Faces as rigid bodies; they turn before they shift.
     FACE_ROTATION,
     FACE_TILT,

@@ -11,10 +11,13 @@ from hypothesis import strategies as st
 from designer.base.errors import InputError
 from designer.kinds.presets import preset_folder, preset_names
 from designer.kinds.spec_file import MAX_FILE_BYTES, read_spec_file
+from designer.make.bed import printed_size_mm
 from designer.tolerance.amount_text import parse_amount, parse_expansion
+from designer.tolerance.effort import TargetSize, parse_effort, size_of
 from designer.tolerance.error_file import ErrorFile, error_model
 from designer.tolerance.source import KINDS, Amount, Kind, format_quantity
 from designer.tolerance.sources import SOURCES
+from tests.support.designs import small
 
 OF_UNIT = {"mm": "face_offset", "rad": "face_tilt", "1": "scale", "K": "thermal"}
 GOOD = """
@@ -54,8 +57,9 @@ def refusal(name: str, *overrides: str) -> str:
 def test_the_ways_of_making_are_there() -> None:
     """Each way of making that the commands name is a template."""
     assert preset_names("errors") == [
-        "fdm-board", "fdm-board-two-sided", "fdm-dual", "fdm-dual-calibrated", "fdm-tiles", "hand-stickers", "machined",
-        "resin", "sheet-print", "sheet-two-sided",
+        "fdm-board", "fdm-board-two-sided", "fdm-dual", "fdm-dual-calibrated", "fdm-tiles", "hand-stickers",
+        "laser-engraved", "machined", "pcb", "resin", "sheet-print", "sheet-two-sided", "sls", "uv-composite",
+        "waterslide",
     ]  # fmt: skip
 
 
@@ -66,8 +70,8 @@ def test_each_number_of_a_template_says_where_it_comes_from(name: str) -> None:
     assert model.name == name
     assert model.title
     notes = dict(model.notes)
-    assert set(notes) - {"expansion", "layer_height"} == set(model.sources)
-    assert "expansion" in notes
+    assert set(notes) - {"expansion", "layer_height", "price", "hours"} == set(model.sources)
+    assert {"expansion", "price", "hours"} <= set(notes)
     for source, note in notes.items():
         assert len(note) > 25, source
         assert "http" not in note, source
@@ -91,16 +95,58 @@ def test_templates_keep_the_order_that_is_known_of_them() -> None:
 
 def test_templates_say_nothing_that_has_no_effect() -> None:
     """Bodies have no warp, boards no errors of single faces, and what is not printed in layers no stairs."""
+    bends = {"warp", "bow_twist"}
     for name in preset_names("errors"):
-        used = set(error_model(name).sources)
-        if name in ("fdm-board", "sheet-print"):
+        model = error_model(name)
+        used = set(model.sources)
+        if set(model.suits) == {"board"}:
             assert not {source for source in used if source.startswith("face_")} | used & {"stair_steps"}, name
-            assert "warp" in used, name
-        elif name.endswith("two-sided"):  # a board whose back is put there by hand, or by other layers
-            assert {"warp", "face_offset", "face_shift", "face_tilt"} <= used, name
-        else:
-            assert "warp" not in used, name
-        assert ("stair_steps" in used) == (name in ("fdm-dual", "fdm-dual-calibrated", "resin")), name
+        elif "two-sided board" in model.suits:  # a board whose back is put there by hand, or by other layers
+            assert {"face_offset", "face_shift"} <= used, name
+        assert bool(bends & used) == ("solid" not in model.suits), name
+        assert ("stair_steps" in used) == (name in ("fdm-dual", "fdm-dual-calibrated", "resin", "sls")), name
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("12EUR", 12), ("1EUR + 2EUR/dm2", 9), ("3EUR/face+0.5EUR/cm3 + 2 EUR/cm", 12 + 50 + 6), ("0EUR", 0)],
+)
+def test_an_effort_grows_with_the_size(text: str, expected: float) -> None:
+    """Each term counts as often as there is of what it is of."""
+    assert parse_effort(text, "EUR").of(TargetSize(face=4, dm2=4, cm3=100, cm=3)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "12", "12h", "-1EUR", "1EUR/mm", "1EUR + 2EUR", "1EUR/dm2/cm", "nanEUR", "1e9EUR"]
+)
+def test_an_effort_is_refused_with_an_example(text: str, tmp_path: Path) -> None:
+    """Another unit, a term twice or no number: one line that shows how to write it."""
+    said = refusal(written(tmp_path, f'{GOOD}\n[price]\namount = "{text}"\nsource = "a maker"'))
+    assert "expected a sum such as 2EUR + 0.5EUR/dm2" in said
+    assert "price" in said
+
+
+def test_a_way_of_making_says_what_it_suits(tmp_path: Path) -> None:
+    """A template is of some shapes; a file that does not say is of all."""
+    solid, flat = small("ico").target, small("board").target
+    assert error_model("sls").suits_target(solid)
+    assert not error_model("sls").suits_target(flat)
+    assert error_model("pcb").suits_target(flat)
+    assert not error_model("pcb").suits_target(solid)
+    assert all(error_model(written(tmp_path, GOOD)).suits_target(target) for target in (solid, flat))
+    assert "suits" in refusal(written(tmp_path, 'suits = ["cup"]\n' + GOOD))
+
+
+def test_the_size_of_a_target_is_that_of_its_mesh() -> None:
+    """Area, volume and height from the faces' frames are those of the body as it is printed, and lies."""
+    design = small("ico")
+    size, mesh = size_of(design.target), design.part.body
+    assert design.part.ink is not None
+    assert size.cm3 == pytest.approx((mesh.volume_mm3 + design.part.ink.volume_mm3) / 1000, rel=1e-3)
+    assert size.dm2 == pytest.approx(20 * math.sqrt(3) / 4 * 0.2**2, rel=1e-6)
+    assert 10 * size.cm == pytest.approx(printed_size_mm(design.target, design.job.printing)[2], rel=1e-6)
+    board = size_of(small("board").target)
+    assert (board.face, board.dm2, board.cm3, board.cm) == pytest.approx((1, 0.36, 14.4, 0.4))
 
 
 # --- files ------------------------------------------------------------------------------------------------------------
