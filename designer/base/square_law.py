@@ -117,6 +117,8 @@ class SquareLaw:
     def largest(self, error: int, measure: int, limit: float, sizes: Sequence[Size]) -> float:
         """The largest size of an error that keeps a measure within a limit, the others as set; 0 if none does.
 
+        Infinite if it adds nothing, whatever the limit.
+
         With numbers that are drawn, a² d + rest = limit²; with known ones, a² |v|² + 2 a v · rest + rest² = limit².
         """
         alone, mixed, by = Size(0.0), 0.0, self.drawn[error][measure]
@@ -128,9 +130,9 @@ class SquareLaw:
                 if one.is_fixed and other != error
             )
         room = limit**2 - self.square(measure, [*sizes[:error], alone, *sizes[error + 1 :]])
-        if not room > 0:
-            return 0.0
-        return (math.sqrt(mixed**2 + by * room) - mixed) / by if by > 0 else math.inf
+        if not by > 0:
+            return math.inf
+        return (math.sqrt(mixed**2 + by * room) - mixed) / by if room > 0 else 0.0
 
     def together(self, measure: int, limit: float, sizes: Sequence[Size]) -> float:
         """By what factor all errors may be larger; infinite if they add nothing, 0 if noise alone is too much."""

@@ -11,6 +11,7 @@ from urllib.parse import quote
 
 if TYPE_CHECKING:
     from designer.page.scene import Scene  # here alone: a terminal's lines need no NumPy
+    from designer.page.what_if import WhatIfModel
 
 Level = Literal["good", "usable", "bad", "note"]
 """How a fact is to be taken: fine, with care, not at all; or neither."""
@@ -185,8 +186,18 @@ class FileList:
     rows: tuple[FileRow, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class WhatIf:
+    """Numbers that follow what a person sets; where nothing can be set, the table says them as they are at first."""
+
+    title: str
+    model: "WhatIfModel"
+    table: Table
+    note: str = ""
+
+
 Leaf: TypeAlias = (
-    Paragraph | Facts | Findings | Table | Figure | Gallery | View3d | Command | Steps | FileList
+    Paragraph | Facts | Findings | Table | Figure | Gallery | View3d | Command | Steps | FileList | WhatIf
 )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 JsonValue: TypeAlias = "str | int | float | bool | Sequence[JsonValue] | Mapping[str, JsonValue] | None"
 JsonObject: TypeAlias = Mapping[str, JsonValue]
 
-_MARKUP = {character: f"\\u{ord(character):04x}" for character in "<>&"}
+MARKUP = {character: f"\\u{ord(character):04x}" for character in "<>&"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ def scene_json(scene: Scene) -> str:
         ],
     }
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
-    return "".join(_MARKUP.get(character, character) for character in text)
+    return "".join(MARKUP.get(character, character) for character in text)
 
 
 def _shape(shape: Shape) -> JsonObject:

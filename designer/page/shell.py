@@ -13,13 +13,26 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from designer.page.blocks import Block, Cell, Figure, Fold, Page, Raster, Section, Svg, Table, View3d, href
+from designer.page.blocks import Block, Cell, Figure, Fold, Page, Raster, Section, Svg, Table, View3d, WhatIf, href
 from designer.page.pictures import media_type
 
 _PARTS = Path(__file__).parent / "parts"
-_VIEWER = ("three.min.js", "viewer_shapes.js", "viewer.js")
 _ROW_REM = 2.125  # height of a line of a table, as in page.css
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff]")
+
+
+@dataclass(frozen=True)
+class _Extra:
+    """What a page needs besides where it has a kind of block."""
+
+    style: str
+    scripts: tuple[str, ...]
+
+
+_OF_BLOCKS: dict[type[Block], _Extra] = {
+    View3d: _Extra("viewer.css", ("three.min.js", "viewer_shapes.js", "viewer.js")),
+    WhatIf: _Extra("what_if.css", ("what_if.js",)),
+}
 
 
 @dataclass(frozen=True)
@@ -40,9 +53,10 @@ def page_html(page: Page) -> bytes:
     Raises:
         ValueError: a link leads out of the page's folder, or a picture is neither PNG nor JPEG.
     """
-    has_scene = any(isinstance(block, View3d) for block in _blocks(page))
-    style = _part("page.css") + _row_heights(page) + (_part("viewer.css") if has_scene else "")
-    scripts = [_part(name) for name in (*(_VIEWER if has_scene else ()), "page.js")]
+    kinds = {type(block) for block in _blocks(page)}
+    extra = [parts for kind, parts in _OF_BLOCKS.items() if kind in kinds]
+    style = _part("page.css") + _row_heights(page) + "".join(_part(parts.style) for parts in extra)
+    scripts = [_part(name) for name in (*(name for parts in extra for name in parts.scripts), "page.js")]
     html = _environment().get_template("page.html.j2").render(
         page=page,
         chapters=_chapters(page.sections),
@@ -64,7 +78,7 @@ def _environment() -> Environment:
     )  # fmt: skip
     environment.filters.update(
         kind=lambda block: type(block).__name__,
-        href=href, data_url=_data_url, scene=_scene, sort_value=_sort_value, file_size=file_size,
+        href=href, data_url=_data_url, scene=_scene, what_if_data=_what_if, sort_value=_sort_value, file_size=file_size,
     )  # fmt: skip
     return environment
 
@@ -103,6 +117,8 @@ def _blocks(page: Page) -> Iterator[Block]:
         yield block
         if isinstance(block, Fold):
             yield from block.blocks
+        if isinstance(block, WhatIf):
+            yield block.table
 
 
 def _row_heights(page: Page) -> str:
@@ -143,6 +159,13 @@ def _scene(view: View3d) -> Markup:
     from designer.page.scene import scene_json
 
     return Markup(scene_json(view.scene))  # noqa: S704 - escaped there
+
+
+def _what_if(block: WhatIf) -> Markup:
+    """The sliders' model as JSON, as `_scene`."""
+    from designer.page.what_if import what_if_json
+
+    return Markup(what_if_json(block.model))  # noqa: S704 - escaped there
 
 
 def _sort_value(cell: Cell) -> str | None:

@@ -41,6 +41,7 @@ from calib.show.studies.tolerance_words import (
     swept_sources,
     tolerance_headline,
 )
+from calib.show.studies.what_if_block import what_if_section
 from calib.studies.tolerance.quantities import quantity_named
 from calib.studies.tolerance.record import TOLERANCE_TABLE, Crossovers, PhotographedSetting, ToleranceStudy
 from calib.studies.tolerance.stored import AGAINST_FILE
@@ -88,7 +89,9 @@ def tolerance_page(folder: Path, origin: Origin) -> Page:
         identity, wrong = read_identity(folder)
         facts, careful = identity_facts(identity, SETTING_NAMES), warnings("Study file", wrong)
         title, headline = study.target, tolerance_headline(study)
-        told = study_sections(study, lambda text: figures(folder, [text]), tuple(facts), careful)
+        told = study_sections(
+            study, lambda text: figures(folder, [text]), tuple(facts), careful, made_by=origin.command
+        )
         sections = (*told, Section("Next", (_next(study), MEASURE)), files)
     return Page(title, "Tolerance study", headline, sections, made_by=origin.command, program=origin.program)
 
@@ -98,6 +101,8 @@ def study_sections(
     pictures: Pictures,
     facts: tuple[tuple[str, str], ...] = (),
     careful: tuple[Block, ...] = (),
+    *,
+    made_by: str = "",
 ) -> tuple[Section, ...]:
     """All that a study says.
 
@@ -106,6 +111,7 @@ def study_sections(
         pictures: its figures.
         facts: what else is known of its setting.
         careful: what to know of its file.
+        made_by: the command line that made it; "" if it is not known.
     """
     other = study.crossovers
     setting = (
@@ -118,6 +124,8 @@ def study_sections(
         question_section(question, (*setting, *facts), *warnings("Warning", study.setting.warnings), *careful),
         _costs(study, pictures),
     ]
+    what_if = what_if_section(study, made_by)
+    sections += [what_if] if what_if is not None else []
     sections += [_limits(study, pictures)] if study.budgets else []
     sections += [_sizes(study, pictures)]
     sections += [_against(study, other, pictures)] if other is not None else []
