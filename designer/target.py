@@ -141,6 +141,11 @@ class TargetGeometry:
         return self.form == "plate"
 
     @property
+    def has_back(self) -> bool:
+        """Whether it is a plate with a front and a back."""
+        return self.is_plate and not self.is_planar
+
+    @property
     def shown_at_once(self) -> int:
         """How many faces a photo needs to fix where the target is, and can show: of a plate one, of a solid three."""
         return 1 if self.is_plate else min(3, self.face_count)

@@ -12,6 +12,7 @@ from typing import TypeAlias
 from calib.api.loading import Place, Progress, load_observations, observations_of, target_of, unheard
 from calib.api.page_shown import ShownAsPage
 from calib.api.solving import ALL, SolvePlan, plan_from_words
+from calib.as_built.back import tells_thickness, with_thickness
 from calib.as_built.cross_validation import cross_validate
 from calib.as_built.deviations import Compensation, Estimate
 from calib.as_built.lengths import CaliperLength, asked_length, doubt_about, length_in, rescaled
@@ -209,7 +210,10 @@ def measure(
 
 @dataclass(frozen=True, eq=False)
 class RescaledTarget:
-    """A target made larger or smaller by one length: `resized.target`, `resized.save("as_built.target.json")`."""
+    """A target made larger or smaller by one length: `resized.target`, `resized.save("as_built.target.json")`.
+
+    The length over front and back of a board moves its back, and nothing else.
+    """
 
     nominal: TargetGeometry
     target: TargetGeometry
@@ -223,8 +227,10 @@ class RescaledTarget:
         return self.length.value_mm / length_in(self.nominal, self.length.name)
 
     @property
-    def size(self) -> Estimate:
-        """How much larger than designed, as a share."""
+    def size(self) -> Estimate | None:
+        """How much larger than designed, as a share; None: the length is a thickness, which says nothing of it."""
+        if tells_thickness(self.nominal, self.length.name):
+            return None
         return Estimate(self.factor - 1, self.length.sigma_mm / self.length.value_mm)
 
     def save(self, path: Place) -> Path:
@@ -254,7 +260,9 @@ def rescale(target: TargetGeometry | Place, length: str | CaliperLength, *, made
     way = _way(nominal, made)
     asked = asked_length("--measured-length", length, nominal)
     against = None if isinstance(target, TargetGeometry) else Path(target)
-    return RescaledTarget(nominal, rescaled(nominal, asked), asked, _doubts([asked], way, nominal), against)
+    is_thickness = tells_thickness(nominal, asked.name)
+    made_so = with_thickness(nominal, asked.value_mm) if is_thickness else rescaled(nominal, asked)
+    return RescaledTarget(nominal, made_so, asked, _doubts([asked], way, nominal), against)
 
 
 def _nominal(target: TargetGeometry | Place) -> TargetGeometry:

@@ -196,7 +196,7 @@ def _grid(
         )
     where = choice("--region", region or ("cap" if target.is_plate else "sphere"), get_args(Region))
     half_angle = {**HALF_ANGLE_RAD, "cap": real("--cap-angle", cap_rad, 0, math.pi, " rad")}[where]
-    is_two_sided = where == "cap" and not target.is_planar and target.is_plate
+    is_two_sided = where == "cap" and target.has_back
     return PoseGrid(
         whole("--views", views, 1, MAX_VIEWS), half_angle, (near, far), random_roll, aim_offset_mm, is_two_sided
     )

@@ -84,7 +84,9 @@ def what_is_seen(unknowns: Unknowns, sets: list[tuple[Observations, Flags]]) -> 
         shown.extend(count >= LEAST_RINGS)
     for one in shown:
         views += one
-    return SeenParts(ring, views > 0, _groups(np.array(shown)), views, np.zeros_like(views, dtype=bool))
+    # Faces that do not move against each other need no view that joins them.
+    group = _groups(np.array(shown)) if unknowns.has_motion else np.where(views > 0, 0, -1)
+    return SeenParts(ring, views > 0, group, views, np.zeros_like(views, dtype=bool))
 
 
 def _groups(shown: Flags) -> NDArray[np.int64]:

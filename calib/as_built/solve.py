@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_built.accuracy import TargetAccuracy, accuracy_of
+from calib.as_built.back import tells_thickness, with_back
 from calib.as_built.datum import (
     SeenParts,
     gauge_rows,
@@ -92,13 +93,16 @@ def measure(
     noise_mm = _centre_noise_mm(joint, state)
     is_determined = _determined(accuracy, joint, seen, noise_mm)
     scale: Scale | None = None
-    if lengths:
+    sizes = [one for one in lengths if not tells_thickness(target, one.name)]
+    if sizes:
         # Without the faces of which little is known, if there are others.
         unscaled = target_of(joint.unknowns, seen, state.shape, accuracy.face)
-        scale = scale_from(unscaled, lengths, is_determined if is_determined.any() else None)
+        scale = scale_from(unscaled, sizes, is_determined if is_determined.any() else None)
         state = moved_target(joint.unknowns, state, scale.value, np.eye(3), np.zeros(3))
     measured = _Measured(joint, found, seen, accuracy, state, noise_mm, is_determined, scale)
-    return _as_built(started, target, measured, descended.iterations, begin)
+    built = _as_built(started, target, measured, descended.iterations, begin)
+    errors = None if options.made is None else options.made.errors
+    return with_back(built, errors, [one for one in lengths if one not in sizes])
 
 
 def with_known_weights(options: AsBuiltOptions, sets: Sequence[Observations]) -> AsBuiltOptions:

@@ -87,19 +87,20 @@ class Unknowns:
 def unknowns_of(target: TargetGeometry, options: AsBuiltOptions) -> Unknowns:
     """The free unknowns of a target."""
     faces, size = target.face_count, bounding_radius_mm(target)
-    bent = faces == 1 if options.bow is None else options.bow
+    bent = target.is_plate if options.bow is None else options.bow
+    moves = not target.is_plate  # no photo shows front and back of a plate, so that poses take their motions up
     strain = _free_strain(target) if options.affine else np.zeros(0, dtype=np.int64)
     first_motion = len(strain)
-    first_bow = first_motion + (6 * faces if faces > 1 else 0)
+    first_bow = first_motion + (6 * faces if moves else 0)
     count = first_bow + (3 * faces if bent else 0)
     column = np.full((faces, SHARED), -1)
     column[:, strain] = np.arange(first_motion)
-    if faces > 1:
+    if moves:
         column[:, 6:12] = first_motion + np.arange(6 * faces).reshape(faces, 6)
     if bent:
         column[:, 12:] = first_bow + np.arange(3 * faces).reshape(faces, 3)
     kind = np.concatenate([
-        np.where(strain < 3, 0, 1), np.tile([2, 2, 3, 4, 4, 5], faces if faces > 1 else 0), np.full(3 * faces, 6)
+        np.where(strain < 3, 0, 1), np.tile([2, 2, 3, 4, 4, 5], faces if moves else 0), np.full(3 * faces, 6)
     ])[:count]  # fmt: skip
     strained, turned, shifted, bowed = (
         options.strain_sigma, options.face_sigma_rad, options.face_sigma_mm, options.bow_sigma_mm
@@ -118,11 +119,11 @@ def unknowns_of(target: TargetGeometry, options: AsBuiltOptions) -> Unknowns:
 
 
 def _free_strain(target: TargetGeometry) -> NDArray[np.int64]:
-    """The strain's numbers that photos can tell: of a single face in the plane z = const only xx, yy and xy.
+    """The strain's numbers that photos can tell: of a plate in the plane z = const only xx, yy and xy.
 
     The others would tilt it, as poses do.
     """
-    if target.is_planar and abs(target.target_from_face[0, 2, 2]) > UPRIGHT:
+    if target.is_plate and abs(target.target_from_face[0, 2, 2]) > UPRIGHT:
         return np.array([0, 1, 5])
     return np.arange(6)
 

@@ -197,7 +197,8 @@ def _rescale(path: Path, length: str, way: str | None, out: Path, made_with_perc
     off = made.size
     say_facts(Facts((
         ("length", made.length.text),
-        ("size", f"{percent(off)} against the design; the shape is taken as designed"),
+        ("size", f"{percent(off)} against the design; the shape is taken as designed")
+        if off is not None else ("shape", "as designed but for the distance of its two faces"),
     )))  # fmt: skip
     say_findings(Finding("note", "", line) for line in made.remarks)
     say_written(out.parent, (out,))
@@ -207,7 +208,9 @@ def _rescale(path: Path, length: str, way: str | None, out: Path, made_with_perc
     _say_next((Command(step, "with the folder of your photos"), *next_one))
     return Summary(
         {"status": "rescaled", "nominal_geometry_id": made.nominal.geometry_id,
-         "measured_geometry_id": made.target.geometry_id, "size": {"value": off.value, "sigma": off.sigma},
-         "next_shrink_compensation_percent": compensation_percent(off.value, made_with_percent)},
+         "measured_geometry_id": made.target.geometry_id,
+         "size": None if off is None else {"value": off.value, "sigma": off.sigma},
+         "next_shrink_compensation_percent":
+             None if off is None else compensation_percent(off.value, made_with_percent)},
         (out,), (step,), made.remarks,
     )  # fmt: skip

@@ -101,7 +101,7 @@ def _slicer_steps(design: Design, slicer: Slicer) -> Steps:
     printing, slot = design.job.printing, slicer.slot
     body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
     tower = "Prime tower on: only the first layers change the filament."
-    if design.target.is_plate and not design.target.is_planar:
+    if design.target.has_back:
         tower = (
             "Prime tower on: only the first and the last layers change the filament, so it grows as high as the part."
         )

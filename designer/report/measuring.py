@@ -394,7 +394,7 @@ def photo_blocks(design: Design) -> tuple[Block, ...]:
             "20 to 30 photos, tilted by 20 to 50 degrees about different axes, and a few straight on. Fewer than 6 "
             "cannot be checked."
         )
-    if design.target.is_plate and not design.target.is_planar:
+    if design.target.has_back:
         count = (
             f"{count} A photo of either side counts; cameras that face each other with the board between them are "
             "tied together by photos taken at the same time, one from each side."

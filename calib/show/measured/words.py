@@ -109,7 +109,8 @@ def deviation_sentence(record: AsBuiltRecord) -> str:
         parts.append(f"rings are off by {much} (1 sigma) in their plane")
     bow_mm = record.face_bow_mm[np.isfinite(record.face_bow_mm).all(axis=1)]
     if bow_mm.any():
-        parts.append(f"its face is bent by up to {figure(float(np.abs(bow_mm).max()), 2)} mm")
+        faces = "its face is" if len(record.face_bow_mm) == 1 else "its faces are"
+        parts.append(f"{faces} bent by up to {figure(float(np.abs(bow_mm).max()), 2)} mm")
     return f"{'; '.join(parts)}."
 
 

@@ -64,7 +64,7 @@ def views_from(target: TargetGeometry, distance_mm: float, views: int, seed: int
     half_angle = CAP_RAD if target.is_plate else math.pi
     grid = PoseGrid(
         views, half_angle, (distance_mm, distance_mm), random_roll=True, aim_offset_mm=0.0,
-        is_two_sided=target.is_plate and not target.is_planar,
+        is_two_sided=target.has_back,
     )  # fmt: skip
     return grid_poses(grid, np.random.default_rng(seed))
 
