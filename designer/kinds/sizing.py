@@ -16,7 +16,7 @@ from designer.kinds.spec_file import read_printer_file
 from designer.spec.build import BUILDS, builds_of
 from designer.spec.format import FORMATS, choose_formats
 from designer.spec.kind import kinds
-from designer.spec.machine import Machine
+from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM, Machine
 from designer.spec.options import Asked, AskedPrinting
 from designer.spec.spec import FILAMENT_PRICE, PAPER_LINE_MM, Job, Line, PrinterProfile, PrintSpec, Spec
 from designer.target import TargetGeometry
@@ -26,10 +26,6 @@ SOLID_INLAY_MM = 1.0
 """Inlay of a one-piece icosahedron: its 12 steep faces fill to 70 % at 0.6 mm, to 93 % at 0.9-1.0 mm."""
 FLAT_INLAY_LAYERS = 3
 CHORD_ERROR_MM = 0.005
-BRIM_MM = 5.0
-"""Around a plate; the usual width in slicers."""
-TOWER_DEPTH_MM = 40.0
-"""Assumption: of a prime tower beside a plate, whose few changes take a strip of 60 mm by less than that."""
 STICKER_THICKNESS_MM = 0.1
 
 

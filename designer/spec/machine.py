@@ -9,6 +9,10 @@ from typing import Annotated
 
 from designer.base.marks import Above, AtLeast, AtMost
 
+BRIM_MM = 5.0
+"""Free around a part on the bed: the usual width of a brim in slicers."""
+TOWER_DEPTH_MM = 35.0
+"""Free beside a large flat part: 400 mm³ of purge in a layer of 0.2 mm cover 60 x 33 mm of a prime tower."""
 Speed = Annotated[float, Above(0), AtMost(2000)]
 Acceleration = Annotated[float, Above(0), AtMost(100_000)]
 Seconds = Annotated[float, AtLeast(0), AtMost(7200)]

@@ -285,7 +285,7 @@ def test_a_board_of_which_nothing_is_said_fits_the_bed(printer: str) -> None:
     result = sized(kind="board", printer=printer)
     spec, (*bed, _) = board(printer=printer), result.job.printing.printer.bed_mm
     (width, height), (longer, shorter) = spec.size_mm, sorted(bed, reverse=True)
-    assert 100 <= height <= min(200, shorter - 50)
+    assert 100 <= height <= min(200, shorter - 45)
     assert 100 <= width <= min(280, longer - 10)
     assert width == 280 or width + 10 > longer - 10
     assert f"board {width:g}x{height:g}mm (" in result.remarks[0]

@@ -1,0 +1,420 @@
+"""A board that is larger than the bed, in flat pieces: seams between rows of rings, joined by keys from behind.
+
+`board_in_pieces(target, printing)` cuts it. Seams run straight through the middle of the white between two columns or
+rows. Two pieces touch at two pads of each seam and are apart by the clearance elsewhere, so that no elephant foot
+presses them apart; bow-tie keys (butterflies) in pockets of the backs hold them. No two seams have their keys as far
+apart, and none has them in its middle: a piece goes to one place, one way round.
+
+All lengths are the design's, in the target's frame: the face at z = 0, the back at z = -thickness.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from manifold3d import CrossSection, JoinType, Manifold
+from numpy.typing import NDArray
+
+from designer.base.errors import InputError
+from designer.make.bed import against_skew_along
+from designer.make.booleans import mesh_of, prism, solid_of, union
+from designer.make.lettering import HEIGHT, ID_DIGITS, text_contours, text_width
+from designer.make.mesh import Mesh, Part, inlaid, plate_hull
+from designer.make.pattern import Contour, make_pattern
+from designer.make.plate import Piece, Plate
+from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM
+from designer.spec.spec import PrinterProfile, PrintSpec
+from designer.target import TargetGeometry
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+
+KEY_REACH_MM, KEY_WAIST_MM, KEY_END_MM = 9.0, 5.0, 9.0
+"""Of a bow tie: how far it reaches into each piece, how wide it is in the seam and at its ends. Assumptions: a waist of
+eleven lines does not break by hand, and flanks of 12 degrees hold without glue."""
+MOST_KEY_DEPTH_MM = 3.0
+LEAST_KEY_LAYERS = 3
+CLOSED_LAYERS, ENGRAVED_LAYERS = 2, 2
+"""Between the ink and a pocket behind it; of letters."""
+CHAMFER_LAYERS = 2
+"""Of edges in a seam that lie on the bed: elephant feet bulge in the first layers (an assumption)."""
+FIRST_KEY, FARTHEST_KEY = 0.2, 0.75
+"""Where the first key of a seam lies, and the second one at most, over the seam's length."""
+KEY_STEP_MM = 1.0
+"""By which the distances of two seams' keys differ: four clearances or more."""
+PAD_PLACES, PAD_WIDTH_MM = (0.08, 0.92), 6.0
+APART_MM = 8.0
+"""Between pieces on a plate: room for two brims."""
+NUMBER_STROKE_MM, JOINS_STROKE_MM = 2.0, 0.8
+MOST_PIECES = 64
+_FAR_MM = 1000.0
+_QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Seam:
+    """Where two pieces meet: a line with the lower-numbered piece on its left."""
+
+    pieces: tuple[int, int]  # rows of `BoardInPieces.pieces`
+    start_mm: Array  # (2,)
+    end_mm: Array  # (2,)
+    keys_mm: Array  # (2, 2) middles of its keys
+
+    @property
+    def along(self) -> Array:
+        """Unit vector.  # (2,)"""
+        step: Array = self.end_mm - self.start_mm
+        return step / np.linalg.norm(step)
+
+    @property
+    def across(self) -> Array:
+        """From the piece on its left to the other.  # (2,)"""
+        return np.array([self.along[1], -self.along[0]])
+
+    @property
+    def length_mm(self) -> float:
+        """From end to end."""
+        return float(np.linalg.norm(self.end_mm - self.start_mm))
+
+
+@dataclass(frozen=True, eq=False)
+class BoardPiece:
+    """A piece in the target's frame."""
+
+    number: int  # from 1, row by row from below
+    low_mm: Point  # of its share of the board
+    high_mm: Point
+    part: Part
+
+
+@dataclass(frozen=True, eq=False)
+class BoardInPieces:
+    """A board in pieces, and the keys that join them."""
+
+    pieces: tuple[BoardPiece, ...]
+    seams: tuple[Seam, ...]
+    columns: int  # pieces side by side
+    is_turned: bool  # pieces lie on the bed turned by a quarter
+    key: Mesh  # upright, as it is printed, over its middle; its waist along y
+    key_top_mm: float  # z of the pockets' floors
+
+    def placed_keys(self) -> Iterator[Manifold]:
+        """Each key in its pockets, in the target's frame: on the pockets' floors, a layer below the back."""
+        for seam in self.seams:
+            for middle in seam.keys_mm:
+                frame = np.eye(4)
+                frame[:2, 0], frame[:2, 1] = seam.across, seam.along
+                frame[:3, 3] = [*middle, self.key_top_mm - float(self.key.vertices_mm[:, 2].max())]
+                yield solid_of(self.key).transform(frame[:3])
+
+
+@dataclass(frozen=True)
+class _Cuts:
+    """Where a board is cut, its own edges included."""
+
+    x_mm: tuple[float, ...]
+    y_mm: tuple[float, ...]
+    is_turned: bool
+    white_mm: float  # across the narrowest seam; infinite without one
+
+    @property
+    def unlike_mm(self) -> float:
+        """By how much the largest piece is longer one way."""
+        return float(abs(np.diff(self.x_mm).max() - np.diff(self.y_mm).max()))
+
+    def cells(self) -> Iterator[tuple[Point, Point]]:
+        """Lower left and upper right corners of the pieces, row by row from below."""
+        for low_y, high_y in pairwise(self.y_mm):
+            for low_x, high_x in pairwise(self.x_mm):
+                yield (low_x, low_y), (high_x, high_y)
+
+
+@lru_cache(maxsize=2)
+def board_in_pieces(target: TargetGeometry, printing: PrintSpec) -> BoardInPieces:
+    """Cut a board into as few pieces as the printer's bed takes.
+
+    Args:
+        target: the nominal geometry of a board with one face.
+        printing: how it is made.
+
+    Raises:
+        InputError: it fits the bed in one piece, has two faces, is too thin for keys or has too little white between
+            its rings for seams, or a piece would be larger than the bed.
+    """
+    if target.spec is None or not target.is_planar:
+        raise InputError("a board with rings on both faces has no back for keys; use build one-piece or sheet")
+    printer, scale = printing.printer, 1 + printing.shrink_compensation_percent / 100
+    thickness, inlay, layer = target.spec.depth_mm, printing.inlay_mm / scale, printer.layer_height_mm
+    depth = _key_depth_mm(thickness, inlay, layer)
+    cuts = _cut(target, printer, scale)
+    seams = tuple(_seams(cuts, printer.clearance_mm))
+    # Ink is offset by what the print bleeds, whatever it shrinks; letters that a seam would cut stand on the backs.
+    pattern = make_pattern(target, replace(printing, labels=False, ink_offset_mm=printing.ink_offset_mm / scale))
+    whole = inlaid(pattern, plate_hull(pattern, thickness, inlay), inlay)
+    assert whole.ink is not None  # noqa: S101 - rings are ink
+    key_top = depth - thickness
+    body, ink = solid_of(whole.body) - union(list(_pockets(seams, printer.clearance_mm, key_top))), solid_of(whole.ink)
+    chamfer = min(CHAMFER_LAYERS * layer, (cuts.white_mm - printer.clearance_mm) / 2 - printer.line_width_mm)
+    target_id = target.geometry_id[:ID_DIGITS].upper()
+    pieces = []
+    for row, (low, high) in enumerate(cuts.cells()):
+        cell = _cell(cuts, low, high, printer.clearance_mm, chamfer, thickness, is_down=printing.ink_side == "down")
+        mine = [seam for seam in seams if row in seam.pieces]
+        solid = union([body ^ cell, *(pad for seam in mine for pad in _pads(seam, row, thickness))])
+        letters = tuple(_letters(row, low, high, mine, target_id))
+        solid -= prism(letters, -thickness - 1.0, -thickness + ENGRAVED_LAYERS * layer)
+        pieces.append(BoardPiece(row + 1, low, high, Part(mesh_of(solid), mesh_of(ink ^ cell))))
+    key = mesh_of(Manifold.extrude(_bow_tie(), depth - layer))
+    return BoardInPieces(tuple(pieces), seams, len(cuts.x_mm) - 1, cuts.is_turned, key, key_top)
+
+
+def _key_depth_mm(thickness: float, inlay: float, layer: float) -> float:
+    """Depth of the pockets in whole layers.
+
+    Raises:
+        InputError: the board is too thin.
+    """
+    closed = inlay + CLOSED_LAYERS * layer
+    layers = math.floor(min(MOST_KEY_DEPTH_MM, thickness - closed) / layer + 1e-9)
+    if layers < LEAST_KEY_LAYERS + 1:
+        least = math.ceil(10 * (closed + (LEAST_KEY_LAYERS + 1) * layer) - 1e-6) / 10
+        raise InputError(
+            f"thickness {thickness:g}mm leaves {max(layers, 0)} layers for keys behind ink of {inlay:g}mm; use a "
+            f"thickness of at least {least:g}mm"
+        )
+    return layers * layer
+
+
+def _room_mm(printer: PrinterProfile) -> Array:
+    """What a bed takes beside brim and prime tower, along x and y.  # (2,)"""
+    room = np.array(printer.bed_mm[:2]) - 2 * BRIM_MM
+    room[1 if room[1] <= room[0] else 0] -= TOWER_DEPTH_MM
+    return room
+
+
+def _cut(target: TargetGeometry, printer: PrinterProfile, scale: float) -> _Cuts:
+    """The fewest pieces that fit the bed, as near to squares as that allows.
+
+    Raises:
+        InputError: none do, or the board needs no cut.
+    """
+    room = _room_mm(printer) / scale
+    low, high = target.outline_mm[0].min(axis=0), target.outline_mm[0].max(axis=0)
+    size = high - low
+    if _fits(size, room) is not None:
+        raise InputError(
+            f"board {size[0]:g}x{size[1]:g}mm fits the bed of {printer.name} in one piece; use build one-piece"
+        )
+    white = [_white(target, axis) for axis in (0, 1)]
+    needed = printer.clearance_mm + 2 * printer.line_width_mm
+    places = [[at for at, width in one if width >= needed - 1e-9] for one in white]
+    best: _Cuts | None = None
+    for count in range(2, MOST_PIECES + 1):
+        for across in (n for n in range(1, count + 1) if count % n == 0):
+            ways = [_split(float(low[k]), float(high[k]), n, places[k]) for k, n in ((0, across), (1, count // across))]
+            if None in ways:
+                continue
+            x, y = (np.array(way) for way in ways)
+            largest = np.array([np.diff(x).max(), np.diff(y).max()])
+            turned = _fits(largest, room)
+            if turned is not None and (best is None or abs(largest[0] - largest[1]) < best.unlike_mm):
+                widths = [width for one, at in zip(white, (x, y), strict=True) for place, width in one if place in at]
+                best = _Cuts(tuple(x.tolist()), tuple(y.tolist()), turned, min(widths))
+        if best is not None:
+            return best
+    raise InputError(_why_not(size, room, white, places, needed, printer))
+
+
+def _fits(size: Array, room: Array) -> bool | None:
+    """Whether a rectangle is to be turned by a quarter to lie in the room; None: it is too large either way."""
+    if (size <= room + 1e-9).all():
+        return False
+    return True if (size[::-1] <= room + 1e-9).all() else None
+
+
+def _white(target: TargetGeometry, axis: int) -> list[tuple[float, float]]:
+    """Middles and widths of the straight strips without ring or dot across an axis."""
+    center, radius = target.center_in_face_mm[:, axis], target.radius_outer_mm
+    order = np.argsort(center - radius)
+    begin, end = (center - radius)[order], np.maximum.accumulate((center + radius)[order])
+    gaps = begin[1:] - end[:-1]
+    (at,) = np.nonzero(gaps > 0)
+    return [(float((begin[k + 1] + end[k]) / 2), float(gaps[k])) for k in at.tolist()]
+
+
+def _split(low: float, high: float, count: int, places: list[float]) -> list[float] | None:
+    """Edges of so many pieces, cut at the places nearest to equal parts; None: there are too few."""
+    wanted = [low + (high - low) * k / count for k in range(1, count)]
+    cuts = [min(places, key=lambda at: abs(at - middle), default=low) for middle in wanted]
+    edges = [low, *cuts, high]
+    return edges if all(after > before for before, after in pairwise(edges)) else None
+
+
+def _why_not(
+    size: Array, room: Array, white: list[list[tuple[float, float]]], places: list[list[float]], needed: float,
+    printer: PrinterProfile,
+) -> str:  # fmt: skip
+    """What stands against any cut, and what would help."""
+    for axis, what in ((0, "columns"), (1, "rows")):
+        if size[axis] <= room.min() or places[axis]:
+            continue
+        if not white[axis]:
+            return (
+                f"the lattice has no straight white between its {what} for seams; use --lattice square, or a board of "
+                f"at most {room.min():.0f}mm across them"
+            )
+        widest = max(width for _, width in white[axis])
+        return (
+            f"white of {widest:.3g}mm between {what} is too little for a seam of {printer.clearance_mm:g}mm with a "
+            f"line of {printer.line_width_mm:g}mm on either side; use {needed:.3g}mm or more: smaller rings or a "
+            "larger pitch"
+        )
+    bed = " x ".join(f"{length:g}" for length in printer.bed_mm[:2])
+    return (
+        f"no {MOST_PIECES} pieces of a board of {size[0]:g}x{size[1]:g}mm fit the bed of {bed}mm, which takes "
+        f"{room[0]:.0f} x {room[1]:.0f}mm beside brim and prime tower; use a smaller pitch, a smaller board or a "
+        "larger printer"
+    )
+
+
+def _seams(cuts: _Cuts, clearance: float) -> Iterator[Seam]:
+    """All seams with their keys.
+
+    Raises:
+        InputError: pieces are too small to be told apart by their keys.
+    """
+    columns, step, number = len(cuts.x_mm) - 1, max(KEY_STEP_MM, 4 * clearance), 0
+    for row, (low, high) in enumerate(cuts.cells()):
+        for other, start, end in (
+            (row + 1, (high[0], low[1]), (high[0], high[1])),  # to the right
+            (row + columns, (high[0], high[1]), (low[0], high[1])),  # above
+        ):
+            if (other == row + 1 and high[0] == cuts.x_mm[-1]) or (other == row + columns and high[1] == cuts.y_mm[-1]):
+                continue
+            seam = Seam((row, other), np.array(start), np.array(end), np.zeros((2, 2)))
+            first, apart = FIRST_KEY * seam.length_mm, (FARTHEST_KEY - FIRST_KEY) * seam.length_mm - number * step
+            if apart < 2 * KEY_END_MM or first < KEY_REACH_MM + KEY_END_MM / 2:
+                raise InputError(
+                    f"a seam of {seam.length_mm:.0f}mm has no room for two keys that no other seam has so far apart; "
+                    "use fewer pieces: a larger printer, or a smaller board"
+                )
+            keys = seam.start_mm + np.array([[first], [first + apart]]) * seam.along
+            yield replace(seam, keys_mm=keys)
+            number += 1
+
+
+def _bow_tie() -> CrossSection:
+    """A key about its middle, its waist along y."""
+    half, waist, end = KEY_REACH_MM, KEY_WAIST_MM / 2, KEY_END_MM / 2
+    corners = [(-half, -end), (0.0, -waist), (half, -end), (half, end), (0.0, waist), (-half, end)]
+    return CrossSection([np.array(corners)])
+
+
+def _pockets(seams: tuple[Seam, ...], clearance: float, top_mm: float) -> Iterator[Manifold]:
+    """Room for the keys with the clearance around them, from far behind up to the pockets' floors."""
+    room = Manifold.extrude(_bow_tie().offset(clearance, JoinType.Miter), _FAR_MM)
+    for seam in seams:
+        for middle in seam.keys_mm:
+            frame = np.eye(4)
+            frame[:2, 0], frame[:2, 1] = seam.across, seam.along
+            frame[:3, 3] = [*middle, top_mm - _FAR_MM]
+            yield room.transform(frame[:3])
+
+
+def _cell(
+    cuts: _Cuts, low: Point, high: Point, clearance: float, chamfer: float, thickness: float, *, is_down: bool
+) -> Manifold:
+    """All that belongs to a piece: its share less half the clearance at seams, their edges on the bed chamfered."""
+    edges = (cuts.x_mm[0], cuts.x_mm[-1]), (cuts.y_mm[0], cuts.y_mm[-1])
+    bed, away = (0.0, -1.0) if is_down else (-thickness, 1.0)
+    corners = []
+    for z, extra in ((bed - away, chamfer + 1.0), (bed + away * chamfer, 0.0), (bed + away * (thickness + 1.0), 0.0)):
+        inset = clearance / 2 + extra
+        box = [
+            (low[k] - 1.0 if low[k] == edges[k][0] else low[k] + inset,
+             high[k] + 1.0 if high[k] == edges[k][1] else high[k] - inset)
+            for k in (0, 1)
+        ]  # fmt: skip
+        corners += [(x, y, z) for x in box[0] for y in box[1]]
+    return Manifold.hull_points(np.array(corners))
+
+
+def _pads(seam: Seam, row: int, thickness: float) -> Iterator[Manifold]:
+    """What touches the other piece: two low pads on the rear half of the seam's wall, up to the seam itself."""
+    out = seam.across if row == seam.pieces[0] else -seam.across
+    along = seam.along
+    for place in PAD_PLACES:
+        middle = seam.start_mm + place * seam.length_mm * along
+        across = ((-1, 1.0), (1, 1.0), (1, 0.0), (-1, 0.0))
+        corners = [middle + side * PAD_WIDTH_MM / 2 * along - back * out for side, back in across]
+        contour = np.array(corners)
+        contour = contour if _is_counter_clockwise(contour) else contour[::-1]
+        yield prism((contour,), -thickness, -thickness / 2)
+
+
+def _is_counter_clockwise(contour: Contour) -> bool:
+    x, y = contour.T
+    return bool((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() > 0)
+
+
+def _letters(row: int, low: Point, high: Point, seams: list[Seam], target_id: str) -> Iterator[Contour]:
+    """The piece's number and the target's id in the middle of its back, and at each seam the number that it joins.
+
+    They are read from behind, the board's upper side up.
+    """
+    middle = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2])
+
+    def written(text: str, stroke: float, at: Array, below: float) -> Iterator[Contour]:
+        for contour in text_contours(text, stroke, -HEIGHT * stroke / 2 - below):
+            yield (contour * [-1.0, 1.0])[::-1] + at
+
+    yield from written(str(row + 1), NUMBER_STROKE_MM, middle, 0.0)
+    yield from written(target_id, JOINS_STROKE_MM, middle, HEIGHT * NUMBER_STROKE_MM)
+    for seam in seams:
+        other = seam.pieces[1] if row == seam.pieces[0] else seam.pieces[0]
+        inward = -seam.across if row == seam.pieces[0] else seam.across
+        room = JOINS_STROKE_MM * max(HEIGHT, text_width(str(other + 1)))
+        yield from written(str(other + 1), JOINS_STROKE_MM, (seam.start_mm + seam.end_mm) / 2 + room * inward, 0.0)
+
+
+def board_plates(board: BoardInPieces, printing: PrintSpec) -> tuple[Plate, ...]:
+    """The pieces in two filaments, then the keys in one."""
+    lying = np.diag([-1.0, 1.0, -1.0]) if printing.ink_side == "down" else np.eye(3)
+    axes = _QUARTER_TURN @ lying if board.is_turned else lying
+    pieces = [_lying(f"piece {one.number}", one.part, axes, printing) for one in board.pieces]
+    key = Part(board.key, None)
+    keys = [_lying(f"key {number}", key, np.eye(3), printing) for number in range(1, 2 * len(board.seams) + 1)]
+    groups = [*_in_rows(pieces, _room_mm(printing.printer)), *_in_rows(keys, _room_mm(printing.printer))]
+    return tuple(Plate(f"plate-{number}", group) for number, group in enumerate(groups, start=1))
+
+
+def _lying(name: str, part: Part, axes: Array, printing: PrintSpec) -> Piece:
+    """A part with shrinkage compensation, and sheared against the printer's skew, as it lies but not yet where."""
+    scale = 1 + printing.shrink_compensation_percent / 100
+    motion = np.eye(4)
+    motion[:3, :3] = axes
+    return Piece(name, part.placed(lambda points: against_skew_along(axes, printing, scale * points)), motion)
+
+
+def _in_rows(pieces: list[Piece], room_mm: Array) -> Iterator[tuple[Piece, ...]]:
+    """Pieces side by side in rows from the front, on as many beds as they take."""
+    row: list[Piece] = []
+    at, deepest = np.zeros(2), 0.0
+    for piece in pieces:
+        turned = piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T
+        low, size = turned.min(axis=0), np.ptp(turned, axis=0)
+        if row and at[0] + size[0] > room_mm[0] + 1e-6:
+            at, deepest = np.array([0.0, at[1] + deepest + APART_MM]), 0.0
+        if row and at[1] + size[1] > room_mm[1] + 1e-6:
+            yield tuple(row)
+            row, at, deepest = [], np.zeros(2), 0.0
+        motion = piece.bed_from_part.copy()
+        motion[:3, 3] = [BRIM_MM + at[0] - low[0], BRIM_MM + at[1] - low[1], -low[2]]
+        row.append(replace(piece, bed_from_part=motion))
+        at = at + np.array([size[0] + APART_MM, 0.0])
+        deepest = max(deepest, float(size[1]))
+    if row:
+        yield tuple(row)
