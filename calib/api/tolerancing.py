@@ -269,13 +269,14 @@ def _photographed(
         *setting.remarks,
     )
     words = PhotographedSetting(photos, f"{made.name}: {made.title}", remarks, (fit,) if fit else ())
-    name, ways = _name_of(_path_of(target)), {errors: error_model(errors), **_templates()}
+    name, ways = _name_of(_path_of(target)), {errors: error_model(errors), **_templates(geometry)}
     return PhotographedTarget(name, _file_of(target, stack), setting, made, words, errors, ways)
 
 
-def _templates() -> dict[str, ErrorModel]:
-    """The ways of making that travel with the program, by name."""
-    return {name: error_model(name) for name in preset_names("errors")}
+def _templates(target: TargetGeometry) -> dict[str, ErrorModel]:
+    """The ways of making that travel with the program and suit a target, by name."""
+    models = {name: error_model(name) for name in preset_names("errors")}
+    return {name: model for name, model in models.items() if model.suits_target(target)}
 
 
 def _file_of(target: TargetGeometry | Place, stack: ExitStack) -> Path:
