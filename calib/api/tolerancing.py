@@ -188,7 +188,9 @@ def tolerance(
         if against is not None and against_errors is not None:
             distance = against_distance_mm or distance_mm
             other = _photographed(against, against_errors, against_changes, distance, photographing, stack)
-            other = replace(other, name=other.name if other.name != first.name else f"{other.name} (other)")
+            if other.name == first.name:
+                same = other.errors.name == first.errors.name
+                other = replace(other, name=f"{other.name} ({'other' if same else other.errors.name})")
         if vary is not None and first.errors.amount(source_named(vary).name).sigma == 0:
             raise InputError(f"--vary {vary}: has no size in {first.errors.name}; give it one, such as with --set")
         if full:

@@ -189,7 +189,7 @@
       this.hint = make("span", { className: "hint", text: "" });
       this.box.setAttribute("aria-describedby", named(this.hint, "hint"));
       const size = make("td", {}, make("div", { className: "set" }, this.track, this.box, this.hint));
-      this.cells = ["adds", "of it", "may be, the rest as set", "may be alone"].map((head) => (
+      this.cells = ["adds", "of it", "may be, rest as set", "may be, alone"].map((head) => (
         make("td", { className: "number", "data-head": head })));
       this.bar = make("span", { className: "bar", "aria-hidden": "true" });
       this.share = make("span");
@@ -233,6 +233,7 @@
       if (this.share.textContent !== shareText(part)) this.share.textContent = shareText(part);
       share.dataset.value = String(part);
       this.bar.style.setProperty("--part", String(part));
+      this.bar.classList.toggle("empty", part === 0);
       this.element.dataset.rank = String(rank);
       const none = sizes.map((size) => ({ value: 0, fixed: size.fixed }));
       this.allowed(beside, law.largest(error, measure, limit, sizes));
@@ -274,7 +275,7 @@
       this.again = make("button", { type: "button", text: "Reset" });
       this.again.addEventListener("click", () => { this.choose(this.chosen()); changed(); });
       const label = make("label", {}, make("span", { text: "made as" }), this.choice);
-      this.heads = ["error", "size", "adds", "of it", "may be, the rest as set", "may be alone"];
+      this.heads = ["error", "size", "adds", "of it", "may be, rest as set", "may be, alone"];
       const head = make("tr", {}, ...this.heads.map((text, place) => (
         make("th", { scope: "col", text, className: place > 1 ? "number" : "" }))));
       this.body = make("tbody", {}, ...this.rows.map((row) => row.element));
@@ -331,7 +332,8 @@
         `${this.rows[error].slider.title} (${(100 * costs[error] / sum).toFixed(0)} %)`));
       const from = most.length > 0 ? `, most of it from ${most.join(", ")}` : "";
       const grade = `${now <= limit ? "kept" : "missed"}: ${wanted} is wanted.`;
-      put(this.total, `${title} ${figure(now)} ${unit}${from}; ${grade} ${words}`, factor);
+      const beyond = this.law.isBeyond(measure, sizes) ? " So large errors are beyond the prediction's reach: draw them." : "";
+      put(this.total, `${title} ${figure(now)} ${unit}${from}; ${grade} ${words}${beyond}`, factor);
       this.total.classList.toggle("missed", !(now <= limit));
     }
   }
