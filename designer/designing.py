@@ -17,7 +17,7 @@ from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import RawValue, parse_spec, read_spec_file, replaced
 from designer.make.estimate import PrintEstimate
 from designer.make.printability import PrintCheck, check_printability
-from designer.produce import Design, make_files
+from designer.produce import Design, make_files, maker_of
 from designer.spec.kind import KINDS, kind_named
 from designer.spec.options import options_of
 from designer.target import TargetGeometry
@@ -174,7 +174,8 @@ def designed(values: dict[str, RawValue], origin: str, *, must_fit: bool) -> Des
     check = check_printability(made.target, sized.job.printing, bed_is_rule=must_fit)
     if check.violations:
         raise InputError(check.violations[0].text)
-    return DesignedTarget(made, check, tuple(sized.remarks))
+    built = maker_of(sized.job.printing).remarks(made)  # which refuses what cannot be built so
+    return DesignedTarget(made, check, (*sized.remarks, *built))
 
 
 def _values(wishes: dict[str, Wish]) -> dict[str, RawValue]:

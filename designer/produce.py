@@ -106,6 +106,10 @@ class Maker(ABC):
             InputError: it cannot be built so.
         """
 
+    def remarks(self, design: Design) -> tuple[str, ...]:
+        """What was chosen for the person in building it, a line each."""
+        return ()
+
     @abstractmethod
     def machine_words(self, printing: PrintSpec) -> str:
         """What it is made on, as in `all rules hold on a printed sheet`."""
@@ -162,17 +166,27 @@ def make_files(design: Design, on_stage: Callable[[str], None]) -> tuple[OutputF
 
 
 def _3mf(design: Design) -> Made:
-    from designer.formats.threemf import threemf_files
+    from designer.formats.threemf import plate_files
 
-    job = design.job
-    files = threemf_files(design.part, job.printing, job.name, bed_from_target(design.target, job.printing))
-    yield "prusa.3mf", files.prusa, "for PrusaSlicer: one object, filaments 1 and 2"
-    yield "bambu.3mf", files.bambu, "for Bambu Studio, OrcaSlicer and Cura"
+    for plate in design.plates:
+        files = plate_files(plate.pieces, design.job.printing)
+        what = plate.words or "one object"
+        filaments = "filaments 1 and 2" if plate.is_two_filament else "filament 1"
+        stem = f"{plate.name}." if plate.name else ""
+        yield f"{stem}prusa.3mf", files.prusa, f"for PrusaSlicer: {what}, {filaments}"
+        yield f"{stem}bambu.3mf", files.bambu, f"for Bambu Studio, OrcaSlicer and Cura: {what}"
 
 
 def _stl(design: Design) -> Made:
     from designer.formats.stl import stl_bytes
 
+    if design.job.printing.way.is_in_parts:
+        for piece in (piece for plate in design.plates for piece in plate.pieces):
+            stem, part = piece.name.replace(" ", "-"), piece.as_it_lies
+            yield f"{stem}.stl", stl_bytes(part.body), f"{piece.name}, as it lies on the bed"
+            if part.ink is not None:
+                yield f"{stem}.pattern.stl", stl_bytes(part.ink), f"the ink of {piece.name}"
+        return
     part = _as_it_lies(design)
     yield "body.stl", stl_bytes(part.body), "the body"
     if part.ink is not None:

@@ -1,12 +1,13 @@
-"""3MF packages that slicers open as one object in two filaments: the body in the first, the ink in the second.
+"""3MF packages that slicers open as objects in two filaments: the body in the first, the ink in the second.
 
+A plate's pieces are an object each; a piece without ink is all body.
 PrusaSlicer wants one mesh and reads the filaments from triangle ranges; Bambu Studio, OrcaSlicer and Cura want
 one mesh a part, joined as components. Each layout falls apart in the other's slicer, hence two files.
 The packages are written with `zipfile` because lib3mf renames the prefix of `slic3rpe:Version3mf`, which
 PrusaSlicer knows by its text.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from html import escape
@@ -16,7 +17,8 @@ from numpy.typing import NDArray
 
 from designer.base.errors import InputError
 from designer.formats.zipped import zipped
-from designer.make.mesh import Mesh, Part
+from designer.make.mesh import Mesh
+from designer.make.plate import Piece
 from designer.spec.spec import PrintSpec
 
 _CONTENT_TYPES = """<?xml version="1.0" encoding="UTF-8"?>
@@ -39,91 +41,99 @@ _MODEL_START = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 # Resource ids in the model files. OrcaSlicer keeps one colour of a colour group, so each has its own.
-_BODY_COLOUR, _INK_COLOUR, _BODY, _INK, _TARGET = 1, 2, 3, 4, 5
+_BODY_COLOUR, _INK_COLOUR = 1, 2
+_FIRST_OBJECT, _IDS_OF_OBJECT = 3, 3  # body, ink, and the object of both
 Characters = NDArray[np.uint8]
 _LEFT_OUT = 0
 
 
 @dataclass(frozen=True)
 class ThreeMfFiles:
-    """The same part twice, as zip packages."""
+    """The same plate twice, as zip packages."""
 
     prusa: bytes  # PrusaSlicer
     bambu: bytes  # Bambu Studio, OrcaSlicer; Cura
 
 
-def threemf_files(part: Part, printing: PrintSpec, name: str, bed_from_target: NDArray[np.float64]) -> ThreeMfFiles:
-    """Write a part in two filaments. The same input gives the same bytes.
+def plate_files(pieces: Sequence[Piece], printing: PrintSpec) -> ThreeMfFiles:
+    """Write the pieces of a plate. The same input gives the same bytes.
 
     Args:
-        part: body and ink in the target frame.
+        pieces: an object each, under their names.
         printing: gives the two colours.
-        name: what slicers show.
-        bed_from_target: rigid motion that lays the part on the bed.  # (4, 4)
 
     Raises:
         InputError: a name that XML cannot hold.
-        ValueError: a part without ink.
     """
-    if part.ink is None:
-        raise ValueError("a part without ink is no two-filament print")
-    if not name.isprintable():
-        raise InputError(f"name {name!r} holds a control character; use printable letters")
-    text = _PartText(
-        name=_quoted(name),
-        colours=_colour_group(_BODY_COLOUR, printing.body_colour) + _colour_group(_INK_COLOUR, printing.ink_colour),
-        build=_build(bed_from_target),
-        body_vertices=_vertices(part.body),
-        ink_vertices=_vertices(part.ink),
-        body_triangles=_triangles(part.body.triangles),
-    )
+    for piece in pieces:
+        if not piece.name.isprintable():
+            raise InputError(f"name {piece.name!r} holds a control character; use printable letters")
+    colours = _colour_group(_BODY_COLOUR, printing.body_colour) + _colour_group(_INK_COLOUR, printing.ink_colour)
+    objects = [_ObjectText.of(piece, _FIRST_OBJECT + _IDS_OF_OBJECT * row) for row, piece in enumerate(pieces)]
     # zlib lets other threads run, so one package is compressed while the other is put together.
     with ThreadPoolExecutor(2) as pool:
-        prusa = pool.submit(_prusa_package, text, part.body, part.ink)
-        bambu = pool.submit(_bambu_package, text, part.ink)
+        prusa = pool.submit(_prusa_package, objects, colours)
+        bambu = pool.submit(_bambu_package, objects, colours)
         return ThreeMfFiles(prusa.result(), bambu.result())
 
 
 @dataclass(frozen=True)
-class _PartText:
-    """The XML both packages share."""
+class _ObjectText:
+    """The XML of a piece that both packages share."""
 
+    body_id: int
     name: str  # escaped, in its quotes
-    colours: str
-    build: str
+    body: Mesh
+    ink: Mesh | None
+    item: str
     body_vertices: bytes
     ink_vertices: bytes
     body_triangles: bytes
 
+    @classmethod
+    def of(cls, piece: Piece, first_id: int) -> "_ObjectText":
+        """With three ids from the first on."""
+        body, ink = piece.part.body, piece.part.ink
+        item = _item(first_id + 2, piece.bed_from_part)
+        ink_vertices = b"" if ink is None else _vertices(ink)
+        return cls(
+            first_id, _quoted(piece.name), body, ink, item, _vertices(body), ink_vertices, _triangles(body.triangles)
+        )
 
-def _prusa_package(text: _PartText, body: Mesh, ink: Mesh) -> bytes:
-    """One mesh of both shells; PrusaSlicer cuts it at the triangle ranges of its own file."""
-    ink_triangles = _triangles(ink.triangles, len(body.vertices_mm), f' pid="{_INK_COLOUR}" p1="0"'.encode())
-    model = (
-        _MODEL_START,
-        ' <metadata name="slic3rpe:Version3mf">1</metadata>\n',
-        f" <resources>\n{text.colours}",
-        f'  <object id="{_TARGET}" type="model" name={text.name} pid="{_BODY_COLOUR}" pindex="0">\n   <mesh>\n',
-        "    <vertices>\n",
-        text.body_vertices,
-        text.ink_vertices,
-        "    </vertices>\n",
-        "    <triangles>\n",
-        text.body_triangles,
-        ink_triangles,
-        "    </triangles>\n",
-        "   </mesh>\n  </object>\n </resources>\n",
-        text.build,
-    )
-    first_ink = len(body.triangles)
-    config = (
-        f'<?xml version="1.0" encoding="UTF-8"?>\n<config>\n <object id="{_TARGET}" instances_count="1">\n'
-        f'  <metadata type="object" key="name" value={text.name}/>\n'
-        + _prusa_volume("body", 1, 0, first_ink - 1)
-        + _prusa_volume("ink", 2, first_ink, first_ink + len(ink.triangles) - 1)
-        + " </object>\n</config>\n"
-    )
-    return _package(model, "Metadata/Slic3r_PE_model.config", config)
+    @property
+    def ink_id(self) -> int:
+        """Of the ink's mesh."""
+        return self.body_id + 1
+
+    @property
+    def object_id(self) -> int:
+        """Of what is built."""
+        return self.body_id + 2
+
+
+def _prusa_package(objects: Sequence[_ObjectText], colours: str) -> bytes:
+    """One mesh of both shells an object; PrusaSlicer cuts it at the triangle ranges of its own file."""
+    model: list[str | bytes] = [
+        _MODEL_START, ' <metadata name="slic3rpe:Version3mf">1</metadata>\n', f" <resources>\n{colours}",
+    ]  # fmt: skip
+    config = '<?xml version="1.0" encoding="UTF-8"?>\n<config>\n'
+    for one in objects:
+        first_ink, properties = len(one.body.triangles), f' pid="{_INK_COLOUR}" p1="0"'.encode()
+        volumes, ink_triangles = _prusa_volume("body", 1, 0, first_ink - 1), b""
+        if one.ink is not None:
+            ink_triangles = _triangles(one.ink.triangles, len(one.body.vertices_mm), properties)
+            volumes += _prusa_volume("ink", 2, first_ink, first_ink + len(one.ink.triangles) - 1)
+        model += [
+            f'  <object id="{one.object_id}" type="model" name={one.name} pid="{_BODY_COLOUR}" pindex="0">\n',
+            "   <mesh>\n    <vertices>\n", one.body_vertices, one.ink_vertices, "    </vertices>\n",
+            "    <triangles>\n", one.body_triangles, ink_triangles, "    </triangles>\n",
+            "   </mesh>\n  </object>\n",
+        ]  # fmt: skip
+        config += (
+            f' <object id="{one.object_id}" instances_count="1">\n'
+            f'  <metadata type="object" key="name" value={one.name}/>\n{volumes} </object>\n'
+        )
+    return _package((*model, *_end(objects)), "Metadata/Slic3r_PE_model.config", f"{config}</config>\n")
 
 
 def _prusa_volume(name: str, filament: int, first: int, last: int) -> str:
@@ -137,26 +147,27 @@ def _prusa_volume(name: str, filament: int, first: int, last: int) -> str:
     )
 
 
-def _bambu_package(text: _PartText, ink: Mesh) -> bytes:
+def _bambu_package(objects: Sequence[_ObjectText], colours: str) -> bytes:
     """One mesh a part, joined as components of the object that is built."""
-    components = "".join(f'    <component objectid="{leaf}"/>\n' for leaf in (_BODY, _INK))
-    model = (
-        _MODEL_START,
-        f" <resources>\n{text.colours}",
-        *_leaf("body", _BODY, _BODY_COLOUR, 0, text.body_vertices, text.body_triangles),
-        *_leaf("ink", _INK, _INK_COLOUR, 1, text.ink_vertices, _triangles(ink.triangles)),
-        f'  <object id="{_TARGET}" type="model" name={text.name}>\n   <components>\n{components}   </components>\n',
-        "  </object>\n </resources>\n",
-        text.build,
-    )
-    config = (
-        f'<?xml version="1.0" encoding="UTF-8"?>\n<config>\n <object id="{_TARGET}">\n'
-        f'  <metadata key="name" value={text.name}/>\n  <metadata key="extruder" value="1"/>\n'
-        + _bambu_part("body", _BODY, 1)
-        + _bambu_part("ink", _INK, 2)
-        + " </object>\n</config>\n"
-    )
-    return _package(model, "Metadata/model_settings.config", config)
+    model: list[str | bytes] = [_MODEL_START, f" <resources>\n{colours}"]
+    config = '<?xml version="1.0" encoding="UTF-8"?>\n<config>\n'
+    for one in objects:
+        leaves = [one.body_id] if one.ink is None else [one.body_id, one.ink_id]
+        components = "".join(f'    <component objectid="{leaf}"/>\n' for leaf in leaves)
+        model += _leaf("body", one.body_id, _BODY_COLOUR, 0, one.body_vertices, one.body_triangles)
+        parts = _bambu_part("body", one.body_id, 1)
+        if one.ink is not None:
+            model += _leaf("ink", one.ink_id, _INK_COLOUR, 1, one.ink_vertices, _triangles(one.ink.triangles))
+            parts += _bambu_part("ink", one.ink_id, 2)
+        model += [
+            f'  <object id="{one.object_id}" type="model" name={one.name}>\n',
+            f"   <components>\n{components}   </components>\n  </object>\n",
+        ]
+        config += (
+            f' <object id="{one.object_id}">\n'
+            f'  <metadata key="name" value={one.name}/>\n  <metadata key="extruder" value="1"/>\n{parts} </object>\n'
+        )
+    return _package((*model, *_end(objects)), "Metadata/model_settings.config", f"{config}</config>\n")
 
 
 def _leaf(
@@ -190,10 +201,15 @@ def _quoted(text: str) -> str:
     return f'"{escaped}"'
 
 
-def _build(bed_from_target: NDArray[np.float64]) -> str:
+def _item(object_id: int, bed_from_part: NDArray[np.float64]) -> str:
     # 3MF multiplies row vectors: the transform is written column by column.
-    transform = " ".join(f"{value:.9f}" for value in bed_from_target[:3].T.ravel())
-    return f' <build>\n  <item objectid="{_TARGET}" transform="{transform}"/>\n </build>\n</model>\n'
+    transform = " ".join(f"{value:.9f}" for value in bed_from_part[:3].T.ravel())
+    return f'  <item objectid="{object_id}" transform="{transform}"/>\n'
+
+
+def _end(objects: Sequence[_ObjectText]) -> tuple[str, ...]:
+    """What is built."""
+    return " </resources>\n <build>\n", *(one.item for one in objects), " </build>\n</model>\n"
 
 
 def _vertices(mesh: Mesh) -> bytes:

@@ -13,7 +13,7 @@ from designer.base.units import NO_SKEW, format_skew, round_down
 from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_depth, lay_out
 from designer.kinds.presets import preset_names, preset_or_file
 from designer.kinds.spec_file import read_printer_file
-from designer.spec.build import BUILDS, builds_of
+from designer.spec.build import ANY_MOUNT, BUILDS, builds_of
 from designer.spec.format import FORMATS, choose_formats
 from designer.spec.kind import kinds
 from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM, Machine
@@ -97,6 +97,8 @@ def _size_printing(
         stand=bool(asked.stand),
         filament_price=FILAMENT_PRICE if asked.filament_price is None else asked.filament_price,
         chord_error_mm=asked.chord_error or CHORD_ERROR_MM,
+        ink_side=asked.ink_side or "down",
+        mount=asked.mount or ANY_MOUNT,
     )
     _check_paper(printing, target)
     return printing, (remark, *remarks)
@@ -170,9 +172,10 @@ def _choose_inlay(asked: AskedPrinting, build: str, layer_mm: float, target: Tar
         depth = math.inf if target.spec is None else target.spec.depth_mm
         return round(min(FLAT_INLAY_LAYERS * layer_mm, depth / (2 * target.face_count)), 6), ""
     border_mm = border_width_mm(target)
-    deepest = min(SOLID_INLAY_MM, deepest_inlay_mm(target))
+    usual = FLAT_INLAY_LAYERS * layer_mm if BUILDS[build].is_in_parts else SOLID_INLAY_MM
+    deepest = min(usual, deepest_inlay_mm(target))
     inlay = round(max(1, math.floor(deepest / layer_mm + 1e-9)) * layer_mm, 6)
-    is_shallow = BUILDS[build].is_two_filament and inlay < SOLID_INLAY_MM - layer_mm
+    is_shallow = BUILDS[build].is_two_filament and inlay < usual - layer_mm
     return inlay, f"inlay {inlay:g}mm: as deep as a border of {border_mm:g}mm allows" if is_shallow else ""
 
 

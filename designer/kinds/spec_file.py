@@ -26,7 +26,7 @@ from designer.base.units import (
     parse_skew_rad,
 )
 from designer.base.words import shown, suggestion
-from designer.spec.build import Format, build_name
+from designer.spec.build import ANY_MOUNT, MOUNTS, NO_MOUNT, Format, InkSide, build_name
 from designer.spec.format import FORMATS
 from designer.spec.kind import KINDS, kind_named, kinds
 from designer.spec.machine import Machine
@@ -135,6 +135,13 @@ def _chord_error(value: float) -> float:
     return value
 
 
+def _mount(value: str) -> str:
+    name = " ".join(value.lower().split())
+    if name not in (*MOUNTS, NO_MOUNT, ANY_MOUNT):
+        raise ValueError(f"must be one of {', '.join((*MOUNTS, NO_MOUNT, ANY_MOUNT))}")
+    return name
+
+
 def _machine(value: RawValue) -> Machine:
     return value if isinstance(value, Machine) else decode(Machine, cast("JsonValue", value))
 
@@ -173,6 +180,8 @@ TYPE_OF_VALUE: Mapping[Value, object] = {
     "switch": bool,
     "machine": OfMachine,
     "price": Annotated[float, BeforeValidator(_price)],
+    "ink side": InkSide,
+    "mount": Annotated[str, AfterValidator(_mount)],
 }
 """What an option's text must look like, by what it takes."""
 
@@ -354,6 +363,8 @@ def spec_to_toml(job: Job) -> str:
         "layer_height": format_mm(printer.layer_height_mm),
         "bed": format_mm(*printer.bed_mm),
         "machine": encode(Machine, printer.machine),
+        "ink_side": printing.ink_side,
+        "mount": printing.mount,
         "inlay_depth": format_mm(printing.inlay_mm),
         "ink_offset": format_mm(printing.ink_offset_mm),
         "shrink_compensation": f"{printing.shrink_compensation_percent!r}%",

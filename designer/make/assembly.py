@@ -19,11 +19,12 @@ from designer.make.booleans import cylinder, frame_along, mesh_of, placed, solid
 from designer.make.core import CorePart, make_core, mount_vertex
 from designer.make.lettering import ID_DIGITS
 from designer.make.mesh import Part
-from designer.make.mounts import DEFAULT_MOUNT, NO_MOUNT, Mounted, fits, mounted
+from designer.make.mounts import DEFAULT_MOUNT, Mounted, fits, mounted
 from designer.make.nesting import BED_RIM_MM, nest
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.plate import Piece, Plate
 from designer.make.tile import TileSizes, make_tile, tile_sizes
+from designer.spec.build import ANY_MOUNT, NO_MOUNT
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
@@ -89,13 +90,11 @@ def assemble(target: TargetGeometry, solid: Solid, printing: PrintSpec) -> Assem
     )
 
 
-def _chosen_mount(
-    target: TargetGeometry, solid: Solid, sizes: TileSizes, name: str | None
-) -> tuple[Mounted | None, str]:
+def _chosen_mount(target: TargetGeometry, solid: Solid, sizes: TileSizes, name: str) -> tuple[Mounted | None, str]:
     """The mount asked for, or the usual one where it fits, and a remark on what was chosen."""
     if name == NO_MOUNT:
         return None, ""
-    if name is not None:
+    if name != ANY_MOUNT:
         return mounted(name, target, solid, sizes), ""
     if fits(DEFAULT_MOUNT, target, solid, sizes):
         on = mounted(DEFAULT_MOUNT, target, solid, sizes)
@@ -126,7 +125,15 @@ def plates_of(assembly: Assembly, printing: PrintSpec) -> tuple[Plate, ...]:
         InputError: a tile or a piece of the core is larger than the bed.
     """
     groups = [*_tile_pieces(assembly, printing), *_core_pieces(assembly, printing)]
-    return tuple(Plate(f"plate-{number}", group) for number, group in enumerate(groups, start=1))
+    return tuple(Plate(f"plate-{number}", group, _words(group)) for number, group in enumerate(groups, start=1))
+
+
+def _words(pieces: tuple[Piece, ...]) -> str:
+    """`tiles 0 to 6`, `bowl`, `cap, ring and post`."""
+    names = [piece.name for piece in pieces]
+    if pieces[0].part.ink is not None and len(names) > 1:
+        return f"{names[0].replace('tile', 'tiles')} to {names[-1].split()[1]}"
+    return " and ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)
 
 
 def _tile_pieces(assembly: Assembly, printing: PrintSpec) -> Iterator[tuple[Piece, ...]]:

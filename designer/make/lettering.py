@@ -15,6 +15,8 @@ from designer.target import TargetGeometry
 
 WIDTH, HEIGHT, GAP = 5, 7, 1  # in strokes
 MAX_STROKE_MM = 0.6
+CHAMFER_LAYERS = 2
+"""At the edge of a flat piece that lies on the bed: elephant feet bulge in the first layers (an assumption)."""
 EDGE_CLEARANCE_MM = 1.0
 """Least distance of letters from a plain board's edge, where it is cut or rounded."""
 ID_DIGITS = 8
@@ -98,6 +100,8 @@ def _strip(target: TargetGeometry, printing: PrintSpec, clear_mm: float, scale: 
         # Below the face, the border ends where the neighbour's begins; a sticker is cut there.
         depth = printing.sticker_thickness_mm if printing.way.has_stickers else printing.inlay_mm
         mitre = inset_per_depth(target) * depth
+        if printing.way.is_in_parts:  # which are cut back by half the clearance, and chamfered
+            mitre += printing.printer.clearance_mm + CHAMFER_LAYERS * printing.printer.layer_height_mm
         return edge + mitre + clear_mm, border_top + printing.ink_offset_mm - clear_mm
     lowest = scale * float((target.center_in_face_mm[:, 1] - 1.5 * target.radius_outer_mm).min())
     if target.spec is not None and len(marks := target.spec.marks_mm):

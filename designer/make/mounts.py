@@ -19,7 +19,6 @@ from designer.make.core import SOCKET_WALL_MM, Socket, mount_vertex
 from designer.make.tile import TileSizes
 from designer.target import TargetGeometry
 
-NO_MOUNT = "none"
 DEFAULT_MOUNT = "1/4-20"
 HEAD_ABOVE_MM = 1.0
 """Of a post above the corner of the solid: a tripod's plate then touches the post alone."""

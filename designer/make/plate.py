@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from designer.make.bed import mapped
 from designer.make.mesh import Part
 
 
@@ -16,6 +17,12 @@ class Piece:
     part: Part  # in a frame of its own
     bed_from_part: NDArray[np.float64]  # (4, 4) a rigid motion; the bed's origin is a corner
 
+    @property
+    def as_it_lies(self) -> Part:
+        """The part on its bed, for files that say nothing of motions."""
+        motion = self.bed_from_part
+        return self.part.placed(lambda points: mapped(points, motion[:3, :3]) + motion[:3, 3])
+
 
 @dataclass(frozen=True)
 class Plate:
@@ -23,6 +30,7 @@ class Plate:
 
     name: str  # part of its files' names, such as "plate-1"; "" where there is but one plate
     pieces: tuple[Piece, ...]
+    words: str = ""  # what it holds, such as "tiles 0 to 6"
 
     @property
     def is_two_filament(self) -> bool:

@@ -205,7 +205,7 @@ def _inlay_remarks(target: TargetGeometry, printing: PrintSpec) -> Iterator[tupl
     if target.is_plate:
         yield from _plate_remarks(target, depth, layer)
         return
-    if depth < STEEP_FACE_INLAY_MM - 1e-9:
+    if depth < STEEP_FACE_INLAY_MM - 1e-9 and not printing.way.is_in_parts:
         yield (
             "warning",
             f"inlay {depth:g}mm fills steep faces only in part (70 % at 0.6mm); "
@@ -238,7 +238,7 @@ def _plate_remarks(target: TargetGeometry, depth: float, layer: float) -> Iterat
 
 
 def _bed(target: TargetGeometry, printing: PrintSpec) -> Look | None:
-    if not printing.way.has_body:
+    if not printing.way.has_body or printing.way.is_in_parts:  # whose plates are made, or refused
         return None
     size, bed = printed_size_mm(target, printing), printing.printer.bed_mm
     room, said = " x ".join(f"{length:g}" for length in bed), tuple[tuple[Level, str], ...]()
@@ -254,7 +254,7 @@ def _bed(target: TargetGeometry, printing: PrintSpec) -> Look | None:
 
 
 def _overhang(target: TargetGeometry, printing: PrintSpec) -> Look | None:
-    over = overhang(target, printing)
+    over = None if printing.way.is_in_parts else overhang(target, printing)
     if over is None:
         return None
     count, slope = over

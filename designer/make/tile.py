@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from designer.base.errors import InputError
 from designer.base.solid import CODES, Polyhedron, Solid, code_positions
 from designer.make.booleans import cone, cylinder, mesh_of, prism, solid_of, union
-from designer.make.lettering import HEIGHT, text_contours, text_width
+from designer.make.lettering import CHAMFER_LAYERS, HEIGHT, text_contours, text_width
 from designer.make.mesh import Hull, Part, inlaid, wall_strip
 from designer.make.pattern import Contour, Pattern, moved_in
-from designer.spec.spec import InkSide, PrinterProfile
+from designer.spec.build import InkSide
+from designer.spec.spec import PrinterProfile
 
 Array = NDArray[np.float64]
 
@@ -30,8 +31,6 @@ MOST_THICKNESS_MM = 4.0
 ENGRAVED_LAYERS = 2
 CLOSED_LAYERS = 2
 """Between ink and an engraving or a hole behind it."""
-CHAMFER_LAYERS = 2
-"""Elephant feet bulge in the first layers; an assumption, as their size depends on the printer's first layer."""
 MOST_PIN_MM = 4.0
 PEG_MM = 1.75
 """Of a piece of filament, which joins a tile that has no pins."""

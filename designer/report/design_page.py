@@ -201,6 +201,8 @@ def dimension_facts(design: Design) -> Facts:
 def _print_rows(design: Design) -> list[tuple[str, str]]:
     """Sizes of what is made."""
     printing = design.job.printing
+    if printing.way.is_in_parts:
+        return [("plates", str(len(design.plates)))]
     if not printing.way.has_body:
         pages = design.pages
         width, height = pages[0].width_mm, pages[0].height_mm

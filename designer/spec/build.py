@@ -24,6 +24,7 @@ class Build:
     is_two_filament: bool = False  # the ink is printed into the body; else it is paper or sheet
     has_body: bool = True  # something is printed of plastic
     has_stickers: bool = False  # the body is smaller by their thickness
+    is_in_parts: bool = False  # flat pieces are put together: none is steep or hangs over on the bed
     back_errors: str = ""  # the error template of a plate with a front and a back; "": not made so
 
     def errors_of(self, form: Form, face_count: int) -> str | None:
@@ -40,16 +41,25 @@ BUILDS: Mapping[str, Build] = {
             "printed in one piece, in two filaments",
             {"solid": "fdm-dual", "plate": "fdm-board"},
             ("3mf", "stl", "png"),
-            ("sticker_thickness",),
+            ("sticker_thickness", "ink_side", "mount"),
             is_two_filament=True,
             back_errors="fdm-board-two-sided",
+        ),
+        Build(
+            "tiles",
+            "flat tiles in two filaments, glued to a core",
+            {"solid": "fdm-tiles"},
+            ("3mf", "png"),
+            ("sticker_thickness",),
+            is_two_filament=True,
+            is_in_parts=True,
         ),
         Build(
             "stickers",
             "a body in one filament, and stickers",
             {"solid": "hand-stickers"},
             ("stl", "png", "pdf", "svg"),
-            ("inlay_depth",),
+            ("inlay_depth", "ink_side", "mount"),
             has_stickers=True,
         ),
         Build(
@@ -57,13 +67,19 @@ BUILDS: Mapping[str, Build] = {
             "artwork on one sheet from a print shop",
             {"plate": "sheet-print"},
             ("stl", "png", "pdf", "svg"),
-            ("inlay_depth", "sticker_thickness"),
+            ("inlay_depth", "sticker_thickness", "ink_side", "mount"),
             has_body=False,
             back_errors="sheet-two-sided",
         ),
     )
 }
 """By name. The first of a form is the usual one."""
+MOUNTS = ("1/4-20", "m5", "rod 8mm", "iso9409-50")
+"""What a core can be held by: `designer.make.mounts` makes them."""
+NO_MOUNT, ANY_MOUNT = "none", "auto"
+"""Nothing, and the usual one where it fits."""
+InkSide = Literal["down", "up"]
+"""Which way the printed face of a flat piece looks on the bed."""
 FORMER_NAMES = {"solid": "one-piece", "printed": "one-piece"}
 """As files of earlier versions have them."""
 

@@ -18,6 +18,7 @@ class FileFormat:
     instead: str = ""  # what a target of another form takes in its place
     is_flat: bool = False  # of flat stock, which neither shrinks nor skews as plastic does
     has_true_circles: bool = False  # which do not stay circles in a sheared part
+    is_of_one_piece: bool = False  # it holds a target as a whole
     guide: str = ""  # module of `designer.formats` that tells what to do with it; "": the build's own text does
     largest_mm: tuple[float, float] | None = None  # that is usually made
     largest_of: str = ""  # who says so
@@ -29,6 +30,8 @@ class FileFormat:
         is_scaled = printing.shrink_compensation_percent != 0
         if form not in self.forms:
             return f"{name} is of a {' or a '.join(self.forms)}, and this is a {form}; use {self.instead}"
+        if self.is_of_one_piece and printing.way.is_in_parts:
+            return f"{name} is of one piece, and this build is in parts; use 3mf or stl"
         if self.has_true_circles and is_skewed:
             skew = format_skew(printing.skew_compensation_rad)
             return f"skew compensation '{skew}' shears meshes, not {name}; leave out the one or the other"
@@ -62,7 +65,7 @@ FORMATS: Mapping[Format, FileFormat] = {
     "png": FileFormat("PNG, a preview"),
     "pdf": FileFormat("PDF, artwork for printers"),
     "svg": FileFormat("SVG, artwork for print shops"),
-    "step": FileFormat("STEP, for CAD", has_true_circles=True),
+    "step": FileFormat("STEP, for CAD", has_true_circles=True, is_of_one_piece=True),
     "glb": FileFormat("GLB, for viewers"),
     "dxf": FileFormat("DXF, for lasers, cutters and CAD", is_flat=True, guide="dxf"),
     "laser": FileFormat("Laser SVG, to engrave and cut", is_flat=True, guide="laser"),

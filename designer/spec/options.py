@@ -11,13 +11,14 @@ from typing import Annotated, Literal, get_args, get_type_hints
 
 from designer.base.errors import InputError
 from designer.base.units import round_down, round_up
-from designer.spec.build import BUILDS, Format
+from designer.spec.build import BUILDS, MOUNTS, NO_MOUNT, Format, InkSide
 from designer.spec.machine import Machine
 from designer.spec.spec import Line, Spec
 
 Value = Literal[
     "file", "name", "length", "length above 0", "length from 0", "chord error", "size", "bed", "count", "ratio",
-    "percent", "skew", "colour", "build", "lattice", "formats", "page", "switch", "machine", "price",
+    "percent", "skew", "colour", "build", "lattice", "formats", "page", "switch", "machine", "price", "ink side",
+    "mount",
 ]  # fmt: skip
 DIAMETER_OVER_PITCH = 0.7
 """Of the paper's rings, 7 mm at 10 mm."""
@@ -44,6 +45,10 @@ class AskedPrinting:
         Machine | None, Option("machine", "speeds, filament change and fits of the printer, as its file has them")
     ] = None
     build: Annotated[str | None, Option("build", f"how it is made: {', '.join(BUILDS)}")] = None
+    ink_side: Annotated[InkSide | None, Option("ink side", "which way the ink of tiles looks: down or up")] = None
+    mount: Annotated[
+        str | None, Option("mount", f"what the core of tiles is held by: {', '.join(MOUNTS)} or {NO_MOUNT} (auto)")
+    ] = None
     inlay_depth: Annotated[float | None, Option("length above 0", "depth of the ink in a two-filament print")] = None
     ink_offset: Annotated[float | None, Option("length", "grow (or, below zero, shrink) the ink to undo bleed")] = None
     shrink_compensation: Annotated[float | None, Option("percent", "print this much larger, in percent")] = None

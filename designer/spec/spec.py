@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from designer.spec.build import BUILDS, Build, Form, Format
+from designer.spec.build import ANY_MOUNT, BUILDS, Build, Form, Format, InkSide
 from designer.spec.machine import UNKNOWN_MACHINE, Machine
 
 if TYPE_CHECKING:
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
 Lattice = Literal["square", "triangular"]
-InkSide = Literal["down", "up"]
-"""Which way the printed face of a flat piece looks on the bed."""
 SpecValue = str | float | int | bool | list[float]
 
 FILAMENT_PRICE = 25.0
@@ -132,7 +130,7 @@ class PrintSpec:
     skew_compensation_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """xy, xz, yz of the bed: the files are sheared against this skew of the printer, see `designer.make.bed`."""
     ink_side: InkSide = "down"
-    mount: str | None = None  # a name of `designer.make.mounts`, or "none"; None: the usual one where it fits
+    mount: str = ANY_MOUNT  # what holds the core of tiles: a name in `designer.spec.build.MOUNTS`, or one of its others
 
     @property
     def way(self) -> Build:

@@ -257,7 +257,7 @@ def test_largest_ring_and_smallest_edge_named_work(
         ("ico", {"edge": 100, "ring_diameter": 7, "pitch": 10, "rings_per_side": 9}, "9 rings .* at most 8 rings"),
         ("ico", {"edge": 9000, "pitch": 1, "ring_diameter": 0.5, "nozzle": "0.2mm"}, "stroke|more than"),
         ("ico", {"edge": 100, "border": 40, "pitch": 0.001}, "stroke|touch"),
-        ("ico", {"edge": 100, "build": "sheet"}, "build 'sheet' is not for 'ico'; use 'one-piece' or 'stickers'"),
+        ("ico", {"edge": 100, "build": "sheet"}, "build 'sheet' is not for 'ico'; use 'one-piece' or 'tiles'"),
         ("ico", {"edge": 100, "build": "stickers", "sticker_thickness": 4}, "sticker thickness 4mm .* at most"),
         ("board", {"bed": "40x40x40mm"}, "a board of 30x10mm holds .* use a larger board"),
         ("board", {"columns": 10, "rows": 7}, TOO_LITTLE),

@@ -434,11 +434,13 @@ def test_resolved_spec_gives_the_same_job(spec: dict[str, RawValue], more: dict[
 def test_resolved_spec_names_every_key() -> None:
     """The written file leaves nothing to be chosen: all keys of its kind are in it, but those idle for its build."""
     board: dict[str, RawValue] = {"kind": "board", "size": "60x60mm"}
+    of_tiles = {"ink_side", "mount"}
     cases = (
-        (ICO, AskedIco, {"sticker_thickness"}),
-        ({**ICO, "build": "stickers"}, AskedIco, {"inlay_depth"}),
-        (board, AskedBoard, {"sticker_thickness"}),
-        ({**board, "build": "sheet"}, AskedBoard, {"inlay_depth", "sticker_thickness"}),
+        (ICO, AskedIco, {"sticker_thickness", *of_tiles}),
+        ({**ICO, "build": "tiles"}, AskedIco, {"sticker_thickness"}),
+        ({**ICO, "build": "stickers"}, AskedIco, {"inlay_depth", *of_tiles}),
+        (board, AskedBoard, {"sticker_thickness", *of_tiles}),
+        ({**board, "build": "sheet"}, AskedBoard, {"inlay_depth", "sticker_thickness", *of_tiles}),
     )
     for values, asked, idle in cases:
         keys = [line.split(" = ")[0] for line in spec_to_toml(job_of(values)).splitlines()]

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from functools import cache
 
-from designer.formats.threemf import ThreeMfFiles, threemf_files
+from designer.formats.threemf import ThreeMfFiles, plate_files
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec
-from designer.make.bed import bed_from_target
 from designer.make.mesh import Mesh
 from designer.produce import Design
 from designer.spec.options import Asked
@@ -58,4 +57,4 @@ def ink_of(design: Design) -> Mesh:
 def packages_of(design: Design) -> ThreeMfFiles:
     """The design's 3MF packages."""
     job = design.job
-    return threemf_files(design.part, job.printing, job.name, bed_from_target(design.target, job.printing))
+    return plate_files(design.plates[0].pieces, job.printing)

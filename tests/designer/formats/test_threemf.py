@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from designer.base.errors import InputError
-from designer.formats.threemf import ThreeMfFiles, decimals, text_lines, threemf_files, whole_numbers
+from designer.formats.threemf import ThreeMfFiles, decimals, plate_files, text_lines, whole_numbers
 from designer.make.bed import bed_from_target
-from designer.make.mesh import Mesh, Part
+from designer.make.mesh import Mesh
+from designer.make.plate import Piece
 from designer.produce import Design
 from designer.spec.kind import KINDS
 from tests.support.designs import ink_of, packages_of, small
@@ -161,7 +162,7 @@ def test_build_item_lays_the_part_on_the_bed(design: Design, files: ThreeMfFiles
 def test_colours_have_a_group_each(design: Design, slicer: str) -> None:
     """Body and ink colour are in the file, each in a colour group of its own."""
     printing = replace(design.job.printing, body_colour="#fedcba", ink_colour="#102030")
-    files = threemf_files(design.part, printing, "x", np.eye(4))
+    files = plate_files((Piece("x", design.part, np.eye(4)),), printing)
     groups, colours = read_strictly(getattr(files, slicer)).GetColorGroups(), []
     while groups.MoveNext():
         group = groups.GetCurrentColorGroup()
@@ -204,7 +205,7 @@ def test_every_file_in_the_package_has_a_content_type(files: ThreeMfFiles, slice
 
 
 def named(design: Design, name: str) -> ThreeMfFiles:
-    return threemf_files(design.part, design.job.printing, name, np.eye(4))
+    return plate_files((Piece(name, design.part, np.eye(4)),), design.job.printing)
 
 
 def test_hostile_name_stays_text(design: Design) -> None:
@@ -223,9 +224,3 @@ def test_name_that_xml_cannot_hold_is_refused(design: Design, name: str) -> None
     """Control characters and lone surrogates are bad input."""
     with pytest.raises(InputError, match="control character"):
         named(design, name)
-
-
-def test_part_without_ink_is_refused(design: Design) -> None:
-    """A plain body is no two-filament print; writing one is an error of the program."""
-    with pytest.raises(ValueError, match="without ink"):
-        threemf_files(Part(design.part.body, None), design.job.printing, "x", np.eye(4))

@@ -12,10 +12,11 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from designer.formats.threemf import threemf_files
+from designer.formats.threemf import plate_files
 from designer.make.bed import bed_from_target
 from designer.make.mesh import Mesh, Part
 from designer.make.pattern import FacePattern, Pattern
+from designer.make.plate import Piece
 from designer.produce import Design
 from designer.spec.kind import KINDS
 from tests.support.designs import ink_of, packages_of, small, small_board, small_ico
@@ -182,7 +183,9 @@ def test_misplaced_ink_fails_the_print_check(tmp_path: Path) -> None:
     moved = Mesh(ink_of(design).vertices_mm + np.array([0.5, 0.0, 0.0]), ink_of(design).triangles)
     motion = bed_from_target(design.target, design.job.printing)
     package = tmp_path / "moved.3mf"
-    package.write_bytes(threemf_files(Part(design.part.body, moved), design.job.printing, "moved", motion).prusa)
+    package.write_bytes(
+        plate_files((Piece("moved", Part(design.part.body, moved), motion),), design.job.printing).prusa
+    )
     assert layout_findings(command, package) == []
     findings = print_findings(design, sliced(command, design, package))
     assert [finding.split(":")[0] for finding in findings] == ["outside the ink"]

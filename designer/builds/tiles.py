@@ -1,0 +1,55 @@
+"""Flat tiles in two filaments, glued to a core in one: a few filament changes a plate, and each tile lies smooth."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+from designer.builds.one_piece import printer_words
+from designer.formats.folder import OutputFile
+from designer.make.assembly import Assembly, assemble, plates_of
+from designer.make.plate import Plate
+from designer.page.blocks import Section
+from designer.produce import Design, Maker
+from designer.report.assembling import assembling_section
+from designer.spec.spec import PrintSpec
+
+
+class Tiles(Maker):
+    """A solid in parts."""
+
+    def plates(self, design: Design) -> tuple[Plate, ...]:
+        """Tiles first, then core and post."""
+        return plates_of(assembly_of(design), design.job.printing)
+
+    def remarks(self, design: Design) -> tuple[str, ...]:
+        """The mount, and how many plates."""
+        assembly = assembly_of(design)
+        inked = sum(plate.is_two_filament for plate in design.plates)
+        plates = f"plates: {inked} of tiles in two filaments, {len(design.plates) - inked} of the core in one"
+        return tuple(line for line in (assembly.remark, plates) if line)
+
+    def machine_words(self, printing: PrintSpec) -> str:
+        """The printer."""
+        return printer_words(printing)
+
+    def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
+        """From plates to a measured solid."""
+        return assembling_section(design, assembly_of(design), files)
+
+    def next_step(self, design: Design, stem: str) -> str:
+        """Open the plates, one after another."""
+        last = len(design.plates)
+        return (
+            f"slice {stem}.plate-1.bambu.3mf to plate-{last} in Bambu Studio or OrcaSlicer, or the prusa.3mf files in "
+            "PrusaSlicer; filament 1 is the body, 2 the ink"
+        )
+
+
+@lru_cache(maxsize=2)
+def assembly_of(design: Design) -> Assembly:
+    """The parts of a design, which page and files share."""
+    solid = design.job.target.solid
+    assert solid is not None  # noqa: S101 - the build is for solids
+    return assemble(design.target, solid, design.job.printing)
+
+
+MAKER = Tiles()
