@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import designer
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_job
-from designer.make.estimate import DENSITY_G_PER_CM3, change_count, estimate
+from designer.make.estimate import DENSITY_G_PER_CM3, TOWER_BRIM_MM, TOWER_MM, changing_layers, estimate
 from designer.make.mesh import Mesh, Part
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
 from designer.make.plate import Piece, Plate
@@ -64,20 +64,20 @@ def printing(shells: Shells | None = None, change: FilamentChange | None = None,
 @pytest.mark.parametrize(
     ("body", "ink", "changes"),
     [
-        ("", "", 0),
-        ("111", "000", 0),
-        ("111", "001", 1),
-        ("111", "100", 2),  # to the ink in the first layer, back for the second
-        ("111", "111", 3),
-        ("1111", "0110", 2),  # the second layer with ink begins with it
-        ("0011", "1100", 1),
-        ("10101", "01010", 4),
+        ("", "", ()),
+        ("111", "000", ()),
+        ("111", "001", (2,)),
+        ("111", "100", (0, 1)),  # to the ink in the first layer, back for the second
+        ("111", "111", (0, 1, 2)),
+        ("1111", "0110", (1, 2)),  # the second layer with ink begins with it
+        ("0011", "1100", (2,)),
+        ("10101", "01010", (1, 2, 3, 4)),
     ],
 )
-def test_changes_of_simple_stacks(body: str, ink: str, changes: int) -> None:
+def test_changes_of_simple_stacks(body: str, ink: str, changes: tuple[int, ...]) -> None:
     """Each layer begins with the filament that is loaded, and a layer of both takes one change."""
     has_body, has_ink = (np.array([digit == "1" for digit in text], dtype=bool) for text in (body, ink))
-    assert change_count(has_body, has_ink) == changes
+    assert changing_layers(has_body, has_ink) == changes
 
 
 def test_a_plain_box_by_hand() -> None:
@@ -133,11 +133,15 @@ def test_a_change_costs_its_time_and_its_purge() -> None:
     """Two changes: one purges to the ink and one to the body; volume over flow is time."""
     part = Part(box(20, 20, 2, (0, 0, 0.2)), box(20, 10, 0.2, (0, 0, 0)))
     over = Part(part.body, mesh_of(Manifold.cube((20, 10, 0.2)) + Manifold.cube((20, 10, 0.2)).translate((0, 0, 2.2))))
-    change = FilamentChange(time_s=7, purge_to_ink_mm3=100, purge_to_body_mm3=300, purge_flow_mm3_s=20)
+    change = FilamentChange(time_s=7, purge_to_ink_mm3=100, purge_to_body_mm3=300, purge_flow_mm3_s=10, has_tower=False)
     one = estimate((plate(over),), printing(change=change))
     assert one.changes == 2
     assert one.purge_g == pytest.approx(0.4 * DENSITY_G_PER_CM3)
-    assert one.changing_s == pytest.approx(2 * 7 + 400 / 20)
+    assert one.changing_s == pytest.approx(2 * 7 + 400 / 10)
+    tower = estimate((plate(over),), printing(change=replace(change, has_tower=True)))
+    around = 2 * (TOWER_MM + 300 / (TOWER_MM * LAYER_MM)) * LAYER_MM
+    more = around * (LINE_MM * 12 + TOWER_BRIM_MM)  # the last change is in the twelfth layer
+    assert tower.purge_g == pytest.approx((400 + more) / 1000 * DENSITY_G_PER_CM3)
 
 
 @given(st.lists(st.tuples(st.floats(-20, 20), st.floats(-20, 20)), min_size=3, max_size=30))
