@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from calib.api.rendering import RenderedPhotos, render
     from calib.api.run_result import RunResult
     from calib.api.running import NothingFoundError, run, solve
-    from calib.api.tolerancing import ToleranceResult, tolerance
+    from calib.api.tolerancing import ToleranceResult, tolerance, ways
     from calib.api.undistorting import Undistorter, undistort
     from calib.cameras.camera import Camera
     from calib.cameras.undistortion import Undistorted
@@ -66,6 +66,7 @@ __all__ = [
     "solve",
     "tolerance",
     "undistort",
+    "ways",
 ]
 
 _HOMES = {
@@ -109,6 +110,7 @@ _HOMES = {
     "calib.api.tolerancing": (
         "ToleranceResult",
         "tolerance",
+        "ways",
     ),
     "calib.api.undistorting": (
         "Undistorter",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from calib.commands.tolerance import tolerance
+from calib.commands.ways import ways
 from designer.base.answer import Summary
 from designer.base.command import command, new_app, run
 from designer.kinds.presets import OPTION_VALUES, target_templates
@@ -175,7 +176,8 @@ def check(
     return check_summary(target, printing, result)
 
 
-command(app)(tolerance)  # the one step of the design that calibrates
+command(app)(tolerance)  # the steps of the design that calibrate
+command(app)(ways)
 
 
 if __name__ == "__main__":

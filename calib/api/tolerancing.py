@@ -41,6 +41,7 @@ from designer.base.words import cut, printable, several
 from designer.kinds.presets import preset_names
 from designer.target import TargetGeometry, bounding_radius_mm, target_to_json
 from designer.tolerance.error_file import error_model
+from designer.tolerance.made import error_model_for
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.sources import source_named
 
@@ -201,6 +202,49 @@ def tolerance(
         if other is not None:
             study = compared(study, table, other, plan, vary)
     return ToleranceResult(study, drawn)
+
+
+def ways(
+    target: TargetGeometry | Place,
+    *,
+    by: str = "distortion_map",
+    views: int = 90,
+    distance_mm: float = 400.0,
+    camera: Camera | Place = "machine-vision",
+    model: str = DEFAULT,
+    weighted: bool = False,
+    seed: int = 1,
+    progress: Progress = unheard,
+) -> ToleranceResult:
+    """In which way a target is best made: `ways("ico.target.json").study.ways()`.
+
+    >>> best = calib.ways("ico.target.json").study.ways()[0]
+    >>> best.way.name, best.total("focal_length"), best.way.price_eur, best.way.hours
+
+    All error templates that suit the target, predicted at once. The study is that of `tolerance`, of the way in which
+    the file says that the target is made.
+
+    Args:
+        target: a geometry, or its file.
+        by: the quantity that ways are ranked by.
+        views: how many photos.
+        distance_mm: of the cameras from the target's origin.
+        camera: a camera, a file, or a template.
+        model: that is solved.
+        weighted: weigh observations by their covariances, or all alike.
+        seed: of all that is random.
+        progress: is told what is being done.
+
+    Raises:
+        InputError: files or options that break a rule; the message names it.
+    """
+    geometry = target_of(target, "rings")
+    assumed = error_model_for(geometry)
+    usual = next(name for name, errors in _templates().items() if errors.suits_target(geometry))
+    return tolerance(
+        target, usual if assumed is None else assumed.errors.name, views=views, distance_mm=distance_mm,
+        camera=camera, model=model, weighted=weighted, linear=True, by=by, seed=seed, progress=progress,
+    )  # fmt: skip
 
 
 def _check_mode(*, full: bool, linear: bool, resume: bool, dask: str | None) -> None:

@@ -52,6 +52,8 @@ DESIGN = (
     Case((*TOLERANCE, "--errors", "fdm-board", "--require", "intersection=1mm"), 0),
     Case((*TOLERANCE, "--errors", "fdm-board", "--require", "intersection=1um"), 1),
     Case((*TOLERANCE, "--errors", "fdm"), 2),
+    Case(("ways", *TOLERANCE[1:-3], *TOLERANCE[-2:]), 0),
+    Case(("ways", "board.target.json", "--by", "beauty", "-o", "out"), 2),
     Case(("no-command",), 2),
 )
 CALIB = (

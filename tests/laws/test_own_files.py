@@ -39,7 +39,7 @@ def contents() -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
 
 
-SAME_WAY = ("ico", "make", "tolerance")
+SAME_WAY = ("ico", "make", "tolerance", "ways")
 """Commands that write as another one does: `board` and the studies stand for them."""
 OF_COMMAND = {(one.values[0], one.values[1].words[:2]): one for one in CASES if one.values[1].code != 2}
 WRITING = [

@@ -41,6 +41,7 @@ from calib.show.studies.tolerance_words import (
     swept_sources,
     tolerance_headline,
 )
+from calib.show.studies.ways_tables import ways_section
 from calib.show.studies.what_if_block import what_if_section
 from calib.studies.tolerance.quantities import quantity_named
 from calib.studies.tolerance.record import TOLERANCE_TABLE, Crossovers, PhotographedSetting, ToleranceStudy
@@ -126,6 +127,8 @@ def study_sections(
     ]
     what_if = what_if_section(study, made_by)
     sections += [what_if] if what_if is not None else []
+    ways = ways_section(study, study.ranked_by)
+    sections += [ways] if ways is not None else []
     sections += [_limits(study, pictures)] if study.budgets else []
     sections += [_sizes(study, pictures)]
     sections += [_against(study, other, pictures)] if other is not None else []

@@ -10,6 +10,7 @@ The length of N drawn numbers in standard deviations says nothing of its mean ov
 the length whose fourth power is the mean of all, N (N + 2); what is left to chance is their direction.
 """
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -25,6 +26,7 @@ from calib.studies.tolerance.response import responses
 from calib.studies.tolerance.setting import Setting
 from calib.studies.tolerance.what_if import SetError, Way, WhatIfTable
 from designer.base.square_law import Row, Rows, SquareLaw
+from designer.tolerance.effort import size_of
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.prior import directions
 from designer.tolerance.source import Amount, Unit
@@ -78,8 +80,16 @@ def what_if_table(
     ]
     names = [one.name for one in found]
     given = (way, assumed), *({way: assumed} | dict(ways)).items()
-    start, *others = (Way(name, model.title, tuple(_set(model, error) for error in names)) for name, model in given)
+    start, *others = (_way(setting, name, model, names) for name, model in given)
     return WhatIfTable(_law(first, found, seed), tuple(others), start)
+
+
+def _way(setting: Setting, name: str, model: ErrorModel, errors: Iterable[str]) -> Way:
+    """A way of making, with what it takes for this target."""
+    size = size_of(setting.target)
+    price, hours = (math.nan if one is None else nine_digits(one.of(size)) for one in (model.price, model.hours))
+    found = tuple(_set(model, error) for error in errors)
+    return Way(name, model.title, found, model.suits_target(setting.target), price, hours)
 
 
 def _set(model: ErrorModel, error: str) -> SetError:

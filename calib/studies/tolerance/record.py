@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from calib.studies.statistics import HALF_WIDTH
 from calib.studies.tolerance.draw import BARE, TOGETHER
 from calib.studies.tolerance.quantities import MAIN, NAMES
-from calib.studies.tolerance.what_if import WhatIf, WhatIfTable
+from calib.studies.tolerance.what_if import RankedWay, WhatIf, WhatIfTable
 from designer.base import square_law
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
@@ -268,6 +268,19 @@ class ToleranceStudy:
         if self.what_ifs is None:
             raise InputError(f"the study of {self.target} holds no coefficients; {AGAIN}")
         return self.what_ifs.ask(errors, sizes)
+
+    def ways(self, by: str | None = None) -> tuple[RankedWay, ...]:
+        """The ways in which such a target is made, best first: `[(one.way.name, one.total()) for one in study.ways()]`.
+
+        Args:
+            by: the quantity that they are ranked by; None: the one that errors are ranked by.
+
+        Raises:
+            InputError: an unknown quantity, or a study from before there were any.
+        """
+        if self.what_ifs is None:
+            raise InputError(f"the study of {self.target} holds no coefficients; {AGAIN}")
+        return self.what_ifs.ranked(by or self.ranked_by)
 
     @cached_property
     def _largest(self) -> dict[str, float]:

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from calib.studies.tolerance.quantities import NAMES, quantity_named, quantity_row
 from designer.base.errors import InputError
-from designer.base.marks import Length, Line, Number, Word
+from designer.base.marks import OR_NULL, AtLeast, AtMost, Length, Line, Number, Word
 from designer.base.square_law import Size, SquareLaw
 from designer.base.words import shown, suggestion
 from designer.tolerance.amount_text import parse_amount
@@ -19,6 +19,8 @@ from designer.tolerance.source import Amount, format_quantity
 from designer.tolerance.sources import SOURCES, source_named
 
 MOST_ERRORS, MOST_WAYS = 100, 1000
+Rough = Annotated[float, OR_NULL, AtLeast(0), AtMost(1e12)]
+"""An estimate; nan: not known."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,9 @@ class Way:
     name: Word  # as `--errors` takes it
     title: Line
     errors: Annotated[tuple[SetError, ...], Length(0, MOST_ERRORS)]  # all that do something to the target, in order
+    suits: bool = True  # such targets are made so
+    price_eur: Rough = math.nan  # of this target; nan: not known
+    hours: Rough = math.nan  # of machine and hands, without delivery
 
 
 @dataclass(frozen=True)
@@ -88,6 +93,17 @@ class WhatIfTable:
             hint = suggestion(name, list(found)) or f"; there are {', '.join(found)}"
             raise InputError(f"unknown way of making {shown(name)}{hint}")
         return found[name]
+
+    def ranked(self, quantity: str) -> tuple["RankedWay", ...]:
+        """The ways in which such a target is made, the one that is best for a quantity first.
+
+        Raises:
+            InputError: an unknown quantity.
+        """
+        found = [
+            RankedWay(way, self.ask(way.name, {}), quantity_named(quantity).name) for way in self.ways if way.suits
+        ]
+        return tuple(sorted(found, key=lambda one: one.total(quantity)))
 
     def ask(self, errors: str | None, sizes: Mapping[str, str]) -> "WhatIf":
         """What would be.
@@ -180,6 +196,33 @@ class WhatIf:
         if error not in names:
             raise InputError(f"{shown(error)}: does nothing to this target, or is no error source")
         return names.index(error)
+
+
+@dataclass(frozen=True, eq=False)
+class RankedWay:
+    """A way of making this target, and what the calibration would be."""
+
+    way: Way
+    asked: WhatIf
+    ranked_by: str
+
+    def total(self, quantity: str | None = None) -> float:
+        """A quantity with all errors and noise, in its unit; None: the one that ways are ranked by."""
+        return self.asked.total(quantity or self.ranked_by)
+
+    @property
+    def worst(self) -> str:
+        """The error that costs most of the quantity that ways are ranked by; "" if there is none."""
+        ranking = self.asked.ranking(self.ranked_by)
+        return ranking[0] if ranking and self.asked.cost(ranking[0], self.ranked_by) > 0 else ""
+
+    def is_beyond(self, quantity: str) -> bool:
+        """Whether the prediction of a quantity may be more than 10 % off."""
+        return quantity in self.asked.beyond
+
+    def is_beaten_by(self, other: "RankedWay") -> bool:
+        """Whether another way is better and costs no more money; what is not known beats nothing."""
+        return other.total() < self.total() and other.way.price_eur <= self.way.price_eur
 
 
 def _row(quantity: str) -> int:
