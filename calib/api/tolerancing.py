@@ -240,7 +240,7 @@ def ways(
     """
     geometry = target_of(target, "rings")
     assumed = error_model_for(geometry)
-    usual = next(name for name, errors in _templates().items() if errors.suits_target(geometry))
+    usual = next(iter(_templates(geometry)))
     return tolerance(
         target, usual if assumed is None else assumed.errors.name, views=views, distance_mm=distance_mm,
         camera=camera, model=model, weighted=weighted, linear=True, by=by, seed=seed, progress=progress,

@@ -69,4 +69,4 @@ def ways(
         for one in study.ways(by)
     ]  # fmt: skip
     summary = Summary({"ranked_by": by, "ways": rows}, files, (step,), warnings)
-    return say_next(with_page(summary, out, "tolerance"), out)
+    return say_next(with_page(summary, out, "ways"), out)

@@ -29,6 +29,7 @@ KINDS: Mapping[str, str] = {
     "bootstrap": "studies.study_page.bootstrap_page",
     "paper": "studies.study_page.paper_page",
     "tolerance": "studies.tolerance_page.tolerance_page",
+    "ways": "studies.tolerance_page.ways_page",
     "compare": "studies.compare_page.compare_page",
     "measure": "measured.page.measure_page",
     "photos": "photos.photos_page.photos_page",

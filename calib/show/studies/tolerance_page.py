@@ -1,6 +1,7 @@
 """The page of `design tolerance`: what manufacturing errors cost, how large they may be, and against another target."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from calib.show.parts.folder_blocks import files_section, question_section, warnings
@@ -41,7 +42,8 @@ from calib.show.studies.tolerance_words import (
     swept_sources,
     tolerance_headline,
 )
-from calib.show.studies.ways_tables import ways_section
+from calib.show.studies.ways_tables import TITLE as WAYS_TITLE
+from calib.show.studies.ways_tables import ways_headline, ways_section
 from calib.show.studies.what_if_block import what_if_section
 from calib.studies.tolerance.quantities import quantity_named
 from calib.studies.tolerance.record import TOLERANCE_TABLE, Crossovers, PhotographedSetting, ToleranceStudy
@@ -63,6 +65,7 @@ FILES = (
     ("table.json", "the same for programs, with limits and crossovers"), (STUDY_FILE, "every draw"),
     (AGAINST_FILE, "every draw of the other target"),
 )  # fmt: skip
+WAYS_LEAD = "The best first; a click on a head sorts by price or hours."
 AGAIN = Command("calib report .", "in this folder: makes this page again")
 LIMITS = "Limits that were asked for, and how large errors may be to keep them."
 SWEEP_CAPTION = "Dots: draws; line: prediction; grey: where that is off by more than 10 %."
@@ -95,6 +98,21 @@ def tolerance_page(folder: Path, origin: Origin) -> Page:
         )
         sections = (*told, Section("Next", (_next(study), MEASURE)), files)
     return Page(title, "Tolerance study", headline, sections, made_by=origin.command, program=origin.program)
+
+
+def ways_page(folder: Path, origin: Origin) -> Page:
+    """The page of `design ways`: the same study, told as a choice between ways of making.
+
+    Raises:
+        InputError: `table.json` is damaged.
+    """
+    page, study = tolerance_page(folder, origin), TOLERANCE_TABLE.read_if_there(folder / JSON_FILE)
+    found = next((section for section in page.sections if section.title == WAYS_TITLE), None)
+    if study is None or found is None:
+        return page
+    others = tuple(section for section in page.sections if section is not found)
+    headline = ways_headline(study, study.ranked_by)
+    return replace(page, kind="Ways of making", headline=headline, sections=(replace(found, lead=WAYS_LEAD), *others))
 
 
 def study_sections(

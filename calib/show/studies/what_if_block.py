@@ -71,8 +71,10 @@ def _sides(study: ToleranceStudy) -> Iterator[Side]:
             continue
         sliders = tuple(_slider(error, table) for error in range(len(table.start.errors)))
         before = "--against-" if number else "--"
-        choices = tuple(_choice(way) for way in table.ways if way.suits or way.name == table.start.name)
-        yield Side(name, table.law, sliders, choices, _choice(table.start), f"{before}errors", f"{before}set")
+        yield Side(
+            name, table.law, sliders, tuple(map(_choice, table.ways)), _choice(table.start), f"{before}errors",
+            f"{before}set",
+        )  # fmt: skip
 
 
 def _per(error: str) -> tuple[str, float]:
