@@ -365,6 +365,8 @@ def _commands(measuring: _Measuring) -> tuple[Leaf, ...]:
     if skew_rad != NO_SKEW:
         made += f' --skew-compensation "{format_skew(skew_rad)}"'
     target = f"{job.name}.target.json"
+    if measuring.design.target.has_back:
+        made = f' --length "face 0 to face 1:{READING}mm+-{_CALIPER_MM:g}mm"{made}'
     return (
         Paragraph(
             f"Put {what} in place of {READING}, as in 12.34mm. The measured target file is then used instead of "
