@@ -1,4 +1,7 @@
-"""Flat tiles in two filaments, glued to a core in one: a few filament changes a plate, and each tile lies smooth."""
+"""Flat pieces in two filaments: a few filament changes a plate, and each piece lies smooth.
+
+A solid's faces are glued to a core; a board that is larger than the bed is joined from behind by keys.
+"""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -6,24 +9,34 @@ from functools import lru_cache
 from designer.builds.one_piece import printer_words
 from designer.formats.folder import OutputFile
 from designer.make.assembly import Assembly, assemble, plates_of
+from designer.make.board_tiles import BoardInPieces, board_in_pieces, board_plates
 from designer.make.plate import Plate
 from designer.page.blocks import Section
 from designer.produce import Design, Maker
 from designer.report.assembling import assembling_section
+from designer.report.jointing import jointing_section
 from designer.spec.spec import PrintSpec
 
 
 class Tiles(Maker):
-    """A solid in parts."""
+    """A solid or a board in parts."""
 
     def plates(self, design: Design) -> tuple[Plate, ...]:
-        """Tiles first, then core and post."""
+        """What holds ink first, then core and post, or keys."""
+        if design.job.target.solid is None:
+            return board_plates(board_of(design), design.job.printing)
         return plates_of(assembly_of(design), design.job.printing)
 
     def remarks(self, design: Design) -> tuple[str, ...]:
         """The mount, and how many plates."""
-        assembly = assembly_of(design)
         inked = sum(plate.is_two_filament for plate in design.plates)
+        if design.job.target.solid is None:
+            board, others = board_of(design), len(design.plates) - inked
+            return (
+                f"plates: {inked} of {len(board.pieces)} pieces in two filaments, "
+                f"{others} of {2 * len(board.seams)} keys in one",
+            )
+        assembly = assembly_of(design)
         plates = f"plates: {inked} of tiles in two filaments, {len(design.plates) - inked} of the core in one"
         return tuple(line for line in (assembly.remark, plates) if line)
 
@@ -32,7 +45,9 @@ class Tiles(Maker):
         return printer_words(printing)
 
     def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
-        """From plates to a measured solid."""
+        """From plates to a measured solid, or to a board."""
+        if design.job.target.solid is None:
+            return jointing_section(design, board_of(design), files)
         return assembling_section(design, assembly_of(design), files)
 
     def next_step(self, design: Design, stem: str) -> str:
@@ -50,6 +65,11 @@ def assembly_of(design: Design) -> Assembly:
     solid = design.job.target.solid
     assert solid is not None  # noqa: S101 - the build is for solids
     return assemble(design.target, solid, design.job.printing)
+
+
+def board_of(design: Design) -> BoardInPieces:
+    """The pieces of a board."""
+    return board_in_pieces(design.target, design.job.printing)
 
 
 MAKER = Tiles()

@@ -67,6 +67,8 @@ def letter_faces(target: TargetGeometry, printing: PrintSpec, scale: float) -> L
     nothing: tuple[tuple[NDArray[np.float64], ...], ...] = ((),) * target.face_count
     if not printing.labels:
         return Lettering(nothing, "labels: off")
+    if printing.way.is_in_parts and target.is_plate:  # seams would cut them
+        return Lettering(nothing, "labels: on the backs of the pieces")
     finest = printing.printer.line_width_mm if printing.is_two_filament else PAPER_STROKE_MM
     low, high = _strip(target, printing, finest, scale)
     stroke = min((high - low) / HEIGHT, MAX_STROKE_MM)

@@ -15,6 +15,7 @@ from designer.kinds.layout import Widths, border_width_mm, deepest_inlay_mm, ins
 from designer.make.bed import overhang, printed_size_mm
 from designer.page.blocks import Finding, Findings
 from designer.page.blocks import Level as PageLevel
+from designer.spec.build import BUILDS, builds_of
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
@@ -247,10 +248,16 @@ def _bed(target: TargetGeometry, printing: PrintSpec) -> Look | None:
         shown = " x ".join(f"{length:.1f}" for length in size)
         text = (
             f"the part needs {shown} mm, the bed of {printing.printer.name} has {room} mm; "
-            "use a smaller target or a larger printer"
+            f"use a smaller target{_in_parts(target)} or a larger printer"
         )
         said = (("violation", text),)
     return Look(f"{' x '.join(f'{length:.0f}' for length in size)} mm", f"of {room} mm", said)
+
+
+def _in_parts(target: TargetGeometry) -> str:
+    """The build in parts, as a remedy, where there is one."""
+    names = [name for name in builds_of(target.form) if BUILDS[name].is_in_parts and not target.has_back]
+    return "".join(f", build {name}" for name in names)
 
 
 def _overhang(target: TargetGeometry, printing: PrintSpec) -> Look | None:

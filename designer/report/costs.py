@@ -14,6 +14,7 @@ from designer.base.words import capital
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, spec_to_toml
 from designer.make.estimate import DENSITY_G_PER_CM3, DIAMETER_MM, SPOOL_G, PlateEstimate, PrintEstimate
+from designer.make.printability import check_printability
 from designer.page.blocks import Block, Cell, Column, Level, Section, Table, text_table
 from designer.produce import Design
 from designer.spec.build import BUILDS, builds_of
@@ -77,6 +78,8 @@ def _otherwise(design: Design, build: str) -> Way | None:
     values = {key: value for key, value in tomllib.loads(spec_to_toml(design.job)).items() if key not in _CHOSEN_ANEW}
     try:
         other = Design(size_job(parse_spec({**values, "build": build}, "")).job)
+        if check_printability(other.target, other.job.printing, bed_is_rule=True).violations:
+            return None
         return Way(build, BUILDS[build].is_two_filament, other.estimate)
     except InputError:
         return None

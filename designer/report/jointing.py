@@ -9,7 +9,7 @@ from designer.make.plate import Plate
 from designer.page.blocks import Block, Cell, Column, Figure, Section, Steps, Svg, Table
 from designer.page.pictures import drawing_of_svg
 from designer.produce import Design
-from designer.report.making import Shells, print_settings, slicer_folds
+from designer.report.making import print_settings, slicer_folds
 
 _PIECE, _LINE, _KEY, _INK = "#e4e4e4", "#6b6b6b", "#d55e00", "#1a1a1a"
 
@@ -25,7 +25,7 @@ def jointing_section(design: Design, board: BoardInPieces, files: Sequence[Outpu
     blocks: tuple[Block, ...] = (
         _plan(design, board),
         _pieces_table(board, plates),
-        *print_settings(design, Shells()),
+        *print_settings(design, design.job.printing.printer.machine.shells),
         *slicer_folds(design, [file.name for file in files]),
         _joining_steps(design, board),
     )

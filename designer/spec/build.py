@@ -47,8 +47,8 @@ BUILDS: Mapping[str, Build] = {
         ),
         Build(
             "tiles",
-            "flat tiles in two filaments, glued to a core",
-            {"solid": "fdm-tiles"},
+            "flat pieces in two filaments, put together",
+            {"solid": "fdm-tiles", "plate": "fdm-board-tiles"},
             ("3mf", "png"),
             ("sticker_thickness",),
             is_two_filament=True,

@@ -16,7 +16,6 @@ from designer.kinds.sizing import size_job
 from designer.make.printability import check_printability
 from designer.make.stand import make_stand
 from designer.produce import Design
-from designer.report.making import expected_filament
 from designer.spec.kind import spec_to_mapping
 from designer.spec.spec import Lattice
 from designer.target import target_from_json, target_to_json
@@ -113,8 +112,8 @@ def test_body_and_ink_of_both_sides_fill_the_plate(lattice: Lattice, border: str
 
 def test_changes_are_those_of_the_first_and_the_last_layers() -> None:
     """Three layers below, three above: the filament changes in each, and once where the lower ink ends."""
-    filament = expected_filament(two_sided())
-    assert (filament.inked_layers, filament.changes) == (6, 7)
+    takes = two_sided().estimate
+    assert (takes.inked_layers, takes.changes) == (6, 7)
 
 
 def test_a_bent_board_bends_both_faces_alike() -> None:
