@@ -4,10 +4,227 @@ from collections.abc import Sequence
 
 from designer.formats.folder import OutputFile
 from designer.make.assembly import Assembly
-from designer.page.blocks import Section, Steps
+from designer.page.blocks import Block, Command, Figure, Fold, Leaf, Link, Section, Steps, Table, View3d, text_table
 from designer.produce import Design
+from designer.report.assembly_pictures import exploded_scene, plate_picture
+from designer.report.costs import duration, grams
+from designer.report.making import SLICERS, Slicer, colour_words, usual_slicer
+
+_LIES = {
+    "cap": "open side down", "bowl": "open side down", "core": "open side down", "lid": "seat up", "ring": "flat",
+}  # fmt: skip
 
 
 def assembling_section(design: Design, assembly: Assembly, files: Sequence[OutputFile]) -> Section:
     """How to print and assemble it."""
-    return Section("Making it", (Steps(("Print all plates.",)),), "Flat tiles, glued to a core.")
+    count, inked = len(design.target.target_from_face), sum(plate.is_two_filament for plate in design.plates)
+    lead = (
+        f"{count} flat tiles on {inked} plates in two filaments, a core in one; each tile fits one seat in one "
+        "orientation, and each can be printed again alone."
+    )
+    view = View3d(
+        "Taken apart",
+        exploded_scene(design, assembly),
+        f"{count} numbered tiles around a core; the colour of their backs tells the plate that they are printed on.",
+        caption="The number of a tile is engraved on its back and in its seat.",
+    )
+    blocks: tuple[Block, ...] = (
+        view,
+        _plate_table(design),
+        Fold("1. Print the plates", (_settings(design, assembly), *_plate_figures(design, assembly)), is_open=True),
+        *_slicer_folds(design, [file.name for file in files]),
+        Fold("2. Look at the tiles", (_checks(assembly),), is_open=True),
+        Fold("3. Assemble", (_core_table(design, assembly), _steps(design, assembly)), is_open=True),
+        Fold("4. Measure it", _measuring(design), is_open=True),
+    )
+    return Section("Making it", blocks, lead)
+
+
+def _plate_table(design: Design) -> Table:
+    """Which file is which plate, and what it takes."""
+    rows = []
+    for plate, takes in zip(design.plates, design.estimate.plates, strict=True):
+        filaments = "1 and 2" if plate.is_two_filament else "1"
+        weight = grams(takes.body_g * (1 + takes.ink_mm3 / takes.body_mm3))
+        rows.append((
+            plate.name.replace("-", " "), plate.words, filaments, str(takes.changes), duration(takes.time_s), weight,
+        ))  # fmt: skip
+    heads = ("plate", "holds", "filaments", "changes", "time", "weight")
+    return text_table("Plates, in this order", heads, rows, visible_rows=20)
+
+
+def _plate_figures(design: Design, assembly: Assembly) -> tuple[Leaf, ...]:
+    """Each plate from above."""
+    figures = []
+    for plate in design.plates:
+        stem = f"{design.job.name}.{plate.name}"
+        there = "3mf" in design.job.formats
+        links = tuple(Link(f"{stem}.{kind}.3mf", f"{stem}.{kind}.3mf") for kind in ("prusa", "bambu") if there)
+        title = f"{plate.name.replace('-', ' ').capitalize()}: {plate.words}"
+        alt = f"The bed from above with {plate.words}" + (
+            " and a free corner for the prime tower." if plate.is_two_filament else "."
+        )
+        figures.append(Figure(title, plate_picture(design, assembly, plate), alt, "Seen from above.", links))
+    return tuple(figures)
+
+
+def _settings(design: Design, assembly: Assembly) -> Table:
+    """What holds in every slicer."""
+    printing, printer, sizes = design.job.printing, design.job.printing.printer, assembly.sizes
+    if sizes.ink_side == "down":
+        lying = (
+            "printed face down, as the files have it: the ink is in the first layers, as flat as the bed, and as "
+            "glossy as a smooth one. A textured sheet mats it, but rings then have its grain; else mat the face after "
+            "printing, or --ink-side up"
+        )
+    else:
+        lying = (
+            "printed face up, as the files have it: the ink is in the last layers, matt, with the lines of the top "
+            "layer to be seen and less flat than the bed; --ink-side down gives smooth faces that shine"
+        )
+    rows = {
+        "printer": f"{printer.name}, nozzle {printer.nozzle_mm:g} mm",
+        "how tiles lie": lying,
+        "filament 1": f"body and core, {colour_words(printing.body_colour)}; the core may be of any colour",
+        "filament 2": f"ink, {colour_words(printing.ink_colour)}",
+        "surface": "matt plastic for both: on glossy plastic lamps are mirrored, and glare hides the edges of rings",
+        "dry filament": "dry it by its maker's table: moist filament strings, and pits the black",
+        "layer height": f"{printer.layer_height_mm:g} mm, the first layer too: the ink is "
+        f"{printing.inlay_mm / printer.layer_height_mm:.3g} layers deep, a tile {sizes.thickness_mm:g} mm",
+        "line width": f"{printer.line_width_mm:g} mm",
+        "walls, infill": f"{printer.machine.shells.text}",
+        "supports": "off, for tiles and core",
+        "brim": "off for tiles, if they hold: it would have to be cut off the edge that meets the neighbour",
+        "ironing": "off: it drags ink over white",
+        "outline": "XY and elephant-foot compensation at 0: the edge on the bed has a chamfer of "
+        f"{sizes.chamfer_mm:g} mm for the foot, and neighbours are {sizes.clearance_mm:g} mm apart",
+        "prime tower": "on, in the free corner that the pictures show; only the layers with ink change filament",
+    }
+    return text_table("Settings in every slicer", ("setting", "value"), rows.items(), visible_rows=len(rows))
+
+
+def _slicer_folds(design: Design, files: Sequence[str]) -> tuple[Fold, ...]:
+    """A fold for each slicer, that of the printer first."""
+    first = usual_slicer(design.job.printing.printer)
+    there = [one for one in SLICERS if f"{design.job.name}.{design.plates[0].name}.{one.package}" in files]
+    return tuple(
+        Fold(one.title, (_slicer_steps(design, one),)) for one in sorted(there, key=lambda one: one.title != first)
+    )
+
+
+def _slicer_steps(design: Design, slicer: Slicer) -> Steps:
+    """From the files to the printer."""
+    printing, slot = design.job.printing, slicer.slot
+    body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
+    return Steps((
+        slicer.choose,
+        f"{slot} 1 is {body}, {slot} 2 is {ink}, of one material.",
+        f"Open {design.job.name}.plate-1.{slicer.package}, later the other plates, each as a project of its own. "
+        f"{slicer.opened}",
+        "If it asks whether objects of equal height are parts of one object: no. Each tile is an object with two "
+        "parts, body and ink; each piece of the core an object with one.",
+        f"Look at the object list: body in {slot} 1 and ink in {slot} 2 in every tile. If a number differs, set it on "
+        "the part, not on the object.",
+        "Don't arrange: the plate is full, and the free corner is the prime tower's: put it there. A tile that was "
+        "moved is as good as before; one that was turned is, too, unless the files are sheared against a skew.",
+        f"Set the values of the table above. {slicer.purge}".strip(),
+        f"Slice, and look at the preview by {slicer.preview}: every ring whole; above the ink one filament only.",
+    ))  # fmt: skip
+
+
+def _checks(assembly: Assembly) -> Steps:
+    """What to do with tiles off the bed."""
+    gloss = (
+        "If the face shines, mat it: a thin coat of matt clear varnish, or wet abrasive of grit 1000 or finer; try it "
+        "on one tile.",
+    )
+    return Steps((
+        "Let the bed cool before you take them off: a tile that is bent warm stays bent.",
+        "Lay a steel rule across each face, along its three heights or both diagonals: light that shows through in the "
+        "middle or at the ends is a bow; print a tile again that shows more than about 0.1 mm.",
+        "Strings and blobs at the edge or on the back keep a tile off its seat: cut them off.",
+        *(gloss if assembly.sizes.ink_side == "down" else ()),
+    ))  # fmt: skip
+
+
+def _core_table(design: Design, assembly: Assembly) -> Table:
+    """The pieces of the core: how they lie, and their weight if solid walls and sparse infill are as set."""
+    takes = {plate.name: estimate for plate, estimate in zip(design.plates, design.estimate.plates, strict=True)}
+    rows = []
+    for plate in design.plates:
+        if plate.is_two_filament:
+            continue
+        together = sum(piece.part.body.volume_mm3 for piece in plate.pieces)
+        for piece in plate.pieces:
+            corners = piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T
+            size = " x ".join(f"{length:.0f}" for length in (corners.max(axis=0) - corners.min(axis=0)))
+            part = next((one for one in assembly.core if one.name == piece.name), None)
+            seats = "" if part is None else ", ".join(map(str, part.seats))
+            alone = len(plate.pieces) == 1
+            share = takes[plate.name].body_g * piece.part.body.volume_mm3 / together
+            rows.append((
+                piece.name, _LIES.get(piece.name, "stem up" if _is_stem_up(assembly) else "stem down"), f"{size} mm",
+                grams(share) if alone else f"about {grams(share)}", seats,
+            ))  # fmt: skip
+    heads = ("piece", "how it lies", "size", "weight", "seats")
+    return text_table("Pieces of the core", heads, rows)
+
+
+def _is_stem_up(assembly: Assembly) -> bool:
+    return assembly.mounted is not None and assembly.mounted.mount.up_is_in
+
+
+def _steps(design: Design, assembly: Assembly) -> Steps:
+    """From pieces to a solid."""
+    sizes, split = assembly.sizes, {part.name: part for part in assembly.core}
+    key = (
+        "Its pins go into the seat's holes in one orientation only; a tile that does not go in flat belongs elsewhere."
+        if sizes.has_pins
+        else f"Cut {3 * len(assembly.tiles)} pegs of {sizes.peg_length_mm - 0.5:.1f} mm from filament of 1.75 mm, "
+        "three a tile; with them in its back a tile goes into one seat in one orientation only."
+    )
+    upper = split.get("cap") or split.get("lid")
+    order = [
+        *(f for part in assembly.core if part is not upper for f in part.seats),
+        *(() if upper is None else upper.seats),
+    ]
+    steps = [
+        f"Put all tiles on dry first, by their numbers. {key}",
+        "Each must touch the three pads of its seat and not rock, and neighbours must not touch each other along a "
+        "seam. If one is too high, clean pads and holes; push it out with a stick through the hole from inside.",
+        "Glue: a thin film of slow glue (epoxy, or a flexible one) in the middle of the seat, none on the pads; the "
+        f"gap for it is {sizes.glue_gap_mm:g} mm. Press the tile on its pads until it holds; wipe off what comes out "
+        "of the seams.",
+        f"Order: {', '.join(map(str, order[:-1]))} and {order[-1]}. Any other will do: each can be put in last.",
+    ]
+    if "ring" in split:
+        steps.append(
+            "Glue the ring into the cap, its tab in the slot, and put the cap on the bowl: the tab lets it in one way. "
+            "A few drops of glue hold it; without, it comes off again with its tiles."
+        )
+    if "lid" in split and upper is not None:
+        steps.append(
+            f"Put the lid into the core before tile {upper.seats[0]}: the tile lies on the rim around it, and holds it."
+        )
+    if assembly.mounted is not None:
+        mount = assembly.mounted.mount
+        steps.append(
+            f"The post ({mount.title}) takes {mount.needs}. Put a nut into its pocket as deep as it goes, with a drop "
+            "of glue, then glue the post into the pit at the corner."
+            if mount.up_is_in
+            else f"The post ({mount.title}) takes {mount.needs}. Glue it into the pit at the corner."
+        )
+    return Steps((*steps, "Let the glue harden for a day before you measure: it shrinks."))
+
+
+def _measuring(design: Design) -> tuple[Leaf, ...]:
+    """The command at the end."""
+    name = design.job.name
+    return (
+        Steps((
+            "Take about 60 photos all around, sharp, in even light, several tiles in each.",
+            "The command finds how each tile really sits and names those that are worth taking off again; its target "
+            "file is the one to calibrate with.",
+        )),
+        Command(f"calib measure {name}.target.json photos -o measured", "how each tile sits, and the target as built"),
+    )  # fmt: skip
