@@ -124,7 +124,8 @@ def plates_of(assembly: Assembly, printing: PrintSpec) -> tuple[Plate, ...]:
     Raises:
         InputError: a tile or a piece of the core is larger than the bed.
     """
-    groups = [*_tile_pieces(assembly, printing), *_core_pieces(assembly, printing)]
+    core = [*_core_pieces(assembly, printing)]  # first: where beds are small, it is what limits the edge
+    groups = [*_tile_pieces(assembly, printing), *core]
     return tuple(Plate(f"plate-{number}", group, _words(group)) for number, group in enumerate(groups, start=1))
 
 

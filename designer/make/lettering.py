@@ -76,6 +76,8 @@ def letter_faces(target: TargetGeometry, printing: PrintSpec, scale: float) -> L
         room, needed = max(high - low, 0.0), HEIGHT * finest
         where = "margin" if np.array_equal(target.window_mm, target.outline_mm) else "border"
         why = f"there is room for {room:.2f}mm and they are {needed:.2f}mm high"
+        if printing.way.is_in_parts:
+            return Lettering(nothing, "labels: on the backs of the tiles")
         return Lettering(nothing, f"labels: left out, {why}; a wider {where} takes them")
     baseline = (low + high - HEIGHT * stroke) / 2
     outline, top = scale * target.outline_mm[0], baseline + HEIGHT * stroke

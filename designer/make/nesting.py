@@ -47,12 +47,10 @@ def nest(
     """
     densest = _lattice(sides, inradius_mm, SPACINGS_MM[-1], bed_mm, tower)
     if not len(densest):
-        fitting = edge_mm
-        while fitting > 1 and not len(_lattice(sides, inradius_mm * fitting / edge_mm, SPACINGS_MM[-1], bed_mm, tower)):
-            fitting = math.floor(0.98 * fitting)
+        beside = " beside a prime tower" if tower else ""
         raise InputError(
-            f"edge {edge_mm:g}mm: a tile does not fit a bed of {bed_mm[0]:g} x {bed_mm[1]:g}mm"
-            f"{' beside a prime tower' if tower else ''}; use an edge of at most {fitting:g}mm, or a larger printer"
+            f"edge {edge_mm:g}mm: a tile does not fit a bed of {bed_mm[0]:g} x {bed_mm[1]:g}mm{beside}; use "
+            f"{_fitting(sides, inradius_mm / edge_mm, edge_mm, bed_mm, tower)}a larger printer"
         )
     beds = math.ceil(count / len(densest))
     each = math.ceil(count / beds)
@@ -63,6 +61,15 @@ def nest(
             break
     shares = [each] * (count // each) + ([count % each] if count % each else [])
     return tuple(Places(lattice[:share], spacing) for share in shares)
+
+
+def _fitting(sides: int, inradius: float, edge_mm: float, bed: tuple[float, float], tower: bool) -> str:
+    """The edge whose tile fits, to some percent; nothing where none of a size to speak of does."""
+    for share in (0.95**step for step in range(1, 40)):
+        edge = math.floor(share * edge_mm)
+        if len(_lattice(sides, inradius * edge, SPACINGS_MM[-1], bed, tower)):
+            return f"an edge of at most {edge}mm, or "
+    return ""
 
 
 def _lattice(sides: int, inradius: float, spacing: float, bed: tuple[float, float], tower: bool) -> Array:

@@ -9,6 +9,7 @@ from designer.produce import Design
 from designer.report.assembly_pictures import exploded_scene, plate_picture
 from designer.report.costs import duration, grams
 from designer.report.making import SLICERS, Slicer, colour_words, usual_slicer
+from designer.report.measuring import example_length
 
 _LIES = {
     "cap": "open side down", "bowl": "open side down", "core": "open side down", "lid": "seat up", "ring": "flat",
@@ -218,13 +219,19 @@ def _steps(design: Design, assembly: Assembly) -> Steps:
 
 
 def _measuring(design: Design) -> tuple[Leaf, ...]:
-    """The command at the end."""
-    name = design.job.name
+    """The commands at the end."""
+    target = f"{design.job.name}.target.json"
+    reading = example_length(design)
     return (
         Steps((
-            "Take about 60 photos all around, sharp, in even light, several tiles in each.",
-            "The command finds how each tile really sits and names those that are worth taking off again; its target "
-            "file is the one to calibrate with.",
+            "Take about 60 photos all around, sharp, in even light, several tiles in each; and one length with a "
+            "caliper, as told below.",
+            "calib measure finds how each tile really sits, and names those that are worth taking off again. Its "
+            "target file is the one to calibrate with: put your reading in.",
         )),
-        Command(f"calib measure {name}.target.json photos -o measured", "how each tile sits, and the target as built"),
+        Command(f"calib run {target} photos -o camera", "the camera, and where the rings were seen"),
+        Command(
+            f'calib measure {target} camera/detections.csv --length "{reading}" -o measured/{target}',
+            "how each tile sits, and the target as built",
+        ),
     )  # fmt: skip

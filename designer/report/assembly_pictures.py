@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from manifold3d import triangulate
+from manifold3d import JoinType, triangulate
 from numpy.typing import NDArray
 
 from designer.make.assembly import Assembly
 from designer.make.booleans import mesh_of, solid_of
-from designer.make.mesh import wall_strip
+from designer.make.mesh import Mesh, wall_strip
 from designer.make.nesting import TOWER_MM
 from designer.make.plate import Piece, Plate
 from designer.page.blocks import Svg
@@ -53,7 +53,7 @@ def exploded_scene(design: Design, assembly: Assembly) -> Scene:
         mesh = mesh_of(assembly.post)
         out = 0.5 * PARTS_OUT * edge * assembly.target_from_post[:3, 2]
         core.append(Surface(mesh.vertices_mm + out, mesh.triangles.astype(np.int64), POST_COLOUR))
-    size = 0.16 * edge
+    size = 0.09 * edge
     normals = apart.target_from_face[:, :3, 2]
     above = apart.target_from_face[:, :3, 3] + 0.06 * edge * normals
     numbers = Labels(above, normals, tuple(map(str, range(target.face_count))), size)
@@ -116,7 +116,7 @@ def plate_picture(design: Design, assembly: Assembly, plate: Plate) -> Svg:
 def _piece_lines(design: Design, assembly: Assembly, piece: Piece, depth_mm: float, ink: str) -> list[str]:
     """A piece: its shadow on the bed, rings as circles, its name."""
     lies = piece.as_it_lies
-    shadow = solid_of(lies.body).project().to_polygons() if lies.ink is None else [_hull_on_bed(assembly, piece)]
+    shadow = [_hull_on_bed(assembly, piece)] if lies.ink is not None else _shadow(lies.body)
     path = "".join(
         "M" + "L".join(f"{x:.2f} {depth_mm - y:.2f}" for x, y in np.asarray(polygon).tolist()) + "Z"
         for polygon in shadow
@@ -133,13 +133,19 @@ def _piece_lines(design: Design, assembly: Assembly, piece: Piece, depth_mm: flo
                 f'stroke="{ink}" stroke-width="{0.5 * radius:.2f}"/>'
             )
         size = 0.35 * assembly.sizes.seat_inradius_mm + 2.0
-    x, y = _middle(np.concatenate([np.asarray(polygon) for polygon in shadow]))
+    x, y = piece.bed_from_part[:2, 3].tolist() if lies.ink is not None else _middle(np.concatenate(shadow))
     text = piece.name.removeprefix("tile ")
     lines.append(
         f'<text x="{x:.2f}" y="{depth_mm - y + size / 3:.2f}" font-size="{size:.1f}" font-weight="bold" '
         f'fill="#0b3d66" stroke="#ffffff" stroke-width="{size / 6:.2f}" paint-order="stroke">{text}</text>'
     )
     return lines
+
+
+def _shadow(body: Mesh) -> list[Array]:
+    """What a body covers of the bed, without specks."""
+    outline = solid_of(body).project().offset(0.3, JoinType.Miter).offset(-0.3, JoinType.Miter)
+    return [np.asarray(polygon) for polygon in outline.to_polygons()]
 
 
 def _hull_on_bed(assembly: Assembly, piece: Piece) -> Array:

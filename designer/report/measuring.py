@@ -111,22 +111,24 @@ def _solid_lengths(design: Design) -> tuple[Caliper, ...]:
     for first, second in opposite_faces(target):
         lean = math.degrees(math.acos(min(abs(float(normals[first] @ up)), 1.0)))
         name, length = f"face {first} to face {second}", face_to_face_mm(target, first, second)
-        # Nobody knows how the body below stickers lay.
-        lean_deg = lean if is_printed else None
+        # Nobody knows how the body below stickers lay, and tiles lay flat.
+        lean_deg = lean if is_printed and not design.job.printing.way.is_in_parts else None
         rows.append(Caliper(name, length, lean_deg, name, "face_offset", is_long=length > REACH_MM))
     # Of stickers the length of a row is that of the sheet, not that of the body.
     if is_printed and all(one.is_long for one in rows):
-        rows += _sides_of_face(target, int(np.argmax(normals @ up)))
+        is_in_parts = design.job.printing.way.is_in_parts
+        face = 0 if is_in_parts else int(np.argmax(normals @ up))
+        rows += _sides_of_face(target, face, f"{'tile' if is_in_parts else 'top face'} ({face})")
     return tuple(rows)
 
 
-def _sides_of_face(target: TargetGeometry, face: int) -> list[Caliper]:
+def _sides_of_face(target: TargetGeometry, face: int, name: str) -> list[Caliper]:
     """From corner to corner of a face, between the rings that lie there."""
     (rings,) = np.nonzero(target.ring_face == face)
     place, outline = target.center_in_face_mm[rings, :2], target.outline_mm[face]
     nearest = rings[np.linalg.norm(place[:, None] - outline, axis=2).argmin(axis=0)].tolist()
     return [
-        _between_rings(target, f"top face ({face}), corner {a} to corner {b}", nearest[a], nearest[b])
+        _between_rings(target, f"{name}, corner {a} to corner {b}", nearest[a], nearest[b])
         for a, b in combinations(range(len(outline)), 2)
     ]
 
@@ -253,9 +255,11 @@ def _solid_hints(measuring: _Measuring) -> Steps:
     if all(one.is_long for one in pairs):
         words = f"Across the faces it is {pairs[0].length_mm:.2f} mm: that takes a caliper of 200 mm or a height gauge"
         if not measuring.is_face_to_face:
+            in_parts = measuring.design.job.printing.way.is_in_parts
+            which = "a tile" if in_parts else "the top face, opposite the face on the bed"
             words += (
                 f", and is the better length: 'face-to-face' in the commands below. With one of {REACH_MM:g} mm "
-                "measure the sides of the top face, opposite the face on the bed; its corners count counter-clockwise "
+                f"measure the sides of {which}; its corners count counter-clockwise "
                 f"from the code corner, 0. {_ring_words(measuring)}"
             )
         reach = (f"{words.removesuffix('.')}.",)
@@ -296,8 +300,14 @@ def _solid_meaning(measuring: _Measuring) -> Table:
     if skew > _LEAST_EFFECT_MM:
         usual = f"a usual skew of {math.degrees(skew_rad):.2g} deg changes a pair by up to {skew:.2f} mm"
         differ = f"skewed axes of the printer: {usual}"
+    size = ("all pairs off alike", f"size: 0.1 mm is {10 / length:.2g} %. {_size_remedy(design)}")
+    if design.job.printing.way.is_in_parts:
+        badly = "a tile that sits badly: glue on a pad, a blob in a hole, a bow. calib measure names the tile"
+        return _meanings(
+            [size, ("one pair too long", badly), ("all pairs too long", "thick glue, or pads that stand proud")]
+        )
     rows = [
-        ("all pairs off alike", f"size: 0.1 mm is {10 / length:.2g} %. {_size_remedy(design)}"),
+        size,
         ("pairs differ", f"{differ}. Photos tell the three angles: calib measure, then --skew-compensation"),
         *(
             (f"only {one.what}", "height: first layer squeezed, or the z axis. calib measure tells the axes")

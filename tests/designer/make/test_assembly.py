@@ -296,7 +296,7 @@ def test_a_solid_of_ones_own_is_parted_where_it_cuts_no_face() -> None:
 
 @pytest.mark.parametrize(
     ("edge_mm", "bed_mm", "says"),
-    [(60.0, (55.0, 55.0, 90.0), "use an edge of at most"), (60.0, (110.0, 110.0, 60.0), "use an edge of at most")],
+    [(100.0, (110.0, 110.0, 200.0), "use an edge of at most"), (60.0, (110.0, 110.0, 60.0), "use an edge of at most")],
 )
 def test_a_bed_too_small_says_which_edge_fits(edge_mm: float, bed_mm: tuple[float, float, float], says: str) -> None:
     """For a tile and for the core; and the edge that is named does fit."""
