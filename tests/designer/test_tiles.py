@@ -50,7 +50,7 @@ def test_every_piece_lies_on_a_plate_once_within_the_bed_and_apart() -> None:
 
 
 def test_a_plate_holds_one_object_a_tile_in_both_layouts() -> None:
-    """Read strictly by lib3mf: as many objects to build as pieces; each tile of the PrusaSlicer file has two volumes."""
+    """Read strictly by lib3mf: as many objects as pieces; a tile for PrusaSlicer has two volumes."""
     plate = target_of().design.plates[0]
     for slicer in ("prusa", "bambu"):
         content = files_of()[f"plate-1.{slicer}.3mf"].content
@@ -88,8 +88,8 @@ def test_the_target_is_that_of_one_piece() -> None:
 
 def test_the_page_tells_the_way_from_plates_to_a_measured_solid() -> None:
     """Every plate with its files, the order of all tiles, the command at the end."""
-    made, page = target_of(), files_of()[""] if "" in files_of() else target_of().files()[-1]
-    text = page.content.decode()
+    made = target_of()
+    text = files_of()["index.html"].content.decode()
     for plate in made.design.plates:
         assert f"{made.name}.{plate.name}.prusa.3mf" in text
         assert plate.words in text
