@@ -54,8 +54,14 @@ def layer_steps(target: TargetGeometry, cut: str, engrave: str, label: str) -> I
     """What belongs to which operation; the last three are what a file calls them."""
     yield f"{capital(engrave)}: fill, all shapes at once, so that what lies between two circles is a ring."
     yield f"{capital(cut)}: line, and last: cut pieces move."
+    if target.is_plate and not target.is_planar:
+        yield (
+            "Both sides are drawn side by side. Engrave and cut side 0, turn it about its height in the opening that "
+            "it "
+            "leaves, and engrave side 1 there; or glue two thin plates back to back."
+        )
     if not target.is_planar:
-        numbers = "numbers beside the pieces, the face's own and those of the faces that it joins"
+        numbers = "numbers beside the pieces: the face's own, and along its edges those of the faces that it joins"
         yield f"{capital(label)}: {numbers}; mark them on the scrap."
 
 

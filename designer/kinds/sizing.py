@@ -10,7 +10,7 @@ import numpy as np
 
 from designer.base.errors import InputError
 from designer.base.units import NO_SKEW, format_skew, round_down
-from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_depth, lay_out
+from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_depth, lay_out, narrowest_widths
 from designer.kinds.presets import preset_names, preset_or_file
 from designer.kinds.spec_file import read_printer_file
 from designer.spec.build import ANY_MOUNT, BUILDS, builds_of
@@ -49,8 +49,10 @@ def size_job(asked: Asked) -> Sized:
     geometry = lay_out(target)
     printing, print_remarks = _size_printing(asked, printer, build, geometry)
     formats, left_out = choose_formats(BUILDS[build].formats, tuple(asked.formats or ()), target.form, printing)
+    widths = narrowest_widths(geometry)
+    finest_mm = min(widths.stroke_mm, widths.centre_mm, widths.gap_mm)
     width, height = np.ptp(geometry.outline_mm[0], axis=0).tolist()
-    large = (text for name in formats for text in FORMATS[name].remarks(name, (width, height)))
+    large = (text for name in formats for text in FORMATS[name].remarks(name, (width, height), finest_mm))
     remarks = tuple(text for text in (remark, *print_remarks, *left_out, *large) if text)
     name = asked.name or _default_name(asked, target, build)
     return Sized(Job(name, target, printing, formats, asked.page or target.page), remarks)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from designer.make.lettering import HEIGHT, text_contours
+from designer.make.lettering import HEIGHT, LETTERS, text_contours
 from designer.make.pages import Area, Drawing, Polygon, SheetPage, Text, moved, polygon
 
 CUT, ENGRAVE, LABEL = "CUT", "ENGRAVE", "LABEL"
@@ -64,7 +64,7 @@ def _bounds(drawing: Drawing) -> NDArray[np.float64]:
 
 def _stencil(text: Text) -> tuple[Polygon, ...]:
     """A label in the letters of the target itself, as no program then lacks its font; words without such letters go."""
-    words = " ".join(word for word in text.text.split() if word.upper() == word)
+    words = " ".join(word for word in text.text.split() if LETTERS.issuperset(word))
     turn = np.array(
         [[np.cos(text.angle_rad), np.sin(text.angle_rad)], [-np.sin(text.angle_rad), np.cos(text.angle_rad)]]
     )

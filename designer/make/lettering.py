@@ -45,6 +45,10 @@ _CELLS: dict[str, tuple[str, ...]] = {
 }
 
 
+LETTERS = frozenset(_CELLS)
+"""All that can be written, besides blanks."""
+
+
 @dataclass(frozen=True)
 class Lettering:
     """The letters of each face as counter-clockwise contours, and a line for the person about them."""

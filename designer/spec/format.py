@@ -22,6 +22,8 @@ class FileFormat:
     guide: str = ""  # module of `designer.formats` that tells what to do with it; "": the build's own text does
     largest_mm: tuple[float, float] | None = None  # that is usually made
     largest_of: str = ""  # who says so
+    least_mm: float = 0.0  # finest line that its makers hold
+    least_of: str = ""
 
     def why_not(self, form: Form, printing: PrintSpec) -> str:
         """Why a target so made has no such file, with the remedy; "" if it has one."""
@@ -40,8 +42,13 @@ class FileFormat:
             return f"{name} is for flat stock, {what} compensation for printed plastic; leave out the one or the other"
         return ""
 
-    def remarks(self, name: str, size_mm: tuple[float, float]) -> Iterator[str]:
-        """What to know of a board of this size."""
+    def remarks(self, name: str, size_mm: tuple[float, float], finest_mm: float) -> Iterator[str]:
+        """What to know of a board of this size, whose finest stroke or gap is so wide."""
+        if finest_mm < self.least_mm:
+            yield (
+                f"{name}: the finest stroke or gap, {finest_mm:.3g}mm, is below {self.least_mm:g}mm ({self.least_of}); "
+                "use larger rings"
+            )
         largest = self.largest_mm or size_mm
         if any(have > most for have, most in zip(sorted(size_mm), sorted(largest), strict=True)):
             yield (
@@ -58,6 +65,8 @@ _GERBER = FileFormat(
     guide="gerber",
     largest_mm=(400.0, 500.0),
     largest_of="JLCPCB's capabilities, two layers",
+    least_mm=0.15,
+    least_of="lines of silkscreen in the tolerances of PCBWay and others",
 )
 FORMATS: Mapping[Format, FileFormat] = {
     "3mf": FileFormat("3MF, for slicers"),
@@ -70,7 +79,12 @@ FORMATS: Mapping[Format, FileFormat] = {
     "dxf": FileFormat("DXF, for lasers, cutters and CAD", is_flat=True, guide="dxf"),
     "laser": FileFormat("Laser SVG, to engrave and cut", is_flat=True, guide="laser"),
     "gerber": _GERBER,
-    "gerber-mask": replace(_GERBER, title="Gerber, a printed circuit: black solder mask opened where it is white"),
+    "gerber-mask": replace(
+        _GERBER,
+        title="Gerber, a printed circuit: black solder mask opened where it is white",
+        least_mm=0.1,
+        least_of="an assumption for webs of solder mask",
+    ),
 }
 """By name, in the order in which they are written."""
 

@@ -168,6 +168,30 @@ def test_gerber_is_read_as_the_board(suffix: Format, ink: str, tmp_path: Path) -
     assert len(flashes(layers[".gts" if ink == ".gto" else ".gbs"])) == 0
 
 
+def test_both_sides_of_a_board_lie_where_they_are(tmp_path: Path) -> None:
+    """Seen from the top, rings of the front are in the top layer and those of the back, mirrored, in the bottom one."""
+    design = flat("board", "gerber", two_sided=True)
+    layers = gerbers_of(design, "gerber.zip", tmp_path)
+    target = design.target
+    low = target.outline_mm[0].min(axis=0)
+    for face, ink in enumerate((".gto", ".gbo")):
+        seen = np.array([ring_of(flash)[:2] for flash in flashes(layers[ink])])
+        assert farthest(seen, target.center_mm[target.ring_face == face, :2] - low) < MICROMETRE_MM
+
+
+@pytest.mark.parametrize("kind", SMALL)
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_every_kind_can_be_cut(kind: str, two_sided: bool) -> None:
+    """Whatever stands beside the pieces of a kind, its files are made; each ring is engraved once."""
+    if two_sided and kind != "board":
+        return
+    more = {"two_sided": True} if two_sided else {}
+    design = Design(size_job(asked_for(kind, {**SMALL[kind], "formats": "dxf,laser", "page": "fit", **more})).job)
+    drawn = circles(dxf_of(design))
+    assert len(drawn) == 2 * design.target.ring_count - int(design.target.is_dot.sum())
+    assert b"</svg>" in content_of(design, "laser.svg")
+
+
 def detected(grey: NDArray[np.uint8], design: Design, within_px: float) -> float:
     """The share of rings that are found in drawn artwork, all of them where they were drawn."""
     found = calib.detect(grey, design.target)
@@ -257,3 +281,12 @@ def test_a_board_larger_than_boards_are_made_is_remarked_upon() -> None:
 
     assert "larger than the usual 400 x 500mm" in remarks("300x510mm")
     assert "larger" not in remarks("490x390mm")
+    assert "finest" not in remarks("490x390mm")
+
+
+def test_strokes_finer_than_a_maker_holds_are_remarked_upon() -> None:
+    """Silkscreen holds 0.15 mm, solder mask somewhat less."""
+    values = {"columns": 8, "rows": 8, "pitch": "1mm", "build": "sheet", "ring_diameter": "0.5mm"}
+    for name, is_said in (("gerber", True), ("gerber-mask", False), ("dxf", False)):
+        said = " ".join(size_job(asked_for("board", {**values, "formats": name})).remarks)
+        assert ("0.138mm, is below 0.15mm" in said) == is_said
