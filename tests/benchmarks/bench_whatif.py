@@ -87,7 +87,7 @@ def shown(tab: Tab, way: str, sizes: dict[str, str]) -> list[tuple[float, bool]]
 
 
 def by_draws(setting: Setting, asked: WhatIf, draws: int, seed: int) -> tuple[Array, Array, int]:
-    """The measures with all errors, half the width of what holds them by 95 %, and draws without a solution."""
+    """The measures with all errors, the share by which 95 % of such draws miss them, and how many have no solution."""
     errors = error_model(asked.arguments[1], asked.arguments[3::2])
     linear, first = linear_table(setting, errors), first_order(setting)
     exact = np.empty((draws, len(NAMES)))
@@ -101,7 +101,7 @@ def by_draws(setting: Setting, asked: WhatIf, draws: int, seed: int) -> tuple[Ar
     square = control.mean[0] + control.mean[-1] + off[solved].mean(axis=0)
     half = HALF_WIDTH * off[solved].std(axis=0, ddof=1) / np.sqrt(solved.sum())
     value = np.sqrt(np.maximum(square, 0))
-    return value, 0.5 * half / value, int((~solved).sum())
+    return value, 0.5 * half / square, int((~solved).sum())
 
 
 def main() -> None:

@@ -6,11 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calib.show.studies.tolerance_page import study_sections
 from calib.studies.tolerance.draw import bare_draw, drawn_values, with_errors
 from calib.studies.tolerance.first_order import first_order
 from calib.studies.tolerance.law import what_if_table
 from calib.studies.tolerance.predict import control_of, linear_table
 from calib.studies.tolerance.quantities import NAMES
+from calib.studies.tolerance.record import TOLERANCE_TABLE
 from calib.studies.tolerance.what_if import WhatIf, WhatIfTable
 from designer.base.errors import InputError
 from designer.tolerance.amount_text import parse_amount
@@ -157,3 +159,13 @@ def test_what_cannot_be_asked_is_told(errors: str | None, sizes: dict[str, str],
     """A wrong name, size or way is refused by value and rule."""
     with pytest.raises(InputError, match=told):
         table().ask(errors, sizes)
+
+
+def test_a_table_from_before_there_were_coefficients_is_read() -> None:
+    """It has a page without sliders, and says what to do when it is asked."""
+    document = {key: value for key, value in TOLERANCE_TABLE.document(tolerance_study(linear=True)).items()}
+    del document["what_ifs"]
+    old = TOLERANCE_TABLE.of(document, "table.json")
+    assert "What if" not in [one.title for one in study_sections(old, lambda _: ())]
+    with pytest.raises(InputError, match="holds no coefficients; run the study again"):
+        old.what_if(skew="1deg")
