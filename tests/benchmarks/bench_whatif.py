@@ -49,18 +49,21 @@ GOAL, FRAME_MS = 0.1, 16.0
 CHANGES = 300
 READ = """() => Array.from(document.querySelectorAll(".what-if-measures tbody tr"), (row) => (
   [Number(row.cells[1].dataset.value), row.cells[1].dataset.beyond === "yes"]))"""
-CHANGE = """(changes) => {
+TRIES = 5
+CHANGE = """([changes, tries]) => {
   const ranges = document.querySelectorAll(".what-if-side input[type=range]:enabled");
-  const taken = [];
-  for (let change = 0; change < changes; change += 1) {
-    const range = ranges[change % ranges.length];
-    const begin = performance.now();
-    range.value = (change * 37) % 401;
-    range.dispatchEvent(new Event("input"));
-    document.body.getBoundingClientRect();  // styles and layout too
-    taken.push(performance.now() - begin);
+  const taken = Array.from({ length: changes }, () => []);
+  for (let attempt = 0; attempt < tries; attempt += 1) {
+    for (let change = 0; change < changes; change += 1) {
+      const range = ranges[change % ranges.length];
+      const begin = performance.now();
+      range.value = (change * 37 + attempt) % 401;
+      range.dispatchEvent(new Event("input"));
+      document.body.getBoundingClientRect();  // styles and layout too
+      taken[change].push(performance.now() - begin);
+    }
   }
-  return taken.sort((a, b) => a - b);
+  return taken;
 }"""
 
 
@@ -126,9 +129,10 @@ def main() -> None:
         sections = study_sections(replace(study, crossovers=None), lambda _: ())
         file.write_bytes(page_html(Page("ico", "Tolerance study", None, sections)))
         with open_page(browser, file) as tab:
-            taken = tab.evaluate(CHANGE, CHANGES)
-            print(f"a change in chromium: median {np.median(taken):.2f} ms, 95 % {taken[int(0.95 * CHANGES)]:.2f} ms, "
-                  f"longest {taken[-1]:.2f} ms (goal {FRAME_MS:g} ms)")  # fmt: skip
+            taken = np.array(tab.evaluate(CHANGE, [CHANGES, TRIES]))
+            shortest = taken.min(axis=1)  # other work on the machine shows in the rest
+            print(f"a change in chromium: median {np.median(taken):.2f} ms, 95 % {np.quantile(taken, 0.95):.2f} ms, longest "
+                  f"{taken.max():.2f} ms; longest of the shortest of {TRIES}: {shortest.max():.2f} ms (goal {FRAME_MS:g} ms)")  # fmt: skip
             begin = time.perf_counter()
             for number in range(1000):
                 _ = study.what_if(skew=f"{0.001 * (number + 1)}deg").totals

@@ -163,7 +163,7 @@ def test_what_cannot_be_asked_is_told(errors: str | None, sizes: dict[str, str],
 
 def test_a_table_from_before_there_were_coefficients_is_read() -> None:
     """It has a page without sliders, and says what to do when it is asked."""
-    document = {key: value for key, value in TOLERANCE_TABLE.document(tolerance_study(linear=True)).items()}
+    document = TOLERANCE_TABLE.document(tolerance_study(linear=True))
     del document["what_ifs"]
     old = TOLERANCE_TABLE.of(document, "table.json")
     assert "What if" not in [one.title for one in study_sections(old, lambda _: ())]
