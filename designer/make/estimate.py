@@ -347,7 +347,8 @@ class _Slicing:
         if not short:
             return CrossSection()
         around = sum(float(np.hypot(*np.diff(loop, axis=0, append=loop[:1]).T).sum()) for loop in outline.to_polygons())
-        depth_mm = max(outline.area() - inside.area(), 0.0) / max(around, 1e-9)
+        # Walls of ink and body together are shell enough to slicers; one filament has to be as thick everywhere.
+        depth_mm = max(outline.area() - inside.area(), 0.0) / max(around, 1e-9) if self.part.ink is None else 0.0
         covered, half = inside, self.spacing_mm / 2
         for one in short:
             covered = covered ^ one.offset(-depth_mm, JoinType.Miter)

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+_FREE = 1e7
+"""A square of speed that no nozzle reaches, in mm²/s²."""
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,14 @@ def loops_time_s(loops: Sequence[Array], pace: Pace) -> float:
     begin = np.minimum(pace.speed_mm_s, pace.jerk_mm_s / np.maximum(jump, 1e-9)) ** 2
     begin[first] = min(pace.speed_mm_s, pace.jerk_mm_s) ** 2  # the next line begins with a loop of its own
     gain = 2 * pace.acceleration_mm_s2 * length
-    forth = _reachable(begin, gain)
-    back = _reachable(np.roll(begin, -1)[::-1], gain[::-1])[::-1]
-    speeds = np.minimum(forth, np.roll(back, 1))
-    return float(_time_s(length, pace, speeds, np.roll(speeds, -1)).sum())
+    last = np.roll(first, -1) - 1
+    onward, backward = gain.copy(), gain.copy()
+    onward[last] = backward[first] = _FREE  # each loop is begun and ended for itself
+    forth = _reachable(begin, onward)
+    ends = _reachable(np.roll(begin, -1)[::-1], backward[::-1])[::-1]
+    starts = np.roll(ends, 1)
+    starts[first] = (ends + gain)[first]
+    return float(_time_s(length, pace, np.minimum(forth, starts), np.minimum(ends, forth + gain)).sum())
 
 
 def _reachable(most: Array, gain: Array) -> Array:

@@ -10,13 +10,13 @@ from dataclasses import asdict, dataclass
 
 from designer.base.answer import Value
 from designer.base.errors import InputError
-from designer.base.words import capital
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, spec_to_toml
 from designer.make.estimate import DENSITY_G_PER_CM3, DIAMETER_MM, SPOOL_G, PlateEstimate, PrintEstimate
 from designer.make.printability import check_printability
-from designer.page.blocks import Block, Cell, Column, Level, Section, Table, text_table
+from designer.page.blocks import Cell, Column, Level, Section, Table, text_table
 from designer.produce import Design
+from designer.report.making import colour_words
 from designer.spec.build import BUILDS, builds_of
 from designer.spec.spec import PrintSpec
 
@@ -26,6 +26,7 @@ MUCH_CHANGING_S = 2 * 3600.0
 """Changing filament for longer, and for more than a quarter of the whole, is time for nothing."""
 MUCH_PURGE_G = 30.0
 """More than that, and more than the print weighs, is waste."""
+COSTS_TITLE = "Time, filament and cost"
 _CHOSEN_ANEW = ("name", "build", "inlay_depth", "sticker_thickness", "formats")
 """What a build chooses for itself."""
 
@@ -125,12 +126,11 @@ def _changes(count: int) -> str:
 
 
 def duration(time_s: float) -> str:
-    """`40 min`, `3 h 20 min`, `39 h`: an estimate has no more digits."""
-    minutes = round(time_s / 60)
+    """`40 min`, `3 h 20 min`, `39 h`."""
+    minutes = max(round(time_s / 60), 1)
     if minutes < 60:
-        return f"{max(minutes, 1)} min"
+        return f"{minutes} min"
     if minutes < 600:
-        minutes = 5 * round(minutes / 5)
         return f"{minutes // 60} h" + (f" {minutes % 60} min" if minutes % 60 else "")
     return f"{round(minutes / 60)} h"
 
@@ -186,34 +186,34 @@ def _rests_on(printing: PrintSpec) -> str:
     )
 
 
-def filament_section(costs: Costs, body: str, ink: str) -> Section:
-    """Filament by slot and time by plate; `body` and `ink` are their colours in words."""
+def cost_section(costs: Costs, printing: PrintSpec) -> Section:
+    """This build against the others, its filament by slot, its time by plate."""
     one = costs.own.estimate
+    why = f" {one.inked_layers} layers hold ink, which makes {_changes(one.changes)}." if one.changes else ""
+    blocks = (cost_table(costs, printing), _slot_table(one, printing), _plate_table(one))
+    return Section(COSTS_TITLE, blocks, f"{cost_sentence(one)}{why}")
+
+
+def _slot_table(one: PrintEstimate, printing: PrintSpec) -> Table:
+    """What comes off each spool."""
+    body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
     rows = [("1, body", body if one.ink_g else "any", one.body_g)]
     if one.ink_g:
         rows.append(("2, ink", ink, one.ink_g))
     if one.purge_g:
         rows.append(("both, purged", "", one.purge_g))
     columns = (Column("slot", is_number=False), Column("colour", is_number=False), Column("weight"), Column("length"))
-    slots = Table(
-        "Filament of each slot",
-        columns,
-        tuple(
-            (Cell(slot), Cell(colour), Cell(grams(mass), mass), Cell(f"{_length_m(mass):.2g} m", _length_m(mass)))
-            for slot, colour, mass in rows
-        ),
-        note="PLA, 1.24 g/cm³; length of filament of 1.75 mm.",
+    cells = tuple(
+        (Cell(slot), Cell(colour), Cell(grams(mass), mass), Cell(f"{_length_m(mass):.2g} m", _length_m(mass)))
+        for slot, colour, mass in rows
     )
-    blocks: list[Block] = [slots]
-    blocks.append(
-        text_table(
-            "Plates",
-            ("plate", "time", "printing", "changing", "heating up", "layers", "of them with ink", "changes"),
-            [_plate_row(number, plate) for number, plate in enumerate(one.plates, start=1)],
-        )
-    )
-    why = f" {one.inked_layers} layers hold ink, which makes {_changes(one.changes)}." if one.changes else ""
-    return Section("Time and filament", tuple(blocks), f"{capital(cost_sentence(one))}{why}")
+    return Table("Filament of each slot", columns, cells, note="PLA, 1.24 g/cm³; length of filament of 1.75 mm.")
+
+
+def _plate_table(one: PrintEstimate) -> Table:
+    """Each print for itself."""
+    heads = ("plate", "time", "printing", "changing", "heating up", "layers", "of them with ink", "changes")
+    return text_table("Plates", heads, [_plate_row(number, plate) for number, plate in enumerate(one.plates, start=1)])
 
 
 def _plate_row(number: int, plate: PlateEstimate) -> tuple[str, ...]:

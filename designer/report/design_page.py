@@ -34,7 +34,7 @@ from designer.page.blocks import (
 )
 from designer.page.shell import page_html
 from designer.produce import Design, maker_of
-from designer.report.costs import Costs, cost_sentence, cost_table, costs_of, filament_section, verdict
+from designer.report.costs import Costs, cost_section, cost_sentence, costs_of, verdict
 from designer.report.making import (
     colour_words,
 )
@@ -83,12 +83,12 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
         title=job.name,
         kind="Target",
         headline=headline(job.printing, check, costs),
-        lead=_lead(design, costs, panels),
+        lead=_lead(design, panels),
         sections=(
+            *((cost_section(costs, job.printing),) if costs.is_printed else ()),
             Section(RULES_TITLE, (check.told(),), _rule_lead(job.printing, check)),
             maker_of(job.printing).making(design, files),
             *(() if others is None else (others,)),
-            *((_filament_section(costs, job.printing),) if costs.is_printed else ()),
             Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
             Section("What was printed: measure it", measure_blocks(design), _MEASURE_LEAD),
             Section("Codes", (*code_blocks(design), *_net(design, panels))),
@@ -101,10 +101,6 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
         made_by=f"design make {job.name}.toml",
         program=program(),
     )
-
-
-def _filament_section(costs: Costs, printing: PrintSpec) -> Section:
-    return filament_section(costs, colour_words(printing.body_colour), colour_words(printing.ink_colour))
 
 
 def headline(printing: PrintSpec, check: PrintCheck, costs: Costs | None = None) -> Headline:
@@ -137,7 +133,7 @@ def _rule_lead(printing: PrintSpec, check: PrintCheck) -> str:
     return f"{held}."
 
 
-def _lead(design: Design, costs: Costs, panels: Panels | None) -> tuple[Block, ...]:
+def _lead(design: Design, panels: Panels | None) -> tuple[Block, ...]:
     """The target in 3D, and its dimensions."""
     what, target = design.job.target.words, design.target
     dots = int(target.is_dot.sum())
@@ -149,8 +145,7 @@ def _lead(design: Design, costs: Costs, panels: Panels | None) -> tuple[Block, .
         caption=f"{capital(what)}, as designed. {sentence(printed_ink(design).lettering.remark)}",
         poster=None if panels is None else panels.target,
     )
-    table = (cost_table(costs, design.job.printing),) if costs.is_printed else ()
-    return (view, *table, dimension_facts(design))
+    return (view, dimension_facts(design))
 
 
 def _panels(design: Design, files: Sequence[OutputFile]) -> Panels | None:

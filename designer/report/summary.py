@@ -11,7 +11,7 @@ from designer.make.printability import PrintCheck
 from designer.page.blocks import Facts, Finding, Findings, Table, text_table
 from designer.page.terminal import quoted, say_facts, say_findings, say_headline, say_lines, say_table, say_written
 from designer.produce import Design, maker_of
-from designer.report.costs import Costs, costs_summary
+from designer.report.costs import COSTS_TITLE, Costs, costs_summary
 from designer.report.design_page import PAGE_FILE, RULES_TITLE, Written, headline
 from designer.report.pictures import printed_ink
 from designer.spec.kind import spec_to_mapping
@@ -35,9 +35,10 @@ def say_design(design: Design, remarks: Sequence[str], written: Written) -> None
     page = written.page
     if page.headline is not None:
         say_headline(page.headline)
+    for section in page.sections:
+        if section.title == COSTS_TITLE and isinstance(section.blocks[0], Table):
+            say_table(section.blocks[0])
     for block in page.lead:
-        if isinstance(block, Table):
-            say_table(block)
         if isinstance(block, Facts):
             say_facts(block)
     say_lines("chosen", _chosen(design, remarks))

@@ -149,6 +149,7 @@ def machine_settings(printer: PrinterProfile) -> Mapping[str, str]:
         "fill_density": f"{100 * shells.infill:g}%",
         "fill_pattern": "grid",
         "ensure_vertical_shell_thickness": "1",
+        "thick_bridges": "0",
         "external_perimeter_speed": f"{speeds.outer_wall_mm_s:g}",
         "small_perimeter_speed": f"{speeds.outer_wall_mm_s:g}",
         "perimeter_speed": f"{speeds.inner_wall_mm_s:g}",

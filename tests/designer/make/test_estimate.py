@@ -229,10 +229,10 @@ def test_a_print_beyond_reason_is_said_and_the_better_build_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("time_s", "text"), [(10, "1 min"), (2400, "40 min"), (12_100, "3 h 20 min"), (14_380, "4 h"), (140_000, "39 h")]
+    ("time_s", "text"), [(10, "1 min"), (2400, "40 min"), (12_100, "3 h 22 min"), (14_380, "4 h"), (140_000, "39 h")]
 )
 def test_durations_have_the_digits_of_an_estimate(time_s: float, text: str) -> None:
-    """Minutes below ten hours, in fives above one."""
+    """Minutes below ten hours."""
     assert duration(time_s) == text
 
 
