@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from designer.make.bed import mapped
 from designer.make.mesh import Part
-from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s, tour_mm
+from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
 from designer.make.plate import Piece, Plate
 from designer.make.section import SIMPLE_MM, Layered, Outline
 from designer.spec.machine import Machine
@@ -32,7 +32,7 @@ DENSITY_G_PER_CM3 = 1.24
 """PLA, as the tables of filament makers and slicers have it."""
 DIAMETER_MM = 1.75
 SPOOL_G = 1000.0
-MOST_LAYERS = 64
+MOST_LAYERS = 48
 """More are not cut, but stand for each other."""
 INK_FILL = 0.94
 """Ink laid down over ink in the model: 0.91 to 0.97 in G-code; slivers where ink ends in a slope are left out."""
@@ -184,7 +184,7 @@ def _plate_estimate(plate: Plate, printer: PrinterProfile) -> PlateEstimate:
 
 
 def _purge_mm3(changing: Sequence[int], printer: PrinterProfile) -> float:
-    """What changes purge, and the walls of the tower that it is printed as, up to the last change."""
+    """What changes purge, and walls and foot of the tower that it is printed as, up to the last change."""
     change, layer_mm, line_mm = printer.machine.change, printer.layer_height_mm, printer.line_width_mm
     to_ink = (len(changing) + 1) // 2
     purged = to_ink * change.purge_to_ink_mm3 + (len(changing) - to_ink) * change.purge_to_body_mm3
@@ -192,7 +192,9 @@ def _purge_mm3(changing: Sequence[int], printer: PrinterProfile) -> float:
         return purged
     deep_mm = max(change.purge_to_ink_mm3, change.purge_to_body_mm3) / (TOWER_MM * layer_mm)
     around_mm = 2 * (TOWER_MM + deep_mm)
-    return purged + around_mm * layer_mm * (line_mm * (changing[-1] + 1) + TOWER_BRIM_MM)
+    walls_mm3 = around_mm * layer_mm * (line_mm * (changing[-1] + 1) + TOWER_BRIM_MM)
+    foot_mm3 = TOWER_MM * deep_mm * layer_mm - (change.purge_to_ink_mm3 if changing[0] == 0 else 0.0)
+    return purged + walls_mm3 + foot_mm3  # the foot is solid
 
 
 @dataclass(frozen=True)
@@ -306,13 +308,17 @@ class _Slicing:
         inside = section.offset(-self.line_mm - (walls - 1) * self.spacing_mm, JoinType.Miter) if walls else section
         time, starts = self._walls(section, is_first)
         solid = inside if layer is None else self._solid(inside, layer)
-        sparse = inside - solid if layer is not None else CrossSection()
-        top = solid - self.outline_at(layer + 1) if layer is not None else CrossSection()
-        for part, pace, spacing in (
-            (solid - top if not top.is_empty() else solid, self._pace("solid_infill", is_first), self.spacing_mm),
-            (top, self._pace("top", is_first), self.spacing_mm),
-            (sparse, self._pace("infill", is_first), self.spacing_mm / max(self.machine.shells.infill, 1e-3)),
+        sparse = inside - solid if solid is not inside else CrossSection()
+        top = CrossSection() if layer is None or self._is_under(layer) else solid - self.outline_at(layer + 1)
+        bridge = self._bridge(solid, inside, layer) if layer else CrossSection()
+        plain = solid - top - bridge if not (top.is_empty() and bridge.is_empty()) else solid
+        for part, kind, spacing in (
+            (plain, "solid_infill", self.spacing_mm),
+            (bridge, "bridge", self.spacing_mm),
+            (top, "top", self.spacing_mm),
+            (sparse, "infill", self.spacing_mm / max(self.machine.shells.infill, 1e-3)),
         ):
+            pace = self._pace(kind, is_first)
             time += self._fill(part, pace, spacing)
             starts += [contour[0] for contour in part.to_polygons()]
         time += self._ways(starts)
@@ -354,6 +360,18 @@ class _Slicing:
             covered = covered ^ one.offset(-depth_mm, JoinType.Miter)
         return (inside - covered).offset(-half, JoinType.Miter).offset(half, JoinType.Miter) ^ inside
 
+    def _is_under(self, layer: int) -> bool:
+        """Whether the layer above reaches over all of a layer."""
+        return bool((self.outline_at(layer) - self.outline_at(layer + 1)).area() < _ALIKE)
+
+    def _bridge(self, solid: CrossSection, inside: CrossSection, layer: int) -> CrossSection:
+        """What of the solid infill is the first over sparse infill; narrow bands are not printed as bridges."""
+        below, half = self._solid(inside, layer - 1), 2 * self.line_mm
+        if below is inside:
+            return CrossSection()
+        bridge = (solid - below).offset(-half, JoinType.Miter).offset(half, JoinType.Miter)
+        return bridge ^ solid
+
     def _fill(self, area: CrossSection, pace: Pace, spacing_mm: float) -> float:
         """Time of parallel lines with short ones between them, at 45 degrees."""
         contours = [np.asarray(loop) for loop in area.to_polygons()]
@@ -363,19 +381,20 @@ class _Slicing:
         return lines_time_s(chords, pace, corner) + lines_time_s(turns, pace, corner)
 
     def _ways(self, starts: list[NDArray[np.float64]]) -> float:
-        """Time between lines."""
+        """Time between lines: slicers go to islands in the order in which clipping finds them, as they stand here."""
         if len(starts) < 2:
             return 0.0
-        ways = tour_mm(np.array(starts))
+        ways = np.hypot(*np.diff(np.array(starts), axis=0).T)
         pace = Pace(self.machine.speeds.travel_mm_s, self.machine.accelerations.travel_mm_s2, self.machine.jerk_mm_s)
         return lines_time_s(ways, pace, pace.jerk_mm_s) + self.machine.retraction_s * int((ways > RETRACTED_MM).sum())
 
     def _pace(self, kind: str, is_first: bool) -> Pace:
         """Of a kind of line; never more than the nozzle melts."""
-        speeds, rates = self.machine.speeds, self.machine.accelerations
         name = "first_layer" if is_first else kind
+        speed = getattr(self.machine.speeds, f"{name}_mm_s")
+        rate = getattr(self.machine.accelerations, f"{'solid_infill' if name == 'bridge' else name}_mm_s2")
         most = self.machine.flow_mm3_s / (self.spacing_mm * self.layer_mm)
-        return Pace(min(getattr(speeds, f"{name}_mm_s"), most), getattr(rates, f"{name}_mm_s2"), self.machine.jerk_mm_s)
+        return Pace(min(speed, most), rate, self.machine.jerk_mm_s)
 
 
 @dataclass(frozen=True)

@@ -77,19 +77,6 @@ def _time_s(length: Array, pace: Pace, begin: Array, end: Array) -> Array:
     return time
 
 
-def tour_mm(places: Array) -> Array:
-    """Lengths of the ways from each place to the nearest that is left.  # (N - 1,)"""
-    left, at = places.copy(), np.zeros(2)
-    ways = np.empty(len(left))
-    for count in range(len(left)):
-        apart = np.hypot(*(left - at).T)
-        nearest = int(apart.argmin())
-        ways[count], at = apart[nearest], left[nearest].copy()
-        left[nearest] = left[-1]
-        left = left[:-1]
-    return ways[1:]
-
-
 def chords_mm(contours: Sequence[Array], spacing_mm: float, angle_rad: float) -> Array:
     """Lengths of the parallel lines that fill an area.
 

@@ -30,6 +30,7 @@ class Speeds:
     infill_mm_s: Speed = 200.0
     solid_infill_mm_s: Speed = 180.0
     top_mm_s: Speed = 120.0
+    bridge_mm_s: Speed = 50.0  # over sparse infill; Bambu Studio's and OrcaSlicer's profiles of all these printers
     first_layer_mm_s: Speed = 40.0
     travel_mm_s: Speed = 300.0
 

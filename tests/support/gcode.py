@@ -157,6 +157,7 @@ def machine_settings(printer: PrinterProfile) -> Mapping[str, str]:
         "solid_infill_speed": f"{speeds.solid_infill_mm_s:g}",
         "gap_fill_speed": f"{speeds.solid_infill_mm_s:g}",
         "top_solid_infill_speed": f"{speeds.top_mm_s:g}",
+        "bridge_speed": f"{speeds.bridge_mm_s:g}",
         "first_layer_speed": f"{speeds.first_layer_mm_s:g}",
         "travel_speed": f"{speeds.travel_mm_s:g}",
         "perimeter_acceleration": f"{rates.outer_wall_mm_s2:g}",
