@@ -33,18 +33,26 @@ def target_scene(
     ring_colours: tuple[str, ...] | None = None,
     legend: tuple[tuple[str, str], ...] = (),
     more: tuple[Layer, ...] = (),
+    has_numbers: bool = False,
 ) -> Scene:
     """The target standing upright, seen from its front; `more` layers go on top. See `target_layers`."""
     up, from_direction = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.35, 0.5])
     if target.is_plate:
         axes = target.target_from_face[0, :3, :3]
         up, from_direction = axes[:, 1], axes @ np.array([0.45, 0.3, 1.0])
-    layers = target_layers(target, body_colour=body_colour, ink_colour=ink_colour, ring_colours=ring_colours)
+    layers = target_layers(
+        target, body_colour=body_colour, ink_colour=ink_colour, ring_colours=ring_colours, has_numbers=has_numbers
+    )
     return Scene((*layers, *more), up=_tuple(up), from_direction=_tuple(from_direction), legend=legend)
 
 
 def target_layers(
-    target: TargetGeometry, *, body_colour: str, ink_colour: str, ring_colours: tuple[str, ...] | None = None
+    target: TargetGeometry,
+    *,
+    body_colour: str,
+    ink_colour: str,
+    ring_colours: tuple[str, ...] | None = None,
+    has_numbers: bool = False,
 ) -> tuple[Layer, ...]:
     """The target itself; its face numbers (of several faces) and the axes of its frame, which are hidden at first.
 
@@ -53,10 +61,11 @@ def target_layers(
         body_colour: "#rrggbb" of what is not printed on.
         ink_colour: "#rrggbb" of the border, and of the rings and dots if they have no colours of their own.
         ring_colours: "#rrggbb" of each ring or dot, to show a value at each.  # (R,)
+        has_numbers: show the face numbers at first.
     """
     colours = ring_colours or (ink_colour,)
     body = Layer("target", (*_body(target, body_colour, ink_colour), _rings(target, colours)), has_switch=False)
-    numbers = () if target.is_planar else (Layer("face numbers", (_face_numbers(target),), is_shown=False),)
+    numbers = () if target.is_planar else (Layer("face numbers", (_face_numbers(target),), is_shown=has_numbers),)
     return (body, *numbers, Layer("axes", _axes(target), is_shown=False))
 
 

@@ -38,6 +38,12 @@ FEW_VIEWS = 3
 """With fewer views of a face of several a mistake in one of them would not be seen."""
 THIN = 1e-3
 """Points this much thinner than long lie on a line."""
+NO_STRAIN = 1e-7
+"""Standard deviation of a strain that is none: 0.01 um on 100 mm."""
+SHAPE = np.array([
+    [1.0, -1, 0, 0, 0, 0], [1, 1, -2, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]
+])  # fmt: skip
+"""What a strain's six numbers have beside size."""
 GAUGE_PART = 1e-3
 """Standard deviation of the constraints of the descent, as a part of the target's size, for observations of 1 px. They
 hold what the photos do not tell, so any value gives the same shape."""
@@ -131,7 +137,10 @@ def scale_fit(position_mm: Array) -> Array:
 
 
 def gauge_rows(unknowns: Unknowns, seen: SeenParts, size_mm: float) -> Array:
-    """Rows over the shared unknowns (G, count): the motion and scale of the datum's rings, whitened."""
+    """Rows over the shared unknowns (G, count): the motion and scale of the datum's rings, whitened.
+
+    What strains a print as a whole, beside its size, an assembly has not: its pieces were printed one by one.
+    """
     rings = place_rings(unknowns, nominal_shape(unknowns.target))
     which = datum_rings(unknowns, seen)
     if not unknowns.count or not which.any():
@@ -146,7 +155,12 @@ def gauge_rows(unknowns: Unknowns, seen: SeenParts, size_mm: float) -> Array:
         rows.extend(rigid)
     if unknowns.has_strain:
         rows.append(scale_fit(rings.position_mm[which]) @ moved)
-    return np.array(rows).reshape(-1, unknowns.count) / GAUGE_PART
+    gauge = np.array(rows).reshape(-1, unknowns.count) / GAUGE_PART
+    if unknowns.is_assembled and unknowns.has_strain:
+        shape = np.zeros((len(SHAPE), unknowns.count))
+        shape[:, : unknowns.first_motion] = SHAPE / NO_STRAIN
+        gauge = np.concatenate([gauge, shape])
+    return gauge
 
 
 def by_shared_dense(unknowns: Unknowns, rings: RingPlaces) -> Array:

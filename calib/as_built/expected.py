@@ -100,12 +100,16 @@ def _expected(unknowns: Unknowns, prior: ShapePrior) -> Array:
     modes = prior.modes_mm.reshape(-1, 3 * rings).T  # (3 R, S)
     by_shared = by_shared_dense(unknowns, place).reshape(3 * rings, -1)
     rigid = rigid_design(place.position_mm).reshape(3 * rings, 6)
-    whole = np.column_stack([by_shared[:, :first], rigid])
+    is_stretch = unknowns.strain < 3  # the diagonal, whose mean is the size
+    strained = by_shared[:, :first]
+    if unknowns.is_assembled and unknowns.has_strain:
+        strained = np.tile(strained[:, is_stretch].mean(axis=1, keepdims=True), (1, first)) * is_stretch
+    whole = np.column_stack([strained, rigid])
     fitted = pseudo_inverse(whole) @ modes
     value = np.zeros((unknowns.count, modes.shape[1]))
-    is_stretch = unknowns.strain < 3  # the diagonal, whose mean is the size
     value[:first] = fitted[:first]
-    value[:first][is_stretch] -= fitted[:first][is_stretch].sum(axis=0) / max(int(is_stretch.sum()), 1)
+    if not unknowns.is_assembled:  # else its size beside the faces' heights is told: that of the pieces
+        value[:first][is_stretch] -= fitted[:first][is_stretch].sum(axis=0) / max(int(is_stretch.sum()), 1)
     left = (modes - whole @ fitted).reshape(rings, 3, -1)
     for face in range(target.face_count):
         columns = unknowns.column[face, 6:]

@@ -7,11 +7,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.datum import few_views
+from calib.as_built.datum import NO_STRAIN, SHAPE, few_views
 from calib.as_built.deviations import Estimate
 from calib.as_built.outlying import motions_of_whole
 from calib.as_built.result import AsBuilt
-from calib.core.linear_algebra import least_squares
+from calib.as_built.unknowns import strain_matrix
+from calib.core.linear_algebra import least_squares, symmetric_inverse
 from calib.core.se3 import skew
 from designer.base.marks import Gap
 from designer.target import TargetGeometry
@@ -31,6 +32,10 @@ SOURCE_OF: dict[Fault, str] = {
 }  # fmt: skip
 PARTS: dict[Fault, tuple[int, ...]] = {"lifted": (5,), "tilted": (0, 1), "turned": (2,), "shifted": (3, 4)}
 """Of a motion: rotation vector, shift."""
+ANY_MM, ANY_RAD = 10.0, 0.1
+"""Standard deviations of how far all may be moved, or stand out, alike."""
+ROUNDS = 5
+"""Of leaving out what sits badly, and judging again."""
 LEAST_MM, LEAST_RAD = 0.01, math.radians(0.01)
 """Limits are no less: nobody puts a piece down as well as that."""
 LEAST_PIECES = 3
@@ -53,6 +58,8 @@ class Seat:
     shift_mm: Estimate  # length of (x, y)
     turn_rad: Estimate  # about the normal
     tilt_rad: Estimate  # of the normal
+    tilt_x_rad: Estimate
+    tilt_y_rad: Estimate
     faults: tuple[Fault, ...]  # what is beyond the limits, the worst first
     worst: Gap  # the largest of the four over its limit
 
@@ -121,9 +128,9 @@ def seats_of(found: AsBuilt, made: ErrorModel | None) -> Seats | None:
     >>> seats = seats_of(found, error_model("fdm-tiles"))
     >>> seats.bad[0].face, seats.bad[0].height_mm
 
-    The frame is the one that the target was laid over its design by, see `calib.as_built.datum`: faces that lie unlike
-    all others took no part, so that a piece's fault is not told of its neighbours. That all stand out alike is told
-    once, and taken off the heights.
+    Motions are told against the pieces that sit well, so that a piece's fault is not told of its neighbours. That all
+    stand out alike is told once, and taken off the heights; what the axes of the body's printer do to all is no piece's
+    fault either.
 
     Args:
         found: the measured target.
@@ -132,30 +139,74 @@ def seats_of(found: AsBuilt, made: ErrorModel | None) -> Seats | None:
     count = found.nominal.face_count
     if made is None or made.piece is None or count < LEAST_PIECES or not found.motion_covariance.any():
         return None
-    motions = _about_middles(found)
-    common = _common_height(found.nominal, motions)
     limits = limits_of(made, count)
-    few = few_views(found.face_views)
-    seats = tuple(
-        _seat(face, motions, common, limits, bool(found.is_determined[face]), bool(few[face])) for face in range(count)
-    )
+    judged = found.is_determined & ~few_views(found.face_views)
+    counts = judged & ~found.is_outlying
+    for _ in range(ROUNDS):
+        motions = _about_middles(found, made, counts)
+        common = _common_height(found.nominal, motions)
+        seats = tuple(_seat(face, motions, common, limits, found) for face in range(count))
+        well = judged & [one.verdict != "sits badly" for one in seats]
+        if 2 * well.sum() < judged.sum() or (well == counts).all():
+            break
+        counts = well
     return Seats(
         made.piece.name, made.piece.lifted, made.piece.aside, made.name, limits, common, seats
     )  # fmt: skip
 
 
-def _about_middles(found: AsBuilt) -> _Motions:
-    """The faces' motions, their shifts those of the middles of the faces' outlines."""
+def _about_middles(found: AsBuilt, made: ErrorModel, counts: Flags) -> _Motions:
+    """The faces' motions about the middles of their outlines, against those of the faces that count.
+
+    Taken off is what the body's own stretch does to all, and a motion of the whole.
+    """
     target = found.nominal
     count = target.face_count
     change = np.tile(np.eye(6), (count, 1, 1))
     change[:, 3:, :3] = -skew(np.pad(face_middle_mm(target), ((0, 0), (0, 1))))
+    value = np.einsum("fij,fj->fi", change, found.motion)
     covariance = found.motion_covariance.reshape(count, 6, count, 6)
+    covariance = np.einsum("fij,fjgk,glk->figl", change, covariance, change)
+    rest = _without_body(target, made, counts, change @ motions_of_whole(target))
+    spread = np.einsum("ij,jgl->igl", rest, covariance.reshape(6 * count, count, 6)).reshape(6 * count, 6 * count)
     return _Motions(
-        np.einsum("fij,fj->fi", change, found.motion),
-        np.einsum("fij,fjgk,glk->figl", change, covariance, change),
-        found.is_determined & ~few_views(found.face_views) & ~found.is_outlying,
-    )
+        (rest @ value.ravel()).reshape(count, 6), (spread @ rest.T).reshape(count, 6, count, 6), counts
+    )  # fmt: skip
+
+
+def _without_body(target: TargetGeometry, made: ErrorModel, counts: Flags, by_whole: Array) -> Array:
+    """What takes from motions (6 F,) the part that unequal or leaning axes of the body have in them.  # (6 F, 6 F)
+
+    Its most likely stretch, the pieces' own errors and the axes' being as large as the way of making says.
+    """
+    count = target.face_count
+    taken = np.concatenate([_by_stretch(target), by_whole], axis=2).reshape(6 * count, -1)
+    lift = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 1.0], count)[:, None]
+    sizes = {fault: max(made.amount(name).sigma, LEAST_RAD * LEAST_MM) for fault, name in SOURCE_OF.items()}
+    own = np.empty(6)
+    for fault, part in PARTS.items():
+        own[list(part)] = sizes[fault]
+    weight = np.repeat(counts, 6) / np.tile(own, count) ** 2
+    axes, leans = made.amount("axis_scale").sigma, made.amount("skew").sigma / 2
+    prior = np.maximum([axes, axes, leans, leans, leans, *(ANY_RAD,) * 3, *(ANY_MM,) * 4], NO_STRAIN)
+    design = np.concatenate([taken, lift], axis=1)
+    normal = symmetric_inverse(design.T @ (weight[:, None] * design) + np.diag(prior**-2)).inverse
+    fitted = normal @ (design.T * weight)
+    rest: Array = np.eye(6 * count) - taken @ fitted[: taken.shape[1]]
+    return rest
+
+
+def _by_stretch(target: TargetGeometry) -> Array:
+    """Motions of faces, about their middles, by the five numbers of a stretch that has no size.  # (F, 6, 5)"""
+    turn = target.target_from_face[:, :3, :3]
+    middle = np.einsum("fij,fj->fi", turn[:, :, :2], face_middle_mm(target)) + target.target_from_face[:, :3, 3]
+    motion = np.zeros((target.face_count, 6, len(SHAPE)))
+    for number, row in enumerate(SHAPE / np.linalg.norm(SHAPE, axis=1, keepdims=True)):
+        inner = turn.transpose(0, 2, 1) @ strain_matrix(row)
+        slope = inner @ turn  # of a symmetric matrix: in the plane it turns nothing
+        motion[:, 0, number], motion[:, 1, number] = slope[:, 2, 1], -slope[:, 2, 0]
+        motion[:, 3:, number] = np.einsum("fij,fj->fi", inner, middle)
+    return motion
 
 
 def _common_height(target: TargetGeometry, motions: _Motions) -> Estimate | None:
@@ -195,16 +246,16 @@ def _limit(amount: Amount, components: int, chance: float) -> float:
     return abs(amount.size) * math.sqrt(components)
 
 
-def _seat(
-    face: int, motions: _Motions, common: Estimate | None, limits: SeatLimits, is_determined: bool, has_few_views: bool
-) -> Seat:
+def _seat(face: int, motions: _Motions, common: Estimate | None, limits: SeatLimits, found: AsBuilt) -> Seat:
     """One piece against the limits."""
     value, covariance = motions.value[face], motions.covariance[face, :, face]
     value = value - np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0 if common is None else common.value])
     sigma = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
     lengths = {fault: _length(value[list(part)], covariance[np.ix_(part, part)]) for fault, part in PARTS.items()}
     over = {fault: one.value / limits.of(fault) for fault, one in lengths.items()}
-    verdict: SeatVerdict = "not known" if not is_determined else "few photos" if has_few_views else "as usual"
+    verdict: SeatVerdict = "as usual"
+    if not found.is_determined[face] or few_views(found.face_views)[face]:
+        verdict = "few photos" if found.is_determined[face] else "not known"
     faults: tuple[Fault, ...] = ()
     if verdict == "as usual":
         beyond = [fault for fault in lengths if over[fault] > 1 and lengths[fault].is_significant]
@@ -217,6 +268,8 @@ def _seat(
         shift_mm=lengths["shifted"],
         turn_rad=Estimate(float(value[2]), float(sigma[2])),
         tilt_rad=lengths["tilted"],
+        tilt_x_rad=Estimate(float(value[0]), float(sigma[0])),
+        tilt_y_rad=Estimate(float(value[1]), float(sigma[1])),
         faults=faults,
         worst=max(over.values()),
     )  # fmt: skip

@@ -6,7 +6,7 @@ A ring that was designed at c, in its face's frame, is at
 
 in the target's frame: its own offset o and the face's bow b move it in the face, the rigid motion (w, t) moves the
 face in its own frame, T = target_from_face brings it to the target's frame, and the symmetric strain e of the print
-acts about the target's origin.
+acts about the target's origin. Of a target put together from pieces e is a size: no printer's axes strain all alike.
 """
 
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ from calib.as_built.options import AsBuiltOptions
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import exp_rotation, skew
 from designer.target import TargetGeometry, bounding_radius_mm
+from designer.tolerance.made import how_made
 
 Array = NDArray[np.float64]
 
@@ -61,6 +62,7 @@ class Unknowns:
     is_given: NDArray[np.bool_]  # (count,) the standard deviation was chosen by a person
     sigma: Array  # (count,)
     ring_sigma_mm: Array | None  # (3,) None: rings stay where they are on their face
+    is_assembled: bool = False  # from pieces: of what strains a print as a whole, only the size
 
     @property
     def is_length(self) -> NDArray[np.bool_]:
@@ -113,8 +115,11 @@ def unknowns_of(target: TargetGeometry, options: AsBuiltOptions) -> Unknowns:
     if options.ring_sigma_mm is not None and options.has_free_rings:
         plane, normal = options.ring_sigma_mm
         ring_sigma = np.maximum([plane, plane, normal], LEAST_RING_SIGMA_MM)
+    made = options.made or how_made(target)
+    is_assembled = made is not None and made.errors is not None and made.errors.piece is not None and faces > 1
     return Unknowns(
-        target, bow_basis(target), strain, first_motion, first_bow, count, column, kind, is_given, sigma, ring_sigma
+        target, bow_basis(target), strain, first_motion, first_bow, count, column, kind, is_given, sigma, ring_sigma,
+        is_assembled,
     )  # fmt: skip
 
 

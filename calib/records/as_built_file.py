@@ -151,7 +151,9 @@ def record_of(
         program: name and version.
         settings: names and values of the options.
     """
-    whole = whole_print(found, bed_turn_rad)
+    whole, seats = whole_print(found, bed_turn_rad), seats_of(found, made)
+    if seats is not None:  # pieces that were printed one by one have no axes in common
+        whole = WholePrint(whole.size, {}, {})
     size = whole.size
     return AsBuiltRecord(
         program=program,
@@ -188,7 +190,7 @@ def record_of(
         ring_offset_sigma_mm=found.offset_sigma_mm,
         cameras=tuple(_cameras(found)),
         held_out=held_out,
-        seats=seats_of(found, made),
+        seats=seats,
         weighted=weighted,
     )
 

@@ -41,7 +41,7 @@ class Sourced(BaseModel):
 
 
 class PieceTable(BaseModel):
-    """`designer.tolerance.model.Piece` as people write it."""
+    """`designer.tolerance.model.PieceWords` as people write it."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

@@ -13,6 +13,7 @@ from calib.as_built.datum import best_motion
 from calib.as_built.lengths import scaled
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.solve import measure
+from calib.cameras.camera import Camera
 from calib.core.se3 import make_pose, transform
 from calib.core.types import Observations, keep_views
 from calib.metrics.evaluation import evaluate
@@ -93,9 +94,15 @@ def coverages() -> None:
         row(f"95 % regions, {title}: own motions", "93-97 %", f"{own:.1%}", f"frames {frame:.1%}, strain {strain:.1%}")
 
 
-def against_truth(seen: Observations, used: TargetGeometry, print_: TargetGeometry, held: Flags) -> dict[str, float]:
-    """Root mean square errors on held-out views against the true rings, laid over the used ones by a similarity."""
+def against_truth(
+    seen: Observations, used: TargetGeometry, print_: TargetGeometry, held: Flags, lens: Camera | None = None
+) -> dict[str, float]:
+    """Root mean square errors on held-out views against the true rings, laid over the used ones by a similarity.
+
+    The camera is solved with the used rings, or is given.
+    """
     camera = solve(replace(keep_views(seen, ~held), points=known_points(used)), "opencv")
+    camera = camera if lens is None else replace(camera, camera=lens)
     shown = replace(keep_views(seen, held), points=known_points(used))
     poses = solve_poses(camera.camera, shown)
     rows = np.unique(seen.point)

@@ -157,7 +157,7 @@ def _as_built() -> AsBuiltRecord:
         "pinhole", (1000, 800), dict(PINHOLE.parameters), np.diag([1.0, 2, math.nan, 4]), 3, 100, 1, math.nan
     )
     estimate = Estimate(1 / 3, math.inf)
-    numbers = (estimate,) * 6
+    numbers = (estimate,) * 8
     seat = Seat(0, "sits badly", *numbers, ("turned", "lifted"), math.nan)
     return AsBuiltRecord(
         "ringsolid 1.0", {"seed": "0"}, "l1", "g1", "g2", "converged", ("a remark",), 7, 0.1, True, math.nan,

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.as_built.deviations import FREE_PARAMETERS, Estimate, bent_mm
+from calib.as_built.seats import Seats
 from calib.core.files import check_folder
 from calib.records.as_built_file import AS_BUILT, AsBuiltRecord
 from calib.show.measured.picture import report_picture
@@ -92,6 +93,19 @@ _Place = tuple[str | int, ...]
 _Row = tuple[_Place, str, Estimate, str, bool]
 
 
+def _seat_rows(seats: Seats) -> Iterator[_Row]:
+    """As the table of the page has them."""
+    if seats.common_height_mm is not None:
+        yield ("print", "", "", "", ""), "common height", seats.common_height_mm, "mm", True
+    for one in seats.seats:
+        numbers = (
+            one.shift_x_mm, one.shift_y_mm, one.height_mm, one.tilt_x_rad, one.tilt_y_rad, one.turn_rad
+        )  # fmt: skip
+        for name, number in zip(FREE_PARAMETERS, numbers, strict=True):
+            unit = "mm" if name.startswith("shift") else "rad"
+            yield ("face", one.face, one.face, "", ""), name, number, unit, one.verdict != "not known"
+
+
 def _rows(record: AsBuiltRecord, nominal: TargetGeometry) -> Iterator[_Row]:
     whole, of_print = record.whole, ("print", "", "", "", "")
     if whole.size is not None:
@@ -100,7 +114,9 @@ def _rows(record: AsBuiltRecord, nominal: TargetGeometry) -> Iterator[_Row]:
         yield of_print, f"axis {name}", one, "1", True
     for name, one in whole.skews_rad.items():
         yield of_print, f"skew {name}", one, "rad", True
-    for face, verdict in enumerate(record.face_verdict):
+    if record.seats is not None:
+        yield from _seat_rows(record.seats)
+    for face, verdict in enumerate(record.face_verdict if record.seats is None else ()):
         for name, value, sigma in zip(FREE_PARAMETERS, record.motion[face], record.motion_sigma[face], strict=True):
             unit, place = "mm" if name.startswith("shift") else "rad", ("face", face, face, "", "")
             yield place, name, Estimate(float(value), float(sigma)), unit, verdict != "not known"

@@ -137,10 +137,10 @@ def _sections(one: MeasuredPrint) -> tuple[Section, ...]:
     """All that is told of a print."""
     record, target = one.record, one.target
     use = f"calib run {shlex.quote(printable(f'{one.stem}{TARGET_SUFFIX}'))} PHOTOS -o DIR"
-    gains = gains_table(record)
+    gains, whole = gains_table(record), whole_table(record, target)
     validated = (validation_findings(record), *(() if gains is None else (gains,)), cameras_table(record))
     return (
-        Section("The whole print", (whole_table(record, target),), lead=deviation_sentence(record)),
+        Section("The whole print", () if whole is None else (whole,), lead=deviation_sentence(record)),
         _faces(one),
         Section("Cross-validation", validated, lead=gain_sentence(record)),
         Section("Next", next_steps(record, use, plastic=target is None or is_plastic(target))),

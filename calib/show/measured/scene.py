@@ -16,7 +16,7 @@ from designer.target_scene import target_scene
 
 Array = NDArray[np.float64]
 
-BODY, INK, NOT_KNOWN, ARROWS = "#f2f2ef", "#3d434b", "#b5b8bd", "#009e73"
+BODY, INK, NOT_KNOWN, ARROWS, BAD = "#f2f2ef", "#3d434b", "#b5b8bd", "#009e73", "#cc3377"
 COLOURS = ("#3fa7ff", "#1c6bb0", "#222222", "#c25200", "#ff9a3d")
 """In to out, dark in the middle, which is seen on white; colour-blind people tell blue from orange."""
 FAR_PERCENT = 98
@@ -71,10 +71,11 @@ def measure_view(record: AsBuiltRecord, target: TargetGeometry) -> View3d | None
     layers = [Layer(f"where to in the plane, {factor:g} times as far", (_arrows(found, target, factor),))]
     if not target.is_planar:
         title = f"outlines of the faces, {factor:g} times as far off"
-        layers.append(Layer(title, (_faces(record, target, factor),), is_shown=False))
+        layers.append(Layer(title, (_faces(record, target, factor),), is_shown=record.seats is not None))
     scene = target_scene(
-        target, body_colour=BODY, ink_colour=INK, ring_colours=_colours(found, most_mm), legend=_legend(most_mm, found),
-        more=tuple(layers),
+        target, body_colour=BODY, ink_colour=INK, ring_colours=_colours(found, most_mm),
+        legend=(*_legend(most_mm, found), *_seat_legend(record)), more=tuple(layers),
+        has_numbers=record.seats is not None,
     )  # fmt: skip
     return View3d("Where faces and rings came out", scene, _alt(found, target), _caption(factor))
 
@@ -139,6 +140,11 @@ def _legend(most_mm: float, found: Deviations) -> tuple[tuple[str, str], ...]:
     return (*legend, (ARROWS, "where to in the plane"), *(((NOT_KNOWN, "not known"),) if unseen else ()))
 
 
+def _seat_legend(record: AsBuiltRecord) -> tuple[tuple[str, str], ...]:
+    """The colour of pieces that sit badly, if there are some."""
+    return ((BAD, f"outline of a {record.seats.piece} that sits badly"),) if record.seats and record.seats.bad else ()
+
+
 def _arrows(found: Deviations, target: TargetGeometry, factor: float) -> Surface:
     """A flat triangle from each ring to where it lies in its face's plane, exaggerated."""
     rings, distance = found.known, ring_distance_mm(target)
@@ -158,12 +164,14 @@ def _arrows(found: Deviations, target: TargetGeometry, factor: float) -> Surface
 
 
 def _faces(record: AsBuiltRecord, target: TargetGeometry, factor: float) -> Segments:
-    """The outlines of the faces, moved by a multiple of their motions."""
-    ends = []
+    """The outlines of the faces, moved by a multiple of their motions; those of pieces that sit badly stand out."""
+    ends, colours = [], list[str]()
+    bad = set() if record.seats is None else {one.face for one in record.seats.bad}
     for face in np.flatnonzero(record.face_is_determined & np.isfinite(record.motion).all(axis=1)).tolist():
         frame, outline = target.target_from_face[face], target.outline_mm[face]
         corners = np.column_stack([outline, np.zeros(len(outline))])
         turn = exp_rotation(factor * record.motion[face, 3:])
         moved = (corners @ turn.T + factor * record.motion[face, :3]) @ frame[:3, :3].T + frame[:3, 3]
         ends.append(np.stack([moved, np.roll(moved, -1, axis=0)], axis=1))
-    return Segments(np.concatenate(ends) if ends else np.zeros((0, 2, 3)), (ARROWS,))
+        colours += [BAD if face in bad else ARROWS] * len(moved)
+    return Segments(np.concatenate(ends), tuple(colours)) if ends else Segments(np.zeros((0, 2, 3)), (ARROWS,))

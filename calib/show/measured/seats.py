@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from calib.as_built.deviations import Estimate
 from calib.as_built.seats import PARTS, Fault, Seat, Seats
-from calib.core.number_text import figure
+from calib.core.number_text import figure, with_digits
 from calib.show.measured.numbers import told
 from designer.base.words import capital
 from designer.page.blocks import Cell, Column, Finding, Level, Table
@@ -14,6 +14,8 @@ MOST_NAMED = 3
 """Pieces that get a line each; the others share one."""
 LEVEL_OF_SEAT: dict[str, Level] = {"sits badly": "usable", "as usual": "good"}
 NOUNS: dict[Fault, str] = {"lifted": "height", "shifted": "shift", "turned": "turn", "tilted": "tilt"}
+HAND = 0.01
+"""Least standard deviation that a sentence tells, in mm and deg."""
 IN_PLANE: tuple[Fault, ...] = ("turned", "shifted")
 
 
@@ -42,20 +44,21 @@ def off_words(seats: Seats, one: Seat) -> str:
 
 def _fault_words(one: Seat, fault: Fault) -> str:
     if fault == "lifted":
-        return f"{_height(one.height_mm)}"
+        return _height(one.height_mm)
     if fault == "shifted":
-        return f"{told(one.shift_mm, ' mm', signed=False)} aside"
-    return f"{fault} {told(size_of(one.of(fault)), ' deg', math.degrees(1), signed=False)}"
+        return f"{_size(one.shift_mm, 'mm')} aside"
+    return f"{fault} {_size(one.of(fault), 'deg', math.degrees(1))}"
 
 
 def _height(one: Estimate) -> str:
     """`0.31 ± 0.01 mm high`."""
-    return f"{told(size_of(one), ' mm', signed=False)} {'high' if one.value > 0 else 'low'}"
+    return f"{_size(one, 'mm')} {'high' if one.value > 0 else 'low'}"
 
 
-def size_of(one: Estimate) -> Estimate:
-    """The number without its sign."""
-    return Estimate(abs(one.value), one.sigma)
+def _size(one: Estimate, unit: str, scale: float = 1.0) -> str:
+    """Without its sign, and no finer than a hand can put a piece down; the tables have all digits."""
+    value, sigma = abs(scale * one.value), max(scale * one.sigma, HAND)
+    return f"{with_digits(value, 10 * sigma)} ± {figure(sigma, 1)} {unit}"
 
 
 def seat_findings(seats: Seats) -> tuple[Finding, ...]:
@@ -65,6 +68,12 @@ def seat_findings(seats: Seats) -> tuple[Finding, ...]:
     if more := bad[MOST_NAMED:]:
         numbers = ", ".join(str(one.face) for one in more)
         rows.append(Finding("usable", f"{len(more)} more {piece}s", f"{numbers}; the table has their numbers."))
+    if 2 * len(bad) > seats.judged:
+        most = (
+            f"As most {piece}s are beyond the limits of '{seats.made}', so is this way of putting them on: leave those "
+            "that hold, as they are in the measured target."
+        )
+        rows.append(Finding("note", "Most", most))
     if bad:
         again = f"After a {piece} was moved, take new photos and measure again; until then the measured target holds."
         rows.append(Finding("note", "Moving one", again))
@@ -110,8 +119,8 @@ def seats_table(seats: Seats, views: Sequence[int]) -> Table:
     common = seats.common_height_mm
     off = "" if common is None else f" All stand {_height(common)} alike, which is taken off."
     note = (
-        "In the face's own axes about its middle, z outwards, the stretch of the whole print taken off. Limits of "
-        f"'{seats.made}': {limits}.{off}"
+        "In the face's own axes about its middle, z outwards, against those that sit well, whose mean counts as "
+        f"right; what size and stretch of the body do is taken off. ± is the measurement's. Limits of '{seats.made}': {limits}.{off}"
     )
     rows = tuple(_row(one, views[one.face]) for one in order)
     return Table(f"How the {seats.piece}s sit", columns, rows, note, visible_rows=20)

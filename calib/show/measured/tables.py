@@ -22,12 +22,14 @@ LEVEL_OF_VERDICT: dict[str, Level] = {"moved": "usable", "as designed": "good"}
 LEVEL_OF_BETTER: dict[bool | None, Level] = {True: "good", False: "usable", None: "note"}
 
 
-def whole_table(record: AsBuiltRecord, target: TargetGeometry | None) -> Table:
-    """Size and shape of the whole print."""
+def whole_table(record: AsBuiltRecord, target: TargetGeometry | None) -> Table | None:
+    """Size and shape of the whole print; None if nothing of them is known."""
     whole = record.whole
     rows = [] if whole.known_size is None else [_whole_row("size, + is too large", whole.known_size, percent)]
     rows += [_whole_row(f"axis {name} beyond the mean", one, percent) for name, one in whole.axes.items()]
     rows += [_whole_row(f"skew {name}", one, degrees) for name, one in whole.skews_rad.items()]
+    if not rows:
+        return None
     columns = (
         Column("of the whole print", is_number=False), Column("value ± sigma"), Column("sigmas from zero"),
         Column("", is_number=False),
