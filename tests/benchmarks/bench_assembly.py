@@ -107,7 +107,7 @@ def with_opencv(seen: Observations, drawing: TargetGeometry) -> Camera:
     """`cv2.calibrateCamera` with the drawing, begun at our camera, as solids need."""
     start = solve(replace(seen, points=known_points(drawing)), "opencv").camera
     points = [drawing.center_mm[seen.point[seen.view == view]].astype(np.float32) for view in range(seen.view_count)]
-    pixels = [seen.pixel[seen.view == view].astype(np.float32) for view in range(seen.view_count)]
+    pixels = [seen.center_px[seen.view == view].astype(np.float32) for view in range(seen.view_count)]
     _, matrix, lens, _, _ = cv2.calibrateCamera(
         points, pixels, seen.image_size, start.matrix, np.array(start.params[4:]), flags=cv2.CALIB_USE_INTRINSIC_GUESS
     )
@@ -147,7 +147,9 @@ def coverage(trials: int) -> None:
     squares, numbers = list[Array](), list[Array]()
     for trial in range(trials):
         rng = np.random.default_rng([17, trial])
-        shape = random_shape(target, rng, turn_rad=math.radians(OFF_DEG), shift_mm=OFF_MM, ring_mm=(0.05, 0.02))
+        shape = random_shape(
+            target, rng, strain=0.0, turn_rad=math.radians(OFF_DEG), shift_mm=OFF_MM, ring_mm=(0.05, 0.02)
+        )
         found = measure([photos(printed(target, shape), rng, SEEN // 2)], target, "opencv", options)
         error = found.motion - truth_of(found, shape, options).shape.motion
         blocks = blocks_of(found.motion_covariance)
@@ -167,7 +169,10 @@ def named(trials: int) -> None:
     blamed = off_mm = 0.0
     for trial in range(trials):
         rng = np.random.default_rng([23, trial])
-        shape, face = random_shape(target, rng, turn_rad=1e-3, shift_mm=0.05, ring_mm=(0.05, 0.02)), trial % 20
+        shape, face = (
+            random_shape(target, rng, strain=0.0, turn_rad=1e-3, shift_mm=0.05, ring_mm=(0.05, 0.02)),
+            trial % 20,
+        )
         motion, number = np.array(shape.motion), 5 if trial % 2 else 3
         motion[face, number] += 0.8
         bad = replace(shape, motion=motion)

@@ -119,8 +119,9 @@ def seats_table(seats: Seats, views: Sequence[int]) -> Table:
     common = seats.common_height_mm
     off = "" if common is None else f" All stand {_height(common)} alike, which is taken off."
     note = (
-        "In the face's own axes about its middle, z outwards, against those that sit well, whose mean counts as "
-        f"right; what size and stretch of the body do is taken off. ± is the measurement's. Limits of '{seats.made}': {limits}.{off}"
+        "In the face's own axes about its middle, z outwards, against those that sit well, whose mean counts as right; "
+        "what size and stretch of the body do is taken off. ± is the measurement's. "
+        f"Limits of '{seats.made}': {limits}.{off}"
     )
     rows = tuple(_row(one, views[one.face]) for one in order)
     return Table(f"How the {seats.piece}s sit", columns, rows, note, visible_rows=20)
