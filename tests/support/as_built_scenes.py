@@ -92,7 +92,7 @@ def truth_of(measured: AsBuilt, shape: TargetUnknowns, options: AsBuiltOptions) 
     """The deviations of a print, laid over its design by the rings that were measured."""
     unknowns = unknowns_of(measured.nominal, options)
     pairs = zip(measured.observations, measured.is_outlier, strict=True)
-    seen = what_is_seen(unknowns, [(one, ~out) for one, out in pairs])
+    seen = replace(what_is_seen(unknowns, [(one, ~out) for one, out in pairs]), outlying=measured.is_outlying)
     state = laid_over(unknowns, seen, State((), (), shape))
     return Truth(state.shape, target_of(unknowns, seen, state.shape, np.zeros((measured.nominal.face_count, 6, 6))))
 
