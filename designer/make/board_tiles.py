@@ -188,11 +188,20 @@ def _key_depth_mm(thickness: float, inlay: float, layer: float) -> float:
     return layers * layer
 
 
+def _strip_mm(printer: PrinterProfile) -> Array:
+    """Where the prime tower stands: along the bed's longer side, in front, and left free there.  # (2,)
+
+    In front, since printers keep a corner there for themselves (P1 and X1 of Bambu Lab 18 x 28 mm for the cutter, in
+    their slicer's profiles).
+    """
+    across = 1 if printer.bed_mm[1] <= printer.bed_mm[0] else 0
+    strip: Array = np.eye(2)[across] * TOWER_DEPTH_MM
+    return strip
+
+
 def _room_mm(printer: PrinterProfile) -> Array:
     """What a bed takes beside brim and prime tower, along x and y.  # (2,)"""
-    room = np.array(printer.bed_mm[:2]) - 2 * BRIM_MM
-    room[1 if room[1] <= room[0] else 0] -= TOWER_DEPTH_MM
-    return room
+    return np.array(printer.bed_mm[:2]) - 2 * BRIM_MM - _strip_mm(printer)
 
 
 def _cut(target: TargetGeometry, printer: PrinterProfile, scale: float) -> _Cuts:
@@ -387,8 +396,15 @@ def board_plates(board: BoardInPieces, printing: PrintSpec) -> tuple[Plate, ...]
     pieces = [_lying(f"piece {one.number}", one.part, axes, printing) for one in board.pieces]
     key = Part(board.key, None)
     keys = [_lying(f"key {number}", key, np.eye(3), printing) for number in range(1, 2 * len(board.seams) + 1)]
-    groups = [*_in_rows(pieces, _room_mm(printing.printer)), *_in_rows(keys, _room_mm(printing.printer))]
-    return tuple(Plate(f"plate-{number}", group) for number, group in enumerate(groups, start=1))
+    groups = [*_in_rows(pieces, printing.printer), *_in_rows(keys, printing.printer)]
+    return tuple(Plate(f"plate-{number}", group, _words(group)) for number, group in enumerate(groups, start=1))
+
+
+def _words(group: tuple[Piece, ...]) -> str:
+    """What a plate holds: `pieces 1, 2`, `14 keys`."""
+    if group[0].part.ink is None:
+        return f"{len(group)} keys"
+    return f"piece{'s' * (len(group) > 1)} {', '.join(piece.name.split()[1] for piece in group)}"
 
 
 def _lying(name: str, part: Part, axes: Array, printing: PrintSpec) -> Piece:
@@ -399,22 +415,31 @@ def _lying(name: str, part: Part, axes: Array, printing: PrintSpec) -> Piece:
     return Piece(name, part.placed(lambda points: against_skew_along(axes, printing, scale * points)), motion)
 
 
-def _in_rows(pieces: list[Piece], room_mm: Array) -> Iterator[tuple[Piece, ...]]:
-    """Pieces side by side in rows from the front, on as many beds as they take."""
+def _in_rows(pieces: list[Piece], printer: PrinterProfile) -> Iterator[tuple[Piece, ...]]:
+    """Pieces side by side in rows behind the prime tower, in the middle of as many beds as they take."""
+    room = _room_mm(printer)
     row: list[Piece] = []
     at, deepest = np.zeros(2), 0.0
     for piece in pieces:
         turned = piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T
         low, size = turned.min(axis=0), np.ptp(turned, axis=0)
-        if row and at[0] + size[0] > room_mm[0] + 1e-6:
+        if row and at[0] + size[0] > room[0] + 1e-6:
             at, deepest = np.array([0.0, at[1] + deepest + APART_MM]), 0.0
-        if row and at[1] + size[1] > room_mm[1] + 1e-6:
-            yield tuple(row)
+        if row and at[1] + size[1] > room[1] + 1e-6:
+            yield _in_the_middle(row, printer)
             row, at, deepest = [], np.zeros(2), 0.0
         motion = piece.bed_from_part.copy()
-        motion[:3, 3] = [BRIM_MM + at[0] - low[0], BRIM_MM + at[1] - low[1], -low[2]]
+        motion[:3, 3] = [at[0] - low[0], at[1] - low[1], -low[2]]
         row.append(replace(piece, bed_from_part=motion))
         at = at + np.array([size[0] + APART_MM, 0.0])
         deepest = max(deepest, float(size[1]))
     if row:
-        yield tuple(row)
+        yield _in_the_middle(row, printer)
+
+
+def _in_the_middle(pieces: list[Piece], printer: PrinterProfile) -> tuple[Piece, ...]:
+    """Pieces that begin at (0, 0), moved together to the middle of the room beside the prime tower."""
+    high = np.max([piece.as_it_lies.body.vertices_mm.max(axis=0) for piece in pieces], axis=0)
+    step = np.zeros((4, 4))
+    step[:2, 3] = BRIM_MM + _strip_mm(printer) + (_room_mm(printer) - high[:2]) / 2
+    return tuple(replace(piece, bed_from_part=piece.bed_from_part + step) for piece in pieces)
