@@ -7,9 +7,10 @@ from designer.make.assembly import Assembly
 from designer.page.blocks import Block, Command, Figure, Fold, Leaf, Link, Section, Steps, Table, View3d, text_table
 from designer.produce import Design
 from designer.report.assembly_pictures import exploded_scene, plate_picture
-from designer.report.costs import duration, grams
-from designer.report.making import SLICERS, Slicer, colour_words, usual_slicer
+from designer.report.costs import grams
+from designer.report.making import colour_words
 from designer.report.measuring import example_length
+from designer.report.plates import plate_folds, plate_table
 
 _LIES = {
     "cap": "open side down", "bowl": "open side down", "core": "open side down", "lid": "seat up", "ring": "flat",
@@ -31,27 +32,14 @@ def assembling_section(design: Design, assembly: Assembly, files: Sequence[Outpu
     )
     blocks: tuple[Block, ...] = (
         view,
-        _plate_table(design),
+        plate_table(design),
         Fold("1. Print the plates", (_settings(design, assembly), *_plate_figures(design, assembly)), is_open=True),
-        *_slicer_folds(design, [file.name for file in files]),
+        *plate_folds(design, [file.name for file in files]),
         Fold("2. Look at the tiles", (_checks(assembly),), is_open=True),
         Fold("3. Assemble", (_core_table(design, assembly), _steps(design, assembly)), is_open=True),
         Fold("4. Measure it", _measuring(design), is_open=True),
     )
     return Section("Making it", blocks, lead)
-
-
-def _plate_table(design: Design) -> Table:
-    """Which file is which plate, and what it takes."""
-    rows = []
-    for plate, takes in zip(design.plates, design.estimate.plates, strict=True):
-        filaments = "1 and 2" if plate.is_two_filament else "1"
-        weight = grams(takes.body_g * (1 + takes.ink_mm3 / takes.body_mm3))
-        rows.append((
-            plate.name.replace("-", " "), plate.words, filaments, str(takes.changes), duration(takes.time_s), weight,
-        ))  # fmt: skip
-    heads = ("plate", "holds", "filaments", "changes", "time", "weight")
-    return text_table("Plates, in this order", heads, rows, visible_rows=20)
 
 
 def _plate_figures(design: Design, assembly: Assembly) -> tuple[Leaf, ...]:
@@ -102,35 +90,6 @@ def _settings(design: Design, assembly: Assembly) -> Table:
         "prime tower": "on, in the free corner that the pictures show; only the layers with ink change filament",
     }
     return text_table("Settings in every slicer", ("setting", "value"), rows.items(), visible_rows=len(rows))
-
-
-def _slicer_folds(design: Design, files: Sequence[str]) -> tuple[Fold, ...]:
-    """A fold for each slicer, that of the printer first."""
-    first = usual_slicer(design.job.printing.printer)
-    there = [one for one in SLICERS if f"{design.job.name}.{design.plates[0].name}.{one.package}" in files]
-    return tuple(
-        Fold(one.title, (_slicer_steps(design, one),)) for one in sorted(there, key=lambda one: one.title != first)
-    )
-
-
-def _slicer_steps(design: Design, slicer: Slicer) -> Steps:
-    """From the files to the printer."""
-    printing, slot = design.job.printing, slicer.slot
-    body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
-    return Steps((
-        slicer.choose,
-        f"{slot} 1 is {body}, {slot} 2 is {ink}, of one material.",
-        f"Open {design.job.name}.plate-1.{slicer.package}, later the other plates, each as a project of its own. "
-        f"{slicer.opened}",
-        "If it asks whether objects of equal height are parts of one object: no. Each tile is an object with two "
-        "parts, body and ink; each piece of the core an object with one.",
-        f"Look at the object list: body in {slot} 1 and ink in {slot} 2 in every tile. If a number differs, set it on "
-        "the part, not on the object.",
-        "Don't arrange: the plate is full, and the free corner is the prime tower's: put it there. A tile that was "
-        "moved is as good as before; one that was turned is, too, unless the files are sheared against a skew.",
-        f"Set the values of the table above. {slicer.purge}".strip(),
-        f"Slice, and look at the preview by {slicer.preview}: every ring whole; above the ink one filament only.",
-    ))  # fmt: skip
 
 
 def _checks(assembly: Assembly) -> Steps:

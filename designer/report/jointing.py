@@ -10,7 +10,8 @@ from designer.make.plate import Plate
 from designer.page.blocks import Block, Cell, Column, Figure, Fold, Leaf, Link, Section, Steps, Svg, Table
 from designer.page.pictures import drawing_of_svg
 from designer.produce import Design
-from designer.report.making import print_settings, slicer_folds
+from designer.report.making import print_settings
+from designer.report.plates import plate_folds, plate_table
 from designer.spec.spec import PrinterProfile
 
 _PIECE, _LINE, _KEY, _INK, _PAPER = "#e4e4e4", "#6b6b6b", "#d55e00", "#1a1a1a", "#ffffff"
@@ -28,9 +29,10 @@ def jointing_section(design: Design, board: BoardInPieces, files: Sequence[Outpu
     blocks: tuple[Block, ...] = (
         _plan(design, board),
         _pieces_table(board, plates),
+        plate_table(design),
         Fold("Plates", _plate_figures(design)),
         *print_settings(design, design.job.printing.printer.machine.shells),
-        *slicer_folds(design, [file.name for file in files]),
+        *plate_folds(design, [file.name for file in files]),
         Fold("Join the pieces", (_joining_steps(design, board),), is_open=True),
     )
     return Section("Making it", blocks, lead)
