@@ -42,7 +42,8 @@ def _steps(design: Design, slicer: Slicer) -> Steps:
         f"Look at the object list: body in {slot} 1 and ink in {slot} 2 in every object with ink. If a number differs, "
         "set it on the part, not on the object.",
         "Don't arrange: the plate is full, and the free corner or strip is the prime tower's: put it there. A piece "
-        "that was moved is as good as before; one that was turned is, too, unless the files are sheared against a skew.",
+        "that was moved is as good as before; one that was turned is, too, unless the files are sheared against a "
+        "skew.",
         f"Set the values of the table above. {slicer.purge}".strip(),
         f"Slice, and look at the preview by {slicer.preview}: every ring whole; above the ink one filament only.",
     ))  # fmt: skip
