@@ -75,7 +75,7 @@ def assemble(target: TargetGeometry, solid: Solid, printing: PrintSpec) -> Assem
         solid, target.outline_mm[0], border_width_mm(target), printing.printer, printing.inlay_mm / scale,
         printing.ink_side,
     )  # fmt: skip
-    on, remark = _chosen_mount(target, solid, sizes, printing.mount)
+    on, remark = _chosen_mount(target, solid, sizes, printing)
     # Ink is offset by what the print bleeds, whatever it shrinks.
     pattern = make_pattern(target, replace(printing, ink_offset_mm=printing.ink_offset_mm / scale))
     frames, codes = target.target_from_face, tuple(target.face_code.tolist())
@@ -90,10 +90,17 @@ def assemble(target: TargetGeometry, solid: Solid, printing: PrintSpec) -> Assem
     )
 
 
-def _chosen_mount(target: TargetGeometry, solid: Solid, sizes: TileSizes, name: str) -> tuple[Mounted | None, str]:
+def _chosen_mount(
+    target: TargetGeometry, solid: Solid, sizes: TileSizes, printing: PrintSpec
+) -> tuple[Mounted | None, str]:
     """The mount asked for, or the usual one where it fits, and a remark on what was chosen."""
+    name = printing.mount
     if name == NO_MOUNT:
         return None, ""
+    if printing.stand:  # which carries the solid by the corner where the post would be
+        if name != ANY_MOUNT:
+            raise InputError(f"mount {name}: its post is in the way of a stand; leave out one, --mount or --stand")
+        return None, "mount none: its post would be in the way of the stand"
     if name != ANY_MOUNT:
         return mounted(name, target, solid, sizes), ""
     if fits(DEFAULT_MOUNT, target, solid, sizes):

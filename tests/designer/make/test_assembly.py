@@ -318,6 +318,16 @@ def test_pins_that_cannot_be_printed_are_refused() -> None:
         assembly_of("ico", 0.9 * edge)
 
 
+def test_a_stand_and_a_post_are_in_each_others_way() -> None:
+    """A stand asks for no post; both by name are refused."""
+    design = design_of("ico", 60.0)
+    solid = assembly_of("ico", 60.0).solid
+    standing = replace(design.job.printing, inlay_mm=0.6, stand=True)
+    assert assemble(design.target, solid, standing).mounted is None
+    with pytest.raises(InputError, match="leave out one"):
+        assemble(design.target, solid, replace(standing, mount="m5"))
+
+
 def test_a_mount_that_does_not_fit_names_an_edge_that_does() -> None:
     """The edge that the message names has room."""
     design = design_of("ico", 60.0)
