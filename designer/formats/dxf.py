@@ -34,16 +34,16 @@ def dxf_bytes(cutting: Cutting, title: str) -> bytes:
     return "".join(f"{code}\n{_text(value)}\n" for code, value in pairs).encode("ascii")
 
 
-def steps(name: str, target: TargetGeometry, suffix: str) -> tuple[str, ...]:
+def steps(files: str, target: TargetGeometry, suffix: str) -> tuple[str, ...]:
     """What to do with the file.
 
     Args:
-        name: of the design.
+        files: their names, a sheet each.
         target: what is cut and engraved.
         suffix: of the format.
     """
     return (
-        f"Open {name}.{suffix} in LightBurn, or in your cutter's or CAD program. DXF of release 12 says no unit: "
+        f"Open {files} in LightBurn, or in your cutter's or CAD program. DXF of release 12 says no unit: "
         "choose millimetres, scale 1.",
         *layer_steps(target, "Layer CUT, red", "layer ENGRAVE, black", "layer LABEL, blue"),
         *STOCK,
@@ -56,8 +56,7 @@ def layer_steps(target: TargetGeometry, cut: str, engrave: str, label: str) -> I
     yield f"{capital(cut)}: line, and last: cut pieces move."
     if target.is_plate and not target.is_planar:
         yield (
-            "Both sides are drawn side by side. Engrave and cut side 0, turn it about its height in the opening that "
-            "it "
+            "Both sides are drawn side by side. Engrave and cut side 0, turn it about its height in the opening it "
             "leaves, and engrave side 1 there; or glue two thin plates back to back."
         )
     if not target.is_planar:

@@ -28,7 +28,7 @@ DARK, CLEAR = "D", "C"
 
 
 @dataclass(frozen=True)
-class Side:
+class BoardSide:
     """What is printed on one side of the board, in the board's frame as seen from the top."""
 
     name: str  # "Top" or "Bot"
@@ -61,19 +61,19 @@ def gerber_zip(target: TargetGeometry, pattern: Pattern, ink: CircuitInk, name: 
     return zipped({f"{name}-{layer}": content for layer, content in sorted(layers.items())})
 
 
-def steps(name: str, target: TargetGeometry, suffix: str) -> tuple[str, ...]:
+def steps(files: str, target: TargetGeometry, suffix: str) -> tuple[str, ...]:
     """What to order, and what to look at when it comes.
 
     Args:
-        name: of the design.
+        files: their names.
         target: the board.
         suffix: of the format: `gerber` or `gerber-mask`.
     """
     diagonal_mm = float(np.linalg.norm(np.ptp(target.outline_mm[0], axis=0)))
     order, edges = _ink_words(has_mask=suffix == "gerber-mask")
     return (
-        f"Upload {name}.{suffix}.zip as it is: two layers, outline and an empty drill file. One piece, no panel, "
-        "routed edges, 1.6 mm or thicker.",
+        f"Upload {files} as it is: two layers, outline and an empty drill file. One piece, no panel, routed edges, "
+        f"{_thickness_words(target)}.",
         order,
         "Tell the maker: print at 100 %, do not move or clip the pattern, no order number on a side with rings.",
         edges,
@@ -82,6 +82,14 @@ def steps(name: str, target: TargetGeometry, suffix: str) -> tuple[str, ...]:
         "Measure the distance of far rings along both directions: laminate shrinks as it is made, along and across its "
         "fibres by different amounts. The outline is no measure, it is routed to 0.2 mm.",
     )
+
+
+def _thickness_words(target: TargetGeometry) -> str:
+    """Of a board with two sides it is part of the geometry."""
+    if target.is_planar:
+        return "1.6 mm or thicker"
+    apart_mm = float(np.ptp(target.target_from_face[:, 2, 3]))
+    return f"{apart_mm:g} mm thick: so far apart has the target file the two sides (--thickness; measure what comes)"
 
 
 def _ink_words(*, has_mask: bool) -> tuple[str, str]:
@@ -101,26 +109,29 @@ def _ink_words(*, has_mask: bool) -> tuple[str, str]:
     )
 
 
-def sides_of(target: TargetGeometry, pattern: Pattern) -> tuple[Side, Side]:
+def sides_of(target: TargetGeometry, pattern: Pattern) -> tuple[BoardSide, BoardSide]:
     """Top and bottom: faces whose normal points up, and down."""
     frame = target.target_from_face
     outline = pattern.faces[0].outline @ frame[0, :2, :2].T + frame[0, :2, 3]
     low = outline.min(axis=0)
-    sides = {"Top": Side("Top", outline - low, None, np.eye(3)), "Bot": Side("Bot", outline - low, None, np.eye(3))}
+    sides = {
+        "Top": BoardSide("Top", outline - low, None, np.eye(3)),
+        "Bot": BoardSide("Bot", outline - low, None, np.eye(3)),
+    }
     for face, place in zip(pattern.faces, frame, strict=True):
         flat = np.eye(3)
         flat[:2, :2], flat[:2, 2] = place[:2, :2], place[:2, 3] - low
         name = "Top" if place[2, 2] > 0 else "Bot"
-        sides[name] = Side(name, outline - low, face, flat)
+        sides[name] = BoardSide(name, outline - low, face, flat)
     return sides["Top"], sides["Bot"]
 
 
-def _legend(side: Side, stamps: Sequence[Stamp], target: TargetGeometry) -> bytes:
+def _legend(side: BoardSide, stamps: Sequence[Stamp], target: TargetGeometry) -> bytes:
     """The ink, printed on the solder mask."""
     return _layer(f"Legend,{side.name}", "Positive", target, stamps, _ink(side, stamps, DARK))
 
 
-def _mask(side: Side, stamps: Sequence[Stamp], target: TargetGeometry, *, has_ink: bool) -> bytes:
+def _mask(side: BoardSide, stamps: Sequence[Stamp], target: TargetGeometry, *, has_ink: bool) -> bytes:
     """The openings of the solder mask: none, or all that is white, so that the mask that stays is the ink."""
     drawn: list[str] = []
     if has_ink and side.face is not None:
@@ -128,7 +139,7 @@ def _mask(side: Side, stamps: Sequence[Stamp], target: TargetGeometry, *, has_in
     return _layer(f"Soldermask,{side.name}", "Negative", target, stamps, drawn)
 
 
-def _copper(side: Side, number: str, target: TargetGeometry, *, poured: bool) -> bytes:
+def _copper(side: BoardSide, number: str, target: TargetGeometry, *, poured: bool) -> bytes:
     """Copper all over, alike on both sides so that the board bows little and its white is opaque; or none."""
     drawn = [_polarity(DARK), *_region(moved_in(side.outline, COPPER_CLEARANCE_MM))] if poured else []
     return _layer(f"Copper,{number},{side.name}", "Positive", target, (), drawn)
@@ -160,7 +171,7 @@ def _aperture(stamp: Stamp) -> str:
     return f"{2 * stamp.outer_radius_mm:.6f}{hole}"
 
 
-def _ink(side: Side, stamps: Sequence[Stamp], ink: Polarity) -> Iterator[str]:
+def _ink(side: BoardSide, stamps: Sequence[Stamp], ink: Polarity) -> Iterator[str]:
     """Border, rings and letters of a side, in the polarity of ink."""
     face, white = side.face, CLEAR if ink == DARK else DARK
     if face is None:

@@ -13,17 +13,16 @@ STYLES = {
 """Colours by which LightBurn and the drivers of engravers tell operations apart."""
 
 
-def steps(name: str, target: TargetGeometry, suffix: str) -> tuple[str, ...]:
+def steps(files: str, target: TargetGeometry, suffix: str) -> tuple[str, ...]:
     """What to do with the file.
 
     Args:
-        name: of the design.
+        files: their names, a sheet each.
         target: what is cut and engraved.
         suffix: of the format.
     """
     return (
-        f"Open {name}.{suffix}.svg in LightBurn, or print it from Inkscape to the laser's driver: it is in "
-        "millimetres.",
+        f"Open {files} in LightBurn, or print it from Inkscape to the laser's driver: it is in millimetres.",
         *layer_steps(target, "red hairlines", "black areas", "blue hairlines"),
         *STOCK,
     )

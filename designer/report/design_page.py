@@ -78,7 +78,7 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
         costs: what it takes, if that is known already.
     """
     job, costs = design.job, costs or costs_of(design)
-    panels, others = _panels(design, files), other_makers(design)
+    panels, others = _panels(design, files), other_makers(design, files)
     return Page(
         title=job.name,
         kind="Target",

@@ -19,6 +19,7 @@ class FileFormat:
     is_flat: bool = False  # of flat stock, which neither shrinks nor skews as plastic does
     has_true_circles: bool = False  # which do not stay circles in a sheared part
     is_of_one_piece: bool = False  # it holds a target as a whole
+    suffix: str = ""  # of its files' names, where there is a guide
     guide: str = ""  # module of `designer.formats` that tells what to do with it; "": the build's own text does
     largest_mm: tuple[float, float] | None = None  # that is usually made
     largest_of: str = ""  # who says so
@@ -62,6 +63,7 @@ _GERBER = FileFormat(
     ("plate",),
     "dxf or laser for the sheets of its faces",
     is_flat=True,
+    suffix=".gerber.zip",
     guide="gerber",
     largest_mm=(400.0, 500.0),
     largest_of="JLCPCB's capabilities, two layers",
@@ -76,12 +78,13 @@ FORMATS: Mapping[Format, FileFormat] = {
     "svg": FileFormat("SVG, artwork for print shops"),
     "step": FileFormat("STEP, for CAD", has_true_circles=True, is_of_one_piece=True),
     "glb": FileFormat("GLB, for viewers"),
-    "dxf": FileFormat("DXF, for lasers, cutters and CAD", is_flat=True, guide="dxf"),
-    "laser": FileFormat("Laser SVG, to engrave and cut", is_flat=True, guide="laser"),
+    "dxf": FileFormat("DXF, for lasers, cutters and CAD", is_flat=True, suffix=".dxf", guide="dxf"),
+    "laser": FileFormat("Laser SVG, to engrave and cut", is_flat=True, suffix=".laser.svg", guide="laser"),
     "gerber": _GERBER,
     "gerber-mask": replace(
         _GERBER,
         title="Gerber, a printed circuit: black solder mask opened where it is white",
+        suffix=".gerber-mask.zip",
         least_mm=0.1,
         least_of="an assumption for webs of solder mask",
     ),

@@ -84,7 +84,11 @@ def _choice(ranked: tuple[RankedWay, ...]) -> str:
     known = [one for one in ranked if math.isfinite(one.way.price_eur)]
     worth = [one for one in known if not any(one.is_beaten_by(other) for other in known)]
     named = ", ".join(f"{one.way.name} ({_value(one)}, {_rough(one.way.price_eur).text} EUR)" for one in worth)
-    return f"Better ones cost more: {named}. Of all others, one of these is better and cheaper." if named else ""
+    return (
+        f"Better ones cost more: {named}. Each other one is beaten by one of these, in error and in price."
+        if named
+        else ""
+    )
 
 
 def _value(one: RankedWay) -> str:

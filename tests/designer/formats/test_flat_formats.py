@@ -23,7 +23,7 @@ from designer.make.pages import MARK_COLOUR
 from designer.produce import EXPORTERS, Design, make_files
 from designer.spec.build import Format
 from designer.spec.format import FORMATS
-from tests.support.designs import SMALL, asked_for
+from tests.support.designs import SMALL, asked_for, small
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.filterwarnings("ignore:.*deprecated")  # in the readers of others
@@ -249,13 +249,18 @@ def test_formats_of_other_makers_are_told_on_the_page(name: Format) -> None:
     """A file that goes to a laser or a board house comes with what to do there, which names the file."""
     from designer.report.other_makers import other_makers
 
-    design = flat("board", name)
-    section = other_makers(design)
-    assert section is not None
-    told = repr(section)
-    assert design.job.name in told
-    assert FORMATS[name].title[1:] in told
-    assert other_makers(flat("board", "pdf")) is None
+    kinds = [kind for kind in ("board", "ico") if small(kind).target.form in FORMATS[name].forms]
+    for design in (flat(kind, name, page="A4" if kind == "ico" else "fit") for kind in kinds):
+        files = make_files(design, lambda _: None)
+        section = other_makers(design, files)
+        assert section is not None
+        told = repr(section)
+        mine = [file.name for file in files if file.name.endswith(FORMATS[name].suffix)]
+        assert mine
+        assert mine[0] in told
+        assert mine[-1] in told
+        assert FORMATS[name].title[1:] in told
+    assert other_makers(flat("board", "pdf"), ()) is None
 
 
 @pytest.mark.parametrize(
