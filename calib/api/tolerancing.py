@@ -315,8 +315,9 @@ def _photographed(
         *setting.remarks,
     )
     words = PhotographedSetting(photos, f"{made.name}: {made.title}", remarks, (fit,) if fit else ())
-    name, ways = _name_of(_path_of(target)), {errors: error_model(errors), **_templates(geometry)}
-    return PhotographedTarget(name, _file_of(target, stack), setting, made, words, errors, ways)
+    name, way = _name_of(_path_of(target)), printable(fspath(errors))
+    ways = {way: error_model(errors), **_templates(geometry)}
+    return PhotographedTarget(name, _file_of(target, stack), setting, made, words, way, ways)
 
 
 def _templates(target: TargetGeometry) -> dict[str, ErrorModel]:

@@ -59,7 +59,7 @@ class SetError:
 class Way:
     """A way of making: an error template, or a file of one's own."""
 
-    name: Word  # as `--errors` takes it
+    name: Line  # as `--errors` takes it
     title: Line
     errors: Annotated[tuple[SetError, ...], Length(0, MOST_ERRORS)]  # all that do something to the target, in order
     suits: bool = True  # such targets are made so
