@@ -19,7 +19,7 @@ from designer.make.booleans import cylinder, frame_along, mesh_of, placed, solid
 from designer.make.core import CorePart, make_core, mount_vertex
 from designer.make.lettering import ID_DIGITS
 from designer.make.mesh import Part
-from designer.make.mounts import DEFAULT_MOUNT, Mounted, fits, mounted
+from designer.make.mounts import DEFAULT_MOUNT, MOUNTS, Mounted, fits, mounted
 from designer.make.nesting import BED_RIM_MM, nest
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.plate import Piece, Plate
@@ -106,7 +106,9 @@ def _chosen_mount(
     if fits(DEFAULT_MOUNT, target, solid, sizes):
         on = mounted(DEFAULT_MOUNT, target, solid, sizes)
         return on, f"mount {DEFAULT_MOUNT}: {on.mount.title}; --mount takes others, or none"
-    return None, f"mount none: rings or core leave no room for {DEFAULT_MOUNT}"
+    smaller = [f"--mount {one!r}" for one in MOUNTS if fits(one, target, solid, sizes)]
+    others = f"; {' or '.join(smaller)} fits" if smaller else ""
+    return None, f"mount none: rings or core leave no room for {DEFAULT_MOUNT}{others}"
 
 
 def _tiles(
