@@ -191,10 +191,11 @@ def _purge_mm3(changing: Sequence[int], printer: PrinterProfile) -> float:
     if not changing or not change.has_tower:
         return purged
     deep_mm = max(change.purge_to_ink_mm3, change.purge_to_body_mm3) / (TOWER_MM * layer_mm)
-    around_mm = 2 * (TOWER_MM + deep_mm)
-    walls_mm3 = around_mm * layer_mm * (line_mm * (changing[-1] + 1) + TOWER_BRIM_MM)
+    # Purge fills the tower line by line: it is rounded up to whole ones, half a line on the mean; the ends are walls.
+    walls_mm3 = (2 * deep_mm + TOWER_MM / 2) * line_mm * layer_mm * (changing[-1] + 1)
+    brim_mm3 = 2 * (TOWER_MM + deep_mm) * TOWER_BRIM_MM * layer_mm
     foot_mm3 = TOWER_MM * deep_mm * layer_mm - (change.purge_to_ink_mm3 if changing[0] == 0 else 0.0)
-    return purged + walls_mm3 + foot_mm3  # the foot is solid
+    return purged + walls_mm3 + brim_mm3 + foot_mm3  # the foot is solid
 
 
 @dataclass(frozen=True)

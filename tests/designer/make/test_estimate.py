@@ -139,8 +139,9 @@ def test_a_change_costs_its_time_and_its_purge() -> None:
     assert one.purge_g == pytest.approx(0.4 * DENSITY_G_PER_CM3)
     assert one.changing_s == pytest.approx(2 * 7 + 400 / 10)
     tower = estimate((plate(over),), printing(change=replace(change, has_tower=True)))
-    around = 2 * (TOWER_MM + 300 / (TOWER_MM * LAYER_MM)) * LAYER_MM
-    more = around * (LINE_MM * 12 + TOWER_BRIM_MM) + 300  # the foot; the last change is in the twelfth layer
+    deep = 300 / (TOWER_MM * LAYER_MM)
+    walls = (2 * deep + TOWER_MM / 2) * LINE_MM * 12  # the last change is in the twelfth layer
+    more = LAYER_MM * (walls + 2 * (TOWER_MM + deep) * TOWER_BRIM_MM) + 300  # the foot
     assert tower.purge_g == pytest.approx((400 + more) / 1000 * DENSITY_G_PER_CM3)
 
 
