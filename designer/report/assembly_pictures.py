@@ -62,10 +62,11 @@ def exploded_scene(design: Design, assembly: Assembly) -> Scene:
         for row, plate in enumerate(design.plates)
         if plate.is_two_filament
     )
+    post = () if assembly.post is None else ((POST_COLOUR, "post"),)
     layers = (
         Layer("tiles", (*tiles[0].shapes, *backs)), Layer("numbers", (numbers,)), Layer("core", tuple(core)),
     )  # fmt: skip
-    return Scene(layers, (0.0, 0.0, 1.0), (1.0, 0.35, 0.5), (*legend, (CORE_COLOUR, "core"), (POST_COLOUR, "post")))
+    return Scene(layers, (0.0, 0.0, 1.0), (1.0, 0.35, 0.5), (*legend, (CORE_COLOUR, "core"), *post))
 
 
 def _colour(plate: int) -> str:
