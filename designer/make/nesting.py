@@ -22,7 +22,7 @@ _SHIFTS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class Nest:
     """Where tiles lie on a bed."""
 
     bed_from_tile: Array  # (N, 3, 3) motions of the plane
@@ -31,7 +31,7 @@ class Places:
 
 def nest(
     sides: int, inradius_mm: float, count: int, bed_mm: tuple[float, float], *, tower: bool, edge_mm: float
-) -> tuple[Places, ...]:
+) -> tuple[Nest, ...]:
     """Regular polygons on as few beds as they fit on, then evenly and as far apart as that allows.
 
     Args:
@@ -60,7 +60,7 @@ def nest(
         if len(lattice) >= each:
             break
     shares = [each] * (count // each) + ([count % each] if count % each else [])
-    return tuple(Places(lattice[:share], spacing) for share in shares)
+    return tuple(Nest(lattice[:share], spacing) for share in shares)
 
 
 def _fitting(sides: int, inradius: float, edge_mm: float, bed: tuple[float, float], tower: bool) -> str:
