@@ -1,0 +1,312 @@
+"""Where the edges lie in one picture, solved together with the tone curve and the blur that they share.
+
+Each edge has levels of white and ink (with a gradient) and a displacement, all have the shape of the profile in common:
+what the tone curve leaves open is in the standard deviation of the displacements. Alternating between the two creeps
+along a valley (a steeper tone curve, and all ink a little wider) and stops anywhere in it, so they are solved at once:
+each edge's own numbers are eliminated from the equations of the shared ones (a Schur complement).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.coupon.edges import Edge, Pixels, pixels_of
+from calib.coupon.place import Placed
+from calib.coupon.tone import COUNT, LEAST, MOST, PRIOR, PRIOR_SIGMA, Profile, Tone
+
+Array = NDArray[np.float64]
+
+LEVELS = 6
+"""Of an edge: white and ink, each with a gradient."""
+ROUNDS, FIRST_ROUNDS = 25, 4
+SETTLED = 1e-5
+"""Share of the sum of squares by which a step that ends the descent lowers it."""
+LEAST_EDGES = 30
+FIRST_BLUR_PX = 1.3
+MOST_STEP_PX = 0.7
+LEAST_BLUR_PX2, MOST_BLUR_PX2 = 0.05, 36.0
+LEAST_REACH = 1.8
+"""In blurs: edges with less room to the next one tell their levels too badly to tell their place."""
+CELL_PX, DIRECTIONS = 0.25, 6
+MODEL_SHARE = 0.002
+"""Of the contrast, by which an edge's profile may differ from the model anywhere, and unseen. An assumption: half a
+grey level of 255."""
+BLUR = 5
+"""Numbers of the blur among the shared ones; those of the tone follow."""
+STEPS = np.full(BLUR + COUNT, 1e-3)
+"""Of the shared numbers, for derivatives by differences."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """What all edges share: the variance of the blur along u, v and across (px^2), how its logarithm grows, the tone."""
+
+    numbers: Array  # (10,)
+
+    @property
+    def tone(self) -> Tone:
+        """Tone curve and sharpening."""
+        return Tone(*map(float, self.numbers[BLUR:]))
+
+    @property
+    def blur_px(self) -> float:
+        """The usual standard deviation."""
+        return math.sqrt(float(self.numbers[:2].mean()))
+
+    def blur_at(self, pixels: Pixels) -> Array:
+        """Standard deviation of the blur along the normals.  # (N,)"""
+        u, v = pixels.direction.T
+        square = self.numbers[0] * u**2 + self.numbers[1] * v**2 + 2 * self.numbers[2] * u * v
+        growth = np.exp(np.clip(pixels.place @ self.numbers[3:5], -1, 1))
+        blur: Array = np.sqrt(np.maximum(square, LEAST_BLUR_PX2)) * growth
+        return blur
+
+    def stepped(self, step: Array) -> "Shape":
+        """Moved, within what any picture has."""
+        numbers = self.numbers + step
+        numbers[:2] = np.clip(numbers[:2], LEAST_BLUR_PX2, MOST_BLUR_PX2)
+        numbers[3:5] = np.clip(numbers[3:5], -0.5, 0.5)
+        numbers[BLUR:] = np.clip(numbers[BLUR:], LEAST, MOST)
+        return Shape(numbers)
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeFit:
+    """Where an edge is."""
+
+    edge: Edge
+    moved_mm: Array  # (K,) b_x, b_y and the shift of a circle; b of a line
+    covariance: Array  # (K, K) of the pixels' noise
+    by_shape: Array  # (K, 10) derivative of these by the shared numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What one picture shows of the edges."""
+
+    fits: tuple[EdgeFit, ...]
+    shape: Shape
+    shape_covariance: Array  # (10, 10)
+    px_per_mm: float
+    noise: float  # grey levels
+    misfit: float  # of the edges' profile, over what noise and `MODEL_SHARE` explain; 1 or less is good
+    levels: tuple[float, float]  # of ink and white, over the full scale
+    left_out: int  # edges outside the picture, or too near to each other for its blur
+
+
+@dataclass(frozen=True, eq=False)
+class _Guess:
+    """An edge's own numbers while they are sought."""
+
+    edge: Edge
+    pixels: Pixels
+    own: Array  # (6 + K,) levels of white and of ink, displacement in mm
+
+
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """The linearised model at an edge's pixels."""
+
+    by_own: Array  # (N, 6 + K)
+    by_shape: Array  # (N, 10), or (N, 0)
+    left: Array  # (N,) measured - model
+    distance_px: Array  # (N,) into the white of the edge where it is
+    contrast: Array  # (N,)
+
+
+def read_edges(image: Array, placed: Placed, edges: Sequence[Edge], full: float = 255.0) -> Reading | None:
+    """Where the edges are in a picture; None: too few are to be seen.
+
+    Args:
+        image: grey levels (H, W).
+        placed: where the design lies in it.
+        edges: of the design.
+        full: the largest grey level that the file can hold.
+    """
+    shape = Shape(np.array([FIRST_BLUR_PX**2, FIRST_BLUR_PX**2, 0, 0, 0, *PRIOR]))
+    guesses = [_first(edge, p) for edge in edges if (p := pixels_of(image, placed, edge)) is not None]
+    if len(guesses) < LEAST_EDGES:
+        return None
+    for _ in range(FIRST_ROUNDS):
+        guesses = [_own_step(one, shape, _levels(guesses, full)) for one in guesses]
+    shape, guesses = _descended(shape, guesses, full)
+    room = [one.pixels.reach_px > LEAST_REACH * float(np.median(shape.blur_at(one.pixels))) for one in guesses]
+    kept = [one for one, has_room in zip(guesses, room, strict=True) if has_room and not _is_astray(one)]
+    if len(kept) < LEAST_EDGES:
+        return None
+    if len(kept) < len(guesses):
+        shape, kept = _descended(shape, kept, full)
+    return _told(shape, kept, len(edges) - len(kept), full)
+
+
+def _first(edge: Edge, pixels: Pixels) -> _Guess:
+    """The levels at either end of the pixels' reach, and no displacement."""
+    far = 0.6 * pixels.reach_px
+    white = np.median(pixels.value[pixels.distance_px > far]) if (pixels.distance_px > far).any() else pixels.value.max()
+    ink = np.median(pixels.value[pixels.distance_px < -far]) if (pixels.distance_px < -far).any() else pixels.value.min()
+    own = np.zeros(LEVELS + pixels.moves.shape[1])
+    own[0], own[3] = white, ink
+    return _Guess(edge, pixels, own)
+
+
+def _levels(guesses: Sequence[_Guess], full: float) -> tuple[float, float]:
+    """The usual ink and white over the full scale."""
+    ink, white = (float(np.median([one.own[k] for one in guesses])) / full for k in (3, 0))
+    white = min(max(white, 0.02), 1.1)
+    return min(max(ink, 0.003), 0.95 * white), white
+
+
+def _is_astray(one: _Guess) -> bool:
+    """Whether an edge ended where its pixels do not reach."""
+    moved_px = (one.pixels.moves @ one.own[LEVELS:]) * one.pixels.per_mm
+    return not (np.isfinite(one.own).all() and np.abs(moved_px).max() < one.pixels.reach_px and one.own[0] > one.own[3])
+
+
+def _rise(one: _Guess, shape: Shape, profile: Profile) -> tuple[Array, Array, Array]:
+    """The profile at an edge's pixels, its slope by px, and the distances (px) from the edge."""
+    pixels, blur = one.pixels, shape.blur_at(one.pixels)
+    # A blurred disc is brighter at its rim than half: see `calib.detector.ring_model`.
+    straight = pixels.distance_px + 0.5 * blur**2 * pixels.bend_px
+    distance = straight - pixels.moves @ one.own[LEVELS:] * pixels.per_mm
+    in_blurs = distance / blur
+    return profile.at(in_blurs), profile.slope(in_blurs) / blur, distance
+
+
+def _equations(one: _Guess, profiles: Sequence[tuple[Shape, Profile]]) -> _Equations:
+    """The model at a shape, and by differences how it changes with each of the shared numbers.
+
+    Args:
+        one: an edge and its numbers.
+        profiles: of the shape, then of shapes of which one number is a step larger.
+    """
+    pixels, (rise, slope, distance) = one.pixels, _rise(one, *profiles[0])
+    plane = np.column_stack([np.ones(len(rise)), pixels.offset])
+    white, ink = plane @ one.own[:3], plane @ one.own[3:LEVELS]
+    by_move = -((white - ink) * slope * pixels.per_mm)[:, None] * pixels.moves
+    by_own = np.hstack([plane * rise[:, None], plane * (1 - rise)[:, None], by_move])
+    by_shape = np.empty((len(rise), len(profiles) - 1))
+    for k, stepped in enumerate(profiles[1:]):
+        by_shape[:, k] = (white - ink) * (_rise(one, *stepped)[0] - rise) / STEPS[k]
+    return _Equations(by_own, by_shape, pixels.value - ink - (white - ink) * rise, distance, white - ink)
+
+
+def _profiles(shape: Shape, levels: tuple[float, float]) -> list[tuple[Shape, Profile]]:
+    """The profile of a shape, and of those a step away."""
+    shapes = [shape, *(Shape(shape.numbers + step) for step in np.diag(STEPS))]
+    return [(one, one.tone.profile(levels)) for one in shapes]
+
+
+def _moved(one: _Guess, step: Array) -> _Guess:
+    """An edge after a step, no longer than its pixels allow."""
+    most_mm = MOST_STEP_PX / float(np.median(one.pixels.per_mm))
+    clipped = np.concatenate([step[:LEVELS], np.clip(step[LEVELS:], -most_mm, most_mm)])
+    return replace(one, own=one.own + clipped)
+
+
+def _own_step(one: _Guess, shape: Shape, levels: tuple[float, float]) -> _Guess:
+    """An edge's own numbers, once better, its shape as it is."""
+    found = _equations(one, [(shape, shape.tone.profile(levels))])
+    return _moved(one, _solve(found.by_own, found.left))
+
+
+def _solve(design: Array, left: Array) -> Array:
+    """Least squares, with just enough damping for what is not determined."""
+    normal = design.T @ design
+    scale = np.sqrt(np.diagonal(normal)) + 1e-12
+    damped = normal / scale / scale[:, None] + 1e-9 * np.eye(len(scale))
+    solution: Array = (np.linalg.solve(damped, (left.T @ design / scale).T).T / scale).T
+    return solution
+
+
+def _descended(shape: Shape, guesses: list[_Guess], full: float) -> tuple[Shape, list[_Guess]]:
+    """Levenberg-Marquardt of shared and own numbers together."""
+    damping, cost = 1e-3, math.inf
+    for _ in range(ROUNDS):
+        profiles = _profiles(shape, _levels(guesses, full))
+        found = [_equations(one, profiles) for one in guesses]
+        noise2 = _noise2(found)
+        cost = _cost(found, shape, noise2)
+        locals_ = [_solve(one.by_own, np.column_stack([one.left, one.by_shape])) for one in found]
+        normal, gradient = _prior(shape)
+        for one, own in zip(found, locals_, strict=True):
+            # What the edge's own numbers cannot take up.
+            rest = np.column_stack([one.left, one.by_shape]) - one.by_own @ own
+            normal += rest[:, 1:].T @ rest[:, 1:] / noise2
+            gradient += rest[:, 1:].T @ rest[:, 0] / noise2
+        while True:
+            step = np.linalg.solve(normal + damping * np.diag(np.diagonal(normal)), gradient)
+            trial_shape = shape.stepped(step)
+            step = trial_shape.numbers - shape.numbers
+            trial = [_moved(one, own[:, 0] - own[:, 1:] @ step) for one, own in zip(guesses, locals_, strict=True)]
+            profile = [(trial_shape, trial_shape.tone.profile(_levels(trial, full)))]
+            trial_cost = _cost([_equations(one, profile) for one in trial], trial_shape, noise2)
+            if trial_cost < cost or damping > 1e4:
+                break
+            damping *= 8
+        is_settled = trial_cost > cost * (1 - SETTLED)
+        if trial_cost < cost:
+            shape, guesses, damping = trial_shape, trial, max(damping / 8, 1e-6)
+        if is_settled:
+            break
+    return shape, guesses
+
+
+def _prior(shape: Shape) -> tuple[Array, Array]:
+    """Normal matrix and gradient of what is known of the tone beforehand."""
+    weight = np.concatenate([np.full(BLUR, 1e-6), PRIOR_SIGMA**-2])
+    gradient = np.concatenate([np.zeros(BLUR), (PRIOR - shape.numbers[BLUR:]) / PRIOR_SIGMA**2])
+    return np.diag(weight), gradient
+
+
+def _noise2(found: Sequence[_Equations]) -> float:
+    """Variance of the residuals."""
+    return float(sum((one.left**2).sum() for one in found) / sum(len(one.left) for one in found))
+
+
+def _cost(found: Sequence[_Equations], shape: Shape, noise2: float) -> float:
+    return float(sum((one.left**2).sum() for one in found) / noise2 + (((shape.numbers[BLUR:] - PRIOR) / PRIOR_SIGMA) ** 2).sum())
+
+
+def _told(shape: Shape, guesses: Sequence[_Guess], left_out: int, full: float) -> Reading:
+    """The solution with its covariances."""
+    levels = _levels(guesses, full)
+    profiles = _profiles(shape, levels)
+    found = [_equations(one, profiles) for one in guesses]
+    noise2, fits, rests = _noise2(found), [], []
+    for guess, one in zip(guesses, found, strict=True):
+        own = _solve(one.by_own, one.by_shape)
+        rests.append((one.by_shape - one.by_own @ own) / one.contrast[:, None])
+        covariance = noise2 * np.linalg.pinv(one.by_own.T @ one.by_own)[LEVELS:, LEVELS:]
+        fits.append(EdgeFit(guess.edge, guess.own[LEVELS:], covariance, -own[LEVELS:]))
+    information, misfit = _information(guesses, found, rests, shape, noise2)
+    return Reading(
+        tuple(fits), shape, np.linalg.inv(information + _prior(shape)[0]),
+        float(np.median([np.median(one.pixels.per_mm) for one in guesses])), math.sqrt(noise2), misfit, levels,
+        left_out,
+    )  # fmt: skip
+
+
+def _information(
+    guesses: Sequence[_Guess], found: Sequence[_Equations], rests: Sequence[Array], shape: Shape, noise2: float
+) -> tuple[Array, float]:
+    """What means of alike pixels tell of the shape: noise averages away in them, what is wrong with the model does not.
+
+    Returns:
+        The normal matrix (10, 10), for residuals as large as they are; and how large, over what was expected.
+    """
+    left = np.concatenate([one.left / one.contrast for one in found])
+    variance = np.concatenate([noise2 / one.contrast**2 for one in found])
+    by_shape, distance = np.concatenate(rests), np.concatenate([one.distance_px for one in found])
+    u, v = np.concatenate([one.pixels.direction for one in guesses]).T
+    angle = np.mod(np.arctan2(v, u), np.pi)  # a blur is the same from both sides
+    keys = np.stack([np.round(distance / CELL_PX / max(shape.blur_px, 0.5)), np.floor(angle / np.pi * DIRECTIONS)])
+    _, cell = np.unique(keys.astype(np.int64), axis=1, return_inverse=True)
+    cell = cell.ravel()
+    count = np.bincount(cell)
+    expected = np.bincount(cell, variance) / count**2 + MODEL_SHARE**2
+    misfit = float(((np.bincount(cell, left) / count) ** 2 / expected).sum() / max(len(count) - BLUR - COUNT, 1))
+    by = np.stack([np.bincount(cell, one) / count for one in by_shape.T], axis=1)
+    return by.T @ (by / expected[:, None]) / max(misfit, 1.0), math.sqrt(misfit)
