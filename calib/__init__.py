@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from calib.api.bootstrapping import BootstrapResult, bootstrap
     from calib.api.converting import Conversion, convert
+    from calib.api.coupon import CouponResult, coupon
     from calib.api.detecting import Detector, detect
     from calib.api.evaluating import EvaluationResult, evaluate
     from calib.api.loading import load_camera, load_observations
@@ -36,6 +37,7 @@ __all__ = [
     "Calibration",
     "Camera",
     "Conversion",
+    "CouponResult",
     "Detections",
     "Detector",
     "EvaluationResult",
@@ -54,6 +56,7 @@ __all__ = [
     "Undistorter",
     "bootstrap",
     "convert",
+    "coupon",
     "detect",
     "evaluate",
     "load_camera",
@@ -77,6 +80,10 @@ _HOMES = {
     "calib.api.converting": (
         "Conversion",
         "convert",
+    ),
+    "calib.api.coupon": (
+        "CouponResult",
+        "coupon",
     ),
     "calib.api.detecting": (
         "Detector",

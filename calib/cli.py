@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from calib.commands.convert import convert
+from calib.commands.coupon import coupon
 from calib.commands.detect import detect
 from calib.commands.diff import diff
 from calib.commands.evaluate import evaluate
@@ -22,8 +23,9 @@ Command = Callable[..., Summary]
 
 app = new_app("calib", "Use the calibration targets that `design` makes. Begin with: calib run TARGET.json photos")
 
-MAKE, CALIBRATE, JUDGE, USE = "Make photos", "Calibrate", "Judge", "Use the camera"
+PRINT, MAKE, CALIBRATE, JUDGE, USE = "Print right", "Make photos", "Calibrate", "Judge", "Use the camera"
 TASKS: tuple[tuple[str, tuple[Command, ...]], ...] = (
+    (PRINT, (coupon,)),
     (CALIBRATE, (run_all, detect, solve, measure)),
     (JUDGE, (evaluate, report, diff)),
     (USE, (pose, undistort, convert)),

@@ -100,6 +100,22 @@ class _Decoded:
     doubt: str = ""  # why they may not be what was written
 
 
+def stated_dpi(path: Path) -> float | None:
+    """The resolution that a scan's file states, in dots per inch; None: none, or another along its rows.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as image:
+            across, down = (float(one) for one in image.info.get("dpi", (0.0, 0.0)))
+    except (OSError, UnidentifiedImageError, ValueError, TypeError, Image.DecompressionBombError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from None
+    return across if across > 1 and abs(across - down) < 1e-3 * across else None
+
+
 def _read(path: Path, *, in_colour: bool) -> _Decoded:
     """Read and decode a file within the limits."""
     try:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TypeAlias, cast
 
 from calib.core.files import write_files
+from calib.records.coupon import COUPON_FILE
 from calib.records.run_folder import is_run_folder
 from calib.show.parts.gallery import OVERLAYS
 from calib.show.parts.origin import ORIGIN, ORIGIN_FILE, Origin, origin_of, read_origin
@@ -32,6 +33,7 @@ KINDS: Mapping[str, str] = {
     "ways": "studies.tolerance_page.ways_page",
     "compare": "studies.compare_page.compare_page",
     "measure": "measured.page.measure_page",
+    "coupon": "coupon.page.coupon_page",
     "photos": "photos.photos_page.photos_page",
     "undistorted": "photos.photos_page.photos_page",
     "detections": "photos.photos_page.photos_page",
@@ -171,4 +173,6 @@ def _kind_in(folder: Path) -> str:
         return "paper" if kind == "bootstrap" and (folder / OF_PAPER).is_dir() else kind
     if any(folder.glob("*.as_built.json")):
         return "measure"
+    if (folder / COUPON_FILE).is_file():
+        return "coupon"
     return read_photos(folder).kind if (folder / PHOTOS_FILE).is_file() else ""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from designer.base.errors import InputError
-from designer.base.units import NO_SKEW, format_skew, round_down
+from designer.base.units import NO_SKEW, format_mm, format_skew, round_down
 from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_depth, lay_out, narrowest_widths
 from designer.kinds.presets import preset_names, preset_or_file
 from designer.kinds.spec_file import read_printer_file
@@ -80,6 +80,7 @@ def _size_printing(
     asked: AskedPrinting, printer: PrinterProfile, build: str, target: TargetGeometry
 ) -> tuple[PrintSpec, tuple[str, ...]]:
     """How a target is made, and remarks where a default had to give way or an option says nothing."""
+    asked, corrected = _corrected(asked, build)
     idle = [option for option in BUILDS[build].idle if getattr(asked, option) is not None]
     nothing: dict[str, None] = dict.fromkeys(BUILDS[build].idle)
     asked = replace(asked, **nothing)
@@ -103,7 +104,23 @@ def _size_printing(
         mount=asked.mount or ANY_MOUNT,
     )
     _check_paper(printing, target)
-    return printing, (remark, *remarks)
+    return printing, (remark, *remarks, corrected)
+
+
+def _corrected(asked: AskedPrinting, build: str) -> tuple[AskedPrinting, str]:
+    """What is asked for with what a printer's own file corrects, and a remark on it; options replace it."""
+    is_resolved = asked.nozzle and asked.line_width and asked.layer_height and asked.bed
+    if asked.printer is None or asked.printer in preset_names("printers") or is_resolved:
+        return asked, ""
+    file, way = read_printer_file(preset_or_file("printers", asked.printer)), BUILDS[build]
+    names = ("ink_offset",) * way.is_two_filament + ("shrink_compensation", "skew_compensation") * way.has_body
+    own = {name: value for name in names if getattr(asked, name) is None and (value := getattr(file, name)) is not None}
+    told = {
+        "ink_offset": format_mm, "shrink_compensation": lambda value: f"{value:g}%",
+        "skew_compensation": format_skew,
+    }  # fmt: skip
+    words = ", ".join(f"{name.replace('_', ' ')} {told[name](value)}" for name, value in own.items())
+    return replace(asked, **own), f"{words}: as the printer's file has it" if words else ""
 
 
 def printer_of(asked: AskedPrinting) -> PrinterProfile:

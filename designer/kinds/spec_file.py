@@ -213,6 +213,9 @@ class PrinterFile(_SpecFile):
     nozzle: PositiveLength = Field(description="nozzle it comes with, such as 0.4mm")
     nozzles: Annotated[list[NozzleFile], Field(min_length=1, description="list of nozzles")]
     machine: OfMachine = Field(Machine(), description="speeds, filament change and fits")
+    ink_offset: Length | None = Field(None, description="ink offset that undoes its bleed")
+    shrink_compensation: Percent | None = Field(None, description="how much larger to print")
+    skew_compensation: Skew | None = Field(None, description="angles that undo its skew")
 
     def machine_with(self, nozzle_mm: float) -> Machine:
         """What it is with one of its nozzles."""
@@ -291,6 +294,28 @@ def read_printer_file(path: Path) -> PrinterFile:
         InputError: the file cannot be read or breaks a rule.
     """
     return _validate(PrinterFile, read_spec_file(path), str(path))
+
+
+def with_corrections(
+    path: Path, *, ink_offset_mm: float, shrink_percent: float, skew_rad: tuple[float, float, float]
+) -> str:
+    """The text of a printer's file with what is to be corrected on it, the other lines as they are.
+
+    Raises:
+        InputError: the file is no printer's.
+    """
+    read_printer_file(path)
+    rows = (
+        f'ink_offset = "{format_mm(ink_offset_mm)}"',
+        f'shrink_compensation = "{shrink_percent:.4g}%"',
+        f'skew_compensation = "{format_skew(skew_rad)}"',
+    )
+    names = tuple(row.split(" ")[0] for row in rows)
+    kept = [line for line in read_small_text(path, MAX_FILE_BYTES, "a TOML file").splitlines()
+            if line.split("=")[0].strip() not in names]  # fmt: skip
+    # Keys of the printer itself stand before its tables.
+    first = next((at for at, line in enumerate(kept) if line.strip() and not line.lstrip().startswith("#")), len(kept))
+    return "\n".join((*kept[:first], *rows, *kept[first:])) + "\n"
 
 
 def read_spec_file(path: Path) -> dict[str, RawValue]:

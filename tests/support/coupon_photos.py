@@ -1,7 +1,7 @@
 """Photos and scans of a coupon as it might have been printed, drawn from its outlines: nothing here measures.
 
 Ink is grown as outlines (radii of ellipses, sides of lines), the light of each pixel is summed over points within it,
-blurred in linear light, and only then given a tone curve, sharpened, and made noisy.
+blurred in linear light (a part of it as they are drawn), and only then given a tone curve, sharpened, and made noisy.
 """
 
 from dataclasses import dataclass, replace
@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from designer.kinds.coupon import COUPON
 from designer.target import TargetGeometry
@@ -16,6 +17,9 @@ from designer.target import TargetGeometry
 Array = NDArray[np.float64]
 ACROSS = 3
 """Points along a pixel's side at which light is taken."""
+MOST_SOFT_PX, SOFT_PX = 1.2, 0.8
+"""Standard deviation of the blur up to which outlines are drawn with all of it, else with the second and the rest is
+added to the pixels: a lens blurs before pixels sample, and sharp outlines leave steps in them that no lens leaves."""
 WHITE, BLACK, TABLE = 0.72, 0.03, 0.3
 
 
@@ -93,12 +97,17 @@ def design_of(pixel: Array, printed: Printed, taken: Taken) -> Array:
     return design
 
 
-def _inside(distance_mm: Array, step_mm: float) -> Array:
-    """How much of a point's small surroundings lies inside an outline, by its distance to the outside."""
-    return np.clip(0.5 - distance_mm / step_mm, 0, 1)
+def soft_px(taken: Taken) -> float:
+    """The blur that outlines are drawn with."""
+    return taken.blur_px if taken.blur_px <= MOST_SOFT_PX else SOFT_PX
 
 
-def _ink(place: Array, target: TargetGeometry, printed: Printed, step_mm: float) -> Array:
+def _inside(distance_mm: Array, soft_mm: float) -> Array:
+    """How much of a point's blurred surroundings lies inside an outline, by its distance to the outside."""
+    return ndtr(-distance_mm / soft_mm)
+
+
+def _ink(place: Array, target: TargetGeometry, printed: Printed, soft_mm: float) -> Array:
     """How much ink there is at places on the design, 0 to 1.  # (N, 2) -> (N,)"""
     ink = np.zeros(len(place))
     along = np.array(printed.bleed_mm)
@@ -112,11 +121,11 @@ def _ink(place: Array, target: TargetGeometry, printed: Printed, step_mm: float)
                 axes = radius + way * along
                 scaled = np.linalg.norm(offset[mine] / axes, axis=1)
                 steep = np.linalg.norm(offset[mine] / axes**2, axis=1) / np.maximum(scaled, 1e-9)
-                ink[mine] += way * _inside((scaled - 1) / np.maximum(steep, 1e-9), step_mm)
-    return np.maximum(ink, _lines(place, printed, step_mm))
+                ink[mine] += way * _inside((scaled - 1) / np.maximum(steep, 1e-9), soft_mm)
+    return np.maximum(ink, _lines(place, printed, soft_mm))
 
 
-def _lines(place: Array, printed: Printed, step_mm: float) -> Array:
+def _lines(place: Array, printed: Printed, soft_mm: float) -> Array:
     """The same of the lines."""
     ink = np.zeros(len(place))
     for bar in COUPON.marks_mm:
@@ -126,7 +135,7 @@ def _lines(place: Array, printed: Printed, step_mm: float) -> Array:
             grown = grown + printed.white_bleed_mm
         near = np.flatnonzero((np.abs(place - (low + high) / 2) < (high - low) / 2 + 1).all(axis=1))
         outside = np.abs(place[near] - (low + high) / 2) - (high - low) / 2 - grown
-        ink[near] = np.maximum(ink[near], _inside(outside.max(axis=1), step_mm))
+        ink[near] = np.maximum(ink[near], _inside(outside.max(axis=1), soft_mm))
     return ink
 
 
@@ -140,13 +149,14 @@ def _reflected(printed: Printed, taken: Taken, target: TargetGeometry) -> Array:
     light[:] = np.where((np.abs(rough) < side_mm).all(axis=1), WHITE, TABLE)
     (rows,) = np.nonzero((np.abs(rough) < 26).all(axis=1))
     step = 25.4 / taken.scan_dpi if taken.scan_dpi else taken.distance_mm / taken.focal_px
-    ink = _ink(rough[rows], target, printed, 4 * step)
-    is_edge = (ink > 0) & (ink < 1)  # elsewhere all points of a pixel are alike
+    soft_mm = step * soft_px(taken)
+    ink = _ink(rough[rows], target, printed, soft_mm)
+    is_edge = (ink > 1e-6) & (ink < 1 - 1e-6)  # elsewhere all points of a pixel are alike
     edge, total = rows[is_edge], np.zeros(int(is_edge.sum()))
     for i in range(ACROSS):
         for j in range(ACROSS):
             at = np.stack([u[edge] + (i + 0.5) / ACROSS - 0.5, v[edge] + (j + 0.5) / ACROSS - 0.5], axis=1)
-            total += _ink(design_of(at, printed, taken), target, printed, step / ACROSS)
+            total += _ink(design_of(at, printed, taken), target, printed, soft_mm)
     ink[is_edge] = total / ACROSS**2
     light[rows] = WHITE + (BLACK - WHITE) * ink
     slope = 1 + taken.gradient * ((u / width - 0.5) * 0.8 + (v / height - 0.5) * 0.6)
@@ -165,7 +175,8 @@ def developed(light: Array, taken: Taken, rng: np.random.Generator) -> NDArray[n
         y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
         disc = np.clip(taken.defocus_px + 0.5 - np.hypot(x, y), 0, 1)
         light = cv2.filter2D(light, -1, disc / disc.sum())
-    light = cv2.GaussianBlur(light, (0, 0), taken.blur_px) if taken.blur_px else light
+    if taken.blur_px > soft_px(taken):
+        light = cv2.GaussianBlur(light, (0, 0), np.sqrt(taken.blur_px**2 - soft_px(taken) ** 2))
     tone = np.clip(light + taken.veil, 0, None) ** (1 / taken.gamma)
     tone = tone + taken.contrast * (3 * tone**2 - 2 * tone**3 - tone)
     if taken.sharpening:

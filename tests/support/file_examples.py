@@ -12,11 +12,14 @@ from calib.as_built.lengths import FittedLength
 from calib.as_built.seats import Seat, SeatLimits, Seats
 from calib.cameras.camera import Camera, CameraDocument, LearnedMap
 from calib.core.types import FaceRecord
+from calib.coupons.result import Found, NextPrint, Width
+from calib.coupons.result import MadeWith as CouponMadeWith
 from calib.metrics.errors import ErrorSummary
 from calib.observe.records import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
 from calib.records.as_built_file import AsBuiltRecord, SolvedCamera
 from calib.records.calibration_file import CalibrationRecord, Provenance, SolvedView
+from calib.records.coupon import CouponRecord, ReadPicture
 from calib.records.evaluation_files import FoundParameter, Metrics, MetricSummary
 from calib.renderer.options import RenderOptions
 from calib.renderer.truth import FileOptions, TrueView, Truth
@@ -204,7 +207,26 @@ def _poses() -> PosesDocument:
     return PosesDocument("g1", PINHOLE, (pose,), (PhotoWithoutPose("c.png", "too few"),))
 
 
+def _coupon() -> CouponRecord:
+    """One photo of two could be used; its size is not known."""
+    known = Estimate(0.08, 0.005)
+    found = Found(
+        known, {"x": Estimate(0.1, 0.005), "y": Estimate(0.06, 0.005)}, {"x": known, "y": Estimate(math.nan, math.inf)},
+        Estimate(-0.04, 0.001), Estimate(0.002, 0.001), (Width("ring", 0.6, (known, known)),),
+        WholePrint(None, {"x": Estimate(0.001, 1e-4), "y": Estimate(-0.001, 1e-4)}, {"xy": Estimate(0.002, 3e-4)}),
+    )  # fmt: skip
+    pictures = (
+        ReadPicture("a.jpg", False, 25, 127, 0, 20.8, 1.1, 2.2, 1.5, 0.8, 0.012),
+        ReadPicture("b.jpg", True, 3, 0, 0, *(math.nan,) * 6, "b.jpg: 3 of the coupon's 25 rings were found"),
+    )
+    return CouponRecord(
+        "ringsolid 1", {"dpi": "600"}, pictures, found, CouponMadeWith(0.02, Compensation(0.1, (0.001, 0.0, 0.0))),
+        NextPrint(-0.06, 0.1, (0.003, 0.0, 0.0)), ("left out: b.jpg",),
+    )  # fmt: skip
+
+
 EXAMPLES: Mapping[str, Callable[[], object]] = {
+    "ringsolid.coupon": _coupon,
     "ringsolid.camera": _camera,
     "ringsolid.verdict": _verdict,
     "ringsolid.next_views": _next_views,

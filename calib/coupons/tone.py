@@ -1,14 +1,14 @@
 """How an edge between ink and white looks in a picture: its blur, the picture's tone curve, and its sharpening.
 
-Light is blurred by the lens, so that across an edge it rises from ink to white as z(x), x = d / s in standard deviations
-of the blur: a bell, or the disc of a lens out of focus, or something between. The file holds no light, but grey levels
+Light is blurred by the lens, so that across an edge it rises from ink to white as z(x), x = d / s in standard
+deviations of the blur: a bell, or the disc of a lens out of focus, or something between. The file holds grey levels
 
     v = S(l^(1/g)),    S(t) = t + c (3 t^2 - 2 t^3 - t),    0 to 1 = full scale,
 
-with a power g and a contrast c, and sharpening adds a (v - G * v), with G a bell of r blurs. A power moves the middle of
-an edge into the ink by nearly half a blur (g = 2.2), which ink that shrank by as much would do too. But it also makes
-the edge lopsided, which bleeding ink does not: any symmetric blur has z(-x) = 1 - z(x). So the curve is told by the
-edge's shape.
+with a power g and a contrast c, and sharpening adds a (v - G * v), with G a bell of r blurs. A power moves the middle
+of an edge into the ink by nearly half a blur (g = 2.2), which ink that shrank by as much would do too. But it also
+makes the edge lopsided, which bleeding ink does not: any symmetric blur has z(-x) = 1 - z(x). So the curve is told by
+the edge's shape.
 """
 
 import math
@@ -118,8 +118,9 @@ def _blurred_edge(disc: float) -> tuple[Array, Array]:
 
 def _bell(sigma: float) -> Array:
     reach = np.arange(-math.ceil(4 * sigma / STEP), math.ceil(4 * sigma / STEP) + 1) * STEP
-    bell: Array = np.exp(-0.5 * (reach / sigma) ** 2)
-    return bell / bell.sum()
+    bell = np.exp(-0.5 * (reach / sigma) ** 2)
+    normed: Array = bell / bell.sum()
+    return normed
 
 
 def _smoothed(level: Array, kernel: Array) -> Array:

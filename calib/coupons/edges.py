@@ -5,13 +5,13 @@ the direction a, which is to first order what growing by b_x along x and by b_y 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.coupon.place import Placed
+from calib.coupons.place import Placed
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
@@ -21,7 +21,7 @@ END_MM = 0.6
 """Of a line's length that is left out at either end."""
 MOST_REACH_PX = 7.0
 LEAST_PIXELS = 60
-MOST_PIXELS = 1500
+MOST_PIXELS = 1000
 """Of an edge: more tell it no better than any printer draws it."""
 
 
@@ -56,7 +56,8 @@ class Edge:
 
     def moves(self, place: Array, normal: Array) -> Array:
         """How the numbers of the edge's displacement move it at places: of a circle four, of a line one.  # (N, K)"""
-        return np.column_stack([normal**2, normal]) if self.axis < 0 else np.ones((len(place), 1))
+        moves: Array = np.column_stack([normal**2, normal]) if self.axis < 0 else np.ones((len(place), 1))
+        return moves
 
     @property
     def corners_mm(self) -> Array:
@@ -64,7 +65,8 @@ class Edge:
         half = np.full(2, self.radius_mm + self.reach_mm)
         if self.axis >= 0:
             half[self.axis] = self.reach_mm
-        return self.middle_mm + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        corners: Array = self.middle_mm + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        return corners
 
 
 def edges_of(target: TargetGeometry) -> tuple[Edge, ...]:
@@ -97,7 +99,7 @@ def _lines(target: TargetGeometry) -> Iterator[Edge]:
         for at, to_white, gap in ((start, -1.0, gaps[0]), (end, 1.0, gaps[1])):
             width = float(end - start)
             is_white, narrow = gap < width, float(min(gap, width))
-            if is_white or max(gaps) >= width and min(gaps) >= width:
+            if is_white or min(gaps) >= width:
                 middle = np.zeros(2)
                 middle[along], middle[1 - along] = at, (low[number] + high[number])[1 - along] / 2
                 half = float((high - low)[number, 1 - along]) / 2
@@ -118,6 +120,11 @@ class Pixels:
     moves: Array  # (N, K) of the distance in mm, by the numbers of the displacement
     bend_px: Array  # (N,) curvature of the edge, 1 / px; above 0: the ink is convex
     reach_px: float  # on either side
+
+    def within(self, rows: NDArray[np.bool_], reach_px: float) -> "Pixels":
+        """Some of them."""
+        arrays = {one.name: getattr(self, one.name)[rows] for one in fields(self) if one.name != "reach_px"}
+        return Pixels(**arrays, reach_px=reach_px)
 
 
 def pixels_of(image: Array, placed: Placed, edge: Edge) -> Pixels | None:
@@ -144,8 +151,7 @@ def pixels_of(image: Array, placed: Placed, edge: Edge) -> Pixels | None:
     pixel, place, distance_mm, normal = pixel[near], place[near], distance_mm[near], normal[near]
     # Rows of the Jacobian of the place by the pixel, by central differences of half a pixel: exact for all that is
     # quadratic there.
-    by_u = placed.design(pixel + [0.5, 0]) - placed.design(pixel - [0.5, 0])
-    by_v = placed.design(pixel + [0, 0.5]) - placed.design(pixel - [0, 0.5])
+    by_u, by_v = (placed.design(pixel + half) - placed.design(pixel - half) for half in 0.5 * np.eye(2))
     slope = np.column_stack([(by_u * normal).sum(axis=1), (by_v * normal).sum(axis=1)])
     mm_per_px = np.linalg.norm(slope, axis=1)
     distance_px = distance_mm / mm_per_px

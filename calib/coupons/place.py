@@ -25,7 +25,7 @@ PRINT_SIGMA = (0.02, 0.02, 0.02)
 STATED_FOCAL, GUESSED_FOCAL = 0.05, 0.35
 """Standard deviation of the focal length's logarithm: stated in the file (rounded, and a little crop), or guessed."""
 USUAL_FOCAL = 0.7
-"""Over the picture's diagonal: of a phone's main camera, 26-30 mm in terms of 35 mm film (43.3 mm across). Assumption."""
+"""Over the picture's diagonal: of a phone's main camera, 26-30 mm in terms of film (43.3 mm across). Assumption."""
 CENTRE_SIGMA = 0.006
 """Of the principal point, over the diagonal; an assumption, which a cropped photo breaks."""
 RADIAL_SIGMA = 0.03
@@ -154,9 +154,7 @@ class _Scan:
 _Picture = _Photo | _Scan
 
 
-def place(
-    target: TargetGeometry, sightings: Sequence[Sighting], lengths: Sequence[KnownLength] = ()
-) -> Placement:
+def place(target: TargetGeometry, sightings: Sequence[Sighting], lengths: Sequence[KnownLength] = ()) -> Placement:
     """Solve pictures of one print together: `place(target, [sighting])`.
 
     Args:
@@ -202,9 +200,10 @@ def _nearest(target: TargetGeometry, seen: Sighting, cameras: list[tuple[tuple[i
 def _first_similarity(place_mm: Array, seen: Sighting) -> Array:
     """Pixels from mm by least squares, a turn times the stated resolution, and a shift.  # (2, 3)"""
     per_mm = (seen.dpi or 0.0) / 25.4
-    left, _, right = np.linalg.svd((seen.center_px - seen.center_px.mean(axis=0)).T @ (place_mm - place_mm.mean(axis=0)))
+    middle_px, middle_mm = seen.center_px.mean(axis=0), place_mm.mean(axis=0)
+    left, _, right = np.linalg.svd((seen.center_px - middle_px).T @ (place_mm - middle_mm))
     turn = per_mm * left @ right
-    return np.column_stack([turn, seen.center_px.mean(axis=0) - turn @ place_mm.mean(axis=0)])
+    return np.column_stack([turn, middle_px - turn @ middle_mm])
 
 
 def _solved(
@@ -252,9 +251,7 @@ def _solved(
             for one, where in zip(pictures, placed(numbers), strict=True)
         ]
         share = [max(1 - 8 / (2 * len(one)), 0.2) for one in off]
-        jitter = [
-            max(math.sqrt((one**2).mean() / part), CENTRE_FLOOR_PX) for one, part in zip(off, share, strict=True)
-        ]
+        jitter = [max(math.sqrt((one**2).mean() / part), CENTRE_FLOOR_PX) for one, part in zip(off, share, strict=True)]
     covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:3, :3]
     rms = tuple(float(np.sqrt((one**2).sum(axis=1).mean())) for one in off)
     return Placement(tuple(placed(numbers)), numbers[:3], covariance, rms)

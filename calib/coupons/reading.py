@@ -13,20 +13,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.coupon.edges import Edge, Pixels, pixels_of
-from calib.coupon.place import Placed
-from calib.coupon.tone import COUNT, LEAST, MOST, PRIOR, PRIOR_SIGMA, Profile, Tone
+from calib.coupons.edges import LEAST_PIXELS, Edge, Pixels, pixels_of
+from calib.coupons.place import Placed
+from calib.coupons.tone import COUNT, LEAST, MOST, PRIOR, PRIOR_SIGMA, Profile, Tone
 
 Array = NDArray[np.float64]
 
 LEVELS = 6
 """Of an edge: white and ink, each with a gradient."""
-ROUNDS, FIRST_ROUNDS = 25, 4
-SETTLED = 1e-5
-"""Share of the sum of squares by which a step that ends the descent lowers it."""
+ROUNDS, FIRST_ROUNDS = 40, 12
+SETTLED = 0.02
+"""Of the sum of squares in units of the noise: a step that gains less is the last. The valley is long and flat."""
+MOST_DAMPING = 1e4
 LEAST_EDGES = 30
 FIRST_BLUR_PX = 1.3
 MOST_STEP_PX = 0.7
+MOST_NOISE = 4.0
+"""Of an edge, over the usual."""
 LEAST_BLUR_PX2, MOST_BLUR_PX2 = 0.05, 36.0
 LEAST_REACH = 1.8
 """In blurs: edges with less room to the next one tell their levels too badly to tell their place."""
@@ -42,7 +45,7 @@ STEPS = np.full(BLUR + COUNT, 1e-3)
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """What all edges share: the variance of the blur along u, v and across (px^2), how its logarithm grows, the tone."""
+    """What all edges share: variance of the blur along u, v and across (px^2), growth of its logarithm, the tone."""
 
     numbers: Array  # (10,)
 
@@ -132,23 +135,24 @@ def read_edges(image: Array, placed: Placed, edges: Sequence[Edge], full: float 
         return None
     for _ in range(FIRST_ROUNDS):
         guesses = [_own_step(one, shape, _levels(guesses, full)) for one in guesses]
-    shape, guesses = _descended(shape, guesses, full)
-    room = [one.pixels.reach_px > LEAST_REACH * float(np.median(shape.blur_at(one.pixels))) for one in guesses]
-    kept = [one for one, has_room in zip(guesses, room, strict=True) if has_room and not _is_astray(one)]
+    guesses = _sound(guesses, shape, full)
+    # Step by step: with tone and blur both unknown an edge far from its place is anything.
+    for free in (BLUR, BLUR + COUNT):
+        shape, guesses = _descended(shape, guesses, full, free)
+    # Ink that has grown leaves less room to the next edge than was drawn.
+    narrowed = [near for one in guesses if not _is_astray(one) and (near := _narrowed(one)) is not None]
+    kept = [one for one in narrowed if one.pixels.reach_px > LEAST_REACH * float(np.median(shape.blur_at(one.pixels)))]
     if len(kept) < LEAST_EDGES:
         return None
-    if len(kept) < len(guesses):
-        shape, kept = _descended(shape, kept, full)
+    shape, kept = _descended(shape, kept, full, BLUR + COUNT)
     return _told(shape, kept, len(edges) - len(kept), full)
 
 
 def _first(edge: Edge, pixels: Pixels) -> _Guess:
     """The levels at either end of the pixels' reach, and no displacement."""
-    far = 0.6 * pixels.reach_px
-    white = np.median(pixels.value[pixels.distance_px > far]) if (pixels.distance_px > far).any() else pixels.value.max()
-    ink = np.median(pixels.value[pixels.distance_px < -far]) if (pixels.distance_px < -far).any() else pixels.value.min()
-    own = np.zeros(LEVELS + pixels.moves.shape[1])
-    own[0], own[3] = white, ink
+    own, (low, high) = np.zeros(LEVELS + pixels.moves.shape[1]), np.quantile(pixels.distance_px, (0.2, 0.8))
+    own[0] = np.median(pixels.value[pixels.distance_px > high])
+    own[3] = np.median(pixels.value[pixels.distance_px < low])
     return _Guess(edge, pixels, own)
 
 
@@ -163,6 +167,22 @@ def _is_astray(one: _Guess) -> bool:
     """Whether an edge ended where its pixels do not reach."""
     moved_px = (one.pixels.moves @ one.own[LEVELS:]) * one.pixels.per_mm
     return not (np.isfinite(one.own).all() and np.abs(moved_px).max() < one.pixels.reach_px and one.own[0] > one.own[3])
+
+
+def _sound(guesses: Sequence[_Guess], shape: Shape, full: float) -> list[_Guess]:
+    """The edges that look like edges at all: one that does not would hold up all others."""
+    profiles = [(shape, shape.tone.profile(_levels(guesses, full)))]
+    noise = np.array([float(np.sqrt((_equations(one, profiles).left ** 2).mean())) for one in guesses])
+    is_sound = noise < MOST_NOISE * np.median(noise)
+    return [one for one, ok in zip(guesses, is_sound.tolist(), strict=True) if ok and not _is_astray(one)]
+
+
+def _narrowed(one: _Guess) -> _Guess | None:
+    """An edge with the pixels that are nearer to it, where it is, than to any other; None: too few."""
+    moved_px = (one.pixels.moves @ one.own[LEVELS:]) * one.pixels.per_mm
+    reach_px = one.pixels.reach_px - float(np.abs(moved_px).max())
+    pixels = one.pixels.within(np.abs(one.pixels.distance_px - moved_px) < reach_px, reach_px)
+    return None if len(pixels.value) < LEAST_PIXELS else replace(one, pixels=pixels)
 
 
 def _rise(one: _Guess, shape: Shape, profile: Profile) -> tuple[Array, Array, Array]:
@@ -207,9 +227,15 @@ def _moved(one: _Guess, step: Array) -> _Guess:
 
 
 def _own_step(one: _Guess, shape: Shape, levels: tuple[float, float]) -> _Guess:
-    """An edge's own numbers, once better, its shape as it is."""
-    found = _equations(one, [(shape, shape.tone.profile(levels))])
-    return _moved(one, _solve(found.by_own, found.left))
+    """An edge's own numbers, once better, its shape as it is; a step that leads up is halved."""
+    profiles = [(shape, shape.tone.profile(levels))]
+    found = _equations(one, profiles)
+    step, cost = _solve(found.by_own, found.left), float((found.left**2).sum())
+    for half in range(4):
+        trial = _moved(one, step / 2**half)
+        if not _is_astray(trial) and (_equations(trial, profiles).left ** 2).sum() < cost:
+            return trial
+    return one
 
 
 def _solve(design: Array, left: Array) -> Array:
@@ -221,37 +247,57 @@ def _solve(design: Array, left: Array) -> Array:
     return solution
 
 
-def _descended(shape: Shape, guesses: list[_Guess], full: float) -> tuple[Shape, list[_Guess]]:
-    """Levenberg-Marquardt of shared and own numbers together."""
-    damping, cost = 1e-3, math.inf
+def _descended(shape: Shape, guesses: list[_Guess], full: float, free: int) -> tuple[Shape, list[_Guess]]:
+    """Levenberg-Marquardt of the first of the shared numbers, and all own ones, together."""
+    damping = 1e-3
     for _ in range(ROUNDS):
         profiles = _profiles(shape, _levels(guesses, full))
         found = [_equations(one, profiles) for one in guesses]
         noise2 = _noise2(found)
-        cost = _cost(found, shape, noise2)
-        locals_ = [_solve(one.by_own, np.column_stack([one.left, one.by_shape])) for one in found]
-        normal, gradient = _prior(shape)
-        for one, own in zip(found, locals_, strict=True):
-            # What the edge's own numbers cannot take up.
-            rest = np.column_stack([one.left, one.by_shape]) - one.by_own @ own
-            normal += rest[:, 1:].T @ rest[:, 1:] / noise2
-            gradient += rest[:, 1:].T @ rest[:, 0] / noise2
+        cost, (normal, gradient, own) = _cost(found, shape, noise2), _reduced(found, shape, noise2)
         while True:
-            step = np.linalg.solve(normal + damping * np.diag(np.diagonal(normal)), gradient)
-            trial_shape = shape.stepped(step)
+            trial_shape = _stepped(shape, normal + damping * np.diag(np.diagonal(normal)), gradient, free)
             step = trial_shape.numbers - shape.numbers
-            trial = [_moved(one, own[:, 0] - own[:, 1:] @ step) for one, own in zip(guesses, locals_, strict=True)]
+            trial = [_moved(one, by[:, 0] - by[:, 1:] @ step) for one, by in zip(guesses, own, strict=True)]
             profile = [(trial_shape, trial_shape.tone.profile(_levels(trial, full)))]
             trial_cost = _cost([_equations(one, profile) for one in trial], trial_shape, noise2)
-            if trial_cost < cost or damping > 1e4:
+            if trial_cost < cost or damping > MOST_DAMPING:
                 break
             damping *= 8
-        is_settled = trial_cost > cost * (1 - SETTLED)
         if trial_cost < cost:
             shape, guesses, damping = trial_shape, trial, max(damping / 8, 1e-6)
-        if is_settled:
+        if trial_cost > cost - SETTLED:
             break
     return shape, guesses
+
+
+def _reduced(found: Sequence[_Equations], shape: Shape, noise2: float) -> tuple[Array, Array, list[Array]]:
+    """The equations of the shared numbers once each edge's own are eliminated, and what these are by the shared ones.
+
+    Returns:
+        Normal matrix, gradient, and of each edge its own step and its derivatives (6 + K, 1 + 10).
+    """
+    normal, gradient = _prior(shape)
+    own = [_solve(one.by_own, np.column_stack([one.left, one.by_shape])) for one in found]
+    for one, by in zip(found, own, strict=True):
+        rest = np.column_stack([one.left, one.by_shape]) - one.by_own @ by
+        normal += rest[:, 1:].T @ rest[:, 1:] / noise2
+        gradient += rest[:, 1:].T @ rest[:, 0] / noise2
+    return normal, gradient, own
+
+
+def _stepped(shape: Shape, normal: Array, gradient: Array, free: int) -> Shape:
+    """The shape after a step; a number that would leave its limits stays at them, and the others take that up."""
+    is_free = np.arange(len(gradient)) < free
+    for _ in range(len(gradient)):
+        step = np.zeros(len(gradient))
+        step[is_free] = np.linalg.solve(normal[np.ix_(is_free, is_free)], gradient[is_free])
+        trial = shape.stepped(step)
+        is_held = (np.abs(trial.numbers - shape.numbers) < 1e-3 * np.abs(step)) & is_free
+        if not is_held.any():
+            break
+        is_free &= ~is_held
+    return trial
 
 
 def _prior(shape: Shape) -> tuple[Array, Array]:
@@ -267,7 +313,8 @@ def _noise2(found: Sequence[_Equations]) -> float:
 
 
 def _cost(found: Sequence[_Equations], shape: Shape, noise2: float) -> float:
-    return float(sum((one.left**2).sum() for one in found) / noise2 + (((shape.numbers[BLUR:] - PRIOR) / PRIOR_SIGMA) ** 2).sum())
+    off_prior = (shape.numbers[BLUR:] - PRIOR) / PRIOR_SIGMA
+    return float(sum((one.left**2).sum() for one in found) / noise2 + (off_prior**2).sum())
 
 
 def _told(shape: Shape, guesses: Sequence[_Guess], left_out: int, full: float) -> Reading:
@@ -279,14 +326,12 @@ def _told(shape: Shape, guesses: Sequence[_Guess], left_out: int, full: float) -
     for guess, one in zip(guesses, found, strict=True):
         own = _solve(one.by_own, one.by_shape)
         rests.append((one.by_shape - one.by_own @ own) / one.contrast[:, None])
-        covariance = noise2 * np.linalg.pinv(one.by_own.T @ one.by_own)[LEVELS:, LEVELS:]
+        covariance = np.asarray(noise2 * np.linalg.pinv(one.by_own.T @ one.by_own), np.float64)[LEVELS:, LEVELS:]
         fits.append(EdgeFit(guess.edge, guess.own[LEVELS:], covariance, -own[LEVELS:]))
     information, misfit = _information(guesses, found, rests, shape, noise2)
-    return Reading(
-        tuple(fits), shape, np.linalg.inv(information + _prior(shape)[0]),
-        float(np.median([np.median(one.pixels.per_mm) for one in guesses])), math.sqrt(noise2), misfit, levels,
-        left_out,
-    )  # fmt: skip
+    shape_covariance = np.asarray(np.linalg.inv(information + _prior(shape)[0]), np.float64)
+    per_mm = float(np.median([np.median(one.pixels.per_mm) for one in guesses]))
+    return Reading(tuple(fits), shape, shape_covariance, per_mm, math.sqrt(noise2), misfit, levels, left_out)
 
 
 def _information(

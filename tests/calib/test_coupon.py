@@ -1,0 +1,157 @@
+"""Photos of a coupon tell the print that they show, and those that tell nothing say why."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.special import ndtri
+
+import calib
+import designer
+from calib.as_built.deviations import Estimate
+from calib.coupons.edges import edges_of
+from calib.coupons.result import MadeWith, next_of
+from calib.coupons.tone import Tone
+from calib.records.coupon import COUPON
+from designer.base.errors import InputError
+from designer.kinds.coupon import COUPON as SPEC
+from tests.support.coupon_photos import Printed, Taken, coupon_photo, scan_of
+
+PRINT = Printed((0.12, 0.05), (0.03, 0.03), (0.004, 0.001, 0.002))
+SQUARE = Taken(size=(1200, 1000), focal_px=1050, distance_mm=75, tilt_rad=0.03, sharpening=0.4, jpeg=95, light=0.75)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A photo and a scan of one print."""
+    folder, rng = tmp_path_factory.mktemp("coupon"), np.random.default_rng(5)
+    cv2.imwrite(str(folder / "photo.png"), coupon_photo(PRINT, SQUARE, rng))
+    cv2.imwrite(str(folder / "scan.png"), coupon_photo(PRINT, scan_of(300), rng))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def scanned(folder: Path) -> calib.CouponResult:
+    """What the scan tells."""
+    return calib.coupon(folder / "scan.png", dpi=300)
+
+
+@pytest.fixture(scope="module")
+def photographed(folder: Path) -> calib.CouponResult:
+    """What the photo tells, with two lengths of a caliper."""
+    shape = PRINT.print_from_design
+    lengths = (
+        f"ring 0 to ring {to}:{np.linalg.norm(shape @ way):.4f}mm+-0.01mm"
+        for to, way in ((4, [4 * SPEC.pitch_mm, 0]), (20, [0, 4 * SPEC.pitch_mm]))
+    )
+    return calib.coupon(folder / "photo.png", lengths=lengths)
+
+
+@pytest.mark.parametrize("way", ["scanned", "photographed"])
+def test_the_print_is_found(way: str, request: pytest.FixtureRequest) -> None:
+    """Bleed by axis and colour, size, axes and skew are what was drawn, within three stated sigmas and the goals."""
+    found = request.getfixturevalue(way).record.found
+    expected = [
+        (found.bleed_mm, 0.085, 0.01), (found.black_mm["x"], 0.12, 0.01), (found.black_mm["y"], 0.05, 0.01),
+        (found.white_mm["x"], 0.15, 0.01), (found.white_mm["y"], 0.08, 0.01), (found.y_beyond_x_mm, -0.07, 0.003),
+        (found.white_beyond_black_mm, 0.03, 0.003), (found.whole.size, 0.0025, 0.0015),
+        (found.whole.axes["x"], 0.0015, 0.0008), (found.whole.skews_rad["xy"], -0.004, np.radians(0.05)),
+    ]  # fmt: skip
+    for one, truth, goal in expected:
+        assert one.value == pytest.approx(truth, abs=goal)
+        assert abs(one.value - truth) < 3 * one.sigma
+    for width in found.widths:
+        sign, more = (-1, 0.03) if width.feature == "white line" else (1, 0.0)
+        bleeds = (0.12 + more, 0.05 + more)
+        for printed, bleed in zip(width.printed_mm, bleeds, strict=True):
+            assert printed.value == pytest.approx(width.designed_mm + 2 * sign * bleed, abs=0.02)
+
+
+def test_what_is_told_takes_it_back(scanned: calib.CouponResult, tmp_path: Path) -> None:
+    """The printer's file holds what was found, options of a design replace it, and a sheet has none of it."""
+    told = scanned.record.next_print
+    assert told.ink_offset_mm == pytest.approx(-0.085, abs=0.01)
+    path = scanned.save_printer(tmp_path / "mine.toml", "prusa-xl")
+    made = designer.board(size_mm=(80, 80), printer=str(path)).design.job.printing
+    assert made.ink_offset_mm == told.ink_offset_mm
+    assert made.skew_compensation_rad == pytest.approx(told.skew_rad)
+    assert made.printer.bed_mm == (360, 360, 360)
+    assert designer.board(size_mm=(80, 80), printer=str(path), ink_offset="0mm").design.job.printing.ink_offset_mm == 0
+    assert designer.board(size_mm=(80, 80), printer=str(path), build="sheet").design.job.printing.ink_offset_mm == 0
+    again = scanned.save_printer(tmp_path / "again.toml", str(path))
+    assert again.read_text().count("ink_offset") == 1
+
+
+def test_what_a_coupon_was_printed_with_counts(scanned: calib.CouponResult) -> None:
+    """The next print has the offset of this one and what takes back what is left; noise changes nothing."""
+    found, first = scanned.record.found, scanned.record.next_print
+    assert next_of(found, MadeWith(0.05)).ink_offset_mm == pytest.approx(first.ink_offset_mm + 0.05, abs=0.0051)
+    noise = replace(found, bleed_mm=Estimate(0.01, 0.005))
+    assert next_of(noise, MadeWith(0.05)).ink_offset_mm == 0.05
+
+
+def test_results_are_read_back(scanned: calib.CouponResult, tmp_path: Path) -> None:
+    """The file is the result."""
+    (path,) = scanned.save(tmp_path)
+    assert COUPON.text(COUPON.read(path)) == COUPON.text(scanned.record)
+
+
+def test_edges_are_all_of_the_drawing() -> None:
+    """Circles of all rings and dots, and both edges of each line, each with as much room as the next edge leaves."""
+    edges = edges_of(SPEC.lay_out())
+    rings, dots, lines = 22, 3, 2 * 5 * 4
+    assert len(edges) == 2 * rings + dots + 2 * lines
+    assert all(edge.reach_mm <= edge.width_mm / 2 + 1e-9 for edge in edges)
+
+
+@pytest.mark.parametrize("disc", [0.0, 0.3, 0.9])
+def test_a_linear_file_has_a_symmetric_edge(disc: float) -> None:
+    """Without a tone curve the profile is odd about its middle, and goes from 0 to 1."""
+    profile = Tone(disc, 0.0, 0.0, 0.5, 0.3).profile((0.1, 0.8))
+    x = np.linspace(0, 6, 50)
+    assert profile.at(x) + profile.at(-x) == pytest.approx(np.ones(50), abs=1e-6)
+    assert profile.at(np.array([-8.5, 8.5])) == pytest.approx([0, 1], abs=1e-3)
+
+
+def test_a_power_moves_the_middle_into_the_ink() -> None:
+    """By nearly half a blur at 2.2, as its equation says."""
+    profile = Tone(0.0, np.log(2.2), 0.0, 0.0, 0.3).profile((0.04 ** (1 / 2.2), 0.85 ** (1 / 2.2)))
+    x = np.linspace(-2, 2, 4001)
+    middle = x[np.abs(profile.at(x) - 0.5).argmin()]
+    light = ((0.04 ** (1 / 2.2) + 0.85 ** (1 / 2.2)) / 2) ** 2.2
+    assert middle == pytest.approx(ndtri((light - 0.04) / 0.81), abs=2e-3)
+
+
+BAD = {
+    "overexposed": (Taken(size=(800, 700), focal_px=700, distance_mm=75, light=2.5), "overexposed"),
+    "blurred": (Taken(size=(800, 700), focal_px=700, distance_mm=75, blur_px=5.0), "blurred|too far|rings were found"),
+    "too far": (Taken(size=(800, 700), focal_px=700, distance_mm=400), "come nearer|too far|rings were found"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_photos_say_what_is_wrong(name: str, tmp_path: Path) -> None:
+    """One line with what was seen and what to do."""
+    taken, said = BAD[name]
+    cv2.imwrite(str(tmp_path / "bad.png"), coupon_photo(PRINT, taken, np.random.default_rng(1)))
+    with pytest.raises(InputError) as error:
+        calib.coupon(tmp_path / "bad.png")
+    assert re.search(said, str(error.value))
+    assert "bad.png" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_wrong_resolutions_and_targets_are_refused(folder: Path) -> None:
+    """A scan of another resolution, a photo taken for a scan, a target that is no coupon, a length it has not."""
+    with pytest.raises(InputError, match=r"scanned at 30\d dpi"):
+        calib.coupon(folder / "scan.png", dpi=600)
+    with pytest.raises(InputError, match="states no resolution"):
+        calib.coupon(folder / "scan.png", dpi="file")
+    board = designer.board(size_mm=(60, 60)).geometry
+    with pytest.raises(InputError, match="design coupon"):
+        calib.coupon(folder / "scan.png", target=board)
+    with pytest.raises(InputError, match="edge"):
+        calib.coupon(folder / "scan.png", lengths="edge:60mm")
