@@ -31,7 +31,7 @@ MOST_STEP_PX = 0.7
 MOST_NOISE = 4.0
 """Of an edge, over the usual."""
 LEAST_BLUR_PX2, MOST_BLUR_PX2 = 0.05, 36.0
-LEAST_REACH = 1.8
+LEAST_REACH = 2.5
 """In blurs: edges with less room to the next one tell their levels too badly to tell their place."""
 CELL_PX, DIRECTIONS = 0.25, 6
 MODEL_SHARE = 0.002
@@ -140,6 +140,7 @@ def read_edges(image: Array, placed: Placed, edges: Sequence[Edge], full: float 
     for free in (BLUR, BLUR + COUNT):
         shape, guesses = _descended(shape, guesses, full, free)
     # Ink that has grown leaves less room to the next edge than was drawn.
+    guesses = _again_from_rings(guesses)
     narrowed = [near for one in guesses if not _is_astray(one) and (near := _narrowed(one)) is not None]
     kept = [one for one in narrowed if one.pixels.reach_px > LEAST_REACH * float(np.median(shape.blur_at(one.pixels)))]
     if len(kept) < LEAST_EDGES:
@@ -175,6 +176,18 @@ def _sound(guesses: Sequence[_Guess], shape: Shape, full: float) -> list[_Guess]
     noise = np.array([float(np.sqrt((_equations(one, profiles).left ** 2).mean())) for one in guesses])
     is_sound = noise < MOST_NOISE * np.median(noise)
     return [one for one, ok in zip(guesses, is_sound.tolist(), strict=True) if ok and not _is_astray(one)]
+
+
+def _again_from_rings(guesses: Sequence[_Guess]) -> list[_Guess]:
+    """Lines moved by what rings tell: next to a narrow gap a line's edge may have settled on the one across it."""
+    rings = [one.own[LEVELS : LEVELS + 2] for one in guesses if one.edge.axis < 0]
+    if not rings:
+        return list(guesses)
+    usual = np.median(rings, axis=0)
+    return [
+        one if one.edge.axis < 0 else replace(one, own=np.append(one.own[:LEVELS], usual[one.edge.axis]))
+        for one in guesses
+    ]
 
 
 def _narrowed(one: _Guess) -> _Guess | None:
