@@ -17,9 +17,9 @@ from calib.as_built.lengths import CaliperLength, asked_length
 from calib.core.files import write_files
 from calib.core.types import Detections
 from calib.coupons.edges import edges_of
-from calib.coupons.place import KnownLength, Placement, Sighting, place
+from calib.coupons.place import KnownLength, PlacedPictures, Sighting, place
 from calib.coupons.reading import Reading, read_edges
-from calib.coupons.result import MadeWith, found_in, next_of
+from calib.coupons.result import CouponMadeWith, found_in, next_of
 from calib.observe.image_headers import exif_focal_px
 from calib.observe.images import Grey, read_image, stated_dpi
 from calib.observe.photos import PhotoFile, named_photos
@@ -128,7 +128,7 @@ def coupon(
     """
     geometry = _coupon_target(target)
     asked = [asked_length("--length", one, geometry) for one in _listed(lengths)]
-    made_with = MadeWith(
+    made_with = CouponMadeWith(
         number("--ink-offset", ink_offset_mm), Compensation(shrink_compensation_percent, skew_compensation_rad)
     )
     found = photos_of(photos)
@@ -249,7 +249,7 @@ def _wrong_resolution(photo: PhotoFile, seen: Sighting, target: TargetGeometry) 
 
 def _read_all(
     target: TargetGeometry, used: list[_Looked], lengths: list[KnownLength]
-) -> tuple[Placement, list[_Looked]]:
+) -> tuple[PlacedPictures, list[_Looked]]:
     """Place all pictures, read their edges, and place again without those that cannot be read."""
     edges = edges_of(target)
     placement = _placed(target, used, lengths)
@@ -264,7 +264,7 @@ def _read_all(
     return (placement if len(left) == len(used) or not left else _placed(target, left, lengths)), left
 
 
-def _placed(target: TargetGeometry, used: list[_Looked], lengths: list[KnownLength]) -> Placement:
+def _placed(target: TargetGeometry, used: list[_Looked], lengths: list[KnownLength]) -> PlacedPictures:
     return place(target, [one.sighting for one in used if one.sighting is not None], lengths)
 
 
@@ -309,7 +309,7 @@ def _check_bleed(bleed_mm: float) -> None:
         )
 
 
-def _picture(one: _Looked, placement: Placement, used: list[_Looked]) -> ReadPicture:
+def _picture(one: _Looked, placement: PlacedPictures, used: list[_Looked]) -> ReadPicture:
     """What is kept of a picture."""
     rings = 0 if one.seen is None else len(one.seen.ring)
     is_scan = one.sighting is not None and one.sighting.dpi is not None

@@ -89,7 +89,7 @@ class Placed:
 
 
 @dataclass(frozen=True, eq=False)
-class Placement:
+class PlacedPictures:
     """All pictures, solved together."""
 
     placed: tuple[Placed, ...]
@@ -154,7 +154,7 @@ class _Scan:
 _Picture = _Photo | _Scan
 
 
-def place(target: TargetGeometry, sightings: Sequence[Sighting], lengths: Sequence[KnownLength] = ()) -> Placement:
+def place(target: TargetGeometry, sightings: Sequence[Sighting], lengths: Sequence[KnownLength] = ()) -> PlacedPictures:
     """Solve pictures of one print together: `place(target, [sighting])`.
 
     Args:
@@ -212,7 +212,7 @@ def _solved(
     cameras: Sequence[tuple[tuple[int, int], float | None]],
     lengths: Sequence[KnownLength],
     start: Array,
-) -> Placement:
+) -> PlacedPictures:
     """Least squares with priors; rings are given as much error of their own as their residuals show."""
     from scipy.optimize import least_squares
 
@@ -254,7 +254,7 @@ def _solved(
         jitter = [max(math.sqrt((one**2).mean() / part), CENTRE_FLOOR_PX) for one, part in zip(off, share, strict=True)]
     covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:3, :3]
     rms = tuple(float(np.sqrt((one**2).sum(axis=1).mean())) for one in off)
-    return Placement(tuple(placed(numbers)), numbers[:3], covariance, rms)
+    return PlacedPictures(tuple(placed(numbers)), numbers[:3], covariance, rms)
 
 
 def _weights(cov_px2: Array, jitter_px: float) -> Array:

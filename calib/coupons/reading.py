@@ -44,7 +44,7 @@ STEPS = np.full(BLUR + COUNT, 1e-3)
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class EdgeShape:
     """What all edges share: variance of the blur along u, v and across (px^2), growth of its logarithm, the tone."""
 
     numbers: Array  # (10,)
@@ -67,13 +67,13 @@ class Shape:
         blur: Array = np.sqrt(np.maximum(square, LEAST_BLUR_PX2)) * growth
         return blur
 
-    def stepped(self, step: Array) -> "Shape":
+    def stepped(self, step: Array) -> "EdgeShape":
         """Moved, within what any picture has."""
         numbers = self.numbers + step
         numbers[:2] = np.clip(numbers[:2], LEAST_BLUR_PX2, MOST_BLUR_PX2)
         numbers[3:5] = np.clip(numbers[3:5], -0.5, 0.5)
         numbers[BLUR:] = np.clip(numbers[BLUR:], LEAST, MOST)
-        return Shape(numbers)
+        return EdgeShape(numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ class Reading:
     """What one picture shows of the edges."""
 
     fits: tuple[EdgeFit, ...]
-    shape: Shape
+    shape: EdgeShape
     shape_covariance: Array  # (10, 10)
     px_per_mm: float
     noise: float  # grey levels
@@ -110,7 +110,7 @@ class _Guess:
 
 
 @dataclass(frozen=True, eq=False)
-class _Equations:
+class _EdgeEquations:
     """The linearised model at an edge's pixels."""
 
     by_own: Array  # (N, 6 + K)
@@ -129,7 +129,7 @@ def read_edges(image: Array, placed: Placed, edges: Sequence[Edge], full: float 
         edges: of the design.
         full: the largest grey level that the file can hold.
     """
-    shape = Shape(np.array([FIRST_BLUR_PX**2, FIRST_BLUR_PX**2, 0, 0, 0, *PRIOR]))
+    shape = EdgeShape(np.array([FIRST_BLUR_PX**2, FIRST_BLUR_PX**2, 0, 0, 0, *PRIOR]))
     guesses = [_first(edge, p) for edge in edges if (p := pixels_of(image, placed, edge)) is not None]
     if len(guesses) < LEAST_EDGES:
         return None
@@ -170,7 +170,7 @@ def _is_astray(one: _Guess) -> bool:
     return not (np.isfinite(one.own).all() and np.abs(moved_px).max() < one.pixels.reach_px and one.own[0] > one.own[3])
 
 
-def _sound(guesses: Sequence[_Guess], shape: Shape, full: float) -> list[_Guess]:
+def _sound(guesses: Sequence[_Guess], shape: EdgeShape, full: float) -> list[_Guess]:
     """The edges that look like edges at all: one that does not would hold up all others."""
     profiles = [(shape, shape.tone.profile(_levels(guesses, full)))]
     noise = np.array([float(np.sqrt((_equations(one, profiles).left ** 2).mean())) for one in guesses])
@@ -198,7 +198,7 @@ def _narrowed(one: _Guess) -> _Guess | None:
     return None if len(pixels.value) < LEAST_PIXELS else replace(one, pixels=pixels)
 
 
-def _rise(one: _Guess, shape: Shape, profile: Profile) -> tuple[Array, Array, Array]:
+def _rise(one: _Guess, shape: EdgeShape, profile: Profile) -> tuple[Array, Array, Array]:
     """The profile at an edge's pixels, its slope by px, and the distances (px) from the edge."""
     pixels, blur = one.pixels, shape.blur_at(one.pixels)
     # A blurred disc is brighter at its rim than half: see `calib.detector.ring_model`.
@@ -208,7 +208,7 @@ def _rise(one: _Guess, shape: Shape, profile: Profile) -> tuple[Array, Array, Ar
     return profile.at(in_blurs), profile.slope(in_blurs) / blur, distance
 
 
-def _equations(one: _Guess, profiles: Sequence[tuple[Shape, Profile]]) -> _Equations:
+def _equations(one: _Guess, profiles: Sequence[tuple[EdgeShape, Profile]]) -> _EdgeEquations:
     """The model at a shape, and by differences how it changes with each of the shared numbers.
 
     Args:
@@ -223,12 +223,12 @@ def _equations(one: _Guess, profiles: Sequence[tuple[Shape, Profile]]) -> _Equat
     by_shape = np.empty((len(rise), len(profiles) - 1))
     for k, stepped in enumerate(profiles[1:]):
         by_shape[:, k] = (white - ink) * (_rise(one, *stepped)[0] - rise) / STEPS[k]
-    return _Equations(by_own, by_shape, pixels.value - ink - (white - ink) * rise, distance, white - ink)
+    return _EdgeEquations(by_own, by_shape, pixels.value - ink - (white - ink) * rise, distance, white - ink)
 
 
-def _profiles(shape: Shape, levels: tuple[float, float]) -> list[tuple[Shape, Profile]]:
+def _profiles(shape: EdgeShape, levels: tuple[float, float]) -> list[tuple[EdgeShape, Profile]]:
     """The profile of a shape, and of those a step away."""
-    shapes = [shape, *(Shape(shape.numbers + step) for step in np.diag(STEPS))]
+    shapes = [shape, *(EdgeShape(shape.numbers + step) for step in np.diag(STEPS))]
     return [(one, one.tone.profile(levels)) for one in shapes]
 
 
@@ -239,7 +239,7 @@ def _moved(one: _Guess, step: Array) -> _Guess:
     return replace(one, own=one.own + clipped)
 
 
-def _own_step(one: _Guess, shape: Shape, levels: tuple[float, float]) -> _Guess:
+def _own_step(one: _Guess, shape: EdgeShape, levels: tuple[float, float]) -> _Guess:
     """An edge's own numbers, once better, its shape as it is; a step that leads up is halved."""
     profiles = [(shape, shape.tone.profile(levels))]
     found = _equations(one, profiles)
@@ -260,7 +260,7 @@ def _solve(design: Array, left: Array) -> Array:
     return solution
 
 
-def _descended(shape: Shape, guesses: list[_Guess], full: float, free: int) -> tuple[Shape, list[_Guess]]:
+def _descended(shape: EdgeShape, guesses: list[_Guess], full: float, free: int) -> tuple[EdgeShape, list[_Guess]]:
     """Levenberg-Marquardt of the first of the shared numbers, and all own ones, together."""
     damping = 1e-3
     for _ in range(ROUNDS):
@@ -284,7 +284,7 @@ def _descended(shape: Shape, guesses: list[_Guess], full: float, free: int) -> t
     return shape, guesses
 
 
-def _reduced(found: Sequence[_Equations], shape: Shape, noise2: float) -> tuple[Array, Array, list[Array]]:
+def _reduced(found: Sequence[_EdgeEquations], shape: EdgeShape, noise2: float) -> tuple[Array, Array, list[Array]]:
     """The equations of the shared numbers once each edge's own are eliminated, and what these are by the shared ones.
 
     Returns:
@@ -299,7 +299,7 @@ def _reduced(found: Sequence[_Equations], shape: Shape, noise2: float) -> tuple[
     return normal, gradient, own
 
 
-def _stepped(shape: Shape, normal: Array, gradient: Array, free: int) -> Shape:
+def _stepped(shape: EdgeShape, normal: Array, gradient: Array, free: int) -> EdgeShape:
     """The shape after a step; a number that would leave its limits stays at them, and the others take that up."""
     is_free = np.arange(len(gradient)) < free
     for _ in range(len(gradient)):
@@ -313,24 +313,24 @@ def _stepped(shape: Shape, normal: Array, gradient: Array, free: int) -> Shape:
     return trial
 
 
-def _prior(shape: Shape) -> tuple[Array, Array]:
+def _prior(shape: EdgeShape) -> tuple[Array, Array]:
     """Normal matrix and gradient of what is known of the tone beforehand."""
     weight = np.concatenate([np.full(BLUR, 1e-6), PRIOR_SIGMA**-2])
     gradient = np.concatenate([np.zeros(BLUR), (PRIOR - shape.numbers[BLUR:]) / PRIOR_SIGMA**2])
     return np.diag(weight), gradient
 
 
-def _noise2(found: Sequence[_Equations]) -> float:
+def _noise2(found: Sequence[_EdgeEquations]) -> float:
     """Variance of the residuals."""
     return float(sum((one.left**2).sum() for one in found) / sum(len(one.left) for one in found))
 
 
-def _cost(found: Sequence[_Equations], shape: Shape, noise2: float) -> float:
+def _cost(found: Sequence[_EdgeEquations], shape: EdgeShape, noise2: float) -> float:
     off_prior = (shape.numbers[BLUR:] - PRIOR) / PRIOR_SIGMA
     return float(sum((one.left**2).sum() for one in found) / noise2 + (off_prior**2).sum())
 
 
-def _told(shape: Shape, guesses: Sequence[_Guess], left_out: int, full: float) -> Reading:
+def _told(shape: EdgeShape, guesses: Sequence[_Guess], left_out: int, full: float) -> Reading:
     """The solution with its covariances."""
     levels = _levels(guesses, full)
     profiles = _profiles(shape, levels)
@@ -348,7 +348,7 @@ def _told(shape: Shape, guesses: Sequence[_Guess], left_out: int, full: float) -
 
 
 def _information(
-    guesses: Sequence[_Guess], found: Sequence[_Equations], rests: Sequence[Array], shape: Shape, noise2: float
+    guesses: Sequence[_Guess], found: Sequence[_EdgeEquations], rests: Sequence[Array], shape: EdgeShape, noise2: float
 ) -> tuple[Array, float]:
     """What means of alike pixels tell of the shape: noise averages away in them, what is wrong with the model does not.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calib.as_built.deviations import Compensation, Estimate, WholePrint, bed_axes, next_shrink_percent, next_skew_rad
 from calib.coupons.edges import Feature
-from calib.coupons.place import Placement
+from calib.coupons.place import PlacedPictures
 from calib.coupons.reading import BLUR, EdgeFit, Reading
 from calib.coupons.tone import COUNT
 from designer.base.marks import INLINE, Key, Number, Word
@@ -41,7 +41,7 @@ class Width:
 
 
 @dataclass(frozen=True)
-class Found:
+class PrinterFaults:
     """What was found, along the bed's axes."""
 
     bleed_mm: Estimate  # black into white, of both axes: what the ink offset takes back
@@ -57,7 +57,7 @@ NOTHING = Compensation()
 
 
 @dataclass(frozen=True)
-class MadeWith:
+class CouponMadeWith:
     """What a coupon was printed with."""
 
     ink_offset_mm: Annotated[Number, Key("made_with_ink_offset_mm")] = 0.0
@@ -73,7 +73,9 @@ class NextPrint:
     skew_rad: Skew
 
 
-def found_in(target: TargetGeometry, placement: Placement, readings: Sequence[Reading], *, size_known: bool) -> Found:
+def found_in(
+    target: TargetGeometry, placement: PlacedPictures, readings: Sequence[Reading], *, size_known: bool
+) -> PrinterFaults:
     """All that pictures of one print tell together.
 
     Args:
@@ -88,7 +90,7 @@ def found_in(target: TargetGeometry, placement: Placement, readings: Sequence[Re
         return {name: _of_all(readings, rows, features, axis) for axis, name in enumerate(AXES)}
 
     black, white, lines = mean(COLOURS["black"]), mean(COLOURS["white"]), mean(("black line",))
-    return Found(
+    return PrinterFaults(
         _halfway(*black.values()).estimate, {name: one.estimate for name, one in black.items()},
         {name: one.estimate for name, one in white.items()}, black["y"].beyond(black["x"]),
         _halfway(*white.values()).beyond(_halfway(*lines.values())), tuple(_widths(readings, rows)),
@@ -203,7 +205,7 @@ def _widths(readings: Sequence[Reading], rows: Sequence[Sequence[_Row]]) -> Iter
             yield Width(feature, designed, (both[0], both[1]))
 
 
-def whole_of(target: TargetGeometry, placement: Placement, *, size_known: bool) -> WholePrint:
+def whole_of(target: TargetGeometry, placement: PlacedPictures, *, size_known: bool) -> WholePrint:
     """Size, stretch and skew along the bed's axes, as `design` lays a target on the bed."""
     turn = bed_axes(target)[:2, :2]
 
@@ -222,7 +224,7 @@ def whole_of(target: TargetGeometry, placement: Placement, *, size_known: bool) 
     )
 
 
-def next_of(found: Found, made_with: MadeWith) -> NextPrint:
+def next_of(found: PrinterFaults, made_with: CouponMadeWith) -> NextPrint:
     """What takes back what was found, beyond what the coupon was printed with; what is no more than noise stays."""
     offset, bleed = made_with.ink_offset_mm, found.bleed_mm
     if bleed.is_significant and abs(bleed.value) >= LEAST_OFFSET_MM:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
-from calib.coupons.result import Found, MadeWith, NextPrint
+from calib.coupons.result import CouponMadeWith, NextPrint, PrinterFaults
 from designer.base.file_kind import FileKind
 from designer.base.marks import Count, FewLines, Gap, Length, Line, Word
 
@@ -37,8 +37,8 @@ class CouponRecord:
     program: Word
     settings: Annotated[Mapping[Word, Line], Length(0, 100)]
     pictures: Annotated[tuple[ReadPicture, ...], Length(1, MOST_PICTURES)]
-    found: Found
-    made_with: MadeWith
+    found: PrinterFaults
+    made_with: CouponMadeWith
     next_print: NextPrint
     remarks: FewLines
 

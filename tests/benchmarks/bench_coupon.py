@@ -18,9 +18,9 @@ from dataclasses import replace
 import numpy as np
 
 from calib.coupons.edges import edges_of
-from calib.coupons.place import KnownLength, Placement, Sighting, place
+from calib.coupons.place import KnownLength, PlacedPictures, Sighting, place
 from calib.coupons.reading import read_edges
-from calib.coupons.result import Found, found_in
+from calib.coupons.result import PrinterFaults, found_in
 from calib.detector.pipeline import detect
 from designer.kinds.coupon import COUPON
 from tests.support.coupon_photos import Printed, Taken, coupon_photo, scan_of
@@ -99,7 +99,9 @@ def sighting(image: np.ndarray, taken: Taken) -> Sighting:
     )
 
 
-def looked(pictures: list[tuple[np.ndarray, Taken]], lengths: list[KnownLength]) -> tuple[Placement, Found]:
+def looked(
+    pictures: list[tuple[np.ndarray, Taken]], lengths: list[KnownLength]
+) -> tuple[PlacedPictures, PrinterFaults]:
     """What they tell."""
     placement = place(TARGET, [sighting(image, taken) for image, taken in pictures], lengths)
     edges = edges_of(TARGET)

@@ -13,7 +13,7 @@ import calib
 import designer
 from calib.as_built.deviations import Estimate
 from calib.coupons.edges import edges_of
-from calib.coupons.result import MadeWith, next_of
+from calib.coupons.result import CouponMadeWith, next_of
 from calib.coupons.tone import Tone
 from calib.records.coupon import COUPON
 from designer.base.errors import InputError
@@ -88,9 +88,9 @@ def test_what_is_told_takes_it_back(scanned: calib.CouponResult, tmp_path: Path)
 def test_what_a_coupon_was_printed_with_counts(scanned: calib.CouponResult) -> None:
     """The next print has the offset of this one and what takes back what is left; noise changes nothing."""
     found, first = scanned.record.found, scanned.record.next_print
-    assert next_of(found, MadeWith(0.05)).ink_offset_mm == pytest.approx(first.ink_offset_mm + 0.05, abs=0.0051)
+    assert next_of(found, CouponMadeWith(0.05)).ink_offset_mm == pytest.approx(first.ink_offset_mm + 0.05, abs=0.0051)
     noise = replace(found, bleed_mm=Estimate(0.01, 0.005))
-    assert next_of(noise, MadeWith(0.05)).ink_offset_mm == 0.05
+    assert next_of(noise, CouponMadeWith(0.05)).ink_offset_mm == 0.05
 
 
 def test_results_are_read_back(scanned: calib.CouponResult, tmp_path: Path) -> None:

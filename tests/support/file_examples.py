@@ -12,8 +12,7 @@ from calib.as_built.lengths import FittedLength
 from calib.as_built.seats import Seat, SeatLimits, Seats
 from calib.cameras.camera import Camera, CameraDocument, LearnedMap
 from calib.core.types import FaceRecord
-from calib.coupons.result import Found, NextPrint, Width
-from calib.coupons.result import MadeWith as CouponMadeWith
+from calib.coupons.result import CouponMadeWith, NextPrint, PrinterFaults, Width
 from calib.metrics.errors import ErrorSummary
 from calib.observe.records import ImageRecord, Records
 from calib.observe.target_poses import PhotoWithoutPose, PosesDocument, TargetPose
@@ -210,7 +209,7 @@ def _poses() -> PosesDocument:
 def _coupon() -> CouponRecord:
     """One photo of two could be used; its size is not known."""
     known = Estimate(0.08, 0.005)
-    found = Found(
+    found = PrinterFaults(
         known, {"x": Estimate(0.1, 0.005), "y": Estimate(0.06, 0.005)}, {"x": known, "y": Estimate(math.nan, math.inf)},
         Estimate(-0.04, 0.001), Estimate(0.002, 0.001), (Width("ring", 0.6, (known, known)),),
         WholePrint(None, {"x": Estimate(0.001, 1e-4), "y": Estimate(-0.001, 1e-4)}, {"xy": Estimate(0.002, 3e-4)}),
