@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from designer.page.blocks import Block, Command, Facts, Findings, Fold, Paragraph, Section, Steps, Table, WhatIf
+from designer.page.blocks import Block, Command, Facts, Findings, Fold, Paragraph, Section, Sliders, Steps, Table
 
 _STEERING = str.maketrans({character: f"\\{character}" for character in "\\`*_|<>#"} | {"\n": "<br>"})
 
@@ -45,7 +45,7 @@ def _block(block: Block) -> Iterator[str]:
             yield "\n".join(f"{number}. {plain(item)}" for number, item in enumerate(items, 1))
         case Command(line):
             yield f"```sh\n{line}\n```"
-        case WhatIf():
+        case Sliders():
             yield from _table(block.table)
         case Fold():
             parts = [part for one in block.blocks for part in _block(one)]

@@ -187,7 +187,7 @@ class FileList:
 
 
 @dataclass(frozen=True, eq=False)
-class WhatIf:
+class Sliders:
     """Numbers that follow what a person sets; where nothing can be set, the table says them as they are at first."""
 
     title: str
@@ -197,7 +197,7 @@ class WhatIf:
 
 
 Leaf: TypeAlias = (
-    Paragraph | Facts | Findings | Table | Figure | Gallery | View3d | Command | Steps | FileList | WhatIf
+    Paragraph | Facts | Findings | Table | Figure | Gallery | View3d | Command | Steps | FileList | Sliders
 )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from designer.page.blocks import Block, Cell, Figure, Fold, Page, Raster, Section, Svg, Table, View3d, WhatIf, href
+from designer.page.blocks import Block, Cell, Figure, Fold, Page, Raster, Section, Sliders, Svg, Table, View3d, href
 from designer.page.pictures import media_type
 
 _PARTS = Path(__file__).parent / "parts"
@@ -31,7 +31,7 @@ class _Extra:
 
 _OF_BLOCKS: dict[type[Block], _Extra] = {
     View3d: _Extra("viewer.css", ("three.min.js", "viewer_shapes.js", "viewer.js")),
-    WhatIf: _Extra("what_if.css", ("what_if.js",)),
+    Sliders: _Extra("what_if.css", ("what_if.js",)),
 }
 
 
@@ -117,7 +117,7 @@ def _blocks(page: Page) -> Iterator[Block]:
         yield block
         if isinstance(block, Fold):
             yield from block.blocks
-        if isinstance(block, WhatIf):
+        if isinstance(block, Sliders):
             yield block.table
 
 
@@ -161,7 +161,7 @@ def _scene(view: View3d) -> Markup:
     return Markup(scene_json(view.scene))  # noqa: S704 - escaped there
 
 
-def _what_if(block: WhatIf) -> Markup:
+def _what_if(block: Sliders) -> Markup:
     """The sliders' model as JSON, as `_scene`."""
     from designer.page.what_if import what_if_json
 

@@ -21,7 +21,7 @@ class Measure:
 
 
 @dataclass(frozen=True)
-class Setting:
+class SetSize:
     """A slider's place."""
 
     distribution: Literal["normal", "uniform", "fixed"]
@@ -46,11 +46,11 @@ class Choice:
 
     name: str  # as an option takes it
     title: str
-    settings: tuple[Setting, ...]
+    settings: tuple[SetSize, ...]
 
 
 @dataclass(frozen=True)
-class Side:
+class WhatIfSide:
     """One of the things that are compared."""
 
     title: str
@@ -69,7 +69,7 @@ class WhatIfModel:
     measures: tuple[Measure, ...]  # in the order of the laws' rows
     shown: tuple[int, ...]  # rows of the measures in the table
     by: int  # row of the measure that is ranked by at first
-    sides: tuple[Side, ...]  # one or two
+    sides: tuple[WhatIfSide, ...]  # one or two
     command: tuple[str, ...]
     missed: float = MISSED  # see `designer.base.square_law`
 

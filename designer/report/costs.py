@@ -32,7 +32,7 @@ _CHOSEN_ANEW = ("name", "build", "inlay_depth", "sticker_thickness", "formats")
 
 
 @dataclass(frozen=True)
-class Way:
+class BuildCosts:
     """A build of a target, and what it takes."""
 
     build: str
@@ -49,8 +49,8 @@ class Way:
 class Costs:
     """A design and the other builds of the same target that print plastic; its own may print none."""
 
-    own: Way
-    others: tuple[Way, ...]
+    own: BuildCosts
+    others: tuple[BuildCosts, ...]
 
     @property
     def is_printed(self) -> bool:
@@ -58,7 +58,7 @@ class Costs:
         return bool(self.own.estimate.plates)
 
     @property
-    def better(self) -> Way | None:
+    def better(self) -> BuildCosts | None:
         """The build to take instead: one with fewer faults, printed ink before glued paper, then the faster one."""
         fewer = [way for way in self.others if len(way.faults) < len(self.own.faults)]
         return min(fewer, key=lambda way: (len(way.faults), not way.is_two_filament, way.estimate.time_s), default=None)
@@ -68,11 +68,11 @@ def costs_of(design: Design) -> Costs:
     """A design against its other builds."""
     printing = design.job.printing
     others = (_otherwise(design, name) for name in builds_of(design.job.target.form) if name != printing.build)
-    own = Way(printing.build, printing.is_two_filament, design.estimate)
+    own = BuildCosts(printing.build, printing.is_two_filament, design.estimate)
     return Costs(own, tuple(way for way in others if way is not None))
 
 
-def _otherwise(design: Design, build: str) -> Way | None:
+def _otherwise(design: Design, build: str) -> BuildCosts | None:
     """The same target in another build; None where it cannot be, or has nothing to print."""
     if not BUILDS[build].has_body:
         return None
@@ -81,7 +81,7 @@ def _otherwise(design: Design, build: str) -> Way | None:
         other = Design(size_job(parse_spec({**values, "build": build}, "")).job)
         if check_printability(other.target, other.job.printing, bed_is_rule=True).violations:
             return None
-        return Way(build, BUILDS[build].is_two_filament, other.estimate)
+        return BuildCosts(build, BUILDS[build].is_two_filament, other.estimate)
     except InputError:
         return None
 
@@ -157,7 +157,7 @@ def cost_table(costs: Costs, printing: PrintSpec) -> Table:
     return Table("What it takes", columns, rows, note=_rests_on(printing))
 
 
-def _cost_row(way: Way, *, is_own: bool) -> tuple[Cell, ...]:
+def _cost_row(way: BuildCosts, *, is_own: bool) -> tuple[Cell, ...]:
     one = way.estimate
     level: Level | None = "usable" if way.faults else None
     return (

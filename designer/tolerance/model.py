@@ -15,7 +15,7 @@ from designer.tolerance.shape import MadeShape, shape_of, target_of
 from designer.tolerance.source import Amount, ErrorSource, format_quantity
 from designer.tolerance.sources import SOURCES, source_named
 
-Shape = Literal["solid", "board", "two-sided board"]
+Shape = Literal["solid", "plate", "two-sided plate"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ class ErrorModel:
 
     def suits_target(self, target: TargetGeometry) -> bool:
         """Whether such a target is made so."""
-        shape: Shape = "solid" if not target.is_plate else "board" if target.is_planar else "two-sided board"
+        shape: Shape = "solid" if not target.is_plate else "plate" if target.is_planar else "two-sided plate"
         return shape in self.suits
 
     @property

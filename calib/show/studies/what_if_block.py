@@ -12,7 +12,7 @@ from calib.studies.tolerance.record import ToleranceStudy, nine_digits
 from calib.studies.tolerance.what_if import SetError, Way, WhatIf, WhatIfTable
 from designer.page import blocks
 from designer.page.blocks import Cell, Column, Level, Section, Table
-from designer.page.what_if import Choice, Measure, Setting, Side, Slider, WhatIfModel
+from designer.page.what_if import Choice, Measure, SetSize, Slider, WhatIfModel, WhatIfSide
 from designer.tolerance.source import Unit
 from designer.tolerance.sources import SOURCES
 
@@ -53,7 +53,7 @@ def what_if_section(study: ToleranceStudy, command: str) -> Section | None:
         measures, tuple(dict.fromkeys(shown)), quantity_row(study.ranked_by), sides, _command(study, command)
     )
     note = NOTE.format(draws=BY_DRAWS if study.kind == "draws" else "")
-    return Section("What if", (blocks.WhatIf("How large each error is", model, _table(study), note),), lead=LEAD)
+    return Section("What if", (blocks.Sliders("How large each error is", model, _table(study), note),), lead=LEAD)
 
 
 def _tables(study: ToleranceStudy) -> Iterator[tuple[str, WhatIfTable]]:
@@ -64,14 +64,14 @@ def _tables(study: ToleranceStudy) -> Iterator[tuple[str, WhatIfTable]]:
         yield study.crossovers.target, study.crossovers.what_ifs
 
 
-def _sides(study: ToleranceStudy) -> Iterator[Side]:
+def _sides(study: ToleranceStudy) -> Iterator[WhatIfSide]:
     for number, (name, table) in enumerate(_tables(study)):
         ways = {one.name: one for one in table.ways}
         if table.start.name not in ways:  # a file that was made by hand
             continue
         sliders = tuple(_slider(error, table) for error in range(len(table.start.errors)))
         before = "--against-" if number else "--"
-        yield Side(
+        yield WhatIfSide(
             name, table.law, sliders, tuple(map(_choice, table.ways)), _choice(table.start), f"{before}errors",
             f"{before}set",
         )  # fmt: skip
@@ -97,9 +97,9 @@ def _choice(way: Way) -> Choice:
     return Choice(way.name, way.title, tuple(map(_setting, way.errors)))
 
 
-def _setting(one: SetError) -> Setting:
+def _setting(one: SetError) -> SetSize:
     per = _per(one.error)[1]
-    return Setting(one.distribution, nine_digits(one.size * per), one.gain / per)
+    return SetSize(one.distribution, nine_digits(one.size * per), one.gain / per)
 
 
 def _measure(study: ToleranceStudy, name: str) -> Measure:

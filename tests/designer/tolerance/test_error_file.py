@@ -99,9 +99,9 @@ def test_templates_say_nothing_that_has_no_effect() -> None:
     for name in preset_names("errors"):
         model = error_model(name)
         used = set(model.sources)
-        if set(model.suits) == {"board"}:
+        if set(model.suits) == {"plate"}:
             assert not {source for source in used if source.startswith("face_")} | used & {"stair_steps"}, name
-        elif "two-sided board" in model.suits:  # a board whose back is put there by hand, or by other layers
+        elif "two-sided plate" in model.suits:  # a board whose back is put there by hand, or by other layers
             assert {"face_offset", "face_shift"} <= used, name
         assert bool(bends & used) == ("solid" not in model.suits), name
         assert ("stair_steps" in used) == (name in ("fdm-dual", "fdm-dual-calibrated", "resin", "sls")), name
