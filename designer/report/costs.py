@@ -136,9 +136,13 @@ def duration(time_s: float) -> str:
 
 
 def grams(mass_g: float) -> str:
-    """`0.72 g`, `120 g`: two digits, three of those above 100."""
-    digits = 3 if mass_g >= 100 else 2
-    return f"{float(f'{mass_g:.{digits}g}'):g} g"
+    """`0.72 g`, `120 g`."""
+    return f"{_few_digits(mass_g)} g"
+
+
+def _few_digits(value: float) -> str:
+    """Two digits, three of those above 100."""
+    return f"{float(f'{value:.{3 if value >= 100 else 2}g}'):g}"
 
 
 def cost_table(costs: Costs, printing: PrintSpec) -> Table:
@@ -205,7 +209,7 @@ def _slot_table(one: PrintEstimate, printing: PrintSpec) -> Table:
         rows.append(("both, purged", "", one.purge_g))
     columns = (Column("slot", is_number=False), Column("colour", is_number=False), Column("weight"), Column("length"))
     cells = tuple(
-        (Cell(slot), Cell(colour), Cell(grams(mass), mass), Cell(f"{_length_m(mass):.2g} m", _length_m(mass)))
+        (Cell(slot), Cell(colour), Cell(grams(mass), mass), Cell(f"{_few_digits(_length_m(mass))} m", _length_m(mass)))
         for slot, colour, mass in rows
     )
     return Table("Filament of each slot", columns, cells, note="PLA, 1.24 g/cm³; length of filament of 1.75 mm.")
@@ -219,7 +223,7 @@ def _plate_table(one: PrintEstimate) -> Table:
 
 def _plate_row(number: int, plate: PlateEstimate) -> tuple[str, ...]:
     return (
-        plate.name or str(number),
+        plate.name.replace("-", " ") or str(number),
         *(duration(time) if time else "" for time in (plate.time_s, plate.printing_s, plate.changing_s, plate.start_s)),
         *map(str, (plate.layers, plate.inked_layers, plate.changes)),
     )

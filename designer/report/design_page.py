@@ -41,6 +41,7 @@ from designer.report.making import (
 from designer.report.measuring import measure_blocks, photo_blocks
 from designer.report.other_makers import other_makers
 from designer.report.pictures import Panels, preview_panels, printed_ink, printed_scene
+from designer.report.stands import stand_section
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
@@ -88,6 +89,7 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
             *((cost_section(costs, job.printing),) if costs.is_printed else ()),
             Section(RULES_TITLE, (check.told(),), _rule_lead(job.printing, check)),
             maker_of(job.printing).making(design, files),
+            *((stand_section(design),) if job.printing.stand else ()),
             *(() if others is None else (others,)),
             Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
             Section("What was printed: measure it", measure_blocks(design), _MEASURE_LEAD),

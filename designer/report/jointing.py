@@ -124,7 +124,7 @@ def _plate_figures(design: Design) -> tuple[Leaf, ...]:
 
 def _pieces_table(board: BoardInPieces, plates: Sequence[Plate]) -> Table:
     """Where each piece is printed, and which it joins."""
-    plate_of = {piece.name: plate.name for plate in plates for piece in plate.pieces}
+    plate_of = {piece.name: plate.name.replace("-", " ") for plate in plates for piece in plate.pieces}
     columns = (
         Column("piece", note="as it is engraved on the back"),
         Column("size, mm", is_number=False),

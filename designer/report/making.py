@@ -152,7 +152,7 @@ def print_settings(design: Design, shells: Shells) -> tuple[Leaf, ...]:
         "layer height": f"{printer.layer_height_mm:g} mm, the first layer too: the ink is {printing.inlay_mm:g} mm "
         f"deep, {ink_layers:.3g} layers of a flat face",
         "line width": f"{printer.line_width_mm:g} mm: the design rules above were held to it",
-        "walls, infill": f"{shells.text}; not critical, the filament below is for these",
+        "walls, infill": f"{shells.text}; not critical, the filament above is for these",
         "supports": supports,
         "brim": brim,
         "ironing": "off: it drags ink over white",

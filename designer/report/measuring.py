@@ -401,6 +401,11 @@ def photo_blocks(design: Design) -> tuple[Block, ...]:
         "20 to 30 photos from all sides; turn the target between them. One can be solved, but hardly checked; to "
         "measure the print takes 20 or more."
     )
+    if design.job.printing.way.is_in_parts:
+        count = (
+            "20 to 30 photos from all sides calibrate a camera; to measure how the tiles sit takes about 60, several "
+            "tiles in each. Turn the target between them."
+        )
     if design.target.is_plate:
         count = (
             "20 to 30 photos, tilted by 20 to 50 degrees about different axes, and a few straight on. Fewer than 6 "

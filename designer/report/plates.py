@@ -2,22 +2,21 @@
 
 from collections.abc import Sequence
 
+from designer.base.words import capital
 from designer.page.blocks import Fold, Steps, Table, text_table
 from designer.produce import Design
-from designer.report.costs import duration, grams
+from designer.report.costs import grams
 from designer.report.making import SLICERS, Slicer, colour_words, usual_slicer
 
 
 def plate_table(design: Design) -> Table:
-    """Which file is which plate, and what it takes."""
+    """What is on which plate, and its weight; hours and changes are told once, with the costs."""
     rows = []
     for plate, takes in zip(design.plates, design.estimate.plates, strict=True):
         filaments = "1 and 2" if plate.is_two_filament else "1"
         weight = grams(takes.body_g * (1 + takes.ink_mm3 / takes.body_mm3))
-        rows.append((
-            plate.name.replace("-", " "), plate.words, filaments, str(takes.changes), duration(takes.time_s), weight,
-        ))  # fmt: skip
-    heads = ("plate", "holds", "filaments", "changes", "time", "weight")
+        rows.append((plate.name.replace("-", " "), plate.words, filaments, weight))
+    heads = ("plate", "holds", "filaments", "weight")
     return text_table("Plates, in this order", heads, rows, visible_rows=20)
 
 
@@ -34,7 +33,7 @@ def _steps(design: Design, slicer: Slicer) -> Steps:
     body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
     return Steps((
         slicer.choose,
-        f"{slot} 1 is {body}, {slot} 2 is {ink}, of one material.",
+        f"{capital(slot)} 1 is {body}, {slot} 2 is {ink}, of one material.",
         f"Open {design.job.name}.plate-1.{slicer.package}, later the other plates, each as a project of its own. "
         f"{slicer.opened}",
         "If it asks whether objects of equal height are parts of one object: no. What has ink is an object with two "
@@ -42,8 +41,7 @@ def _steps(design: Design, slicer: Slicer) -> Steps:
         f"Look at the object list: body in {slot} 1 and ink in {slot} 2 in every object with ink. If a number differs, "
         "set it on the part, not on the object.",
         "Don't arrange: the plate is full, and the free corner or strip is the prime tower's: put it there. A piece "
-        "that was moved is as good as before; one that was turned is, too, unless the files are sheared against a "
-        "skew.",
+        "may be moved; don't turn any: the axes of calib measure are then not the printer's.",
         f"Set the values of the table above. {slicer.purge}".strip(),
         f"Slice, and look at the preview by {slicer.preview}: every ring whole; above the ink one filament only.",
     ))  # fmt: skip

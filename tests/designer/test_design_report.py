@@ -33,10 +33,13 @@ from designer.kinds.layout import lay_out, opposite_faces
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec
 from designer.make.bed import bed_from_target
+from designer.make.estimate import DENSITY_G_PER_CM3, PlateEstimate, PrintEstimate
 from designer.make.printability import PrintCheck, PrintFinding, check_printability
-from designer.page.blocks import Block, Command, FileList, Fold, Leaf, Page, Steps, Table, View3d
+from designer.make.stand import make_stand, stand_from_target
+from designer.page.blocks import Block, Command, Facts, FileList, Fold, Leaf, Page, Steps, Table, View3d
 from designer.page.scene import Rings, Surface
 from designer.produce import Design, make_files
+from designer.report.costs import BuildCosts, Costs, cost_section
 from designer.report.design_page import DOT, PAGE_FILE, code_blocks, design_page, headline, page_file
 from designer.report.making import BODY_SLOT, INK_SLOT, usual_slicer
 from designer.report.measuring import (
@@ -51,6 +54,7 @@ from designer.report.measuring import (
     skew_effect_mm,
     skew_per_mm_deg,
 )
+from designer.report.stands import stand_section
 from designer.spec.options import Asked
 from designer.target import bounding_radius_mm
 from tests.support.browser import open_page, overflow_px, unresolved
@@ -404,7 +408,8 @@ def test_code_table_shows_the_dots_of_the_target() -> None:
 def test_scene_shows_what_is_printed(build: str) -> None:
     """Every ring is in the scene, and the area of letters is that of the printed ones at the design's size."""
     design = made(build)[0]
-    (view,) = [leaf for leaf in leaves(page_of(build)) if isinstance(leaf, View3d)]
+    view = page_of(build).lead[0]
+    assert isinstance(view, View3d)
     shapes = [shape for layer in view.scene.layers for shape in layer.shapes]
     assert sum(len(shape.center_mm) for shape in shapes if isinstance(shape, Rings)) == design.target.ring_count
     two_filament = design.job.printing.is_two_filament
@@ -463,3 +468,52 @@ def test_pages_open_in_a_browser(tmp_path: Path, browser: Browser) -> None:
         with open_page(browser, folder / PAGE_FILE, width=390) as page:
             assert unresolved(page, folder / PAGE_FILE) == []
             assert overflow_px(page) == 0
+
+
+@pytest.mark.parametrize("asked", [SPECS["sheared"], asked_for("board", {"size": "120x90mm", "stand": True})])
+def test_a_stand_is_shown_under_the_target_with_size_and_weight(asked: Asked) -> None:
+    """The page tells the stand's box, a weight below solid plastic's, and draws it where it carries the target."""
+    design = Design(size_job(asked).job)
+    stand = make_stand(design.target, design.job.printing)
+    view, facts = stand_section(design).blocks
+    assert isinstance(view, View3d)
+    assert isinstance(facts, Facts)
+    told = dict(facts.rows)
+    assert told["size"] == " x ".join(f"{length:.0f}" for length in np.ptp(stand.vertices_mm, axis=0)) + " mm"
+    solid_g = stand.volume_mm3 / 1000 * DENSITY_G_PER_CM3
+    assert 0.3 * solid_g < float(told["weight"].removesuffix(" g")) <= 1.02 * solid_g
+    (drawn,) = [shape for layer in view.scene.layers if layer.name == "stand" for shape in layer.shapes]
+    assert isinstance(drawn, Surface)
+    motion = stand_from_target(design.target)
+    in_stand_mm = drawn.vertices_mm @ motion[:3, :3].T + motion[:3, 3]
+    assert in_stand_mm[:, 2].min() == pytest.approx(0.0, abs=1e-6)
+    assert in_stand_mm * design.scale == pytest.approx(stand.vertices_mm)
+    assert np.array(view.scene.up) == pytest.approx(motion[2, :3])
+
+
+def test_a_page_tells_of_a_stand_where_there_is_one() -> None:
+    """The section is on the page of a design with a stand, and on no other."""
+    for build in ("sheared", "ico"):
+        titles = [section.title for section in page_of(build).sections]
+        assert ("The stand" in titles) == made(build)[0].job.printing.stand
+
+
+def test_hours_and_changes_of_plates_are_told_once() -> None:
+    """One table of the page has the minutes of each plate: two would differ by rounding."""
+    design = Design(size_job(asked_for("cube", {"edge": "40mm", "build": "tiles", "chord_error": "20um"})).job)
+    check = check_printability(design.target, design.job.printing, bed_is_rule=False)
+    page = design_page(design, check, ())
+    plates = [leaf for leaf in leaves(page) if isinstance(leaf, Table) and leaf.title.startswith("Plates")]
+    assert len(plates) == 2
+    for head in ("time", "changes"):
+        assert sum(head in [column.title for column in table.columns] for table in plates) == 1
+
+
+def test_lengths_of_filament_are_plain_numbers() -> None:
+    """220 m, not 2.2e+02 m."""
+    printing = made("ico")[0].job.printing
+    plate = PlateEstimate("", 1, 1, 1, 1.0, 1.0, 1.0, 530e3, 20e3, 1e3)
+    own = BuildCosts("one-piece", True, PrintEstimate((plate,), printing.printer.machine, 25.0))
+    slots = cost_section(Costs(own, ()), printing).blocks[1]
+    assert isinstance(slots, Table)
+    assert [row[3].text for row in slots.rows] == ["220 m", "8.3 m", "0.42 m"]
