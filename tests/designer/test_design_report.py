@@ -487,8 +487,8 @@ def test_a_stand_is_shown_under_the_target_with_size_and_weight(asked: Asked) ->
     motion = stand_from_target(design.target)
     in_stand_mm = drawn.vertices_mm @ motion[:3, :3].T + motion[:3, 3]
     assert in_stand_mm[:, 2].min() == pytest.approx(0.0, abs=1e-6)
-    assert in_stand_mm * design.scale == pytest.approx(stand.vertices_mm)
-    assert np.array(view.scene.up) == pytest.approx(motion[2, :3])
+    assert in_stand_mm * design.scale == pytest.approx(stand.vertices_mm, abs=1e-6)
+    assert np.array(view.scene.up) == pytest.approx(motion[2, :3], abs=1e-9)
 
 
 def test_a_page_tells_of_a_stand_where_there_is_one() -> None:
