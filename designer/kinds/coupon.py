@@ -41,6 +41,7 @@ class CouponSpec(BoardSpec):
     kind: ClassVar[str] = "coupon"
     extent: ClassVar[tuple[str, ...]] = ()
     least_gap_mm: ClassVar[float] = WIDTHS_MM[0]
+    is_graded: ClassVar[bool] = True
 
     def lay_out(self) -> "TargetGeometry":
         """The rings as a board has them, with strokes of their row's width."""

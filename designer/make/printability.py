@@ -61,6 +61,7 @@ class Look:
     measured: str = ""  # with its unit
     limit: str = ""  # from where on it is good
     said: tuple[tuple[Level, str | Narrow], ...] = ()
+    holding: str = ""  # said where it holds, in place of the rule's own words
 
     @property
     def holds(self) -> bool:
@@ -105,7 +106,7 @@ class PrintCheck:
         for name in self.holding:
             if name not in said:
                 rule, look = RULES[name], self.looks[name]
-                rows.append(Finding("good", rule.title, rule.holding, look.measured, look.limit))
+                rows.append(Finding("good", rule.title, look.holding or rule.holding, look.measured, look.limit))
         return Findings(tuple(rows))
 
 
@@ -166,16 +167,19 @@ def _width(
         if math.isinf(width):
             return None
         least, line = printing.pattern_least_mm, printing.pattern_line_mm
+        is_graded = target.spec is not None and target.spec.is_graded
+        good = line if is_graded else 2 * line
         size, said = f"{what} {width:.3g}mm", tuple[tuple[Level, str | Narrow], ...]()
         if width < least - _ROUNDING_MM:
             said = (("violation", f"{size} is less than {least:g}mm, the least that can be made; {remedy}"),)
         elif width < line - _ROUNDING_MM:
             effect = ("over-extrudes", "over-extrude")
             said = (("warning", Narrow(size, f"one line ({line:g}mm)", effect, remedy)),)
-        elif width < 2 * line - _ROUNDING_MM:
+        elif width < good - _ROUNDING_MM:
             effect = ("prints less truly", "print less truly")
             said = (("warning", Narrow(size, f"two lines ({2 * line:g}mm)", effect, remedy)),)
-        return Look(f"{width:.3g} mm", f"at least {2 * line:g} mm", said)
+        holding = "One line or more: fine marks are what it is for." if is_graded else ""
+        return Look(f"{width:.3g} mm", f"at least {good:g} mm", said, holding)
 
     return look
 

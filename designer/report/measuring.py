@@ -15,6 +15,7 @@ from designer.make.bed import bed_from_target
 from designer.page.blocks import Block, Cell, Column, Command, Leaf, Paragraph, Steps, Table, text_table
 from designer.produce import Design
 from designer.report.making import two_digits
+from designer.spec.spec import PrintSpec
 from designer.target import PARALLEL, TargetGeometry, bounding_radius_mm
 from designer.tolerance.error_file import error_model
 from designer.tolerance.model import ErrorModel
@@ -396,6 +397,8 @@ def _commands(measuring: _Measuring) -> tuple[Leaf, ...]:
 
 def photo_blocks(design: Design) -> tuple[Block, ...]:
     """How to take the photos, and the commands that follow, run in the folder of the page."""
+    if design.job.target.is_graded:
+        return _coupon_blocks(design)
     name, ring_mm = design.job.name, design.job.target.ring_diameter_mm
     count = (
         "20 to 30 photos from all sides; turn the target between them. One can be solved, but hardly checked; to "
@@ -437,6 +440,28 @@ def photo_blocks(design: Design) -> tuple[Block, ...]:
         ),
         Command(f"design make {name}.toml -o .", "all files of this folder again, byte for byte"),
     )
+
+
+def _coupon_blocks(design: Design) -> tuple[Block, ...]:
+    """How to take the photo of a coupon."""
+    return (
+        Steps((
+            "One photo will do: squarely from above, sharp, the coupon filling the picture, not overexposed.",
+            "A flatbed's scan tells more: add --dpi 600, or what it was scanned with.",
+        )),
+        Command(coupon_line(design.job.printing), "ink bleed, axes and skew, and the options to print with"),
+        Command(f"design make {design.job.name}.toml -o .", "all files of this folder again, byte for byte"),
+    )  # fmt: skip
+
+
+def coupon_line(printing: PrintSpec) -> str:
+    """The command that looks at a coupon; it has to know what the files were made with."""
+    made = f" --ink-offset {printing.ink_offset_mm:g}mm" if printing.ink_offset_mm else ""
+    if printing.shrink_compensation_percent:
+        made += f" --shrink-compensation {printing.shrink_compensation_percent:g}%"
+    if printing.skew_compensation_rad != NO_SKEW:
+        made += f' --skew-compensation "{format_skew(printing.skew_compensation_rad)}"'
+    return f"calib coupon photo.jpg{made}"
 
 
 def simulated_line(design: Design) -> str:

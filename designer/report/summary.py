@@ -13,6 +13,7 @@ from designer.page.terminal import quoted, say_facts, say_findings, say_headline
 from designer.produce import Design, maker_of
 from designer.report.costs import COSTS_TITLE, Costs, costs_summary
 from designer.report.design_page import PAGE_FILE, RULES_TITLE, Written, headline
+from designer.report.measuring import coupon_line
 from designer.report.pictures import printed_ink
 from designer.spec.kind import spec_to_mapping
 from designer.spec.spec import Job, PrinterProfile, PrintSpec
@@ -169,13 +170,16 @@ def templates_summary(
 def _next_steps(design: Design, folder: Path) -> tuple[str, ...]:
     """What a maker does with the files."""
     job = design.job
+    when = "is a photo of it, from above" if job.target.is_graded else "are photos of it, in the folder photos"
     return (
         f"open {folder / PAGE_FILE} in a browser: how to print and measure it, and its photos",
         maker_of(job.printing).next_step(design, str(folder / job.name)),
-        f"{_run_line(job, folder)}   # when there are photos of it, in the folder photos",
+        f"{_run_line(job, folder)}   # when there {when}",
     )
 
 
 def _run_line(job: Job, folder: Path) -> str:
     """The command that follows when the target is made and photographed."""
+    if job.target.is_graded:
+        return coupon_line(job.printing)
     return f"calib run {quoted(folder / f'{job.name}.target.json')} photos -o camera"

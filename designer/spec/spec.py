@@ -47,6 +47,9 @@ class Spec(ABC):
     least_gap_mm: ClassVar[float] = math.inf
     """The least white between marks that are no rings."""
 
+    is_graded: ClassVar[bool] = False
+    """Whether it tells the printer, not a camera: its marks go down to a single line on purpose."""
+
     ring_diameter_mm: float
     ring_ratio: float
     pitch_mm: float

@@ -50,6 +50,7 @@ from designer.report.measuring import (
     caliper_lengths,
     corner_rings,
     example_length,
+    photo_blocks,
     simulated_line,
     skew_effect_mm,
     skew_per_mm_deg,
@@ -517,3 +518,14 @@ def test_lengths_of_filament_are_plain_numbers() -> None:
     slots = cost_section(Costs(own, ()), printing).blocks[1]
     assert isinstance(slots, Table)
     assert [row[3].text for row in slots.rows] == ["220 m", "8.3 m", "0.42 m"]
+
+
+def test_a_coupon_is_no_fault_and_leads_to_calib_coupon() -> None:
+    """Its fine marks are not warned of, those below a line are; what follows is `calib coupon` with its options."""
+    design = Design(size_job(asked_for("coupon", {"ink_offset": "-30um"})).job)
+    check = check_printability(design.target, design.job.printing, bed_is_rule=False)
+    assert not [finding for finding in check.findings if finding.level != "note"]
+    lines = [leaf.line for leaf in photo_blocks(design) if isinstance(leaf, Command)]
+    assert lines[0] == "calib coupon photo.jpg --ink-offset -0.03mm"
+    wide = replace(design.job.printing, printer=replace(design.job.printing.printer, line_width_mm=0.7))
+    assert "one line" in check_printability(design.target, wide, bed_is_rule=False).findings[0].text
