@@ -96,6 +96,20 @@ def test_names_spread_from_two_faces_over_all(seed: int) -> None:
     assert set(faces.tolist()) <= set(placement.seen().tolist())
 
 
+@pytest.mark.parametrize(("seed", "flat"), [(5, 0), (9, 11), (18, 9), (25, 10)])
+def test_a_face_seen_from_its_edge_is_not_named_by_the_others(seed: int, flat: int) -> None:
+    """A piece that sits too high there would bear its neighbours' names; what is on the face itself still names it."""
+    scene = scene_of(ico(), seed, steepest_rad=1.5)
+    naming = true_naming(scene)
+    others = ico().ring_face[naming.ring] != flat
+    assert (~others).sum() > 15
+    for named, shows in ((others, False), (np.full(len(others), True), True)):
+        known = Naming(naming.candidate[named], naming.ring[named])
+        spread, placement = complete(plan_for(ico()), scene.candidates, known, SIZE, NoLens())
+        assert (flat in placement.seen()) == shows
+        assert (flat in ico().ring_face[spread.ring]) == shows
+
+
 def test_a_face_that_shows_a_single_row_costs_that_face_only() -> None:
     """Rings on one line fix no homography: lens and all other faces are as if they had not been seen."""
     scene = scene_of(ico(), 1)
