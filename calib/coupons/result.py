@@ -133,7 +133,9 @@ class _Mean:
         return Estimate(self.value_mm, math.hypot(self.spread_mm, float(np.linalg.norm(self.by_tone_mm))))
 
     def beyond(self, other: "_Mean") -> Estimate:
-        """How much more, what both share taken off."""
+        """How much more, what both share taken off; not known where either is not."""
+        if not (self.weight and other.weight):
+            return Estimate(math.nan, math.inf)
         shared = float(np.linalg.norm(self.by_tone_mm - other.by_tone_mm))
         return Estimate(self.value_mm - other.value_mm, math.sqrt(self.spread_mm**2 + other.spread_mm**2 + shared**2))
 
@@ -175,7 +177,7 @@ def _halfway(first: _Mean, second: _Mean) -> _Mean:
     """The mean of both axes."""
     return _Mean(
         (first.value_mm + second.value_mm) / 2, math.hypot(first.spread_mm, second.spread_mm) / 2,
-        (first.by_tone_mm + second.by_tone_mm) / 2, (first.weight + second.weight) / 2,
+        (first.by_tone_mm + second.by_tone_mm) / 2, min(first.weight, second.weight),
     )  # fmt: skip
 
 

@@ -24,7 +24,6 @@ from designer.target import TargetGeometry
 DEFAULT_PRINTER = "bambu-p1s"
 SOLID_INLAY_MM = 1.0
 """Inlay of a one-piece icosahedron: its 12 steep faces fill to 70 % at 0.6 mm, to 93 % at 0.9-1.0 mm."""
-FLAT_INLAY_LAYERS = 3
 CHORD_ERROR_MM = 0.005
 STICKER_THICKNESS_MM = 0.1
 
@@ -187,11 +186,12 @@ def _choose_inlay(asked: AskedPrinting, build: str, layer_mm: float, target: Tar
     """The ink's depth in whole layers, and a remark where it is less than usual."""
     if asked.inlay_depth is not None:
         return asked.inlay_depth, ""
+    layers = (target.spec or Spec).flat_ink_layers
     if target.is_plate:
         depth = math.inf if target.spec is None else target.spec.depth_mm
-        return round(min(FLAT_INLAY_LAYERS * layer_mm, depth / (2 * target.face_count)), 6), ""
+        return round(min(layers * layer_mm, depth / (2 * target.face_count)), 6), ""
     border_mm = border_width_mm(target)
-    usual = FLAT_INLAY_LAYERS * layer_mm if BUILDS[build].is_in_parts else SOLID_INLAY_MM
+    usual = layers * layer_mm if BUILDS[build].is_in_parts else SOLID_INLAY_MM
     deepest = min(usual, deepest_inlay_mm(target))
     inlay = round(max(1, math.floor(deepest / layer_mm + 1e-9)) * layer_mm, 6)
     is_shallow = BUILDS[build].is_two_filament and inlay < usual - layer_mm

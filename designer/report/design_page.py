@@ -41,6 +41,7 @@ from designer.report.making import (
 from designer.report.measuring import measure_blocks, photo_blocks
 from designer.report.other_makers import other_makers
 from designer.report.pictures import Panels, preview_panels, printed_ink, printed_scene
+from designer.report.printer_trial import trial_sections
 from designer.report.stands import stand_section
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
@@ -91,9 +92,7 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
             maker_of(job.printing).making(design, files),
             *((stand_section(design),) if job.printing.stand else ()),
             *(() if others is None else (others,)),
-            Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
-            Section("What was printed: measure it", measure_blocks(design), _MEASURE_LEAD),
-            Section("Codes", (*code_blocks(design), *_net(design, panels))),
+            *_use_sections(design, panels),
             Section(
                 "Files",
                 (FileList(tuple(FileRow(file.name, file.purpose, len(file.content)) for file in files)),),
@@ -102,6 +101,17 @@ def design_page(design: Design, check: PrintCheck, files: Sequence[OutputFile], 
         ),
         made_by=f"design make {job.name}.toml",
         program=program(),
+    )
+
+
+def _use_sections(design: Design, panels: Panels | None) -> tuple[Section, ...]:
+    """What to do with the print."""
+    if design.job.target.is_graded:
+        return trial_sections(design)
+    return (
+        Section("Photos and the camera", photo_blocks(design), "Type the commands in this folder."),
+        Section("What was printed: measure it", measure_blocks(design), _MEASURE_LEAD),
+        Section("Codes", (*code_blocks(design), *_net(design, panels))),
     )
 
 

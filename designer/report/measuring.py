@@ -371,10 +371,8 @@ def _commands(measuring: _Measuring) -> tuple[Leaf, ...]:
     """From a reading to the measured target file and the camera."""
     job, length = measuring.design.job, _example_text(measuring)
     what = "the mean of your readings of all pairs" if measuring.is_face_to_face else "your reading"
-    percent, skew_rad = job.printing.shrink_compensation_percent, job.printing.skew_compensation_rad
-    made = shrunk = f" --shrink-compensation {percent:g}%" if percent else ""
-    if skew_rad != NO_SKEW:
-        made += f' --skew-compensation "{format_skew(skew_rad)}"'
+    percent = job.printing.shrink_compensation_percent
+    shrunk, made = f" --shrink-compensation {percent:g}%" if percent else "", made_with(job.printing)
     target = f"{job.name}.target.json"
     if measuring.design.target.has_back:
         made = f' --length "face 0 to face 1:{READING}mm+-{_CALIPER_MM:g}mm"{made}'
@@ -395,10 +393,15 @@ def _commands(measuring: _Measuring) -> tuple[Leaf, ...]:
     )
 
 
+def made_with(printing: PrintSpec) -> str:
+    """What was printed larger or sheared, as calib wants to know it: ` --shrink-compensation 0.2%`."""
+    percent, skew_rad = printing.shrink_compensation_percent, printing.skew_compensation_rad
+    made = f" --shrink-compensation {percent:g}%" if percent else ""
+    return made if skew_rad == NO_SKEW else f'{made} --skew-compensation "{format_skew(skew_rad)}"'
+
+
 def photo_blocks(design: Design) -> tuple[Block, ...]:
     """How to take the photos, and the commands that follow, run in the folder of the page."""
-    if design.job.target.is_graded:
-        return _coupon_blocks(design)
     name, ring_mm = design.job.name, design.job.target.ring_diameter_mm
     count = (
         "20 to 30 photos from all sides; turn the target between them. One can be solved, but hardly checked; to "
@@ -440,28 +443,6 @@ def photo_blocks(design: Design) -> tuple[Block, ...]:
         ),
         Command(f"design make {name}.toml -o .", "all files of this folder again, byte for byte"),
     )
-
-
-def _coupon_blocks(design: Design) -> tuple[Block, ...]:
-    """How to take the photo of a coupon."""
-    return (
-        Steps((
-            "One photo will do: squarely from above, sharp, the coupon filling the picture, not overexposed.",
-            "A flatbed's scan tells more: add --dpi 600, or what it was scanned with.",
-        )),
-        Command(coupon_line(design.job.printing), "ink bleed, axes and skew, and the options to print with"),
-        Command(f"design make {design.job.name}.toml -o .", "all files of this folder again, byte for byte"),
-    )  # fmt: skip
-
-
-def coupon_line(printing: PrintSpec) -> str:
-    """The command that looks at a coupon; it has to know what the files were made with."""
-    made = f" --ink-offset {printing.ink_offset_mm:g}mm" if printing.ink_offset_mm else ""
-    if printing.shrink_compensation_percent:
-        made += f" --shrink-compensation {printing.shrink_compensation_percent:g}%"
-    if printing.skew_compensation_rad != NO_SKEW:
-        made += f' --skew-compensation "{format_skew(printing.skew_compensation_rad)}"'
-    return f"calib coupon photo.jpg{made}"
 
 
 def simulated_line(design: Design) -> str:

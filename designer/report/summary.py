@@ -13,8 +13,8 @@ from designer.page.terminal import quoted, say_facts, say_findings, say_headline
 from designer.produce import Design, maker_of
 from designer.report.costs import COSTS_TITLE, Costs, costs_summary
 from designer.report.design_page import PAGE_FILE, RULES_TITLE, Written, headline
-from designer.report.measuring import coupon_line
 from designer.report.pictures import printed_ink
+from designer.report.printer_trial import photo_line
 from designer.spec.kind import spec_to_mapping
 from designer.spec.spec import Job, PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
@@ -170,16 +170,22 @@ def templates_summary(
 def _next_steps(design: Design, folder: Path) -> tuple[str, ...]:
     """What a maker does with the files."""
     job = design.job
-    when = "is a photo of it, from above" if job.target.is_graded else "are photos of it, in the folder photos"
     return (
         f"open {folder / PAGE_FILE} in a browser: how to print and measure it, and its photos",
         maker_of(job.printing).next_step(design, str(folder / job.name)),
-        f"{_run_line(job, folder)}   # when there {when}",
+        f"{_run_line(job, folder)}   # {_run_when(job)}",
     )
+
+
+def _run_when(job: Job) -> str:
+    """When that command is to be typed."""
+    if job.target.is_graded:
+        return "when there is a photo or scan of it, with readings of a caliper: see the page"
+    return "when there are photos of it, in the folder photos"
 
 
 def _run_line(job: Job, folder: Path) -> str:
     """The command that follows when the target is made and photographed."""
     if job.target.is_graded:
-        return coupon_line(job.printing)
+        return photo_line(job)
     return f"calib run {quoted(folder / f'{job.name}.target.json')} photos -o camera"

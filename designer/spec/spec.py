@@ -46,6 +46,8 @@ class Spec(ABC):
 
     least_gap_mm: ClassVar[float] = math.inf
     """The least white between marks that are no rings."""
+    flat_ink_layers: ClassVar[int] = 3
+    """How deep the ink of flat faces usually is."""
 
     is_graded: ClassVar[bool] = False
     """Whether it tells the printer, not a camera: its marks go down to a single line on purpose."""

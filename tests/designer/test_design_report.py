@@ -50,11 +50,11 @@ from designer.report.measuring import (
     caliper_lengths,
     corner_rings,
     example_length,
-    photo_blocks,
     simulated_line,
     skew_effect_mm,
     skew_per_mm_deg,
 )
+from designer.report.printer_trial import trial_sections
 from designer.report.stands import stand_section
 from designer.spec.options import Asked
 from designer.target import bounding_radius_mm
@@ -525,7 +525,9 @@ def test_a_coupon_is_no_fault_and_leads_to_calib_coupon() -> None:
     design = Design(size_job(asked_for("coupon", {"ink_offset": "-30um"})).job)
     check = check_printability(design.target, design.job.printing, bed_is_rule=False)
     assert not [finding for finding in check.findings if finding.level != "note"]
-    lines = [leaf.line for leaf in photo_blocks(design) if isinstance(leaf, Command)]
-    assert lines[0] == "calib coupon photo.jpg --ink-offset -0.03mm"
+    lines = [leaf.line for part in trial_sections(design) for leaf in part.blocks if isinstance(leaf, Command)]
+    assert lines[0].startswith("calib coupon coupon.jpg --length")
+    assert all(" --ink-offset -0.03mm --printer bambu-p1s --save " in line for line in lines[:2])
+    assert design.job.printing.inlay_mm == 2 * design.job.printing.printer.layer_height_mm
     wide = replace(design.job.printing, printer=replace(design.job.printing.printer, line_width_mm=0.7))
     assert "one line" in check_printability(design.target, wide, bed_is_rule=False).findings[0].text
