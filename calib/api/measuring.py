@@ -24,7 +24,9 @@ from calib.as_built.solve import with_known_weights
 from calib.cameras import fitted_models
 from calib.core.files import write_files
 from calib.core.types import Detections, Observations
+from calib.coupons.ink_of_rings import InkBleed, ink_of_cameras, ink_of_rings
 from calib.metrics.evaluation import evaluate
+from calib.observe.correspondences import is_detections
 from calib.observe.dataset import read_detections
 from calib.records.as_built_file import AsBuiltRecord, record_of
 from calib.renderer.quantities import number
@@ -194,6 +196,7 @@ def measure(
     record = record_of(
         found, held, made_with, bed_turn_rad=bed_turn_rad, weighted=options.solve.weighted, program=program(),
         made=way.errors,
+        ink_bleed=ink_of_cameras(_ink_of_each(items, nominal)),
         remarks=(*why, *_remarks(sets, way, asked, nominal)),
         settings={
             "target": _named(target), "detections": ", ".join(map(_named, _paths(items))),
@@ -328,6 +331,14 @@ def _items(observed: Several) -> tuple[_Item, ...]:
             "camera's a file, or observations"
         )
     return items
+
+
+def _ink_of_each(items: Sequence[_Item], nominal: TargetGeometry) -> list[InkBleed]:
+    """What each file of detections, or the detections given, tell of the ink; tables and observations tell nothing."""
+    photos = [one for one in items if isinstance(one, Detections)]
+    paths = [path for path in _paths(items) if is_detections(path)]
+    read = [read_detections(path, nominal, target_path=Path("the target")) for path in paths]
+    return [ink for seen in (photos, *read) if (ink := ink_of_rings(seen, nominal)) is not None]
 
 
 def _paths(items: Iterable[_Item]) -> list[Path]:

@@ -90,10 +90,15 @@ class Detections:
     faces: tuple[FaceRecord, ...]
     remarks: tuple[str, ...] = ()  # what a person must know of this image: why nothing was found, mirrored, ambiguous
     rejected_px: NDArray[np.float64] | None = None  # (K, 2) ring-like things that got no name
+    ratio: NDArray[np.float64] | None = None  # (N,) inner over outer radius, 0 of a dot; nan or None: not known
+    blur_px: NDArray[np.float64] | None = None  # (N,) standard deviation of the edges' blur; likewise
 
     def __post_init__(self) -> None:
         freeze(self, "ring", dtype=np.int64)
         freeze(self, "position_mm", "center_px", "cov_px2", "ellipse_px")
+        for name in ("ratio", "blur_px"):
+            values = getattr(self, name)
+            object.__setattr__(self, name, frozen_array(np.full(len(self.ring), np.nan) if values is None else values))
         rejected = np.zeros((0, 2)) if self.rejected_px is None else self.rejected_px
         object.__setattr__(self, "rejected_px", frozen_array(rejected))
 
@@ -113,7 +118,7 @@ class Detections:
 
     def keep(self, which: NDArray[np.int64] | NDArray[np.bool_] | slice) -> "Detections":
         """Some of the features, by row or by flag."""
-        names = ("ring", "position_mm", "center_px", "cov_px2", "ellipse_px")
+        names = ("ring", "position_mm", "center_px", "cov_px2", "ellipse_px", "ratio", "blur_px")
         return replace(self, **{name: getattr(self, name)[which] for name in names})
 
 

@@ -48,6 +48,7 @@ class Measured:
     cov_px2: Floats  # (N, 2, 2)
     shape: Floats  # (N, 3) E
     ratio: Floats  # (N,) inner over outer radius; 0: a dot
+    blur_px: Floats  # (N,) standard deviation
     missing: tuple[tuple[int, str], ...]  # row of the target, reason
     remarks: tuple[str, ...] = ()  # what the edges of the photo tell of it
 
@@ -98,6 +99,7 @@ def measure(
         cov_px2=fits.cov_px2[good],
         shape=fits.params[good, E00 : E11 + 1],
         ratio=fits.params[good, RATIO],
+        blur_px=fits.params[good, BLUR],
         missing=tuple(missing),
         remarks=remarks,
     )

@@ -320,6 +320,8 @@ def _result(
         faces=face_records(plan, found, placement, measured),
         remarks=remarks,
         rejected_px=found.candidates.ellipse[rejected, :2],
+        ratio=measured.ratio[order],
+        blur_px=measured.blur_px[order],
     )
 
 

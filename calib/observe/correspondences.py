@@ -67,7 +67,7 @@ def read_observations(
         InputError: the file is not to be read, something else is needed or does not belong, or nothing is left.
     """
     start = _start_of(path)
-    if start.startswith(_OURS):
+    if is_detections(path):
         if target is None:
             raise InputError(f"{path}: detections need the target they show; give --target NAME.target.json")
         if image_size is not None or grid is not None:
@@ -137,6 +137,11 @@ def parse_pair(option: str, text: str, most: int) -> tuple[int, int]:
     if not all(1 <= number <= most for number in pair):
         raise InputError(f"{option} {shown(text)}: expected two whole numbers from 1 to {most}, such as 10x7")
     return pair
+
+
+def is_detections(path: Path) -> bool:
+    """Whether a file opens as detections.csv does."""
+    return _start_of(path).startswith(_OURS)
 
 
 def _start_of(path: Path) -> str:

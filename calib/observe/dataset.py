@@ -6,6 +6,7 @@ and why some are missing, is in the records. Both are plain text.
 
 import io
 import json
+import math
 import re
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -29,6 +30,9 @@ VERSION = 1
 KIND = "ringsolid.detections"
 FIRST_LINE = f"# ringsolid detections, version {VERSION}"
 COLUMNS = ("image", "face", "ring", "i", "j", "u", "v", "suu", "suv", "svv", "X", "Y", "Z")
+EDGE_COLUMNS = ("major", "minor", "angle", "ratio", "blur")
+"""Of the edges, after these where all are known: semi-axes of the outer one (px) and angle of the major (rad), inner
+over outer radius (0 of a dot), standard deviation of the blur (px)."""
 MAX_SIDE_PX = 1_000_000
 
 _COVARIANCE_FORMAT = ".5e"
@@ -100,7 +104,8 @@ def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry) -> str
         if one.layout_id != target.layout_id:
             raise ValueError(f"{one.image}: named with layout {one.layout_id}, not {target.layout_id}")
         stream.write(f"# image {one.image_size[0]} x {one.image_size[1]} px {json.dumps(one.image)}\n")
-    stream.write(",".join(COLUMNS) + "\n")
+    with_edges = all(np.isfinite(_edges_of(one)).all() for one in seen)
+    stream.write(",".join((*COLUMNS, *EDGE_COLUMNS) if with_edges else COLUMNS) + "\n")
     for one in seen:
         ring = one.ring
         numbers = [
@@ -108,10 +113,28 @@ def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry) -> str
             *((f"{x:.6f}" for x in column) for column in one.center_px.T),
             *((f"{x:{_COVARIANCE_FORMAT}}" for x in column) for column in one.cov_px2.reshape(-1, 4)[:, [0, 1, 3]].T),
             *((f"{x:.6f}" for x in column) for column in target.center_mm[ring].T),
+            *((f"{x:.5f}" for x in column) for column in (_edges_of(one).T if with_edges else ())),
         ]
         name = csv_cell(one.image)
         stream.writelines(f"{name},{','.join(row)}\n" for row in zip(*numbers, strict=True))
     return stream.getvalue()
+
+
+def _edges_of(one: Detections) -> NDArray[np.float64]:
+    """`EDGE_COLUMNS`.  # (N, 5)"""
+    return np.column_stack([one.ellipse_px[:, 2:], one.ratio, one.blur_px])
+
+
+def _checked_edges(table: CsvTable, center_px: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Ellipses (N, 5), ratio and blur (N, 2); nan where a file has no such columns."""
+    if EDGE_COLUMNS[0] not in table.cells:
+        return np.full((len(center_px), 5), np.nan), np.full((len(center_px), 2), np.nan)
+    major, minor, angle, ratio, blur = (table.reals(name) for name in EDGE_COLUMNS)
+    table.require((minor > 0) & (major >= minor) & (major <= MAX_SIDE_PX), "major and minor must be semi-axes in px")
+    table.require(np.abs(angle) <= math.tau, "angle must be in radians")
+    table.require((ratio >= 0) & (ratio < 1), "ratio must be 0 (a dot) to 1")
+    table.require((blur >= 0) & (blur <= MAX_SIDE_PX), "blur must be a standard deviation in px")
+    return np.column_stack([center_px, major, minor, angle]), np.column_stack([ratio, blur])
 
 
 def _storable(one: Detections) -> Detections:
@@ -130,7 +153,7 @@ def _storable(one: Detections) -> Detections:
 
 
 def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) -> tuple[Detections, ...]:
-    """Read `detections.csv` for a target with the same layout: each photo's, without contours.
+    """Read `detections.csv` for a target with the same layout: each photo's, with contours if the file has them.
 
     X, Y, Z come from the target, not from this file; faces and what is remarked of a photo, from the records beside it.
 
@@ -155,14 +178,16 @@ def read_detections(path: Path, target: TargetGeometry, *, target_path: Path) ->
     cov = table.covariances()
     for name in "XYZ":  # those of the target count
         table.reals(name)
+    ellipse, edges = _checked_edges(table, center)
     order = table.sorted_once(view, ring, "the same ring of the same image a second time; keep one")
     start = np.searchsorted(view[order], np.arange(len(header.sizes) + 1))
     record = _records_beside(path, header)
     return tuple(
         Detections(
             name, size, header.layout_id, header.geometry_id, ring[rows], target.center_mm[ring[rows]],
-            center[rows], cov[rows], np.full((len(rows), 5), np.nan),
+            center[rows], cov[rows], ellipse[rows],
             record[name].faces if name in record else (), record[name].remarks if name in record else (),
+            ratio=edges[rows, 0], blur_px=edges[rows, 1],
         )
         for (name, size), rows in zip(header.sizes.items(), (order[a:b] for a, b in pairwise(start)), strict=True)
     )  # fmt: skip
@@ -226,4 +251,5 @@ def _image_line(path: Path, number: int, line: str) -> tuple[str, tuple[int, int
 
 
 def _column_fault(columns: tuple[str, ...]) -> str:
-    return "" if columns == COLUMNS else f"the columns must be {','.join(COLUMNS)}"
+    known = (COLUMNS, (*COLUMNS, *EDGE_COLUMNS))
+    return "" if columns in known else f"the columns must be {','.join(COLUMNS)}"

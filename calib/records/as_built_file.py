@@ -24,6 +24,7 @@ from calib.as_built.deviations import (
 from calib.as_built.lengths import FittedLength
 from calib.as_built.result import AsBuilt
 from calib.as_built.seats import Seats, seats_of
+from calib.coupons.ink_of_rings import InkBleed
 from calib.solver.calibration import Status
 from designer.base.file_kind import FileKind
 from designer.base.marks import (
@@ -103,6 +104,7 @@ class AsBuiltRecord:
     held_out: CrossValidation | None  # None: nobody asked
     weighted: bool = True  # by stated covariances, in which the standard deviation of an observation is told then
     seats: Seats | None = None  # how the pieces sit of a target that was put together; None: one print
+    ink_bleed: InkBleed | None = None  # None: the rings do not tell
 
     def __post_init__(self) -> None:
         faces = len(self.face_motion)
@@ -135,6 +137,7 @@ def record_of(
     weighted: bool,
     remarks: tuple[str, ...],
     made: ErrorModel | None = None,
+    ink_bleed: InkBleed | None = None,
     program: str,
     settings: Mapping[str, str],
 ) -> AsBuiltRecord:
@@ -148,6 +151,7 @@ def record_of(
         weighted: by stated covariances.
         remarks: beside those of the solution.
         made: the errors of its way of making.
+        ink_bleed: how much wider its ink is.
         program: name and version.
         settings: names and values of the options.
     """
@@ -192,6 +196,7 @@ def record_of(
         held_out=held_out,
         seats=seats,
         weighted=weighted,
+        ink_bleed=ink_bleed,
     )
 
 

@@ -7,14 +7,18 @@ import numpy as np
 from calib.as_built.cross_validation import Gain
 from calib.as_built.deviations import JUDGED, Estimate
 from calib.core.number_text import figure
+from calib.coupons.ink_of_rings import InkBleed
 from calib.records.as_built_file import AsBuiltRecord
-from calib.show.measured.numbers import degrees, percent
+from calib.show.measured.numbers import degrees, percent, told
 from calib.show.measured.seats import seat_findings, seats_sentence
+from designer.base.units import format_mm
 from designer.page.blocks import Facts, Finding, Findings, Headline
 from designer.spec.build import BUILDS, builds_of
 from designer.target import TargetGeometry
 
 LEAST_SPREAD_MM = 0.001
+HAND_MM = 0.001
+"""Least standard deviation of the ink's width that a sentence tells."""
 UNJUDGED = (
     "Nothing shows whether the measured target is better than the drawing: leave --held-out 0 away to know before you "
     "use it."
@@ -76,7 +80,21 @@ def facts_of(record: AsBuiltRecord) -> Facts:
 def findings_of(record: AsBuiltRecord) -> Findings:
     """What a person must know, a line each."""
     seats = () if record.seats is None else seat_findings(record.seats)
-    return Findings((*seats, *(Finding("note", "", line) for line in record.remarks)))
+    ink = () if record.ink_bleed is None else (ink_finding(record.ink_bleed),)
+    return Findings((*seats, *ink, *(Finding("note", "", line) for line in record.remarks)))
+
+
+def ink_finding(ink: InkBleed) -> Finding:
+    """How much wider the ink is, and what to print the next one with."""
+    bleed, offset_mm = ink.bleed_mm, ink.more_offset_mm
+    much = f"{told(Estimate(abs(bleed.value), max(bleed.sigma, HAND_MM)), signed=False)} mm"
+    sentence = f"{much} {'wider' if bleed.value >= 0 else 'narrower'} at each edge than designed"
+    if not offset_mm:
+        return Finding(
+            "note", "ink", f"{sentence}: {'too little to correct' if bleed.is_significant else 'it may be noise'}."
+        )
+    remedy = f"next print: --ink-offset {format_mm(offset_mm)}, added to what this one was made with"
+    return Finding("note", "ink", f"{sentence}; {remedy}.")
 
 
 def validation_findings(record: AsBuiltRecord) -> Findings:
