@@ -107,6 +107,11 @@ class Detections:
         return f"<Detections of {self.image}: {'; '.join((f'{len(self.ring)} features', *self.remarks))}>"
 
     @property
+    def edges(self) -> NDArray[np.float64]:
+        """Semi-axes (px) and angle of the outer contour, ratio of radii, blur (px); nan: not known.  # (N, 5)"""
+        return np.column_stack([self.ellipse_px[:, 2:], np.asarray(self.ratio), np.asarray(self.blur_px)])
+
+    @property
     def object_points(self) -> NDArray[np.float32]:
         """X Y Z in mm as OpenCV takes them, and as `cv2.aruco.Board.matchImagePoints` returns them.  # (N, 1, 3)"""
         return self.position_mm.astype(np.float32)[:, None]

@@ -108,9 +108,8 @@ def _rows(seen: Sequence[Detections], target: TargetGeometry) -> _Rows:
     """The rings that are large and sharp enough."""
     view = np.repeat(np.arange(len(seen)), [len(one.ring) for one in seen])
     ring = np.concatenate([np.zeros(0, dtype=np.int64), *(one.ring for one in seen)])
-    axes = np.concatenate([np.zeros((0, 2)), *(one.ellipse_px[:, 2:4] for one in seen)])
-    edges = np.concatenate([np.zeros((0, 2)), *(np.column_stack([one.ratio, one.blur_px]) for one in seen)])
-    ratio, blur = edges.T
+    edges = np.concatenate([np.zeros((0, 5)), *(one.edges for one in seen)])
+    axes, ratio, blur = edges[:, :2], edges[:, 3], edges[:, 4]
     with np.errstate(invalid="ignore"):  # nan: not known
         narrowest = np.minimum(ratio, 1 - ratio) * axes[:, 1]
         is_good = (ratio > 0) & (target.radius_inner_mm[ring] > 0) & (blur > 0) & (narrowest > LEAST_BLURS * blur)
@@ -129,10 +128,12 @@ def _fit(rows: _Rows) -> tuple[Array, Array]:
     """
     prior = np.diag(PRIOR_SIGMA**-2)
     weight = rows.by_unknown[:, 2] ** -2
-    found, sigma_px, trust = np.zeros(3), 0.1, np.ones(len(weight))
+    found: Array = np.zeros(3)
+    trust: Array = np.ones(len(weight))
+    sigma_px = 0.1
     for _ in range(ROUNDS):
         weighted = rows.by_unknown * (trust * weight / sigma_px**2)[:, None]
-        found = np.linalg.solve(weighted.T @ rows.by_unknown + prior, weighted.T @ rows.seen_mm)
+        found = np.asarray(np.linalg.solve(weighted.T @ rows.by_unknown + prior, weighted.T @ rows.seen_mm), np.float64)
         left_px = (rows.seen_mm - rows.by_unknown @ found) * np.sqrt(weight)
         sigma_px = max(1.4826 * float(np.median(np.abs(left_px))), 1e-4)
         trust = 1 / np.maximum(1.0, np.abs(left_px) / (ODD * sigma_px))

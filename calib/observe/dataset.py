@@ -31,8 +31,8 @@ KIND = "ringsolid.detections"
 FIRST_LINE = f"# ringsolid detections, version {VERSION}"
 COLUMNS = ("image", "face", "ring", "i", "j", "u", "v", "suu", "suv", "svv", "X", "Y", "Z")
 EDGE_COLUMNS = ("major", "minor", "angle", "ratio", "blur")
-"""Of the edges, after these where all are known: semi-axes of the outer one (px) and angle of the major (rad), inner
-over outer radius (0 of a dot), standard deviation of the blur (px)."""
+"""Of `Detections.edges`, after these where all are known: semi-axes of the contour (px), angle of the major (rad),
+inner over outer radius (0 of a dot), standard deviation of the blur (px)."""
 MAX_SIDE_PX = 1_000_000
 
 _COVARIANCE_FORMAT = ".5e"
@@ -104,7 +104,7 @@ def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry) -> str
         if one.layout_id != target.layout_id:
             raise ValueError(f"{one.image}: named with layout {one.layout_id}, not {target.layout_id}")
         stream.write(f"# image {one.image_size[0]} x {one.image_size[1]} px {json.dumps(one.image)}\n")
-    with_edges = all(np.isfinite(_edges_of(one)).all() for one in seen)
+    with_edges = all(np.isfinite(one.edges).all() for one in seen)
     stream.write(",".join((*COLUMNS, *EDGE_COLUMNS) if with_edges else COLUMNS) + "\n")
     for one in seen:
         ring = one.ring
@@ -113,16 +113,11 @@ def detections_to_csv(seen: Sequence[Detections], target: TargetGeometry) -> str
             *((f"{x:.6f}" for x in column) for column in one.center_px.T),
             *((f"{x:{_COVARIANCE_FORMAT}}" for x in column) for column in one.cov_px2.reshape(-1, 4)[:, [0, 1, 3]].T),
             *((f"{x:.6f}" for x in column) for column in target.center_mm[ring].T),
-            *((f"{x:.5f}" for x in column) for column in (_edges_of(one).T if with_edges else ())),
+            *((f"{x:.5f}" for x in column) for column in (one.edges.T if with_edges else ())),
         ]
         name = csv_cell(one.image)
         stream.writelines(f"{name},{','.join(row)}\n" for row in zip(*numbers, strict=True))
     return stream.getvalue()
-
-
-def _edges_of(one: Detections) -> NDArray[np.float64]:
-    """`EDGE_COLUMNS`.  # (N, 5)"""
-    return np.column_stack([one.ellipse_px[:, 2:], one.ratio, one.blur_px])
 
 
 def _checked_edges(table: CsvTable, center_px: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -18,6 +18,7 @@ ALLOWED = {
     "calib/as_built/eliminate.py covariance_factor": "by Cholesky, which tells whether there is an inverse",
     "calib/as_built/expected.py with_seen_spread": "a normal matrix with a prior on each unknown",
     "calib/as_built/solve.py _about_effective": "a normal matrix with a prior on each unknown",
+    "calib/coupons/ink_of_rings.py _fit": "a normal matrix with a prior on each unknown",
     "calib/cameras/learned.py exact_variance": "a Gram matrix with the knots' noise on its diagonal",
     "calib/detector/lines.py fit_lines": "a covariance plus a floor",
     "calib/detector/naming.py _uprightness": "a shortest solution, which two columns always have",

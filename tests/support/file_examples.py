@@ -12,6 +12,7 @@ from calib.as_built.lengths import FittedLength
 from calib.as_built.seats import Seat, SeatLimits, Seats
 from calib.cameras.camera import Camera, CameraDocument, LearnedMap
 from calib.core.types import FaceRecord
+from calib.coupons.ink_of_rings import InkBleed
 from calib.coupons.result import CouponMadeWith, NextPrint, PrinterFaults, Width
 from calib.metrics.errors import ErrorSummary
 from calib.observe.records import ImageRecord, Records
@@ -169,6 +170,7 @@ def _as_built() -> AsBuiltRecord:
         np.full((6, 6), math.nan), (), gap, gap[:, None] * eye, (0.1, 0.2), np.array([True, False]),
         np.zeros((2, 3)), np.full((2, 3), math.nan), (camera,), CrossValidation(5, (gain,), (), (), True), False,
         Seats("tile", "wipe it", "turn it", "mine", SeatLimits(0.1, 0.2, 1 / 3, 0.4), None, (seat,)),
+        InkBleed(estimate, 0.1, 100, 7),
     )  # fmt: skip
 
 

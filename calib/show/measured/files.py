@@ -114,6 +114,8 @@ def _rows(record: AsBuiltRecord, nominal: TargetGeometry) -> Iterator[_Row]:
         yield of_print, f"axis {name}", one, "1", True
     for name, one in whole.skews_rad.items():
         yield of_print, f"skew {name}", one, "rad", True
+    if record.ink_bleed is not None:
+        yield of_print, "ink bleed", record.ink_bleed.bleed_mm, "mm", True
     if record.seats is not None:
         yield from _seat_rows(record.seats)
     for face, verdict in enumerate(record.face_verdict if record.seats is None else ()):

@@ -79,6 +79,34 @@ def test_what_is_written_is_read_back(names: list[str], seed: int, tmp_path: Pat
         assert np.allclose(read.cov_px2, one.cov_px2, rtol=0.5e-5, atol=0)
 
 
+def test_edges_are_kept_where_all_are_known(tmp_path: Path) -> None:
+    """Contours, ratios and blurs come back from files that have them, and are not known from files that have not."""
+    rng = np.random.default_rng(6)
+    plain = seen("a.png", 9, rng)
+    ellipse = np.column_stack(
+        [plain.center_px, rng.uniform(20, 30, 9), rng.uniform(6, 20, 9), rng.uniform(-1.5, 1.5, 9)]
+    )
+    known = replace(plain, ellipse_px=ellipse, ratio=rng.uniform(0, 0.9, 9), blur_px=rng.uniform(0.3, 2, 9))
+    (back,) = written(tmp_path / "d.csv", known)
+    assert np.abs(back.edges - known.edges).max() <= 0.5e-5 * (1 + 1e-6)
+    both = written(tmp_path / "e.csv", known, replace(plain, image="b.png"))
+    assert np.isnan(both[0].edges).all()
+
+
+@pytest.mark.parametrize(("column", "value"), [("minor", "31"), ("ratio", "1"), ("blur", "-1"), ("angle", "9")])
+def test_edges_that_no_ring_has_are_refused(column: str, value: str, tmp_path: Path) -> None:
+    """The line is named."""
+    one = seen("a.png", 1, np.random.default_rng(6))
+    one = replace(one, ellipse_px=np.array([[1.0, 1, 30, 20, 0]]), ratio=np.array([0.4]), blur_px=np.array([1.0]))
+    written(tmp_path / "d.csv", one)
+    *above, names, row = (tmp_path / "d.csv").read_text().splitlines()
+    cells = row.split(",")
+    cells[names.split(",").index(column)] = value
+    (tmp_path / "d.csv").write_text("\n".join([*above, names, ",".join(cells)]) + "\n")
+    with pytest.raises(InputError, match=f"line {len(above) + 2}: .*{column}"):
+        read_detections(tmp_path / "d.csv", ICO, target_path=TARGET_PATH)
+
+
 def test_names_that_are_not_unicode_come_back(tmp_path: Path) -> None:
     """A file name of any bytes is kept, in the table and in the records."""
     name = b'caf\xe9,\n#".png'.decode("utf-8", "surrogateescape")
