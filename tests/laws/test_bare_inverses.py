@@ -19,6 +19,12 @@ ALLOWED = {
     "calib/as_built/expected.py with_seen_spread": "a normal matrix with a prior on each unknown",
     "calib/as_built/solve.py _about_effective": "a normal matrix with a prior on each unknown",
     "calib/coupons/ink_of_rings.py _fit": "a normal matrix with a prior on each unknown",
+    "calib/coupons/place.py Placed.design": "a plane that was seen with its rings, so not from its edge",
+    "calib/coupons/place.py _solved": "poses of planes by many rings, and priors on what these may not tell",
+    "calib/coupons/reading.py _solve": "damped: a diagonal of ones with more on it",
+    "calib/coupons/reading.py _stepped": "a normal matrix with a prior on each unknown",
+    "calib/coupons/reading.py _told": "a normal matrix with a prior on each unknown; a pseudo-inverse, which any has",
+    "calib/coupons/result.py _mean": "Cholesky of the inverse of a normal matrix with a prior on each unknown",
     "calib/cameras/learned.py exact_variance": "a Gram matrix with the knots' noise on its diagonal",
     "calib/detector/lines.py fit_lines": "a covariance plus a floor",
     "calib/detector/naming.py _uprightness": "a shortest solution, which two columns always have",
@@ -41,7 +47,8 @@ ALLOWED = {
     "calib/studies/tolerance/map_error.py map_error_px": "three turns, seen over a whole image",
     "calib/studies/tolerance/setting.py _setting": "Cholesky of the detector's covariances, as its noise is drawn",
     "calib/virtual/learn_views.py _combined": "shortest steps with a cut-off that is meant to forget",
-    "designer/make/bed.py against_skew": "a skew of a printer's axes, which is small",
+    "designer/make/assembly.py _tiles": "a turn and a shift",
+    "designer/make/bed.py against_skew_along": "a skew of a printer's axes, which is small",
     "designer/tolerance/shape.py target_of": "a stretch within bounds that are checked before",
 }
 """Functions that hold one, and why no data can make it singular, or who looks before."""
