@@ -11,7 +11,7 @@ from designer.spec.kind import KINDS
 from tests.support.command_line import design
 
 COARSE = {"formats": ("stl",), "chord_error": "0.1mm"}
-SMALL = {"ico": {"edge_mm": 20}, "board": {"size_mm": (60, 40)}, "cube": {"edge_mm": 60}}
+SMALL = {"ico": {"edge_mm": 20}, "board": {"size_mm": (60, 40)}, "cube": {"edge_mm": 60}, "coupon": {}}
 
 
 @pytest.mark.parametrize("kind", KINDS)
