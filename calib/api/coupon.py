@@ -13,7 +13,7 @@ from calib.api.loading import Place, Progress, folder_of, photos_of, target_of, 
 from calib.api.page_shown import ShownAsPage
 from calib.api.searching import refuse_nothing
 from calib.as_built.deviations import Compensation
-from calib.as_built.lengths import CaliperLength, asked_length
+from calib.as_built.lengths import CaliperLength, asked_lengths, usual_sigmas
 from calib.core.files import write_files
 from calib.core.types import Detections
 from calib.coupons.edges import edges_of
@@ -28,7 +28,6 @@ from calib.renderer.quantities import number
 from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.base.units import NO_SKEW, Skew, format_mm, format_skew
-from designer.base.words import several
 from designer.kinds.presets import preset_or_file
 from designer.kinds.sizing import DEFAULT_PRINTER
 from designer.kinds.spec_file import with_corrections
@@ -127,7 +126,7 @@ def coupon(
         InputError: files or options that break a rule, or not one photo that can be used; it says why.
     """
     geometry = _coupon_target(target)
-    asked = [asked_length("--length", one, geometry) for one in _listed(lengths)]
+    asked = asked_lengths(lengths, geometry)
     made_with = CouponMadeWith(
         number("--ink-offset", ink_offset_mm), Compensation(shrink_compensation_percent, skew_compensation_rad)
     )
@@ -184,10 +183,6 @@ def _coupon_target(target: TargetGeometry | Place | None) -> TargetGeometry:
     if geometry.spec is None or geometry.spec.kind != kind_named("coupon").name or geometry.source != "nominal":
         raise InputError("the target is no coupon as designed; give the target file that `design coupon` wrote")
     return geometry
-
-
-def _listed(lengths: str | CaliperLength | Iterable[str | CaliperLength]) -> Iterable[str | CaliperLength]:
-    return (lengths,) if isinstance(lengths, CaliperLength) else several("--length", lengths)
 
 
 def _between_rings(length: CaliperLength) -> KnownLength:
@@ -335,9 +330,7 @@ def _remarks(
     """What a person must know."""
     yield from failures
     yield from (f"left out: {one.fault}" for one in looked if one.fault)
-    for one in lengths:
-        if one.is_usual_sigma:
-            yield f"length {one.text}: the sigma is the usual of a caliper; another with NAME:VALUE+-SIGMA"
+    yield from usual_sigmas(lengths)
     if is_scan:
         yield "a scan's size and shape are the scanner's too: 0.1 % of size and axes and 0.02 deg are assumed of it"
     elif not size_known:

@@ -15,7 +15,15 @@ from calib.api.solving import ALL, SolvePlan, plan_from_words
 from calib.as_built.back import tells_thickness, with_thickness
 from calib.as_built.cross_validation import cross_validate
 from calib.as_built.deviations import Compensation, Estimate
-from calib.as_built.lengths import CaliperLength, asked_length, doubt_about, length_in, rescaled
+from calib.as_built.lengths import (
+    CaliperLength,
+    asked_length,
+    asked_lengths,
+    doubt_about,
+    length_in,
+    rescaled,
+    usual_sigmas,
+)
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.result import AsBuilt
 from calib.as_built.seats import Seat
@@ -156,8 +164,7 @@ def measure(
     """
     nominal = _nominal(target)
     way = _way(nominal, made)
-    given = (lengths,) if isinstance(lengths, CaliperLength) else several("--length", lengths)
-    asked = [asked_length("--length", one, nominal) for one in given]
+    asked = asked_lengths(lengths, nominal)
     fix, share = several("--fix", fix), several("--share", share)
     plan = plan_from_words(
         model or ALL, fix=fix, share=share, focal_px=None, loss="squares", reject=reject_sigma, weighted=weighted
@@ -289,12 +296,7 @@ def _way(target: TargetGeometry, made: str | None) -> Made:
 
 def _doubts(lengths: Sequence[CaliperLength], way: Made, nominal: TargetGeometry) -> tuple[str, ...]:
     """What is assumed of lengths, and why they may be no readings."""
-    usual = (
-        f"length {one.text}: the sigma is the usual of a caliper; another with NAME:VALUE+-SIGMA"
-        for one in lengths
-        if one.is_usual_sigma
-    )
-    return (*usual, *filter(None, (doubt_about(one, nominal, way.errors) for one in lengths)))
+    return (*usual_sigmas(lengths), *filter(None, (doubt_about(one, nominal, way.errors) for one in lengths)))
 
 
 def _truth(truth: TargetGeometry | Place, nominal: TargetGeometry, name: TargetGeometry | Place) -> TargetGeometry:

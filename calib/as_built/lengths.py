@@ -5,7 +5,7 @@ On the command line a length is `face-to-face:151.20mm+-0.02mm`.
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from designer.base.errors import InputError
 from designer.base.marks import Number, Word
 from designer.base.units import format_mm, parse_length_mm
-from designer.base.words import shown, suggestion
+from designer.base.words import several, shown, suggestion
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, perturb
 
@@ -40,6 +40,7 @@ DOUBTED = 4.0
 PRINTS = 100
 """That are simulated for them, which tells them to 7 %."""
 MAX_TEXT = 120
+_BETWEEN = re.compile(r"(ring|face)\s+(\d+)\s+to\s+\1\s+(\d+)")
 _EITHER = re.compile(r"±|\+/-|\+-")
 _UNIT = re.compile(r"[^\d.\s]*\s*$")
 
@@ -98,7 +99,7 @@ def length_in(target: TargetGeometry, name: str, known: Flags | None = None) -> 
         return float(np.mean([_between_faces(target, *pair) for pair in pairs]))
     if words == "edge":
         return _mean_edge(target, known, name)
-    found = re.fullmatch(r"(ring|face)\s+(\d+)\s+to\s+\1\s+(\d+)", words)
+    found = _BETWEEN.fullmatch(words)
     if found is None:
         # Numbers are taken out: they are no part of what may be misspelt.
         known_words = ["face-to-face", "edge", "ring N to ring N", "face N to face N"]
@@ -247,6 +248,25 @@ def rescaled(target: TargetGeometry, length: CaliperLength) -> TargetGeometry:
         InputError: the target has no such length, or another one by far.
     """
     return scaled(target, scale_from(target, [length]).value)
+
+
+def asked_lengths(
+    lengths: str | CaliperLength | Iterable[str | CaliperLength], target: TargetGeometry
+) -> list[CaliperLength]:
+    """What --length was given: one length of a print of a target, or any number of them.
+
+    Raises:
+        InputError: one is none, as `asked_length` says.
+    """
+    given = (lengths,) if isinstance(lengths, CaliperLength) else several("--length", lengths)
+    return [asked_length("--length", one, target) for one in given]
+
+
+def usual_sigmas(lengths: Iterable[CaliperLength]) -> Iterator[str]:
+    """What is assumed of lengths, a line each."""
+    for one in lengths:
+        if one.is_usual_sigma:
+            yield f"length {one.text}: the sigma is the usual of a caliper; another with NAME:VALUE+-SIGMA"
 
 
 def asked_length(option: str, length: str | CaliperLength, target: TargetGeometry) -> CaliperLength:

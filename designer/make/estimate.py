@@ -135,9 +135,9 @@ def _grams(volume_mm3: float) -> float:
 
 def estimate(plates: Sequence[Plate], printing: PrintSpec) -> PrintEstimate:
     """What plates take on a printer: `estimate(design.plates, design.job.printing).changes`."""
-    printer = printing.printer
+    printer, alike = printing.printer, list[_CutPiece]()
     return PrintEstimate(
-        tuple(_plate_estimate(plate, printer) for plate in plates), printer.machine, printing.filament_price
+        tuple(_plate_estimate(plate, printer, alike) for plate in plates), printer.machine, printing.filament_price
     )
 
 
@@ -157,10 +157,9 @@ def changing_layers(has_body: NDArray[np.bool_], has_ink: NDArray[np.bool_]) -> 
     return tuple(changes)
 
 
-def _plate_estimate(plate: Plate, printer: PrinterProfile) -> PlateEstimate:
-    """The sum over its pieces, layer by layer."""
+def _plate_estimate(plate: Plate, printer: PrinterProfile, alike: list["_CutPiece"]) -> PlateEstimate:
+    """The sum over its pieces, layer by layer; `alike` are pieces of earlier plates, to which its own are added."""
     machine, change = printer.machine, printer.machine.change
-    alike: list[_CutPiece] = []
     cut = [_cut_piece(piece, printer, alike) for piece in plate.pieces]
     layers = max((one.layers for one in cut), default=0)
     there = np.zeros((2, layers), dtype=bool)

@@ -7,6 +7,7 @@ inlay's depth; no wall stands between them, and the whole border is one closed s
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from manifold3d import triangulate
@@ -30,7 +31,7 @@ class Mesh:
     vertices_mm: NDArray[np.float64]  # (V, 3)
     triangles: NDArray[np.int32]  # (T, 3)
 
-    @property
+    @cached_property
     def volume_mm3(self) -> float:
         """The enclosed volume, by the divergence theorem."""
         a, b, c = (self.vertices_mm[self.triangles[:, k]] for k in range(3))

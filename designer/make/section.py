@@ -1,6 +1,6 @@
 """What planes parallel to the bed cut out of a mesh."""
 
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from manifold3d import CrossSection, FillRule, Manifold
@@ -25,6 +25,7 @@ class Layered:
         a, b, c = (mesh.vertices_mm[mesh.triangles[:, k], :2] for k in range(3))
         self._is_upright = np.abs(_cross(b - a, c - a)) < _UPRIGHT_MM2
         self._known: dict[bytes, CrossSection] = {}
+        self.section = cache(self._section)
 
     @cached_property
     def is_there(self) -> NDArray[np.bool_]:
@@ -37,8 +38,8 @@ class Layered:
         there: NDArray[np.bool_] = np.cumsum(steps[:count]) > 0
         return there
 
-    def section(self, layer: int) -> CrossSection:
-        """What a layer's plane cuts out of it."""
+    def _section(self, layer: int) -> CrossSection:
+        """What a layer's plane cuts out of it; kept, as layers near it ask again."""
         plane = (layer + 0.5) * self._layer_mm
         is_cut = (self._low <= plane) & (self._high > plane)
         same = is_cut.tobytes() if self._is_upright[is_cut].all() else None  # between the same upright walls

@@ -175,11 +175,11 @@
       this.draw(); // at once: a canvas is blank after its size changed, and it may be printed unseen
     }
 
-    /** Ask for one frame; nothing is drawn while nothing changes or nobody sees it. */
+    /** Ask for one frame; nothing is drawn while nothing changes or nobody sees it: then it waits to be seen. */
     request() {
+      this.element.dataset.rest = "no";
       if (!this.isOnScreen || this.pending) return;
       this.pending = requestAnimationFrame(this.frame);
-      this.element.dataset.rest = "no";
     }
 
     frame(time) {
