@@ -264,6 +264,7 @@ class _Slicing:
         self.layered = tuple(Layered(mesh, self.layer_mm) for mesh in meshes)
         self.outline = Outline(meshes, self.layered, self.layer_mm)
         self.outline_at = cache(self.outline.section)
+        self.walls_of = cache(self._walls_of)
 
     def cut(self) -> _CutPiece:
         """All layers."""
@@ -272,7 +273,9 @@ class _Slicing:
         for row, one in enumerate(self.layered):
             there[row, : len(one.is_there)] = one.is_there
         layers, stands_for = _taken(count, max(shells.bottom_layers, shells.top_layers) + 2)
-        laid = [self._layer(layer) for layer in layers.tolist()]
+        kinds = [self._kind(layer) for layer in layers.tolist()]
+        known = {kind: self._layer(layer) for kind, layer in dict(zip(kinds, layers.tolist(), strict=True)).items()}
+        laid = [known[kind] for kind in kinds]
         areas = np.array([one.area_mm2 for one in laid]).reshape(-1, 2)
         filled = np.array([one.filled_mm2 for one in laid]).reshape(-1, 2)
         share = (stands_for @ filled) / np.maximum(stands_for @ areas, 1e-9)
@@ -280,6 +283,12 @@ class _Slicing:
         body, ink = (*(v * s for v, s in zip(volumes, share, strict=False)), 0.0)[:2]
         times = np.repeat([one.time_s for one in laid], stands_for.astype(np.int64))
         return _CutPiece(self.part, there, times, float(body), INK_FILL * float(ink))
+
+    def _kind(self, layer: int) -> tuple[int, ...]:
+        """The same for layers that are covered alike: those around them, as far as shells look, are cut alike."""
+        shells = self.machine.shells
+        around = range(layer - shells.bottom_layers - 1, layer + max(shells.top_layers, 1) + 1)
+        return tuple(one.lowest_like(near) for one in self.layered for near in around)
 
     def _layer(self, layer: int) -> "_Laid":
         """One layer: body and ink."""
@@ -304,9 +313,12 @@ class _Slicing:
         area = section.area()
         if area <= 0:
             return 0.0, 0.0, 0.0
-        walls = self.machine.shells.walls
-        inside = section.offset(-self.line_mm - (walls - 1) * self.spacing_mm, JoinType.Miter) if walls else section
-        time, starts = self._walls(section, is_first)
+        walls, inside = self.walls_of(section)
+        time = sum(
+            loops_time_s(loops, self._pace("inner_wall" if number else "outer_wall", is_first))
+            for number, loops in enumerate(walls)
+        )
+        starts = [loop[0] for loops in walls[:1] for loop in loops]
         solid = inside if layer is None else self._solid(inside, layer)
         sparse = inside - solid if solid is not inside else CrossSection()
         top = CrossSection() if layer is None or self._is_under(layer) else solid - self.outline_at(layer + 1)
@@ -324,18 +336,18 @@ class _Slicing:
         time += self._ways(starts)
         return area, area - sparse.area() * (1 - self.machine.shells.infill), time
 
-    def _walls(self, section: CrossSection, is_first: bool) -> tuple[float, list[NDArray[np.float64]]]:
-        """Time of the walls, and where their outer ones begin.
+    def _walls_of(self, section: CrossSection) -> tuple[list[list[NDArray[np.float64]]], CrossSection]:
+        """The loops of each wall, the outer one first, and what is inside of them all.
 
         A strip that is too narrow for a line on each side is drawn in one.
         """
-        time, starts, left = 0.0, [], section
+        walls, left = list[list[NDArray[np.float64]]](), section
         for number in range(self.machine.shells.walls):
             left = left.offset(-self.spacing_mm if number else -self.line_mm / 2, JoinType.Miter).simplify(SIMPLE_MM)
-            loops = [np.asarray(loop) for loop in left.to_polygons()]
-            time += loops_time_s(loops, self._pace("inner_wall" if number else "outer_wall", is_first))
-            starts += [loop[0] for loop in loops] if number == 0 else []
-        return time, starts
+            walls.append(left.to_polygons())
+        if not walls:
+            return walls, section
+        return walls, section.offset(-self.line_mm - (len(walls) - 1) * self.spacing_mm, JoinType.Miter)
 
     def _solid(self, inside: CrossSection, layer: int) -> CrossSection:
         """What of the inside is filled solid: some layer near it, below or above, does not reach over it.

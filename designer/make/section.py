@@ -20,53 +20,65 @@ class Layered:
     def __init__(self, mesh: Mesh, layer_mm: float) -> None:
         self._mesh = mesh
         self._layer_mm = layer_mm
-        height = mesh.vertices_mm[:, 2][mesh.triangles]
-        self._low, self._high = height.min(axis=1), height.max(axis=1)
-        a, b, c = (mesh.vertices_mm[mesh.triangles[:, k], :2] for k in range(3))
-        self._is_upright = np.abs(_cross(b - a, c - a)) < _UPRIGHT_MM2
-        self._known: dict[bytes, CrossSection] = {}
-        self.section = cache(self._section)
+        # Of each vertex the first layer whose plane is not below it: what is above a plane is told by these alone.
+        self._rank = np.maximum(np.ceil(mesh.vertices_mm[:, 2] / layer_mm - 0.5), 0).astype(np.int32)
+        a, b, c = self._rank[mesh.triangles.T]
+        self._first, self._after = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        self._section_of = cache(self._cut)
 
     @cached_property
     def is_there(self) -> NDArray[np.bool_]:
         """In which layers there is any of it.  # (L,)"""
-        first = np.ceil(self._low / self._layer_mm - 0.5).astype(np.int64)
-        after = np.ceil(self._high / self._layer_mm - 0.5).astype(np.int64)
-        first, after = np.maximum(first, 0), np.maximum(after, 0)
-        count = int(after.max(initial=0))
-        steps = np.bincount(first, minlength=count + 1) - np.bincount(after, minlength=count + 1)
-        there: NDArray[np.bool_] = np.cumsum(steps[:count]) > 0
+        there: NDArray[np.bool_] = self._count(self._first, self._after) > 0
         return there
 
-    def _section(self, layer: int) -> CrossSection:
-        """What a layer's plane cuts out of it; kept, as layers near it ask again."""
-        plane = (layer + 0.5) * self._layer_mm
-        is_cut = (self._low <= plane) & (self._high > plane)
-        same = is_cut.tobytes() if self._is_upright[is_cut].all() else None  # between the same upright walls
-        if same in self._known:
-            return self._known[same]
-        section = self._cut(self._mesh.triangles[is_cut].astype(np.int64), plane)
-        if same is not None:
-            self._known[same] = section
-        return section
+    def lowest_like(self, layer: int) -> int:
+        """The lowest layer that is cut as a layer is, between the same upright walls; -1 beside all layers."""
+        return int(self._alike[layer]) if 0 <= layer < len(self._alike) else -1
 
-    def _cut(self, triangles: NDArray[np.int64], plane: float) -> CrossSection:
-        """The area between triangles that all reach through the plane."""
+    @cached_property
+    def _alike(self) -> NDArray[np.int64]:
+        """`lowest_like` of each layer: a new one where walls begin, end or lean.  # (L,)"""
+        cut = np.flatnonzero(self._first < self._after)
+        a, b, c = (self._mesh.vertices_mm[self._mesh.triangles[cut, k], :2] for k in range(3))
+        leans = cut[np.abs(_cross(b - a, c - a)) >= _UPRIGHT_MM2]
+        count = len(self.is_there)
+        ends = np.concatenate([self._first[cut], self._after[cut]])
+        is_new = np.bincount(ends, minlength=count + 1)[:count] > 0
+        is_new |= self._count(self._first[leans], self._after[leans]) > 0
+        alike: NDArray[np.int64] = np.maximum.accumulate(np.where(is_new, np.arange(count), 0))
+        return alike
+
+    def _count(self, first: NDArray[np.int32], after: NDArray[np.int32]) -> NDArray[np.int64]:
+        """How many of some triangles each layer's plane cuts.  # (L,)"""
+        count = int(self._after.max(initial=0))
+        steps = np.bincount(first, minlength=count + 1) - np.bincount(after, minlength=count + 1)
+        return np.cumsum(steps[:count])
+
+    def section(self, layer: int) -> CrossSection:
+        """What a layer's plane cuts out of it; kept, as layers near it ask again."""
+        return self._section_of(self.lowest_like(layer))
+
+    def _cut(self, layer: int) -> CrossSection:
+        """The area between the triangles that reach through a layer's plane."""
+        triangles = self._mesh.triangles[(self._first <= layer) & (self._after > layer)]
         if not len(triangles):
             return CrossSection()
-        points, following = _segments(self._mesh.vertices_mm, triangles, plane)
+        is_above = self._rank[triangles] > layer
+        points, following = _segments(
+            self._mesh.vertices_mm, triangles.astype(np.int64), is_above, (layer + 0.5) * self._layer_mm
+        )
         return CrossSection(_loops(points, following), FillRule.Positive).simplify(SIMPLE_MM)
 
 
 def _segments(
-    vertices_mm: NDArray[np.float64], triangles: NDArray[np.int64], plane: float
+    vertices_mm: NDArray[np.float64], triangles: NDArray[np.int64], above: NDArray[np.bool_], plane: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Where each triangle's piece of the contour begins, and the triangle that goes on from its end.
 
     Seen from outside, a triangle's edges run counter-clockwise: the piece goes from the edge that falls through the
     plane to the edge that rises through it, which its neighbour has as the falling one.
     """
-    above = vertices_mm[triangles, 2] > plane
     ahead = np.roll(above, -1, axis=1)
     rows = np.arange(len(triangles))
 
@@ -107,7 +119,7 @@ class Outline:
 
     def __init__(self, meshes: tuple[Mesh, ...], layered: tuple[Layered, ...], layer_mm: float) -> None:
         self._layered, self._layer_mm = layered, layer_mm
-        hull = Manifold.hull_points(np.unique(np.concatenate([mesh.vertices_mm for mesh in meshes]), axis=0))
+        hull = Manifold.hull_points(np.concatenate([mesh.vertices_mm for mesh in meshes]))
         volume = sum(mesh.volume_mm3 for mesh in meshes)
         self._hull = hull if volume > (1 - _CONVEX) * hull.volume() else None
         self.count = max(len(one.is_there) for one in layered)

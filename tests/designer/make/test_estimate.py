@@ -201,6 +201,27 @@ def test_sections_add_up_to_the_volume() -> None:
     assert not layered.is_there[:10].any()
 
 
+def test_layers_that_repeat_are_cut_as_each_alone() -> None:
+    """Of a post on a plate under a roof: the same areas as from the solid itself; only upright walls repeat."""
+    post = Manifold.cube((20, 20, 2)) + Manifold.cylinder(5, 6).translate((10, 10, 1))
+    solid = post + Manifold.cylinder(3, 6, 1).translate((10, 10, 6))
+    layered = Layered(mesh_of(solid), LAYER_MM)
+    areas = [layered.section(layer).area() for layer in range(45)]
+    assert areas == pytest.approx([solid.slice((layer + 0.5) * LAYER_MM).area() for layer in range(45)], rel=1e-3)
+    alike = [layered.lowest_like(layer) for layer in range(-1, 46)]
+    assert alike == [-1] + [0] * 10 + [10] * 20 + [*range(30, 45)] + [-1]
+
+
+def test_layers_that_repeat_are_covered_as_each_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The slow oracle: every layer for itself, of a part with steps and a slope."""
+    body = Manifold.cube((20, 20, 4)) + Manifold.cube((12, 12, 6)) + Manifold.cylinder(2, 4, 1).translate((6, 6, 6))
+    lifted = mesh_of(body.translate((0, 0, 0.4)))
+    parts = plate(Part(lifted, box(20, 20, 0.4))), plate(Part(lifted, box(1, 1, 0.05))), plate(Part(lifted, None))
+    quick = [estimate((one,), PRINTING) for one in parts]
+    monkeypatch.setattr("designer.make.estimate._Slicing._kind", lambda _, layer: (layer,))
+    assert [estimate((one,), PRINTING) for one in parts] == quick
+
+
 def test_an_outline_is_body_and_ink_together_convex_or_not() -> None:
     """The same areas from the hull as from the union; what is not convex keeps its notch."""
     body, ink = box(20, 20, 4), box(20, 20, 1, (0, 0, 4))
