@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
     from designer.target import TargetGeometry
 
-SIDE_MM, THICKNESS_MM = 60.0, 1.2
+SIDE_MM, THICKNESS_MM = 60.0, 0.8
+"""Four layers of 0.2 mm: the first takes more time than all others, and what is seen is its lower side."""
 ACROSS = 5
 PITCH_MM, DIAMETER_MM = 7.6, 5.6
 WIDTHS_MM = (0.6, 0.8, 1.0, 1.25, 1.55)
@@ -42,7 +43,7 @@ class CouponSpec(BoardSpec):
     extent: ClassVar[tuple[str, ...]] = ()
     least_gap_mm: ClassVar[float] = WIDTHS_MM[0]
     is_graded: ClassVar[bool] = True
-    flat_ink_layers: ClassVar[int] = 2  # each costs changes of filament; assumption: two of black are opaque
+    flat_ink_layers: ClassVar[int] = 1  # what is seen is the first one; see `sizing.LEAST_INK_MM`
 
     def lay_out(self) -> "TargetGeometry":
         """The rings as a board has them, with strokes of their row's width."""

@@ -24,6 +24,9 @@ from designer.target import TargetGeometry
 DEFAULT_PRINTER = "bambu-p1s"
 SOLID_INLAY_MM = 1.0
 """Inlay of a one-piece icosahedron: its 12 steep faces fill to 70 % at 0.6 mm, to 93 % at 0.9-1.0 mm."""
+LEAST_INK_MM = 0.2
+"""Of flat faces. Assumption: black that lets a tenth of the light through half a millimetre; of this depth a sixth
+of it comes back from the white behind (Beer and Lambert, both ways)."""
 CHORD_ERROR_MM = 0.005
 STICKER_THICKNESS_MM = 0.1
 
@@ -186,7 +189,7 @@ def _choose_inlay(asked: AskedPrinting, build: str, layer_mm: float, target: Tar
     """The ink's depth in whole layers, and a remark where it is less than usual."""
     if asked.inlay_depth is not None:
         return asked.inlay_depth, ""
-    layers = (target.spec or Spec).flat_ink_layers
+    layers = max((target.spec or Spec).flat_ink_layers, math.ceil(LEAST_INK_MM / layer_mm - 1e-9))
     if target.is_plate:
         depth = math.inf if target.spec is None else target.spec.depth_mm
         return round(min(layers * layer_mm, depth / (2 * target.face_count)), 6), ""

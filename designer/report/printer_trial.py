@@ -36,7 +36,7 @@ def trial_sections(design: Design) -> tuple[Section, ...]:
     return (
         Section("Photo or scan", (
             Steps((
-                "Let the print cool. Pattern up, flat on an even, dark or grey ground.",
+                "Let the print cool. Pattern up, flat on an even, dark or grey ground; tape an edge down that lifts.",
                 "Squarely from above, within a few degrees, the print filling the picture; main camera, no portrait "
                 "mode, no digital zoom.",
                 "Even light, from a window for example: no lamp mirrored, no shadow of the hand.",

@@ -528,6 +528,7 @@ def test_a_coupon_is_no_fault_and_leads_to_calib_coupon() -> None:
     lines = [leaf.line for part in trial_sections(design) for leaf in part.blocks if isinstance(leaf, Command)]
     assert lines[0].startswith("calib coupon coupon.jpg --length")
     assert all(" --ink-offset -0.03mm --printer bambu-p1s --save " in line for line in lines[:2])
-    assert design.job.printing.inlay_mm == 2 * design.job.printing.printer.layer_height_mm
+    fine = size_job(asked_for("coupon", {"nozzle": "0.2mm"})).job.printing
+    assert (design.job.printing.inlay_mm, fine.inlay_mm, fine.printer.layer_height_mm) == (0.2, 0.2, 0.1)  # opaque
     wide = replace(design.job.printing, printer=replace(design.job.printing.printer, line_width_mm=0.7))
     assert "one line" in check_printability(design.target, wide, bed_is_rule=False).findings[0].text
