@@ -46,7 +46,8 @@ class Mount:
     build: Callable[["PostSizes"], Manifold]
     needs: str  # what to buy
     up_is_in: bool  # printed with the end that goes into the pit up
-    source: str
+    source: str  # sizes of what is bought, and the standard that has them
+    how: str  # to put it in, or on
 
 
 @dataclass(frozen=True)
@@ -103,20 +104,31 @@ def _flange(post: PostSizes) -> Manifold:
     return union(body) - union(cuts)
 
 
+_NUT = (
+    "Push the nut into the hexagonal pocket from the post's inner end, draw it in with a screw through the head until "
+    "it lies flat on the wall there, and hold it by a drop of glue beside the thread."
+)
 MOUNTS: dict[str, Mount] = {
     mount.name: mount
     for mount in (
         Mount(
-            "1/4-20", "a camera tripod's screw, 1/4-20 UNC", 15.4, _with_nut(11.11, 6.35), "a nut 1/4-20 UNC", True,
-            "nut 7/16 inch across flats (ASME B18.2.2); screw at most 5.5 mm long (ISO 1222)",
+            "1/4-20", "a camera tripod's screw, 1/4-20 UNC", 15.4, _with_nut(11.11, 6.35), "a hexagon nut 1/4-20 UNC",
+            True, "7/16 inch (11.11 mm) across flats, 7/32 inch (5.56 mm) high by ASME B18.2.2; a tripod's screw, at "
+            "most 5.5 mm long by ISO 1222, reaches it", _NUT,
         ),
         Mount(
-            "m5", "an M5 screw", 11.8, _with_nut(8.0, 5.0), "a nut M5", True, "nut 8 mm across flats (ISO 4032)",
+            "m5", "an M5 screw", 11.8, _with_nut(8.0, 5.0), "a hexagon nut M5", True,
+            "8 mm across flats, 4.7 mm high by ISO 4032; the screw must reach 7 mm or more into the post", _NUT,
         ),
-        Mount("rod 8mm", "a rod of 8 mm, glued in", 11.4, _for_rod(8.0), "a rod of 8 mm", False, "the rod's diameter"),
+        Mount(
+            "rod 8mm", "a rod of 8 mm, glued in", 11.4, _for_rod(8.0), "a rod of 8 mm", False,
+            "no standard: as its name says, with .2 mm of room",
+            "Roughen the rod's end and glue it in as deep as it goes.",
+        ),
         Mount(
             "iso9409-50", "a robot flange, ISO 9409-1-50-4-M6", 16.0, _flange, "four screws M6 x 16", False,
-            "63 mm across, 4 x M6 on 50 mm, centring 31.5 mm (ISO 9409-1)",
+            "cap screws by ISO 4762; 63 mm across, 4 x M6 on 50 mm, centring 31.5 mm by ISO 9409-1",
+            "Its collar goes into the flange's recess; the screws' heads lie on the side of the target.",
         ),
     )
 }  # fmt: skip

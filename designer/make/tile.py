@@ -40,6 +40,8 @@ KEY_RADIUS = 0.56
 PAD_INSET = 0.3
 """How far the pads' centres lie from the seat's sides, over its inradius."""
 PAD_TURNS = (math.pi / 2, 7 * math.pi / 6, 11 * math.pi / 6)
+MOST_PUSH_MM = 11.0
+PUSH_WALL_LINES = 4
 LETTER_STROKE_MM = 1.0
 ID_STROKE_MM = 0.6
 
@@ -112,8 +114,8 @@ class TileSizes:
 
     @property
     def push_radius_mm(self) -> float:
-        """Of the hole in a seat's middle, through which a tile is pushed out."""
-        return min(3.0, 0.12 * self.seat_inradius_mm)
+        """Of the hole in a seat's middle, through which a tile is pushed out: by a finger, where keys leave room."""
+        return min(MOST_PUSH_MM, self.key_radius_mm - self.key_hole_mm / 2 - PUSH_WALL_LINES * self.line_mm)
 
     def outline_at(self, depth_mm: float, extra_mm: float = 0.0) -> Contour:
         """The tile's outline at a depth below its face, moved in a little more.  # (K, 2)"""

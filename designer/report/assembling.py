@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from designer.formats.folder import OutputFile
 from designer.make.assembly import Assembly
+from designer.make.mounts import Mount
 from designer.page.blocks import Block, Command, Figure, Fold, Leaf, Link, Section, Steps, Table, View3d, text_table
 from designer.produce import Design
 from designer.report.assembly_pictures import exploded_scene, plate_picture
@@ -14,6 +15,7 @@ from designer.report.plates import plate_folds, plate_table
 
 _LIES = {
     "cap": "open side down", "bowl": "open side down", "core": "open side down", "lid": "seat up", "ring": "flat",
+    "socket": "pit up",
 }  # fmt: skip
 
 
@@ -151,30 +153,38 @@ def _steps(design: Design, assembly: Assembly) -> Steps:
     steps = [
         f"Put all tiles on dry first, by their numbers. {key}",
         "Each must touch the three pads of its seat and not rock, and neighbours must not touch each other along a "
-        "seam. If one is too high, clean pads and holes; push it out with a stick through the hole from inside.",
-        "Glue: a thin film of slow glue (epoxy, or a flexible one) in the middle of the seat, none on the pads; the "
+        "seam. If one is too high, clean pads and holes; push it out from inside, through the hole in the seat's "
+        "middle.",
+        "Glue: a thin film of slow glue (epoxy, or a flexible one) around the hole of the seat, none on the pads; the "
         f"gap for it is {sizes.glue_gap_mm:g} mm. Press the tile on its pads until it holds; wipe off what comes out "
         "of the seams.",
         f"Order: {', '.join(map(str, order[:-1]))} and {order[-1]}. Any other will do: each can be put in last.",
     ]
     if "ring" in split:
         steps.append(
-            "Glue the ring into the cap, its tab in the slot, and put the cap on the bowl: the tab lets it in one way. "
-            "A few drops of glue hold it; without, it comes off again with its tiles."
+            "Glue the ring into the cap, its gap over the rib in there, and put the cap on the bowl, whose rib lets "
+            "it in one way. A few drops of glue hold it; without, it comes off again with its tiles."
         )
     if "lid" in split and upper is not None:
         steps.append(
             f"Put the lid into the core before tile {upper.seats[0]}: the tile lies on the rim around it, and holds it."
         )
     if assembly.mounted is not None:
-        mount = assembly.mounted.mount
-        steps.append(
-            f"The post ({mount.title}) takes {mount.needs}. Put a nut into its pocket as deep as it goes, with a drop "
-            "of glue, then glue the post into the pit at the corner."
-            if mount.up_is_in
-            else f"The post ({mount.title}) takes {mount.needs}. Glue it into the pit at the corner."
-        )
+        steps.insert(0, _mounting(assembly.mounted.mount, has_socket="socket" in split))
     return Steps((*steps, "Let the glue harden for a day before you measure: it shrinks."))
+
+
+def _mounting(mount: Mount, *, has_socket: bool) -> str:
+    """How the post gets into the core, before tiles close the view of it."""
+    socket = (
+        "Glue the socket into the bowl from inside: its slopes lie against those about the hole at the corner, its pit "
+        "looks out. "
+        if has_socket
+        else ""
+    )
+    return (
+        f"{socket}The post ({mount.title}) takes {mount.needs}: {mount.source}. {mount.how} Glue the post into the pit."
+    )
 
 
 def _measuring(design: Design) -> tuple[Leaf, ...]:

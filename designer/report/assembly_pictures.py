@@ -23,6 +23,8 @@ TILES_OUT = 0.32
 """How far tiles are drawn away from their seats, over the edge."""
 PARTS_OUT = 0.75
 """The same of the core's upper part; a post goes as far."""
+INSIDE_OUT = 1.6
+"""The same of a socket, which goes in from inside: out through the open bowl, below the ring."""
 PLATE_COLOURS = ("#d55e00", "#009e73", "#0072b2", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442")
 """Okabe and Ito's (2008), which colour-blind people tell apart; more plates begin again."""
 CORE_COLOUR, POST_COLOUR = "#9aa1a9", "#5b636c"
@@ -34,6 +36,7 @@ def exploded_scene(design: Design, assembly: Assembly) -> Scene:
     target, printing, edge = design.target, design.job.printing, assembly.solid.edge_mm
     lift = {part.name: (PARTS_OUT * edge if part.name in ("cap", "lid") else 0.0) * part.up for part in assembly.core}
     lift["ring"] = 0.5 * lift.get("cap", np.zeros(3))
+    lift["socket"] = INSIDE_OUT * edge * -assembly.target_from_post[:3, 2]
     step = np.zeros((target.face_count, 3))
     for part in assembly.core:
         for face in part.seats:
