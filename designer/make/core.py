@@ -158,7 +158,7 @@ def _joint_frame(rim: Array, up: Array) -> Array:
 def _hollow(solid: Solid, sizes: TileSizes, frame: Array, inwards_mm: float) -> Manifold:
     """What lies this far and farther inside the shell, as seen from a frame."""
     below_mm = sizes.seat_depth_mm + skin_mm(sizes) + inwards_mm
-    return placed(Manifold.hull_points(solid.corners_mm(below_mm=below_mm)), np.linalg.inv(frame).astype(np.float64))
+    return Manifold.hull_points((solid.corners_mm(below_mm=below_mm) - frame[:3, 3]) @ frame[:3, :3])
 
 
 def _within(solid: Solid, sizes: TileSizes, frame: Array, mouth: CrossSection, inwards_mm: float) -> Manifold:
