@@ -1,7 +1,7 @@
 """What a person calls from Python to design a target; `design` on the command line stands on it."""
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
@@ -9,8 +9,11 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+import numpy as np
+
 from designer.base.errors import InputError
 from designer.base.small_file import place_of
+from designer.base.words import shown
 from designer.formats.folder import OutputFile, files_left, replaced_target, write_folder
 from designer.kinds.presets import preset_or_file
 from designer.kinds.sizing import size_job
@@ -18,8 +21,8 @@ from designer.kinds.spec_file import RawValue, parse_spec, read_spec_file, repla
 from designer.make.estimate import PrintEstimate
 from designer.make.printability import PrintCheck, check_printability
 from designer.produce import Design, make_files, maker_of
-from designer.spec.kind import KINDS, kind_named
-from designer.spec.options import options_of
+from designer.spec.kind import KINDS, kind_named, kinds
+from designer.spec.options import Value, options_of
 from designer.target import TargetGeometry
 
 if TYPE_CHECKING:
@@ -30,6 +33,8 @@ if TYPE_CHECKING:
 Place: TypeAlias = str | PathLike[str]
 Wish: TypeAlias = str | float | bool | tuple[float, ...] | tuple[str, ...] | None
 """The value of an option: as the command line has it, or as numbers; None: chosen as usual."""
+LENGTHS: tuple[Value, ...] = ("length", "length above 0", "length from 0", "chord error", "size", "bed", "page")
+"""What millimetres can be given for."""
 
 
 def unheard(stage: str) -> None:
@@ -186,6 +191,8 @@ def _values(wishes: dict[str, Wish]) -> dict[str, RawValue]:
         if wish is None:
             continue
         if name != key:
+            if (takes := _takes(name)) and takes not in LENGTHS:
+                raise InputError(f"{key} {shown(wish)}: {name} is no length; give {name}")
             if name in wishes:
                 raise InputError(f"{key} and {name}: one length twice; leave one of them out")
             values[name] = "x".join(f"{one!r}" for one in _lengths_mm(key, wish)) + "mm"
@@ -194,10 +201,19 @@ def _values(wishes: dict[str, Wish]) -> dict[str, RawValue]:
     return values
 
 
+def _takes(name: str) -> Value | None:
+    """What an option takes, which is the same of all kinds; None: there is none."""
+    return next((all_of[name].value for kind in kinds() if name in (all_of := options_of(kind.asked))), None)
+
+
 def _lengths_mm(key: str, wish: object) -> list[float]:
-    """One number or several, whatever holds them."""
-    several = wish if isinstance(wish, Iterable) and not isinstance(wish, str) else (wish,)
-    lengths = list(several)
-    if not lengths or any(isinstance(one, bool) or not isinstance(one, Real) for one in lengths):
-        raise InputError(f"{key} {wish!r}: give a number of millimetres")
-    return [float(one) for one in lengths]
+    """One number, or the several of a size, in an order that they keep."""
+    lengths = list(wish) if isinstance(wish, list | tuple) or (isinstance(wish, np.ndarray) and wish.ndim) else [wish]
+    if any(isinstance(one, bool) or not isinstance(one, Real) for one in lengths):
+        raise InputError(f"{key} {shown(wish)}: give a number of millimetres")
+    if isinstance(wish, list | tuple | np.ndarray) and len(lengths) < 2:
+        raise InputError(f"{key} {shown(wish)}: give the number itself, or the two of a size")
+    try:
+        return [float(one) for one in lengths]
+    except OverflowError:
+        raise InputError(f"{key} {shown(wish)}: is too large; give a number of millimetres") from None

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -37,6 +37,10 @@ LARGEST_STRAIN = 0.5
 LEAST_COMPENSATION_PERCENT = 0.005
 """Less is not worth dialling in: 5 um on 100 mm."""
 MOST_SHRINK_PERCENT = 50.0
+ROUNDS = 8
+"""From angles back to a strain: each leaves a part as large as the strain itself."""
+_PAIRS = ((0, 1), (0, 2), (1, 2))
+"""Of `SKEW_NAMES`."""
 NOTICED = 1 / 3
 """Of a centre's noise: a motion that shifts a face's rings by less leaves their residuals as they are to 5 %."""
 
@@ -154,11 +158,38 @@ def whole_print(found: AsBuilt, bed_turn_rad: float = 0.0) -> WholePrint:
 
     unit = np.eye(6)
     skews = [(k, "xyz"[i] + "xyz"[j]) for k, (i, j) in enumerate(STRAIN_INDEX) if i != j and j in axes]
-    return WholePrint(
+    return whole_of_strain(
         size=estimate(mean) if found.scale_known else None,
         axes={"xyz"[axis]: estimate(unit[axis] - mean) for axis in axes},
-        skews_rad={name: estimate(2 * unit[k]) for k, name in sorted(skews, key=lambda pair: pair[1])},
+        shears={name: estimate(2 * unit[k]) for k, name in sorted(skews, key=lambda pair: pair[1])},
     )
+
+
+def whole_of_strain(
+    size: Estimate | None, axes: Mapping[Axis, Estimate], shears: Mapping[Angle, Estimate]
+) -> WholePrint:
+    """A print by its strain in the bed's axes, a shear being 2 e_ij; what is told are the angles by which axes lean."""
+    half = [shears[name].value / 2 if name in shears else 0.0 for name in SKEW_NAMES]
+    leans = dict(zip(SKEW_NAMES, _leans_rad(_stretch(size, axes, np.array(half))).tolist(), strict=True))
+    return WholePrint(size, axes, {name: replace(one, value=leans[name]) for name, one in shears.items()})
+
+
+def _stretch(size: Estimate | None, axes: Mapping[Axis, Estimate], half_shear: Array) -> Array:
+    """The symmetric stretch (3, 3) of a print, from e_xy, e_xz and e_yz."""
+    stretch = np.eye(3) * (1.0 if size is None else 1 + size.value)
+    for name, one in axes.items():
+        stretch["xyz".index(name), "xyz".index(name)] += one.value
+    for value, (i, j) in zip(half_shear, _PAIRS, strict=True):
+        stretch[i, j] = stretch[j, i] = value
+    return stretch
+
+
+def _leans_rad(matrix: Array) -> Array:
+    """How far axes lean: a rotation aside, columns of the triangular factor over their diagonal.  # (3,) xy, xz, yz"""
+    upper = np.linalg.qr(matrix, mode="r")
+    upper *= np.sign(np.diagonal(upper))[:, None]
+    leans: Array = np.arctan([upper[i, j] / upper[j, j] for i, j in _PAIRS])
+    return leans
 
 
 def compensation_percent(size: float, made_with_percent: float = 0.0) -> float:
@@ -179,24 +210,20 @@ def next_skew_rad(whole: WholePrint, made_with_rad: Skew = NO_SKEW) -> Skew:
 
     The printer M made of a file sheared by K(c)^-1 (`designer.make.bed`) what is, a rotation aside, the stretch S that
     was measured. So M = Q S K(c) with a rotation Q, and of its triangular factor U (M = Q' U) the columns, each over
-    its diagonal, are those of the next K; the diagonal is size and scale of axes. An angle that is no more than noise
-    stays as it was. The axes are those of the bed as the print lay, with and without compensation.
+    its diagonal, are those of the next K; the diagonal is size and scale of axes. Of a print without compensation they
+    are the angles that are told. An angle that is no more than noise stays as it was. The axes are those of the bed as
+    the print lay, with and without compensation.
 
     Args:
         whole: what was measured, with skews in the bed's axes.
         made_with_rad: c, the compensation of the measured print.
     """
     leans = whole.skews_rad
-    stretch = np.eye(3) * (1.0 if whole.size is None else 1 + whole.size.value)
-    for name, one in whole.axes.items():
-        stretch["xyz".index(name), "xyz".index(name)] += one.value
-    for axes, one in leans.items():
-        i, j = ("xyz".index(axis) for axis in axes)
-        stretch[i, j] = stretch[j, i] = one.value / 2
-    upper = np.linalg.qr(stretch @ skew_matrix(made_with_rad), mode="r")
-    upper *= np.sign(np.diagonal(upper))[:, None]
-    upper /= np.diagonal(upper)
-    lean_rad = np.arctan(upper[[0, 0, 1], [1, 2, 2]]).tolist()
+    told = np.array([leans[name].value if name in leans else 0.0 for name in SKEW_NAMES])
+    half = told / 2
+    for _ in range(ROUNDS):
+        half = half + (told - _leans_rad(_stretch(whole.size, whole.axes, half))) / 2
+    lean_rad = _leans_rad(_stretch(whole.size, whole.axes, half) @ skew_matrix(made_with_rad)).tolist()
     xy, xz, yz = (
         lean if name in leans and leans[name].is_significant else before
         for name, lean, before in zip(SKEW_NAMES, lean_rad, made_with_rad, strict=True)

@@ -8,7 +8,15 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.as_built.deviations import Compensation, Estimate, WholePrint, bed_axes, next_shrink_percent, next_skew_rad
+from calib.as_built.deviations import (
+    Compensation,
+    Estimate,
+    WholePrint,
+    bed_axes,
+    next_shrink_percent,
+    next_skew_rad,
+    whole_of_strain,
+)
 from calib.coupons.edges import Feature
 from calib.coupons.place import PlacedPictures
 from calib.coupons.reading import BLUR, EdgeFit, Reading
@@ -219,10 +227,10 @@ def whole_of(target: TargetGeometry, placement: PlacedPictures, *, size_known: b
     by = np.column_stack([in_bed(unit) for unit in np.eye(3)])
     size, stretch, skew = in_bed(placement.print_numbers).tolist()
     sigma = np.sqrt(np.diagonal(by @ placement.covariance @ by.T)).tolist()
-    return WholePrint(
+    return whole_of_strain(
         size=Estimate(size, sigma[0]) if size_known else None,
         axes={"x": Estimate(stretch / 2, sigma[1] / 2), "y": Estimate(-stretch / 2, sigma[1] / 2)},
-        skews_rad={"xy": Estimate(skew, sigma[2])},
+        shears={"xy": Estimate(skew, sigma[2])},
     )
 
 

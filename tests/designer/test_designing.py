@@ -1,13 +1,17 @@
 """Designing from Python: the same as the command line."""
 
+import math
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import designer
-from designer.spec.kind import KINDS
+from designer.designing import LENGTHS
+from designer.spec.kind import KINDS, kind_named
+from designer.spec.options import options_of
 from tests.support.command_line import design
 
 COARSE = {"formats": ("stl",), "chord_error": "0.1mm"}
@@ -58,6 +62,32 @@ def test_bad_wishes_are_one_line(wishes: dict[str, object], rule: str) -> None:
         designer.design("dodecahedron")
     with pytest.raises(AttributeError):
         designer.dodecahedron  # noqa: B018 - looked up
+
+
+NO_NUMBERS = [
+    [1], (1,), [], {1: 2}, {1}, np.array(1.0), np.array([1.0]), np.array([[1.0, 2.0]]), [[1]], range(3), iter([1]),
+    True, "?", b"1", 1j, math.nan, math.inf, 10**400, object(),
+]  # fmt: skip
+
+
+def test_only_numbers_are_numbers() -> None:
+    """Of every option of every kind, what is nearly a number is refused in a line, with the unit in its name or not."""
+    numeric = (*LENGTHS, "percent", "count", "ratio", "price", "skew")
+    options = {name: (kind, one) for kind in KINDS for name, one in options_of(kind_named(kind).asked).items()}
+    for name, (kind, option) in options.items():
+        for wish in NO_NUMBERS:
+            with pytest.raises(designer.InputError, match=name.replace("_", "[ _]")) as error:
+                designer.design(kind, **{f"{name}_mm": wish})
+            assert "\n" not in str(error.value)
+        for wish in ([1], {1: 2}, np.array(1.0), True) if option.value in numeric else ():
+            with pytest.raises(designer.InputError):
+                designer.design(kind, **{name: wish})
+
+
+@pytest.mark.parametrize("wish", [(60, 40), [60.0, 40.0], np.array([60.0, 40.0]), (np.float64(60), np.int64(40))])
+def test_the_numbers_of_a_size_come_in_what_keeps_their_order(wish: object) -> None:
+    """Tuples, lists and arrays."""
+    assert designer.board(size_mm=wish).geometry == designer.board(size="60x40mm").geometry
 
 
 def test_the_import_loads_next_to_nothing() -> None:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.as_built.deviations import Compensation, Estimate, WholePrint, next_skew_rad
-from calib.show.measured.next_print import next_options, next_print
+from calib.as_built.deviations import Compensation, Estimate, WholePrint, next_skew_rad, whole_of_strain
+from calib.show.measured.next_print import next_options, next_print, skew_words
+from calib.show.measured.numbers import degrees
 from designer.base.errors import InputError
-from designer.base.units import NO_SKEW, Skew, parse_skew_rad
+from designer.base.units import NO_SKEW, Skew, parse_skew_rad, skew_matrix
 from designer.kinds.sizing import size_printing
 from designer.make.bed import bed_from_target, printed_corners_mm
 from designer.page.blocks import Command
@@ -59,8 +60,18 @@ def told_of(affine: Array) -> WholePrint:
     mean = float(strain.trace()) / 3
     axes = {"xyz"[k]: Estimate(float(strain[k, k]) - mean, 1e-12) for k in range(3)}
     pairs = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
-    skews = {name: Estimate(2 * float(strain[pair]), 1e-12) for name, pair in pairs.items()}
-    return WholePrint(Estimate(mean, 1e-12), axes, skews)
+    shears = {name: Estimate(2 * float(strain[pair]), 1e-12) for name, pair in pairs.items()}
+    return whole_of_strain(Estimate(mean, 1e-12), axes, shears)
+
+
+def test_an_angle_and_the_option_that_takes_it_back_are_one_number() -> None:
+    """Of a print made without compensation, at large strains too: in words digit by digit."""
+    affine = skew_matrix((8e-3, -2e-2, 1.5e-2)) @ np.diag([1.01, 0.99, 0.98])
+    whole = told_of(np.asarray(affine))
+    next_rad = next_skew_rad(whole)
+    np.testing.assert_allclose([one.value for one in whole.skews_rad.values()], next_rad, rtol=0, atol=1e-12)
+    said = {name: degrees(one).split()[0].lstrip("+") for name, one in whole.skews_rad.items()}
+    assert skew_words(next_rad) == ", ".join(f"{name} {angle}deg" for name, angle in said.items())
 
 
 def told_text(whole: WholePrint, made_with: Compensation) -> str:
@@ -81,7 +92,7 @@ def test_the_next_print_is_told_with_both_compensations() -> None:
     text = told_text(WholePrint(size, {}, skews), Compensation())
     assert f"design ... {shrink.typed} {skew.typed}   # the next print" in text
     assert "M852" in text
-    assert "xy by +0.1146" in text
+    assert "xy by +0.115" in text
     unknown, made_with = WholePrint(None, {}, skews), Compensation(0.3, (1e-3, 0.0, 0.01))
     shrink, skew = next_options(unknown, made_with)
     assert (shrink.typed, shrink.sigma) == ("--shrink-compensation 0.3%", "")
