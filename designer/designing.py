@@ -208,8 +208,9 @@ def _takes(name: str) -> Value | None:
 
 def _lengths_mm(key: str, wish: object) -> list[float]:
     """One number, or the several of a size, in an order that they keep."""
-    lengths = list(wish) if isinstance(wish, list | tuple) or (isinstance(wish, np.ndarray) and wish.ndim) else [wish]
-    if any(isinstance(one, bool) or not isinstance(one, Real) for one in lengths):
+    given = list(wish) if isinstance(wish, list | tuple) or (isinstance(wish, np.ndarray) and wish.ndim) else [wish]
+    lengths = [one for one in given if isinstance(one, Real) and not isinstance(one, bool)]
+    if len(lengths) < len(given):
         raise InputError(f"{key} {shown(wish)}: give a number of millimetres")
     if isinstance(wish, list | tuple | np.ndarray) and len(lengths) < 2:
         raise InputError(f"{key} {shown(wish)}: give the number itself, or the two of a size")

@@ -89,7 +89,8 @@ def report_picture(record: AsBuiltRecord, target: TargetGeometry) -> bytes:
     if target.is_planar:
         maps = [("How rings lie on the board", own)]
     else:
-        maps = [("How rings came out, with their faces", came_out)]
+        against = "" if record.seats is None else f", against the {record.seats.piece}s that sit well"
+        maps = [(f"How rings came out, with their faces{against}", came_out)]
         if own[np.isfinite(own)].any():
             maps.append(("How rings lie on their faces, the faces' own motion taken off", own))
 

@@ -13,6 +13,7 @@ from designer.page.blocks import View3d
 from designer.page.scene import Layer, Segments, Surface
 from designer.target import TargetGeometry
 from designer.target_scene import target_scene
+from designer.tolerance.shape import face_middle_mm
 
 Array = NDArray[np.float64]
 
@@ -53,11 +54,38 @@ def deviations_of(record: AsBuiltRecord, target: TargetGeometry) -> Deviations:
     bent = bent_mm(target, record.ring_offset_mm, record.face_bow_mm)
     design = target.center_in_face_mm - bent
     design[:, 2] = 0.0
-    turn = exp_rotation(np.nan_to_num(record.motion[:, 3:]))
-    moved = np.einsum("rij,rj->ri", turn[face], design + bent) + record.motion[face, :3]
+    motion = told_motion(record, target)
+    turn = exp_rotation(np.nan_to_num(motion[:, 3:]))
+    moved = np.einsum("rij,rj->ri", turn[face], design + bent) + motion[face, :3]
     in_face = moved - design
     in_face[~(record.ring_is_seen & record.face_is_determined[face])] = np.nan
     return Deviations(in_face, np.linalg.norm(in_face, axis=1))
+
+
+def told_motion(record: AsBuiltRecord, target: TargetGeometry) -> Array:
+    """How each face lies, as the tables tell it: shift (mm), rotation vector (rad), in its frame.  # (F, 6)
+
+    Of pieces it is the motion about the middle of the face, against those that sit well: shift t there and rotation R
+    about the middle m are R and t + m - R m about the frame's origin.
+    """
+    if record.seats is None:
+        return record.motion
+    numbers = [
+        (one.shift_x_mm, one.shift_y_mm, one.height_mm, one.tilt_x_rad, one.tilt_y_rad, one.turn_rad)
+        for one in sorted(record.seats.seats, key=lambda one: one.face)
+    ]
+    motion = np.array([[each.value for each in one] for one in numbers])
+    middle = np.pad(face_middle_mm(target), ((0, 0), (0, 1)))
+    motion[:, :3] += middle - np.einsum("fij,fj->fi", exp_rotation(np.nan_to_num(motion[:, 3:])), middle)
+    return motion
+
+
+def datum_words(record: AsBuiltRecord) -> str:
+    """Against what faces are told, of pieces."""
+    if record.seats is None:
+        return ""
+    alike = ", and what all stand out alike is taken off" if record.seats.common_height_mm is not None else ""
+    return f" Faces as in the table of them: against the {record.seats.piece}s that sit well{alike}."
 
 
 def measure_view(record: AsBuiltRecord, target: TargetGeometry) -> View3d | None:
@@ -77,7 +105,7 @@ def measure_view(record: AsBuiltRecord, target: TargetGeometry) -> View3d | None
         legend=(*_legend(most_mm, found), *_seat_legend(record)), more=tuple(layers),
         has_numbers=record.seats is not None,
     )  # fmt: skip
-    return View3d("Where faces and rings came out", scene, _alt(found, target), _caption(factor))
+    return View3d("Where faces and rings came out", scene, _alt(found, target), _caption(factor, record))
 
 
 def _alt(found: Deviations, target: TargetGeometry) -> str:
@@ -90,10 +118,11 @@ def _alt(found: Deviations, target: TargetGeometry) -> str:
     )
 
 
-def _caption(factor: float) -> str:
+def _caption(factor: float, record: AsBuiltRecord) -> str:
     return (
         "Colour: out of the face or into it, motion and bow of the face and the ring's own offset together; the "
         f"stretch of the whole print is taken off. Green arrows: where to in the face's plane, {factor:g} times as far."
+        f"{datum_words(record)}"
     )
 
 
@@ -167,11 +196,12 @@ def _faces(record: AsBuiltRecord, target: TargetGeometry, factor: float) -> Segm
     """The outlines of the faces, moved by a multiple of their motions; those of pieces that sit badly stand out."""
     ends, colours = [], list[str]()
     bad = set() if record.seats is None else {one.face for one in record.seats.bad}
-    for face in np.flatnonzero(record.face_is_determined & np.isfinite(record.motion).all(axis=1)).tolist():
+    motion = told_motion(record, target)
+    for face in np.flatnonzero(record.face_is_determined & np.isfinite(motion).all(axis=1)).tolist():
         frame, outline = target.target_from_face[face], target.outline_mm[face]
         corners = np.column_stack([outline, np.zeros(len(outline))])
-        turn = exp_rotation(factor * record.motion[face, 3:])
-        moved = (corners @ turn.T + factor * record.motion[face, :3]) @ frame[:3, :3].T + frame[:3, 3]
+        turn = exp_rotation(factor * motion[face, 3:])
+        moved = (corners @ turn.T + factor * motion[face, :3]) @ frame[:3, :3].T + frame[:3, 3]
         ends.append(np.stack([moved, np.roll(moved, -1, axis=0)], axis=1))
         colours += [BAD if face in bad else ARROWS] * len(moved)
     return Segments(np.concatenate(ends), tuple(colours)) if ends else Segments(np.zeros((0, 2, 3)), (ARROWS,))

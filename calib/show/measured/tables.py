@@ -10,7 +10,7 @@ from calib.as_built.deviations import FREE_PARAMETERS, Estimate
 from calib.core.number_text import figure
 from calib.records.as_built_file import AsBuiltRecord
 from calib.show.measured.numbers import degrees, percent, told
-from calib.show.measured.scene import deviations_of
+from calib.show.measured.scene import datum_words, deviations_of
 from calib.show.measured.seats import seats_table
 from calib.show.measured.words import axes_words
 from designer.page.blocks import Cell, Column, Level, Table
@@ -107,7 +107,8 @@ def rings_table(record: AsBuiltRecord, target: TargetGeometry | None) -> Table |
         cells += [Cell(figure(float(one), 3), float(one)) for one in sizes]
         rows.append(tuple(cells))
     more = f" The {MOST_RINGS} that are off most of {len(order)}." if len(order) > MOST_RINGS else ""
-    note = f"Their own offsets in the axes of their face, z outwards; bow and motion of the face taken off.{more}"
+    own = "Their own offsets in the axes of their face, z outwards; bow and motion of the face taken off."
+    note = f"{own}{more}{'' if target is None else datum_words(record)}"
     return Table("How the rings lie on their faces", tuple(columns), tuple(rows), note)
 
 

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib.as_built.deviations import Compensation
 from calib.as_built.options import AsBuiltOptions
 from calib.as_built.result import AsBuilt
 from calib.as_built.seats import PARTS, SOURCE_OF, Seats, limits_of, seats_of
 from calib.as_built.solve import measure
 from calib.as_built.unknowns import TargetUnknowns
+from calib.records.as_built_file import record_of
+from calib.show.measured.scene import deviations_of
 from designer.kinds.cube import CubeSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
@@ -87,6 +90,19 @@ def test_what_all_pieces_have_in_common_is_no_piece_s_fault() -> None:
     assert abs(seats.common_height_mm.value - true_mm) < 4 * seats.common_height_mm.sigma
     assert seats.common_height_mm.sigma < 0.02
     assert (found.motion[:, 5] > seats.limits.lifted).mean() > 0.9
+    heights_mm, told_mm = shown_heights_mm(found), np.array([one.height_mm.value for one in seats.seats])
+    np.testing.assert_allclose(heights_mm, told_mm, rtol=0, atol=0.015)  # what the rings' own offsets leave in a mean
+
+
+def shown_heights_mm(found: AsBuilt) -> Array:
+    """How high each face's rings stand in picture and scene."""
+    record = record_of(
+        found, None, Compensation(), bed_turn_rad=0.0, weighted=True, remarks=(), made=error_model("fdm-tiles"),
+        program="", settings={},
+    )  # fmt: skip
+    height = deviations_of(record, found.target).in_face_mm[:, 2]
+    face = found.target.ring_face
+    return np.asarray(np.bincount(face, height) / np.bincount(face))
 
 
 def test_an_outlying_face_takes_no_part_in_the_datum() -> None:
