@@ -24,7 +24,7 @@ TARGETS = {
     **template_targets(),
     **{f"random {seed}": random_target(np.random.default_rng(seed)) for seed in (100, 101, 103, 112)},
 }
-TARGETS |= {name: small(name).target for name in set(KINDS) - {t.spec.kind for t in TARGETS.values() if t.spec}}
+TARGETS |= {name: small(name).target for name in sorted(set(KINDS) - {t.spec.kind for t in TARGETS.values() if t.spec})}
 ASKED = TARGETS
 """Files held against every photo."""
 SHOWN = [*((name, False) for name in TARGETS), ("3d-board", True), ("shiny-ico", True), ("random 101", True)]

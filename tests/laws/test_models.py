@@ -32,7 +32,13 @@ from tests.support.lenses import LENSES, pixels, slight
 from tests.support.solver_scenes import board, observe, poses_around
 
 ROOT = Path(__file__).parents[2]
-each_lens = pytest.mark.parametrize("camera", LENSES.values(), ids=LENSES)
+each_lens = pytest.mark.parametrize("camera", LENSES, indirect=True)
+
+
+@pytest.fixture
+def camera(request: pytest.FixtureRequest) -> Camera:
+    """The camera of this name."""
+    return LENSES[request.param]()
 
 
 @each_lens

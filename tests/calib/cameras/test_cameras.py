@@ -11,13 +11,13 @@ from calib.cameras import MODELS, parameter_names, project, rays
 from calib.cameras.camera import Camera, camera_from_mapping, camera_or_preset, camera_to_json, load_camera
 from designer.base.errors import InputError
 from designer.kinds.presets import preset_names
-from tests.support.lenses import LENSES, SIZE, pixels
+from tests.support.lenses import SIZE, conventional, pixels
 
 
 @pytest.mark.parametrize("lens", ["without lens", "barrel", "pincushion"])
 def test_opencv_model_is_opencv(lens: str) -> None:
     """Model `opencv` projects as cv2.projectPoints does."""
-    camera = LENSES[lens]
+    camera = conventional(lens)
     point = rays(camera, pixels(camera)) * 250
     fx, fy, cx, cy, *distortion = camera.params.tolist()
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
@@ -27,7 +27,7 @@ def test_opencv_model_is_opencv(lens: str) -> None:
 
 def test_luhmann_model_is_the_published_formula() -> None:
     """Model `luhmann` subtracts the published offset at the measured point, with y up and the scene at negative z."""
-    camera = LENSES["backward barrel"]
+    camera = conventional("backward barrel")
     fx, fy, cx, cy, k1, k2, k3, p1, p2 = camera.params.tolist()
     u, v = pixels(camera).T
     x, y = (u - cx) / fx, (-v + cy) / fy
@@ -94,7 +94,7 @@ def test_templates_are_the_stated_cameras() -> None:
 )
 def test_bad_camera_files_end_in_one_line(change: dict[str, object], message: str) -> None:
     """What is wrong with a camera file is said in one line that names file, value and rule."""
-    document = {**json.loads(camera_to_json(LENSES["barrel"])), **change}
+    document = {**json.loads(camera_to_json(conventional("barrel"))), **change}
     with pytest.raises(InputError, match=r"^cam\.json: .") as caught:
         camera_from_mapping(document, "cam.json")
     assert message in str(caught.value)

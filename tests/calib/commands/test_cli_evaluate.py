@@ -5,6 +5,7 @@ import json
 import math
 import shlex
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,12 @@ APP.command()(command)
 ICO = icosahedron()
 TRUE = example(ICO, np.random.default_rng(1), views=8, noise_px=0.1)
 OPTIONS = SolveOptions(fixed=(("k3", 0.0),))
-SOLVED = solve(TRUE.observations, "opencv", OPTIONS)
+
+
+@cache
+def solved() -> Calibration:
+    """What the commands judge."""
+    return solve(TRUE.observations, "opencv", OPTIONS)
 
 
 def run(*arguments: object) -> Result:
@@ -63,7 +69,7 @@ def cells(path: Path) -> list[dict[str, str]]:
 
 def test_a_calibration_alone_is_enough(tmp_path: Path) -> None:
     """The folder that `calib solve` wrote: tables on the screen, metrics and pictures beside it, exit code 0."""
-    folder = folder_of(SOLVED, tmp_path / "cal")
+    folder = folder_of(solved(), tmp_path / "cal")
     result = run(folder, "--verbose")
     assert result.exit_code == 0, result.output
     for words in (
@@ -87,7 +93,7 @@ def test_a_calibration_alone_is_enough(tmp_path: Path) -> None:
 
 def test_truth_adds_pose_errors(tmp_path: Path) -> None:
     """With truth.json there are pose errors, and the parameters stand beside the true ones."""
-    folder = folder_of(SOLVED, tmp_path / "cal")
+    folder = folder_of(solved(), tmp_path / "cal")
     result = run(
         folder / "calibration.json", "--truth", truth_file(tmp_path), "-o", tmp_path / "out", "--no-figures", "-v"
     )  # fmt: skip
@@ -95,7 +101,7 @@ def test_truth_adds_pose_errors(tmp_path: Path) -> None:
     assert "\npose " in result.output
     assert "sigma" in result.output
     document = json.loads((tmp_path / "out" / "metrics.json").read_text())
-    expected = np.linalg.norm(_centers(SOLVED) - _centers(TRUE), axis=1)
+    expected = np.linalg.norm(_centers(solved()) - _centers(TRUE), axis=1)
     assert document["metrics"]["pose"]["rmse"] == pytest.approx(math.sqrt((expected**2).mean()))
     assert document["parameters"]["fx_px"]["true"] == TRUE.camera.params[0]
     assert document["parameters"]["k3"] == {"value": 0.0, "sigma": 0.0, "unit": "1", "fixed": True, "true": 0.0}
@@ -103,7 +109,7 @@ def test_truth_adds_pose_errors(tmp_path: Path) -> None:
 
 def test_the_answer_comes_first_and_the_next_step_can_be_typed(tmp_path: Path) -> None:
     """At most 25 lines, the root mean squares of the table on the first; next steps are command lines to the end."""
-    folder = folder_of(SOLVED, tmp_path / "cal")
+    folder = folder_of(solved(), tmp_path / "cal")
     for more, photos in ((), "that the camera was solved from"), (("--held-out", 4), "held out"):
         result = run(folder, *more)
         lines = result.output.splitlines()
@@ -122,20 +128,20 @@ def _centers(one: Calibration) -> np.ndarray:
 
 def test_held_out_solves_as_it_was_solved(tmp_path: Path) -> None:
     """--held-out keeps the options of the solution, and the output says what the errors are of."""
-    folder = folder_of(SOLVED, tmp_path)
+    folder = folder_of(solved(), tmp_path)
     result = run(folder, "--held-out", 4, "--no-figures")
     assert result.exit_code == 0, result.output
     assert "Errors by cross-validation" in result.output
     assert "in 4 parts" in result.output
     document = json.loads((folder / "metrics.json").read_text())
     assert document["of"] == "views held out of the solution"
-    assert document["metrics"]["reprojection"]["rmse"] > summarise(evaluate(SOLVED).errors[0]).rmse
+    assert document["metrics"]["reprojection"]["rmse"] > summarise(evaluate(solved()).errors[0]).rmse
 
 
 @pytest.mark.parametrize("parts", ["1", "9"])
 def test_parts_that_do_not_fit_are_refused(parts: str, tmp_path: Path) -> None:
     """One line, before anything is written."""
-    folder = folder_of(SOLVED, tmp_path)
+    folder = folder_of(solved(), tmp_path)
     result = run(folder, "--held-out", parts)
     assert isinstance(result.exception, InputError)
     assert f"--held-out {parts}: 8 photos fall into 2 to 8 parts" in str(result.exception)
@@ -145,7 +151,7 @@ def test_parts_that_do_not_fit_are_refused(parts: str, tmp_path: Path) -> None:
 def test_a_degenerate_calibration_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What the photos do not determine is said, with its reason, and the exit code is 1."""
     lost = replace(
-        SOLVED, status="degenerate", remarks=("one view that faces the board squarely",), scale=math.nan,
+        solved(), status="degenerate", remarks=("one view that faces the board squarely",), scale=math.nan,
         param_covariance=np.full((9, 9), np.nan), pose_covariance=np.full((8, 6, 6), np.nan),
     )  # fmt: skip
     assert command(folder_of(lost, tmp_path), figures=False).exit_code == 1
@@ -155,7 +161,7 @@ def test_a_degenerate_calibration_ends_with_1(tmp_path: Path, capsys: pytest.Cap
 
 def test_bad_input_is_one_line(tmp_path: Path) -> None:
     """No such file, a folder of several cameras, a truth of other photos, an output that is a file."""
-    folder = folder_of(SOLVED, tmp_path / "cal")
+    folder = folder_of(solved(), tmp_path / "cal")
     other = tmp_path / "other"
     other.mkdir()
     truth = truth_file(other)
@@ -175,7 +181,7 @@ def test_bad_input_is_one_line(tmp_path: Path) -> None:
 
 def test_anothers_metrics_are_not_overwritten(tmp_path: Path) -> None:
     """A metrics.json that is none of this program's stays as it is; one of an earlier run is replaced."""
-    folder, place = folder_of(SOLVED, tmp_path / "cal"), tmp_path / "out" / "metrics.json"
+    folder, place = folder_of(solved(), tmp_path / "cal"), tmp_path / "out" / "metrics.json"
     place.parent.mkdir()
     place.write_text('{"mine": 1}')
     result = run(folder, "-o", place.parent, "--no-figures")
@@ -194,13 +200,13 @@ def test_a_truth_of_other_photos_is_told(tmp_path: Path) -> None:
     document = json.loads(path.read_text())
     document["camera"]["image_size"] = [10, 20]
     path.write_text(json.dumps(document))
-    result = run(folder_of(SOLVED, tmp_path / "cal"), "--truth", path, "--no-figures")
+    result = run(folder_of(solved(), tmp_path / "cal"), "--truth", path, "--no-figures")
     assert "the truth is of photos of 10 x 20 px, the calibration is not" in result.output
 
 
 def test_files_hold_the_summaries(tmp_path: Path) -> None:
     """metrics.json and the CSV files hold what the functions compute, row by row."""
-    found = evaluate(SOLVED)
+    found = evaluate(solved())
     for path, content in evaluation_files(found, tmp_path).items():
         path.write_bytes(content)
     document = json.loads((tmp_path / "metrics.json").read_text())
@@ -230,9 +236,9 @@ def test_files_hold_the_summaries(tmp_path: Path) -> None:
 
 def test_outliers_are_in_the_files_with_their_reason(tmp_path: Path) -> None:
     """A sighting that does not count is listed with its error, and named an outlier."""
-    flag = np.zeros(len(SOLVED.is_outlier), dtype=bool)
+    flag = np.zeros(len(solved().is_outlier), dtype=bool)
     flag[5] = True
-    for path, content in evaluation_files(evaluate(replace(SOLVED, is_outlier=flag)), tmp_path).items():
+    for path, content in evaluation_files(evaluate(replace(solved(), is_outlier=flag)), tmp_path).items():
         path.write_bytes(content)
     row = cells(tmp_path / "metrics_observations.csv")[5]
     assert row["reprojection_left_out"] == "outlier"
@@ -245,8 +251,8 @@ def test_outliers_are_in_the_files_with_their_reason(tmp_path: Path) -> None:
 def test_names_cannot_steer_the_terminal(tmp_path: Path) -> None:
     """File names with control characters or markup are printed escaped, and cannot break a line of CSV."""
     names = tuple(f"[red]\x1b[31m{n}\n,\udc80.png" for n in range(8))
-    seen = replace(SOLVED.observations, view_names=names)
-    result = run(folder_of(replace(SOLVED, observations=seen, remarks=(names[0],)), tmp_path), "--no-figures")
+    seen = replace(solved().observations, view_names=names)
+    result = run(folder_of(replace(solved(), observations=seen, remarks=(names[0],)), tmp_path), "--no-figures")
     assert result.exit_code == 0, result.output
     assert "\x1b[31m" not in result.output
     assert r"[red]\x1b[31m" in result.output

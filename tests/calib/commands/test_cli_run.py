@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -39,15 +40,20 @@ CAMERA = camera("opencv", SIZE, 700.0)
 POSES = poses_around(6, np.random.default_rng(2), half_angle_rad=0.7, distance_mm=150.0)
 OPTIONS = RenderOptions(blur_px=0.6, contrast_to_noise=80)
 JOB = RenderJob(BOARD, CAMERA, POSES, OPTIONS, seed=0)
-SEEN = {
-    name: sighting(BOARD, CAMERA, pose, np.random.default_rng(n), options=OPTIONS, name=name)[1]
-    for n, (name, pose) in enumerate(zip(JOB.file_names, POSES, strict=True))
-}
 OF_A_MODEL = {
     "calibration.json", "observations.csv", "camera.json", "metrics.json", "metrics_views.csv", "metrics_points.csv",
     "metrics_faces.csv", "metrics_observations.csv",
 }  # fmt: skip
 MODELS = ("luhmann", "opencv", "virtual")
+
+
+@cache
+def seen_in_photos() -> dict[str, Detections]:
+    """By file name; a test may put a photo's detections in for its time."""
+    return {
+        name: sighting(BOARD, CAMERA, pose, np.random.default_rng(n), options=OPTIONS, name=name)[1]
+        for n, (name, pose) in enumerate(zip(JOB.file_names, POSES, strict=True))
+    }
 
 
 @pytest.fixture(scope="module")
@@ -88,10 +94,10 @@ class Detector:
     ) -> Detections:
         """What the photo of this name shows; nothing if it is none of them."""
         self.asked.append((name, camera is not None))
-        seen = SEEN.get(Path(name).name)
+        seen = seen_in_photos().get(Path(name).name)
         if seen is not None:
             return replace(seen, image=name)
-        some = next(iter(SEEN.values()))
+        some = next(iter(seen_in_photos().values()))
         size = (pixels.shape[1], pixels.shape[0])
         return replace(some.keep(slice(0)), image=name, image_size=size, faces=(), remarks=("nothing here",))
 
@@ -153,8 +159,8 @@ def test_the_real_detector_is_asked_again_with_the_lens(detector: Detector) -> N
 def test_photos_of_another_size_are_kept_and_named(detector: Detector, monkeypatch: pytest.MonkeyPatch) -> None:
     """The lens of the first solution is not theirs; they are searched without it, and left out of the solution."""
     Image.new("L", (320, 240)).save("photos/large.png")
-    large = replace(SEEN["view_0000.png"], image_size=(320, 240))
-    monkeypatch.setitem(SEEN, "large.png", large)
+    large = replace(seen_in_photos()["view_0000.png"], image_size=(320, 240))
+    monkeypatch.setitem(seen_in_photos(), "large.png", large)
     answer = calib(*quick("photos"))
     assert answer.code == 0
     assert detector.asked.count(("large.png", False)) == 1
@@ -170,7 +176,7 @@ def test_odd_photos_do_not_stop_the_others(folder: Path, detector: Detector, mon
     shutil.copy("photos/view_0001.png", "photos/sub [x] 1.png")
     Image.new("L", SIZE).save("photos/black.png")
     Path("photos/cut.png").write_bytes(Path("photos/view_0002.png").read_bytes()[:3000])
-    monkeypatch.setitem(SEEN, "sub [x] 1.png", SEEN["view_0001.png"])
+    monkeypatch.setitem(seen_in_photos(), "sub [x] 1.png", seen_in_photos()["view_0001.png"])
     answer = calib(*quick("photos", "missing.png"))
     assert answer.code == 0
     assert "left out views that are another one once more: view_0001.png (as sub [x] 1.png)" in answer.out
@@ -255,7 +261,7 @@ def test_one_photo_alone_may_not_determine_a_camera(detector: Detector, monkeypa
     straight = np.diag([1.0, -1, -1, 1])
     straight[2, 3] = 150
     _, seen = sighting(BOARD, flat, straight, np.random.default_rng(0), name="view_0000.png")
-    monkeypatch.setitem(SEEN, "view_0000.png", seen)
+    monkeypatch.setitem(seen_in_photos(), "view_0000.png", seen)
     answer = calib(*quick("photos/view_0000.png", "--model", "pinhole", "--fix", "cx_px=320", "--fix", "cy_px=240"))
     assert answer.code == 1
     assert "focal length" in answer.out
