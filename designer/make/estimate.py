@@ -25,6 +25,7 @@ from designer.make.mesh import Part
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
 from designer.make.plate import Piece, Plate
 from designer.make.section import SIMPLE_MM, Layered, Outline
+from designer.make.tower import purged
 from designer.spec.machine import Machine
 from designer.spec.spec import PrinterProfile, PrintSpec
 
@@ -36,8 +37,6 @@ MOST_LAYERS = 48
 """More are not cut, but stand for each other."""
 INK_FILL = 0.94
 """Ink laid down over ink in the model: 0.91 to 0.97 in G-code; slivers where ink ends in a slope are left out."""
-TOWER_MM, TOWER_BRIM_MM = 60.0, 2.0
-"""Width of PrusaSlicer's wipe tower, and its brim; others are narrower and deeper."""
 RETRACTED_MM = 2.0
 """Shorter ways are gone without pulling the filament back (PrusaSlicer's and OrcaSlicer's default)."""
 _ALIKE = 0.01
@@ -167,34 +166,18 @@ def _plate_estimate(plate: Plate, printer: PrinterProfile, alike: list["_CutPiec
         there[:, : one.layers] |= one.is_there
     changing = changing_layers(*there)
     changes = len(changing)
-    purge_mm3 = _purge_mm3(changing, printer)
-    purge_s = purge_mm3 / min(change.purge_flow_mm3_s, machine.flow_mm3_s)
+    purge = purged(changing, printer)
     times = np.zeros(layers)
     for one in cut:
         times[: one.layers] += one.time_s
     # A layer that changes filament cools meanwhile.
     waiting = np.full(layers, machine.least_layer_s)
-    waiting[list(changing)] -= purge_s / max(changes, 1)
+    waiting[list(changing)] -= purge.time_s / max(changes, 1)
     printing = np.maximum(times, waiting).sum()
     return PlateEstimate(
-        plate.name, layers, int(there[INK].sum()), changes, float(printing), purge_s + changes * change.time_s,
-        machine.start_s, sum(one.body_mm3 for one in cut), sum(one.ink_mm3 for one in cut), purge_mm3,
+        plate.name, layers, int(there[INK].sum()), changes, float(printing), purge.time_s + changes * change.time_s,
+        machine.start_s, sum(one.body_mm3 for one in cut), sum(one.ink_mm3 for one in cut), purge.volume_mm3,
     )  # fmt: skip
-
-
-def _purge_mm3(changing: Sequence[int], printer: PrinterProfile) -> float:
-    """What changes purge, and walls and foot of the tower that it is printed as, up to the last change."""
-    change, layer_mm, line_mm = printer.machine.change, printer.layer_height_mm, printer.line_width_mm
-    to_ink = (len(changing) + 1) // 2
-    purged = to_ink * change.purge_to_ink_mm3 + (len(changing) - to_ink) * change.purge_to_body_mm3
-    if not changing or not change.has_tower:
-        return purged
-    deep_mm = max(change.purge_to_ink_mm3, change.purge_to_body_mm3) / (TOWER_MM * layer_mm)
-    # Purge fills the tower line by line: it is rounded up to whole ones, half a line on the mean; the ends are walls.
-    walls_mm3 = (2 * deep_mm + TOWER_MM / 2) * line_mm * layer_mm * (changing[-1] + 1)
-    brim_mm3 = 2 * (TOWER_MM + deep_mm) * TOWER_BRIM_MM * layer_mm
-    foot_mm3 = TOWER_MM * deep_mm * layer_mm - (change.purge_to_ink_mm3 if changing[0] == 0 else 0.0)
-    return purged + walls_mm3 + brim_mm3 + foot_mm3  # the foot is solid
 
 
 @dataclass(frozen=True)
@@ -318,7 +301,7 @@ class _Slicing:
             loops_time_s(loops, self._pace("inner_wall" if number else "outer_wall", is_first))
             for number, loops in enumerate(walls)
         )
-        starts = [loop[0] for loops in walls[:1] for loop in loops]
+        starts = [loop[0] for loops in reversed(walls) for loop in loops]  # the outer wall last
         solid = inside if layer is None else self._solid(inside, layer)
         sparse = inside - solid if solid is not inside else CrossSection()
         top = CrossSection() if layer is None or self._is_under(layer) else solid - self.outline_at(layer + 1)

@@ -186,8 +186,8 @@ def _rests_on(printing: PrintSpec) -> str:
     return (
         f"Estimated before slicing, from the model and the profile of {printing.printer.name}: {machine.shells.text}, "
         f"layers of {printing.printer.layer_height_mm:g} mm, {changing}. PrusaSlicer with the same settings differs by "
-        f"up to {20 if change.is_tool_changer else 15} % in time and 5 % in plastic, real printers by more. "
-        f"Brim{', stand' * printing.stand} and supports are not in it."
+        f"up to 15 % in time and 5 % in plastic, real printers by more. {machine.start_s / 60:.2g} min a plate "
+        f"for heating and levelling are as the profile assumes. Brim{', stand' * printing.stand} and supports are not in it."
     )
 
 

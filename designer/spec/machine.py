@@ -55,9 +55,10 @@ class FilamentChange:
     time_s: Seconds = 40.0  # all of it but the purge
     purge_to_ink_mm3: Purge = 140.0
     purge_to_body_mm3: Purge = 280.0  # dark before light needs more
-    purge_flow_mm3_s: Flow = 10.0
+    purge_flow_mm3_s: Flow = 10.0  # at full speed
     is_tool_changer: bool = False  # each filament has a nozzle of its own
     has_tower: bool = True  # what is purged, or primed, is printed as a tower beside the part
+    most_on_tower_mm3: Purge = 5000.0  # of one purge; the rest falls down a chute
 
 
 @dataclass(frozen=True)
