@@ -77,10 +77,10 @@ def steps(files: str, target: TargetGeometry, suffix: str) -> tuple[str, ...]:
         order,
         "Tell the maker: print at 100 %, do not move or clip the pattern, no order number on a side with rings.",
         edges,
-        f"Bow and twist may reach 0.75 % of the diagonal and still pass: {0.0075 * diagonal_mm:.2g} mm here. Lay a "
-        "ruler across it; glue a board that is bent on a flat plate.",
+        f"Bow and twist may reach 0.75 % of the diagonal and still pass (JHDPCB): {0.0075 * diagonal_mm:.2g} mm "
+        "here. Lay a ruler across it; glue a board that is bent on a flat plate.",
         "Measure the distance of far rings along both directions: laminate shrinks as it is made, along and across its "
-        "fibres by different amounts. The outline is no measure, it is routed to 0.2 mm.",
+        "fibres by different amounts. The outline is no measure, it is routed to 0.2 mm (Angus).",
     )
 
 
@@ -105,7 +105,7 @@ def _ink_words(*, has_mask: bool) -> tuple[str, str]:
         "Solder mask white, matt if there is a choice; silkscreen black. The silkscreen is the ink; the copper under "
         "the mask, alike on both sides, keeps the board flat and its white opaque.",
         "Black is printed on white, so the mask does nothing to the edges: they are as sharp as the maker's legend "
-        "printer, which holds lines of 0.15 mm.",
+        "printer, which holds lines of 0.15 mm (PCBWay, Angus).",
     )
 
 

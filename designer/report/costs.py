@@ -18,7 +18,7 @@ from designer.page.blocks import Cell, Column, Level, Section, Table, text_table
 from designer.produce import Design
 from designer.report.making import colour_words
 from designer.spec.build import BUILDS, builds_of
-from designer.spec.spec import PrintSpec
+from designer.spec.spec import FILAMENT_PRICE, PrintSpec
 
 LONG_S = 24 * 3600.0
 """A print that goes on for longer must not fail in a night, and a day later nobody remembers why it did."""
@@ -147,6 +147,7 @@ def _few_digits(value: float) -> str:
 
 def cost_table(costs: Costs, printing: PrintSpec) -> Table:
     """This build against the others."""
+    assumed = ", which is assumed" if printing.filament_price == FILAMENT_PRICE else ""
     columns = (
         Column("build", is_number=False),
         Column("plates"),
@@ -155,7 +156,7 @@ def cost_table(costs: Costs, printing: PrintSpec) -> Table:
         Column("purge", note="filament that changes throw away"),
         Column("filament", note="all that comes off the spools"),
         Column("spools", note="of 1 kg"),
-        Column("price", note=f"at {printing.filament_price:g} a kilogram: --filament-price"),
+        Column("price", note=f"at {printing.filament_price:g} a kilogram{assumed}: --filament-price"),
     )
     rows = tuple(_cost_row(way, is_own=way is costs.own) for way in (costs.own, *costs.others))
     return Table("What it takes", columns, rows, note=_rests_on(printing))
@@ -183,18 +184,20 @@ def _rests_on(printing: PrintSpec) -> str:
     changing = f"a change of {change.time_s:g} s with {change.purge_to_ink_mm3:g} or {change.purge_to_body_mm3:g} mm³"
     if change.is_tool_changer:
         changing = f"a nozzle for each filament, {change.time_s:g} s and {change.purge_to_ink_mm3:g} mm³ a change"
+    left_out = f"Brim{', stand' * printing.stand} and supports"
     return (
         f"Estimated before slicing, from the model and the profile of {printing.printer.name}: {machine.shells.text}, "
         f"layers of {printing.printer.layer_height_mm:g} mm, {changing}. PrusaSlicer with the same settings differs by "
         f"up to 15 % in time and 5 % in plastic, real printers by more. {machine.start_s / 60:.2g} min a plate "
-        f"for heating and levelling are as the profile assumes. Brim{', stand' * printing.stand} and supports are not in it."
+        f"for heating and levelling are as the profile assumes. {left_out} are not in it."
     )
 
 
 def cost_section(costs: Costs, printing: PrintSpec) -> Section:
     """This build against the others, its filament by slot, its time by plate."""
     one = costs.own.estimate
-    why = f" {one.inked_layers} layers hold ink, which makes {_changes(one.changes)}." if one.changes else ""
+    layers = "1 layer holds" if one.inked_layers == 1 else f"{one.inked_layers} layers hold"
+    why = f" {layers} ink, which makes {_changes(one.changes)}." if one.changes else ""
     blocks = (cost_table(costs, printing), _slot_table(one, printing), _plate_table(one))
     return Section(COSTS_TITLE, blocks, f"{cost_sentence(one)}{why}")
 
@@ -212,7 +215,9 @@ def _slot_table(one: PrintEstimate, printing: PrintSpec) -> Table:
         (Cell(slot), Cell(colour), Cell(grams(mass), mass), Cell(f"{_few_digits(_length_m(mass))} m", _length_m(mass)))
         for slot, colour, mass in rows
     )
-    return Table("Filament of each slot", columns, cells, note="PLA, 1.24 g/cm³; length of filament of 1.75 mm.")
+    return Table(
+        "Filament of each slot", columns, cells, note="PLA, 1.24 g/cm³ by its makers; length of filament of 1.75 mm."
+    )
 
 
 def _plate_table(one: PrintEstimate) -> Table:

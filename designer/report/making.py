@@ -150,7 +150,7 @@ def print_settings(design: Design, shells: Shells) -> tuple[Leaf, ...]:
         "filament 2": f"ink, {colour_words(printing.ink_colour)}",
         "surface": "matt for both: on glossy plastic lamps are mirrored, and glare hides the edges of rings",
         "layer height": f"{printer.layer_height_mm:g} mm, the first layer too: the ink is {printing.inlay_mm:g} mm "
-        f"deep, {ink_layers:.3g} layers of a flat face",
+        f"deep, {ink_layers:.3g} layer{'s' * (ink_layers != 1)} of a flat face",
         "line width": f"{printer.line_width_mm:g} mm: the design rules above were held to it",
         "walls, infill": f"{shells.text}; not critical, the filament above is for these",
         "supports": supports,

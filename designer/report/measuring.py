@@ -23,6 +23,7 @@ from designer.tolerance.model import ErrorModel
 REACH_MM = 150.0
 """Of the usual caliper."""
 _CALIPER_MM = 0.02
+"""Limit of error of a caliper that shows 0.01 mm, up to 100 mm (DIN 862); a reading by hand is assumed as good."""
 _LEAST_EFFECT_MM = 0.005
 READING = "READING"
 """What stands in the commands where a person's reading belongs: calib measure refuses it."""
@@ -379,7 +380,8 @@ def _commands(measuring: _Measuring) -> tuple[Leaf, ...]:
     return (
         Paragraph(
             f"Put {what} in place of {READING}, as in 12.34mm. The measured target file is then used instead of "
-            f"{target}, and no new print is needed."
+            f"{target}, and no new print is needed. +-{_CALIPER_MM:g}mm is what a caliper may be off up to 100 mm (DIN "
+            "862, display of 0.01 mm): put what yours may."
         ),
         Command(
             f'calib measure {target} --measured-length "{length}"{shrunk} -o measured/{target}',
