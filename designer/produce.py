@@ -12,6 +12,7 @@ import numpy as np
 from designer.base.errors import InputError
 from designer.base.units import NO_SKEW
 from designer.formats.folder import OutputFile
+from designer.kinds.board_cuts import ring_pieces
 from designer.kinds.layout import lay_out
 from designer.kinds.spec_file import spec_to_toml
 from designer.make.bed import against_skew, bed_from_target, mapped
@@ -23,7 +24,7 @@ from designer.make.pattern import Pattern, make_pattern
 from designer.make.plate import Plate
 from designer.make.sheets import lay_out_sheets
 from designer.page.blocks import Section
-from designer.spec.build import CircuitInk, Format
+from designer.spec.build import BUILDS, CircuitInk, Format
 from designer.spec.spec import Job, PrintSpec
 from designer.target import TargetGeometry, target_to_json
 
@@ -36,8 +37,10 @@ class Design:
 
     @cached_property
     def target(self) -> TargetGeometry:
-        """The nominal geometry, which no printing option changes."""
-        return replace(lay_out(self.job.target), build=self.job.printing.build)
+        """The nominal geometry, which no printing option changes; for information how it is built."""
+        target, printing = lay_out(self.job.target), self.job.printing
+        piece = ring_pieces(target, printing.printer, self.scale) if BUILDS[printing.build].is_in_parts else None
+        return replace(target, build=printing.build, ring_piece=piece)
 
     @property
     def scale(self) -> float:

@@ -55,8 +55,11 @@ _ARRAYS: Mapping[str, tuple[str, tuple[str | int, ...]]] = {
     "lattice_mm": ("float64", ("F", 2, 2)),
     "face_covariance": ("float64", ("F", 6, 6)),
     "mode_mm": ("float64", ("S", "R", 3)),
+    "ring_piece": ("int64", ("R",)),
 }
-_OPTIONAL = ("face_covariance", "mode_mm")
+_OPTIONAL = ("face_covariance", "mode_mm", "ring_piece")
+_UNTOLD = ("ring_piece",)
+"""How it is made, which no id tells."""
 _REQUIRED = tuple(name for name in _ARRAYS if name not in _OPTIONAL)
 
 
@@ -89,6 +92,7 @@ class TargetGeometry:
     lattice_mm: NDArray[np.float64]  # (F, 2, 2) rows: steps of i and of j in the face frame
     face_covariance: NDArray[np.float64] | None = None  # (F, 6, 6) rotation vector (rad), translation (mm)
     mode_mm: NDArray[np.float64] | None = None  # (S, R, 3) see `designer.tolerance.prior`: what else may be off
+    ring_piece: NDArray[np.int64] | None = None  # (R,) the piece of a board that each is on, from 0; no id tells it
     build: str | None = None  # how it is made, for information: no id tells it; None: not known
 
     def __post_init__(self) -> None:
@@ -171,7 +175,7 @@ class TargetGeometry:
     @cached_property
     def geometry_id(self) -> str:
         """Names all numbers, the spec and the source."""
-        return _digest(self, tuple(_present_arrays(self)), full=True)
+        return _digest(self, tuple(name for name in _present_arrays(self) if name not in _UNTOLD), full=True)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, TargetGeometry) and self.geometry_id == other.geometry_id
@@ -221,6 +225,10 @@ def _check_rules(target: TargetGeometry) -> None:
         raise ValueError(f"face_code must lie in 0..{len(CODES) - 1}, or be -1 for none")
     if target.ring_face.min() < 0 or target.ring_face.max() >= target.face_count:
         raise ValueError(f"ring_face must lie in 0..{target.face_count - 1}")
+    if (piece := target.ring_piece) is not None and (
+        not target.is_planar or sorted(set(piece.tolist())) != list(range(int(piece.max()) + 1))
+    ):
+        raise ValueError("ring_piece must number the pieces of a board with one face from 0 on, each with a ring")
     if np.abs(target.ring_index).max() > MAX_INDEX:
         raise ValueError(f"ring_index must lie in -{MAX_INDEX}..{MAX_INDEX}")
     keys = np.column_stack([target.ring_face, target.ring_index])

@@ -46,7 +46,7 @@ def back_covariance(target: TargetGeometry, errors: ErrorModel) -> Array:
     fit = rigid_fit(target.center_in_face_mm[back])
     covariance = np.zeros((6, 6))
     for name, amount in errors.amounts:
-        if SOURCES[name].scope == "face":
+        if SOURCES[name].scope in ("face", "piece"):
             change, _ = displacements(target, errors, name)
             inside = np.einsum("ji,rjc->ric", target.target_from_face[1, :3, :3], change[back])
             motion = fit @ inside.reshape(3 * int(back.sum()), -1)

@@ -17,7 +17,7 @@ from calib.core.se3 import skew
 from designer.base.marks import Gap
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel
-from designer.tolerance.shape import face_middle_mm
+from designer.tolerance.pieces import face_middle_mm
 from designer.tolerance.source import Amount
 
 Array = NDArray[np.float64]

@@ -12,25 +12,24 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 from manifold3d import CrossSection, JoinType, Manifold
 from numpy.typing import NDArray
 
 from designer.base.errors import InputError
+from designer.kinds.board_cuts import BoardCuts, Point, cut_board, room_mm, strip_mm
 from designer.make.bed import against_skew_along
 from designer.make.booleans import mesh_of, prism, solid_of, union
 from designer.make.lettering import HEIGHT, ID_DIGITS, text_contours, text_width
 from designer.make.mesh import Mesh, Part, inlaid, plate_hull
 from designer.make.pattern import Contour, make_pattern
 from designer.make.plate import Piece, Plate
-from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM
+from designer.spec.machine import BRIM_MM
 from designer.spec.spec import PrinterProfile, PrintSpec
 from designer.target import TargetGeometry
 
 Array = NDArray[np.float64]
-Point = tuple[float, float]
 
 KEY_REACH_MM, KEY_WAIST_MM, KEY_END_MM = 9.0, 5.0, 9.0
 """Of a bow tie: how far it reaches into each piece, how wide it is in the seam and at its ends. Assumptions: a waist of
@@ -49,7 +48,6 @@ PAD_PLACES, PAD_WIDTH_MM = (0.08, 0.92), 6.0
 APART_MM = 8.0
 """Between pieces on a plate: room for two brims."""
 NUMBER_STROKE_MM, JOINS_STROKE_MM = 2.0, 0.8
-MOST_PIECES = 64
 _FAR_MM = 1000.0
 _QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
@@ -111,27 +109,6 @@ class BoardInPieces:
                 yield solid_of(self.key).transform(frame[:3])
 
 
-@dataclass(frozen=True)
-class _Cuts:
-    """Where a board is cut, its own edges included."""
-
-    x_mm: tuple[float, ...]
-    y_mm: tuple[float, ...]
-    is_turned: bool
-    white_mm: float  # across the narrowest seam; infinite without one
-
-    @property
-    def unlike_mm(self) -> float:
-        """By how much the largest piece is longer one way."""
-        return float(abs(np.diff(self.x_mm).max() - np.diff(self.y_mm).max()))
-
-    def cells(self) -> Iterator[tuple[Point, Point]]:
-        """Lower left and upper right corners of the pieces, row by row from below."""
-        for low_y, high_y in pairwise(self.y_mm):
-            for low_x, high_x in pairwise(self.x_mm):
-                yield (low_x, low_y), (high_x, high_y)
-
-
 @lru_cache(maxsize=2)
 def board_in_pieces(target: TargetGeometry, printing: PrintSpec) -> BoardInPieces:
     """Cut a board into as few pieces as the printer's bed takes.
@@ -149,7 +126,7 @@ def board_in_pieces(target: TargetGeometry, printing: PrintSpec) -> BoardInPiece
     printer, scale = printing.printer, 1 + printing.shrink_compensation_percent / 100
     thickness, inlay, layer = target.spec.depth_mm, printing.inlay_mm / scale, printer.layer_height_mm
     depth = _key_depth_mm(thickness, inlay, layer)
-    cuts = _cut(target, printer, scale)
+    cuts = cut_board(target, printer, scale)
     seams = tuple(_seams(cuts, printer.clearance_mm))
     # Ink is offset by what the print bleeds, whatever it shrinks; letters that a seam would cut stand on the backs.
     pattern = make_pattern(target, replace(printing, labels=False, ink_offset_mm=printing.ink_offset_mm / scale))
@@ -188,108 +165,7 @@ def _key_depth_mm(thickness: float, inlay: float, layer: float) -> float:
     return layers * layer
 
 
-def _strip_mm(printer: PrinterProfile) -> Array:
-    """Where the prime tower stands: along the bed's longer side, in front, and left free there.  # (2,)
-
-    In front, since printers keep a corner there for themselves (P1 and X1 of Bambu Lab 18 x 28 mm for the cutter, in
-    their slicer's profiles).
-    """
-    across = 1 if printer.bed_mm[1] <= printer.bed_mm[0] else 0
-    strip: Array = np.eye(2)[across] * TOWER_DEPTH_MM
-    return strip
-
-
-def _room_mm(printer: PrinterProfile) -> Array:
-    """What a bed takes beside brim and prime tower, along x and y.  # (2,)"""
-    return np.array(printer.bed_mm[:2]) - 2 * BRIM_MM - _strip_mm(printer)
-
-
-def _cut(target: TargetGeometry, printer: PrinterProfile, scale: float) -> _Cuts:
-    """The fewest pieces that fit the bed, as near to squares as that allows.
-
-    Raises:
-        InputError: none do, or the board needs no cut.
-    """
-    room = _room_mm(printer) / scale
-    low, high = target.outline_mm[0].min(axis=0), target.outline_mm[0].max(axis=0)
-    size = high - low
-    if _fits(size, room) is not None:
-        raise InputError(
-            f"board {size[0]:g}x{size[1]:g}mm fits the bed of {printer.name} in one piece; use build one-piece"
-        )
-    white = [_white(target, axis) for axis in (0, 1)]
-    needed = printer.clearance_mm + 2 * printer.line_width_mm
-    places = [[at for at, width in one if width >= needed - 1e-9] for one in white]
-    best: _Cuts | None = None
-    for count in range(2, MOST_PIECES + 1):
-        for across in (n for n in range(1, count + 1) if count % n == 0):
-            ways = [_split(float(low[k]), float(high[k]), n, places[k]) for k, n in ((0, across), (1, count // across))]
-            if None in ways:
-                continue
-            x, y = (np.array(way) for way in ways)
-            largest = np.array([np.diff(x).max(), np.diff(y).max()])
-            turned = _fits(largest, room)
-            if turned is not None and (best is None or abs(largest[0] - largest[1]) < best.unlike_mm):
-                widths = [width for one, at in zip(white, (x, y), strict=True) for place, width in one if place in at]
-                best = _Cuts(tuple(x.tolist()), tuple(y.tolist()), turned, min(widths))
-        if best is not None:
-            return best
-    raise InputError(_why_not(size, room, white, places, needed, printer))
-
-
-def _fits(size: Array, room: Array) -> bool | None:
-    """Whether a rectangle is to be turned by a quarter to lie in the room; None: it is too large either way."""
-    if (size <= room + 1e-9).all():
-        return False
-    return True if (size[::-1] <= room + 1e-9).all() else None
-
-
-def _white(target: TargetGeometry, axis: int) -> list[tuple[float, float]]:
-    """Middles and widths of the straight strips without ring or dot across an axis."""
-    center, radius = target.center_in_face_mm[:, axis], target.radius_outer_mm
-    order = np.argsort(center - radius)
-    begin, end = (center - radius)[order], np.maximum.accumulate((center + radius)[order])
-    gaps = begin[1:] - end[:-1]
-    (at,) = np.nonzero(gaps > 0)
-    return [(float((begin[k + 1] + end[k]) / 2), float(gaps[k])) for k in at.tolist()]
-
-
-def _split(low: float, high: float, count: int, places: list[float]) -> list[float] | None:
-    """Edges of so many pieces, cut at the places nearest to equal parts; None: there are too few."""
-    wanted = [low + (high - low) * k / count for k in range(1, count)]
-    cuts = [min(places, key=lambda at: abs(at - middle), default=low) for middle in wanted]
-    edges = [low, *cuts, high]
-    return edges if all(after > before for before, after in pairwise(edges)) else None
-
-
-def _why_not(
-    size: Array, room: Array, white: list[list[tuple[float, float]]], places: list[list[float]], needed: float,
-    printer: PrinterProfile,
-) -> str:  # fmt: skip
-    """What stands against any cut, and what would help."""
-    for axis, what in ((0, "columns"), (1, "rows")):
-        if size[axis] <= room.min() or places[axis]:
-            continue
-        if not white[axis]:
-            return (
-                f"the lattice has no straight white between its {what} for seams; use --lattice square, or a board of "
-                f"at most {room.min():.0f}mm across them"
-            )
-        widest = max(width for _, width in white[axis])
-        return (
-            f"white of {widest:.3g}mm between {what} is too little for a seam of {printer.clearance_mm:g}mm with a "
-            f"line of {printer.line_width_mm:g}mm on either side; use {needed:.3g}mm or more: smaller rings or a "
-            "larger pitch"
-        )
-    bed = " x ".join(f"{length:g}" for length in printer.bed_mm[:2])
-    return (
-        f"no {MOST_PIECES} pieces of a board of {size[0]:g}x{size[1]:g}mm fit the bed of {bed}mm, which takes "
-        f"{room[0]:.0f} x {room[1]:.0f}mm beside brim and prime tower; use a smaller pitch, a smaller board or a "
-        "larger printer"
-    )
-
-
-def _seams(cuts: _Cuts, clearance: float) -> Iterator[Seam]:
+def _seams(cuts: BoardCuts, clearance: float) -> Iterator[Seam]:
     """All seams with their keys.
 
     Raises:
@@ -334,7 +210,7 @@ def _pockets(seams: tuple[Seam, ...], clearance: float, top_mm: float) -> Iterat
 
 
 def _cell(
-    cuts: _Cuts, low: Point, high: Point, clearance: float, chamfer: float, thickness: float, *, is_down: bool
+    cuts: BoardCuts, low: Point, high: Point, clearance: float, chamfer: float, thickness: float, *, is_down: bool
 ) -> Manifold:
     """All that belongs to a piece: its share less half the clearance at seams, their edges on the bed chamfered."""
     edges = (cuts.x_mm[0], cuts.x_mm[-1]), (cuts.y_mm[0], cuts.y_mm[-1])
@@ -417,7 +293,7 @@ def _lying(name: str, part: Part, axes: Array, printing: PrintSpec) -> Piece:
 
 def _in_rows(pieces: list[Piece], printer: PrinterProfile) -> Iterator[tuple[Piece, ...]]:
     """Pieces side by side in rows behind the prime tower, in the middle of as many beds as they take."""
-    room = _room_mm(printer)
+    room = room_mm(printer)
     row: list[Piece] = []
     at, deepest = np.zeros(2), 0.0
     for piece in pieces:
@@ -441,5 +317,5 @@ def _in_the_middle(pieces: list[Piece], printer: PrinterProfile) -> tuple[Piece,
     """Pieces that begin at (0, 0), moved together to the middle of the room beside the prime tower."""
     high = np.max([piece.as_it_lies.body.vertices_mm.max(axis=0) for piece in pieces], axis=0)
     step = np.zeros((4, 4))
-    step[:2, 3] = BRIM_MM + _strip_mm(printer) + (_room_mm(printer) - high[:2]) / 2
+    step[:2, 3] = BRIM_MM + strip_mm(printer) + (room_mm(printer) - high[:2]) / 2
     return tuple(replace(piece, bed_from_part=piece.bed_from_part + step) for piece in pieces)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, displaced_shape
+from designer.tolerance.pieces import piece_of_ring
 from designer.tolerance.shape import centers_mm
 from designer.tolerance.source import Unit
 from designer.tolerance.sources import SOURCES
@@ -32,7 +33,7 @@ def displacements(
 ) -> tuple[Array, NDArray[np.int64]]:
     """Displacement of each ring by a unit of each number of the instance it belongs to, (R, 3, components), and that.
 
-    Without other errors a face or ring moves on its own, so one difference serves all instances at once.
+    Without other errors a face, piece or ring moves on its own, so one difference serves all instances at once.
 
     Args:
         target: the nominal geometry.
@@ -57,6 +58,7 @@ def displacements(
     instance = {
         "print": np.zeros(target.ring_count, dtype=np.int64),
         "face": target.ring_face,
+        "piece": piece_of_ring(target),
         "ring": np.arange(target.ring_count),
     }[source.scope]
     return change, instance

@@ -1,7 +1,7 @@
 """A target between drawing and part: what the error sources change, and the geometry that comes of it.
 
-The order is that of making. Rings are first moved and curved within their face, then each face moves as a rigid
-body, then the axes of the printer distort the whole:
+The order is that of making. Rings are first moved and curved within their face, then each face, or each piece of a
+board, moves as a rigid body, then the axes of the printer distort the whole:
 
     X = A (t + R (p + d))    with face frame R, t, a ring's place p + d in it, and A about the target's origin.
 """
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from designer.kinds.layout import face_down
 from designer.target import TargetGeometry
+from designer.tolerance.pieces import is_by_face, piece_middle_mm, piece_of_ring
 
 Array = NDArray[np.float64]
 
@@ -68,6 +69,13 @@ class MadeShape:
     def with_faces_moved(self, motion: Array) -> "MadeShape":
         """Each face moved further by a rigid motion (F, 4, 4) in its nominal frame."""
         return replace(self, nominal_from_moved=motion @ self.nominal_from_moved)
+
+    def with_pieces_moved(self, motion: Array) -> "MadeShape":
+        """Each piece (`designer.tolerance.pieces`) moved further by a rigid motion (P, 4, 4) in its nominal frame."""
+        if is_by_face(self.nominal):
+            return self.with_faces_moved(motion)
+        own = motion[piece_of_ring(self.nominal)]
+        return replace(self, in_face_mm=np.einsum("rij,rj->ri", own[:, :3, :3], self.in_face_mm) + own[:, :3, 3])
 
     def with_rings_moved(self, step_mm: Array) -> "MadeShape":
         """Each ring moved by a step (R, 3) in its face's frame."""
@@ -166,14 +174,8 @@ def _square_root(matrix: Array) -> Array:
     return np.asarray((matrix + root[:, None, None] * np.eye(2)) / trace[:, None, None])
 
 
-def face_middle_mm(target: TargetGeometry) -> Array:
-    """Middle of each face's outline, about which a face turns and bends.  # (F, 2)"""
-    middle: Array = target.outline_mm.mean(axis=1)
-    return middle
-
-
-def turn_of_faces(target: TargetGeometry, rotation_rad: Array) -> Array:
-    """Motions (F, 4, 4) that turn each face about its middle by a rotation vector (F, 3) in its frame.
+def turn_of_pieces(target: TargetGeometry, rotation_rad: Array) -> Array:
+    """Motions (P, 4, 4) that turn each piece about its middle by a rotation vector (P, 3) in its face's frame.
 
     R = I + sin a / a [v] + (1 - cos a) / a^2 [v]^2 with a = |v| (Rodrigues).
     """
@@ -182,15 +184,15 @@ def turn_of_faces(target: TargetGeometry, rotation_rad: Array) -> Array:
     zero = np.zeros_like(x)
     cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
     rotation = np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)
-    middle = np.pad(face_middle_mm(target), ((0, 0), (0, 1)))[:, :, None]
-    motion = np.tile(np.eye(4), (target.face_count, 1, 1))
+    middle = np.pad(piece_middle_mm(target), ((0, 0), (0, 1)))[:, :, None]
+    motion = np.tile(np.eye(4), (len(middle), 1, 1))
     motion[:, :3, :3] = rotation
     motion[:, :3, 3:] = (np.eye(3) - rotation) @ middle
     return motion
 
 
-def shift_of_faces(step_mm: Array) -> Array:
-    """Motions (F, 4, 4) that shift each face by a step (F, 3) in its frame."""
+def shift_of_pieces(step_mm: Array) -> Array:
+    """Motions (P, 4, 4) that shift each piece by a step (P, 3) in its face's frame."""
     motion = np.tile(np.eye(4), (len(step_mm), 1, 1))
     motion[:, :3, 3] = step_mm
     return motion

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from designer.target import TargetGeometry
+from designer.tolerance.pieces import piece_count
 from designer.tolerance.shape import MadeShape
 
 Array = NDArray[np.float64]
-Scope = Literal["print", "face", "ring"]
+Scope = Literal["print", "face", "piece", "ring"]
+"""A piece is a face of a solid, or a piece of a board: see `designer.tolerance.pieces`."""
 Unit = Literal["mm", "rad", "1", "K"]
 Kind = Literal["normal", "uniform", "fixed"]
 Need = Literal["", "layer_height", "expansion"]
@@ -68,13 +70,15 @@ class ErrorSource:
     name: str
     title: str  # for tables and plots
     unit: Unit  # "1": a share, such as 0.3 %
-    scope: Scope  # has one instance a print, a face or a ring
+    scope: Scope  # has one instance a print, a face, a piece or a ring
     components: int  # numbers of an instance
     apply: Callable[[MadeShape, Array], MadeShape]
     needs: Need = ""
 
     def instances(self, target: TargetGeometry) -> int:
         """How many instances a target has."""
+        if self.scope == "piece":
+            return piece_count(target)
         return {"print": 1, "face": target.face_count, "ring": target.ring_count}[self.scope]
 
 

@@ -1,9 +1,10 @@
 """How well an assembled solid is known once it was measured: tiles off by 0.3 mm and 0.3 degrees, 60 photos.
 
-`python -m tests.benchmarks.bench_assembly [--targets tiles,stickers,cube] [--seeds N]`. Photos are rendered, searched
-with the drawing, and measured; on 20 more, rays are compared with where the rings truly are, against the same photos of
-a target that is as drawn, and against `cv2.calibrateCamera` with the drawing. Then, from simulated sightings, whether
-the stated regions of the tiles' poses hold the truth in 95 %, and whether the one tile that sits badly is named.
+`python -m tests.benchmarks.bench_assembly [--targets tiles,stickers,cube] [--seeds N] [--first N] [--trials N]
+[--assemblies N]`. Photos are rendered, searched with the drawing, and measured; on 20 more, rays are compared with
+where the rings truly are, against the same photos of a target that is as drawn, and against `cv2.calibrateCamera` with
+the drawing. Then, from simulated sightings, whether the stated regions of the tiles' poses hold the truth in 95 %,
+whether the one tile that sits badly is named, and how many photos are enough.
 """
 
 import argparse
@@ -40,6 +41,8 @@ Flags = NDArray[np.bool_]
 
 OFF_MM, OFF_DEG = 0.3, 0.3
 SEEN, HELD = 60, 20
+COUNTS = (10, 15, 20, 30, 40, 60)
+"""Of photos, to tell how many are enough."""
 GOAL = 1.5
 INSIDE = 0.95
 
@@ -162,6 +165,31 @@ def coverage(trials: int) -> None:
         "tilt, tilt, turn, shift, shift, height: " + ", ".join(f"{one:.1%}" for one in each))  # fmt: skip
 
 
+def by_photos(trials: int) -> None:
+    """How well tiles and rays are known from so many simulated photos of assemblies as the goal has them."""
+    target = ASSEMBLIES["tiles"].target()
+    options = AsBuiltOptions(made=how_made(target, "fdm-tiles"))
+    for count in COUNTS:
+        figures, known = list[list[float]](), list[float]()
+        for trial in range(trials):
+            rng = np.random.default_rng([29, trial])
+            part, held = perturb(target, off("fdm-tiles"), rng), np.zeros(count + HELD, dtype=bool)
+            held[rng.choice(count + HELD, HELD, replace=False)] = True
+            seen = photos(part, rng, count + HELD)
+            found = measure([keep_views(seen, ~held)], target, "opencv", options)
+            sigma = np.sqrt(np.diagonal(blocks_of(found.motion_covariance), axis1=1, axis2=2))[found.is_determined]
+            tilt, turn, shift, height = (np.median(sigma[:, part]) for part in ([0, 1], [2], [3, 4], [5]))
+            measured = against_truth(seen, found.target, part, held)
+            drawn = against_truth(photos(target, rng, count + HELD), target, target, held)
+            figures.append([height, shift, math.degrees(turn), math.degrees(tilt), *measured.values(), *drawn.values()])
+            known.append(float(found.is_determined.mean()))
+        height, shift, turn, tilt, crossing, place, drawn_crossing, drawn_place = np.median(figures, axis=0)
+        row(f"{count} photos, {trials} assemblies: sigma of height, shift, turn, tilt", "",
+            f"{height:.4f}, {shift:.4f} mm, {turn:.4f}, {tilt:.4f} deg", f"tiles known {np.mean(known):.1%}; held out, "
+            f"over a perfect target: intersection {crossing:.4f} mm, {crossing / drawn_crossing:.2f} x, reconstruction "
+            f"{place:.4f} mm, {place / drawn_place:.2f} x")  # fmt: skip
+
+
 def named(trials: int) -> None:
     """One tile of a usual assembly is put down 0.8 mm high, one in another 0.8 mm aside."""
     target, made = solid(), error_model("fdm-tiles")
@@ -193,12 +221,16 @@ def main() -> None:
     parser.add_argument("--targets", default=",".join(ASSEMBLIES))
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--trials", type=int, default=60)
+    parser.add_argument("--assemblies", type=int, default=8, help="for the figures by number of photos")
+    parser.add_argument("--first", type=int, default=0, help="seed to begin with")
     asked = parser.parse_args()
     if asked.trials:
         coverage(asked.trials)
         named(asked.trials)
+    if asked.assemblies:
+        by_photos(asked.assemblies)
     for name in filter(None, asked.targets.split(",")):
-        for seed in range(asked.seeds):
+        for seed in range(asked.first, asked.first + asked.seeds):
             rendered(ASSEMBLIES[name], seed)
 
 

@@ -73,10 +73,17 @@ def made_by_others() -> TargetGeometry:
     )
 
 
+def in_pieces() -> TargetGeometry:
+    """A board in two halves."""
+    whole = lay_out(BOARD)
+    return replace(whole, build="tiles", ring_piece=(whole.center_mm[:, 0] > 1).astype(int))
+
+
 TARGETS: dict[str, Callable[[], TargetGeometry]] = {
     "ico": cache(lambda: lay_out(ICO)),
     "board": cache(lambda: lay_out(BOARD)),
     "others": cache(made_by_others),
+    "pieces": cache(in_pieces),
 }
 SCHEMA = jsonschema.Draft202012Validator(
     json.loads((Path(designer.target.__file__).parent / "target.schema.json").read_text())
@@ -166,6 +173,19 @@ def test_ids_depend_on_source_spec_and_covariance() -> None:
     ]
     assert len({target.geometry_id, *(other.geometry_id for other in others)}) == 5
     assert {other.layout_id for other in others} == {target.layout_id}
+
+
+def test_pieces_are_kept_and_told_by_no_id() -> None:
+    """They say how a board is made, as the build does; only boards with one face have some, each with a ring."""
+    made = in_pieces()
+    kept = target_from_json(target_to_json(made))
+    assert kept.ring_piece is not None
+    assert np.array_equal(kept.ring_piece, made.ring_piece)
+    assert made.geometry_id == lay_out(BOARD).geometry_id
+    for target, piece in ((lay_out(BOARD), 2 * made.ring_piece), (lay_out(BOARD), -made.ring_piece),
+                          (lay_out(ICO), np.zeros(lay_out(ICO).ring_count, dtype=int))):  # fmt: skip
+        with pytest.raises(ValueError, match="ring_piece must number the pieces"):
+            replace(target, ring_piece=piece)
 
 
 def test_equal_numbers_have_equal_ids() -> None:
@@ -270,10 +290,10 @@ def test_ids_are_computed_as_the_schema_describes(target: TargetGeometry) -> Non
 
 def test_schema_and_type_have_the_same_fields() -> None:
     """Every array of the type is described in the schema, with its shape, and nothing else is."""
-    head = {"format", "version", "layout_id", "geometry_id", "source", "unit", "spec", "build"}
+    head = {"format", "version", "layout_id", "geometry_id", "source", "unit", "spec", "build", "ring_piece"}
     properties = SCHEMA.schema["properties"]
     assert properties.keys() == head | ARRAYS.keys()
-    assert set(SCHEMA.schema["required"]) == properties.keys() - {"face_covariance", "mode_mm", "build"}
+    assert set(SCHEMA.schema["required"]) == properties.keys() - {"face_covariance", "mode_mm", "build", "ring_piece"}
     assert all(properties[name]["description"][0] in "RFS" for name in ARRAYS)
 
 

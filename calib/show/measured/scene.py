@@ -13,7 +13,7 @@ from designer.page.blocks import View3d
 from designer.page.scene import Layer, Segments, Surface
 from designer.target import TargetGeometry
 from designer.target_scene import target_scene
-from designer.tolerance.shape import face_middle_mm
+from designer.tolerance.pieces import face_middle_mm
 
 Array = NDArray[np.float64]
 

@@ -70,5 +70,5 @@ def default_vary(table: ToleranceTable, by: str) -> str:
     """The source to vary against another target: the one of faces that costs most, else of all; "" if none does."""
     row = quantity_row(by)
     costly = [name for name in table.ranking(by) if table.cost.value[table.sources.index(name), row] > 0]
-    of_faces = [name for name in costly if SOURCES[name].scope == "face"]
+    of_faces = [name for name in costly if SOURCES[name].scope in ("face", "piece")]
     return (of_faces or costly or [""])[0]

@@ -31,7 +31,7 @@ _IN_ORDER: tuple[ErrorSource, ...] = (
     FACE_BOW,
     WARP,
     BOW_TWIST,
-    # Faces as rigid bodies; they turn before they shift.
+    # Faces, or pieces of a board, as rigid bodies; they turn before they shift.
     FACE_ROTATION,
     FACE_TILT,
     FACE_SHIFT,

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from designer.tolerance.shape import MadeShape, face_middle_mm
+from designer.tolerance.pieces import face_middle_mm
+from designer.tolerance.shape import MadeShape
 from designer.tolerance.source import Array, ErrorSource
 from designer.tolerance.sources.warp import WARP
 

@@ -3,7 +3,8 @@
 import numpy as np
 
 from designer.target import TargetGeometry
-from designer.tolerance.shape import MadeShape, face_middle_mm
+from designer.tolerance.pieces import face_middle_mm
+from designer.tolerance.shape import MadeShape
 from designer.tolerance.source import Array, ErrorSource
 
 

@@ -13,6 +13,7 @@ from designer.kinds.sizing import size_job
 from designer.make.board_tiles import CLOSED_LAYERS, BoardInPieces, board_in_pieces, board_plates
 from designer.make.booleans import solid_of
 from designer.make.mesh import Mesh
+from designer.produce import Design
 from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM
 from designer.spec.spec import Job
 from tests.support.designs import asked_for
@@ -69,6 +70,17 @@ def test_every_ring_is_whole_and_in_its_place() -> None:
     ink = sum(piece.part.ink.volume_mm3 for piece in board.pieces if piece.part.ink is not None)
     area = np.pi * (target.radius_outer_mm**2 - target.radius_inner_mm**2).sum()
     assert ink == pytest.approx(area * job().printing.inlay_mm, rel=1e-4)
+
+
+def test_the_target_says_which_piece_a_ring_is_on() -> None:
+    """As they are cut; of the same board in one piece it says nothing."""
+    target, pieces = Design(job(build="tiles")).target, large().pieces
+    assert target.ring_piece is not None
+    low, high = (np.array([getattr(one, name) for one in pieces])[target.ring_piece] for name in ("low_mm", "high_mm"))
+    place = target.center_in_face_mm[:, :2]
+    assert ((low < place) & (place < high)).all()
+    assert target.ring_piece.max() + 1 == len(pieces)
+    assert Design(job()).target.ring_piece is None
 
 
 def test_nothing_overlaps_and_clearances_are_the_printers() -> None:

@@ -12,12 +12,14 @@ from designer.base.errors import InputError
 from designer.kinds.presets import preset_folder, preset_names
 from designer.kinds.spec_file import MAX_FILE_BYTES, read_spec_file
 from designer.make.bed import printed_size_mm
+from designer.spec.build import BUILDS
 from designer.tolerance.amount_text import parse_amount, parse_expansion
 from designer.tolerance.effort import TargetSize, parse_effort, size_of
 from designer.tolerance.error_file import ErrorFile, error_model
 from designer.tolerance.source import KINDS, Amount, Kind, format_quantity
 from designer.tolerance.sources import SOURCES
 from tests.support.designs import small
+from tests.support.perturbed_targets import MOTIONS
 
 OF_UNIT = {"mm": "face_offset", "rad": "face_tilt", "1": "scale", "K": "thermal"}
 GOOD = """
@@ -94,13 +96,15 @@ def test_templates_keep_the_order_that_is_known_of_them() -> None:
 
 
 def test_templates_say_nothing_that_has_no_effect() -> None:
-    """Bodies have no warp, boards no errors of single faces, and what is not printed in layers no stairs."""
+    """Bodies have no warp, boards no errors of faces but of their pieces, what is not printed in layers no stairs."""
     bends = {"warp", "bow_twist"}
     for name in preset_names("errors"):
         model = error_model(name)
         used = set(model.sources)
         if set(model.suits) == {"plate"}:
-            assert not {source for source in used if source.startswith("face_")} | used & {"stair_steps"}, name
+            of_faces = {source for source in used if SOURCES[source].scope in ("face", "piece")}
+            of_pieces = set(MOTIONS) if name == BUILDS["tiles"].errors["plate"] else set()
+            assert of_faces == of_pieces, name
         elif "two-sided plate" in model.suits:  # a board whose back is put there by hand, or by other layers
             assert {"face_offset", "face_shift"} <= used, name
         assert bool(bends & used) == ("solid" not in model.suits), name

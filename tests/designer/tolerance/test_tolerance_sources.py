@@ -12,12 +12,16 @@ from scipy.linalg import polar
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
+from designer.kinds.board import BoardSpec
+from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_printing
 from designer.make.bed import bed_from_target
 from designer.spec.options import AskedPrinting
 from designer.target import TargetGeometry, target_from_json, target_to_json
 from designer.tolerance.model import displaced, perturb
-from designer.tolerance.shape import face_down, face_middle_mm
+from designer.tolerance.pieces import face_middle_mm, piece_count, piece_of_ring
+from designer.tolerance.prior import directions
+from designer.tolerance.shape import face_down
 from designer.tolerance.sources import SOURCES
 from tests.support.perturbed_targets import (
     BENDING,
@@ -208,6 +212,54 @@ def test_motions_of_a_face_are_as_large_as_told(target: TargetGeometry) -> None:
         turn = frame.transpose(0, 2, 1) @ made.target_from_face[:, :3, :3]
         assert np.allclose(Rotation.from_matrix(turn).as_rotvec(), vector, atol=1e-9), name
         assert np.allclose(middle(made), middle(target), atol=1e-9), name
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_pieces_of_a_board_move_as_rigid_bodies(name: str) -> None:
+    """Within a piece all distances stay, bows too; between pieces they do not, to first order as the prior says."""
+    target = in_four()
+    assert SOURCES[name].instances(target) == 4
+    values = drawn(target, 4, name)
+    bow = {"face_bow": np.array([[0.5, 0.2, -0.3]])}
+    bent, made = (displaced(target, {**bow, **more}, model=FULL) for more in ({}, values))
+    for piece in range(4):
+        own = target.ring_piece == piece
+        assert np.allclose(pdist(made.center_mm[own]), pdist(bent.center_mm[own]), rtol=0, atol=1e-9)
+    assert np.abs(pdist(made.center_mm) - pdist(bent.center_mm)).max() > 1e-3
+    assert np.array_equal(made.target_from_face, target.target_from_face)
+    small = {name: 1e-3 * values[name]}
+    step = (displaced(target, small, model=FULL).center_mm - target.center_mm).reshape(-1)
+    told = directions(target, FULL, name).reshape(step.size, -1) @ small[name].reshape(-1)
+    assert np.allclose(step, told, rtol=0, atol=1e-4 * np.abs(step).max())
+
+
+def test_a_piece_turns_about_its_middle() -> None:
+    """Of the rings on it: those opposite each other go opposite ways, and their mean stays."""
+    target = in_four()
+    made = displaced(target, one("face_rotation", target, 0.01), model=FULL)
+    for piece in range(4):
+        own = target.ring_piece == piece
+        assert np.allclose((made.center_mm - target.center_mm)[own].mean(axis=0), 0, atol=1e-5)
+
+
+def in_four() -> TargetGeometry:
+    """A square lattice in quarters."""
+    whole = lay_out(BoardSpec((100.0, 80.0), 5.0, 8, 6, "square", 7.0, 0.45, 10.0, 1.0, 4.0, dots=False))
+    x, y = whole.center_in_face_mm[:, :2].T
+    return replace(whole, ring_piece=2 * (y > 0).astype(int) + (x > 0).astype(int))
+
+
+def test_a_board_of_which_no_pieces_are_told_has_the_usual_ones() -> None:
+    """One that fits the usual bed is one piece, which as a whole keeps its shape; a larger one is cut."""
+    assert piece_count(board()) == 1
+    large = lay_out(BoardSpec((600.0, 400.0), 5.0, 29, 19, "square", 14.0, 0.45, 20.0, 1.0, 4.0, dots=True))
+    size = np.array(
+        [np.ptp(large.center_mm[piece_of_ring(large) == one, :2], axis=0) for one in range(piece_count(large))]
+    )
+    assert 4 <= piece_count(large) <= 9
+    assert (size < 256).all()
+    tilted = displaced(board(), one("face_tilt", board(), 0.1, 0.2), model=FULL)
+    assert np.allclose(pdist(tilted.center_mm), pdist(board().center_mm), rtol=0, atol=1e-9)
 
 
 @settings(max_examples=15, deadline=None)
