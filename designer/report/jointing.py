@@ -161,6 +161,7 @@ def _joining_steps(design: Design, board: BoardInPieces) -> Steps:
         "middle and go outwards.",
         "Keys hold pieces beside each other, not flat: glue the back on a stiff plate (aluminium composite of 6 mm, or "
         "glass), all over and with the face still on the flat surface.",
-        "Straight edge over every seam, both ways: light under it is an error of the target. calib measure tells how "
-        "the rings lie, those of one piece against the others too, since each ring may be off its place.",
+        "Straight edge over every seam, both ways: light under it is an error of the target. calib measure finds "
+        "where each ring lies by itself, and so how the pieces lie: it has no number for a piece. Calibrate with its "
+        "target file.",
     ))  # fmt: skip

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 
 import cv2
 import numpy as np
@@ -43,6 +44,8 @@ OFF_MM, OFF_DEG = 0.3, 0.3
 SEEN, HELD = 60, 20
 COUNTS = (10, 15, 20, 30, 40, 60)
 """Of photos, to tell how many are enough."""
+SIGHTS = {"whole": {"distance_mm": 400.0, "aim_mm": 10.0}, "near": {"distance_mm": 280.0, "aim_mm": 40.0}}
+"""The whole solid in each photo, or as a hand takes them: near, and partly beside the image."""
 GOAL = 1.5
 INSIDE = 0.95
 
@@ -169,25 +172,28 @@ def by_photos(trials: int) -> None:
     """How well tiles and rays are known from so many simulated photos of assemblies as the goal has them."""
     target = ASSEMBLIES["tiles"].target()
     options = AsBuiltOptions(made=how_made(target, "fdm-tiles"))
-    for count in COUNTS:
-        figures, known = list[list[float]](), list[float]()
+    for (title, sights), count in product(SIGHTS.items(), COUNTS):
+        figures, known, shown = list[list[float]](), list[float](), list[float]()
         for trial in range(trials):
             rng = np.random.default_rng([29, trial])
             part, held = perturb(target, off("fdm-tiles"), rng), np.zeros(count + HELD, dtype=bool)
             held[rng.choice(count + HELD, HELD, replace=False)] = True
-            seen = photos(part, rng, count + HELD)
+            seen = photos(part, rng, count + HELD, **sights)
             found = measure([keep_views(seen, ~held)], target, "opencv", options)
             sigma = np.sqrt(np.diagonal(blocks_of(found.motion_covariance), axis1=1, axis2=2))[found.is_determined]
             tilt, turn, shift, height = (np.median(sigma[:, part]) for part in ([0, 1], [2], [3, 4], [5]))
             measured = against_truth(seen, found.target, part, held)
-            drawn = against_truth(photos(target, rng, count + HELD), target, target, held)
+            drawn = against_truth(photos(target, rng, count + HELD, **sights), target, target, held)
             figures.append([height, shift, math.degrees(turn), math.degrees(tilt), *measured.values(), *drawn.values()])
             known.append(float(found.is_determined.mean()))
+            pairs = np.unique(np.column_stack([seen.view, target.ring_face[seen.point]]), axis=0)
+            shown.append(len(pairs) / seen.view_count)
         height, shift, turn, tilt, crossing, place, drawn_crossing, drawn_place = np.median(figures, axis=0)
-        row(f"{count} photos, {trials} assemblies: sigma of height, shift, turn, tilt", "",
-            f"{height:.4f}, {shift:.4f} mm, {turn:.4f}, {tilt:.4f} deg", f"tiles known {np.mean(known):.1%}; held out, "
-            f"over a perfect target: intersection {crossing:.4f} mm, {crossing / drawn_crossing:.2f} x, reconstruction "
-            f"{place:.4f} mm, {place / drawn_place:.2f} x")  # fmt: skip
+        row(f"{count} photos, {title}, {trials} assemblies: sigma of height, shift, turn, tilt", "",
+            f"{height:.4f}, {shift:.4f} mm, {turn:.4f}, {tilt:.4f} deg",
+            f"{np.mean(shown):.1f} faces a photo; tiles known {np.mean(known):.1%}; held out, over a perfect target: "
+            f"intersection {crossing:.4f} mm, {crossing / drawn_crossing:.2f} x, reconstruction {place:.4f} mm, "
+            f"{place / drawn_place:.2f} x")  # fmt: skip
 
 
 def named(trials: int) -> None:

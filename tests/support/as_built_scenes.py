@@ -74,9 +74,10 @@ def photos(
     noise_px: float = NOISE_PX,
     half_angle_deg: float = 150.0,
     distance_mm: float = 400.0,
+    aim_mm: float = 10.0,
 ) -> Observations:
     """What a camera sees of a print, from many sides."""
-    poses = poses_around(views, rng, half_angle_deg=half_angle_deg, distance_mm=distance_mm)
+    poses = poses_around(views, rng, half_angle_deg=half_angle_deg, distance_mm=distance_mm, aim_mm=aim_mm)
     return observe(camera, known_points(print_), poses, rng, noise_px=noise_px, incidence_deg=70)
 
 
