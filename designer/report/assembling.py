@@ -195,8 +195,8 @@ def _measuring(design: Design) -> tuple[Leaf, ...]:
     return (
         Steps((
             "Take 40 photos or more all around, sharp, in even light, five tiles or more in each; and one length with "
-            "a caliper, as told below. In simulations of an icosahedron 15 photos left a tenth of the tiles unknown, 40 "
-            "none.",
+            "a caliper, as told below. In simulations of an icosahedron 15 photos left a tenth of the tiles unknown, "
+            "40 none.",
             "calib measure finds how each tile really sits, and names those that are worth taking off again. Its "
             "target file is the one to calibrate with: put your reading in.",
         )),
