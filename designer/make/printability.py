@@ -255,7 +255,8 @@ def _bed(target: TargetGeometry, printing: PrintSpec) -> Look | None:
             f"use a smaller target{_in_parts(target)} or a larger printer"
         )
         said = (("violation", text),)
-    return Look(f"{' x '.join(f'{length:.0f}' for length in size)} mm", f"of {room} mm", said)
+    lies = " x ".join(f"{round(length, 1 if length < 10 else 0):g}" for length in size)
+    return Look(f"{lies} mm", f"of {room} mm", said)
 
 
 def _in_parts(target: TargetGeometry) -> str:
