@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from designer.cli import main
+from designer.designing import load
+from designer.produce import make_files
 from tests.support.command_line import calib, program, refused
 
 REPOSITORY = Path(__file__).parents[2]
@@ -67,21 +69,21 @@ def test_one_size_makes_all_default_files_in_the_exports_folder(tmp_path: Path) 
 
 def test_replacing_another_target_is_said(tmp_path: Path) -> None:
     """A design of the same name with another target says what it replaces; a damaged file, no one's any more, stays."""
-    ico = ("ico", "--edge", "20mm", "-o", "out", "--json")
-    file = tmp_path / "out" / "ico-20mm.target.json"
-    first = json.loads(design(*ico, cwd=tmp_path).stdout)["answer"]["target_id"]
-    again = design(*ico, "--inlay-depth", "0.2mm", cwd=tmp_path)
+    board = ("board", "--columns", "5", "--rows", "4", "--pitch", "8mm", "-o", "out", "--name", "t", "--json")
+    file = tmp_path / "out" / "t.target.json"
+    first = json.loads(design(*board, cwd=tmp_path).stdout)["answer"]["target_id"]
+    again = design(*board, "--inlay-depth", "0.2mm", cwd=tmp_path)
     assert "replaces" not in again.stdout + again.stderr
-    changed = design(*ico, "--border", "0.6mm", cwd=tmp_path)
+    changed = design(*board, "--border", "0.6mm", cwd=tmp_path)
     summary = json.loads(changed.stdout)
     line = f"replaces target {first} by {summary['answer']['target_id']} in out: prints and photos of the earlier one"
     assert summary["answer"]["target_id"] != first
     assert len([remark for remark in summary["remarks"] if line in remark]) == 1
     assert line in changed.stderr
     file.write_text("{")
-    damaged = design(*ico, cwd=tmp_path)
+    damaged = design(*board, cwd=tmp_path)
     assert damaged.returncode == 2
-    assert "ico-20mm.target.json: is there already, and not of ringsolid's making" in damaged.stderr
+    assert "t.target.json: is there already, and not of ringsolid's making" in damaged.stderr
     assert file.read_text() == "{"
 
 
@@ -98,7 +100,7 @@ def test_help_says_what_to_type_first(tmp_path: Path) -> None:
     [
         ["ico", "--edge", "20mm", "--stand", "--formats", "glb,pdf,svg", "--ink-offset", "-20um",
          "--shrink-compensation", "0.3%"],
-        ["ico", "--edge", "60mm", "--build", "stickers", "--sticker-thickness", "0.15mm", "--page", "A3"],
+        ["ico", "--edge", "30mm", "--build", "stickers", "--sticker-thickness", "0.15mm", "--page", "A3"],
         ["board", "--columns", "6", "--rows", "5", "--pitch", "9mm", "--lattice", "triangular", "--border", "3mm",
          "--stand"],
         ["board", "--size", "3x2.5in", "--build", "sheet", "--no-dots", "--no-labels"],
@@ -118,11 +120,11 @@ def test_the_written_spec_makes_every_file_again(arguments: list[str], tmp_path:
 
 def test_printing_options_never_change_the_target_file(tmp_path: Path) -> None:
     """Ink offset, shrinkage, inlay, printer and colours leave target.json as it is, and change what is printed."""
-    sizes = ["--ring-diameter", "7mm", "--pitch", "10mm"]
-    design("ico", "--edge", "100mm", *sizes, "-o", "plain", "--name", "t", cwd=tmp_path)
+    board = ["board", "--size", "60x50mm", "--ring-diameter", "7mm", "--pitch", "10mm"]
+    design(*board, "-o", "plain", "--name", "t", cwd=tmp_path)
     options = ["--ink-offset", "0.05mm", "--shrink-compensation", "0.5%", "--inlay-depth", "0.8mm",
                "--printer", "prusa-xl", "--body-colour", "#ffff00"]  # fmt: skip
-    run = design("ico", "--edge", "100mm", *sizes, *options, "-o", "compensated", "--name", "t", cwd=tmp_path)
+    run = design(*board, *options, "-o", "compensated", "--name", "t", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     plain, compensated = contents(tmp_path / "plain"), contents(tmp_path / "compensated")
     assert plain["t.target.json"] == compensated["t.target.json"]
@@ -149,7 +151,7 @@ BAD_INPUT = {
     "nozzle": (["ico", "--edge", "20mm", "--nozzle", "0.5mm"], "0.2mm, 0.4mm"),
     "name": (["ico", "--edge", "20mm", "--name", "../up"], "letters"),
     "format": (["ico", "--edge", "20mm", "--formats", "dwg"], "unknown format"),
-    "page": (["ico", "--edge", "60mm", "--build", "stickers", "--page", "A9"], "A9"),
+    "page": (["ico", "--edge", "30mm", "--build", "stickers", "--page", "A9"], "A9"),
     "option": (["ico", "--egde", "20mm"], "--edge"),
     "nothing": (["ico"], "edge is missing"),
     "no file": (["make", "none.toml"], "no such file"),
@@ -184,12 +186,13 @@ def test_toml_errors_name_file_line_and_column(tmp_path: Path) -> None:
 
 def test_a_failed_run_leaves_earlier_outputs_intact(tmp_path: Path) -> None:
     """A run that cannot write all of its files changes none of the earlier ones."""
-    design("ico", "--edge", "20mm", "-o", "out", "--name", "t", cwd=tmp_path)
+    board = ("board", "--columns", "5", "--rows", "4", "-o", "out", "--name", "t")
+    design(*board, "--pitch", "8mm", cwd=tmp_path)
     out = tmp_path / "out"
     (out / "t.bambu.3mf").unlink()
     (out / "t.bambu.3mf").mkdir()
     before = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
-    run = design("ico", "--edge", "30mm", "-o", "out", "--name", "t", cwd=tmp_path)
+    run = design(*board, "--pitch", "9mm", cwd=tmp_path)
     assert (run.returncode, run.stderr.count("\n")) == (2, 1)
     assert "t.bambu.3mf" in run.stderr
     assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == before
@@ -205,8 +208,9 @@ def test_an_output_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
 
 def test_check_finds_violations_and_exits_with_1(tmp_path: Path) -> None:
     """`design check` exits with 0 where all rules hold, with 1 where one is violated, for specs and target files."""
-    design("make", "3d-board", "-o", "out", cwd=tmp_path)
-    for file in ("out/3d-board.target.json", "out/3d-board.toml"):
+    long = ("--columns", "24", "--rows", "4", "--pitch", "8mm")
+    design("board", *long, "-o", "out", "--name", "t", cwd=tmp_path)
+    for file in ("out/t.target.json", "out/t.toml"):
         fits = design("check", file, "--printer", "prusa-xl", cwd=tmp_path)
         assert (fits.returncode, "not printable" in fits.stdout) == (0, False), fits.stderr
         too_large = design("check", file, "--printer", "bambu-a1-mini", cwd=tmp_path)
@@ -215,10 +219,10 @@ def test_check_finds_violations_and_exits_with_1(tmp_path: Path) -> None:
 
 def test_options_replace_a_templates_values(tmp_path: Path) -> None:
     """`design make TEMPLATE --option` overrides the template."""
-    run = design("make", "shiny-ico", "--edge", "100mm", "--ink-colour", "#112233", "-o", "out", cwd=tmp_path)
+    run = design("make", "3d-board", "--size", "60x50mm", "--ink-colour", "#112233", "-o", "out", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
-    spec = tomllib.loads((tmp_path / "out" / "shiny-ico.toml").read_text())
-    assert (spec["edge"], spec["ink_colour"], spec["ring_diameter"]) == ("100mm", "#112233", "7mm")
+    spec = tomllib.loads((tmp_path / "out" / "3d-board.toml").read_text())
+    assert (spec["size"], spec["ink_colour"], spec["ring_diameter"]) == ("60x50mm", "#112233", "7mm")
 
 
 def test_every_template_can_be_made(tmp_path: Path) -> None:
@@ -226,10 +230,10 @@ def test_every_template_can_be_made(tmp_path: Path) -> None:
     rings = {"master-ico": 720, "matt-ico": 720, "shiny-ico": 720, "alu-board": 1521, "3d-board": 441}
     listed = design("templates", cwd=tmp_path).stdout
     for name, count in rings.items():
-        run = design("make", name, cwd=tmp_path)
-        assert run.returncode == 0, run.stderr
-        target = json.loads((tmp_path / "exports" / name / f"{name}.target.json").read_text())
-        assert len(target["ring_face"]) == count
+        made = load(name)
+        assert made.geometry.ring_count == count
+        assert not made.check.violations
+        assert make_files(made.design, lambda stage: None)
         assert name in listed
 
 

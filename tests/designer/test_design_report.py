@@ -65,7 +65,7 @@ _LETTERED = {"size": "60x60mm", "columns": 5, "rows": 5, "ring_diameter": "7mm",
 SPECS: dict[str, Asked] = {
     "ico": asked_for("ico", {"edge": "20mm", "chord_error": "20um"}),
     "board": asked_for("board", _LETTERED),
-    "stickers": asked_for("ico", {"edge": "60mm", "build": "stickers"}),
+    "stickers": asked_for("ico", {"edge": "30mm", "build": "stickers"}),
     "sheet": asked_for("board", {"size": "200x150mm", "build": "sheet", "dots": False}),
     "sheared": asked_for("ico", {
         "edge": "40mm", "chord_error": "20um", "printer": "prusa-mk4", "body_colour": "#f5f5f0", "stand": True,
@@ -131,13 +131,12 @@ def test_files_named_in_words_exist(build: str) -> None:
 def test_page_follows_from_the_written_spec_alone() -> None:
     """Made again from the TOML file that it wrote, a folder has the same page, byte for byte."""
     for build in BUILDS:
-        design, check, files = made(build)
-        (spec,) = [file for file in files if file.name.endswith(".toml")]
+        (spec,) = [file for file in made(build)[2] if file.name.endswith(".toml")]
         again = Design(size_job(parse_spec(tomllib.loads(spec.content.decode()), "again")).job)
         check_again = check_printability(again.target, again.job.printing, bed_is_rule=False)
         page = page_file(design_page(again, check_again, make_files(again, lambda stage: None)))
         assert page.name == PAGE_FILE
-        assert page.content == page_file(design_page(design, check, files)).content
+        assert page.content == page_file(page_of(build)).content
 
 
 def test_caliper_lengths_are_distances_in_the_geometry() -> None:
@@ -463,9 +462,8 @@ def test_page_without_a_preview_has_no_poster() -> None:
 def test_pages_open_in_a_browser(tmp_path: Path, browser: Browser) -> None:
     """From disk, without trouble, every link and picture resolves and nothing is wider than a phone."""
     for build in ("stickers", "board"):
-        design, check, files = made(build)
         folder = tmp_path / build
-        write_folder(folder, (*files, page_file(design_page(design, check, files))))
+        write_folder(folder, (*made(build)[2], page_file(page_of(build))))
         with open_page(browser, folder / PAGE_FILE, width=390) as page:
             assert unresolved(page, folder / PAGE_FILE) == []
             assert overflow_px(page) == 0

@@ -43,7 +43,7 @@ DESIGN = (
     Case(("board", "--columns", "many"), 2),
     Case(("coupon", "--build", "sheet", "-o", "out"), 0),
     Case(("coupon", "--pitch", "20mm"), 2),
-    Case(("make", "alu-board", "-o", "out"), 0),
+    Case(("make", "alu-board", "--size", "60x60mm", "-o", "out"), 0),
     Case(("make", "no-board"), 2),
     Case(("templates",), 0),
     Case(("templates", "more"), 2),
