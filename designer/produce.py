@@ -180,6 +180,17 @@ def _3mf(design: Design) -> Made:
         yield f"{stem}bambu.3mf", files.bambu, f"for Bambu Studio, OrcaSlicer and Cura: {what}"
 
 
+def _project(design: Design) -> Made:
+    from designer.formats.project import MOST_PLATES, project_bytes
+
+    plates, printing = design.plates, design.job.printing
+    presets = printing.printer.presets
+    if presets is None or not 1 < len(plates) <= MOST_PLATES:
+        return
+    content = project_bytes(design.job.name, plates, printing, presets)
+    yield "bambu-orca.3mf", content, f"for Bambu Studio and OrcaSlicer: all {len(plates)} plates, one project"
+
+
 def _stl(design: Design) -> Made:
     from designer.formats.stl import stl_bytes
 
@@ -298,6 +309,7 @@ def _circuit(design: Design, ink: CircuitInk, suffix: str, what: str) -> tuple[s
 
 EXPORTERS: dict[Format, Exporter] = {
     "3mf": _3mf,
+    "project": _project,
     "stl": _stl,
     "png": _png,
     "pdf": _pdf,

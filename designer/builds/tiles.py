@@ -51,10 +51,13 @@ class Tiles(Maker):
         return assembling_section(design, assembly_of(design), files)
 
     def next_step(self, design: Design, stem: str) -> str:
-        """Open the plates, one after another."""
+        """Open the plates, together or one after another."""
         last = len(design.plates)
+        plates = f"{stem}.plate-1.bambu.3mf to plate-{last}"
+        if "project" in design.job.formats:
+            plates = f"{stem}.bambu-orca.3mf, all {last} plates,"
         return (
-            f"slice {stem}.plate-1.bambu.3mf to plate-{last} in Bambu Studio or OrcaSlicer, or the prusa.3mf files in "
+            f"slice {plates} in Bambu Studio or OrcaSlicer, or the prusa.3mf files in "
             "PrusaSlicer; filament 1 is the body, 2 the ink"
         )
 

@@ -7,10 +7,11 @@ The packages are written with `zipfile` because lib3mf renames the prefix of `sl
 PrusaSlicer knows by its text.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from html import escape
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,8 @@ _MODEL_START = """<?xml version="1.0" encoding="UTF-8"?>
 <model unit="millimeter" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
  xmlns:m="http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
  xmlns:slic3rpe="http://schemas.slic3r.org/3mf/2017/06"
- xmlns:cura="http://software.ultimaker.com/xml/cura/3mf/2015/10">
+ xmlns:cura="http://software.ultimaker.com/xml/cura/3mf/2015/10"
+ xmlns:BambuStudio="http://schemas.bambulab.com/package/2021">
 """
 
 # Resource ids in the model files. OrcaSlicer keeps one colour of a colour group, so each has its own.
@@ -65,20 +67,16 @@ def plate_files(pieces: Sequence[Piece], printing: PrintSpec) -> ThreeMfFiles:
     Raises:
         InputError: a name that XML cannot hold.
     """
-    for piece in pieces:
-        if not piece.name.isprintable():
-            raise InputError(f"name {piece.name!r} holds a control character; use printable letters")
-    colours = _colour_group(_BODY_COLOUR, printing.body_colour) + _colour_group(_INK_COLOUR, printing.ink_colour)
-    objects = [_ObjectText.of(piece, _FIRST_OBJECT + _IDS_OF_OBJECT * row) for row, piece in enumerate(pieces)]
+    objects, colours = objects_of(pieces), _colours(printing)
     # zlib lets other threads run, so one package is compressed while the other is put together.
     with ThreadPoolExecutor(2) as pool:
         prusa = pool.submit(_prusa_package, objects, colours)
-        bambu = pool.submit(_bambu_package, objects, colours)
+        bambu = pool.submit(bambu_package, objects, printing)
         return ThreeMfFiles(prusa.result(), bambu.result())
 
 
 @dataclass(frozen=True)
-class _ObjectText:
+class ObjectText:
     """The XML of a piece that both packages share."""
 
     body_id: int
@@ -91,13 +89,13 @@ class _ObjectText:
     body_triangles: bytes
 
     @classmethod
-    def of(cls, piece: Piece, first_id: int) -> "_ObjectText":
+    def of(cls, piece: Piece, first_id: int) -> "ObjectText":
         """With three ids from the first on."""
         body, ink = piece.part.body, piece.part.ink
         item = _item(first_id + 2, piece.bed_from_part)
         ink_vertices = b"" if ink is None else _vertices(ink)
         return cls(
-            first_id, _quoted(piece.name), body, ink, item, _vertices(body), ink_vertices, _triangles(body.triangles)
+            first_id, quoted(piece.name), body, ink, item, _vertices(body), ink_vertices, _triangles(body.triangles)
         )
 
     @property
@@ -111,7 +109,19 @@ class _ObjectText:
         return self.body_id + 2
 
 
-def _prusa_package(objects: Sequence[_ObjectText], colours: str) -> bytes:
+def objects_of(pieces: Sequence[Piece]) -> list[ObjectText]:
+    """An object a piece, numbered in their order.
+
+    Raises:
+        InputError: a name that XML cannot hold.
+    """
+    for piece in pieces:
+        if not piece.name.isprintable():
+            raise InputError(f"name {piece.name!r} holds a control character; use printable letters")
+    return [ObjectText.of(piece, _FIRST_OBJECT + _IDS_OF_OBJECT * row) for row, piece in enumerate(pieces)]
+
+
+def _prusa_package(objects: Sequence[ObjectText], colours: str) -> bytes:
     """One mesh of both shells an object; PrusaSlicer cuts it at the triangle ranges of its own file."""
     model: list[str | bytes] = [
         _MODEL_START, ' <metadata name="slic3rpe:Version3mf">1</metadata>\n', f" <resources>\n{colours}",
@@ -133,7 +143,8 @@ def _prusa_package(objects: Sequence[_ObjectText], colours: str) -> bytes:
             f' <object id="{one.object_id}" instances_count="1">\n'
             f'  <metadata type="object" key="name" value={one.name}/>\n{volumes} </object>\n'
         )
-    return _package((*model, *_end(objects)), "Metadata/Slic3r_PE_model.config", f"{config}</config>\n")
+    settings = {"Metadata/Slic3r_PE_model.config": f"{config}</config>\n".encode()}
+    return _package((*model, *_end(objects)), settings)
 
 
 def _prusa_volume(name: str, filament: int, first: int, last: int) -> str:
@@ -147,9 +158,23 @@ def _prusa_volume(name: str, filament: int, first: int, last: int) -> str:
     )
 
 
-def _bambu_package(objects: Sequence[_ObjectText], colours: str) -> bytes:
-    """One mesh a part, joined as components of the object that is built."""
-    model: list[str | bytes] = [_MODEL_START, f" <resources>\n{colours}"]
+def bambu_package(
+    objects: Sequence[ObjectText],
+    printing: PrintSpec,
+    metadata: str = "",
+    plates: str = "",
+    members: Mapping[str, bytes] = MappingProxyType({}),
+) -> bytes:
+    """One mesh a part, joined as components of the object that is built.
+
+    Args:
+        objects: what is built.
+        printing: gives the two colours.
+        metadata: of the model, in XML.
+        plates: what the slicer's settings hold beside the objects, in XML.
+        members: further files of the package by their paths.
+    """
+    model: list[str | bytes] = [_MODEL_START, metadata, f" <resources>\n{_colours(printing)}"]
     config = '<?xml version="1.0" encoding="UTF-8"?>\n<config>\n'
     for one in objects:
         leaves = [one.body_id] if one.ink is None else [one.body_id, one.ink_id]
@@ -167,7 +192,8 @@ def _bambu_package(objects: Sequence[_ObjectText], colours: str) -> bytes:
             f' <object id="{one.object_id}">\n'
             f'  <metadata key="name" value={one.name}/>\n  <metadata key="extruder" value="1"/>\n{parts} </object>\n'
         )
-    return _package((*model, *_end(objects)), "Metadata/model_settings.config", f"{config}</config>\n")
+    settings = {"Metadata/model_settings.config": f"{config}{plates}</config>\n".encode()}
+    return _package((*model, *_end(objects)), {**settings, **members})
 
 
 def _leaf(
@@ -191,11 +217,15 @@ def _bambu_part(name: str, number: int, filament: int) -> str:
     )
 
 
+def _colours(printing: PrintSpec) -> str:
+    return _colour_group(_BODY_COLOUR, printing.body_colour) + _colour_group(_INK_COLOUR, printing.ink_colour)
+
+
 def _colour_group(number: int, colour: str) -> str:
-    return f'  <m:colorgroup id="{number}">\n   <m:color color={_quoted(colour.upper())}/>\n  </m:colorgroup>\n'
+    return f'  <m:colorgroup id="{number}">\n   <m:color color={quoted(colour.upper())}/>\n  </m:colorgroup>\n'
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
     """As the value of an attribute in XML."""
     escaped = escape(text, quote=False).replace('"', "&quot;")  # lib3mf knows no &#x27;
     return f'"{escaped}"'
@@ -207,7 +237,7 @@ def _item(object_id: int, bed_from_part: NDArray[np.float64]) -> str:
     return f'  <item objectid="{object_id}" transform="{transform}"/>\n'
 
 
-def _end(objects: Sequence[_ObjectText]) -> tuple[str, ...]:
+def _end(objects: Sequence[ObjectText]) -> tuple[str, ...]:
     """What is built."""
     return " </resources>\n <build>\n", *(one.item for one in objects), " </build>\n</model>\n"
 
@@ -225,13 +255,13 @@ def _triangles(triangles: NDArray[np.int32], first: int = 0, properties: bytes =
     return text_lines(b'<triangle v1="', one, b'" v2="', two, b'" v3="', three, b'"', properties, b"/>\n")
 
 
-def _package(model: Iterable[str | bytes], config_path: str, config: str) -> bytes:
-    """Zip a model and a slicer's settings."""
+def _package(model: Iterable[str | bytes], settings: Mapping[str, bytes]) -> bytes:
+    """Zip a model and a slicer's settings, by their paths."""
     members = {
         "[Content_Types].xml": _CONTENT_TYPES.encode(),
         "_rels/.rels": _RELATIONSHIPS.encode(),
         "3D/3dmodel.model": b"".join(part.encode() if isinstance(part, str) else part for part in model),
-        config_path: config.encode(),
+        **settings,
     }
     return zipped(members)
 

@@ -50,6 +50,12 @@ def strip_mm(printer: PrinterProfile) -> Array:
     return strip
 
 
+def tower_mm(printer: PrinterProfile) -> tuple[float, float]:
+    """The corner of a tower as wide as the strip is deep, in the strip's middle."""
+    width, depth = ((side - TOWER_DEPTH_MM) / 2 for side in printer.bed_mm[:2])
+    return (width, BRIM_MM) if strip_mm(printer)[1] else (BRIM_MM, depth)
+
+
 def room_mm(printer: PrinterProfile) -> Array:
     """What a bed takes beside brim and prime tower, along x and y.  # (2,)"""
     return np.array(printer.bed_mm[:2]) - 2 * BRIM_MM - strip_mm(printer)

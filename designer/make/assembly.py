@@ -20,11 +20,12 @@ from designer.make.core import CorePart, make_core, mount_vertex
 from designer.make.lettering import ID_DIGITS
 from designer.make.mesh import Part
 from designer.make.mounts import DEFAULT_MOUNT, MOUNTS, Mounted, fits, mounted
-from designer.make.nesting import BED_RIM_MM, nest
+from designer.make.nesting import BED_RIM_MM, TOWER_MM, nest
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.plate import Piece, Plate
 from designer.make.tile import TileSizes, make_tile, tile_sizes
 from designer.spec.build import ANY_MOUNT, NO_MOUNT
+from designer.spec.machine import BRIM_MM
 from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 
@@ -134,8 +135,13 @@ def plates_of(assembly: Assembly, printing: PrintSpec) -> tuple[Plate, ...]:
         InputError: a tile or a piece of the core is larger than the bed.
     """
     core = [*_core_pieces(assembly, printing)]  # first: where beds are small, it is what limits the edge
-    groups = [*_tile_pieces(assembly, printing), *core]
-    return tuple(Plate(f"plate-{number}", group, _words(group)) for number, group in enumerate(groups, start=1))
+    width, depth, _ = printing.printer.bed_mm
+    tower_mm = (width - TOWER_MM + BRIM_MM, depth - TOWER_MM + BRIM_MM)
+    tiles = [(group, tower_mm) for group in _tile_pieces(assembly, printing)]
+    groups = [*tiles, *((group, None) for group in core)]
+    return tuple(
+        Plate(f"plate-{number}", group, _words(group), tower) for number, (group, tower) in enumerate(groups, start=1)
+    )
 
 
 def _words(pieces: tuple[Piece, ...]) -> str:

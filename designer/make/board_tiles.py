@@ -18,7 +18,7 @@ from manifold3d import CrossSection, JoinType, Manifold
 from numpy.typing import NDArray
 
 from designer.base.errors import InputError
-from designer.kinds.board_cuts import BoardCuts, Point, cut_board, room_mm, strip_mm
+from designer.kinds.board_cuts import BoardCuts, Point, cut_board, room_mm, strip_mm, tower_mm
 from designer.make.bed import against_skew_along
 from designer.make.booleans import mesh_of, prism, solid_of, union
 from designer.make.lettering import HEIGHT, ID_DIGITS, text_contours, text_width
@@ -272,8 +272,12 @@ def board_plates(board: BoardInPieces, printing: PrintSpec) -> tuple[Plate, ...]
     pieces = [_lying(f"piece {one.number}", one.part, axes, printing) for one in board.pieces]
     key = Part(board.key, None)
     keys = [_lying(f"key {number}", key, np.eye(3), printing) for number in range(1, 2 * len(board.seams) + 1)]
-    groups = [*_in_rows(pieces, printing.printer), *_in_rows(keys, printing.printer)]
-    return tuple(Plate(f"plate-{number}", group, _words(group)) for number, group in enumerate(groups, start=1))
+    tower = tower_mm(printing.printer)
+    inked = [(group, tower) for group in _in_rows(pieces, printing.printer)]
+    groups = [*inked, *((group, None) for group in _in_rows(keys, printing.printer))]
+    return tuple(
+        Plate(f"plate-{number}", group, _words(group), tower) for number, (group, tower) in enumerate(groups, start=1)
+    )
 
 
 def _words(group: tuple[Piece, ...]) -> str:

@@ -31,6 +31,12 @@ class Plate:
     name: str  # part of its files' names, such as "plate-1"; "" where there is but one plate
     pieces: tuple[Piece, ...]
     words: str = ""  # what it holds, such as "tiles 0 to 6"
+    tower_mm: tuple[float, float] | None = None  # front left corner of a prime tower in the place left free for it
+
+    @property
+    def title(self) -> str:
+        """`plate 1, tiles 0 to 6`: letters that a file's name may hold, as slicers ask of a plate's name."""
+        return ", ".join(part for part in (self.name.replace("-", " "), self.words) if part)
 
     @property
     def is_two_filament(self) -> bool:

@@ -35,6 +35,7 @@ class Slicer:
     trap: str  # of its object list
     purge: str
     preview: str  # by what to look at it
+    project: str = ""  # suffix of the file of all plates that it reads; "": it reads none
 
 
 SLICERS = (
@@ -49,6 +50,7 @@ SLICERS = (
         "Flushing volumes: let them be computed from the two colours; white after black needs several times as much as "
         "black after white. Leave 'flush into objects' infill' off: dark infill shows through a white wall.",
         "filament",
+        "bambu-orca.3mf",
     ),
     Slicer(
         "PrusaSlicer",

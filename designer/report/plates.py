@@ -23,25 +23,47 @@ def plate_table(design: Design) -> Table:
 def plate_folds(design: Design, files: Sequence[str]) -> tuple[Fold, ...]:
     """A fold for each slicer, that of the printer first."""
     first = usual_slicer(design.job.printing.printer)
-    there = [one for one in SLICERS if f"{design.job.name}.{design.plates[0].name}.{one.package}" in files]
-    return tuple(Fold(one.title, (_steps(design, one),)) for one in sorted(there, key=lambda one: one.title != first))
+    folds = ((one.title, _steps(design, one, files)) for one in sorted(SLICERS, key=lambda one: one.title != first))
+    return tuple(Fold(title, (steps,)) for title, steps in folds if steps is not None)
 
 
-def _steps(design: Design, slicer: Slicer) -> Steps:
-    """From the files to the printer."""
+def _steps(design: Design, slicer: Slicer, files: Sequence[str]) -> Steps | None:
+    """From the files to the printer; None: there are none for it."""
     printing, slot = design.job.printing, slicer.slot
+    project, first = f"{design.job.name}.{slicer.project}", f"{design.job.name}.plate-1.{slicer.package}"
+    is_project = project in files
+    if not is_project and first not in files:
+        return None
+    one_by_one = f"open {first}, later the other plates, each as a project of its own"
+    opening = (slicer.choose, f"{capital(one_by_one)}. {slicer.opened}")
+    if is_project:
+        opening = _opening_project(design, project, one_by_one if first in files else "write --formats 3mf and open it")
+    tower = "it stands there" if is_project else "put it there"
     body, ink = colour_words(printing.body_colour), colour_words(printing.ink_colour)
     return Steps((
-        slicer.choose,
+        *opening,
         f"{capital(slot)} 1 is {body}, {slot} 2 is {ink}, of one material.",
-        f"Open {design.job.name}.plate-1.{slicer.package}, later the other plates, each as a project of its own. "
-        f"{slicer.opened}",
         "If it asks whether objects of equal height are parts of one object: no. What has ink is an object with two "
         "parts, body and ink; what has none, an object with one.",
         f"Look at the object list: body in {slot} 1 and ink in {slot} 2 in every object with ink. If a number differs, "
         "set it on the part, not on the object.",
-        "Don't arrange: the plate is full, and the free corner or strip is the prime tower's: put it there. A piece "
+        f"Don't arrange: the plate is full, and the free corner or strip is the prime tower's: {tower}. A piece "
         "may be moved; don't turn any: the axes of calib measure are then not the printer's.",
         f"Set the values of the table above. {slicer.purge}".strip(),
         f"Slice, and look at the preview by {slicer.preview}: every ring whole; above the ink one filament only.",
     ))  # fmt: skip
+
+
+def _opening_project(design: Design, project: str, instead: str) -> tuple[str, str]:
+    """One file for all of them, and what to do if it is not taken for one."""
+    presets = design.job.printing.printer.presets
+    assert presets is not None  # noqa: S101 - else there is no project
+    return (
+        f"Open {project} as a project (File, Open Project): it holds all {len(design.plates)} plates, named and "
+        f"locked, with the pieces in place. It asks for the presets {presets.printer}, {presets.process} and "
+        f"{presets.filament}, unchanged, and for the plate type {presets.plate_type}: put your own filaments and plate "
+        "in their place.",
+        "This file keeps to the rules in the published sources of both programs; it was not opened in the programs "
+        "themselves. Compare with the pictures of the plates before you slice. If there is but one plate, or a notice "
+        f"says that only geometry is loaded, {instead}.",
+    )

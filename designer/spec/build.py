@@ -6,7 +6,7 @@ from typing import Literal
 
 Form = Literal["solid", "plate"]
 """What a target is: faces around a body, or a board."""
-Format = Literal["3mf", "stl", "png", "pdf", "svg", "step", "glb", "dxf", "laser", "gerber", "gerber-mask"]
+Format = Literal["3mf", "project", "stl", "png", "pdf", "svg", "step", "glb", "dxf", "laser", "gerber", "gerber-mask"]
 """What each is, and what it is for: `designer.spec.format`."""
 CircuitInk = Literal["legend", "mask"]
 """What makes the black of a printed circuit: silkscreen, or solder mask that stays."""
@@ -49,7 +49,7 @@ BUILDS: Mapping[str, Build] = {
             "tiles",
             "flat pieces in two filaments, put together",
             {"solid": "fdm-tiles", "plate": "fdm-board-tiles"},
-            ("3mf", "png"),
+            ("3mf", "project", "png"),
             ("sticker_thickness",),
             is_two_filament=True,
             is_in_parts=True,

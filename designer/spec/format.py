@@ -19,6 +19,7 @@ class FileFormat:
     is_flat: bool = False  # of flat stock, which neither shrinks nor skews as plastic does
     has_true_circles: bool = False  # which do not stay circles in a sheared part
     is_of_one_piece: bool = False  # it holds a target as a whole
+    is_of_plates: bool = False  # it holds all plates of a build in parts, with presets of the printer
     suffix: str = ""  # of its files' names, where there is a guide
     guide: str = ""  # module of `designer.formats` that tells what to do with it; "": the build's own text does
     largest_mm: tuple[float, float] | None = None  # that is usually made
@@ -35,6 +36,8 @@ class FileFormat:
             return f"{name} is of a {' or a '.join(self.forms)}, and this is a {form}; use {self.instead}"
         if self.is_of_one_piece and printing.way.is_in_parts:
             return f"{name} is of one piece, and this build is in parts; use 3mf or stl"
+        if self.is_of_plates:
+            return _why_no_project(name, printing)
         if self.has_true_circles and is_skewed:
             skew = format_skew(printing.skew_compensation_rad)
             return f"skew compensation '{skew}' shears meshes, not {name}; leave out the one or the other"
@@ -58,6 +61,20 @@ class FileFormat:
             )
 
 
+def _why_no_project(name: str, printing: PrintSpec) -> str:
+    """Why there is none of several plates; "" if there is one."""
+    printer = printing.printer
+    if not printing.way.is_in_parts:
+        return f"{name} is of several plates, and this build lies on one; use 3mf"
+    if printer.presets is None:
+        bed = "x".join(f"{side:g}" for side in printer.bed_mm[:2])
+        return (
+            f"{name} names the slicers' presets, and none are known of {printer.name} with a {printer.nozzle_mm:g}mm "
+            f"nozzle and a bed of {bed}mm; open the plates one by one, or put [machine.presets] into the printer's file"
+        )
+    return ""
+
+
 _GERBER = FileFormat(
     "Gerber, a printed circuit: black silkscreen on a white solder mask",
     ("plate",),
@@ -72,6 +89,7 @@ _GERBER = FileFormat(
 )
 FORMATS: Mapping[Format, FileFormat] = {
     "3mf": FileFormat("3MF, for slicers"),
+    "project": FileFormat("3MF project, for Bambu Studio and OrcaSlicer: all plates in one file", is_of_plates=True),
     "stl": FileFormat("STL, for slicers"),
     "png": FileFormat("PNG, a preview"),
     "pdf": FileFormat("PDF, artwork for printers"),
@@ -107,6 +125,9 @@ def choose_formats(
         wanted.remove("3mf")
         remarks.append("3mf: left out, this build is in one filament; print the STL")
     reasons = {name: FORMATS[name].why_not(form, printing) for name in FORMATS}
+    if "project" in wanted and "project" not in asked and reasons["project"]:
+        wanted.remove("project")
+        remarks.append(f"project: left out, {reasons['project']}")
     impossible = [name for name in FORMATS if name in wanted and reasons[name]]
     if set(asked) == set(FORMATS):
         return tuple(name for name in FORMATS if name in wanted and not reasons[name]), (

@@ -7,7 +7,7 @@ later at moderate settings, every number an assumption. A printer's file says it
 from dataclasses import dataclass
 from typing import Annotated
 
-from designer.base.marks import Above, AtLeast, AtMost
+from designer.base.marks import LEFT_OUT, Above, AtLeast, AtMost
 
 BRIM_MM = 5.0
 """Free around a part on the bed: the usual width of a brim in slicers."""
@@ -18,6 +18,7 @@ Acceleration = Annotated[float, Above(0), AtMost(100_000)]
 Seconds = Annotated[float, AtLeast(0), AtMost(7200)]
 Purge = Annotated[float, AtLeast(0), AtMost(5000)]
 Flow = Annotated[float, Above(0), AtMost(200)]
+PlateSide = Annotated[float, Above(0), AtMost(5000)]
 Layers = Annotated[int, AtLeast(0), AtMost(10_000)]
 
 
@@ -80,6 +81,19 @@ class Shells:
 
 
 @dataclass(frozen=True)
+class Presets:
+    """What Bambu Studio and OrcaSlicer both call a printer, and their own settings for it."""
+
+    nozzle_mm: Annotated[float, Above(0), AtMost(10)]  # the nozzle that they are for
+    plate_mm: tuple[PlateSide, PlateSide]  # width and depth of a plate, as they draw it
+    model: str
+    printer: str
+    process: str
+    filament: str
+    plate_type: str  # that the printer comes with
+
+
+@dataclass(frozen=True)
 class Machine:
     """All of it."""
 
@@ -87,6 +101,7 @@ class Machine:
     accelerations: Accelerations = Accelerations()
     change: FilamentChange = FilamentChange()
     shells: Shells = Shells()
+    presets: Annotated[Presets | None, LEFT_OUT] = None  # None: not known, or not the same in both
     flow_mm3_s: Flow = 12.0  # the most that the nozzle melts
     jerk_mm_s: Speed = 9.0  # by how much the speed may jump at a corner
     retraction_s: Seconds = 0.1  # to pull filament back before a travel and to push it on again

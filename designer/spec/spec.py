@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from designer.spec.build import ANY_MOUNT, BUILDS, Build, Form, Format, InkSide
-from designer.spec.machine import UNKNOWN_MACHINE, Machine
+from designer.spec.machine import UNKNOWN_MACHINE, Machine, Presets
 
 if TYPE_CHECKING:
     import numpy as np
@@ -114,6 +114,15 @@ class PrinterProfile:
     def clearance_mm(self) -> float:
         """Between parts that are put into each other."""
         return self.machine.clearance_mm
+
+    @property
+    def presets(self) -> Presets | None:
+        """What slicers call it, where they know it with this nozzle and this bed."""
+        presets = self.machine.presets
+        if presets is None or presets.nozzle_mm != self.nozzle_mm:
+            return None
+        fits = all(side <= most for side, most in zip(self.bed_mm, presets.plate_mm, strict=False))
+        return presets if fits else None
 
 
 @dataclass(frozen=True)

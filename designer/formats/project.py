@@ -1,0 +1,132 @@
+"""All plates in one project file for Bambu Studio and OrcaSlicer.
+
+What their readers ask for was found in their published sources, and `tests/designer/formats/test_project.py` holds
+files to it; neither program was run:
+
+- `src/libslic3r/Format/bbs_3mf.cpp`: the metadata `Application` decides whose a file is. One that does not begin with
+  the reader's name is bare geometry to it, whose plates are not made. So this one says `BambuStudio-`, for the sake of
+  its readers, as all programs do that write such projects, OrcaSlicer among them; who wrote it is in its description.
+  The version after the name must be of the reader's generation and not newer than the reader. Plates and what lies on
+  them are in `Metadata/model_settings.config`, the plates numbered from 1 on.
+- `src/slic3r/GUI/PartPlate.cpp`, `PartPlate.hpp`: what counts in the end is over which plate an object lies. Plates
+  stand in rows from the left, a fifth of a plate apart, each row in front of the one before; there are as many columns
+  as the root of the number of plates, rounded up, and 36 plates at most.
+- `src/slic3r/GUI/Plater.cpp`: without settings (`Metadata/project_settings.config`) later versions make no plates.
+- `src/libslic3r/PresetBundle.cpp`, `Preset.cpp`: settings are laid over the program's defaults, so that some of them
+  alone would give a printer of defaults. Where presets of the system are named, and no difference from them, all values
+  are those of the presets. Hence there are projects only for printers whose presets both programs have by the same
+  names. Colours, purge, place of the prime tower and type of the build plate are the project's own.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from designer.base.words import NAME
+from designer.formats.threemf import ObjectText, bambu_package, objects_of, quoted
+from designer.make.plate import Piece, Plate
+from designer.spec.machine import FilamentChange, Presets
+from designer.spec.spec import PrintSpec
+
+MOST_PLATES = 36
+GAP = 0.2
+"""Between plates, over their size."""
+VERSION = "02.00.00.00"
+"""The first of the generation in use, which all of it reads without a notice."""
+PRIME_MM3 = 30.0
+"""Of a change's purge, what is printed on the tower: a printer's file books both in one, these slicers do not."""
+
+
+def project_bytes(title: str, plates: Sequence[Plate], printing: PrintSpec, presets: Presets) -> bytes:
+    """`project_bytes("ico", design.plates, printing, printing.printer.presets)`: the project as a zip package.
+
+    Args:
+        title: of the project.
+        plates: as they are printed, 36 at most.
+        printing: gives colours and purge.
+        presets: of the printer.
+
+    Raises:
+        InputError: a name that XML cannot hold.
+    """
+    objects = objects_of([piece for at in range(len(plates)) for piece in _placed(plates, at, presets)])
+    metadata = (
+        f' <metadata name="Application">BambuStudio-{VERSION}</metadata>\n'
+        ' <metadata name="BambuStudio:3mfVersion">1</metadata>\n'
+        f' <metadata name="Title">{quoted(title)[1:-1]}</metadata>\n'
+        f' <metadata name="Description">Written by {NAME}, not by Bambu Studio: its readers ask for that name.'
+        "</metadata>\n"
+    )
+    settings = json.dumps(_settings(plates, printing, presets), indent=1).encode()
+    members = {"Metadata/project_settings.config": settings}
+    return bambu_package(objects, printing, metadata, _plates_text(plates, objects), members)
+
+
+def plate_corner_mm(at: int, count: int, presets: Presets) -> tuple[float, float]:
+    """The front left corner of a plate, counted from 0, among so many."""
+    row, column = divmod(at, math.isqrt(count - 1) + 1)
+    width, depth = presets.plate_mm
+    return column * width * (1 + GAP), -row * depth * (1 + GAP)
+
+
+def _placed(plates: Sequence[Plate], at: int, presets: Presets) -> list[Piece]:
+    """The pieces of a plate where it stands in the grid."""
+    pieces = []
+    for piece in plates[at].pieces:
+        grid_from_part = piece.bed_from_part.copy()
+        grid_from_part[:2, 3] += plate_corner_mm(at, len(plates), presets)
+        pieces.append(replace(piece, bed_from_part=grid_from_part))
+    return pieces
+
+
+def _plates_text(plates: Sequence[Plate], objects: Sequence[ObjectText]) -> str:
+    """Which objects lie on which plate. Plates are locked: arranging would take pieces into the tower's place."""
+    text, rest = "", iter(objects)
+    for number, plate in enumerate(plates, start=1):
+        text += (
+            f' <plate>\n  <metadata key="plater_id" value="{number}"/>\n'
+            f'  <metadata key="plater_name" value={quoted(plate.title)}/>\n  <metadata key="locked" value="true"/>\n'
+        )
+        for _ in plate.pieces:
+            one = next(rest)
+            text += (
+                f'  <model_instance>\n   <metadata key="object_id" value="{one.object_id}"/>\n'
+                '   <metadata key="instance_id" value="0"/>\n'
+                f'   <metadata key="identify_id" value="{one.object_id}"/>\n  </model_instance>\n'
+            )
+        text += " </plate>\n"
+    return text
+
+
+def _settings(plates: Sequence[Plate], printing: PrintSpec, presets: Presets) -> dict[str, str | list[str]]:
+    """The project's own settings, and the presets by name. All values are text."""
+    colours = [printing.body_colour.upper(), printing.ink_colour.upper()]
+    towers = [plate.tower_mm for plate in plates]
+    usual = next((place for place in towers if place is not None), (0.0, 0.0))  # of plates that have no tower
+    x, y = ([f"{(place or usual)[k]:g}" for place in towers] for k in (0, 1))
+    return {
+        "name": "project_settings",
+        "from": "project",
+        "version": VERSION,
+        "printer_model": presets.model,
+        "nozzle_diameter": [f"{presets.nozzle_mm:g}"],
+        "printer_settings_id": presets.printer,
+        "print_settings_id": presets.process,
+        "filament_settings_id": [presets.filament for _ in colours],
+        "different_settings_to_system": ["" for _ in ("process", *colours, "printer")],
+        "filament_colour": colours,
+        "curr_bed_type": presets.plate_type,
+        "flush_volumes_matrix": _flush_mm3(printing.printer.machine.change),
+        "flush_multiplier": "1",
+        "wipe_tower_x": x,
+        "wipe_tower_y": y,
+    }
+
+
+def _flush_mm3(change: FilamentChange) -> list[str]:
+    """From each filament (rows) to each, as the page's purge has it."""
+    to_ink, to_body = (
+        f"{max(0.0, purge - PRIME_MM3):g}" for purge in (change.purge_to_ink_mm3, change.purge_to_body_mm3)
+    )
+    return ["0", to_ink, to_body, "0"]
