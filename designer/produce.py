@@ -188,7 +188,7 @@ def _project(design: Design) -> Made:
     if presets is None or not 1 < len(plates) <= MOST_PLATES:
         return
     content = project_bytes(design.job.name, plates, printing, presets)
-    yield "bambu-orca.3mf", content, f"for Bambu Studio and OrcaSlicer: all {len(plates)} plates, one project"
+    yield "bambu-orca.3mf", content, f"for Bambu Studio and OrcaSlicer: the {len(plates)} plates in one project"
 
 
 def _stl(design: Design) -> Made:

@@ -55,7 +55,9 @@ class Tiles(Maker):
         last = len(design.plates)
         plates = f"{stem}.plate-1.bambu.3mf to plate-{last}"
         if "project" in design.job.formats:
-            plates = f"{stem}.bambu-orca.3mf, all {last} plates,"
+            plates = (
+                f"{stem}.bambu-orca.3mf, the {last} plates (compare them with the page: not tried in either program),"
+            )
         return (
             f"slice {plates} in Bambu Studio or OrcaSlicer, or the prusa.3mf files in "
             "PrusaSlicer; filament 1 is the body, 2 the ink"

@@ -59,7 +59,7 @@ def _opening_project(design: Design, project: str, instead: str) -> tuple[str, s
     presets = design.job.printing.printer.presets
     assert presets is not None  # noqa: S101 - else there is no project
     return (
-        f"Open {project} as a project (File, Open Project): it holds all {len(design.plates)} plates, named and "
+        f"Open {project} as a project (File, Open Project): it holds the {len(design.plates)} plates, named and "
         f"locked, with the pieces in place. It asks for the presets {presets.printer}, {presets.process} and "
         f"{presets.filament}, unchanged, and for the plate type {presets.plate_type}: put your own filaments and plate "
         "in their place.",
