@@ -185,7 +185,7 @@ def _project(design: Design) -> Made:
 
     plates, printing = design.plates, design.job.printing
     presets = printing.printer.presets
-    if presets is None or not 1 < len(plates) <= MOST_PLATES:
+    if presets is None or len(plates) > MOST_PLATES:
         return
     content = project_bytes(design.job.name, plates, printing, presets)
     yield "bambu-orca.3mf", content, f"for Bambu Studio and OrcaSlicer: the {len(plates)} plates in one project"

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 from designer.builds.one_piece import printer_words
 from designer.formats.folder import OutputFile
+from designer.formats.project import MOST_PLATES
 from designer.make.assembly import Assembly, assemble, plates_of
 from designer.make.board_tiles import BoardInPieces, board_in_pieces, board_plates
 from designer.make.plate import Plate
@@ -32,9 +33,13 @@ class Tiles(Maker):
         inked = sum(plate.is_two_filament for plate in design.plates)
         if design.job.target.solid is None:
             board, others = board_of(design), len(design.plates) - inked
+            too_many = (
+                f"project: left out, there are {len(design.plates)} plates; slicers take {MOST_PLATES} in one file"
+            )
             return (
                 f"plates: {inked} of {len(board.pieces)} pieces in two filaments, "
                 f"{others} of {2 * len(board.seams)} keys in one",
+                *((too_many,) if "project" in design.job.formats and len(design.plates) > MOST_PLATES else ()),
             )
         assembly = assembly_of(design)
         plates = f"plates: {inked} of tiles in two filaments, {len(design.plates) - inked} of the core in one"
@@ -54,7 +59,7 @@ class Tiles(Maker):
         """Open the plates, together or one after another."""
         last = len(design.plates)
         plates = f"{stem}.plate-1.bambu.3mf to plate-{last}"
-        if "project" in design.job.formats:
+        if "project" in design.job.formats and last <= MOST_PLATES:
             plates = (
                 f"{stem}.bambu-orca.3mf, the {last} plates (compare them with the page: not tried in either program),"
             )
