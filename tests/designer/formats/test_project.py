@@ -122,6 +122,7 @@ def read_plates(name: str) -> tuple[list[ReadPlate], list[ReadObject]]:
         config = ElementTree.fromstring(archive.read("Metadata/model_settings.config"))
     told = sorted(config.findall("plate"), key=lambda plate: int(settings(plate)["plater_id"]))
     assert [settings(plate)["plater_id"] for plate in told] == [str(1 + at) for at in range(len(told))]
+    assert {settings(plate)["locked"] for plate in told} == {"true"}, "arranging leaves them as they are"
     identities = [settings(one)["identify_id"] for plate in told for one in plate.findall("model_instance")]
     assert len({*identities}) == len(identities) == len(objects)
     columns, plates = columns_of(len(told)), []
