@@ -208,6 +208,8 @@ def test_the_page_works_in_a_browser(
 ) -> None:
     """Nothing on the console; links and pictures resolve; it fits a phone; tables sort; the 3D view shows something."""
     pytest.importorskip("playwright")
+    from playwright.sync_api import expect
+
     from tests.support.browser import open_page, overflow_px, unresolved
 
     monkeypatch.undo()  # with figures
@@ -223,11 +225,14 @@ def test_the_page_works_in_a_browser(
         assert worst in (sorted(worst), sorted(worst, reverse=True))
         viewer = page.locator(".viewer")
         viewer.scroll_into_view_if_needed()
-        page.wait_for_selector(".viewer canvas")
+        page.wait_for_selector(".viewer[data-state=ready][data-rest=yes]")
+        start = viewer.get_attribute("data-azimuth")
+        assert start is not None
         before = shown(viewer.screenshot())
         assert len(np.unique(before.reshape(-1, 3), axis=0)) > 100
         viewer.focus()
         for _ in range(5):
             page.keyboard.press("ArrowRight")
-        page.wait_for_timeout(500)
+        expect(viewer).not_to_have_attribute("data-azimuth", start)
+        page.wait_for_selector(".viewer[data-rest=yes]")
         assert (shown(viewer.screenshot()) != before).any(axis=2).mean() > 0.01
