@@ -34,7 +34,6 @@ Array = NDArray[np.float64]
 APART_MM = 8.0
 """Between the pieces of a core: room for two brims."""
 _FACE_DOWN = np.diag([-1.0, 1.0, -1.0, 1.0])
-_ALONG_AXIS_MM = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +121,11 @@ def _tiles(
         tile = make_tile(pattern, face, code, target_id, sizes)
         if on is not None and vertex in solid.polyhedron.faces[face]:
             axis = frame_along(solid.polyhedron.vertices[vertex])
-            tip = placed(cylinder(on.cut_mm, 0.0, _ALONG_AXIS_MM), np.linalg.inv(target.target_from_face[face]) @ axis)
+            # No longer than it must be: booleans take their time with what a long one passes by.
+            corner_mm = float(np.linalg.norm(solid.polyhedron.vertices[vertex])) * solid.edge_mm
+            low_mm = corner_mm - 2 * sizes.thickness_mm - 2 * on.cut_mm
+            tip = cylinder(on.cut_mm, max(low_mm, 0.0), corner_mm + 1.0)
+            tip = placed(tip, np.linalg.inv(target.target_from_face[face]) @ axis)
             assert tile.ink is not None  # noqa: S101 - tiles have borders
             tile = Part(mesh_of(solid_of(tile.body) - tip), mesh_of(solid_of(tile.ink) - tip))
         yield tile

@@ -24,7 +24,7 @@ from designer.make.bed import mapped
 from designer.make.mesh import Part
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
 from designer.make.plate import Piece, Plate
-from designer.make.section import SIMPLE_MM, Layered, Outline
+from designer.make.section import SIMPLE_MM, Sliced
 from designer.make.tower import purged
 from designer.spec.machine import Machine
 from designer.spec.spec import PrinterProfile, PrintSpec
@@ -243,19 +243,13 @@ class _Slicing:
         # Lines have round sides and overlap by them: the spacing of the slicers' flow mathematics.
         self.spacing_mm = self.line_mm - self.layer_mm * (1 - math.pi / 4)
         self.part = part
-        meshes = (part.body,) if part.ink is None else (part.body, part.ink)
-        self.layered = tuple(Layered(mesh, self.layer_mm) for mesh in meshes)
-        self.outline = Outline(meshes, self.layered, self.layer_mm)
-        self.outline_at = cache(self.outline.section)
+        self.sliced = Sliced(part, self.layer_mm)
         self.walls_of = cache(self._walls_of)
 
     def cut(self) -> _CutPiece:
         """All layers."""
-        count, shells = self.outline.count, self.machine.shells
-        there = np.zeros((2, count), dtype=bool)
-        for row, one in enumerate(self.layered):
-            there[row, : len(one.is_there)] = one.is_there
-        layers, stands_for = _taken(count, max(shells.bottom_layers, shells.top_layers) + 2)
+        shells = self.machine.shells
+        layers, stands_for = _taken(self.sliced.count, max(shells.bottom_layers, shells.top_layers) + 2)
         kinds = [self._kind(layer) for layer in layers.tolist()]
         known = {kind: self._layer(layer) for kind, layer in dict(zip(kinds, layers.tolist(), strict=True)).items()}
         laid = [known[kind] for kind in kinds]
@@ -265,21 +259,20 @@ class _Slicing:
         volumes = [mesh.volume_mm3 for mesh in (self.part.body, self.part.ink) if mesh is not None]
         body, ink = (*(v * s for v, s in zip(volumes, share, strict=False)), 0.0)[:2]
         times = np.repeat([one.time_s for one in laid], stands_for.astype(np.int64))
-        return _CutPiece(self.part, there, times, float(body), INK_FILL * float(ink))
+        return _CutPiece(self.part, self.sliced.is_there, times, float(body), INK_FILL * float(ink))
 
     def _kind(self, layer: int) -> tuple[int, ...]:
         """The same for layers that are covered alike: those around them, as far as shells look, are cut alike."""
         shells = self.machine.shells
         around = range(layer - shells.bottom_layers - 1, layer + max(shells.top_layers, 1) + 1)
-        return tuple(one.lowest_like(near) for one in self.layered for near in around)
+        return tuple(self.sliced.lowest_like(near) for near in around)
 
     def _layer(self, layer: int) -> "_Laid":
         """One layer: body and ink."""
-        sections = [one.section(layer) for one in self.layered]
         is_first = layer == 0
         laid = [
             self._area(section, layer if row == BODY else None, is_first=is_first)
-            for row, section in enumerate(sections)
+            for row, section in enumerate(self.sliced.sections(layer))
         ]
         laid += [(0.0, 0.0, 0.0)] * (2 - len(laid))
         area, filled, time = zip(*laid, strict=True)
@@ -304,7 +297,7 @@ class _Slicing:
         starts = [loop[0] for loops in reversed(walls) for loop in loops]  # the outer wall last
         solid = inside if layer is None else self._solid(inside, layer)
         sparse = inside - solid if solid is not inside else CrossSection()
-        top = CrossSection() if layer is None or self._is_under(layer) else solid - self.outline_at(layer + 1)
+        top = CrossSection() if layer is None or self._is_under(layer) else solid - self.sliced.outline(layer + 1)
         bridge = self._bridge(solid, inside, layer) if layer else CrossSection()
         plain = solid - top - bridge if not (top.is_empty() and bridge.is_empty()) else solid
         for part, kind, spacing in (
@@ -328,9 +321,7 @@ class _Slicing:
         for number in range(self.machine.shells.walls):
             left = left.offset(-self.spacing_mm if number else -self.line_mm / 2, JoinType.Miter).simplify(SIMPLE_MM)
             walls.append(left.to_polygons())
-        if not walls:
-            return walls, section
-        return walls, section.offset(-self.line_mm - (len(walls) - 1) * self.spacing_mm, JoinType.Miter)
+        return walls, left.offset(-self.line_mm / 2, JoinType.Miter) if walls else section
 
     def _solid(self, inside: CrossSection, layer: int) -> CrossSection:
         """What of the inside is filled solid: some layer near it, below or above, does not reach over it.
@@ -340,10 +331,10 @@ class _Slicing:
         shells = self.machine.shells
         if inside.is_empty() or shells.infill >= 1:
             return inside
-        near = [self.outline_at(layer + away) for away in (shells.top_layers, -shells.bottom_layers)]
+        near = [self.sliced.outline(layer + away) for away in (shells.top_layers, -shells.bottom_layers)]
         if any(one.is_empty() for one in near):
             return inside
-        outline = self.outline_at(layer)
+        outline = self.sliced.outline(layer)
         short = [one for one in near if (outline - one).area() > _ALIKE]
         if not short:
             return CrossSection()
@@ -357,7 +348,7 @@ class _Slicing:
 
     def _is_under(self, layer: int) -> bool:
         """Whether the layer above reaches over all of a layer."""
-        return bool((self.outline_at(layer) - self.outline_at(layer + 1)).area() < _ALIKE)
+        return bool((self.sliced.outline(layer) - self.sliced.outline(layer + 1)).area() < _ALIKE)
 
     def _bridge(self, solid: CrossSection, inside: CrossSection, layer: int) -> CrossSection:
         """What of the solid infill is the first over sparse infill; narrow bands are not printed as bridges."""

@@ -40,10 +40,10 @@ def loops_time_s(loops: Sequence[Array], pace: Pace) -> float:
     """
     if not loops:
         return 0.0
-    steps = np.concatenate([np.diff(loop, axis=0, append=loop[:1]) for loop in loops])
+    points, following, first = _joined(loops)
+    steps = points[following] - points
     length = np.maximum(np.hypot(steps[:, 0], steps[:, 1]), 1e-9)
     along = steps / length[:, None]
-    first = np.cumsum([0, *(len(loop) for loop in loops)])[:-1]
     jump = np.abs(along - np.roll(along, 1, axis=0)).max(axis=1)
     begin = np.minimum(pace.speed_mm_s, pace.jerk_mm_s / np.maximum(jump, 1e-9)) ** 2
     begin[first] = min(pace.speed_mm_s, pace.jerk_mm_s) ** 2  # the next line begins with a loop of its own
@@ -56,6 +56,16 @@ def loops_time_s(loops: Sequence[Array], pace: Pace) -> float:
     starts = np.roll(ends, 1)
     starts[first] = (ends + gain)[first]
     return float(_time_s(length, pace, np.minimum(forth, starts), np.minimum(ends, forth + gain)).sum())
+
+
+def _joined(loops: Sequence[Array]) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+    """Points of all loops, of each point the row of the next one, and of each loop that of its first."""
+    counts = np.array([len(loop) for loop in loops])
+    last = np.cumsum(counts) - 1
+    first = last - counts + 1
+    following = np.arange(1, counts.sum() + 1)
+    following[last] = first
+    return np.concatenate(loops), following, first
 
 
 def _reachable(most: Array, gain: Array) -> Array:
@@ -88,9 +98,9 @@ def chords_mm(contours: Sequence[Array], spacing_mm: float, angle_rad: float) ->
     if not contours:
         return np.empty(0)
     turn = np.array([[np.cos(angle_rad), -np.sin(angle_rad)], [np.sin(angle_rad), np.cos(angle_rad)]])
-    turned = [contour @ turn for contour in contours]  # lines run along the first axis
-    a = np.concatenate(turned)
-    b = np.concatenate([np.roll(contour, -1, axis=0) for contour in turned])
+    points, following, _ = _joined(contours)
+    a = points @ turn  # lines run along the first axis
+    b = a[following]
     low, high = (np.ceil(f(a[:, 1], b[:, 1]) / spacing_mm).astype(np.int64) for f in (np.minimum, np.maximum))
     count = high - low
     edge = np.repeat(np.arange(len(a)), count)

@@ -6,7 +6,8 @@ import numpy as np
 from manifold3d import CrossSection, FillRule, Manifold
 from numpy.typing import NDArray
 
-from designer.make.mesh import Mesh
+from designer.make.booleans import solid_of
+from designer.make.mesh import Mesh, Part
 
 Polyline = NDArray[np.float64]  # (N, 2)
 SIMPLE_MM = 0.0125
@@ -24,7 +25,6 @@ class Layered:
         self._rank = np.maximum(np.ceil(mesh.vertices_mm[:, 2] / layer_mm - 0.5), 0).astype(np.int32)
         a, b, c = self._rank[mesh.triangles.T]
         self._first, self._after = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-        self._section_of = cache(self._cut)
 
     @cached_property
     def is_there(self) -> NDArray[np.bool_]:
@@ -32,21 +32,25 @@ class Layered:
         there: NDArray[np.bool_] = self._count(self._first, self._after) > 0
         return there
 
+    def is_in(self, layer: int) -> bool:
+        """Whether a layer has any of it."""
+        return 0 <= layer < len(self.is_there) and bool(self.is_there[layer])
+
     def lowest_like(self, layer: int) -> int:
-        """The lowest layer that is cut as a layer is, between the same upright walls; -1 beside all layers."""
-        return int(self._alike[layer]) if 0 <= layer < len(self._alike) else -1
+        """The lowest layer that is cut as a layer is, between the same upright walls; -1 below the bed."""
+        return int(self._alike[min(layer, len(self._alike) - 1)]) if layer >= 0 else -1
 
     @cached_property
     def _alike(self) -> NDArray[np.int64]:
-        """`lowest_like` of each layer: a new one where walls begin, end or lean.  # (L,)"""
+        """`lowest_like` of each layer and of those above: a new one where walls begin, end or lean.  # (L + 1,)"""
         cut = np.flatnonzero(self._first < self._after)
         a, b, c = (self._mesh.vertices_mm[self._mesh.triangles[cut, k], :2] for k in range(3))
         leans = cut[np.abs(_cross(b - a, c - a)) >= _UPRIGHT_MM2]
         count = len(self.is_there)
         ends = np.concatenate([self._first[cut], self._after[cut]])
-        is_new = np.bincount(ends, minlength=count + 1)[:count] > 0
-        is_new |= self._count(self._first[leans], self._after[leans]) > 0
-        alike: NDArray[np.int64] = np.maximum.accumulate(np.where(is_new, np.arange(count), 0))
+        is_new = np.bincount(ends, minlength=count + 1) > 0
+        is_new[:count] |= self._count(self._first[leans], self._after[leans]) > 0
+        alike: NDArray[np.int64] = np.maximum.accumulate(np.where(is_new, np.arange(count + 1), 0))
         return alike
 
     def _count(self, first: NDArray[np.int32], after: NDArray[np.int32]) -> NDArray[np.int64]:
@@ -56,18 +60,14 @@ class Layered:
         return np.cumsum(steps[:count])
 
     def section(self, layer: int) -> CrossSection:
-        """What a layer's plane cuts out of it; kept, as layers near it ask again."""
-        return self._section_of(self.lowest_like(layer))
-
-    def _cut(self, layer: int) -> CrossSection:
-        """The area between the triangles that reach through a layer's plane."""
+        """What a layer's plane cuts out of it: the area between the triangles that reach through it."""
         triangles = self._mesh.triangles[(self._first <= layer) & (self._after > layer)]
         if not len(triangles):
             return CrossSection()
-        is_above = self._rank[triangles] > layer
         points, following = _segments(
-            self._mesh.vertices_mm, triangles.astype(np.int64), is_above, (layer + 0.5) * self._layer_mm
-        )
+            self._mesh.vertices_mm, triangles.astype(np.int64), self._rank[triangles] > layer,
+            (layer + 0.5) * self._layer_mm,
+        )  # fmt: skip
         return CrossSection(_loops(points, following), FillRule.Positive).simplify(SIMPLE_MM)
 
 
@@ -114,27 +114,59 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-class Outline:
-    """All of a piece, body and ink: cut as its convex hull where it is one, else as the union of both."""
+class Sliced:
+    """A piece in layers: what the plane of each cuts out of its body, of its ink, and of both together.
 
-    def __init__(self, meshes: tuple[Mesh, ...], layered: tuple[Layered, ...], layer_mm: float) -> None:
-        self._layered, self._layer_mm = layered, layer_mm
+    Layers that are cut alike share their sections.
+    """
+
+    def __init__(self, part: Part, layer_mm: float) -> None:
+        self._layer_mm = layer_mm
+        meshes = (part.body,) if part.ink is None else (part.body, part.ink)
+        self._layered = tuple(Layered(mesh, layer_mm) for mesh in meshes)
         hull = Manifold.hull_points(np.concatenate([mesh.vertices_mm for mesh in meshes]))
-        volume = sum(mesh.volume_mm3 for mesh in meshes)
-        self._hull = hull if volume > (1 - _CONVEX) * hull.volume() else None
-        self.count = max(len(one.is_there) for one in layered)
+        self._is_hull = sum(mesh.volume_mm3 for mesh in meshes) > (1 - _EXACTLY) * hull.volume()
+        self._whole = hull if self._is_hull else solid_of(part.body) if part.ink is None else None
+        self.count = max(len(one.is_there) for one in self._layered)
+        self._outline_of, self._sections_of = cache(self._cut_outline), cache(self._cut_sections)
 
-    def section(self, layer: int) -> CrossSection:
-        """What a layer's plane cuts out of it; nothing beside the layers that there are."""
+    @property
+    def is_there(self) -> NDArray[np.bool_]:
+        """In which layers there is any body, and any ink.  # (2, L)"""
+        there = np.zeros((2, self.count), dtype=bool)
+        for row, one in enumerate(self._layered):
+            there[row, : len(one.is_there)] = one.is_there
+        return there
+
+    def lowest_like(self, layer: int) -> int:
+        """The lowest layer that is cut as a layer is, between the same upright walls; -1 below the bed."""
+        return max(one.lowest_like(layer) for one in self._layered)
+
+    def outline(self, layer: int) -> CrossSection:
+        """Of body and ink together; nothing beside the layers that there are."""
+        return self._outline_of(self.lowest_like(layer))
+
+    def sections(self, layer: int) -> tuple[CrossSection, ...]:
+        """Of the body, and of the ink where a piece has any."""
+        return self._sections_of(self.lowest_like(layer))
+
+    def _cut_outline(self, layer: int) -> CrossSection:
         if not 0 <= layer < self.count:
             return CrossSection()
-        if self._hull is not None:
-            return self._hull.slice((layer + 0.5) * self._layer_mm)
-        first, *others = (one.section(layer) for one in self._layered)
-        for other in others:
-            first += other
-        return first
+        if self._whole is not None:
+            return self._whole.slice((layer + 0.5) * self._layer_mm).simplify(SIMPLE_MM)
+        body, ink = self.sections(layer)
+        return body + ink
+
+    def _cut_sections(self, layer: int) -> tuple[CrossSection, ...]:
+        if len(self._layered) == 1:
+            return (self.outline(layer),)
+        body, ink = self._layered
+        if not ink.is_in(layer):
+            return body.section(layer), CrossSection()
+        inside = body.section(layer)
+        return inside, (self.outline(layer) - inside).simplify(SIMPLE_MM) if self._is_hull else ink.section(layer)
 
 
-_CONVEX = 1e-3
-"""Of the hull's volume: letters and polygons of circles take less."""
+_EXACTLY = 1e-6
+"""Of a convex part's volume, by which body and ink may miss it: rounding."""

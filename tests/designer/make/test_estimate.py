@@ -20,7 +20,7 @@ from designer.make.estimate import DENSITY_G_PER_CM3, changing_layers, estimate
 from designer.make.mesh import Mesh, Part
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
 from designer.make.plate import Piece, Plate
-from designer.make.section import Layered, Outline
+from designer.make.section import Layered, Sliced
 from designer.make.tower import TOWER_BRIM_MM, TOWER_MM, purged
 from designer.report.costs import costs_of, duration, grams, verdict
 from designer.spec.machine import FilamentChange, Shells, Speeds
@@ -231,7 +231,7 @@ def test_layers_that_repeat_are_cut_as_each_alone() -> None:
     areas = [layered.section(layer).area() for layer in range(45)]
     assert areas == pytest.approx([solid.slice((layer + 0.5) * LAYER_MM).area() for layer in range(45)], rel=1e-3)
     alike = [layered.lowest_like(layer) for layer in range(-1, 46)]
-    assert alike == [-1] + [0] * 10 + [10] * 20 + [*range(30, 45)] + [-1]
+    assert alike == [-1] + [0] * 10 + [10] * 20 + [*range(30, 46)]
 
 
 def test_layers_that_repeat_are_covered_as_each_alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -245,13 +245,15 @@ def test_layers_that_repeat_are_covered_as_each_alone(monkeypatch: pytest.Monkey
 
 
 def test_an_outline_is_body_and_ink_together_convex_or_not() -> None:
-    """The same areas from the hull as from the union; what is not convex keeps its notch."""
-    body, ink = box(20, 20, 4), box(20, 20, 1, (0, 0, 4))
-    layered = (Layered(body, LAYER_MM), Layered(ink, LAYER_MM))
-    outline = Outline((body, ink), layered, LAYER_MM)
-    assert [outline.section(layer).area() for layer in (-1, 0, 24, 25)] == pytest.approx([0, 400, 400, 0])
+    """The same areas from the hull as from the union; what is not convex keeps its notch; ink is where it is."""
     notched = mesh_of(Manifold.cube((20, 20, 4)) - Manifold.cube((10, 20, 4)).translate((5, 0, 2)))
-    assert Outline((notched,), (Layered(notched, LAYER_MM),), LAYER_MM).section(15).area() == pytest.approx(200)
+    for body, areas in ((box(20, 20, 4), (400, 400)), (notched, (400, 200))):
+        sliced = Sliced(Part(body, box(20, 20, 1, (0, 0, 4))), LAYER_MM)
+        outline = [sliced.outline(layer).area() for layer in (-1, 0, 15, 24, 25)]
+        assert outline == pytest.approx([0, *areas, 400, 0])
+        both = [[one.area() for one in sliced.sections(layer)] for layer in (15, 24)]
+        assert both == [pytest.approx([areas[1], 0]), pytest.approx([0, 400])]
+    assert Sliced(Part(notched, None), LAYER_MM).outline(15).area() == pytest.approx(200)
 
 
 def test_every_kind_has_an_estimate_and_a_sheet_has_nothing_to_print() -> None:
