@@ -20,6 +20,10 @@ Feature = Literal["ring", "black line", "white line"]
 END_MM = 0.6
 """Of a line's length that is left out at either end."""
 MOST_REACH_PX = 7.0
+"""On either side of an edge where it is."""
+MOST_ROOM_MM = 1.0
+MOST_MOVED_MM = 0.3
+"""More than any printer's ink runs; the pixels that are first looked at reach as much further."""
 LEAST_PIXELS = 60
 MOST_PIXELS = 1000
 """Of an edge: more tell it no better than any printer draws it."""
@@ -35,7 +39,7 @@ class Edge:
     middle_mm: Array  # (2,) a circle's centre, or a point on a line's edge
     to_white: float  # +1: the white lies outside of the circle, or further along the axis; -1: the other way
     radius_mm: float  # of a circle; of a line half its length
-    reach_mm: float  # up to which there is no other edge
+    room_mm: tuple[float, float]  # into the ink and into the white, halfway to the next edge
 
     def distance_mm(self, place: Array) -> tuple[Array, Array]:
         """How far places (N, 2) lie in the white, and the unit normals into it (N, 2)."""
@@ -62,9 +66,9 @@ class Edge:
     @property
     def corners_mm(self) -> Array:
         """Of a box around all that belongs to the edge.  # (4, 2)"""
-        half = np.full(2, self.radius_mm + self.reach_mm)
+        half = np.full(2, self.radius_mm + max(self.room_mm))
         if self.axis >= 0:
-            half[self.axis] = self.reach_mm
+            half[self.axis] = max(self.room_mm)
         corners: Array = self.middle_mm + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         return corners
 
@@ -79,9 +83,14 @@ def _circles(target: TargetGeometry) -> Iterator[Edge]:
     for row, middle in enumerate(target.center_in_face_mm[:, :2]):
         outer, inner = float(target.radius_outer_mm[row]), float(target.radius_inner_mm[row])
         width = outer - inner
-        yield Edge("ring", width, -1, middle, 1.0, outer, min(width, gap_mm) / 2)
+        yield Edge("ring", width, -1, middle, 1.0, outer, _rooms(width, gap_mm))
         if inner > 0:
-            yield Edge("ring", width, -1, middle, -1.0, inner, min(width, inner) / 2)
+            yield Edge("ring", width, -1, middle, -1.0, inner, _rooms(width, inner))
+
+
+def _rooms(ink_mm: float, white_mm: float) -> tuple[float, float]:
+    """Halves of what is next to an edge: where ink grows or shrinks, the middle between two edges stays."""
+    return min(ink_mm / 2, MOST_ROOM_MM), min(white_mm / 2, MOST_ROOM_MM)
 
 
 def _lines(target: TargetGeometry) -> Iterator[Edge]:
@@ -104,7 +113,7 @@ def _lines(target: TargetGeometry) -> Iterator[Edge]:
                 middle[along], middle[1 - along] = at, (low[number] + high[number])[1 - along] / 2
                 half = float((high - low)[number, 1 - along]) / 2
                 name: Feature = "white line" if is_white else "black line"
-                yield Edge(name, narrow, along, middle, to_white, half, narrow / 2)
+                yield Edge(name, narrow, along, middle, to_white, half, _rooms(width, float(gap)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,12 +128,12 @@ class Pixels:
     direction: Array  # (N, 2) of the normal in the picture
     moves: Array  # (N, K) of the distance in mm, by the numbers of the displacement
     bend_px: Array  # (N,) curvature of the edge, 1 / px; above 0: the ink is convex
-    reach_px: float  # on either side
+    room_px: tuple[float, float]  # into the ink and into the white as drawn
 
-    def within(self, rows: NDArray[np.bool_], reach_px: float) -> "Pixels":
+    def within(self, rows: NDArray[np.bool_]) -> "Pixels":
         """Some of them."""
-        arrays = {one.name: getattr(self, one.name)[rows] for one in fields(self) if one.name != "reach_px"}
-        return Pixels(**arrays, reach_px=reach_px)
+        arrays = {one.name: getattr(self, one.name)[rows] for one in fields(self) if one.name != "room_px"}
+        return Pixels(**arrays, room_px=self.room_px)
 
 
 def pixels_of(image: Array, placed: Placed, edge: Edge) -> Pixels | None:
@@ -145,7 +154,8 @@ def pixels_of(image: Array, placed: Placed, edge: Edge) -> Pixels | None:
     pixel = np.column_stack([u, v]).astype(np.float64)
     place = placed.design(pixel)
     distance_mm, normal = edge.distance_mm(place)
-    near = (np.abs(distance_mm) < edge.reach_mm) & edge.is_beside(place)
+    into_ink, into_white = edge.room_mm
+    near = (-into_ink < distance_mm) & (distance_mm < into_white) & edge.is_beside(place)
     if near.sum() < LEAST_PIXELS:
         return None
     pixel, place, distance_mm, normal = pixel[near], place[near], distance_mm[near], normal[near]
@@ -155,8 +165,10 @@ def pixels_of(image: Array, placed: Placed, edge: Edge) -> Pixels | None:
     slope = np.column_stack([(by_u * normal).sum(axis=1), (by_v * normal).sum(axis=1)])
     mm_per_px = np.linalg.norm(slope, axis=1)
     distance_px = distance_mm / mm_per_px
-    reach_px = min(MOST_REACH_PX, float(np.quantile(edge.reach_mm / mm_per_px, 0.05)))
-    (taken,) = np.nonzero(np.abs(distance_px) < reach_px)
+    px_per_mm = float(np.quantile(1 / mm_per_px, 0.05))
+    most_px = MOST_REACH_PX + MOST_MOVED_MM * px_per_mm
+    room_px = min(most_px, into_ink * px_per_mm), min(most_px, into_white * px_per_mm)
+    (taken,) = np.nonzero((-room_px[0] < distance_px) & (distance_px < room_px[1]))
     if len(taken) < LEAST_PIXELS:
         return None
     taken = taken[:: len(taken) // MOST_PIXELS + 1]
@@ -171,5 +183,5 @@ def pixels_of(image: Array, placed: Placed, edge: Edge) -> Pixels | None:
         direction=(slope / mm_per_px[:, None])[taken],
         moves=edge.moves(place, normal)[taken],
         bend_px=bend * mm_per_px[taken],
-        reach_px=reach_px,
+        room_px=room_px,
     )

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.coupons.edges import LEAST_PIXELS, Edge, Pixels, pixels_of
+from calib.coupons.edges import LEAST_PIXELS, MOST_REACH_PX, Edge, Pixels, pixels_of
 from calib.coupons.place import Placed
 from calib.coupons.tone import COUNT, LEAST, MOST, PRIOR, PRIOR_SIGMA, Profile, Tone
 
@@ -31,7 +31,7 @@ MOST_STEP_PX = 0.7
 MOST_NOISE = 4.0
 """Of an edge, over the usual."""
 LEAST_BLUR_PX2, MOST_BLUR_PX2 = 0.05, 36.0
-LEAST_REACH = 2.5
+LEAST_REACH = 3.0
 """In blurs: edges with less room to the next one tell their levels too badly to tell their place."""
 CELL_PX, DIRECTIONS = 0.25, 6
 MODEL_SHARE = 0.002
@@ -134,7 +134,8 @@ def read_edges(image: Array, placed: Placed, edges: Sequence[Edge], full: float 
     if len(guesses) < LEAST_EDGES:
         return None
     for _ in range(FIRST_ROUNDS):
-        guesses = [_own_step(one, shape, _levels(guesses, full)) for one in guesses]
+        profile = shape.tone.profile(_levels(guesses, full))
+        guesses = [_own_step(one, shape, profile) for one in guesses]
     guesses = _sound(guesses, shape, full)
     # Step by step: with tone and blur both unknown an edge far from its place is anything.
     for free in (BLUR, BLUR + COUNT):
@@ -142,7 +143,7 @@ def read_edges(image: Array, placed: Placed, edges: Sequence[Edge], full: float 
     # Ink that has grown leaves less room to the next edge than was drawn.
     guesses = _again_from_rings(guesses)
     narrowed = [near for one in guesses if not _is_astray(one) and (near := _narrowed(one)) is not None]
-    kept = [one for one in narrowed if one.pixels.reach_px > LEAST_REACH * float(np.median(shape.blur_at(one.pixels)))]
+    kept = [one for one in narrowed if _reach_px(one) > LEAST_REACH * float(np.median(shape.blur_at(one.pixels)))]
     if len(kept) < LEAST_EDGES:
         return None
     shape, kept = _descended(shape, kept, full, BLUR + COUNT)
@@ -150,10 +151,11 @@ def read_edges(image: Array, placed: Placed, edges: Sequence[Edge], full: float 
 
 
 def _first(edge: Edge, pixels: Pixels) -> _Guess:
-    """The levels at either end of the pixels' reach, and no displacement."""
-    own, (low, high) = np.zeros(LEVELS + pixels.moves.shape[1]), np.quantile(pixels.distance_px, (0.2, 0.8))
-    own[0] = np.median(pixels.value[pixels.distance_px > high])
-    own[3] = np.median(pixels.value[pixels.distance_px < low])
+    """The levels of the lightest and darkest pixels, and the edge where it parts the dark ones from the light."""
+    own = np.zeros(LEVELS + pixels.moves.shape[1])
+    own[3], own[0] = np.quantile(pixels.value, (0.1, 0.9))
+    dark = float((pixels.value < (own[0] + own[3]) / 2).mean())
+    own[LEVELS : LEVELS + 2] = np.quantile(pixels.distance_px, dark) / np.median(pixels.per_mm)
     return _Guess(edge, pixels, own)
 
 
@@ -166,8 +168,19 @@ def _levels(guesses: Sequence[_Guess], full: float) -> tuple[float, float]:
 
 def _is_astray(one: _Guess) -> bool:
     """Whether an edge ended where its pixels do not reach."""
-    moved_px = (one.pixels.moves @ one.own[LEVELS:]) * one.pixels.per_mm
-    return not (np.isfinite(one.own).all() and np.abs(moved_px).max() < one.pixels.reach_px and one.own[0] > one.own[3])
+    return not (np.isfinite(one.own).all() and _reach_px(one) > 0 and one.own[0] > one.own[3])
+
+
+def _moved_px(one: _Guess) -> Array:
+    """How far into the white the edge has moved at each of its pixels."""
+    moved: Array = (one.pixels.moves @ one.own[LEVELS:]) * one.pixels.per_mm
+    return moved
+
+
+def _reach_px(one: _Guess) -> float:
+    """On either side of an edge where it is: up to there no other edge is nearer."""
+    moved_px, (into_ink, into_white) = _moved_px(one), one.pixels.room_px
+    return min(float(moved_px.min()) + into_ink, into_white - float(moved_px.max()), MOST_REACH_PX)
 
 
 def _sound(guesses: Sequence[_Guess], shape: EdgeShape, full: float) -> list[_Guess]:
@@ -192,20 +205,16 @@ def _again_from_rings(guesses: Sequence[_Guess]) -> list[_Guess]:
 
 def _narrowed(one: _Guess) -> _Guess | None:
     """An edge with the pixels that are nearer to it, where it is, than to any other; None: too few."""
-    moved_px = (one.pixels.moves @ one.own[LEVELS:]) * one.pixels.per_mm
-    reach_px = one.pixels.reach_px - float(np.abs(moved_px).max())
-    pixels = one.pixels.within(np.abs(one.pixels.distance_px - moved_px) < reach_px, reach_px)
+    pixels = one.pixels.within(np.abs(one.pixels.distance_px - _moved_px(one)) < _reach_px(one))
     return None if len(pixels.value) < LEAST_PIXELS else replace(one, pixels=pixels)
 
 
-def _rise(one: _Guess, shape: EdgeShape, profile: Profile) -> tuple[Array, Array, Array]:
-    """The profile at an edge's pixels, its slope by px, and the distances (px) from the edge."""
+def _in_blurs(one: _Guess, shape: EdgeShape) -> tuple[Array, Array]:
+    """The distances of an edge's pixels from it in blurs, and the blurs (px)."""
     pixels, blur = one.pixels, shape.blur_at(one.pixels)
     # A blurred disc is brighter at its rim than half: see `calib.detector.ring_model`.
     straight = pixels.distance_px + 0.5 * blur**2 * pixels.bend_px
-    distance = straight - pixels.moves @ one.own[LEVELS:] * pixels.per_mm
-    in_blurs = distance / blur
-    return profile.at(in_blurs), profile.slope(in_blurs) / blur, distance
+    return (straight - pixels.moves @ one.own[LEVELS:] * pixels.per_mm) / blur, blur
 
 
 def _equations(one: _Guess, profiles: Sequence[tuple[EdgeShape, Profile]]) -> _EdgeEquations:
@@ -215,15 +224,18 @@ def _equations(one: _Guess, profiles: Sequence[tuple[EdgeShape, Profile]]) -> _E
         one: an edge and its numbers.
         profiles: of the shape, then of shapes of which one number is a step larger.
     """
-    pixels, (rise, slope, distance) = one.pixels, _rise(one, *profiles[0])
+    pixels, (shape, profile) = one.pixels, profiles[0]
+    in_blurs, blur = _in_blurs(one, shape)
+    rise, slope = profile.at(in_blurs), profile.slope(in_blurs) / blur
     plane = np.column_stack([np.ones(len(rise)), pixels.offset])
     white, ink = plane @ one.own[:3], plane @ one.own[3:LEVELS]
     by_move = -((white - ink) * slope * pixels.per_mm)[:, None] * pixels.moves
     by_own = np.hstack([plane * rise[:, None], plane * (1 - rise)[:, None], by_move])
     by_shape = np.empty((len(rise), len(profiles) - 1))
-    for k, stepped in enumerate(profiles[1:]):
-        by_shape[:, k] = (white - ink) * (_rise(one, *stepped)[0] - rise) / STEPS[k]
-    return _EdgeEquations(by_own, by_shape, pixels.value - ink - (white - ink) * rise, distance, white - ink)
+    for k, (stepped, its_profile) in enumerate(profiles[1:]):
+        place = _in_blurs(one, stepped)[0] if k < BLUR else in_blurs  # the tone moves no edge
+        by_shape[:, k] = (white - ink) * (its_profile.at(place) - rise) / STEPS[k]
+    return _EdgeEquations(by_own, by_shape, pixels.value - ink - (white - ink) * rise, in_blurs * blur, white - ink)
 
 
 def _profiles(shape: EdgeShape, levels: tuple[float, float]) -> list[tuple[EdgeShape, Profile]]:
@@ -239,9 +251,9 @@ def _moved(one: _Guess, step: Array) -> _Guess:
     return replace(one, own=one.own + clipped)
 
 
-def _own_step(one: _Guess, shape: EdgeShape, levels: tuple[float, float]) -> _Guess:
+def _own_step(one: _Guess, shape: EdgeShape, profile: Profile) -> _Guess:
     """An edge's own numbers, once better, its shape as it is; a step that leads up is halved."""
-    profiles = [(shape, shape.tone.profile(levels))]
+    profiles = [(shape, profile)]
     found = _equations(one, profiles)
     step, cost = _solve(found.by_own, found.left), float((found.left**2).sum())
     for half in range(4):

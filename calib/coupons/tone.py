@@ -125,8 +125,6 @@ def _bell(sigma: float) -> Array:
 
 def _smoothed(level: Array, kernel: Array) -> Array:
     """A profile convolved; beyond its ends it goes on as it ends."""
-    from scipy.signal import fftconvolve
-
     half = len(kernel) // 2
-    smooth: Array = fftconvolve(np.pad(level, half, mode="edge"), kernel, mode="valid")
+    smooth: Array = np.convolve(np.pad(level, half, mode="edge"), kernel, mode="valid")
     return smooth

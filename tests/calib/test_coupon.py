@@ -18,6 +18,7 @@ from calib.coupons.tone import Tone
 from calib.records.coupon import COUPON
 from designer.base.errors import InputError
 from designer.kinds.coupon import COUPON as SPEC
+from designer.kinds.coupon import WIDTHS_MM
 from tests.support.coupon_photos import Printed, Taken, coupon_photo, scan_of
 
 PRINT = Printed((0.12, 0.05), (0.03, 0.03), (0.004, 0.001, 0.002))
@@ -100,11 +101,13 @@ def test_results_are_read_back(scanned: calib.CouponResult, tmp_path: Path) -> N
 
 
 def test_edges_are_all_of_the_drawing() -> None:
-    """Circles of all rings and dots, and both edges of each line, each with as much room as the next edge leaves."""
+    """Circles of all rings and dots, and both edges of each line, each with room up to halfway to the next edge."""
     edges = edges_of(SPEC.lay_out())
     rings, dots, lines = 22, 3, 2 * 5 * 4
     assert len(edges) == 2 * rings + dots + 2 * lines
-    assert all(edge.reach_mm <= edge.width_mm / 2 + 1e-9 for edge in edges)
+    assert {(edge.feature, edge.room_mm[0]) for edge in edges if edge.feature != "ring"} == {
+        ("white line", 0.9), *(("black line", width / 2) for width in WIDTHS_MM)
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("disc", [0.0, 0.3, 0.9])

@@ -87,8 +87,8 @@ def design_of(pixel: Array, printed: Printed, taken: Taken) -> Array:
     else:
         bent = (pixel - middle - taken.centre_px) / taken.focal_px
         straight = bent
-        for _ in range(20 if taken.radial else 0):
-            straight = bent / (1 + taken.radial * (straight**2).sum(axis=-1, keepdims=True))
+        for _ in range(10 if taken.radial else 0):  # each takes what is left down by twenty and more
+            straight = bent / (1 + taken.radial * (straight[..., :1] ** 2 + straight[..., 1:] ** 2))
         ray = np.concatenate([straight, np.ones_like(straight[..., :1])], axis=-1)
         rotation, shift = pose_of(taken)
         origin, toward = -rotation.T @ shift, ray @ rotation
@@ -102,13 +102,15 @@ def soft_px(taken: Taken) -> float:
     return taken.blur_px if taken.blur_px <= MOST_SOFT_PX else SOFT_PX
 
 
-def _inside(distance_mm: Array, soft_mm: float) -> Array:
-    """How much of a point's blurred surroundings lies inside an outline, by its distance to the outside."""
-    return ndtr(-distance_mm / soft_mm)
+def _ink(place: Array, soft_mm: Array, target: TargetGeometry, printed: Printed) -> Array:
+    """How much ink there is at places on the design, 0 to 1.
 
-
-def _ink(place: Array, target: TargetGeometry, printed: Printed, soft_mm: float) -> Array:
-    """How much ink there is at places on the design, 0 to 1.  # (N, 2) -> (N,)"""
+    Args:
+        place: (N, 2).
+        soft_mm: (N, 2, 2) the blur, which is round in the picture: to x and y on the design, along columns and rows.
+        target: the design.
+        printed: what became of it.
+    """
     ink = np.zeros(len(place))
     along = np.array(printed.bleed_mm)
     cell = np.clip(np.round(place / COUPON.pitch_mm).astype(int) + COUPON.columns // 2, 0, COUPON.columns - 1)
@@ -119,23 +121,26 @@ def _ink(place: Array, target: TargetGeometry, printed: Printed, soft_mm: float)
         for radius, way in ((target.radius_outer_mm[row], 1.0), (target.radius_inner_mm[row], -1.0)):
             if radius > 0:
                 axes = radius + way * along
-                scaled = np.linalg.norm(offset[mine] / axes, axis=1)
-                steep = np.linalg.norm(offset[mine] / axes**2, axis=1) / np.maximum(scaled, 1e-9)
-                ink[mine] += way * _inside((scaled - 1) / np.maximum(steep, 1e-9), soft_mm)
-    return np.maximum(ink, _lines(place, printed, soft_mm))
+                scaled = np.hypot(*(offset[mine] / axes).T)
+                steep = offset[mine] / axes**2 / np.maximum(scaled, 1e-9)[:, None]
+                soft = np.hypot(*np.einsum("ni,nij->jn", steep, soft_mm[mine]))
+                ink[mine] += way * ndtr((1 - scaled) / np.maximum(soft, 1e-9))
+    return np.maximum(ink, _lines(place, soft_mm, printed))
 
 
-def _lines(place: Array, printed: Printed, soft_mm: float) -> Array:
+def _lines(place: Array, soft_mm: Array, printed: Printed) -> Array:
     """The same of the lines."""
-    ink = np.zeros(len(place))
+    ink, soft = np.zeros(len(place)), np.hypot(soft_mm[:, :, 0], soft_mm[:, :, 1])
     for bar in COUPON.marks_mm:
         low, high = bar.min(axis=0), bar.max(axis=0)
         grown = np.array(printed.bleed_mm)
         if np.isclose((high - low).min(), 1.8):  # of the black between white lines
             grown = grown + printed.white_bleed_mm
-        near = np.flatnonzero((np.abs(place - (low + high) / 2) < (high - low) / 2 + 1).all(axis=1))
-        outside = np.abs(place[near] - (low + high) / 2) - (high - low) / 2 - grown
-        ink[near] = np.maximum(ink[near], _inside(outside.max(axis=1), soft_mm))
+        middle, half = (low + high) / 2, (high - low) / 2
+        near = np.flatnonzero(np.abs(place[:, 0] - middle[0]) < half[0] + 1)
+        near = near[np.abs(place[near, 1] - middle[1]) < half[1] + 1]
+        outside = (np.abs(place[near] - middle) - half - grown) / soft[near]
+        ink[near] = np.maximum(ink[near], ndtr(-np.maximum(*outside.T)))
     return ink
 
 
@@ -146,17 +151,18 @@ def _reflected(printed: Printed, taken: Taken, target: TargetGeometry) -> Array:
     u, v = (axis.ravel().astype(float) for axis in np.meshgrid(np.arange(width), np.arange(height)))
     side_mm = COUPON.size_mm[0] / 2
     rough = design_of(np.stack([u, v], axis=1), printed, taken)
-    light[:] = np.where((np.abs(rough) < side_mm).all(axis=1), WHITE, TABLE)
-    (rows,) = np.nonzero((np.abs(rough) < 26).all(axis=1))
-    step = 25.4 / taken.scan_dpi if taken.scan_dpi else taken.distance_mm / taken.focal_px
-    soft_mm = step * soft_px(taken)
-    ink = _ink(rough[rows], target, printed, soft_mm)
+    furthest = np.maximum(*np.abs(rough).T)
+    light[:] = np.where(furthest < side_mm, WHITE, TABLE)
+    (rows,) = np.nonzero(furthest < 26)
+    by_v, by_u = np.gradient(rough.reshape(height, width, 2), axis=(0, 1))
+    soft_mm = soft_px(taken) * np.stack([by_u, by_v], axis=-1).reshape(-1, 2, 2)
+    ink = _ink(rough[rows], soft_mm[rows], target, printed)
     is_edge = (ink > 1e-6) & (ink < 1 - 1e-6)  # elsewhere all points of a pixel are alike
     edge, total = rows[is_edge], np.zeros(int(is_edge.sum()))
     for i in range(ACROSS):
         for j in range(ACROSS):
             at = np.stack([u[edge] + (i + 0.5) / ACROSS - 0.5, v[edge] + (j + 0.5) / ACROSS - 0.5], axis=1)
-            total += _ink(design_of(at, printed, taken), target, printed, soft_mm)
+            total += _ink(design_of(at, printed, taken), soft_mm[edge], target, printed)
     ink[is_edge] = total / ACROSS**2
     light[rows] = WHITE + (BLACK - WHITE) * ink
     slope = 1 + taken.gradient * ((u / width - 0.5) * 0.8 + (v / height - 0.5) * 0.6)
