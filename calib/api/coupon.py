@@ -1,7 +1,7 @@
 """Photos of a printed coupon, and what they tell of the printer: what `calib coupon` does."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -19,7 +19,8 @@ from calib.core.types import Detections
 from calib.coupons.edges import edges_of
 from calib.coupons.place import KnownLength, PlacedPictures, Sighting, place
 from calib.coupons.reading import Reading, read_edges
-from calib.coupons.result import CouponMadeWith, found_in, next_of
+from calib.coupons.result import CouponMadeWith, PrinterFaults, found_in, next_of
+from calib.detector.pipeline import MIRRORED
 from calib.observe.image_headers import exif_focal_px
 from calib.observe.images import Grey, read_image, stated_dpi
 from calib.observe.photos import PhotoFile, named_photos
@@ -43,6 +44,13 @@ MOST_LEFT_OUT = 0.5
 LEAST_DPI, MOST_DPI = 50.0, 20_000.0
 WRONG_DPI = 0.02
 """No print and no scanner is off by as much."""
+MOST_ALIKE = 0.8
+"""Of a picture's pixels that hold one of two grey levels: a drawing or a picture of a screen has more, a photo's noise
+and light leave far fewer."""
+SURE_AXES, SURE_SKEW_RAD = 5e-4, math.radians(0.05)
+"""Axes and skew that are known worse are not worth dialling in."""
+LEAST_TILT_RAD = math.radians(0.05)
+"""Nobody holds a camera that square: a scanner does."""
 WORST_MISFIT, MOST_BLEED = 6.0, 0.45
 """Edges with a profile of another kind than any lens and tone curve make; and a bleed as wide as a printed line."""
 
@@ -152,7 +160,10 @@ def coupon(
             "skew-compensation": format_skew(skew_compensation_rad) if skew_compensation_rad != NO_SKEW else "",
         },
         tuple(_picture(one, placement, used) for one in looked), told, made_with, next_of(told, made_with),
-        tuple(_remarks(looked, found.failures, asked, size_known=size_known, is_scan=dpi is not None)),
+        (
+            *_remarks(looked, found.failures, asked, size_known=size_known, is_scan=dpi is not None),
+            *_remarks_of_place(used, placement, told),
+        ),
     )  # fmt: skip
     return CouponResult(record)
 
@@ -200,9 +211,8 @@ def _look(photo: PhotoFile, target: TargetGeometry, dpi: Resolution) -> _Looked:
     except InputError as error:
         return _Looked(photo, fault=str(error))
     looked = _Looked(photo, seen, pixels)
-    if len(seen.ring) < LEAST_RINGS:
-        why = seen.remarks[-1] if seen.remarks else "is it a photo of a coupon, sharp, light, and not cut off?"
-        looked.fault = f"{photo.name}: {len(seen.ring)} of the coupon's {target.ring_count} rings were found: {why}"
+    looked.fault = _not_one_coupon(looked, target)
+    if looked.fault:
         return looked
     looked.sighting = Sighting(
         seen.image_size, seen.ring, seen.center_px, seen.cov_px2,
@@ -212,6 +222,37 @@ def _look(photo: PhotoFile, target: TargetGeometry, dpi: Resolution) -> _Looked:
         looked.fault = _wrong_resolution(photo, looked.sighting, target)
         looked.sighting = None if looked.fault else looked.sighting
     return looked
+
+
+def _not_one_coupon(looked: _Looked, target: TargetGeometry) -> str:
+    """Why a picture cannot be taken for that of a coupon alone, and what to do; "" if it can."""
+    seen, name = looked.seen, looked.photo.name
+    if seen is None or looked.image is None:
+        return ""
+    if MIRRORED in seen.remarks:
+        return f"{name}: {MIRRORED.removesuffix(' and detect again')}, or turn off mirroring in camera or scanner"
+    if _is_drawn(looked.image):
+        return (
+            f"{name}: most pixels hold one of two grey levels: a drawing, a picture of a screen, or far "
+            "overexposed; print the coupon, and photograph or scan the print, white not burnt out"
+        )
+    if len(seen.ring) < LEAST_RINGS:
+        found = f"{len(seen.ring)} of the coupon's {target.ring_count} rings were found"
+        told = "; ".join((found, *dict.fromkeys(seen.remarks)))
+        return (
+            f"{name}: {told}; show a coupon whole, sharp and light, without glare or shadow on the three dots near its "
+            "middle"
+        )
+    others = 0 if seen.rejected_px is None else len(seen.rejected_px)
+    if others >= LEAST_RINGS:
+        return f"{name}: {others} rings beside those of the coupon: is there a second one? Take a photo of each alone"
+    return ""
+
+
+def _is_drawn(pixels: Grey) -> bool:
+    """Whether two grey levels make up most of a picture, neither of them cut off by the exposure alone."""
+    _, count = np.unique(pixels, return_counts=True)
+    return float(np.sort(count)[-2:].sum()) > MOST_ALIKE * pixels.size
 
 
 def _resolution(photo: PhotoFile, dpi: Resolution) -> float | None:
@@ -310,12 +351,13 @@ def _picture(one: _Looked, placement: PlacedPictures, used: list[_Looked]) -> Re
     is_scan = one.sighting is not None and one.sighting.dpi is not None
     reading = one.reading
     if reading is None:
-        gaps = (math.nan,) * 6
+        gaps = (math.nan,) * 7
         return ReadPicture(one.photo.name, is_scan, rings, 0, 0, *gaps, one.fault or "not used")
     shape = reading.shape
     return ReadPicture(
         one.photo.name, is_scan, rings, len(reading.fits), reading.left_out, reading.px_per_mm, shape.blur_px,
         math.exp(shape.tone.log_gamma), reading.noise, reading.misfit, placement.rms_px[used.index(one)],
+        math.degrees(placement.placed[used.index(one)].tilt_rad),
     )  # fmt: skip
 
 
@@ -336,3 +378,25 @@ def _remarks(
     elif not size_known:
         yield "nothing in a photo tells the size: give a length with --length, or scan the coupon with --dpi"
     yield "light that scatters within white plastic makes ink look wider, and no photo tells that from ink that is"
+
+
+def _remarks_of_place(used: Sequence[_Looked], placement: PlacedPictures, told: PrinterFaults) -> Iterable[str]:
+    """What would tell size and shape better."""
+    photos = [
+        (one.photo.name, one.sighting, placed)
+        for one, placed in zip(used, placement.placed, strict=True) if one.sighting and one.sighting.dpi is None
+    ]  # fmt: skip
+    for name, sighting, placed in photos:
+        if sighting.is_cropped:
+            size = " x ".join(map(str, sighting.image_size))
+            yield f"{name}: {size} px is no camera's, so little is known of its lens: if it was cropped, give all of it"
+        if placed.tilt_rad < LEAST_TILT_RAD:
+            yield f"{name}: as square as only a scanner looks; of a scan give --dpi, as scanners have errors too"
+    axes, skew = told.whole.axes["x"].sigma, told.whole.skews_rad["xy"].sigma
+    if photos and (axes > SURE_AXES or skew > SURE_SKEW_RAD):
+        tilt = max(math.degrees(placed.tilt_rad) for *_, placed in photos)
+        yield (
+            f"at a tilt of up to {tilt:.0f} deg axes are known to {100 * axes:.2g} % and skew to "
+            f"{math.degrees(skew):.2g} deg only: hold the camera flat above the coupon, or take three photos with the "
+            "coupon turned by a quarter between them, or measure both axes and both diagonals (--length)"
+        )

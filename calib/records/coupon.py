@@ -27,6 +27,7 @@ class ReadPicture:
     noise: Gap  # in grey levels
     misfit: Gap  # of the edges' profile; 1 or less is good
     rings_px: Gap  # root mean square of the centres' residuals
+    tilt_deg: Gap  # between the print's normal and the camera's axis
     fault: Line = ""  # why it was left out; "": it was used
 
 

@@ -48,14 +48,15 @@ def trial_sections(design: Design) -> tuple[Section, ...]:
                 "Lengths for the caliper", (Column("length", is_number=False), Column("design, mm")),
                 tuple((Cell(name), Cell(f"{length_mm:.2f}", length_mm)) for name, length_mm in pairs),
                 "From the left rim of one ring to the left rim of the other, or from lower rim to lower rim, so that "
-                "bleed cancels. Rings count row by row from below, from the left, from 0, with the target id at the "
-                "bottom. Nothing else in a photo tells the size; a scan does.",
+                "bleed cancels. Any of them tell the size, all four also axes and skew, however the photo was taken. "
+                "Rings count row by row from below, from the left, from 0, with the target id at the bottom. "
+                "Nothing else in a photo tells the size; a scan does.",
             ),
         ), "Bleed, axes and skew come from the picture; the size from a caliper or a scanner."),
         Section("What it tells", (
             Command(
                 f"calib coupon {PICTURE} {lengths}{printed_with} {_KEEP}",
-                f"a photo and two readings in place of {READING}; without a --length all but the size",
+                f"a photo, and readings in place of {READING}; without a --length all but the size",
             ),
             Command(
                 f"calib coupon {SCAN} --dpi {SCAN_DPI}{printed_with} {_KEEP}",
@@ -72,6 +73,7 @@ def trial_sections(design: Design) -> tuple[Section, ...]:
 
 
 def _pairs(design: Design) -> tuple[tuple[str, float], ...]:
-    """The outermost rings along the lower and the left side."""
-    a, b, _, d = corner_rings(design.target)
-    return tuple((f"ring {a} to ring {other}", ring_to_ring_mm(design.target, a, other)) for other in (b, d))
+    """The outermost rings along the lower and the left side, and across."""
+    a, b, c, d = corner_rings(design.target)
+    pairs = ((a, b), (a, d), (a, c), (b, d))
+    return tuple((f"ring {one} to ring {other}", ring_to_ring_mm(design.target, one, other)) for one, other in pairs)

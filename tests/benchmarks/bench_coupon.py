@@ -88,7 +88,8 @@ def scan(rng: np.random.Generator) -> list[Taken]:
 
 
 DRAWS: Mapping[str, Draw] = {
-    "one photo": one, "tilted": tilted, "tilted, 4 lengths": tilted, "four photos": four, "curved": curved, "scan": scan,
+    "one photo": one, "tilted": tilted, "tilted, 4 lengths": tilted, "four photos": four, "curved": curved,
+    "scan": scan,
 }  # fmt: skip
 SEEDS: Mapping[str, int] = {"one photo": 100}
 FEWER_SEEDS = 30
@@ -98,9 +99,7 @@ def printed(rng: np.random.Generator) -> Printed:
     """A print."""
     size, stretch, skew = rng.normal(0, (0.003, 0.003, np.radians(0.15)))
     white = rng.uniform(0, 0.05)
-    return Printed(
-        tuple(rng.uniform(0, 0.2, 2)), (white, white), (size + stretch / 2, size - stretch / 2, skew / 2)
-    )
+    return Printed(tuple(rng.uniform(0, 0.2, 2)), (white, white), (size + stretch / 2, size - stretch / 2, skew / 2))
 
 
 def sighting(image: np.ndarray, taken: Taken) -> Sighting:

@@ -217,8 +217,8 @@ def _coupon() -> CouponRecord:
         WholePrint(None, {"x": Estimate(0.001, 1e-4), "y": Estimate(-0.001, 1e-4)}, {"xy": Estimate(0.002, 3e-4)}),
     )  # fmt: skip
     pictures = (
-        ReadPicture("a.jpg", False, 25, 127, 0, 20.8, 1.1, 2.2, 1.5, 0.8, 0.012),
-        ReadPicture("b.jpg", True, 3, 0, 0, *(math.nan,) * 6, "b.jpg: 3 of the coupon's 25 rings were found"),
+        ReadPicture("a.jpg", False, 25, 127, 0, 20.8, 1.1, 2.2, 1.5, 0.8, 0.012, 3.1),
+        ReadPicture("b.jpg", True, 3, 0, 0, *(math.nan,) * 7, "b.jpg: 3 of the coupon's 25 rings were found"),
     )
     return CouponRecord(
         "ringsolid 1", {"dpi": "600"}, pictures, found, CouponMadeWith(0.02, Compensation(0.1, (0.001, 0.0, 0.0))),

@@ -122,11 +122,12 @@ def pictures_table(record: CouponRecord) -> Table:
         Column("picture", is_number=False), Column("rings"), Column("edges"), Column("px/mm"), Column("blur px"),
         Column("tone curve", note="its power; a linear file has 1, the usual encoding about 2.2"),
         Column("misfit", note="of the edges' profile; 1 or less is good"), Column("rings off px"),
+        Column("tilt deg"),
         Column("left out", is_number=False),
     )  # fmt: skip
     rows = tuple(
         (Cell(one.name, level="usable" if one.fault else None), whole(one.rings), whole(one.edges),
-         *(number(value) for value in (one.px_per_mm, one.blur_px, one.gamma, one.misfit, one.rings_px)),
+         *(number(value) for value in (one.px_per_mm, one.blur_px, one.gamma, one.misfit, one.rings_px, one.tilt_deg)),
          Cell(one.fault))
         for one in record.pictures
     )  # fmt: skip

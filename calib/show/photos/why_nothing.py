@@ -75,4 +75,4 @@ def _of_one_size(found: Candidates, *, is_ring: bool) -> tuple[int, float]:
         return 0, 0.0
     usual = float(np.median(radius_px))
     alike = radius_px[(radius_px > usual / ALIKE) & (radius_px < usual * ALIKE)]
-    return len(alike), float(np.median(alike))
+    return len(alike), float(np.median(alike)) if len(alike) else 0.0  # the middle of two sizes is neither
