@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 import designer
 from designer.base.errors import InputError
 from designer.kinds.sizing import size_job
+from designer.make.booleans import mesh_of
 from designer.make.estimate import DENSITY_G_PER_CM3, changing_layers, estimate
 from designer.make.mesh import Mesh, Part
 from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
@@ -31,11 +32,6 @@ from tests.support.gcode import machine_settings, require_slicer, run_slicer, sl
 PRINTING = size_job(asked_for("ico", {"edge": "20mm", "printer": "generic"})).job.printing
 LAYER_MM, LINE_MM = PRINTING.printer.layer_height_mm, PRINTING.printer.line_width_mm
 PACE = Pace(100.0, 2000.0, 8.0)
-
-
-def mesh_of(solid: Manifold) -> Mesh:
-    mesh = solid.to_mesh64()
-    return Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, dtype=np.int32))
 
 
 def box(x: float, y: float, z: float, at: tuple[float, float, float] = (0, 0, 0)) -> Mesh:
