@@ -136,6 +136,14 @@ def border_width_mm(target: TargetGeometry) -> float:
     return round(float(np.einsum("fski,fsi->fsk", to_corner, outward).min()), 6)
 
 
+def corner_room_mm(target: TargetGeometry, corner: NDArray[np.float64]) -> float:
+    """How far from the axis through a corner of a solid the first ring begins."""
+    axis = corner / np.linalg.norm(corner)
+    along = target.center_mm @ axis
+    aside = np.linalg.norm(target.center_mm - along[:, None] * axis, axis=1)
+    return float((aside - target.radius_outer_mm)[along > 0].min())
+
+
 @dataclass(frozen=True)
 class Widths:
     """Narrowest widths, in millimetres; infinite where a target has no such thing."""

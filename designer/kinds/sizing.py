@@ -9,11 +9,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from designer.base.errors import InputError
-from designer.base.units import NO_SKEW, format_mm, format_skew, round_down
-from designer.kinds.layout import border_width_mm, deepest_inlay_mm, inset_per_depth, lay_out, narrowest_widths
+from designer.base.units import NO_SKEW, format_mm, format_skew, round_down, round_up
+from designer.kinds.layout import (
+    border_width_mm,
+    corner_room_mm,
+    deepest_inlay_mm,
+    inset_per_depth,
+    lay_out,
+    narrowest_widths,
+)
 from designer.kinds.presets import preset_names, preset_or_file
 from designer.kinds.spec_file import read_printer_file
-from designer.spec.build import ANY_MOUNT, BUILDS, builds_of
+from designer.spec.build import ANY_MOUNT, BUILDS, STEM_MM, builds_of, mount_room_mm
 from designer.spec.format import FORMATS, choose_formats
 from designer.spec.kind import kinds
 from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM, Machine
@@ -29,6 +36,8 @@ LEAST_INK_MM = 0.2
 of it comes back from the white behind (Beer and Lambert, both ways)."""
 CHORD_ERROR_MM = 0.005
 STICKER_THICKNESS_MM = 0.1
+MARGIN_STEP = 0.6
+"""Margin over lacking room: a corner's room grows 0.8 to 1.6 times as much as the margin."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +58,10 @@ def size_job(asked: Asked) -> Sized:
     printer, build = printer_of(asked), _choose_build(asked, builds_of(kind.spec.form), repr(kind.name))
     target, remark = asked.sized(_line_of(build, printer))
     geometry = lay_out(target)
+    roomy = _with_room_for_mount(asked, printer, build, target)
+    if roomy is not None:
+        target, remark = roomy
+        geometry = lay_out(target)
     printing, print_remarks = _size_printing(asked, printer, build, geometry)
     formats, left_out = choose_formats(BUILDS[build].formats, tuple(asked.formats or ()), target.form, printing)
     widths = narrowest_widths(geometry)
@@ -58,6 +71,32 @@ def size_job(asked: Asked) -> Sized:
     remarks = tuple(text for text in (remark, *print_remarks, *left_out, *large) if text)
     name = asked.name or _default_name(asked, target, build)
     return Sized(Job(name, target, printing, formats, asked.page or target.page), remarks)
+
+
+def _with_room_for_mount(asked: Asked, printer: PrinterProfile, build: str, usual: Spec) -> tuple[Spec, str] | None:
+    """Sizes whose margin leaves a corner free for the mount that was named; None: the usual ones do, or are given.
+
+    Raises:
+        InputError: so wide a margin leaves no room for rings.
+    """
+    is_given = any(size is not None for size in (asked.margin, asked.ring_diameter, asked.pitch))
+    if asked.mount is None or asked.mount not in STEM_MM or is_given:
+        return None
+    if usual.solid is None or not BUILDS[build].is_in_parts:
+        return None
+    needed = mount_room_mm(asked.mount, printer.clearance_mm, printer.line_width_mm)
+    corner, spec, remark = usual.solid.polyhedron.vertices[0], usual, ""
+    while (lacking := needed - corner_room_mm(lay_out(spec), corner)) > 0:
+        margin = round_up(spec.margin_mm + max(MARGIN_STEP * lacking, 0.02))
+        try:
+            spec, remark = replace(asked, margin=margin).sized(_line_of(build, printer))
+        except InputError as error:
+            raise InputError(f"mount {asked.mount}: its post asks for a wider margin, and then {error}") from None
+    if spec is usual:
+        return None
+    now, before = (f"{lay_out(each).ring_count} of {each.ring_diameter_mm:g}mm" for each in (spec, usual))
+    why = f"leaves a corner free for mount {asked.mount}, with rings {now} instead of {before}"
+    return spec, f"{remark}; margin {spec.margin_mm:g}mm: {why}"
 
 
 def _default_name(asked: Asked, target: Spec, build: str) -> str:

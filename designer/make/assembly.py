@@ -16,7 +16,7 @@ from designer.base.solid import Solid
 from designer.kinds.layout import border_width_mm
 from designer.make.bed import against_skew_along
 from designer.make.booleans import cylinder, frame_along, mesh_of, placed, solid_of
-from designer.make.core import CorePart, make_core, mount_vertex
+from designer.make.core import CorePart, make_core, mount_vertex, split_of
 from designer.make.lettering import ID_DIGITS
 from designer.make.mesh import Part
 from designer.make.mounts import DEFAULT_MOUNT, MOUNTS, Mounted, fits, mounted
@@ -73,7 +73,7 @@ def assemble(target: TargetGeometry, solid: Solid, printing: PrintSpec) -> Assem
     scale = 1 + printing.shrink_compensation_percent / 100
     sizes = tile_sizes(
         solid, target.outline_mm[0], border_width_mm(target), printing.printer, printing.inlay_mm / scale,
-        printing.ink_side,
+        printing.ink_side, is_on_shell=split_of(solid.polyhedron).lid_face is None,
     )  # fmt: skip
     on, remark = _chosen_mount(target, solid, sizes, printing)
     # Ink is offset by what the print bleeds, whatever it shrinks.
@@ -108,7 +108,8 @@ def _chosen_mount(
         return on, f"mount {DEFAULT_MOUNT}: {on.mount.title}; --mount takes others, or none"
     smaller = [f"--mount {one!r}" for one in MOUNTS if fits(one, target, solid, sizes)]
     others = f"; {' or '.join(smaller)} fits" if smaller else ""
-    return None, f"mount none: rings or core leave no room for {DEFAULT_MOUNT}{others}"
+    named = "; one that is named, such as --mount m5, gets a wider margin, and smaller rings" if not others else ""
+    return None, f"mount none: rings or core leave no room for {DEFAULT_MOUNT}{others}{named}"
 
 
 def _tiles(

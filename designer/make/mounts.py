@@ -14,9 +14,11 @@ from manifold3d import CrossSection, Manifold
 
 from designer.base.errors import InputError
 from designer.base.solid import Solid
+from designer.kinds.layout import corner_room_mm
 from designer.make.booleans import cone, cylinder, union
 from designer.make.core import SOCKET_WALL_MM, Socket, mount_vertex
-from designer.make.tile import TileSizes
+from designer.make.tile import TileSizes, key_places, pad_places
+from designer.spec.build import STEM_MM, mount_room_mm
 from designer.target import TargetGeometry
 
 DEFAULT_MOUNT = "1/4-20"
@@ -27,7 +29,10 @@ NUT_WALL_MM = 1.6
 POST_WALL_MM = 1.2
 FIT_MM = 0.2
 """Added to a bought part's size, over both sides."""
-LEAST_ENGAGED_MM = 12.0
+LEAST_ENGAGED_MM, USUAL_ENGAGED_MM = 10.0, 12.0
+"""Of a stem in its pit."""
+PIT_SHARE = 0.65
+"""Of the way from the core's surface to its middle, how much a pit and its wall may take."""
 ROD_DEPTH_MM = 20.0
 FLANGE_NECK_MM = 20.0
 FLANGE_MM = 8.0
@@ -42,12 +47,16 @@ class Mount:
 
     name: str
     title: str
-    stem_mm: float  # diameter of the post in its pit
     build: Callable[["PostSizes"], Manifold]
     needs: str  # what to buy
     up_is_in: bool  # printed with the end that goes into the pit up
     source: str  # sizes of what is bought, and the standard that has them
     how: str  # to put it in, or on
+
+    @property
+    def stem_mm(self) -> float:
+        """Diameter of the post in its pit."""
+        return STEM_MM[self.name]
 
 
 @dataclass(frozen=True)
@@ -112,21 +121,21 @@ MOUNTS: dict[str, Mount] = {
     mount.name: mount
     for mount in (
         Mount(
-            "1/4-20", "a camera tripod's screw, 1/4-20 UNC", 15.4, _with_nut(11.11, 6.35), "a hexagon nut 1/4-20 UNC",
+            "1/4-20", "a camera tripod's screw, 1/4-20 UNC", _with_nut(11.11, 6.35), "a hexagon nut 1/4-20 UNC",
             True, "7/16 inch (11.11 mm) across flats, 7/32 inch (5.56 mm) high by ASME B18.2.2; a tripod's screw, at "
             "most 5.5 mm long by ISO 1222, reaches it", _NUT,
         ),
         Mount(
-            "m5", "an M5 screw", 11.8, _with_nut(8.0, 5.0), "a hexagon nut M5", True,
+            "m5", "an M5 screw", _with_nut(8.0, 5.0), "a hexagon nut M5", True,
             "8 mm across flats, 4.7 mm high by ISO 4032; the screw must reach 7 mm or more into the post", _NUT,
         ),
         Mount(
-            "rod 8mm", "a rod of 8 mm, glued in", 11.4, _for_rod(8.0), "a rod of 8 mm", False,
+            "rod 8mm", "a rod of 8 mm, glued in", _for_rod(8.0), "a rod of 8 mm", False,
             "no standard: as its name says, with .2 mm of room",
             "Roughen the rod's end and glue it in as deep as it goes.",
         ),
         Mount(
-            "iso9409-50", "a robot flange, ISO 9409-1-50-4-M6", 16.0, _flange, "four screws M6 x 16", False,
+            "iso9409-50", "a robot flange, ISO 9409-1-50-4-M6", _flange, "four screws M6 x 16", False,
             "cap screws by ISO 4762; 63 mm across, 4 x M6 on 50 mm, centring 31.5 mm by ISO 9409-1",
             "Its collar goes into the flange's recess; the screws' heads lie on the side of the target.",
         ),
@@ -151,11 +160,24 @@ class Mounted:
 
 def room_mm(target: TargetGeometry, solid: Solid) -> float:
     """How far from the axis of the mount's corner the first ring begins."""
-    axis = solid.polyhedron.vertices[mount_vertex(solid.polyhedron)]
-    axis = axis / np.linalg.norm(axis)
-    along = target.center_mm @ axis
-    aside = np.linalg.norm(target.center_mm - along[:, None] * axis, axis=1)
-    return float((aside - target.radius_outer_mm)[along > 0].min())
+    return corner_room_mm(target, solid.polyhedron.vertices[mount_vertex(solid.polyhedron)])
+
+
+def seat_room_mm(target: TargetGeometry, solid: Solid, sizes: TileSizes) -> float:
+    """How far from that axis the first pad or key of a seat begins."""
+    vertex = mount_vertex(solid.polyhedron)
+    axis = solid.polyhedron.vertices[vertex] / np.linalg.norm(solid.polyhedron.vertices[vertex])
+    rooms = []
+    for face in np.flatnonzero((solid.polyhedron.faces == vertex).any(axis=1)).tolist():
+        frame, code = target.target_from_face[face], int(target.face_code[face])
+        for places, radius in (
+            (pad_places(sizes), sizes.pad_radius_mm),
+            (key_places(sizes, code), sizes.key_hole_mm / 2),
+        ):
+            at = places @ frame[:3, :2].T + frame[:3, 3] - sizes.seat_depth_mm * frame[:3, 2]
+            aside = np.linalg.norm(at - (at @ axis)[:, None] * axis, axis=1)
+            rooms.append(float((aside - radius)[at @ axis > 0].min(initial=math.inf)))
+    return min(rooms)
 
 
 def mounted(name: str, target: TargetGeometry, solid: Solid, sizes: TileSizes) -> Mounted:
@@ -166,30 +188,42 @@ def mounted(name: str, target: TargetGeometry, solid: Solid, sizes: TileSizes) -
     """
     mount = MOUNTS[name]
     cut = mount.stem_mm / 2 + sizes.clearance_mm
-    needed, room = cut + sizes.line_mm, room_mm(target, solid)
     vertex = mount_vertex(solid.polyhedron)
     corner_mm = float(np.linalg.norm(solid.polyhedron.vertices[vertex])) * solid.edge_mm
     # The core's surface at the pit's rim lies below its corner.
     rise = solid.inradius_mm / corner_mm
     core_inradius = solid.inradius_mm - sizes.seat_depth_mm
     rim = (core_inradius - math.sqrt(1 - rise**2) * cut) / rise
-    bottom = rim - max(LEAST_ENGAGED_MM, 0.9 * mount.stem_mm)
-    least_bottom = 0.35 * rim + SOCKET_WALL_MM
-    if needed > room or bottom < least_bottom:
-        by_rings = needed / room
-        by_core = (max(LEAST_ENGAGED_MM, 0.9 * mount.stem_mm) + SOCKET_WALL_MM) / (0.65 * rim) if rim > 0 else 9.0
-        edge = math.ceil(solid.edge_mm * max(by_rings, by_core) * 1.02)
-        fitting = [one for one in MOUNTS if MOUNTS[one].stem_mm < mount.stem_mm and fits(one, target, solid, sizes)]
-        others = "".join(f"--mount {one!r}, " for one in fitting)
-        raise InputError(
-            f"mount {name}: needs {2 * needed:.1f}mm about a corner, and rings and core leave {2 * room:.1f}mm; use "
-            f"{others}an edge of about {edge}mm, a wider --margin, or --mount none"
-        )
+    deepest = PIT_SHARE * rim - SOCKET_WALL_MM
+    needs = (
+        ("about a corner's axis, where rings leave", mount_room_mm(name, sizes.clearance_mm, sizes.line_mm),
+         room_mm(target, solid)),
+        ("about a corner's axis, where pads and keys of seats leave", cut, seat_room_mm(target, solid, sizes)),
+        ("of depth in the core, which has room for", LEAST_ENGAGED_MM, deepest),
+    )  # fmt: skip
+    if any(needed > room for _, needed, room in needs):
+        raise _too_large(mount, needs, target, solid, sizes)
+    bottom = rim - min(max(USUAL_ENGAGED_MM, 0.9 * mount.stem_mm), deepest)
     return Mounted(
         mount,
         Socket(vertex, cut, bottom - sizes.layer_mm),
         PostSizes(mount.stem_mm / 2, bottom, corner_mm + HEAD_ABOVE_MM),
         cut,
+    )
+
+
+def _too_large(
+    mount: Mount, needs: tuple[tuple[str, float, float], ...], target: TargetGeometry, solid: Solid, sizes: TileSizes
+) -> InputError:
+    """What a mount lacks most, and what to do: all rooms grow with the edge, some faster."""
+    where, needed, room = max(needs, key=lambda need: need[1] / max(need[2], 0.1))
+    edge = math.ceil(solid.edge_mm * min(needed / max(room, 0.1), 10.0) * 1.02)
+    fitting = [one for one in MOUNTS if STEM_MM[one] < mount.stem_mm and fits(one, target, solid, sizes)]
+    others = "".join(f"--mount {one!r}, " for one in fitting)
+    margin = "a wider --margin, " if needs[0][1] > needs[0][2] else ""
+    return InputError(
+        f"mount {mount.name}: needs {needed:.1f}mm {where} {max(room, 0.0):.1f}mm; use {others}an edge of about "
+        f"{edge}mm, {margin}or --mount none"
     )
 
 

@@ -61,6 +61,7 @@ class TileSizes:
     key_mm: float  # diameter of pins, or of loose pegs
     engaged_mm: float  # how deep a key stands in its seat
     ink_side: InkSide
+    is_on_shell: bool  # the core is thin, and hollow as a whole
 
     @property
     def has_pins(self) -> bool:
@@ -114,7 +115,9 @@ class TileSizes:
 
     @property
     def push_radius_mm(self) -> float:
-        """Of the hole in a seat's middle, through which a tile is pushed out: by a finger, where keys leave room."""
+        """Of the hole in a seat's middle, through which a finger, or through a wall a stick, pushes a tile out."""
+        if not self.is_on_shell:
+            return min(3.0, 0.12 * self.seat_inradius_mm)
         return min(MOST_PUSH_MM, self.key_radius_mm - self.key_hole_mm / 2 - PUSH_WALL_LINES * self.line_mm)
 
     def outline_at(self, depth_mm: float, extra_mm: float = 0.0) -> Contour:
@@ -123,7 +126,14 @@ class TileSizes:
 
 
 def tile_sizes(
-    solid: Solid, outline_mm: Contour, border_mm: float, printer: PrinterProfile, inlay_mm: float, ink_side: InkSide
+    solid: Solid,
+    outline_mm: Contour,
+    border_mm: float,
+    printer: PrinterProfile,
+    inlay_mm: float,
+    ink_side: InkSide,
+    *,
+    is_on_shell: bool,
 ) -> TileSizes:
     """Sizes for a solid.
 
@@ -137,7 +147,7 @@ def tile_sizes(
         outline_mm=outline_mm, inset_per_depth=shape.inset_per_depth,
         thickness_mm=round(max(least, wanted) * layer, 6), inlay_mm=inlay_mm, clearance_mm=printer.clearance_mm,
         chamfer_mm=min(CHAMFER_LAYERS * layer, border_mm / 4), layer_mm=layer, line_mm=printer.line_width_mm,
-        key_mm=PEG_MM, engaged_mm=PEG_MM, ink_side=ink_side,
+        key_mm=PEG_MM, engaged_mm=PEG_MM, ink_side=ink_side, is_on_shell=is_on_shell,
     )  # fmt: skip
     spacing = sizes.key_radius_mm * 2 * math.pi / spot_count(shape)
     room = 0.9 * spacing - 2 * sizes.clearance_mm

@@ -74,7 +74,9 @@ BUILDS: Mapping[str, Build] = {
     )
 }
 """By name. The first of a form is the usual one."""
-MOUNTS = ("1/4-20", "m5", "rod 8mm", "iso9409-50")
+STEM_MM: Mapping[str, float] = {"1/4-20": 14.8, "m5": 11.2, "rod 8mm": 11.2, "iso9409-50": 16.0}
+"""Diameter of each mount's post where it passes the tiles: two lines of a nozzle of .4 mm around a nut's corners."""
+MOUNTS = tuple(STEM_MM)
 """What a core can be held by: `designer.make.mounts` makes them."""
 NO_MOUNT, ANY_MOUNT = "none", "auto"
 """Nothing, and the usual one where it fits."""
@@ -82,6 +84,11 @@ InkSide = Literal["down", "up"]
 """Which way the printed face of a flat piece looks on the bed."""
 FORMER_NAMES = {"solid": "one-piece", "printed": "one-piece"}
 """As files of earlier versions have them."""
+
+
+def mount_room_mm(mount: str, clearance_mm: float, line_mm: float) -> float:
+    """How far about a corner's axis no ring may be: post, clearance, and a line of white around."""
+    return STEM_MM[mount] / 2 + clearance_mm + line_mm
 
 
 def builds_of(form: Form) -> tuple[str, ...]:

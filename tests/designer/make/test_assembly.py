@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from designer.base.errors import InputError
 from designer.base.solid import Polyhedron
 from designer.base.units import skew_matrix
+from designer.builds.tiles import assembly_of as assembly_in_tiles
 from designer.kinds.sizing import size_job
 from designer.make.assembly import Assembly, assemble, plates_of
 from designer.make.booleans import cylinder, frame_along, placed, solid_of
@@ -240,6 +241,25 @@ def test_a_post_prints_without_supports_and_loses_no_ring(name: str) -> None:
     assert islands == 0
     assert width < 3.0
     assert on.cut_mm == pytest.approx(on.mount.stem_mm / 2 + CLEARANCE_MM)
+
+
+@pytest.mark.parametrize(("edge", "mount"), [("40mm", "m5"), ("60mm", "1/4-20")])
+def test_a_cube_whose_mount_is_named_gets_room_for_it(edge: str, mount: str) -> None:
+    """No ring is cut, the pit has walls, the post touches nothing; and what it costs is said."""
+    wishes = {"edge": edge, "build": "tiles", "mount": mount, "chord_error": COARSE}
+    sized = size_job(asked_for("cube", wishes))
+    usual = size_job(asked_for("cube", {**wishes, "mount": "none"})).job.target
+    assembly, on = assembly_in_tiles(Design(sized.job)), sized.job.target
+    assert assembly.mounted is not None
+    assert assembly.post is not None
+    assert assembly.mounted.cut_mm + LINE_MM <= room_mm(on.lay_out(), assembly.solid)
+    assert f"of {on.ring_diameter_mm:g}mm instead of {usual.lay_out().ring_count} of" in sized.remarks[0]
+    for piece in (*(part.solid for part in assembly.core), *(in_place(assembly, face) for face in range(6))):
+        assert (piece ^ assembly.post).volume() < NOTHING_MM3
+    pit = assembly.mounted.socket
+    walls = cylinder(pit.radius_mm + 1.0, pit.bottom_mm - 1.0, pit.bottom_mm + 5.0)
+    walls -= cylinder(pit.radius_mm, pit.bottom_mm, pit.bottom_mm + 6.0)
+    assert (placed(walls, assembly.target_from_post) - assembly.core[0].solid).volume() < NOTHING_MM3
 
 
 @each_solid
