@@ -20,10 +20,10 @@ from designer.make.core import CorePart, make_core, mount_vertex, split_of
 from designer.make.lettering import ID_DIGITS
 from designer.make.mesh import Part
 from designer.make.mounts import DEFAULT_MOUNT, MOUNTS, Mounted, fits, mounted
-from designer.make.nesting import BED_RIM_MM, TOWER_MM, nest
+from designer.make.nesting import BED_RIM_MM, TOWER_MM, largest_inradius_mm, nest
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.plate import Piece, Plate
-from designer.make.tile import TileSizes, make_tile, tile_sizes
+from designer.make.tile import MOST_THICKNESS_MM, TileSizes, make_tile, thickness_mm, tile_sizes
 from designer.spec.build import ANY_MOUNT, NO_MOUNT
 from designer.spec.machine import BRIM_MM
 from designer.spec.spec import PrintSpec
@@ -138,14 +138,57 @@ def plates_of(assembly: Assembly, printing: PrintSpec) -> tuple[Plate, ...]:
     Raises:
         InputError: a tile or a piece of the core is larger than the bed.
     """
-    core = [*_core_pieces(assembly, printing)]  # first: where beds are small, it is what limits the edge
     width, depth, _ = printing.printer.bed_mm
     tower_mm = (width - TOWER_MM + BRIM_MM, depth - TOWER_MM + BRIM_MM)
-    tiles = [(group, tower_mm) for group in _tile_pieces(assembly, printing)]
-    groups = [*tiles, *((group, None) for group in core)]
+    try:
+        tiles = [(group, tower_mm) for group in _tile_pieces(assembly, printing)]
+        groups = [*tiles, *((group, None) for group in _core_pieces(assembly, printing))]
+    except InputError as error:
+        edge = _largest_edge_mm(assembly, printing)
+        raise InputError(
+            f"edge {assembly.solid.edge_mm:g}mm: {error}; use an edge of at most {edge}mm, or a larger printer"
+        ) from None
     return tuple(
         Plate(f"plate-{number}", group, _words(group), tower) for number, (group, tower) in enumerate(groups, start=1)
     )
+
+
+def _largest_edge_mm(assembly: Assembly, printing: PrintSpec) -> int:
+    """Of a solid whose tiles and core all fit the bed, whatever edge was asked for.
+
+    Tiles and core are smaller than the solid by what does not grow with it.
+    """
+    solid, sizes, scale = assembly.solid, assembly.sizes, 1 + printing.shrink_compensation_percent / 100
+    width, depth, _ = printing.printer.bed_mm
+    widest = largest_inradius_mm(len(sizes.outline_mm), (width, depth), tower=True) / scale
+    by_tile = solid.edge_mm + (widest - _inradius_mm(sizes)) / solid.polyhedron.face_inradius
+    corners, room = solid.corners_mm(below_mm=sizes.seat_depth_mm), _room_mm(printing)
+    core_edge = solid.edge_mm - sizes.seat_depth_mm / solid.polyhedron.inradius
+    fitting = []
+    for part in assembly.core:
+        if part.seats:  # without pits, which not all edges have
+            own = corners[np.unique(solid.polyhedron.faces[list(part.seats)])] @ frame_along(part.up)[:3, :3]
+            fitting.append(core_edge * float((room / (scale * np.ptp(own, axis=0))).min()))
+    edge = int(min(by_tile, min(fitting) + 2 * MOST_THICKNESS_MM / solid.polyhedron.inradius))
+    while edge - _seat_mm(edge, sizes) / solid.polyhedron.inradius > min(fitting):
+        edge -= 1
+    return edge
+
+
+def _seat_mm(edge_mm: float, sizes: TileSizes) -> float:
+    """How deep seats lie below the faces of another edge."""
+    return thickness_mm(edge_mm, sizes.inlay_mm, sizes.layer_mm) + sizes.glue_gap_mm
+
+
+def _inradius_mm(sizes: TileSizes) -> float:
+    """Of a tile where it is widest."""
+    return float(-sizes.outline_at(sizes.chamfer_mm if sizes.ink_side == "down" else 0.0)[:, 1].min())
+
+
+def _room_mm(printing: PrintSpec) -> Array:
+    """What pieces of the core may take of a bed.  # (3,)"""
+    room: Array = np.array(printing.printer.bed_mm) - [2 * BED_RIM_MM, 2 * BED_RIM_MM, 0.0]
+    return room
 
 
 def _words(pieces: tuple[Piece, ...]) -> str:
@@ -160,12 +203,9 @@ def _tile_pieces(assembly: Assembly, printing: PrintSpec) -> Iterator[tuple[Piec
     """Tiles by their numbers, side by side."""
     sizes, scale = assembly.sizes, 1 + printing.shrink_compensation_percent / 100
     is_down = sizes.ink_side == "down"
-    widest = sizes.outline_at(sizes.chamfer_mm if is_down else 0.0)
     width, depth, _ = printing.printer.bed_mm
-    shares = nest(
-        len(widest), scale * float(-widest[:, 1].min()), len(assembly.tiles), (width, depth), tower=True,
-        edge_mm=assembly.solid.edge_mm,
-    )  # fmt: skip
+    sides = len(sizes.outline_mm)
+    shares = nest(sides, scale * _inradius_mm(sizes), len(assembly.tiles), (width, depth), tower=True)
     tiles = enumerate(assembly.tiles)
     for share in shares:
         pieces = []
@@ -195,7 +235,7 @@ def _core_pieces(assembly: Assembly, printing: PrintSpec) -> Iterator[tuple[Piec
         motion = np.eye(4)
         motion[:3, :3] = axes
         pieces.append(Piece(name, part, motion))
-    yield from _in_rows(pieces, printing, assembly.solid.edge_mm)
+    yield from _in_rows(pieces, printing)
 
 
 def _as_printed(part: Part, axes: Array, printing: PrintSpec) -> Part:
@@ -204,21 +244,19 @@ def _as_printed(part: Part, axes: Array, printing: PrintSpec) -> Part:
     return part.placed(lambda points: against_skew_along(axes, printing, scale * points))
 
 
-def _in_rows(pieces: list[Piece], printing: PrintSpec, edge_mm: float) -> Iterator[tuple[Piece, ...]]:
+def _in_rows(pieces: list[Piece], printing: PrintSpec) -> Iterator[tuple[Piece, ...]]:
     """Pieces in rows from the left front, on as many beds as they take; all on one are centred together."""
-    bed = np.array(printing.printer.bed_mm)
-    room = bed - [2 * BED_RIM_MM, 2 * BED_RIM_MM, 0.0]
+    bed, room = np.array(printing.printer.bed_mm), _room_mm(printing)
     row: list[Piece] = []
     at, deepest = np.zeros(2), 0.0
     for piece in pieces:
         turned = piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T
         low, size = turned.min(axis=0), np.ptp(turned, axis=0)
         if (size > room).any():
-            edge = int(0.95 * edge_mm * float((room / size).min()))  # a mount that falls away leaves it higher
             shown = " x ".join(f"{length:.0f}" for length in size)
             raise InputError(
                 f"the core's {piece.name} needs {shown}mm, the bed of {printing.printer.name} has "
-                f"{' x '.join(f'{length:g}' for length in bed)}mm; use an edge of at most {edge}mm, or a larger printer"
+                f"{' x '.join(f'{length:g}' for length in bed)}mm"
             )
         if at[0] + size[0] > room[0]:
             at = np.array([0.0, at[1] + deepest + APART_MM])

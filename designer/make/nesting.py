@@ -29,9 +29,7 @@ class Nest:
     spacing_mm: float
 
 
-def nest(
-    sides: int, inradius_mm: float, count: int, bed_mm: tuple[float, float], *, tower: bool, edge_mm: float
-) -> tuple[Nest, ...]:
+def nest(sides: int, inradius_mm: float, count: int, bed_mm: tuple[float, float], *, tower: bool) -> tuple[Nest, ...]:
     """Regular polygons on as few beds as they fit on, then evenly and as far apart as that allows.
 
     Args:
@@ -40,7 +38,6 @@ def nest(
         count: of tiles.
         bed_mm: width and depth.
         tower: whether the corner with the highest x and y stays free for a prime tower.
-        edge_mm: of the solid, which messages name.
 
     Raises:
         InputError: not one fits.
@@ -48,10 +45,7 @@ def nest(
     densest = _lattice(sides, inradius_mm, SPACINGS_MM[-1], bed_mm, tower)
     if not len(densest):
         beside = " beside a prime tower" if tower else ""
-        raise InputError(
-            f"edge {edge_mm:g}mm: a tile does not fit a bed of {bed_mm[0]:g} x {bed_mm[1]:g}mm{beside}; use "
-            f"{_fitting(sides, inradius_mm / edge_mm, edge_mm, bed_mm, tower)}a larger printer"
-        )
+        raise InputError(f"a tile does not fit a bed of {bed_mm[0]:g} x {bed_mm[1]:g}mm{beside}")
     beds = math.ceil(count / len(densest))
     each = math.ceil(count / beds)
     spacing, lattice = SPACINGS_MM[-1], densest
@@ -63,13 +57,16 @@ def nest(
     return tuple(Nest(lattice[:share], spacing) for share in shares)
 
 
-def _fitting(sides: int, inradius: float, edge_mm: float, bed: tuple[float, float], tower: bool) -> str:
-    """The edge whose tile fits, to some percent; nothing where none of a size to speak of does."""
-    for share in (0.95**step for step in range(1, 40)):
-        edge = math.floor(share * edge_mm)
-        if len(_lattice(sides, inradius * edge, SPACINGS_MM[-1], bed, tower)):
-            return f"an edge of at most {edge}mm, or "
-    return ""
+def largest_inradius_mm(sides: int, bed_mm: tuple[float, float], *, tower: bool) -> float:
+    """Of a tile that fits a bed alone, to a tenth of a millimetre."""
+    low, high = 0.0, max(bed_mm) / 2
+    while high - low > 0.1:
+        middle = (low + high) / 2
+        if len(_lattice(sides, middle, SPACINGS_MM[-1], bed_mm, tower)):
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 def _lattice(sides: int, inradius: float, spacing: float, bed: tuple[float, float], tower: bool) -> Array:

@@ -141,11 +141,9 @@ def tile_sizes(
         InputError: the edge is too small for keys that this printer can make.
     """
     layer, shape = printer.layer_height_mm, solid.polyhedron
-    least = math.ceil(inlay_mm / layer - 1e-9) + ENGRAVED_LAYERS + 2 * CLOSED_LAYERS
-    wanted = round(min(THICKNESS_OVER_EDGE * solid.edge_mm, MOST_THICKNESS_MM) / layer)
     sizes = TileSizes(
         outline_mm=outline_mm, inset_per_depth=shape.inset_per_depth,
-        thickness_mm=round(max(least, wanted) * layer, 6), inlay_mm=inlay_mm, clearance_mm=printer.clearance_mm,
+        thickness_mm=thickness_mm(solid.edge_mm, inlay_mm, layer), inlay_mm=inlay_mm, clearance_mm=printer.clearance_mm,
         chamfer_mm=min(CHAMFER_LAYERS * layer, border_mm / 4), layer_mm=layer, line_mm=printer.line_width_mm,
         key_mm=PEG_MM, engaged_mm=PEG_MM, ink_side=ink_side, is_on_shell=is_on_shell,
     )  # fmt: skip
@@ -162,6 +160,13 @@ def tile_sizes(
             "build one-piece"
         )
     return replace(sizes, key_mm=round(key, 3), engaged_mm=min(3.0, max(key, 3 * layer)))
+
+
+def thickness_mm(edge_mm: float, inlay_mm: float, layer_mm: float) -> float:
+    """Of the tiles of an edge, in whole layers."""
+    least = math.ceil(inlay_mm / layer_mm - 1e-9) + ENGRAVED_LAYERS + 2 * CLOSED_LAYERS
+    wanted = round(min(THICKNESS_OVER_EDGE * edge_mm, MOST_THICKNESS_MM) / layer_mm)
+    return round(max(least, wanted) * layer_mm, 6)
 
 
 def spot_count(shape: Polyhedron) -> int:

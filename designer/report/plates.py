@@ -50,7 +50,8 @@ def _steps(design: Design, slicer: Slicer, files: Sequence[str]) -> Steps | None
         f"Don't arrange: the plate is full, and the free corner or strip is the prime tower's: {tower}. A piece "
         "may be moved; don't turn any: the axes of calib measure are then not the printer's.",
         f"Set the values of the table above. {slicer.purge}".strip(),
-        f"Slice, and look at the preview by {slicer.preview}: every ring whole; above the ink one filament only.",
+        f"Slice, and look at the preview by {slicer.preview}: on plates with ink every ring whole, and one filament "
+        "only above the ink; all others in one filament.",
     ))  # fmt: skip
 
 
