@@ -99,26 +99,46 @@ def test_neighbours_are_the_clearance_apart(kind: str) -> None:
 
 
 @each_solid
+def test_keys_of_a_tile_are_those_of_its_own_seat_only(kind: str) -> None:
+    """All tiles over all seats in all turns: only in the own seat, unturned, does each pin find a hole."""
+    assembly = assembly_of(kind)
+    codes, sides = assembly.solid.polyhedron.face_code, assembly.solid.polyhedron.sides
+    holes = [key_places(assembly.sizes, code) for code in codes]
+    fitting = [
+        (tile, seat, turn)
+        for tile, seat, turn in itertools.product(range(len(codes)), range(len(codes)), range(sides))
+        if _farthest(holes[tile] @ _turned(turn / sides).T, holes[seat]) < assembly.sizes.key_mm
+    ]
+    assert fitting == [(seat, seat, 0) for seat in range(len(codes))]
+
+
+def _farthest(pins: NDArray[np.float64], holes: NDArray[np.float64]) -> float:
+    """How far the pin that is worst off is from a hole."""
+    return float(np.linalg.norm(pins[:, None] - holes, axis=2).min(axis=1).max())
+
+
+@each_solid
 @pytest.mark.parametrize("edge_mm", [100.0, 45.0])
-def test_a_tile_fits_its_own_seat_only_and_in_one_orientation(kind: str, edge_mm: float) -> None:
-    """Pins of every tile against every seat in every turn: free in the own, in the way in all others."""
+def test_seats_are_open_at_their_own_keys_only(kind: str, edge_mm: float) -> None:
+    """By booleans with a pin at each spot, in a seat of each part; `bench_fits` lays all tiles over all seats."""
     assembly = assembly_of(kind, edge_mm)
-    sizes, sides = assembly.sizes, assembly.solid.polyhedron.sides
-    codes = assembly.solid.polyhedron.face_code
-    spots = {
-        (tile, turn): [tuple(np.round(place, 6)) for place in key_places(sizes, code) @ _turned(turn / sides).T]
-        for (tile, code), turn in itertools.product(enumerate(codes), range(sides))
-    }
-    for seat, frame in enumerate(assembly.target_from_tile):
-        core = next(part for part in assembly.core if seat in part.seats)
-        local = placed(core.solid, np.linalg.inv(frame)).trim_by_plane((0.0, 0.0, 1.0), -sizes.seat_depth_mm - 4.0)
+    sizes, codes = assembly.sizes, assembly.solid.polyhedron.face_code
+    spots = sorted({tuple(np.round(place, 6)) for code in codes for place in _in_all_turns(assembly, code)})
+    for part in (part for part in assembly.core if part.seats):
+        seat = part.seats[-1]
+        local = placed(part.solid, np.linalg.inv(assembly.target_from_tile[seat]))
+        local = local.trim_by_plane((0.0, 0.0, 1.0), -sizes.seat_depth_mm - 4.0)
         assert (solid_of(assembly.tiles[seat].body) ^ local).volume() < NOTHING_MM3
-        free = {
-            (x, y): (pin(sizes).translate((x, y, -sizes.thickness_mm)) ^ local).volume() < NOTHING_MM3
-            for x, y in sorted({place for places in spots.values() for place in places})
-        }
-        fitting = [key for key, places in spots.items() if all(free[place] for place in places)]
-        assert fitting == [(seat, 0)]
+        own = key_places(sizes, codes[seat])
+        for place in spots:
+            overlap = (pin(sizes).translate((*place, -sizes.thickness_mm)) ^ local).volume()
+            assert (overlap < NOTHING_MM3) == (_farthest(np.array([place]), own) < 1e-3)
+
+
+def _in_all_turns(assembly: Assembly, code: int) -> NDArray[np.float64]:
+    """Where keys of a code may come to stand.  # (N, 2)"""
+    sides = assembly.solid.polyhedron.sides
+    return np.concatenate([key_places(assembly.sizes, code) @ _turned(turn / sides).T for turn in range(sides)])
 
 
 def _turned(turns: float) -> NDArray[np.float64]:
