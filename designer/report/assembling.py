@@ -103,8 +103,8 @@ def _checks(assembly: Assembly) -> Steps:
     return Steps((
         "Let the bed cool before you take them off: a tile that is bent warm stays bent.",
         "Lay a steel rule across each face, along its three heights or both diagonals: light that shows through in the "
-        "middle or at the ends is a bow; print a tile again that shows more than half a layer of "
-        "0.2 mm, which is what the error template fdm-tiles assumes.",
+        "middle or at the ends is a bow; print a tile again that shows more than 0.1 mm, half a "
+        "layer, as the error template fdm-tiles assumes.",
         "Strings and blobs at the edge or on the back keep a tile off its seat: cut them off.",
         *(gloss if assembly.sizes.ink_side == "down" else ()),
     ))  # fmt: skip
