@@ -23,9 +23,12 @@ from designer.make.motion import Pace, chords_mm, lines_time_s, loops_time_s
 from designer.make.plate import Piece, Plate
 from designer.make.section import Layered, Sliced
 from designer.make.tower import TOWER_BRIM_MM, TOWER_MM, purged
+from designer.produce import Design
 from designer.report.costs import costs_of, duration, grams, verdict
 from designer.spec.machine import FilamentChange, Shells, Speeds
 from designer.spec.spec import PrintSpec
+from designer.tolerance.effort import size_of
+from designer.tolerance.error_file import error_model
 from tests.support.designs import asked_for, packages_of, small
 from tests.support.gcode import machine_settings, require_slicer, run_slicer, slice_3mf
 
@@ -161,6 +164,22 @@ def test_what_falls_down_a_chute_is_no_tower() -> None:
         falls, stands = purged(changing, chute), purged(changing, printer)
         assert least_mm3 < falls.volume_mm3 < stands.volume_mm3
         assert least_mm3 / change.purge_flow_mm3_s < falls.time_s < stands.time_s
+
+
+@pytest.mark.parametrize(
+    ("template", "kind", "values"),
+    [("fdm-board", "board", {"size": "100x100mm"}), ("fdm-dual", "cube", {"edge": "50mm"})],
+)
+def test_templates_tell_the_hours_and_the_price_of_the_estimate(
+    template: str, kind: str, values: dict[str, str]
+) -> None:
+    """`design ways` ranks by formulas; they are within a tenth of what `design` tells."""
+    design, errors = Design(size_job(asked_for(kind, values)).job), error_model(template)
+    assert errors.hours is not None
+    assert errors.price is not None
+    size = size_of(design.target)
+    assert errors.hours.of(size) == pytest.approx(design.estimate.time_s / 3600, rel=0.1)
+    assert errors.price.of(size) == pytest.approx(design.estimate.price, rel=0.1)
 
 
 @given(st.lists(st.tuples(st.floats(-20, 20), st.floats(-20, 20)), min_size=3, max_size=30))
