@@ -109,11 +109,17 @@ def seconds_at_most(limit: int) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
+def stoppable() -> None:
+    """Make the process that is about to start heed Ctrl-C, also where a shell started the tests in the background."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def start(*options: object) -> subprocess.Popen[str]:
     """A bootstrap in a program and process group of its own, as a terminal starts it."""
     command = [sys.executable, "-m", "calib.cli", *TAKEN, "--jobs", "1", "-o", "out", *map(str, options)]
     return subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=stoppable,  # noqa: PLW1509  # nothing of it needs a lock
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )  # fmt: skip
 

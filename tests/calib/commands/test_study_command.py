@@ -192,10 +192,12 @@ def test_ctrl_c_leaves_a_study_to_go_on_with() -> None:
     os.killpg(process.pid, signal.SIGINT)
     said, complained = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert re.fullmatch(r"stopped after \d+ of 10000 samples, which are kept; go on with --resume\n", complained)
+    *progress, last = complained.splitlines()
+    assert all(line.startswith("sampling: ") for line in progress)  # of which a fast machine shows none
+    assert re.fullmatch(r"stopped after \d+ of 10000 samples, which are kept; go on with --resume", last)
     assert said == ""
     assert set(contents("out")) == {"study.sqlite"}
-    assert len(rows_of()) == int(complained.split()[2])
+    assert len(rows_of()) == int(last.split()[2])
 
 
 def test_plot_draws_the_same_again(folder: Path) -> None:

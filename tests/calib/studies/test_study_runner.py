@@ -32,6 +32,7 @@ from tests.support.study_chunks import (
     revealing,
     small_pool,
 )
+from tests.support.study_commands import stoppable
 
 ROOT = Path(__file__).parents[3]
 
@@ -168,7 +169,8 @@ def started(path: Path, *more: str) -> subprocess.Popen[str]:
     """The study as a program, in a group of its own, its progress on standard output."""
     command = [sys.executable, "-m", "tests.support.study_chunks", str(path), *more]
     return subprocess.Popen(command, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                            start_new_session=True, env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+                            start_new_session=True, preexec_fn=stoppable,  # noqa: PLW1509  # nothing of it needs a lock
+                            env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
 
 
 def wait_for(program: subprocess.Popen[str], done: int) -> None:
