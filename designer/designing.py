@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
@@ -87,9 +88,12 @@ class DesignedTarget:
         """The files, and the page before it was written down."""
         from designer.report.design_page import design_page, page_file
 
-        files = make_files(self.design, on_stage)
+        _ = self.design.plates  # of which both make use
+        with ThreadPoolExecutor(1) as beside:  # while files are compressed
+            costs = beside.submit(lambda: self.costs)
+            files = make_files(self.design, on_stage)
         on_stage("page")
-        page = design_page(self.design, self.check, files, self.costs)
+        page = design_page(self.design, self.check, files, costs.result())
         return (*files, page_file(page)), page
 
     def save(self, folder: Place | None = None, on_stage: Callable[[str], None] = unheard) -> "Written":

@@ -11,14 +11,14 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from manifold3d import Manifold, triangulate
+from manifold3d import triangulate
 from numpy.typing import NDArray
 
 from designer.base.errors import InputError
 from designer.base.solid import CODES, Polyhedron, Solid, code_positions
-from designer.make.booleans import cone, cylinder, mesh_of, prism, solid_of, union
+from designer.make.booleans import CIRCLE_SEGMENTS
 from designer.make.lettering import CHAMFER_LAYERS, HEIGHT, text_contours, text_width
-from designer.make.mesh import Hull, Part, inlaid, wall_strip
+from designer.make.mesh import Hull, Ids, Part, inlaid, wall_strip
 from designer.make.pattern import Contour, Pattern, moved_in
 from designer.spec.build import InkSide
 from designer.spec.spec import PrinterProfile
@@ -220,16 +220,25 @@ def pad_places(sizes: TileSizes) -> Array:
 def number_contours(sizes: TileSizes, number: int) -> tuple[Contour, ...]:
     """A face's number inside the circle of keys, else outside by the code's corner; none where there is no room."""
     text, below = str(number), sizes.push_radius_mm + 2 * sizes.line_mm
-    around = sizes.key_hole_mm / 2 + sizes.line_mm
+    around, margin = sizes.key_hole_mm / 2 + sizes.line_mm, sizes.chamfer_mm + sizes.line_mm
     low = sizes.key_radius_mm + around
     high = float(pad_places(sizes)[0, 1]) - sizes.pad_radius_mm - sizes.line_mm
     for stroke in np.arange(LETTER_STROKE_MM, sizes.line_mm - 1e-9, -0.05).tolist():
         height = HEIGHT * stroke
         if math.hypot(below + height, text_width(text) * stroke / 2) <= sizes.key_radius_mm - around:
             return text_contours(text, stroke, -below - height)
-        if low + height <= high:
-            return text_contours(text, stroke, (low + high - height) / 2)
+        outside = text_contours(text, stroke, (low + high - height) / 2)
+        if low + height <= high and _is_within(outside, sizes.outline_at(sizes.thickness_mm, margin)):
+            return outside
     return ()
+
+
+def _is_within(contours: tuple[Contour, ...], outline: Contour) -> bool:
+    """Whether a convex outline holds them all."""
+    edge = np.roll(outline, -1, axis=0) - outline
+    inward = np.stack([-edge[:, 1], edge[:, 0]], axis=1)
+    room = (np.concatenate(contours)[:, None] - outline) * inward
+    return bool((room.sum(axis=2) >= 0).all())
 
 
 def id_contours(sizes: TileSizes, text: str) -> tuple[Contour, ...]:
@@ -253,32 +262,62 @@ def make_tile(pattern: Pattern, face: int, code: int, target_id: str, sizes: Til
         target_id: as it is engraved.
         sizes: of all tiles.
     """
-    part = inlaid(*_hull_of(pattern, face, sizes), sizes.inlay_mm)
-    back = -sizes.thickness_mm
-    keys = key_places(sizes, code).tolist()
-    body = solid_of(part.body)
     letters = (*number_contours(sizes, face), *id_contours(sizes, target_id))
-    if letters:
-        mirrored = tuple((contour * [-1.0, 1.0])[::-1] for contour in letters)  # read from behind
-        body -= prism(mirrored, back - 1.0, back + ENGRAVED_LAYERS * sizes.layer_mm)
-    if sizes.has_pins:
-        body += union([pin(sizes).translate((x, y, back)) for x, y in keys])
-    else:
-        top = back + sizes.peg_depth_mm
-        body -= union([cylinder(sizes.key_hole_mm / 2, back - 1.0, top, (x, y)) for x, y in keys])
-    return Part(mesh_of(body), part.ink)
+    key = _pin(sizes) if sizes.has_pins else _peg_hole(sizes)
+    steps = [[ring + np.array([x, y, 0.0]) for ring in key] for x, y in key_places(sizes, code).tolist()]
+    steps += [_engraved(contour, sizes) for contour in letters]
+    return inlaid(*_hull_of(pattern, face, sizes, steps), sizes.inlay_mm)
 
 
-def pin(sizes: TileSizes) -> Manifold:
-    """A pin that hangs from z = 0 (and reaches a little into the tile), its end chamfered."""
-    length, radius = sizes.glue_gap_mm + sizes.engaged_mm, sizes.key_mm / 2
+Steps = list[Array]
+"""Rings of equally many points, from a tile's back to the last one, which is closed.  # (N, 3) each"""
+
+
+def _ring(radius_mm: float, z_mm: float) -> Array:
+    """A circle in points, counter-clockwise from outside the face."""
+    turn = 2 * np.pi / CIRCLE_SEGMENTS * np.arange(CIRCLE_SEGMENTS)
+    ring: Array = np.stack([radius_mm * np.cos(turn), radius_mm * np.sin(turn), np.full(len(turn), z_mm)], axis=1)
+    return ring
+
+
+def _pin(sizes: TileSizes) -> Steps:
+    """A pin on the back, its end chamfered."""
+    back, radius, length = -sizes.thickness_mm, sizes.key_mm / 2, sizes.glue_gap_mm + sizes.engaged_mm
     tip = min(0.2 * sizes.key_mm, length / 3)
-    shaft = cylinder(radius, tip - length, CLOSED_LAYERS * sizes.layer_mm)
-    return shaft + cone(radius - tip, radius, tip).translate((0.0, 0.0, -length))
+    return [_ring(radius, back), _ring(radius, back + tip - length), _ring(radius - tip, back - length)]
 
 
-def _hull_of(pattern: Pattern, face: int, sizes: TileSizes) -> tuple[Pattern, Hull]:
-    """The face's ink alone, in its own frame, and the prism around it: outlines at four or five depths."""
+def _peg_hole(sizes: TileSizes) -> Steps:
+    """A hole for a loose peg."""
+    back, radius = -sizes.thickness_mm, sizes.key_hole_mm / 2
+    return [_ring(radius, back), _ring(radius, back + sizes.peg_depth_mm)]
+
+
+def _engraved(contour: Contour, sizes: TileSizes) -> Steps:
+    """A letter, to be read from behind."""
+    mirrored, back = (contour * [-1.0, 1.0])[::-1], -sizes.thickness_mm
+    depths = (back, back + ENGRAVED_LAYERS * sizes.layer_mm)
+    return [np.column_stack([mirrored, np.full(len(mirrored), z)]) for z in depths]
+
+
+def _back_skin(outline: Contour, steps: list[Steps], outline_id: int, first_id: int) -> Ids:
+    """Triangles of a back with its pins and pits, whose points are numbered on from `first_id`.  # (T, 3)"""
+    holes = [rings[0][::-1, :2] for rings in steps]
+    ids = [np.arange(outline_id, outline_id + len(outline), dtype=np.int32)]
+    skin = []
+    for rings in steps:
+        count = len(rings[0])
+        own = np.arange(first_id, first_id + len(rings) * count, dtype=np.int32).reshape(len(rings), count)
+        first_id += own.size
+        ids.append(own[0, ::-1])
+        skin += [wall_strip(upper, lower) for upper, lower in pairwise(own)]
+        skin.append(own[-1][triangulate([rings[-1][:, :2]])[:, ::-1]])
+    plane = np.concatenate(ids)[triangulate([outline, *holes])[:, ::-1]]
+    return np.concatenate([plane, *skin])
+
+
+def _hull_of(pattern: Pattern, face: int, sizes: TileSizes, steps: list[Steps]) -> tuple[Pattern, Hull]:
+    """The face's ink alone, in its own frame, and the prism around it: outlines at four depths, and steps."""
     chamfer, thickness, inlay = sizes.chamfer_mm, sizes.thickness_mm, sizes.inlay_mm
     if sizes.ink_side == "down":
         levels = [(0.0, chamfer), (chamfer, 0.0), (inlay, 0.0), (thickness, 0.0)]
@@ -293,10 +332,10 @@ def _hull_of(pattern: Pattern, face: int, sizes: TileSizes) -> tuple[Pattern, Hu
     )
     ids = np.arange(len(vertices), dtype=np.int32).reshape(len(levels), corners)
     strips = [wall_strip(upper, lower) for upper, lower in pairwise(ids)]
-    back = triangulate([loops[-1]])[:, ::-1].astype(np.int32) + ids[-1, 0]
+    back = _back_skin(loops[-1], steps, int(ids[-1, 0]), len(vertices))
     hull = Hull(
-        vertices_mm=vertices, top=ids[:1], floor=ids[floor_level : floor_level + 1],
-        floor_outline_mm=loops[floor_level][None],
+        vertices_mm=np.concatenate([vertices, *(ring for rings in steps for ring in rings)]),
+        top=ids[:1], floor=ids[floor_level : floor_level + 1], floor_outline_mm=loops[floor_level][None],
         body_skin=np.concatenate([*strips[floor_level:], back]), rim=np.concatenate(strips[:floor_level]),
     )  # fmt: skip
     mine = replace(pattern.faces[face], outline=loops[0])

@@ -15,10 +15,11 @@ from designer.base.units import skew_matrix
 from designer.builds.tiles import assembly_of as assembly_in_tiles
 from designer.kinds.sizing import size_job
 from designer.make.assembly import Assembly, assemble, plates_of
-from designer.make.booleans import cylinder, frame_along, placed, solid_of
+from designer.make.booleans import cone, cylinder, frame_along, placed, prism, solid_of
 from designer.make.core import split_of
 from designer.make.mounts import MOUNTS, mounted, room_mm
-from designer.make.tile import key_places, pin
+from designer.make.pattern import moved_in
+from designer.make.tile import TileSizes, key_places, number_contours
 from designer.produce import Design
 from designer.spec.kind import KINDS, kind_named
 from designer.spec.spec import InkSide
@@ -43,6 +44,14 @@ def assembly_of(kind: str, edge_mm: float = 100.0, ink_side: InkSide = "down") -
     solid = design.job.target.solid
     assert solid is not None
     return assemble(design.target, solid, replace(design.job.printing, inlay_mm=0.6, ink_side=ink_side))
+
+
+def pin(sizes: TileSizes) -> Manifold:
+    """A pin that hangs from z = 0, and reaches a little into the tile."""
+    length, radius = sizes.glue_gap_mm + sizes.engaged_mm, sizes.key_mm / 2
+    tip = min(0.2 * sizes.key_mm, length / 3)
+    shaft = cylinder(radius, tip - length, 2 * sizes.layer_mm)
+    return shaft + cone(radius - tip, radius, tip).translate((0.0, 0.0, -length))
 
 
 def in_place(assembly: Assembly, face: int, out_mm: float = 0.0) -> Manifold:
@@ -384,3 +393,21 @@ def test_a_mount_that_does_not_fit_names_an_edge_that_does() -> None:
     edge = float(str(error.value).split("edge of about ")[1].split("mm")[0])
     larger = assembly_of("ico", edge)
     mounted("1/4-20", design_of("ico", edge).target, larger.solid, larger.sizes)
+
+
+@pytest.mark.parametrize("ink_side", ["down", "up"])
+def test_a_back_keeps_its_number_off_the_rim_and_has_pins_and_pits(ink_side: InkSide) -> None:
+    """By booleans: a small tile is its prism and three pins, without engraving and holes, none of it at a side."""
+    assembly = assembly_of("ico", 60.0 if ink_side == "up" else 45.0, ink_side)
+    sizes, tile = assembly.sizes, assembly.tiles[12]
+    assert tile.ink is not None
+    assert number_contours(sizes, 12)
+    whole = solid_of(tile.body) + solid_of(tile.ink)
+    outline = sizes.outline_at(sizes.thickness_mm, sizes.chamfer_mm)
+    back = prism((outline,), -sizes.thickness_mm, 0.2 - sizes.thickness_mm)
+    rim = back - prism((moved_in(outline, 0.3),), -sizes.thickness_mm, 0.0)
+    assert (rim - whole).volume() < NOTHING_MM3
+    beyond = whole.trim_by_plane((0.0, 0.0, -1.0), sizes.thickness_mm)
+    pins = pin(sizes).trim_by_plane((0.0, 0.0, -1.0), 0.0).volume()
+    assert beyond.volume() == pytest.approx(3 * pins if sizes.has_pins else 0.0, abs=1e-6)
+    assert (back - whole).volume() > 0.05
