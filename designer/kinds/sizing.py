@@ -94,8 +94,8 @@ def _with_room_for_mount(asked: Asked, printer: PrinterProfile, build: str, usua
             raise InputError(f"mount {asked.mount}: its post asks for a wider margin, and then {error}") from None
     if spec is usual:
         return None
-    now, before = (f"{lay_out(each).ring_count} of {each.ring_diameter_mm:g}mm" for each in (spec, usual))
-    why = f"leaves a corner free for mount {asked.mount}, with rings {now} instead of {before}"
+    now, before = (f"{lay_out(each).ring_count} rings of {each.ring_diameter_mm:g}mm" for each in (spec, usual))
+    why = f"leaves a corner free for mount {asked.mount}, with {now} instead of {before}"
     return spec, f"{remark}; margin {spec.margin_mm:g}mm: {why}"
 
 

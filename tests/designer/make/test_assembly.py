@@ -282,7 +282,7 @@ def test_a_cube_whose_mount_is_named_gets_room_for_it(edge: str, mount: str) -> 
     assert assembly.mounted is not None
     assert assembly.post is not None
     assert assembly.mounted.cut_mm + LINE_MM <= room_mm(on.lay_out(), assembly.solid)
-    assert f"of {on.ring_diameter_mm:g}mm instead of {usual.lay_out().ring_count} of" in sized.remarks[0]
+    assert f"of {on.ring_diameter_mm:g}mm instead of {usual.lay_out().ring_count} rings of" in sized.remarks[0]
     for piece in (*(part.solid for part in assembly.core), *(in_place(assembly, face) for face in range(6))):
         assert (piece ^ assembly.post).volume() < NOTHING_MM3
     pit = assembly.mounted.socket
