@@ -23,8 +23,8 @@ def assembling_section(design: Design, assembly: Assembly, files: Sequence[Outpu
     """How to print and assemble it."""
     count, inked = len(design.target.target_from_face), sum(plate.is_two_filament for plate in design.plates)
     lead = (
-        f"{count} flat tiles on {inked} plate{'s' * (inked > 1)} in two filaments, a core in one; each tile fits one seat in "
-        "one orientation, and each can be printed again alone."
+        f"{count} flat tiles on {inked} plate{'s' * (inked > 1)} in two filaments, a core in one; each tile fits one "
+        "seat in one orientation, and each can be printed again alone."
     )
     view = View3d(
         "Taken apart",
