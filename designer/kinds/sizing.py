@@ -90,8 +90,11 @@ def _with_room_for_mount(asked: Asked, printer: PrinterProfile, build: str, usua
         margin = round_up(spec.margin_mm + max(MARGIN_STEP * lacking, 0.02))
         try:
             spec, remark = replace(asked, margin=margin).sized(_line_of(build, printer))
-        except InputError as error:
-            raise InputError(f"mount {asked.mount}: its post asks for a wider margin, and then {error}") from None
+        except InputError:
+            raise InputError(
+                f"mount {asked.mount}: its post asks for a margin of {margin:g}mm, which leaves this edge no room for "
+                "rings; use a larger edge, another mount, or --mount none"
+            ) from None
     if spec is usual:
         return None
     now, before = (f"{lay_out(each).ring_count} rings of {each.ring_diameter_mm:g}mm" for each in (spec, usual))

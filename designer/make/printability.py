@@ -163,15 +163,18 @@ def _width(
     """
 
     def look(target: TargetGeometry, printing: PrintSpec) -> Look | None:
-        width = width_mm(narrowest_widths(target), printing.ink_offset_mm)
+        widths, offset = narrowest_widths(target), printing.ink_offset_mm
+        width = width_mm(widths, offset)
         if math.isinf(width):
             return None
         least, line = printing.pattern_least_mm, printing.pattern_line_mm
+        is_by_offset = width < least <= width_mm(widths, 0.0)
+        mend = "use an ink offset nearer to 0 or a finer nozzle" if is_by_offset else remedy
         is_graded = target.spec is not None and target.spec.is_graded
         good = line if is_graded else 2 * line
         size, said = f"{what} {width:.3g}mm", tuple[tuple[Level, str | Narrow], ...]()
         if width < least - _ROUNDING_MM:
-            said = (("violation", f"{size} is less than {least:g}mm, the least that can be made; {remedy}"),)
+            said = (("violation", f"{size} is less than {least:g}mm, the least that can be made; {mend}"),)
         elif width < line - _ROUNDING_MM:
             effect = ("over-extrudes", "over-extrude")
             said = (("warning", Narrow(size, f"one line ({line:g}mm)", effect, remedy)),)
