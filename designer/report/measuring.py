@@ -411,7 +411,7 @@ def photo_blocks(design: Design) -> tuple[Block, ...]:
     )
     if design.job.printing.way.is_in_parts:
         count = (
-            "20 to 30 photos from all sides calibrate a camera; to measure how the tiles sit takes about 60, several "
+            "20 to 30 photos from all sides calibrate a camera; to measure how the tiles sit takes 40 or more, several "
             "tiles in each. Turn the target between them."
         )
     if design.target.is_plate:
