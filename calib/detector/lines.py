@@ -8,7 +8,7 @@ side of a ring is blurred more than the other, the whole ring so moves by about 
 by alike amounts on all faces that lean alike, which a camera takes for another focal length.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -37,6 +37,8 @@ s grad s the share NARROW exp(-r) is left, r being the hole's semi-minor axis in
 1.3, .3 at 1.5 and at 2.1, .1 at 2.6, twice of which is taken."""
 MIN_FOR_LINE = 6
 """A grid of so many features has a homography with something to spare; fewer leave the vanishing line free."""
+CONTRADICTED = 4.0
+"""Standard deviations of a line by which one of better centres may differ from it."""
 OFF_ROW = 3
 """So many of them must stand off any one row: what hangs on a single point shows no misfit when that point is wrong."""
 
@@ -151,6 +153,20 @@ def fit_lines(plan: TargetPlan, ring: Integers, seen: Seen, lens: Lens, placemen
         information[mine] = np.linalg.inv(spread + floor[:, None, None] * np.eye(2))
         residual[mine] = seen.center_px[mine] - lens.distort(homography.apply(matrix, plane[mine]))
     return Lines(line, information, residual)
+
+
+def with_sound_lines(rough: Lines, fine: Lines) -> Lines | None:
+    """Lines of which those that better centres contradict are theirs; None: there are none.
+
+    A ring that is covered in part, and that the pairs of ellipses took for whole, may turn the line of its whole face:
+    where it lies far out, the grid follows it, and the misfit that remains does not tell.
+    """
+    off = fine.line - rough.line
+    squares = np.einsum("ni,nij,nj->n", off, rough.information, off)
+    contradicted = rough.known & fine.known & (squares > CONTRADICTED**2)
+    if not contradicted.any():
+        return None
+    return replace(rough, line=np.where(contradicted[:, None], fine.line, rough.line))
 
 
 def _spans_plane(index: Integers, plan: TargetPlan) -> bool:

@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 from calib.core.types import CUT_OFF, OUTSIDE, TOO_FLAT
 from calib.detector.candidates import MIN_RADIUS_PX, Candidates, semi_axes_px
 from calib.detector.lens import Lens, local_form
-from calib.detector.lines import Lines, Seen, blur_growth, fit_lens, fit_lines, is_noticed, left_covariance
+from calib.detector.lines import (
+    Lines,
+    Seen,
+    blur_growth,
+    fit_lens,
+    fit_lines,
+    is_noticed,
+    left_covariance,
+    with_sound_lines,
+)
 from calib.detector.marks import COVERED, DOT, RING, judge, read_marks
 from calib.detector.pair_fit import fit_pairs
 from calib.detector.place import Naming, Placement, Places, nearest_rows, predict
@@ -170,7 +179,7 @@ def _fit_with_lines(
     bend, on_face = local_form(lens, seen.center_px)[1], plan.target.ring_face[places.ring]
 
     def fitted(start: Floats, growth: Floats | None) -> RingFits:
-        return fit_rings(
+        fits = fit_rings(
             image,
             start,
             limit=plan.limit,
@@ -179,13 +188,17 @@ def _fit_with_lines(
             bend=bend,
             growth=growth,
         )
+        # One circle alone does not tell where its centre is projected to.
+        return replace(fits, ok=fits.ok & (known.known | ~is_dot))
 
     fits = fitted(start, None)
+    sounder = with_sound_lines(known, lines(_seen(fits, start, is_dot, places, plan))[1])
+    if sounder is not None:
+        known = sounder
+        fits = fitted(start, None)
     growth = blur_growth(fits.center_px, fits.params[:, BLUR], fits.ok & ~is_dot, on_face)
     if is_noticed(growth[fits.ok], fits.params[fits.ok, BLUR]):
         fits = fitted(np.where(fits.ok[:, None], fits.params, start), growth)
-    # One circle alone does not tell where its centre is projected to.
-    fits = replace(fits, ok=fits.ok & (known.known | ~is_dot))
     sound = judge(fits, None, is_dot, places.shape, plan) == ""
     face = np.where(sound, plan.target.ring_face[places.ring], -1)
     roughness = fits.noise / np.maximum(fits.contrast, 1e-9)
@@ -193,10 +206,14 @@ def _fit_with_lines(
     left = left_covariance(growth, fits.params[:, BLUR], fits.params[:, E00 : E11 + 1], fits.params[:, RATIO])
     fits = replace(fits, cov_px2=ratios.ring[:, None, None] * fits.cov_px2 + left)
     remarks = () if ratios.photo < WORTH_A_WORD else (NO_GREY_EDGES if softened else ODD_EDGES,)
+    return fits, lines(_seen(fits, start, is_dot, places, plan))[1].residual_px, remarks
+
+
+def _seen(fits: RingFits, start: Floats, is_dot: NDArray[np.bool_], places: Places, plan: TargetPlan) -> Seen:
+    """The centres of fits, to be trusted where these are sound."""
     sigma_px = np.sqrt(np.abs(np.trace(fits.cov_px2, axis1=1, axis2=2)) / 2)
     sound = judge(fits, None, is_dot, places.shape, plan) == ""
-    seen = Seen(np.where(fits.ok[:, None], fits.center_px, start[:, :2]), sigma_px, sound)
-    return fits, lines(seen)[1].residual_px, remarks
+    return Seen(np.where(fits.ok[:, None], fits.center_px, start[:, :2]), sigma_px, sound)
 
 
 def _softened(image: NDArray[np.generic], start: Floats) -> tuple[NDArray[np.generic], Floats]:

@@ -9,7 +9,7 @@ from calib.cameras import rays
 from calib.cameras.camera import camera_or_preset
 from calib.detector.grid import Grid, planar_parts
 from calib.detector.lens import CameraLens, NoLens
-from calib.detector.lines import Seen, fit_lines
+from calib.detector.lines import Seen, fit_lines, with_sound_lines
 from calib.detector.pipeline import detect
 from calib.detector.place import place_faces
 from calib.detector.plan import plan_for
@@ -85,3 +85,22 @@ def test_a_camera_without_rays_is_refused() -> None:
     params[:2] = 1e300
     with pytest.raises(ValueError, match="no usable rays"):
         CameraLens(replace(wide, params=params))
+
+
+def test_lines_that_better_centres_contradict_are_theirs() -> None:
+    """A face whose line lies five sigmas off, as a ring covered in part may turn it, gets the better one, no other."""
+    target, scene = ico(), scene_of(ico(), 3, noise_px=0.02)
+    naming, plan = true_naming(scene), plan_for(ico())
+    placement = place_faces(plan, scene.candidates, naming, CAMERA.image_size, NoLens())
+    center = scene.candidates.ellipse[naming.candidate, :2]
+    seen = Seen(center, np.full(len(center), 0.02), np.ones(len(center), dtype=bool))
+    fine = fit_lines(plan, naming.ring, seen, NoLens(), placement)
+    face = target.ring_face[naming.ring]
+    sigma = np.sqrt(np.diagonal(np.linalg.inv(fine.information), axis1=1, axis2=2))
+    sigmas_off = np.where(face == face[0], 5.0, 1.0)
+    rough = replace(fine, line=fine.line + sigmas_off[:, None] * sigma * [1, -1])
+    found = with_sound_lines(rough, fine)
+    assert found is not None
+    assert np.array_equal(found.line, np.where((face == face[0])[:, None], fine.line, rough.line))
+    assert np.array_equal(found.information, rough.information)
+    assert with_sound_lines(fine, fine) is None
