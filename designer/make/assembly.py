@@ -20,10 +20,11 @@ from designer.make.core import CorePart, make_core, mount_vertex, split_of
 from designer.make.lettering import ID_DIGITS
 from designer.make.mesh import Part
 from designer.make.mounts import DEFAULT_MOUNT, MOUNTS, Mounted, fits, mounted
-from designer.make.nesting import BED_RIM_MM, TOWER_MM, largest_inradius_mm, nest
+from designer.make.nesting import BED_RIM_MM, largest_inradius_mm, nest
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.plate import Piece, Plate
 from designer.make.tile import MOST_THICKNESS_MM, TileSizes, make_tile, thickness_mm, tile_sizes
+from designer.make.tower import TOWER_MM
 from designer.spec.build import ANY_MOUNT, NO_MOUNT
 from designer.spec.machine import BRIM_MM
 from designer.spec.spec import PrintSpec

@@ -1,4 +1,7 @@
-"""Equal tiles on the printer's beds: as many as fit side by side, turned together, beside the prime tower."""
+"""Equal tiles on the printer's beds: as many as fit side by side, turned together, beside the prime tower.
+
+The corner that is left for the tower is as long as PrusaSlicer's tower is wide: others are narrower.
+"""
 
 import math
 from dataclasses import dataclass
@@ -8,6 +11,7 @@ from numpy.typing import NDArray
 
 from designer.base.errors import InputError
 from designer.base.solid import regular_polygon
+from designer.make.tower import TOWER_MM
 
 Array = NDArray[np.float64]
 
@@ -15,8 +19,6 @@ SPACINGS_MM = (8.0, 5.0, 3.0, 2.0, 1.5)
 """Between tiles, the widest first: 8 mm leave room for two brims of 4 mm."""
 BED_RIM_MM = 2.0
 """Free along the bed's rim: an assumption, as machines differ."""
-TOWER_MM = 60.0
-"""Side of the corner that is left for a prime tower: PrusaSlicer's is 60 mm wide."""
 _TURNS = np.radians(np.arange(0.0, 120.0, 5.0))
 _SHIFTS = 12
 

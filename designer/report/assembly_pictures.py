@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from designer.make.assembly import Assembly
 from designer.make.booleans import mesh_of, solid_of
 from designer.make.mesh import Mesh, wall_strip
-from designer.make.nesting import TOWER_MM
 from designer.make.plate import Piece, Plate
+from designer.make.tower import TOWER_MM
 from designer.page.blocks import Svg
 from designer.page.scene import Labels, Layer, Scene, Surface
 from designer.produce import Design

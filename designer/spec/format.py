@@ -125,9 +125,9 @@ def choose_formats(
         wanted.remove("3mf")
         remarks.append("3mf: left out, this build is in one filament; print the STL")
     reasons = {name: FORMATS[name].why_not(form, printing) for name in FORMATS}
-    if "project" in wanted and "project" not in asked and reasons["project"]:
-        wanted.remove("project")
-        remarks.append(f"project: left out, {reasons['project']}")
+    for name in (name for name in usual if FORMATS[name].is_of_plates and name not in asked and reasons[name]):
+        wanted.remove(name)
+        remarks.append(f"{name}: left out, {reasons[name]}")
     impossible = [name for name in FORMATS if name in wanted and reasons[name]]
     if set(asked) == set(FORMATS):
         return tuple(name for name in FORMATS if name in wanted and not reasons[name]), (
