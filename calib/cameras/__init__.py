@@ -68,7 +68,7 @@ class CameraModel(Protocol):
         ...
 
     def rays(self, camera: "Camera", pixel: "Array") -> "Array":
-        """Directions (..., 3), scaled to z = 1, of the light that reaches pixels (..., 2); nan where there is none."""
+        """Unit directions (..., 3) of the light that reaches pixels (..., 2); nan where there is none."""
         ...
 
     def project(self, camera: "Camera", point: "Array") -> "Array":
@@ -109,7 +109,7 @@ def parameter_names(model: str) -> tuple[str, ...]:
 
 
 def rays(camera: "Camera", pixel: "Array") -> "Array":
-    """Directions (..., 3), scaled to z = 1, of the light that reaches pixels (..., 2); nan where there is none."""
+    """Unit directions (..., 3) of the light that reaches pixels (..., 2); nan where there is none."""
     return MODELS[camera.model].rays(camera, pixel)
 
 

@@ -101,9 +101,7 @@ class Camera:
 
     def rays(self, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
         """Unit directions (..., 3) of the light that reaches pixels (..., 2); nan where none does: `camera.rays(u)`."""
-        ray = rays(self, _rows_of(pixel, 2, "pixels"))
-        unit: NDArray[np.float64] = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
-        return unit
+        return rays(self, _rows_of(pixel, 2, "pixels"))
 
     def to_json(self) -> JsonValue:
         """The content of `camera.json`, which also stands in other files."""
@@ -147,7 +145,7 @@ FOCAL_RANGE_PX = (1e-3, 1e9)
 LARGEST_BY_UNIT = {"px": 1e9, "1": 1e30}
 """By unit, what a parameter may be at most; what is larger overflows further on, and is no lens."""
 
-GRID, LEAST_SEEN, STEEPEST = 41, 0.01, 1e3
+GRID, LEAST_SEEN, LEAST_FORWARD = 41, 0.01, 1e-3
 """Of pixels that are tried, the least share with a ray less than 89.9 degrees off the axis."""
 
 Side = Annotated[int, AtLeast(1), AtMost(MAX_SIDE_PX)]
@@ -206,7 +204,7 @@ def _require_plausible(camera: Camera, origin: str) -> None:
     u, v = np.meshgrid(np.linspace(0, width - 1, GRID), np.linspace(0, height - 1, GRID))
     with np.errstate(all="ignore"):
         ray = rays(camera, np.stack([u, v], axis=-1))
-        is_seen = np.hypot(ray[..., 0], ray[..., 1]) <= STEEPEST  # false where there is none
+        is_seen = ray[..., 2] >= LEAST_FORWARD  # false where there is none
     if is_seen.mean() < LEAST_SEEN:
         raise InputError(
             f"{origin}: by these numbers {100 * is_seen.mean():.1f} % of the image see what is in front of the camera; "

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.core.jit import jit_sums
+from calib.core.jit import jit, jit_sums
 
 AT_ONCE = 128
 """Points whose pixels and derivatives are worked out together, in one flat array of rows of this length: the compiler
@@ -69,7 +69,8 @@ class CompiledModel:
     """A model (see `calib.cameras.CameraModel`) of compiled kernels.
 
     A kernel takes the parameters, what `lens` makes of the camera, what comes in and what is to be filled: flat arrays,
-    points (N, 3) and pixels (N, 2); for derivatives points (3, N) and the rows of `Linearised`.
+    points and directions of any length (N, 3) and pixels (N, 2); for derivatives points (3, N) and the rows of
+    `Linearised`.
     """
 
     name: str
@@ -82,10 +83,11 @@ class CompiledModel:
     opencv_lens: tuple[str, ...] | None = None
 
     def rays(self, camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Directions (..., 3) with z = 1 at pixels (..., 2); nan where there is none."""
+        """Unit directions (..., 3) at pixels (..., 2); nan where there is none."""
         flat = np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 2)
         ray = np.empty((len(flat), 3))
         self.fill_rays(camera.params, *self.lens(camera), flat, ray)
+        to_unit(ray)
         return ray.reshape(*np.shape(pixel)[:-1], 3)
 
     def project(self, camera: Camera, point: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -100,6 +102,22 @@ class CompiledModel:
         rows = np.empty((8 + 2 * len(self.parameters), point.shape[1]))
         self.fill_linear(camera.params, *self.lens(camera), np.ascontiguousarray(point, dtype=np.float64), rows)
         return Linearised(rows)
+
+
+@jit
+def to_unit(ray: NDArray[np.float64]) -> None:
+    """Bring directions (N, 3) to a length of one."""
+    for n in range(len(ray)):
+        x, y, z = ray[n, 0], ray[n, 1], ray[n, 2]
+        inverse = 1.0 / np.sqrt(x * x + y * y + z * z)
+        ray[n, 0], ray[n, 1], ray[n, 2] = x * inverse, y * inverse, z * inverse
+
+
+def slopes(ray: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where directions (..., 3) meet the plane z = 1 (..., 2); nan of those that do not, or are not known."""
+    depth = ray[..., 2:]
+    slope: NDArray[np.float64] = ray[..., :2] / np.where(depth > 0, depth, np.nan)
+    return slope
 
 
 @jit_sums

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows
+from calib.cameras.parameters import AT_ONCE, FOCAL_AND_CENTRE, Linearised, Parameter, keep_rows, to_unit
 from calib.core.jit import jit, jit_sums
 
 Array = NDArray[np.float64]
@@ -50,10 +50,12 @@ class Pinhole:
     parameters: tuple[Parameter, ...] = FOCAL_AND_CENTRE
 
     def rays(self, camera: Camera, pixel: Array) -> Array:
-        """Directions (..., 3) with z = 1."""
+        """Unit directions (..., 3)."""
         pixel = np.asarray(pixel, dtype=np.float64)
-        direction = (pixel - camera.params[2:]) / camera.params[:2]
-        return np.concatenate([direction, np.ones((*pixel.shape[:-1], 1))], axis=-1)
+        slope = (pixel - camera.params[2:]) / camera.params[:2]
+        ray = np.concatenate([slope, np.ones((*pixel.shape[:-1], 1))], axis=-1)
+        to_unit(ray.reshape(-1, 3))
+        return ray
 
     def project(self, camera: Camera, point: Array) -> Array:
         """Pixels (..., 2); nan behind the camera."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import LINEAR, project, rays
 from calib.cameras.camera import Camera
+from calib.cameras.parameters import slopes
 from calib.core.jit import jit
 from calib.core.parallel import in_chunks
 from designer.base.errors import InputError
@@ -122,7 +123,7 @@ def _zoom_that_shows_all(camera: Camera, pinhole: Camera) -> float:
     """The largest zoom at which everything that the photos show is inside the frame."""
     last = np.array(camera.image_size) - 1.0
     inner = np.stack(np.meshgrid(*(np.linspace(0, end, _INNER_POINTS) for end in last)), axis=-1).reshape(-1, 2)
-    direction = rays(camera, np.concatenate([_border(camera.image_size), inner]))[:, :2]
+    direction = slopes(rays(camera, np.concatenate([_border(camera.image_size), inner])))
     focal, middle = pinhole.params[:2], pinhole.params[2:]
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.where(direction > 0, last - middle, -middle) / (focal * direction)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
+from calib.cameras.parameters import slopes
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_factor, substitute
 from calib.detector import homography
@@ -192,12 +193,12 @@ class CameraLens:
     def _scale(self) -> float:
         width, height = self.camera.image_size
         middle = np.array([[0.5 * width, 0.5 * height], [0.5 * width + 1, 0.5 * height]])
-        step = float(np.linalg.norm(np.diff(rays(self.camera, middle)[:, :2], axis=0)))
+        step = float(np.linalg.norm(np.diff(slopes(rays(self.camera, middle)), axis=0)))
         return 1 / step if step > 0 else np.inf
 
     def straighten(self, pixel: Floats) -> Floats:
         """Pixels to the straight image."""
-        return np.asarray(self._scale * rays(self.camera, pixel)[..., :2])
+        return np.asarray(self._scale * slopes(rays(self.camera, pixel)))
 
     def distort(self, straight: Floats) -> Floats:
         """Back to pixels."""

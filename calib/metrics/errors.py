@@ -143,13 +143,12 @@ def predict(calibration: Calibration, true_cam_from_target: Array | None = None)
     rotation, shift = calibration.cam_from_target[:, :3, :3], calibration.cam_from_target[:, :3, 3]
     in_camera = np.einsum("mij,mj->mi", rotation[seen.view], position) + shift[seen.view]
     ray = rays(calibration.camera, seen.center_px)
-    direction = np.einsum("mji,mj->mi", rotation[seen.view], ray)
     return Prediction(
         calibration,
         position,
         project(calibration.camera, in_camera),
         centers_mm(calibration.cam_from_target),
-        direction / np.linalg.norm(ray, axis=1, keepdims=True),
+        np.einsum("mji,mj->mi", rotation[seen.view], ray),
         true_cam_from_target,
     )
 

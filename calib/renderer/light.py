@@ -178,12 +178,12 @@ def add_glare(
     r, camera = face_from_cam, face_from_cam[:3, 3].copy()
     for row in range(light.shape[0]):
         for column in range(light.shape[1]):
-            dx, dy = ray[row + 1, column + 1, 0], ray[row + 1, column + 1, 1]
-            w = r[2, 0] * dx + r[2, 1] * dy + r[2, 2]
+            dx, dy, dz = ray[row + 1, column + 1, 0], ray[row + 1, column + 1, 1], ray[row + 1, column + 1, 2]
+            w = r[2, 0] * dx + r[2, 1] * dy + r[2, 2] * dz
             if not w * camera[2] < 0:
                 continue
-            x = camera[0] - camera[2] * (r[0, 0] * dx + r[0, 1] * dy + r[0, 2]) / w
-            y = camera[1] - camera[2] * (r[1, 0] * dx + r[1, 1] * dy + r[1, 2]) / w
+            x = camera[0] - camera[2] * (r[0, 0] * dx + r[0, 1] * dy + r[0, 2] * dz) / w
+            y = camera[1] - camera[2] * (r[1, 0] * dx + r[1, 1] * dy + r[1, 2] * dz) / w
             if polygon_distance(outline, x, y) < 0:
                 light[row, column] += peak * lobe(x, y, camera, lamp, width)
 

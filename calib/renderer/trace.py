@@ -147,20 +147,32 @@ def _annulus_coverage(x: float, y: float, outer: float, inner: float, p: _Pixel,
 
 
 @jit
+def _turned(
+    r: Array, ray: Array, row: int, column: int, middle_row: int, middle_column: int
+) -> tuple[float, float, float]:
+    """A ray of an array, cut with the plane through the tip of another and across it, in another frame."""
+    x, y, z = ray[row, column, 0], ray[row, column, 1], ray[row, column, 2]
+    m, n = middle_row, middle_column
+    scale = 1.0 / (x * ray[m, n, 0] + y * ray[m, n, 1] + z * ray[m, n, 2])
+    x, y, z = scale * x, scale * y, scale * z
+    return (
+        r[0, 0] * x + r[0, 1] * y + r[0, 2] * z,
+        r[1, 0] * x + r[1, 1] * y + r[1, 2] * z,
+        r[2, 0] * x + r[2, 1] * y + r[2, 2] * z,
+    )
+
+
+@jit
 def _pixel(ray: Array, row: int, column: int, rotation: Array, height: float) -> _Pixel:
     """The ray of a pixel in the face frame, from the rays of the pixel and its neighbours."""
-    r = rotation
-    x, y = ray[row + 1, column + 1, 0], ray[row + 1, column + 1, 1]
+    a, b, w = _turned(rotation, ray, row + 1, column + 1, row + 1, column + 1)
     # Half the differences of neighbouring rays are their derivatives, exact for a pinhole.
-    xu = 0.5 * (ray[row + 1, column + 2, 0] - ray[row + 1, column, 0])
-    yu = 0.5 * (ray[row + 1, column + 2, 1] - ray[row + 1, column, 1])
-    xv = 0.5 * (ray[row + 2, column + 1, 0] - ray[row, column + 1, 0])
-    yv = 0.5 * (ray[row + 2, column + 1, 1] - ray[row, column + 1, 1])
-    a, b = r[0, 0] * x + r[0, 1] * y + r[0, 2], r[1, 0] * x + r[1, 1] * y + r[1, 2]
-    w = r[2, 0] * x + r[2, 1] * y + r[2, 2]
-    au, av = r[0, 0] * xu + r[0, 1] * yu, r[0, 0] * xv + r[0, 1] * yv
-    bu, bv = r[1, 0] * xu + r[1, 1] * yu, r[1, 0] * xv + r[1, 1] * yv
-    wu, wv = r[2, 0] * xu + r[2, 1] * yu, r[2, 0] * xv + r[2, 1] * yv
+    a0, b0, w0 = _turned(rotation, ray, row + 1, column, row + 1, column + 1)
+    a1, b1, w1 = _turned(rotation, ray, row + 1, column + 2, row + 1, column + 1)
+    au, bu, wu = 0.5 * (a1 - a0), 0.5 * (b1 - b0), 0.5 * (w1 - w0)
+    a0, b0, w0 = _turned(rotation, ray, row, column + 1, row + 1, column + 1)
+    a1, b1, w1 = _turned(rotation, ray, row + 2, column + 1, row + 1, column + 1)
+    av, bv, wv = 0.5 * (a1 - a0), 0.5 * (b1 - b0), 0.5 * (w1 - w0)
     s, t, f = a / w, b / w, -height / w
     gxu, gxv, gyu, gyv = f * (au - s * wu), f * (av - s * wv), f * (bu - t * wu), f * (bv - t * wv)
     reach = REACH * math.sqrt(gxu * gxu + gxv * gxv + gyu * gyu + gyv * gyv)
@@ -205,12 +217,11 @@ def _meet_plane(ray: Array, face_from_cam: Array, point: Array) -> None:
     r = face_from_cam
     for row in range(point.shape[0]):
         for column in range(point.shape[1]):
-            x, y = ray[row, column, 0], ray[row, column, 1]
-            w = r[2, 0] * x + r[2, 1] * y + r[2, 2]
-            depth = -r[2, 3] / w
-            depth = depth if depth > 0 else np.nan
-            point[row, column, 0] = r[0, 3] + depth * (r[0, 0] * x + r[0, 1] * y + r[0, 2])
-            point[row, column, 1] = r[1, 3] + depth * (r[1, 0] * x + r[1, 1] * y + r[1, 2])
+            x, y, z = ray[row, column, 0], ray[row, column, 1], ray[row, column, 2]
+            length = -r[2, 3] / (r[2, 0] * x + r[2, 1] * y + r[2, 2] * z)
+            length = length if length > 0 else np.nan
+            point[row, column, 0] = r[0, 3] + length * (r[0, 0] * x + r[0, 1] * y + r[0, 2] * z)
+            point[row, column, 1] = r[1, 3] + length * (r[1, 0] * x + r[1, 1] * y + r[1, 2] * z)
 
 
 @jit
@@ -233,7 +244,7 @@ def trace_face(ray: Array, face_from_cam: Array, face: FaceArrays, is_binary: bo
     """Add one face to an image of light and to the share of each pixel that is covered.
 
     Args:
-        ray: (H + 2, W + 2, 3), z = 1, of the pixels and of one more on each side.
+        ray: (H + 2, W + 2, 3), unit vectors of the pixels and of one more on each side.
         face_from_cam: (4, 4).
         face: what to see there.
         is_binary: one ray a pixel and no more.
@@ -291,12 +302,11 @@ def set_depth(ray: Array, face_from_cam: Array, outline: Array, depth: Image) ->
     r = face_from_cam
     for row in range(depth.shape[0]):
         for column in range(depth.shape[1]):
-            dx, dy = ray[row + 1, column + 1, 0], ray[row + 1, column + 1, 1]
-            w = r[2, 0] * dx + r[2, 1] * dy + r[2, 2]
-            if not w * r[2, 3] < 0:
+            dx, dy, dz = ray[row + 1, column + 1, 0], ray[row + 1, column + 1, 1], ray[row + 1, column + 1, 2]
+            length = -r[2, 3] / (r[2, 0] * dx + r[2, 1] * dy + r[2, 2] * dz)
+            if not 0 < length * dz < np.inf:
                 continue
-            z = -r[2, 3] / w
-            x = r[0, 3] + z * (r[0, 0] * dx + r[0, 1] * dy + r[0, 2])
-            y = r[1, 3] + z * (r[1, 0] * dx + r[1, 1] * dy + r[1, 2])
+            x = r[0, 3] + length * (r[0, 0] * dx + r[0, 1] * dy + r[0, 2] * dz)
+            y = r[1, 3] + length * (r[1, 0] * dx + r[1, 1] * dy + r[1, 2] * dz)
             if polygon_distance(outline, x, y) < 0:
-                depth[row, column] = z
+                depth[row, column] = length * dz

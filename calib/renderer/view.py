@@ -166,7 +166,7 @@ def _through_lens(
 
 
 def _focal_px(camera: Camera) -> float:
-    """Pixels per unit of the ray's slope in the middle of the image, for any camera model."""
+    """Pixels per radian in the middle of the image, for any camera model."""
     width, height = camera.image_size
     middle = np.array([(width - 1) / 2, (height - 1) / 2])
     left, right = rays(camera, middle + np.array([[-0.5, 0.0], [0.5, 0.0]]))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import MODELS, rays
 from calib.cameras.camera import Camera
+from calib.cameras.parameters import slopes
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import compose, invert
 from calib.core.types import Observations
@@ -126,8 +127,8 @@ def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes
     Of a solid, a projection and weak perspective are tried: the one is exact, the other stands few points, and a plane
     with a point or two beside it.
     """
-    ray = rays(camera, problem.measured_px.T)
-    used = problem.is_used & np.isfinite(ray).all(axis=1)
+    slope = slopes(rays(camera, problem.measured_px.T))
+    used = problem.is_used & np.isfinite(slope).all(axis=1)
     counts = np.add.reduceat(used.astype(np.int64), problem.view_start[:-1])
     poses = np.full((problem.view_count, 4, 4), np.nan)
     views = np.flatnonzero(counts >= LEAST_POINTS)
@@ -135,7 +136,7 @@ def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes
         return poses
     inside = used & (counts >= LEAST_POINTS)[problem.view]
     start = np.concatenate([[0], np.cumsum(counts[views])])
-    position, image = problem.position_mm[:, inside], ray[inside, :2].T
+    position, image = problem.position_mm[:, inside], slope[inside].T
     fitted = linear_views(start, position, image, as_planes=as_planes, is_robust=is_robust)
     poses[views] = poses_of(fitted)
     if not as_planes and not fitted.is_planar.all():

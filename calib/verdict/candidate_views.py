@@ -154,7 +154,6 @@ def _placed(
         ray = rays(camera, aim)
         ok &= np.isfinite(ray).all(axis=1)
         ray = np.where(ok[:, None], ray, [0.0, 0.0, 1.0])
-        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
         turned = rotation if shape.is_flat else _between(sight, ray) @ rotation
         middle = distance_mm[:, None] * ray
         pose = make_pose(turned, middle - turned @ shape.center_mm)

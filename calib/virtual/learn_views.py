@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from calib.cameras import LINEAR, rays
 from calib.cameras.camera import Camera, LearnedMap
 from calib.cameras.learned import known_at, to_image, to_sensor
+from calib.cameras.parameters import slopes
 from calib.cameras.virtual import VIRTUAL
 from calib.core.linear_algebra import least_squares, solve_square
 from calib.core.se3 import transform
@@ -197,7 +198,7 @@ def _map_of_camera(camera: Camera) -> SensorMap:
     """The map of a lens model: its rays on its own pinhole's image, or the pixel itself where it has no ray."""
 
     def sensor_map(pixel: Array) -> Array:
-        point = rays(camera, pixel)[:, :2] * camera.params[:2] + camera.params[2:4]
+        point = slopes(rays(camera, pixel)) * camera.params[:2] + camera.params[2:4]
         return np.where(np.isfinite(point), point, pixel)
 
     return sensor_map

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import rays
 from calib.cameras.camera import Camera
+from calib.cameras.parameters import slopes
 from calib.core.number_text import figure as digits
 from calib.core.types import KnownPoints
 from calib.metrics.errors import centers_mm
@@ -90,7 +91,7 @@ def corner_rays(camera: Camera) -> Array:
     """Through the image's corners, clockwise from the top left, with z = 1; without a lens where that has none."""
     width, height = camera.image_size
     corner = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=np.float64)
-    through = rays(camera, corner)
+    through = np.column_stack([slopes(rays(camera, corner)), np.ones(4)])
     straight = np.column_stack([(corner - camera.params[2:4]) / camera.params[:2], np.ones(4)])
     known = np.isfinite(through).all(axis=1) & (np.abs(through).max(axis=1) < 10)
     return np.where(known[:, None], through, straight)

@@ -123,10 +123,10 @@ def field_of_view_words(camera: Camera) -> str:
     """Angles between the rays through the middles of opposite sides; of the linear part where the model has none."""
     width, height = camera.image_size
     middle = np.array([[0, height / 2], [width - 1, height / 2], [width / 2, 0], [width / 2, height - 1]])
-    ray = rays(camera, middle)
-    if not np.isfinite(ray).all():
+    unit = rays(camera, middle)
+    if not np.isfinite(unit).all():
         ray = np.column_stack([(middle - camera.params[2:4]) / camera.params[:2], np.ones(4)])
-    unit = ray / np.linalg.norm(ray, axis=1, keepdims=True)
+        unit = ray / np.linalg.norm(ray, axis=1, keepdims=True)
     across, down = (
         math.degrees(math.acos(min(1.0, max(-1.0, float(unit[k] @ unit[k + 1]))))) for k in (0, 2)
     )  # fmt: skip

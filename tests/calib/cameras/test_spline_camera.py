@@ -7,6 +7,7 @@ from scipy.interpolate import BSpline
 from calib.api.solving import plan_from_words
 from calib.cameras import linearise, parameter_names, project, rays
 from calib.cameras.camera import Camera, camera_from_mapping, camera_or_preset
+from calib.cameras.parameters import slopes
 from calib.cameras.refit import refit
 from calib.cameras.spline import COLUMNS, FIRST, ROWS, _scale
 from calib.solver.options import SolveOptions, tie_parameters
@@ -25,7 +26,7 @@ def test_the_surface_is_a_tensor_product_of_scipys_splines() -> None:
     """The displacement is that of scipy's cubic B-splines with uniform knots a control point apart."""
     camera = bent(5)
     point = rays(camera, pixels(500))
-    pinhole = point[:, :2] * PINHOLE[:2] + PINHOLE[2:]
+    pinhole = slopes(point) * PINHOLE[:2] + PINHOLE[2:]
     (scale,) = _scale(camera)
     across, down = (scale[k, 0] + (np.arange(count) - 1) / scale[k, 1] for k, count in enumerate((COLUMNS, ROWS)))
 
