@@ -24,6 +24,7 @@ class Abilities:
 
     is_solved: bool = True  # photos determine its parameters; False: photos can be simulated with it, no more
     is_learned: bool = False  # a map that is learned from photos, besides the parameters
+    is_wide: bool = False  # light from the side and from behind has an image
     is_in_all: bool = False  # one of those that `--model all` solves and compares
 
 
@@ -32,6 +33,11 @@ ABILITIES: dict[str, Abilities] = {
     "opencv": Abilities(is_in_all=True),
     "virtual": Abilities(is_in_all=True, is_learned=True),
     "pinhole": Abilities(),
+    "fisheye": Abilities(is_wide=True),
+    "ds": Abilities(is_wide=True),
+    "eucm": Abilities(is_wide=True),
+    "omni": Abilities(is_wide=True),
+    "division": Abilities(is_wide=True),
     "spline": Abilities(is_solved=False),
 }
 """The models, in the order in which they are offered."""

@@ -23,6 +23,7 @@ class Parameter:
     unit: str  # "px", or "1" for a plain number
     lower: float = -inf  # not allowed below, nor at a lower bound of 0
     upper: float = inf
+    neutral: float = 0.0  # of a lens that does nothing
 
 
 FOCAL_AND_CENTRE = (

@@ -19,7 +19,7 @@ SLIGHT = {"px": 1.0, "1": 0.01}
 
 def slight(model: str) -> Camera:
     """A camera whose parameters beyond the linear ones are small, of a model that is known by its line alone."""
-    rest = [SLIGHT[parameter.unit] for parameter in MODELS[model].parameters[4:]]
+    rest = [parameter.neutral + SLIGHT[parameter.unit] for parameter in MODELS[model].parameters[4:]]
     if ABILITIES[model].is_learned:
         return Camera(model, np.array([2500.0, 2510.0, 1230.0, 1010.0, *rest]), LARGE, wavy_map(0.02))
     return Camera(model, np.array([900.0, 880.0, 510.0, 390.0, *rest]), SIZE)
@@ -37,11 +37,18 @@ _CONVENTIONAL = {
     "pincushion": ("opencv", (700.0, 700, 500, 400, 0.2, 0.05, -0.001, 0.003, 0.01)),
     "backward barrel": ("luhmann", (600.0, 610, 490, 400, -0.2, 0.05, -0.01, 0.002, -0.001)),
     "backward pincushion": ("luhmann", (900.0, 910, 490, 400, 0.1, 0.03, 0.01, -0.002, 0.001)),
+    "half space": ("fisheye", (330.0, 331.0, 505.0, 397.0, -0.01, 0.004, -0.006, 0.0012)),
+    "beyond the half space": ("ds", (260.0, 261.0, 495.0, 402.0, -0.25, 0.57)),
+    "wide ellipsoid": ("eucm", (300.0, 300.0, 495.0, 402.0, 0.62, 1.08)),
+    "flat ellipsoid": ("eucm", (500.0, 500.0, 495.0, 402.0, 0.3, 0.9)),
+    "wide sphere": ("omni", (700.0, 700.0, 495.0, 402.0, 1.4)),
+    "wide division": ("division", (330.0, 330.0, 495.0, 402.0, -0.3, 0.02, -0.004)),
+    "narrow division": ("division", (900.0, 900.0, 495.0, 402.0, 0.1, 0.0, 0.0)),
 }
 
 
 def conventional(name: str) -> Camera:
-    """A camera whose lens is a polynomial."""
+    """A camera whose lens is a formula."""
     model, params = _CONVENTIONAL[name]
     return Camera(model, np.array(params), SIZE)
 
