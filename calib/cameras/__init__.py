@@ -114,6 +114,13 @@ def parameter_names(model: str) -> tuple[str, ...]:
     return tuple(parameter.name for parameter in MODELS[model].parameters)
 
 
+def neutral(model: str) -> "Array":
+    """The parameters of a model without distortion, but for its first four, which are zero."""
+    import numpy as np
+
+    return np.array([parameter.neutral for parameter in MODELS[model].parameters])
+
+
 def rays(camera: "Camera", pixel: "Array") -> "Array":
     """Unit directions (..., 3) of the light that reaches pixels (..., 2); nan where there is none."""
     return MODELS[camera.model].rays(camera, pixel)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import linearise, parameter_names, project, rays
+from calib.cameras import ABILITIES, linearise, neutral, parameter_names, project, rays
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import exp_rotation, log_rotation
@@ -118,7 +118,7 @@ def fit_rays(
     seen, direction = pixel[known], ray[known]
     rotation = _frame_of_image(seen, direction, image_size) if turn else np.eye(3)
     direction = direction @ rotation.T
-    if not (direction[:, 2] > 0).all():
+    if not ABILITIES[model].is_wide and not (direction[:, 2] > 0).all():
         raise InputError("the camera sees more than a half space; no model with a focal plane can hold it")
     camera, last = _without_lens(seen, direction, image_size, model), np.eye(3)
     is_free = np.array([name not in zero for name in parameter_names(model)])
@@ -160,7 +160,7 @@ def _without_lens(pixel: Array, ray: Array, image_size: tuple[int, int], model: 
     """The linear camera that fits best near the image's centre."""
     rows = _nearest_to_centre(pixel, image_size)
     slope = ray[rows, :2] / ray[rows, 2:]
-    params = np.zeros(len(parameter_names(model)))
+    params = neutral(model)
     for axis in range(2):
         columns = np.column_stack([slope[:, axis], np.ones(len(rows))])
         params[[axis, 2 + axis]] = least_squares(columns, pixel[rows, axis])
@@ -174,8 +174,8 @@ def _unfolded(camera: Camera, pixel: Array, ray: Array) -> Camera:
     for _ in range(MAX_STEPS):
         if np.isfinite(_cost(camera, np.eye(3), pixel, ray)):
             break
-        params = camera.params.copy()
-        params[FOCAL_AND_CENTRE:] *= 0.8
+        params, none = camera.params.copy(), neutral(camera.model)
+        params[FOCAL_AND_CENTRE:] = 0.8 * params[FOCAL_AND_CENTRE:] + 0.2 * none[FOCAL_AND_CENTRE:]
         camera = replace(camera, params=params)
     return camera
 

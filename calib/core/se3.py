@@ -28,6 +28,14 @@ def exp_rotation(vector_rad: Array) -> Array:
     return result
 
 
+def rotation_between(first: Array, second: Array) -> Array:
+    """The smallest rotations (..., 3, 3) that turn unit vectors (..., 3) into others."""
+    axis = np.cross(first, second)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, (first * second).sum(axis=-1, keepdims=True))
+    return exp_rotation(axis / np.where(sine > 0, sine, 1.0) * angle)
+
+
 def log_rotation(rotation: Array) -> Array:
     """Rotation vectors (..., 3), at most pi long, of rotations (..., 3, 3).
 

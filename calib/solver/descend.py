@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import neutral
 from calib.cameras.camera import Camera
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.levenberg import FIRST_DAMPING, Minimum, minimise
@@ -168,7 +169,8 @@ def is_robust(options: SolveOptions) -> bool:
 
 def without_lens(camera: Camera, tie: Tie) -> Camera:
     """The camera with no distortion but what a person fixed."""
-    params = np.where((np.arange(len(camera.params)) < 4) | (tie.row < 0), camera.params, 0.0)
+    linear = np.arange(len(camera.params)) < 4
+    params = np.where(linear | (tie.row < 0), camera.params, neutral(camera.model))
     return replace(camera, params=params)
 
 

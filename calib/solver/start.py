@@ -1,15 +1,17 @@
 """Where the solution starts, without prior knowledge: a first camera, first poses, and poses of a known camera."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import MODELS, rays
+from calib.cameras import ABILITIES, neutral, rays
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import slopes
+from calib.cameras.refit import fit_rays, image_grid
 from calib.core.linear_algebra import symmetric_inverse
-from calib.core.se3 import compose, invert
+from calib.core.se3 import compose, invert, make_pose, rotation_between
 from calib.core.types import Observations
 from calib.solver.blocks import RobustLoss, view_misfit
 from calib.solver.levenberg import Minimum, minimise, minimise_poses
@@ -20,6 +22,13 @@ from calib.solver.problem import MANY, Problem, few_per_view, pack, select, targ
 Array = NDArray[np.float64]
 
 FEW_VIEWS = 16
+WIDE_GRID = 24
+FIELDS_DEG = (180.0, 120.0, 220.0, 80.0)
+"""First guesses of a wide lens's field of view, from corner to corner."""
+FAR_COSINE = 0.5
+"""Of the angle off the axis from which on a plane z = 1 is no place for rays."""
+STEEPEST = 4.0
+"""Slope of rays that linear equations are made of: farther out they would outweigh all others."""
 FOCALS = (0.5, 0.8, 1.3, 2.2, 4.0, 8.0)
 """First guesses of the focal length where the views do not tell, in units of the image's longer side."""
 GOOD_FIT = 5e-4
@@ -39,9 +48,22 @@ MOST_STEPS = 50
 
 def first_camera(model: str, image_size: tuple[int, int], focal_px: float) -> Camera:
     """A camera without distortion, its principal point in the middle of the image."""
-    params = np.zeros(len(MODELS[model].parameters))
+    params = neutral(model)
     params[:4] = focal_px, focal_px, 0.5 * (image_size[0] - 1), 0.5 * (image_size[1] - 1)
     return Camera(model, params, image_size)
+
+
+def wide_camera(model: str, image_size: tuple[int, int], field_rad: float) -> Camera:
+    """The camera of a wide model whose angles are as even as can be, so far from corner to corner of the image.
+
+    Nearly all wide lenses are made so that the distance from the centre grows in proportion to the angle.
+    """
+    pixel = image_grid(image_size, WIDE_GRID).reshape(-1, 2)
+    offset = pixel - 0.5 * (np.array(image_size) - 1)
+    per_px = field_rad / np.hypot(*image_size)
+    angle = per_px * np.linalg.norm(offset, axis=1)
+    ray = np.column_stack([per_px * np.sinc(angle / np.pi)[:, None] * offset, np.cos(angle)])
+    return fit_rays(pixel, ray, image_size, model).camera
 
 
 def coarse_camera(
@@ -57,8 +79,8 @@ def coarse_camera(
     side = max(problem.image_size)
     best: Minimum | None = None
     best_cost = np.inf
-    for focal in _focals(few, focal_px, side, is_robust=is_robust):
-        camera = _with_fixed(first_camera(model, problem.image_size, focal), tie, fixed)
+    for first in _first_cameras(few, model, focal_px, is_robust=is_robust):
+        camera = _with_fixed(first, tie, fixed)
         found = _solve_few(few, camera, tie, is_robust=is_robust)
         if found is None:
             continue
@@ -80,6 +102,16 @@ def _spread_views(problem: Problem) -> NDArray[np.int64]:
     if len(views) <= FEW_VIEWS:
         return views
     return views[((np.arange(FEW_VIEWS) + 0.5) * len(views) / FEW_VIEWS).astype(np.int64)]
+
+
+def _first_cameras(few: Problem, model: str, focal_px: float | None, *, is_robust: bool) -> Iterator[Camera]:
+    """First guesses: of wide models with even angles, then without distortion."""
+    if ABILITIES[model].is_wide:
+        for field in FIELDS_DEG:
+            yield wide_camera(model, few.image_size, np.radians(field))
+    side = max(few.image_size)
+    for focal in _focals(few, focal_px, side, is_robust=is_robust):
+        yield first_camera(model, few.image_size, focal)
 
 
 def _focals(few: Problem, focal_px: float | None, side: int, *, is_robust: bool) -> list[float]:
@@ -127,8 +159,10 @@ def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes
     Of a solid, a projection and weak perspective are tried: the one is exact, the other stands few points, and a plane
     with a point or two beside it.
     """
-    slope = slopes(rays(camera, problem.measured_px.T))
-    used = problem.is_used & np.isfinite(slope).all(axis=1)
+    ray = rays(camera, problem.measured_px.T)
+    view_from_cam = _facing(problem, ray)
+    slope = slopes(np.einsum("mij,mj->mi", view_from_cam[problem.view], ray))
+    used = problem.is_used & ((slope**2).sum(axis=1) < STEEPEST**2)  # false of nan
     counts = np.add.reduceat(used.astype(np.int64), problem.view_start[:-1])
     poses = np.full((problem.view_count, 4, 4), np.nan)
     views = np.flatnonzero(counts >= LEAST_POINTS)
@@ -138,12 +172,25 @@ def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes
     start = np.concatenate([[0], np.cumsum(counts[views])])
     position, image = problem.position_mm[:, inside], slope[inside].T
     fitted = linear_views(start, position, image, as_planes=as_planes, is_robust=is_robust)
-    poses[views] = poses_of(fitted)
+    cam_from_view = make_pose(view_from_cam[views].transpose(0, 2, 1), np.zeros(3))
+    poses[views] = compose(cam_from_view, poses_of(fitted))
     if not as_planes and not fitted.is_planar.all():
         other = np.full_like(poses, np.nan)
-        other[views] = weak_perspective_poses(start, position, image)
+        other[views] = compose(cam_from_view, weak_perspective_poses(start, position, image))
         poses = _closer(problem, camera, poses, other)
     return poses
+
+
+def _facing(problem: Problem, ray: Array) -> Array:
+    """Rotations (V, 3, 3) after which the rays (M, 3) of views that lie far off the axis have it in their middle."""
+    known = np.where(np.isfinite(ray) & problem.is_used[:, None], ray, 0.0)
+    middle = np.add.reduceat(known, problem.view_start[:-1], axis=0)
+    length = np.linalg.norm(middle, axis=1, keepdims=True)
+    ahead = np.array([0.0, 0.0, 1.0])
+    is_far = np.minimum.reduceat(np.where(known[:, 2] == 0, 1.0, known[:, 2]), problem.view_start[:-1]) < FAR_COSINE
+    is_far &= length[:, 0] > 0
+    towards = np.where(is_far[:, None], middle / np.where(length > 0, length, 1.0), ahead)
+    return rotation_between(towards, np.broadcast_to(ahead, towards.shape))
 
 
 def _closer(problem: Problem, camera: Camera, poses: Array, other: Array) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
-from calib.core.se3 import exp_rotation, make_pose, transform
+from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform
 from calib.solver.calibration import Calibration
 from calib.verdict.views import Habits, TargetShape, facing, pitch_px
 
@@ -154,7 +154,7 @@ def _placed(
         ray = rays(camera, aim)
         ok &= np.isfinite(ray).all(axis=1)
         ray = np.where(ok[:, None], ray, [0.0, 0.0, 1.0])
-        turned = rotation if shape.is_flat else _between(sight, ray) @ rotation
+        turned = rotation if shape.is_flat else rotation_between(sight, ray) @ rotation
         middle = distance_mm[:, None] * ray
         pose = make_pose(turned, middle - turned @ shape.center_mm)
         if step == PLACING_STEPS - 1:
@@ -168,14 +168,6 @@ def _placed(
         aim += 0.5 * (size - 1) + place * room - 0.5 * (low + high)
     has_room = (size - span > LITTLE_ROOM * size) | (overshoot > 0) | (place == 0)
     return pose, ok & has_room.all(axis=1) & (pose[:, 2, 3] > 0)
-
-
-def _between(first: Array, second: Array) -> Array:
-    """The smallest rotations (..., 3, 3) that turn unit vectors (..., 3) into others."""
-    axis = np.cross(first, second)
-    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
-    angle = np.arctan2(sine, (first * second).sum(axis=-1, keepdims=True))
-    return exp_rotation(axis / np.where(sine > 0, sine, 1.0) * angle)
 
 
 def faces_seen(shape: TargetShape, pose: Array) -> tuple[NDArray[np.bool_], Array, Array]:
