@@ -157,32 +157,32 @@ def test_no_model_or_format_is_named_outside_its_place() -> None:
 
 
 @pytest.fixture
-def division(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def fov(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """The example of docs/extend.md as a file beside the others, and its line."""
     page = (ROOT / "docs/extend.md").read_text()
-    (code,) = (text for text in re.findall(r"^```python\n(.*?)^```", page, re.M | re.S) if "class Division" in text)
+    (code,) = (text for text in re.findall(r"^```python\n(.*?)^```", page, re.M | re.S) if "RadialModel(" in text)
     (tmp_path / "models").mkdir()
-    (tmp_path / "models/division.py").write_text(code)
+    (tmp_path / "models/fov.py").write_text(code)
     monkeypatch.setattr(calib.cameras, "__path__", [*calib.cameras.__path__, str(tmp_path / "models")])
-    monkeypatch.setitem(ABILITIES, "division", calib.cameras.Abilities())
-    return "division"
+    monkeypatch.setitem(ABILITIES, "fov", calib.cameras.Abilities(is_wide=True))
+    return "fov"
 
 
-def test_a_new_model_is_a_file_and_a_line(division: str, tmp_path: Path) -> None:
+def test_a_new_model_is_a_file_and_a_line(fov: str, tmp_path: Path) -> None:
     """It keeps the laws, is solved within 5 sigma, judged, kept in files, and written for other tools."""
-    truth = Camera(division, np.array([1400.0, 1390.0, 640.2, 481.7, -0.2]), (1280, 960))
-    for camera in (truth, slight(division)):
+    truth = Camera(fov, np.array([1400.0, 1390.0, 640.2, 481.7, 0.7]), (1280, 960))
+    for camera in (truth, slight(fov)):
         test_projecting_rays_gives_the_pixels(camera)
         test_derivatives_agree_with_differences(camera)
         test_nothing_is_seen_behind_the_camera(camera)
         test_leading_axes_are_kept(camera)
     rng = np.random.default_rng(3)
     seen = observe(truth, board(10, 8, 25.0), poses_around(8, rng), rng, noise_px=0.01)
-    found = solve(seen, division)
+    found = solve(seen, fov)
     assert found.status == "converged"
     assert (abs(found.camera.params - truth.params) < 5 * np.sqrt(np.diagonal(found.param_covariance))).all()
-    run = calib.solve(seen, model=division)
-    assert run.best.model == division
+    run = calib.solve(seen, model=fov)
+    assert run.best.model == fov
     run.save(tmp_path / "camera")
     judged = calib.evaluate(tmp_path / "camera", held_out=4)
     assert judged.held_out is not None
