@@ -71,7 +71,7 @@ CALIB = (
     Case((*RUN, *LENIENT), 0),
     Case((*RUN, "--criteria", "metrology", "--no-page"), 1),  # of a camera that is not to be used
     Case(("run", "board.target.json", "blank", "-o", "out"), 1),
-    Case(("run", "board.target.json", "photos", "--model", "fisheye", "-o", "out"), 2),
+    Case(("run", "board.target.json", "photos", "--model", "periscope", "-o", "out"), 2),
     Case((*RUN, "--criteria", "none"), 2),
     Case((*SOLVE, "detections.csv", *LENIENT), 0),
     Case((*SOLVE, "detections.csv", "--criteria", "metrology", "--no-page"), 1),  # of a camera that is not to be used

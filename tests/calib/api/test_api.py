@@ -143,7 +143,7 @@ def test_a_value_of_another_type_is_refused(call: Callable[..., object], option:
 def test_a_camera_says_what_it_takes() -> None:
     """Its model and the number of its parameters when it is made, the shape of points and pixels when they come."""
     for call, why in (
-        (lambda: calib.Camera("fisheye", CAMERA.params, (160, 120)), "unknown camera model 'fisheye'"),
+        (lambda: calib.Camera("periscope", CAMERA.params, (160, 120)), "unknown camera model 'periscope'"),
         (lambda: calib.Camera("pinhole", CAMERA.params, (160, 120)), "9 parameters: model pinhole takes 4: fx_px"),
         (lambda: CAMERA.project([1.0, 2.0]), r"points of shape \(2,\)"),  # type: ignore[arg-type]
         (lambda: CAMERA.rays("here"), "pixels are numbers"),  # type: ignore[arg-type]
