@@ -70,22 +70,22 @@ def target_layers(
 
 
 def camera_layer(
-    cam_from_target: Array, corner_rays: Array, names: tuple[str, ...], colours: tuple[str, ...], size_mm: float
+    cam_from_target: Array, view: Array, names: tuple[str, ...], colours: tuple[str, ...], size_mm: float
 ) -> Layer:
     """Where photos were taken from.
 
     Args:
         cam_from_target: poses.  # (V, 4, 4)
-        corner_rays: through the image's corners, clockwise from the top left, with z = 1.  # (4, 3)
+        view: what they see, in units of `size_mm`; see `Cameras`.  # (R, S, 3)
         names: of the photos.  # (V,)
         colours: "#rrggbb" of each, or one for all.  # (V,) or (1,)
-        size_mm: depth of the pyramids; see `camera_size_mm`.
+        size_mm: depth of the pyramids, radius of the domes; see `camera_size_mm`.
     """
     rotation, translation = cam_from_target[:, :3, :3], cam_from_target[:, :3, 3]
     target_from_cam = np.tile(np.eye(4), (len(cam_from_target), 1, 1))
     target_from_cam[:, :3, :3] = rotation.transpose(0, 2, 1)
     target_from_cam[:, :3, 3] = -np.einsum("vji,vj->vi", rotation, translation)
-    return Layer("cameras", (Cameras(target_from_cam, corner_rays, size_mm, colours, names),))
+    return Layer("cameras", (Cameras(target_from_cam, view, size_mm, colours, names),))
 
 
 def camera_size_mm(cam_from_target: Array) -> float:

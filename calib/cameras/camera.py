@@ -140,7 +140,7 @@ def _rows_of(value: object, columns: int, what: str) -> NDArray[np.float64]:
 
 MAX_SIDE_PX = 100_000
 REQUIRED = ("fx_px", "fy_px", "cx_px", "cy_px")
-"""What every model has; in a TOML file the lens's other parameters are 0 if left out."""
+"""What every model has; in a TOML file the lens's other parameters are left out if they do nothing."""
 FOCAL_RANGE_PX = (1e-3, 1e9)
 LARGEST_BY_UNIT = {"px": 1e9, "1": 1e30}
 """By unit, what a parameter may be at most; what is larger overflows further on, and is no lens."""
@@ -233,7 +233,7 @@ def _parameters(
             span = f"{FOCAL_RANGE_PX[0]:g} to {FOCAL_RANGE_PX[1]:g} pixels"
             raise InputError(f"{origin}: {name} {given[name]:g}: a focal length is from {span}; check the file")
     for parameter in model.parameters:
-        value = given.get(parameter.name, 0.0)
+        value = given.get(parameter.name, parameter.neutral)
         if not parameter.lower < value < parameter.upper:
             bounds = f"more than {parameter.lower:g} and less than {parameter.upper:g}"
             raise InputError(f"{origin}: {parameter.name} {value:g}: must be {bounds}")
@@ -242,7 +242,7 @@ def _parameters(
                 f"{origin}: {parameter.name} {value:g}: is more than {LARGEST_BY_UNIT[parameter.unit]:g}, "
                 "which no lens has; check the file"
             )
-    return np.array([given.get(name, 0.0) for name in names])
+    return np.array([given.get(parameter.name, parameter.neutral) for parameter in model.parameters])
 
 
 def _learned_map(file: CameraDocument, origin: str) -> LearnedMap | None:

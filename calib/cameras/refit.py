@@ -35,6 +35,8 @@ CONVERGED = 1e-12
 """A step that lowers the sum of squares by less than this part is the last."""
 FEWEST_PIXELS = 3
 TURN_STEPS = 10
+SAME_RAYS = 1e-12
+"""Between unit directions that are one but for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +91,23 @@ def refit(camera: Camera, model: str, *, zero: Collection[str] = (), turn: bool 
 
 
 def _in_other_words(camera: Camera, model: str, zero: Collection[str]) -> Camera | None:
-    """The same camera in another model, where that takes no fit: the model is the same, or there is no lens."""
+    """The same camera in another model, where that takes no fit: the model is the same, or there is no lens.
+
+    Whether a lens that does nothing is none depends on the model: of a fisheye the angle is left, not its tangent.
+    """
     if camera.learned is not None:
         return None
-    values = dict(zip(parameter_names(camera.model), camera.params.tolist(), strict=True))
-    lens = list(values.items())[FOCAL_AND_CENTRE:]
-    if any(value and (camera.model != model or name in zero) for name, value in lens):
+    own, other = camera.params[FOCAL_AND_CENTRE:], neutral(model)
+    if camera.model == model:
+        is_same = not any(value for name, value in camera.parameters.items() if name in zero)
+        return camera if is_same else None
+    if not np.array_equal(own, neutral(camera.model)[FOCAL_AND_CENTRE:]):
         return None
-    return Camera(model, np.array([values.get(name, 0.0) for name in parameter_names(model)]), camera.image_size)
+    other[:FOCAL_AND_CENTRE] = camera.params[:FOCAL_AND_CENTRE]
+    same = Camera(model, other, camera.image_size)
+    pixel = image_grid(camera.image_size)
+    difference = np.abs(rays(same, pixel) - rays(camera, pixel)).max()
+    return same if difference < SAME_RAYS else None  # not where one has rays and the other none
 
 
 def fit_rays(

@@ -47,11 +47,15 @@ class Segments:
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """Pyramids of camera views: the apex is the camera's centre, the base what it sees."""
+    """Pyramids and domes of camera views: the apex is the camera's centre, the base what it sees.
+
+    A view is rows of points in the camera's frame, from the middle of the image to its border, each clockwise from the
+    top left. A pyramid is one row, its four corners; a dome has several, of a multiple of four.
+    """
 
     target_from_cam: Array  # (V, 4, 4)
-    corner_rays: Array  # (4, 3) through the image's corners, clockwise from the top left, in the camera's frame, z = 1
-    size_mm: float  # depth of the pyramids
+    view: Array  # (R, S, 3) in units of `size_mm`
+    size_mm: float  # depth of the pyramids, radius of the domes
     colours: tuple[str, ...]  # (V,) or one for all
     names: tuple[str, ...]  # (V,) said when one is pointed at
 

@@ -33,7 +33,7 @@ BOARD_SPEC = BoardSpec((90.0, 60.0), 5.0, 7, 5, "square", 7.0, 0.45, 10.0, 0.0, 
 BOARD = lay_out(BOARD_SPEC)
 BORDERED = lay_out(replace(BOARD_SPEC, border_mm=1.5))
 TARGETS = {"ico": ICO, "board": BOARD, "bordered board": BORDERED, "by others": made_by_others()}
-CORNERS = np.array([[-0.5, -0.4, 1.0], [0.5, -0.4, 1.0], [0.5, 0.4, 1.0], [-0.5, 0.4, 1.0]])
+CORNERS = np.array([[[-0.5, -0.4, 1.0], [0.5, -0.4, 1.0], [0.5, 0.4, 1.0], [-0.5, 0.4, 1.0]]])
 
 every_target = pytest.mark.parametrize("name", TARGETS)
 

@@ -58,8 +58,7 @@ def _places(folder: Path, told: ToldPhotos) -> tuple[tuple[Section, ...], str]:
     target, wrong = kept_target(folder, told.geometry_id)
     camera = told.camera
     names = tuple(f"{photo.name}: {photo.caption}" for photo in told.posed)
-    caption = "Each pyramid is a photo; point at one for its name."
-    view = place_view(target, camera, told.cam_from_target, names, caption)
+    view = place_view(target, camera, told.cam_from_target, names)
     return (Section("Camera positions", (view,), lead=place_words(target, told.cam_from_target)),), wrong
 
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.number_text import figure as digits
 from calib.metrics.errors import centers_mm
-from calib.show.run.camera_scene import BODY, INK, corner_rays, first_look
+from calib.show.run.camera_scene import BODY, INK, body_words, first_look, view_of
 from designer.page.blocks import View3d
 from designer.page.scene import Labels, Layer, Scene, Segments
 from designer.target import TargetGeometry
@@ -22,9 +22,7 @@ MOST_VIEWS = 3000
 """More pyramids make a page slow: then every second, third, ... is drawn."""
 
 
-def place_view(
-    target: TargetGeometry | None, camera: Camera, cam_from_target: Array, names: tuple[str, ...], caption: str
-) -> View3d:
+def place_view(target: TargetGeometry | None, camera: Camera, cam_from_target: Array, names: tuple[str, ...]) -> View3d:
     """The scene and what it shows in words.
 
     Args:
@@ -32,15 +30,16 @@ def place_view(
         camera: that took the photos.
         cam_from_target: where it stood.  # (V, 4, 4)
         names: of the photos, as they are said.  # (V,)
-        caption: what the pyramids are.
     """
     every = -(-len(names) // MOST_VIEWS)
     poses = cam_from_target[::every]
     size_mm = camera_size_mm(poses)
     drawn = _axes(poses) if target is None else target_layers(target, body_colour=BODY, ink_colour=INK)
-    cameras = camera_layer(poses, corner_rays(camera), names[::every], (CAMERA,), size_mm)
+    sight = view_of(camera)
+    cameras = camera_layer(poses, sight, names[::every], (CAMERA,), size_mm)
     is_flat = target is not None and target.is_plate
     up, from_direction = first_look(poses, centers_mm(poses), is_flat=is_flat)
+    caption = f"Each {body_words(sight)} is a photo; point at one for its name."
     said = caption if every == 1 else f"{caption} One of {every} is drawn."
     return View3d(
         "Camera positions", Scene((*drawn, cameras), up, from_direction, ((CAMERA, "camera"),)),

@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import rays
+from calib.cameras import ABILITIES, rays
 from calib.cameras.camera import Camera
+from calib.cameras.field_of_view import spokes
 from calib.cameras.parameters import slopes
 from calib.core.number_text import figure as digits
 from calib.core.types import KnownPoints
@@ -33,6 +34,10 @@ STEPS = 5
 READABLE = (0.35, 0.9)
 """The part of a scale of colours that stands out from a light and from a dark page."""
 MOST_POINTS_FOR_PITCH = 2000
+DOME_SPOKES, DOME_ROWS = 24, 4
+"""Directions around a dome, and rows from its middle to its border."""
+STEEPEST = 2.5
+"""A side of the image whose light comes from farther off the axis, as a tangent, makes no pyramid."""
 SIDE = 0.9
 """How far from the cameras' mean direction the viewer stands at first, as a tangent."""
 
@@ -55,21 +60,21 @@ def camera_view(one: Solved, target: TargetGeometry | None, proposed: tuple[Next
         f"{printable(name)}: RMS {digits(value, 2)} px"
         for name, value in zip(calibration.observations.view_names, rmse.tolist(), strict=True)
     )
-    poses, corners = calibration.cam_from_target, corner_rays(calibration.camera)
+    poses, sight = calibration.cam_from_target, view_of(calibration.camera)
     size_mm = camera_size_mm(poses)
-    layers = [*_target(target, calibration.observations.points), camera_layer(poses, corners, names, colours, size_mm)]
+    layers = [*_target(target, calibration.observations.points), camera_layer(poses, sight, names, colours, size_mm)]
     if proposed:
         where = np.stack([view.cam_from_target for view in proposed])
         said = tuple(f"next {number}: {printable(view.sentence)}" for number, view in enumerate(proposed, start=1))
-        layer = camera_layer(where, corners, said, (NEXT,), size_mm)
+        layer = camera_layer(where, sight, said, (NEXT,), size_mm)
         layers.append(Layer("next photos", layer.shapes))
         legend = (*legend, (NEXT, "photo to take next"))
     centre = centers_mm(poses)
     up, from_direction = first_look(poses, centre, is_flat=len(calibration.observations.points.plane) == 1)
-    words = spread_words(one)
+    colours_mean = "its colour the root mean square of its residuals"
     return View3d(
-        "Cameras around the target", Scene(tuple(layers), up, from_direction, legend), words,
-        "Each pyramid is a photo, its colour the root mean square of its residuals. Point at one for its name.",
+        "Cameras around the target", Scene(tuple(layers), up, from_direction, legend), spread_words(one),
+        f"Each {body_words(sight)} is a photo, {colours_mean}. Point at one for its name.",
     )  # fmt: skip
 
 
@@ -87,7 +92,22 @@ def spread_words(one: Solved) -> str:
     return f"{words}."
 
 
-def corner_rays(camera: Camera) -> Array:
+def view_of(camera: Camera) -> Array:
+    """What a camera sees as `designer.page.scene.Cameras` draws it: a pyramid, or the dome of a wide lens."""
+    corners = _corner_rays(camera)
+    if not ABILITIES[camera.model].is_wide:
+        return corners[None]
+    dome = spokes(camera, DOME_SPOKES, DOME_ROWS)
+    reaches_far = np.hypot(dome[-1, :, 0], dome[-1, :, 1]) > STEEPEST * dome[-1, :, 2]
+    return dome if np.isfinite(dome).all() and reaches_far.any() else corners[None]
+
+
+def body_words(view: Array) -> str:
+    """What is drawn for a camera."""
+    return "pyramid" if len(view) == 1 else "dome"
+
+
+def _corner_rays(camera: Camera) -> Array:
     """Through the image's corners, clockwise from the top left, with z = 1; without a lens where that has none."""
     width, height = camera.image_size
     corner = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=np.float64)

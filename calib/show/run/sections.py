@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.cameras import rays
 from calib.cameras.camera import Camera
+from calib.cameras.field_of_view import field_of_view
 from calib.core.number_text import figure as digits
 from calib.figures.fields import systematic_drawing
 from calib.figures.histograms import distribution_drawing
@@ -50,6 +50,8 @@ from designer.page.blocks import (
 
 LEVELS: dict[Grade, Level] = {"good": "good", "usable": "usable", "bad": "bad", "unknown": "note"}
 WORDS: dict[Grade, str] = {"good": "good", "usable": "usable", "bad": "do not use", "unknown": "not checked"}
+WIDE_DEG = 100.0
+"""From this field of view on the diagonal is told, too: the corners see much farther than the sides."""
 NOT_JUDGED = "verdict.json is missing, so nothing was judged; calib report with --criteria standard judges it."
 
 
@@ -120,17 +122,17 @@ def focal_title(camera: Camera) -> str:
 
 
 def field_of_view_words(camera: Camera) -> str:
-    """Angles between the rays through the middles of opposite sides; of the linear part where the model has none."""
-    width, height = camera.image_size
-    middle = np.array([[0, height / 2], [width - 1, height / 2], [width / 2, 0], [width / 2, height - 1]])
-    unit = rays(camera, middle)
-    if not np.isfinite(unit).all():
-        ray = np.column_stack([(middle - camera.params[2:4]) / camera.params[:2], np.ones(4)])
-        unit = ray / np.linalg.norm(ray, axis=1, keepdims=True)
-    across, down = (
-        math.degrees(math.acos(min(1.0, max(-1.0, float(unit[k] @ unit[k + 1]))))) for k in (0, 2)
-    )  # fmt: skip
-    return f"{across:.1f}° x {down:.1f}°"
+    """Angles between the light at opposite sides, and where the model ends if that is inside the image."""
+    found = field_of_view(camera)
+    if not math.isfinite(found.across_rad + found.down_rad):
+        return "not known"
+    across, down, diagonal, off_axis = (
+        math.degrees(angle) for angle in (found.across_rad, found.down_rad, found.diagonal_rad, found.off_axis_rad)
+    )
+    words = f"{across:.1f}° x {down:.1f}°"
+    if found.ends_inside:
+        return f"{words}; the model ends {off_axis:.1f}° off the axis, inside the image"
+    return f"{words}, diagonal {diagonal:.1f}°" if max(across, down) > WIDE_DEG else words
 
 
 def check_findings(verdict: Verdict) -> tuple[Finding, ...]:

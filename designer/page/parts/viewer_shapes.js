@@ -119,19 +119,32 @@ const ringsolidShapes = (() => {
     return { object: lines(ends, unpackColours(shape.colours), 1.6), points: ends };
   }
 
-  /** Pyramids with a filled tick on the side that is up in the photo; faint walls make them easy to point at. */
+  /** Pyramids and domes with a filled tick on the side that is up in the photo; faint walls make them easy to point at. */
   function buildCameras(shape) {
     const poses = unpack(shape.target_from_cam);
-    const corners = vectors(unpack(shape.corner_rays)).map((ray) => ray.multiplyScalar(shape.size_mm / ray.z));
+    const [rows, spokes] = shape.view.shape;
+    const view = vectors(unpack(shape.view)).map((point) => point.multiplyScalar(shape.size_mm));
+    const at = (row, spoke) => 1 + row * spokes + (spoke % spokes); // 0 is the apex
+    const border = Array.from({ length: spokes }, (_, spoke) => [at(rows - 1, spoke), at(rows - 1, spoke + 1)]);
+    const ribs = [0, 1, 2, 3].map((quarter) => (quarter * spokes) / 4);
+    const corners = ribs.map((spoke) => view[at(rows - 1, spoke) - 1]);
     const width = corners[0].distanceTo(corners[1]);
     const middle = corners[0].clone().add(corners[1]).multiplyScalar(0.5);
     const upwards = middle.clone().sub(corners[3].clone().add(corners[2]).multiplyScalar(0.5)).normalize();
     const along = corners[1].clone().sub(corners[0]).normalize();
     const tick = [-0.18, 0.18].map((share) => middle.clone().addScaledVector(along, share * width))
       .concat(middle.clone().addScaledVector(upwards, 0.24 * width));
-    const local = [new THREE.Vector3(), ...corners, ...tick.map((p) => p.addScaledVector(upwards, 0.06 * width))];
-    const edges = [0, 1, 0, 2, 0, 3, 0, 4, 1, 2, 2, 3, 3, 4, 4, 1];
-    const walls = [0, 1, 2, 0, 2, 3, 0, 3, 4, 0, 4, 1, 1, 2, 3, 1, 3, 4];
+    const local = [new THREE.Vector3(), ...view, ...tick.map((p) => p.addScaledVector(upwards, 0.06 * width))];
+    const edges = [...ribs.flatMap((spoke) => [0, at(rows - 1, spoke)]), ...border.flat()];
+    const walls = border.flatMap((side) => [0, ...side]);
+    for (let row = 1; row < rows; row++) {
+      edges.push(...ribs.flatMap((spoke) => [at(row - 1, spoke), at(row, spoke)]));
+      for (let spoke = 0; spoke < spokes; spoke++) {
+        const [a, b, c, d] = [at(row - 1, spoke), at(row - 1, spoke + 1), at(row, spoke), at(row, spoke + 1)];
+        walls.push(a, b, c, b, d, c);
+      }
+    }
+    for (let spoke = 1; spoke < spokes - 1; spoke++) walls.push(1, at(0, spoke), at(0, spoke + 1));
     const cameras = shape.names.map((name, row) => {
       const pose = new THREE.Matrix4().fromArray(poses, 16 * row).transpose(); // three.js holds columns
       return local.map((point) => point.clone().applyMatrix4(pose));
@@ -142,14 +155,14 @@ const ringsolidShapes = (() => {
     if (!cameras.length) return { object, points: [] };
     const eachEdge = colours.flatMap((colour) => Array(edges.length / 2).fill(colour));
     const wall = triangles(cameras, walls, colours, { transparent: true, opacity: 0.1, depthWrite: false });
-    object.add(lines(cameras.flatMap(ends), eachEdge, 1.4), wall, triangles(cameras, [5, 6, 7], colours, {}));
+    object.add(lines(cameras.flatMap(ends), eachEdge, 1.4), wall, triangles(cameras, [0, 1, 2].map((k) => 1 + view.length + k), colours, {}));
     const pick = (ray, caster) => {
       const hit = caster.intersectObject(wall, false)[0];
       if (!hit) return null;
       const row = Math.floor(hit.faceIndex / (walls.length / 3));
       return { distance: hit.distance, name: shape.names[row], outline: () => ends(cameras[row]) };
     };
-    return { object, points: cameras.flatMap((camera) => camera.slice(0, 5)), pick, isFar: true };
+    return { object, points: cameras.flatMap((camera) => camera.slice(0, 1 + view.length)), pick, isFar: true };
   }
 
   /** The same triangles of several cameras, unlit. */

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from calib.cameras import parameter_names, project, rays
+from calib.cameras import LINEAR, fitted_models, neutral, parameter_names, project, rays
 from calib.cameras.camera import Camera, LearnedMap
 from calib.cameras.refit import fit_rays, image_grid, refit
 from calib.core.se3 import exp_rotation
@@ -42,6 +42,20 @@ def test_without_a_lens_all_models_are_one(source: str, target: str) -> None:
     assert found.camera.model == target
     assert found.camera.params[:4].tolist() == params[:4].tolist()
     assert not found.camera.params[4:].any()
+
+
+@pytest.mark.parametrize(
+    ("source", "target"), [pair for model in fitted_models() for pair in ((model, LINEAR), (LINEAR, model))]
+)
+def test_a_lens_that_does_nothing_is_none_only_where_its_rays_say_so(source: str, target: str) -> None:
+    """What is said to be the same camera in another model has the same rays: an equidistant fisheye is no pinhole."""
+    params = neutral(source)
+    params[:4] = [500.1, 501.3, 320.7, 240.9]
+    camera = Camera(source, params, (640, 480))
+    found = refit(camera, target)
+    grid = image_grid(camera.image_size, 9)
+    is_same = bool(np.abs(found.camera.rays(grid) - camera.rays(grid)).max() < 1e-12)
+    assert is_same == found.is_exact
 
 
 @pytest.mark.parametrize(

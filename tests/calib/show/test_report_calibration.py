@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from calib.records.run_folder import judge_again, read_run
 from calib.renderer.truth import Truth, true_views
 from calib.show.parts.origin import Origin
 from calib.show.run.calibration_page import calibration_page
-from calib.show.run.camera_scene import camera_view, corner_rays
+from calib.show.run.camera_scene import camera_view, view_of
 from calib.show.run.sections import as_sentence, field_of_view_words, finding_of, headline_by
 from calib.verdict.criteria import read_criteria
 from calib.verdict.verdict import Check, Verdict
@@ -284,13 +285,35 @@ def test_the_view_through_a_corner_is_that_of_its_pixel() -> None:
     """Without a lens the corners' rays are the pinhole's; they go round clockwise from the top left."""
     pinhole = Camera("pinhole", np.array([100.0, 200.0, 49.5, 39.5]), (100, 80))
     expected = [[-0.495, -0.1975, 1], [0.495, -0.1975, 1], [0.495, 0.1975, 1], [-0.495, 0.1975, 1]]
-    assert np.allclose(corner_rays(pinhole), expected)
+    assert np.allclose(view_of(pinhole), [expected])
+
+
+def test_the_view_of_a_wide_lens_is_a_dome() -> None:
+    """Its border has the angle off the axis that the lens has at the border of the image, or where its model ends."""
+    plain = Camera("fisheye", np.array([250.0, 250.0, 399.5, 399.5, 0, 0, 0, 0]), (800, 800))
+    dome = view_of(plain)
+    off_axis = np.degrees(np.arccos(dome[-1, :, 2]))
+    assert off_axis.min() == pytest.approx(np.degrees(399.5 / 250), abs=0.2)
+    assert off_axis.max() == pytest.approx(np.degrees(399.5 * np.sqrt(2) / 250), abs=0.2)
+    assert (np.diff(dome[:, :, 2], axis=0) < 0).all()
+    assert dome[-1, 0, 0] < 0 > dome[-1, 0, 1]  # the first is the top left, the next is to its right
+    assert dome[-1, 1, 0] > dome[-1, 0, 0]
 
 
 def test_field_of_view_is_the_angle_between_the_sides() -> None:
     """Of a camera without a lens it is `2 atan(width / 2 f)`."""
     pinhole = Camera("pinhole", np.array([500.0, 500.0, 500.0, 500.0]), (1001, 1001))
     assert field_of_view_words(pinhole) == "90.0° x 90.0°"
+
+
+def test_field_of_view_of_a_wide_lens_is_taken_by_way_of_its_axis() -> None:
+    """`width / f` of an equidistant lens, also beyond half a turn; a model that ends inside the image says where."""
+    plain = Camera("fisheye", np.array([250.0, 250.0, 500.0, 400.0, 0, 0, 0, 0]), (1001, 801))
+    angles = [math.degrees(length / 250) for length in (1000, 800, math.hypot(1000, 800))]
+    assert field_of_view_words(plain) == f"{angles[0]:.1f}° x {angles[1]:.1f}°, diagonal {angles[2]:.1f}°"
+    folds = Camera("fisheye", np.array([250.0, 250.0, 500.0, 400.0, -0.1, 0, 0, 0]), (1001, 801))
+    end = math.degrees(math.sqrt(1 / 0.3))  # where 1 - 3 k theta^2 is 0
+    assert re.fullmatch(rf".*; the model ends {end:.1f}° off the axis, inside the image", field_of_view_words(folds))
 
 
 @pytest.mark.parametrize(

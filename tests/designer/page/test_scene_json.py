@@ -15,7 +15,7 @@ from designer.page.scene import Cameras, Labels, Layer, Rings, Scene, Segments, 
 
 RNG = np.random.default_rng(7)
 Z = np.tile([0.0, 0.0, 1.0], (3, 1))
-CORNERS = np.array([[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
+CORNERS = np.array([[[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]])
 
 SURFACE = Surface(RNG.normal(size=(4, 3)), np.array([[0, 1, 2], [0, 2, 3]]), "#ffffff")
 RINGS = Rings(RNG.normal(size=(3, 3)), Z, np.full(3, 2.0), np.array([1.0, 0.9, 0.0]), ("#000000",), ("a", "b", "c"))
@@ -60,7 +60,7 @@ def test_numbers_survive() -> None:
         (rings["radius_inner_mm"], RINGS.radius_inner_mm),
         (segments["ends_mm"], SEGMENTS.ends_mm),
         (cameras["target_from_cam"], CAMERAS.target_from_cam),
-        (cameras["corner_rays"], CAMERAS.corner_rays),
+        (cameras["view"], CAMERAS.view),
         (labels["position_mm"], LABELS.position_mm),
     ]:
         np.testing.assert_array_equal(unpacked(packed), np.asarray(array).astype(np.float32))

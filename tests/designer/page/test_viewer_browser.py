@@ -35,7 +35,7 @@ ICO_SCENE = target_scene(ICO, body_colour="#ffffff", ink_colour="#101010")
 BOARD_SCENE = target_scene(BOARD, body_colour="#ffffff", ink_colour="#101010")
 HOSTILE = "<img src=x onerror=alert(1)></script><script>alert(2)</script>"
 PARTS = Path(shell.__file__).parent / "parts"
-CORNERS = np.array([[-0.5, -0.4, 1.0], [0.5, -0.4, 1.0], [0.5, 0.4, 1.0], [-0.5, 0.4, 1.0]])
+CORNERS = np.array([[[-0.5, -0.4, 1.0], [0.5, -0.4, 1.0], [0.5, 0.4, 1.0], [-0.5, 0.4, 1.0]]])
 BUTTONS: tuple[Literal["left"], Literal["right"]] = ("left", "right")
 
 
