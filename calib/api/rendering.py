@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -27,9 +27,9 @@ from calib.core.se3 import rigid_fault
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.faces import ring_truth, target_fits
 from calib.renderer.job import Rendered, RenderJob, run_job
-from calib.renderer.light import Levels
+from calib.renderer.light import Levels, has_dark_corners
 from calib.renderer.options import LIMITS, Bits, RenderOptions, Sampling
-from calib.renderer.poses import MAX_VIEWS, PoseGrid, Region, grid_poses, load_poses
+from calib.renderer.poses import MAX_VIEWS, PoseGrid, Region, directions_over_image, grid_poses, load_poses
 from calib.renderer.quantities import choice, real, whole
 from calib.renderer.scene import RenderScene, scene_from_target
 from calib.renderer.truth import TRUTH_FILE, FileFormat
@@ -108,6 +108,7 @@ def render(
     cap_rad: float = math.pi / 3,
     random_roll: bool = False,
     aim_offset_mm: float = 0.0,
+    aside_rad: float | None = None,
     poses: NDArray[np.float64] | Place | None = None,
     options: RenderOptions | None = None,
     seed: int = 0,
@@ -127,6 +128,8 @@ def render(
         cap_rad: half angle of a cap.
         random_roll: turn the camera about its axis at random.
         aim_offset_mm: look past the origin, by up to this.
+        aside_rad: see what is aimed at so far off the axis, drawn evenly over the image; None: up to where the image
+            of a wide lens ends, straight ahead with others.
         poses: `cam_from_target` (V, 4, 4) or one (4, 4), or a JSON or CSV file of them, instead of a grid.
         options: light, lens and sensor; None: plain ones, without noise.
         seed: of all that is random.
@@ -141,16 +144,27 @@ def render(
     if not isinstance(light, RenderOptions):
         raise InputError(f"options {shown(light)}: is of type {type(light).__name__}; give calib.RenderOptions")
     _check(light, file_format)
-    seed = whole("--seed", seed, 0, MAX_SEED)
+    seed, looks_aside = whole("--seed", seed, 0, MAX_SEED), False
     if poses is None:
         grid = _grid(geometry, views, distance_mm, region, cap_rad, aim_offset_mm, random_roll=random_roll)
-        where = grid_poses(grid, np.random.default_rng(seed))
+        limit_rad = _aside(taken, aside_rad)
+        if limit_rad:
+            rng = np.random.default_rng([seed, grid.views])
+            grid = replace(grid, aside=directions_over_image(taken, grid.views, limit_rad, rng))
+        where, looks_aside = grid_poses(grid, np.random.default_rng(seed)), aim_offset_mm > 0 or limit_rad > 0
     elif isinstance(poses, str | PathLike):
         where = load_poses(Path(poses))
     else:
         where = _checked_poses(poses)
     job = RenderJob(geometry, taken, where, light, seed, file_format, whole("--quality", quality, 1, 100))
-    return RenderedPhotos(job, looks_aside=poses is None and aim_offset_mm > 0)
+    return RenderedPhotos(job, looks_aside=looks_aside)
+
+
+def _aside(camera: Camera, aside_rad: float | None) -> float:
+    """How far off the axis targets are to stand: anywhere in a wide lens's image if it is not said."""
+    if aside_rad is None:
+        return math.pi if has_dark_corners(camera) else 0.0
+    return real("--aside", aside_rad, 0, math.pi, " rad")
 
 
 def _check(options: RenderOptions, file_format: FileFormat) -> None:

@@ -3,6 +3,7 @@
 A model is a file of this folder, which holds it as `MODEL`, and a line of `ABILITIES`. Files are loaded when used.
 """
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -123,14 +124,24 @@ def neutral(model: str) -> "Array":
 
 def rays(camera: "Camera", pixel: "Array") -> "Array":
     """Unit directions (..., 3) of the light that reaches pixels (..., 2); nan where there is none."""
-    return MODELS[camera.model].rays(camera, pixel)
+    ray = MODELS[camera.model].rays(camera, pixel)
+    return ray if camera.field_rad is None else _within(camera.field_rad, ray, ray)
 
 
 def project(camera: "Camera", point: "Array") -> "Array":
     """Pixels (..., 2) of points (..., 3) in the camera frame; nan behind the camera or outside the model."""
-    return MODELS[camera.model].project(camera, point)
+    pixel = MODELS[camera.model].project(camera, point)
+    return pixel if camera.field_rad is None else _within(camera.field_rad, point, pixel)
 
 
 def linearise(camera: "Camera", point: "Array") -> "Linearised":
     """Pixels of points (3, N) in the camera frame, with their derivatives; nan where `project` has it."""
     return MODELS[camera.model].linearise(camera, point)
+
+
+def _within(field_rad: float, point: "Array", value: "Array") -> "Array":
+    """Values (..., N) of points (..., 3), nan of those beyond the image circle."""
+    import numpy as np
+
+    least = math.cos(field_rad / 2) * np.linalg.norm(point, axis=-1, keepdims=True)
+    return np.where(np.asarray(point)[..., 2:] >= least, value, np.nan)

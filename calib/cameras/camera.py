@@ -3,6 +3,7 @@
 These are `camera.json`, and templates or a person's own TOML with the same keys.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ from designer.kinds.presets import preset_or_file
 from designer.kinds.spec_file import RawValue, read_spec_file
 
 MAX_KNOTS = 1000
+WHOLE_TURN_RAD = 2 * math.pi
 MAX_LENGTHS = 40.0
 """A side of the image has at most so many lengths of the kernel, so that tables stay small."""
 LARGEST = 1e15
@@ -59,6 +61,7 @@ class Camera:
     params: NDArray[np.float64]  # (P,) in the model's order and units
     image_size: tuple[int, int]  # width, height in px
     learned: LearnedMap | None = None  # of models that learn a map
+    field_rad: float | None = None  # angle across the image circle; None: light as far as the model has an image
 
     def __post_init__(self) -> None:
         freeze(self, "params")
@@ -148,6 +151,7 @@ LARGEST_BY_UNIT = {"px": 1e9, "1": 1e30}
 GRID, LEAST_SEEN, LEAST_FORWARD = 41, 0.01, 1e-3
 """Of pixels that are tried, the least share with a ray less than 89.9 degrees off the axis."""
 
+Field = Annotated[float, Above(0), AtMost(WHOLE_TURN_RAD)]
 Side = Annotated[int, AtLeast(1), AtMost(MAX_SIDE_PX)]
 
 
@@ -159,6 +163,7 @@ class CameraDocument:
     image_size: tuple[Side, Side]
     parameters: Mapping[str, float]
     learned_map: Annotated[LearnedMap | None, LEFT_OUT] = None
+    field_rad: Annotated[Field | None, LEFT_OUT] = None
 
 
 CAMERA = FileKind(CameraDocument, "camera", "a camera file", "check the file", largest_bytes=2**20)
@@ -166,7 +171,9 @@ CAMERA = FileKind(CameraDocument, "camera", "a camera file", "check the file", l
 
 def camera_document(camera: Camera) -> dict[str, JsonValue]:
     """The keys of `camera.json`."""
-    return CAMERA.document(CameraDocument(camera.model, camera.image_size, camera.parameters, camera.learned))
+    return CAMERA.document(
+        CameraDocument(camera.model, camera.image_size, camera.parameters, camera.learned, camera.field_rad)
+    )
 
 
 def camera_to_json(camera: Camera) -> str:
@@ -193,7 +200,7 @@ def _camera(file: CameraDocument, origin: str, required: tuple[str, ...] | None)
         raise InputError(f"{origin}: unknown camera model {shown(file.model)}{hint}")
     learned = _learned_map(file, origin)
     params = _parameters(file, model, origin, required or parameter_names(model.name))
-    camera = Camera(model.name, params, file.image_size, learned)
+    camera = Camera(model.name, params, file.image_size, learned, file.field_rad)
     _require_plausible(camera, origin)
     return camera
 

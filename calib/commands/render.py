@@ -38,6 +38,9 @@ def render(
         bool, typer.Option("--random-roll", help="turn the camera about its axis at random")
     ] = False,
     aim_offset: Annotated[str, typer.Option(help="look past the origin, by up to this")] = "0mm",
+    aside: Annotated[
+        str, typer.Option(help="see the target up to so far off the axis (default: wide lenses to their rim, else 0)")
+    ] = "",
     poses: Annotated[Path | None, typer.Option(help="poses from a JSON or CSV file, instead of a grid")] = None,
     sampling: Annotated[str, typer.Option(help="area: anti-aliased; binary: one ray a pixel, black or white")] = "area",
     black: Annotated[str, typer.Option(help="light of the ink")] = "10%",
@@ -121,7 +124,8 @@ def render(
         target, named.camera, views=views, distance_mm=length_range("--distance", distance, 1, 10_000),
         region=cast("Region", choice("--region", region, REGIONS)) if region else None,
         cap_rad=math.radians(bounded("--cap-angle", cap_angle, parse_degrees, 0, 180, "deg")),
-        random_roll=random_roll, aim_offset_mm=length("--aim-offset", aim_offset, 0, 10_000), poses=poses,
+        random_roll=random_roll, aim_offset_mm=length("--aim-offset", aim_offset, 0, 10_000),
+        aside_rad=math.radians(bounded("--aside", aside, parse_degrees, 0, 180, "deg")) if aside else None, poses=poses,
         options=options, seed=seed, file_format=cast("FileFormat", file_format), quality=quality,
     )  # fmt: skip
     processes_of(jobs)

@@ -1,13 +1,14 @@
 """What one view shows of the target: its faces, ready to be traced, and where its rings truly are."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import project
+from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.core.se3 import invert, transform
+from calib.renderer.light import in_full_light
 from calib.renderer.options import RenderOptions
 from calib.renderer.scene import Face, RenderScene
 from calib.renderer.trace import FaceArrays
@@ -19,6 +20,8 @@ Flags = NDArray[np.bool_]
 RIM_POINTS = 32
 CLEAN_MARGIN_PX = 2.0
 EDGE_POINTS = 33
+PROBES = 33
+"""Along either side of the image, pixels that are asked whether they see a face whose edges they do not."""
 MARGIN_PX = 3
 MARGIN_SHARE = 0.01
 """Of the box, for what a distorted edge bulges between the points along it."""
@@ -47,7 +50,8 @@ def ring_truth(scene: RenderScene, camera: Camera, cam_from_target: Array) -> Ri
     radius = scene.ring[:, 3, None]
     circle = np.cos(angle)[None, :, None] * first[:, None] + np.sin(angle)[None, :, None] * second[:, None]
     center_px = project(camera, center)
-    rim_px = project(camera, center[:, None] + radius[:, :, None] * circle)
+    rim = center[:, None] + radius[:, :, None] * circle
+    rim_px = project(camera, rim)
     # The local affine map from the face to the image, by central differences over the ring.
     quarter = RIM_POINTS // 4
     axes = np.stack([rim_px[:, 0] - rim_px[:, 2 * quarter], rim_px[:, quarter] - rim_px[:, 3 * quarter]], axis=2) / 2
@@ -55,7 +59,7 @@ def ring_truth(scene: RenderScene, camera: Camera, cam_from_target: Array) -> Ri
     finite = np.isfinite(axes).all(axis=(1, 2))
     minor[finite] = np.linalg.svd(axes[finite], compute_uv=False)[:, 1]
     visible = (cosine > 0) & _inside(center_px, camera.image_size, -0.5)
-    whole = visible & _inside(rim_px, camera.image_size, CLEAN_MARGIN_PX).all(axis=1)
+    whole = visible & _inside(project(in_full_light(camera), rim), camera.image_size, CLEAN_MARGIN_PX).all(axis=1)
     return RingTruth(center_px, rim_px, np.arccos(np.clip(cosine, -1, 1)), minor, visible, whole)
 
 
@@ -116,7 +120,7 @@ def _seen_face(
     if height == 0 or (height < 0 and scene.is_convex):
         return None
     edge_px = _edge_px(face, camera, cam_from_face)
-    box = _box(edge_px, camera.image_size)
+    box = _box_of(face, camera, face_from_cam, edge_px)
     if box is None:
         return None
     arrays = face.arrays._replace(is_plain=height < 0)
@@ -135,12 +139,35 @@ def _seen_face(
 
 
 def _edge_px(face: Face, camera: Camera, cam_from_face: Array) -> Array:
-    """Points (N, 2) along the outline's image; nan behind the camera and where the lens's image ends."""
+    """Points (N, 2) along the outline's image, dark ones too; nan behind the camera and where the model ends."""
     share = np.linspace(0, 1, EDGE_POINTS, endpoint=False)[:, None]
     corner = face.corner_mm[:, None]
     edge = (1 - share) * corner + share * np.roll(corner, -1, axis=0)
     flat = edge.reshape(-1, 2)
-    return project(camera, transform(cam_from_face, np.column_stack([flat, np.zeros(len(flat))])))
+    edge_mm = transform(cam_from_face, np.column_stack([flat, np.zeros(len(flat))]))
+    return project(replace(camera, field_rad=None), edge_mm)
+
+
+def _box_of(face: Face, camera: Camera, face_from_cam: Array, edge_px: Array) -> Box | None:
+    """The pixels that a face may touch: all of them if it lies straight behind, or fills the image beyond its edges."""
+    width, height = camera.image_size
+    box = _box(edge_px, camera.image_size)
+    if _is_met(face, face_from_cam, np.array([[0.0, 0.0, -1.0]])):
+        return Box(0, height, 0, width)
+    if box is None:
+        u, v = np.meshgrid(np.linspace(0, width - 1, PROBES), np.linspace(0, height - 1, PROBES))
+        if _is_met(face, face_from_cam, rays(camera, np.stack([u.ravel(), v.ravel()], axis=1))):
+            return Box(0, height, 0, width)
+    return box
+
+
+def _is_met(face: Face, face_from_cam: Array, ray: Array) -> bool:
+    """Whether one of the rays (N, 3) meets a face."""
+    eye, ray, plane = face_from_cam[:3, 3], ray @ face_from_cam[:3, :3].T, face.arrays.outline
+    with np.errstate(divide="ignore", invalid="ignore"):
+        length = -eye[2] / ray[:, 2]
+        point = eye[:2] + length[:, None] * ray[:, :2]
+        return bool(((point @ plane[:, :2].T < plane[:, 2]).all(axis=1) & (length > 0)).any())
 
 
 def _box(edge_px: Array, image_size: tuple[int, int]) -> Box | None:

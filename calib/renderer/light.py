@@ -1,12 +1,14 @@
 """Light on the target (lamp, gradient), through the lens (blur, defocus, dark corners), on the sensor (noise, tone)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import ABILITIES, project
+from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.core.se3 import transform
 from calib.renderer.options import RenderOptions
@@ -23,6 +25,9 @@ Levels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
 LEAST_COSINE = 0.3  # of the incidence at the point that mirrors the lamp
 LOBE_WIDTH = (0.08, 0.3)  # of the target's size
 LAMP_DISTANCE = (1.0, 3.0)  # of the camera's
+FADE_RAD = math.radians(1.0)
+"""Of an image circle, over so much of its rim the light fades."""
+RIM_POINTS = 32
 LOBE_END = 12.0
 """Exponent at which the lobe is cut off: 6e-6 of its peak."""
 
@@ -51,7 +56,7 @@ def blurred(light: Image, sigma_px: float) -> Image:
 
 
 def defocus_sigma_px(depth_mm: Image, focus_mm: float, aperture_mm: float, focal_px: float) -> Image:
-    """Standard deviation of the blur at each depth.
+    """Standard deviation of the blur at each depth, or of a wide lens each range.
 
     A thin lens spreads a point over a disc of the diameter `f A |1/z - 1/z_focus|`; a disc of diameter c has the
     variance c^2 / 16 along each axis.
@@ -83,12 +88,40 @@ def blurred_by(light: Image, sigma_px: Image) -> Image:
     return result
 
 
-def vignette(u: Array, v: Array, image_size: tuple[int, int], loss: float) -> Array:
-    """Light that reaches pixels, over that in the middle: `1 - loss (r / r_corner)^2`."""
-    middle = (np.array(image_size) - 1) / 2
-    square = ((u - middle[0]) ** 2 + (v - middle[1]) ** 2) / max(float(middle @ middle), 1.0)
+def vignette(u: Array, v: Array, camera: Camera, loss: float) -> Array:
+    """Light that reaches pixels, over that in the middle: `1 - loss (r / r_end)^2`; r_end: corner or image circle."""
+    middle = (np.array(camera.image_size) - 1) / 2
+    end = float(middle @ middle)
+    if camera.field_rad is not None:
+        angle = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
+        half = camera.field_rad / 2 * (1 - 1e-9)
+        side = math.sin(half) * np.array([np.cos(angle), np.sin(angle)])
+        rim_px = project(camera, np.column_stack([*side, np.full(RIM_POINTS, math.cos(half))]))
+        end = float(np.fmin(end, ((rim_px - middle) ** 2).sum(axis=1).max()))
+    square = np.minimum(((u - middle[0]) ** 2 + (v - middle[1]) ** 2) / max(end, 1.0), 1.0)
     light: Array = 1 - loss * square
     return light
+
+
+def in_full_light(camera: Camera) -> Camera:
+    """The camera without the rim of its image circle, over which the light fades."""
+    if camera.field_rad is None:
+        return camera
+    return replace(camera, field_rad=max(camera.field_rad - 2 * FADE_RAD, FADE_RAD))
+
+
+def has_dark_corners(camera: Camera) -> bool:
+    """Whether light may reach a part of the image only."""
+    return ABILITIES[camera.model].is_wide or camera.field_rad is not None
+
+
+def circle_light(camera: Camera, ray: Array) -> Array:
+    """Share of the light that reaches pixels (...) from directions (..., 3): none beyond the image circle."""
+    cosine = ray[..., 2]
+    if camera.field_rad is None:
+        return np.where(np.isnan(cosine), 0.0, 1.0)
+    inside = camera.field_rad / 2 - np.arccos(np.clip(cosine, -1, 1))
+    return np.nan_to_num(np.clip(inside / FADE_RAD, 0.0, 1.0))
 
 
 def add_noise(light: Image, even_sigma: float, full_well: float, rng: np.random.Generator) -> None:

@@ -10,7 +10,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.core.se3 import exp_rotation, look_at, make_pose, rigid_fault
+from calib.cameras import rays
+from calib.cameras.camera import Camera
+from calib.core.se3 import exp_rotation, look_at, make_pose, rigid_fault, rotation_between
 from designer.base.errors import InputError
 from designer.base.small_file import JsonValue, parse_json, read_small_text
 
@@ -18,6 +20,7 @@ Array = NDArray[np.float64]
 Region = Literal["hemisphere", "sphere", "cap"]
 
 MAX_VIEWS = 100_000
+MAX_DRAWS, DRAWN_AT_ONCE = 200, 2000
 MAX_FILE_BYTES = 64 * 2**20
 GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
 COLUMNS = ("rx_rad", "ry_rad", "rz_rad", "tx_mm", "ty_mm", "tz_mm")
@@ -35,6 +38,7 @@ class PoseGrid:
     random_roll: bool
     aim_offset_mm: float  # the camera looks at a random point of a ball of this radius
     is_two_sided: bool = False  # every second camera stands opposite, below the plane z = 0
+    aside: Array | None = None  # (V, 3) directions in which the cameras see what they aim at; None: straight ahead
 
 
 def fibonacci_cap(count: int, half_angle_rad: float) -> Array:
@@ -59,7 +63,25 @@ def grid_poses(grid: PoseGrid, rng: np.random.Generator) -> Array:
     step = rng.standard_normal((grid.views, 3))
     length = grid.aim_offset_mm * rng.uniform(size=(grid.views, 1)) ** (1 / 3)
     aim = length * step / np.linalg.norm(step, axis=1, keepdims=True)
-    return look_at(aim + distance[:, None] * direction, aim, roll)
+    poses = look_at(aim + distance[:, None] * direction, aim, roll)
+    if grid.aside is None:
+        return poses
+    return make_pose(rotation_between(np.array([0.0, 0.0, 1.0]), grid.aside), np.zeros(3)) @ poses
+
+
+def directions_over_image(camera: Camera, count: int, limit_rad: float, rng: np.random.Generator) -> Array:
+    """Directions (count, 3) of light, drawn evenly over the part of the image that sees up to an angle off the axis.
+
+    Raises:
+        InputError: no pixel sees there.
+    """
+    seen = np.zeros((0, 3))
+    for _ in range(MAX_DRAWS):
+        ray = rays(camera, rng.uniform(-0.5, np.array(camera.image_size) - 0.5, (DRAWN_AT_ONCE, 2)))
+        seen = np.concatenate([seen, ray[ray[:, 2] >= math.cos(limit_rad)]])  # false where there is no light
+        if len(seen) >= count:
+            return seen[:count]
+    raise InputError(f"--aside {math.degrees(limit_rad):g}deg: this camera sees hardly anything there; give more")
 
 
 def load_poses(path: Path) -> Array:

@@ -260,7 +260,7 @@ def _unsaturated(
         point = scene.ring[rows, None, :2] + scene.ring[rows, 3, None, None] * circle
         lamp, eye = to_face(setting.lamp, face.face_from_cam), face.face_from_cam[:3, 3].copy()
         glare = options.glare * glare_at(point.reshape(-1, 2), eye, lamp, setting.lamp.lobe_rad).reshape(u.shape)
-    arriving = (light + glare) * vignette(u, v, camera.image_size, options.vignetting)
+    arriving = (light + glare) * vignette(u, v, camera, options.vignetting)
     contrast = face.arrays.white - face.arrays.black
     return np.asarray((arriving <= FULL_SCALE).all(axis=1) & (glare <= WASHED_OUT * contrast).all(axis=1))
 

@@ -1,6 +1,6 @@
 """Ray tracing of one face: every pixel's ray is cut with the face's plane, and the texture read there.
 
-A ray `d = (x, y, 1)` in the camera frame meets the plane z = h of the face frame at
+A ray `d` of length one in the camera frame meets the plane z = h of the face frame at
 `o + (h - oz) (a, b, 1) / w` with `(a, b, w) = face_from_cam @ d` and `o` the camera in the face frame.
 
 Away from edges one ray stands for the pixel. Where an edge may cross, the pixel is cut into cells, and each cell is
@@ -297,16 +297,17 @@ def trace_face(ray: Array, face_from_cam: Array, face: FaceArrays, is_binary: bo
 
 
 @jit
-def set_depth(ray: Array, face_from_cam: Array, outline: Array, depth: Image) -> None:
-    """Write the depth (mm along the camera's axis) of one face; `ray` as in `trace_face`."""
+def set_depth(ray: Array, face_from_cam: Array, outline: Array, is_range: bool, depth: Image) -> None:
+    """Write the depth (mm along the camera's axis), or the range, of one face; `ray` as in `trace_face`."""
     r = face_from_cam
     for row in range(depth.shape[0]):
         for column in range(depth.shape[1]):
             dx, dy, dz = ray[row + 1, column + 1, 0], ray[row + 1, column + 1, 1], ray[row + 1, column + 1, 2]
             length = -r[2, 3] / (r[2, 0] * dx + r[2, 1] * dy + r[2, 2] * dz)
-            if not 0 < length * dz < np.inf:
+            away = length if is_range else length * dz
+            if not (length > 0 and 0 < away < np.inf):
                 continue
             x = r[0, 3] + length * (r[0, 0] * dx + r[0, 1] * dy + r[0, 2] * dz)
             y = r[1, 3] + length * (r[1, 0] * dx + r[1, 1] * dy + r[1, 2] * dz)
             if polygon_distance(outline, x, y) < 0:
-                depth[row, column] = length * dz
+                depth[row, column] = away

@@ -1,11 +1,11 @@
 """One synthetic photo: a pure function of target, camera, pose, options and randomness."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import rays
+from calib.cameras import ABILITIES, rays
 from calib.cameras.camera import Camera
 from calib.renderer.faces import Box, SeenFace, ring_truth, seen_faces, union
 from calib.renderer.light import (
@@ -14,8 +14,10 @@ from calib.renderer.light import (
     add_noise,
     blurred,
     blurred_by,
+    circle_light,
     defocus_sigma_px,
     gradient_at,
+    has_dark_corners,
     quantised,
     to_face,
     vignette,
@@ -79,7 +81,7 @@ def _light(faces: list[SeenFace], camera: Camera, setting: Surroundings, options
     light = np.full((height, width), background, dtype=np.float32)
     if setting.background is not None:
         np.multiply(setting.background, np.float32(1 / 255), out=light)
-    around = union([face.box for face in faces])
+    around, is_partly_dark = union([face.box for face in faces]), has_dark_corners(camera)
     for top in range(0, height, BLOCK_ROWS):
         bottom = min(top + BLOCK_ROWS, height)
         block = light[top:bottom]
@@ -95,6 +97,9 @@ def _light(faces: list[SeenFace], camera: Camera, setting: Surroundings, options
         if setting.occluders is not None:
             share = setting.occluders.share[top:bottom] * np.float32(1 / 255)
             block += share * (setting.occluders.grey[top:bottom] * np.float32(1 / 255) - block)
+        if is_partly_dark:
+            ray = _rays(camera, Box(top, bottom, 0, width))[1:-1, 1:-1]
+            block *= circle_light(camera, ray).astype(np.float32)
     return light
 
 
@@ -139,25 +144,27 @@ def _from_corner(box: Box, frame: Box) -> Box:
 
 
 def _rays(camera: Camera, box: Box) -> Array:
-    """Rays (H + 2, W + 2, 3) of a box of pixels and of one more on each side."""
+    """Rays (H + 2, W + 2, 3) of a box of pixels and of one more on each side, dark ones too."""
     pixel = np.empty((box.bottom - box.top + 2, box.right - box.left + 2, 2))
     pixel[..., 0] = np.arange(box.left - 1, box.right + 1)
     pixel[..., 1] = np.arange(box.top - 1, box.bottom + 1)[:, None]
-    return rays(camera, pixel)
+    return rays(replace(camera, field_rad=None), pixel)
 
 
 def _through_lens(
     light: Image, faces: list[SeenFace], camera: Camera, cam_from_target: Array, options: RenderOptions
 ) -> Image:
-    """Blur, with depth if the lens has an aperture."""
+    """Blur, with depth if the lens has an aperture: along the axis as of a thin lens, for wide ones along the ray."""
     if options.aperture_mm:
-        origin_mm = float(np.linalg.norm(cam_from_target[:3, 3]))
+        origin_mm, is_range = float(np.linalg.norm(cam_from_target[:3, 3])), ABILITIES[camera.model].is_wide
         # What is not the target lies as far away as its origin, so that silhouettes blur as their surroundings do.
-        depth = np.full(light.shape, max(float(cam_from_target[2, 3]), 1.0), dtype=np.float32)
+        away_mm = origin_mm if is_range else float(cam_from_target[2, 3])
+        depth = np.full(light.shape, max(away_mm, 1.0), dtype=np.float32)
         for face in faces:
             for top in range(face.box.top, face.box.bottom, BLOCK_ROWS):
                 box = Box(top, min(top + BLOCK_ROWS, face.box.bottom), face.box.left, face.box.right)
-                set_depth(_rays(camera, box), face.face_from_cam, face.arrays.outline, depth[_slices(box)])
+                ray, outline = _rays(camera, box), face.arrays.outline
+                set_depth(ray, face.face_from_cam, outline, is_range, depth[_slices(box)])
         focus = options.focus_mm or origin_mm
         sigma = defocus_sigma_px(depth, focus, options.aperture_mm, _focal_px(camera))
         np.hypot(sigma, np.float32(options.blur_px), out=sigma)
@@ -183,7 +190,7 @@ def _sensed(light: Image, camera: Camera, options: RenderOptions, rng: np.random
         block = light[top : top + BLOCK_ROWS]
         if options.vignetting:
             v = np.arange(top, top + len(block), dtype=float)[:, None]
-            block *= vignette(u, v, camera.image_size, options.vignetting)
+            block *= vignette(u, v, camera, options.vignetting)
         if options.noise_sigma or options.full_well:
             add_noise(block, options.noise_sigma, options.full_well, rng)
         image[top : top + BLOCK_ROWS] = quantised(block, options)
