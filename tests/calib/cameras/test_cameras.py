@@ -53,12 +53,15 @@ def test_nothing_is_seen_behind_the_camera_or_beyond_the_fold() -> None:
 
 @pytest.mark.parametrize("name", preset_names("cameras"))
 def test_every_template_sees_with_every_pixel(name: str) -> None:
-    """All camera templates load, and every pixel has a ray that projects back."""
+    """All camera templates load, and every pixel that light reaches has a ray that projects back."""
     camera = camera_or_preset(name)
     width, height = camera.image_size
     u, v = np.meshgrid(np.linspace(-0.5, width - 0.5, 50), np.linspace(-0.5, height - 0.5, 50))
     pixel = np.stack([u, v], axis=-1)
-    assert np.abs(project(camera, rays(camera, pixel)) - pixel).max() < 1e-9
+    ray = rays(camera, pixel)
+    is_lit = np.isfinite(ray).all(axis=-1)
+    assert is_lit.all() if camera.field_rad is None else is_lit.mean() > 0.4
+    assert np.abs(project(camera, ray[is_lit]) - pixel[is_lit]).max() < 1e-9
 
 
 def test_templates_are_the_stated_cameras() -> None:
