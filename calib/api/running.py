@@ -33,6 +33,7 @@ from calib.observe.observations import observations_from_detections
 from calib.observe.photos import Search, named_photos
 from calib.renderer.truth import Truth
 from calib.solver.accuracy import UndeterminedError
+from calib.solver.costs import IMAGE
 from calib.verdict.criteria import STANDARD, read_criteria
 from calib.verdict.halves import half_split
 from calib.verdict.judge import inputs_of, judge_cameras
@@ -65,6 +66,7 @@ def run(
     loss: str = "squares",
     reject_sigma: float | None = None,
     weighted: bool = True,
+    minimise: str = IMAGE,
     reference: Reference | None = None,
     made: str | None = None,
     truth: Place | None = None,
@@ -91,6 +93,8 @@ def run(
         loss: `squares`, `huber` or `cauchy`: how far-off observations count.
         reject_sigma: leave out what is off by more than so many robust standard deviations.
         weighted: weigh observations by their covariances, or all alike.
+        minimise: distances in the `image`, in space between `ray` and ring, or where the ray meets its plane
+            (`intersection`); `ray-by-range`, `intersection-by-range`, `whitened`.
         reference: of model `virtual`: the photo that its map is learned from, or `all`.
         made: how the target was made: an error template, a file of errors, or `exact`; None: assumed from its build.
         truth: the `truth.json` of rendered photos; None: the one beside them, if there is one.
@@ -106,7 +110,14 @@ def run(
     """
     geometry, limits = target_of(target, "rings"), _criteria(criteria)
     plan = plan_from_words(
-        model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted
+        model,
+        fix=fix,
+        share=share,
+        focal_px=focal_px,
+        loss=loss,
+        reject=reject_sigma,
+        weighted=weighted,
+        minimise=minimise,
     )
     writer = _writer(out, plan)
     asked = photos_of(photos)
@@ -140,6 +151,7 @@ def solve(
     loss: str = "squares",
     reject_sigma: float | None = None,
     weighted: bool = True,
+    minimise: str = IMAGE,
     reference: Reference | None = None,
     made: str | None = None,
     truth: Truth | Place | None = None,
@@ -164,6 +176,7 @@ def solve(
         loss: how far-off observations count.
         reject_sigma: leave out what is farther off.
         weighted: by covariances, or all alike.
+        minimise: distances in the image, or in space.
         reference: of model `virtual`.
         made: how the target was made.
         truth: of rendered photos, or its `truth.json`.
@@ -178,7 +191,14 @@ def solve(
     """
     geometry, limits = None if target is None else target_of(target), _criteria(criteria)
     plan = plan_from_words(
-        model, fix=fix, share=share, focal_px=focal_px, loss=loss, reject=reject_sigma, weighted=weighted
+        model,
+        fix=fix,
+        share=share,
+        focal_px=focal_px,
+        loss=loss,
+        reject=reject_sigma,
+        weighted=weighted,
+        minimise=minimise,
     )
     writer = _writer(out, plan)
     observations = observations_of(observed, target)

@@ -13,13 +13,14 @@ from calib.renderer.quantities import number
 from calib.renderer.truth import Truth
 from calib.solver.accuracy import UndeterminedError
 from calib.solver.calibration import Calibration
+from calib.solver.costs import COSTS, IMAGE
 from calib.solver.image_field import with_image_field
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.target_error import with_target_error
 from calib.virtual.calibrate import calibrate
 from calib.virtual.solve_virtual import Reference
 from designer.base.errors import InputError
-from designer.base.words import several, suggestion
+from designer.base.words import several, shown, suggestion
 from designer.tolerance.made import Made
 
 ALL = "all"
@@ -54,6 +55,7 @@ def plan_from_words(
     loss: str,
     reject: float | None,
     weighted: bool,
+    minimise: str = IMAGE,
 ) -> SolvePlan:
     """What to solve, and how.
 
@@ -65,6 +67,7 @@ def plan_from_words(
         loss: squares, huber or cauchy.
         reject: leave out what is farther off than so many robust standard deviations.
         weighted: by the covariances of the observations.
+        minimise: distances in the image, or others of `calib.solver.costs.COSTS`.
 
     Raises:
         InputError: a word that means nothing; the message says what may stand there.
@@ -83,6 +86,9 @@ def plan_from_words(
         raise InputError(f"--reject {reject:g}: give 1 or more standard deviations, such as 4")
     if loss not in ("squares", "huber", "cauchy"):
         raise InputError(f"--loss {loss!r}: it must be squares, huber or cauchy")
+    if minimise not in COSTS:
+        hint = suggestion(str(minimise), list(COSTS)) or f"; there are {', '.join(COSTS)}"
+        raise InputError(f"--minimise {shown(str(minimise))}: nothing that is minimised{hint}")
     known = {name for one in models for name in parameter_names(one)}
     fixed = tuple(_fixed(text, known) for text in fix)
     shared = tuple(_shared(text, known) for text in share)
@@ -93,6 +99,7 @@ def plan_from_words(
         fixed=fixed,
         shared=shared,
         focal_px=None if focal_px is None else _focal_px(number("--focal", focal_px)),
+        minimise=minimise,
     )
     plan = SolvePlan(models, options)
     for name in models:

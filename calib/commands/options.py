@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from calib.cameras import learned_models, models_of_all, solved_models
+from calib.solver.costs import COSTS
 from designer.base.errors import InputError
 from designer.base.words import shown
 from designer.kinds.presets import camera_templates, criteria_templates, error_templates, one_of
@@ -50,6 +51,13 @@ RejectOption = Annotated[
 ]
 WeightedOption = Annotated[
     bool, typer.Option("--weighted/--unweighted", help="weigh observations by the covariances they state, or all alike")
+]
+MinimiseOption = Annotated[
+    str,
+    typer.Option(
+        help=f"{', '.join(COSTS)}: distances in the image, or in space; image is surest (calib study cost)",
+        autocompletion=one_of(tuple(COSTS)),
+    ),
 ]
 MadeOption = Annotated[
     str | None,

@@ -11,6 +11,7 @@ from calib.commands.folder_page import say_next as say_next_of_overlays
 from calib.commands.running import negative, report_of, solutions_answer, stopped
 from calib.commands.solve import focal_of, made_settings, reference_of, reference_settings
 from calib.show.screen import progress_bars
+from calib.solver.costs import IMAGE
 from designer.base.answer import Summary
 from designer.base.command import command_line
 from designer.page.terminal import quoted
@@ -34,6 +35,7 @@ def run(
     loss: options.LossOption = "squares",
     reject: options.RejectOption = None,
     weighted: options.WeightedOption = True,
+    minimise: options.MinimiseOption = IMAGE,
     reference: options.ReferenceOption = None,
     reference_target: options.ReferenceTargetOption = None,
     made: options.MadeOption = None,
@@ -62,8 +64,9 @@ def run(
         with progress_bars() as progress:
             found = run_all(
                 target, photos, model=model, fix=fix or (), share=share or (), focal_px=focal_of(focal), loss=loss,
-                reject_sigma=reject, weighted=weighted, reference=reference_of(reference, reference_target),
-                made=made, truth=truth, criteria=criteria, jobs=jobs, progress=progress, out=writer,
+                reject_sigma=reject, weighted=weighted, minimise=minimise,
+                reference=reference_of(reference, reference_target), made=made,
+                truth=truth, criteria=criteria, jobs=jobs, progress=progress, out=writer,
                 settings=(*made_settings(made), *reference_settings(reference, reference_target)),
             )  # fmt: skip
     except KeyboardInterrupt:

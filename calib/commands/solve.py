@@ -9,6 +9,7 @@ from calib.commands import options
 from calib.commands.running import negative, report_of, stopped
 from calib.core.files import named_in_files
 from calib.show.screen import progress_bars
+from calib.solver.costs import IMAGE
 from designer.base.answer import Summary
 from designer.base.errors import InputError
 from designer.page.terminal import quoted
@@ -31,6 +32,7 @@ def solve(
     loss: options.LossOption = "squares",
     reject: options.RejectOption = None,
     weighted: options.WeightedOption = True,
+    minimise: options.MinimiseOption = IMAGE,
     reference: options.ReferenceOption = None,
     reference_target: options.ReferenceTargetOption = None,
     image_size: options.ImageSizeOption = None,
@@ -63,7 +65,7 @@ def solve(
         with progress_bars() as progress:
             found = solve_all(
                 observations, target, model=model, fix=fix or (), share=share or (), focal_px=focal_of(focal),
-                loss=loss, reject_sigma=reject, weighted=weighted,
+                loss=loss, reject_sigma=reject, weighted=weighted, minimise=minimise,
                 reference=reference_of(reference, reference_target), made=made,
                 rendered_id=rendered_id_of(detections), criteria=criteria, progress=progress, out=writer,
                 settings=settings,

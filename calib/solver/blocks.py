@@ -37,7 +37,7 @@ class Misfit:
     """How far off V views are."""
 
     cost: Array  # (V,) sum of the losses of the whitened residuals; nan if an observation that counts has no image
-    residual_px: Array  # (2, M) predicted - measured
+    residual_px: Array  # (2, M) predicted - measured; of distances in space those, in mm
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,9 +370,9 @@ def view_blocks(
         width = int(problem.view_start[last] - problem.view_start[first])
         turned, point = np.empty((3, width)), np.empty((3, width))
         _to_camera(problem.view_start, first, last, pose, problem.position_mm, turned, point)
-        seen = linearise(camera, point)
+        rows, lever, measured = _linearised(problem, camera, pose, (first, last), turned, point)
         _view_products(
-            problem.view_start, first, last, turned, seen.rows, problem.measured_px, problem.whitener,
+            problem.view_start, first, last, lever, rows, measured, problem.whitener,
             problem.is_used, LOSSES[loss.kind], loss.knee, blocks.residual_px, products, blocks.cost,
             near is None,
         )  # fmt: skip
@@ -387,11 +387,34 @@ def view_misfit(problem: Problem, camera: Camera, cam_from_target: Array, loss: 
         width = int(problem.view_start[last] - problem.view_start[first])
         turned, point = np.empty((3, width)), np.empty((3, width))
         _to_camera(problem.view_start, first, last, pose, problem.position_mm, turned, point)
+        if problem.space is None:
+            shown, measured = project(camera, point.T), problem.measured_px
+        else:
+            rows, _, measured = _linearised(problem, camera, pose, (first, last), turned, point)
+            shown = np.ascontiguousarray(rows[:2].T)
         _view_costs(
-            problem.view_start, first, last, project(camera, point.T), problem.measured_px, problem.whitener,
+            problem.view_start, first, last, shown, measured, problem.whitener,
             problem.is_used, LOSSES[loss.kind], loss.knee, misfit.residual_px, misfit.cost,
         )  # fmt: skip
     return misfit
+
+
+def _linearised(
+    problem: Problem, camera: Camera, pose: Array, views: tuple[int, int], turned: Array, point: Array
+) -> tuple[Array, Array, Array]:
+    """What is compared with what, for a run of views.
+
+    Returns:
+        Pixels, or distances in space, with their derivatives (8 + 2 P, N); what turns of the target move (3, N); and
+        what they are to be, for all observations (2, M).
+    """
+    if problem.space is None:
+        return linearise(camera, point).rows, turned, problem.measured_px
+    first, last = views
+    start = problem.view_start
+    rotation = np.repeat(pose[first:last, :3, :3], np.diff(start[first : last + 1]), axis=0)
+    rows, lever = problem.space.linearise(camera, slice(start[first], start[last]), rotation, turned, point)
+    return rows, lever, np.zeros_like(problem.measured_px)
 
 
 def _runs(view_start: NDArray[np.int64]) -> list[tuple[int, int]]:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import MODELS, parameter_names, solved_models
+from calib.solver.costs import IMAGE
 from designer.base.errors import InputError
 
 Loss = Literal["squares", "huber", "cauchy"]
@@ -23,6 +24,7 @@ class SolveOptions:
     shared: tuple[tuple[str, ...], ...] = ()  # groups of parameters that have one value
     focal_px: float | None = None  # first guess
     max_iterations: int = 100
+    minimise: str = IMAGE  # of `calib.solver.costs.COSTS`
 
 
 AS_THE_PAPER = SolveOptions(weighted=False)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from calib.core.jit import jit
 from calib.core.se3 import skew
 from calib.core.types import Observations
+from calib.solver.distance import InSpace
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,7 @@ class Problem:
     whitener: Array  # (3, M) a, b, c of [[a, 0], [b, c]], which makes the covariance of an observation unity
     is_used: NDArray[np.bool_]  # (M,)
     origin_mm: Array = field(default_factory=lambda: np.zeros(3))  # (3,) the points' middle: a far one costs digits
+    space: InSpace | None = None  # distances in space are minimised; None: those in the image
 
     @property
     def view_count(self) -> int:
@@ -112,6 +114,7 @@ def select(problem: Problem, views: NDArray[np.int64], per_view: int) -> Problem
     return Problem(
         problem.image_size, start, problem.position_mm.take(rows, axis=1), problem.measured_px.take(rows, axis=1),
         problem.whitener.take(rows, axis=1), np.ones(len(rows), dtype=bool), problem.origin_mm,
+        None if problem.space is None else problem.space.take(rows),
     )  # fmt: skip
 
 

@@ -10,12 +10,15 @@ from calib.cameras.camera import Camera
 from calib.core.types import Observations, keep_views
 from calib.solver.accuracy import UndeterminedError, accuracy_of, why_degenerate
 from calib.solver.calibration import Calibration, Status
+from calib.solver.costs import COSTS
 from calib.solver.descend import Descended, descend, is_robust, without_lens
+from calib.solver.in_space import SolvedInSpace, descend_in_space, require_planes
 from calib.solver.options import SolveOptions, Tie, tie_parameters
 from calib.solver.outliers import shifted_photo
 from calib.solver.problem import Problem, pack, target_covariance, target_poses
 from calib.solver.start import FirstPoses, coarse_camera, first_poses
 from designer.base.errors import InputError
+from designer.base.words import shown
 
 Array = NDArray[np.float64]
 
@@ -28,7 +31,8 @@ def solve(
     """Solve a camera and the poses of all views.
 
     Levenberg-Marquardt on the distances in the image, from linear equations (homographies of planar views, direct
-    linear transforms of others) as the start. The result does not depend on the order of the views but for rounding.
+    linear transforms of others) as the start, and from there on the distances in space if `options.minimise` names
+    them. The result does not depend on the order of the views but for rounding.
 
     Args:
         observations: what was seen; every view has four points or more that are not on a line.
@@ -43,6 +47,7 @@ def solve(
     begin = time.perf_counter()
     options = options or SolveOptions()
     _check(options)
+    require_planes(options.minimise, observations.points, observations.point)
     tie = tie_parameters(model, options)
     noise = observations.cov_px2 if noise_px2 is None else noise_px2
     problem = pack(observations, weighted=options.weighted)
@@ -58,7 +63,7 @@ def solve(
         problem = pack(observations, weighted=options.weighted)
         _require_equations(problem, tie)
     poses = first.cam_from_target[first.found]
-    descended = descend(problem, camera, poses, tie, options, noise)
+    descended, told = _down(observations, problem, camera, poses, tie, options, noise)
     while descended.is_lost.any() and not descended.is_lost.all():
         remarks += _lost(observations, descended)
         poses = poses[~descended.is_lost]
@@ -66,8 +71,19 @@ def solve(
         observations = keep_views(observations, ~descended.is_lost)
         problem = pack(observations, weighted=options.weighted)
         _require_equations(problem, tie)
-        descended = descend(problem, camera, poses, tie, options, noise)
-    return _calibration(observations, problem, descended, tie, options, remarks, time.perf_counter() - begin)
+        descended, told = _down(observations, problem, camera, poses, tie, options, noise)
+    seconds = time.perf_counter() - begin
+    return _calibration(observations, problem, descended, told, tie, options, remarks, seconds)
+
+
+def _down(
+    observations: Observations, problem: Problem, camera: Camera, poses: Array, tie: Tie, options: SolveOptions,
+    noise_px2: Array | None,
+) -> tuple[Descended, SolvedInSpace | None]:  # fmt: skip
+    """Down to the minimum in the image, and from there to that in space if this is asked for."""
+    descended = descend(problem, camera, poses, tie, options, noise_px2)
+    found = descend_in_space(problem, observations.points, observations.point, descended, tie, options, noise_px2)
+    return descended if found is None else found.descended, found
 
 
 def _check(options: SolveOptions) -> None:
@@ -76,6 +92,8 @@ def _check(options: SolveOptions) -> None:
         raise InputError(f"reject {options.reject_sigma:g}: give more than 0 standard deviations, such as 4")
     if options.focal_px is not None and not 0 < options.focal_px < np.inf:
         raise InputError(f"focal length {options.focal_px:g} px: must be more than 0")
+    if options.minimise not in COSTS:
+        raise InputError(f"minimise {shown(options.minimise)}: there are {', '.join(COSTS)}")
 
 
 def _poses(problem: Problem, camera: Camera, tie: Tie, options: SolveOptions) -> FirstPoses:
@@ -92,13 +110,17 @@ def _calibration(
     observations: Observations,
     problem: Problem,
     descended: Descended,
+    in_space: SolvedInSpace | None,
     tie: Tie,
     options: SolveOptions,
     remarks: list[str],
     seconds: float,
 ) -> Calibration:
     found, is_used = descended.minimum, descended.is_used
-    accuracy = accuracy_of(found.blocks.products, tie.row, int(is_used.sum()), descended.robust)
+    if in_space is None:
+        accuracy = accuracy_of(found.blocks.products, tie.row, int(is_used.sum()), descended.robust)
+    else:
+        accuracy, remarks = in_space.accuracy, [in_space.remark, *remarks]
     reason = why_degenerate(observations, found, descended.sigma_px, accuracy, tie)
     status: Status = "degenerate" if reason else "converged" if found.converged else "stopped"
     if reason:

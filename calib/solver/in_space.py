@@ -1,0 +1,135 @@
+"""From the solution that minimises distances in the image to one that minimises distances in space; how sure it is."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.cameras.refit import image_grid
+from calib.core.se3 import log_rotation
+from calib.core.types import KnownPoints
+from calib.solver.accuracy import Accuracy, accuracy_of, projected_change, share_px, sigma_over_image_px
+from calib.solver.blocks import RobustLoss, view_blocks, view_misfit
+from calib.solver.costs import COSTS, DISTANCES, IMAGE
+from calib.solver.descend import Descended, Shown, lost_views, minimise_shown
+from calib.solver.distance import InSpace
+from calib.solver.options import SolveOptions, Tie
+from calib.solver.outliers import deviations, robust_sigma, whitened
+from calib.solver.problem import Problem
+from designer.base.errors import InputError
+
+Array = NDArray[np.float64]
+
+ROUNDS = 6
+"""Of weighing outliers and solving again, as in the image."""
+
+
+def require_planes(minimise: str, points: KnownPoints, seen: NDArray[np.int64]) -> None:
+    """Refuse to measure in planes that are not known, of the points that were seen.
+
+    Raises:
+        InputError: a point lies on none.
+    """
+    name = COSTS[minimise].distance
+    alone = int((points.face[np.unique(seen)] < 0).sum()) if name and DISTANCES[name].needs_planes else 0
+    if alone:
+        raise InputError(
+            f"--minimise {minimise}: {alone} of the points lie on no known plane; take ray, or give a target file"
+        )
+
+
+def in_space(problem: Problem, minimise: str, points: KnownPoints, seen: NDArray[np.int64]) -> Problem:
+    """The problem of distances in space.
+
+    Args:
+        problem: in the image.
+        minimise: a cost of `COSTS` that is none of the image.
+        points: that were seen.
+        seen: row of the points of each observation (M,).
+    """
+    cost = COSTS[minimise]
+    distance, axes = DISTANCES[cost.distance], None
+    if distance.needs_planes:
+        normal = points.plane[points.face[seen], :3].T
+        other = np.eye(3)[np.abs(normal).argmin(axis=0)].T  # the axis of space that is least along it
+        first = np.cross(normal, other, axis=0)
+        first /= np.linalg.norm(first, axis=0)
+        axes = np.stack([first, np.cross(normal, first, axis=0)])
+    space = InSpace(distance, cost.over_range, problem.measured_px, axes)
+    if cost.unit == "px":
+        return replace(problem, space=space)
+    plain = np.repeat(np.array([[1.0], [0.0], [1.0]]), len(seen), axis=1)
+    return replace(problem, space=space, whitener=plain)
+
+
+def minimise_in_space(problem: Problem, camera: Camera, poses: Array, tie: Tie, options: SolveOptions) -> Shown:
+    """Descend in a problem of distances in space; the loss bends where most distances are small against it."""
+    taken = 0
+    for _ in range(1 if options.loss == "squares" else ROUNDS):
+        loss = RobustLoss()
+        if options.loss != "squares":
+            off = view_misfit(problem, camera, poses, loss).residual_px
+            loss = RobustLoss(options.loss, robust_sigma(whitened(problem.whitener, off)))
+        shown = minimise_shown(problem, camera, poses, tie.row, loss, max_iterations=options.max_iterations)
+        camera, poses = shown.minimum.camera, shown.minimum.cam_from_target
+        taken += shown.minimum.iterations
+    return replace(shown, minimum=replace(shown.minimum, iterations=taken))
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedInSpace:
+    """What came of it, with the accuracy, and a word on what it changed."""
+
+    descended: Descended
+    accuracy: Accuracy
+    remark: str
+
+
+def descend_in_space(
+    problem: Problem, points: KnownPoints, seen: NDArray[np.int64], start: Descended, tie: Tie, options: SolveOptions,
+    cov_px2: Array | None,
+) -> SolvedInSpace | None:  # fmt: skip
+    """From the solution in the image to that in space, without what the first left out; None if that is the solution.
+
+    It is told in the image as all solutions are: its residuals and blocks are those of the image there. The estimate in
+    the image is the surest one, so its error has nothing to do with how far another estimate is from it (Hausman 1978,
+    Specification tests in econometrics, lemma 2.1): with the one's covariance V and the step D to the other, this one's
+    mean square error is `V + D D'`. What the other cost does to the solution beyond chance, as distances in space
+    are shorter nearer to the camera, is thereby in what is stated.
+    """
+    if options.minimise == IMAGE or start.is_lost.any():
+        return None
+    minimum = start.minimum
+    space = in_space(replace(problem, is_used=start.is_used), options.minimise, points, seen)
+    found = minimise_in_space(space, minimum.camera, minimum.cam_from_target, tie, options)
+    there, is_used = found.minimum, start.is_used & ~found.is_beyond
+    blocks = view_blocks(replace(problem, is_used=is_used), there.camera, there.cam_from_target, RobustLoss())
+    residual = blocks.residual_px
+    sigma_px = robust_sigma(residual)
+    descended = Descended(
+        replace(there, blocks=blocks, iterations=minimum.iterations + there.iterations), is_used,
+        start.is_beyond | found.is_beyond, sigma_px, deviations(residual, cov_px2, sigma_px), start.robust,
+        lost_views(problem, is_used),
+    )  # fmt: skip
+    sure = accuracy_of(minimum.blocks.products, tie.row, int(start.is_used.sum()), start.robust)
+    step = there.camera.params - minimum.camera.params
+    before, after = minimum.cam_from_target[:, :3], there.cam_from_target[:, :3]
+    turn = log_rotation(after[:, :, :3] @ before[:, :, :3].transpose(0, 2, 1))
+    moved = np.concatenate([turn, after[:, :, 3] - before[:, :, 3]], axis=1)
+    accuracy = replace(
+        sure, scale=accuracy_of(blocks.products, tie.row, int(is_used.sum()), start.robust).scale,
+        param_covariance=sure.param_covariance + np.outer(step, step),
+        pose_covariance=sure.pose_covariance + moved[:, :, None] * moved[:, None, :],
+    )  # fmt: skip
+    return SolvedInSpace(descended, accuracy, _remark(options.minimise, minimum.camera, step, sure))
+
+
+def _remark(minimise: str, camera: Camera, step: Array, sure: Accuracy) -> str:
+    """By how much the camera is another one."""
+    change = projected_change(camera, image_grid(camera.image_size).reshape(-1, 2)) @ step
+    off_px, sigma_px = share_px(np.hypot(*change.T)), sigma_over_image_px(camera, sure.param_covariance)
+    return (
+        f"minimised: {COSTS[minimise].title}; 95 % of the image are within {off_px:.2g} px of the camera that the "
+        f"distances in the image give, itself sure to {sigma_px:.2g} px there; what is stated has the difference in it"
+    )
