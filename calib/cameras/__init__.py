@@ -34,7 +34,10 @@ ABILITIES: dict[str, Abilities] = {
     "opencv": Abilities(is_in_all=True),
     "virtual": Abilities(is_in_all=True, is_learned=True),
     "pinhole": Abilities(),
+    "opencv8": Abilities(),
+    "opencv12": Abilities(),
     "fisheye": Abilities(is_wide=True),
+    "thin_prism_fisheye": Abilities(is_wide=True),
     "ds": Abilities(is_wide=True),
     "eucm": Abilities(is_wide=True),
     "omni": Abilities(is_wide=True),
@@ -71,7 +74,7 @@ class CameraModel(Protocol):
 
     @property
     def opencv_lens(self) -> tuple[str, ...] | None:
-        """The parameters that OpenCV's functions take as k1 k2 p1 p2 k3; () without a lens; None: another lens."""
+        """The parameters as OpenCV's functions take them, k1 k2 p1 p2 k3 ...; () without a lens; None: another lens."""
         ...
 
     def rays(self, camera: "Camera", pixel: "Array") -> "Array":

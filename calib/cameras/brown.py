@@ -9,6 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.polynomial import first_change
 from calib.core.jit import jit
 
 Array = NDArray[np.float64]
@@ -24,45 +25,10 @@ LAST_STEP = 1e-10
 
 
 @jit
-def _slope(coefficients: Array, square: float) -> float:
-    """Growth of the radial part with the radius, `1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3` at `s = r^2`."""
-    k1, k2, _, _, k3 = coefficients
-    return float(1 + square * (3 * k1 + square * (5 * k2 + square * 7 * k3)))
-
-
-@jit
 def _first_zero(coefficients: Array) -> float:
-    """The smallest positive square at which the slope changes its sign, or infinity: bisection between its turns."""
+    """The smallest positive square s at which the slope `1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3` ends, or infinity."""
     k1, k2, _, _, k3 = coefficients
-    a, b, c = 21 * k3, 10 * k2, 3 * k1  # the slope's derivative is a s^2 + b s + c
-    turns = np.array([np.inf, np.inf, np.inf])
-    if a == 0:
-        turns[0] = -c / b if b != 0 else np.inf
-    elif b * b >= 4 * a * c:
-        q = -0.5 * (b + math.copysign(math.sqrt(b * b - 4 * a * c), b))
-        turns[0] = q / a
-        turns[1] = c / q if q != 0 else np.inf
-    for k in range(2):
-        if not turns[k] > 0:
-            turns[k] = np.inf
-    low = 0.0
-    for turn in np.sort(turns):
-        high = turn
-        if high == np.inf:  # the last stretch: widen it until the sign has changed, or never will
-            high = 2 * low + 1e-6
-            while _slope(coefficients, high) > 0 and high < 1e30:
-                high *= 2
-        if not _slope(coefficients, high) > 0:
-            while True:
-                middle = 0.5 * (low + high)
-                if middle <= low or middle >= high:
-                    return float(high)
-                if _slope(coefficients, middle) > 0:
-                    low = middle
-                else:
-                    high = middle
-        low = high
-    return np.inf
+    return first_change(np.array([1.0, 3 * k1, 5 * k2, 7 * k3]))
 
 
 def fold_radius(coefficients: Array) -> float:

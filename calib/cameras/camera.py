@@ -86,7 +86,9 @@ class Camera:
 
     @property
     def distortion(self) -> NDArray[np.float64]:
-        """The lens as OpenCV's functions take it: k1 k2 p1 p2 k3.  # (5,)
+        """The lens as OpenCV's functions take it: k1 k2 p1 p2 k3, of rational lenses k4 k5 k6 (s1 s2 s3 s4), too.
+
+        There are 5, 8 or 12 numbers.
 
         Raises:
             InputError: another model's lens; `calib.convert` fits OpenCV's to it, and says how well.

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import ABILITIES, linearise, neutral, parameter_names, project, rays
+from calib.cameras import ABILITIES, LINEAR, MODELS, linearise, neutral, parameter_names, project, rays
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import exp_rotation, log_rotation
@@ -91,23 +91,30 @@ def refit(camera: Camera, model: str, *, zero: Collection[str] = (), turn: bool 
 
 
 def _in_other_words(camera: Camera, model: str, zero: Collection[str]) -> Camera | None:
-    """The same camera in another model, where that takes no fit: the model is the same, or there is no lens.
+    """The same camera in another model, where that takes no fit: the model is the same, holds it, or there is no lens.
 
-    Whether a lens that does nothing is none depends on the model: of a fisheye the angle is left, not its tangent.
+    Of the models whose lenses OpenCV's functions take, one with more parameters holds one with fewer. Whether a lens
+    that does nothing is none depends on the model: of a fisheye the angle is left, not its tangent.
     """
     if camera.learned is not None:
         return None
-    own, other = camera.params[FOCAL_AND_CENTRE:], neutral(model)
+    own, at_rest = camera.parameters, _at_rest(camera.model)
     if camera.model == model:
-        is_same = not any(value for name, value in camera.parameters.items() if name in zero)
-        return camera if is_same else None
-    if not np.array_equal(own, neutral(camera.model)[FOCAL_AND_CENTRE:]):
+        return None if any(value for name, value in own.items() if name in zero) else camera
+    lenses = MODELS[camera.model].opencv_lens, MODELS[model].opencv_lens
+    held = parameter_names(LINEAR) if None in lenses else parameter_names(model)
+    if any(value != at_rest[name] and (name not in held or name in zero) for name, value in own.items()):
         return None
-    other[:FOCAL_AND_CENTRE] = camera.params[:FOCAL_AND_CENTRE]
-    same = Camera(model, other, camera.image_size)
+    params = [own.get(name, value) if name in held else value for name, value in _at_rest(model).items()]
+    same = Camera(model, np.array(params), camera.image_size)
     pixel = image_grid(camera.image_size)
     difference = np.abs(rays(same, pixel) - rays(camera, pixel)).max()
     return same if difference < SAME_RAYS else None  # not where one has rays and the other none
+
+
+def _at_rest(model: str) -> dict[str, float]:
+    """The parameters of a lens that does nothing."""
+    return dict(zip(parameter_names(model), neutral(model).tolist(), strict=True))
 
 
 def fit_rays(

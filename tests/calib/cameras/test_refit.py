@@ -12,6 +12,7 @@ from calib.interop import FORMATS
 from calib.interop.reading import fit_to_format
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import CAMERAS, SIZE
+from tests.support.lenses import slight
 
 WIDE = Camera("opencv", np.array([620.0, 620, 508.2, 391.7, -0.3, 0.1, 0.0006, -0.0004, -0.012]), SIZE)
 TILT = exp_rotation(np.array([0.25, -0.2, 0.5]))
@@ -32,16 +33,34 @@ def test_the_same_model_needs_no_fit(camera: str) -> None:
     assert (found.rms_px, found.max_px, found.turn_rad, found.is_exact) == (0, 0, 0, True)
 
 
-@pytest.mark.parametrize(("source", "target"), [("pinhole", "opencv"), ("pinhole", "luhmann"), ("opencv", "pinhole")])
+@pytest.mark.parametrize(
+    ("source", "target"),
+    [("pinhole", "opencv"), ("pinhole", "luhmann"), ("opencv12", "pinhole"), ("opencv", "eucm"), ("eucm", "omni")],
+)
 def test_without_a_lens_all_models_are_one(source: str, target: str) -> None:
     """Between models without distortion the numbers are taken over."""
-    params = np.zeros(len(parameter_names(source)))
+    params = neutral(source)
     params[:4] = [900.1, 880.3, 510.7, 390.9]
-    found = refit(Camera(source, params, SIZE), target)
+    camera = Camera(source, params, SIZE)
+    found = refit(camera, target)
     assert found.is_exact
     assert found.camera.model == target
-    assert found.camera.params[:4].tolist() == params[:4].tolist()
-    assert not found.camera.params[4:].any()
+    assert found.camera.params.tolist() == [*params[:4], *neutral(target)[4:]]
+    assert np.abs(rays(found.camera, np.array([3.0, 5.0])) - rays(camera, np.array([3.0, 5.0]))).max() < 1e-15
+
+
+@pytest.mark.parametrize(
+    ("smaller", "larger"), [("opencv", "opencv8"), ("opencv", "opencv12"), ("opencv8", "opencv12")]
+)
+def test_a_lens_of_opencv_is_held_by_one_with_more_coefficients(smaller: str, larger: str) -> None:
+    """The numbers are taken over, and back where those left out are zero; where they are not, it is a fit."""
+    camera = slight(smaller)
+    found = refit(camera, larger)
+    assert found.is_exact
+    pixel = image_grid(camera.image_size).reshape(-1, 2)
+    assert np.nanmax(np.abs(rays(found.camera, pixel) - rays(camera, pixel))) < 1e-12
+    assert refit(found.camera, smaller).camera.params.tolist() == camera.params.tolist()
+    assert not refit(slight(larger), smaller).is_exact
 
 
 @pytest.mark.parametrize(
