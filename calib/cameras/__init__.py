@@ -20,6 +20,15 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
+class Picture:
+    """A picture without a lens, which photos are resampled to."""
+
+    words: str  # what would have taken it, with its article
+    equation: str
+    highest_deg: float = 90.0  # off the horizon, that it shows unless asked for more
+
+
+@dataclass(frozen=True)
 class Abilities:
     """What can be done with a model."""
 
@@ -27,13 +36,14 @@ class Abilities:
     is_learned: bool = False  # a map that is learned from photos, besides the parameters
     is_wide: bool = False  # light from the side and from behind has an image
     is_in_all: bool = False  # one of those that `--model all` solves and compares
+    picture: Picture | None = None  # photos are resampled to it: `calib undistort --to`
 
 
 ABILITIES: dict[str, Abilities] = {
     "luhmann": Abilities(is_in_all=True),
     "opencv": Abilities(is_in_all=True),
     "virtual": Abilities(is_in_all=True, is_learned=True),
-    "pinhole": Abilities(),
+    "pinhole": Abilities(picture=Picture("a pinhole", "u = fx X / Z + cx, v = fy Y / Z + cy")),
     "opencv8": Abilities(),
     "opencv12": Abilities(),
     "fisheye": Abilities(is_wide=True),
@@ -43,6 +53,18 @@ ABILITIES: dict[str, Abilities] = {
     "omni": Abilities(is_wide=True),
     "division": Abilities(is_wide=True),
     "spline": Abilities(is_solved=False),
+    "cylinder": Abilities(
+        is_solved=False,
+        is_wide=True,
+        picture=Picture(
+            "a cylindrical camera", "u = fx atan2(X, Z) + cx, v = fy Y / sqrt(X^2 + Z^2) + cy", highest_deg=60.0
+        ),
+    ),
+    "equirectangular": Abilities(
+        is_solved=False,
+        is_wide=True,
+        picture=Picture("an equirectangular camera", "u = fx atan2(X, Z) + cx, v = fy atan2(Y, sqrt(X^2 + Z^2)) + cy"),
+    ),
 }
 """The models, in the order in which they are offered."""
 
@@ -111,6 +133,11 @@ def fitted_models() -> tuple[str, ...]:
 def models_of_all() -> tuple[str, ...]:
     """The models that `--model all` means."""
     return tuple(name for name, model in ABILITIES.items() if model.is_in_all)
+
+
+def pictures() -> "dict[str, Picture]":
+    """The models of pictures without a lens, which photos are resampled to."""
+    return {name: model.picture for name, model in ABILITIES.items() if model.picture is not None}
 
 
 def parameter_names(model: str) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Photos as a pinhole would have taken them.
+"""Photos as a camera without a lens would have taken them.
 
 OpenCV's `remap` rounds places to 1/32 px and its cubic kernel is not exact for parabolas: edges come out up to 0.04 px
 off. Ring centres are measured to 0.003 px, so that would show.
@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import LINEAR, project, rays
+from calib.cameras import ABILITIES, LINEAR, linearise, pictures, project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import slopes
 from calib.core.jit import jit
@@ -26,6 +26,7 @@ STRIP_PIXELS = 1_000_000
 """Of the result whose places are in memory at a time."""
 ZOOM_RANGE = (0.02, 50.0)
 _INNER_POINTS = 48
+AXIS = np.array([[0.0], [0.0], [1.0]])
 
 
 @jit
@@ -103,15 +104,26 @@ def pinhole_of(camera: Camera, *, alpha: float | None = None, focal_px: float | 
     Raises:
         InputError: no focal length does it.
     """
-    fx, fy, cx, cy = camera.params[:4]
-    same = Camera(LINEAR, np.array([fx, fy, cx, cy]), camera.image_size)
+    same = linear_part(camera)
     if focal_px is not None:
-        return _zoomed(same, focal_px / fx)
+        return _zoomed(same, focal_px / float(same.params[0]))
     if alpha is None:
         return same
     wide = _zoom_that_shows_all(camera, same) if alpha > 0 else 1.0
     full = _zoom_without_black(camera, same) if alpha < 1 else 1.0
     return _zoomed(same, alpha * wide + (1 - alpha) * full)
+
+
+def linear_part(camera: Camera) -> Camera:
+    """The pinhole that shows the middle of the photos in their size.
+
+    The focal parameter of a wide model need not tell it: where a lens has a `xi`, light off the axis moves by less.
+    """
+    params = camera.params[:4].copy()
+    if ABILITIES[camera.model].is_wide:
+        scale = np.diagonal(linearise(camera, AXIS).by_point[:, :2, 0])
+        params[:2] = np.where(scale > 0, scale, params[:2])
+    return Camera(LINEAR, params, camera.image_size)
 
 
 def _zoomed(pinhole: Camera, zoom: float) -> Camera:
@@ -123,7 +135,14 @@ def _zoom_that_shows_all(camera: Camera, pinhole: Camera) -> float:
     """The largest zoom at which everything that the photos show is inside the frame."""
     last = np.array(camera.image_size) - 1.0
     inner = np.stack(np.meshgrid(*(np.linspace(0, end, _INNER_POINTS) for end in last)), axis=-1).reshape(-1, 2)
-    direction = slopes(rays(camera, np.concatenate([_border(camera.image_size), inner])))
+    ray = rays(camera, np.concatenate([_border(camera.image_size), inner]))
+    if (ray[:, 2] <= 0).any():
+        others = " or ".join(name for name in pictures() if name != LINEAR)
+        raise InputError(
+            f"alpha: the photos show light {np.degrees(np.arccos(np.nanmin(ray[:, 2]))):.0f} degrees off the axis, and "
+            f"a {LINEAR}'s picture ends before 90; give a field, alpha 0, or another picture: {others}"
+        )
+    direction = slopes(ray)
     focal, middle = pinhole.params[:2], pinhole.params[2:]
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.where(direction > 0, last - middle, -middle) / (focal * direction)
@@ -169,20 +188,36 @@ def _border(size: tuple[int, int]) -> Array:
     return np.concatenate([np.column_stack(side) for side in sides])
 
 
-def source_places(camera: Camera, pinhole: Camera, first: int, last: int) -> Array:
-    """Where the pixels of some rows of the pinhole's image lie in the photo; nan where there is none.  # (R, W, 2)"""
-    width = pinhole.image_size[0]
+def source_places(
+    camera: Camera, new_camera: Camera, first: int, last: int, cam_from_new: Array | None = None
+) -> Array:
+    """Where the pixels of some rows of the new image lie in the photo; nan where there is none.  # (R, W, 2)"""
+    width = new_camera.image_size[0]
     column, row = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(first, last, dtype=np.float64))
-    return project(camera, rays(pinhole, np.stack([column, row], axis=-1)))
+    ray = rays(new_camera, np.stack([column, row], axis=-1))
+    return project(camera, ray if cam_from_new is None else ray @ cam_from_new.T)
 
 
 def undistort(
-    pixels: Pixels, camera: Camera, pinhole: Camera, *, progress: Callable[[float], None] = lambda _: None
+    pixels: Pixels,
+    camera: Camera,
+    new_camera: Camera,
+    *,
+    cam_from_new: Array | None = None,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> Undistorted:
-    """A photo (H, W) or (H, W, C) of 8 or 16 bits as the pinhole would have taken it, black where it would see more."""
+    """A photo of 8 or 16 bits as a camera without a lens would have taken it, black where that would see more.
+
+    Args:
+        pixels: (H, W) or (H, W, C).
+        camera: that took the photo.
+        new_camera: see `calib.cameras.picture_of`.
+        cam_from_new: where that looks.  # (3, 3) None: along the camera's axis
+        progress: is told the share that is done.
+    """
     if (pixels.shape[1], pixels.shape[0]) != camera.image_size:
         raise ValueError(f"the photo has the shape {pixels.shape}, the camera the size {camera.image_size}")
-    width, height = pinhole.image_size
+    width, height = new_camera.image_size
     pixels = cast("Pixels", np.ascontiguousarray(pixels))
     result = cast("Pixels", np.empty((height, width, *pixels.shape[2:]), dtype=pixels.dtype))
     filled: list[int] = []
@@ -191,7 +226,9 @@ def undistort(
 
         def work(first: int, last: int, top: int = top) -> None:
             rows = slice(top + first, top + last)
-            filled.append(resample(pixels, source_places(camera, pinhole, rows.start, rows.stop), result[rows]))
+            filled.append(
+                resample(pixels, source_places(camera, new_camera, rows.start, rows.stop, cam_from_new), result[rows])
+            )
 
         in_chunks(work, min(strip, height - top))
         progress(min(top + strip, height) / height)

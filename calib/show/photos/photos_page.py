@@ -68,4 +68,4 @@ def _bent(told: ToldPhotos) -> tuple[Figure, ...]:
         return ()
     from calib.show.photos.undistorted_photos import undistortion_figure  # slow to load, and of no use to detections
 
-    return (undistortion_figure(told.camera, told.pinhole),)
+    return (undistortion_figure(told.camera, told.pinhole, told.cam_from_new),)

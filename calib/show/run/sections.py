@@ -132,7 +132,7 @@ def field_of_view_words(camera: Camera) -> str:
     words = f"{across:.1f}° x {down:.1f}°"
     if found.ends_inside:
         return f"{words}; the model ends {off_axis:.1f}° off the axis, inside the image"
-    return f"{words}, diagonal {diagonal:.1f}°" if max(across, down) > WIDE_DEG else words
+    return f"{words}, diagonal {diagonal:.1f}°" if diagonal > max(across, down) > WIDE_DEG else words
 
 
 def check_findings(verdict: Verdict) -> tuple[Finding, ...]:

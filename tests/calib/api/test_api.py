@@ -63,7 +63,7 @@ def test_undistort_takes_an_array(shape: tuple[int, ...]) -> None:
     made = calib.undistort(image, CAMERA, focal_px=80.0)
     assert (made.pixels.shape, made.pixels.dtype) == (shape, np.uint8)
     straight = calib.Undistorter(CAMERA, focal_px=80.0)
-    assert straight.pinhole.matrix[0, 0] == 80
+    assert straight.new_camera.matrix[0, 0] == 80
     assert np.array_equal(straight.undistort(image).pixels, made.pixels)
     with pytest.raises(calib.InputError, match="the image: has 159 x 120 px"):
         straight.undistort(image[:, 1:])
@@ -116,7 +116,7 @@ WRONG = {
     calib.tolerance: ("target", "errors", "changes", "views", "distance_mm", "camera", "model", "draws", "require",
                       "by", "seed", "jobs", "out"),
     calib.render: ("target", "camera", "views", "region", "options", "seed", "file_format"),
-    calib.undistort: ("image", "camera", "alpha", "focal_px"),
+    calib.undistort: ("image", "camera", "to", "alpha", "focal_px", "field_rad", "yaw_rad", "pitch_rad"),
     calib.convert: ("camera", "to", "model", "without", "out"),
     designer.load: ("spec",), designer.load_target: ("path",), designer.design: ("kind",),
 }  # fmt: skip

@@ -1,5 +1,7 @@
 """Undistorted photos are what a pinhole would have taken, for any camera model."""
 
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -7,8 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.cameras import project, rays
+import calib
+from calib.cameras import pictures, project, rays
 from calib.cameras.camera import Camera, LearnedMap
+from calib.cameras.field_of_view import field_of_view
+from calib.cameras.picture_of import picture_of
 from calib.cameras.undistortion import TAPS, Pixels, pinhole_of, resample, source_places, undistort
 from calib.core.se3 import transform
 from calib.detector.pipeline import detect
@@ -163,6 +168,86 @@ def test_progress_and_strips_change_nothing(monkeypatch: pytest.MonkeyPatch) -> 
     assert told[-1] == 1
     with pytest.raises(ValueError, match="size"):
         undistort(picture[:-1], lens, pinhole)
+
+
+WIDE = {
+    "fisheye": Camera("fisheye", np.array([96.0, 97.0, 160.2, 118.9, 0.02, -0.006, 0.001, 0.0]), SIZE),
+    "two spheres": Camera("ds", np.array([80.0, 80.4, 160.2, 118.9, -0.25, 0.57]), SIZE),
+    "mirror": Camera("omni", np.array([210.0, 210.0, 160.2, 118.9, 1.4]), SIZE),
+}
+each_wide = pytest.mark.parametrize("lens", WIDE.values(), ids=WIDE.keys())
+each_picture = pytest.mark.parametrize("to", pictures())
+
+
+@pytest.mark.parametrize("alpha", [None, 0.0])
+def test_a_fisheye_is_undistorted_as_opencv_does(alpha: float | None) -> None:
+    """The places in the photo, and a smooth picture, are those of cv2.fisheye."""
+    lens, picture = WIDE["fisheye"], smooth(1, 3, np.uint8)
+    pinhole = pinhole_of(lens, alpha=alpha)
+    u, v = cv2.fisheye.initUndistortRectifyMap(
+        matrix(lens), lens.params[4:], np.eye(3), matrix(pinhole), SIZE, cv2.CV_32FC1
+    )
+    assert np.abs(source_places(lens, pinhole, 0, SIZE[1]) - np.stack([u, v], axis=-1)).max() < 1e-4
+    theirs = cv2.fisheye.undistortImage(picture, matrix(lens), lens.params[4:], None, matrix(pinhole), SIZE)
+    ours = undistort(picture, lens, pinhole).pixels
+    inside = (slice(3, -3), slice(3, -3))
+    slope = np.abs(np.diff(picture.astype(float), axis=1)).max()
+    assert np.abs(ours.astype(float) - theirs)[inside].max() < 0.06 * slope + 1
+
+
+@each_picture
+def test_the_equation_that_is_told_is_that_of_the_picture(to: str) -> None:
+    """Pixels are where the words put them."""
+    camera, point = Camera(to, np.array([90.0, 80.0, 33.0, 44.0]), (100, 100)), np.array([0.3, -0.4, 0.5])
+    names = {"atan2": np.arctan2, "sqrt": np.sqrt, **dict(zip(("fx", "fy", "cx", "cy"), camera.params, strict=True)),
+             **dict(zip("XYZ", point, strict=True))}  # fmt: skip
+    text = pictures()[to].equation.replace("^", "**")
+    for value, part in zip(camera.project(point), re.split(r", (?=v)", text), strict=True):
+        formula = re.sub(r"\b(f[xy]) ", r"\1 * ", part.split(" = ")[1])
+        assert eval(formula, {}, names) == pytest.approx(value, rel=1e-12)  # noqa: S307 -- a text of our own
+
+
+@each_wide
+@each_picture
+def test_the_middle_is_as_large_as_in_the_photo(lens: Camera, to: str) -> None:
+    """On the axis a pixel of the new picture is one of the photo's, whatever the focal parameter of the model is."""
+    new = picture_of(lens, to)
+    axis = project(new, np.array([0.0, 0.0, 1.0]))
+    places = project(lens, rays(new, axis + np.array([[0.0, 0.0], [0.01, 0.0]])))
+    assert np.diff(places, axis=0)[0] == pytest.approx([0.01, 0.0], abs=1e-6)
+
+
+@each_wide
+def test_pictures_by_angles_hold_what_the_photo_shows(lens: Camera) -> None:
+    """All of it has a place in longitude and latitude but near the poles; a smaller field is as wide as asked."""
+    u, v = np.meshgrid(np.linspace(0, SIZE[0] - 1, 60), np.linspace(0, SIZE[1] - 1, 50))
+    ray = rays(lens, np.stack([u, v], axis=-1).reshape(-1, 2))
+    ray = ray[np.isfinite(ray[:, 2]) & (np.hypot(ray[:, 0], ray[:, 2]) > 0.8)]
+    new = picture_of(lens, "equirectangular")
+    place = project(new, ray)
+    assert ((place >= -1.5) & (place <= np.array(new.image_size) + 0.5)).all()
+    narrow = picture_of(lens, "cylinder", field_rad=2.0)
+    assert field_of_view(narrow).across_rad == pytest.approx(2.0, abs=1.5 / narrow.params[0])
+    square = picture_of(lens, field_rad=2.0)
+    assert field_of_view(square).across_rad == pytest.approx(2.0, abs=1.5 / square.params[0])
+    with pytest.raises(InputError, match=r"alpha: the photos show light \d+ degrees off the axis"):
+        pinhole_of(lens, alpha=1)
+
+
+@each_picture
+def test_a_turned_picture_is_what_opencv_resamples(to: str) -> None:
+    """The places that are told are for cv2.remap, also to the side; the middle of a pinhole is where it looks."""
+    lens, picture = WIDE["fisheye"], smooth(5, 1, np.uint8)[..., 0]
+    made = calib.Undistorter(lens, to=to, field_rad=1.2, yaw_rad=0.8, pitch_rad=0.3)
+    ours = made.undistort(picture).pixels
+    place = made.source_px.astype(np.float32)
+    theirs = cv2.remap(picture, place[..., 0], place[..., 1], cv2.INTER_CUBIC)
+    inside = ((place > 3) & (place < np.array(SIZE) - 4)).all(axis=-1)
+    assert inside.mean() > 0.2
+    slope = np.abs(np.diff(picture.astype(float), axis=1)).max()
+    assert np.abs(ours.astype(float) - theirs)[inside].max() < 0.06 * slope + 1
+    ahead = made.cam_from_new @ np.array([0.0, 0.0, 1.0])
+    assert ahead == pytest.approx([np.sin(0.8) * np.cos(0.3), -np.sin(0.3), np.cos(0.8) * np.cos(0.3)])
 
 
 def slow_value(picture: Array, u: float, v: float) -> Array:

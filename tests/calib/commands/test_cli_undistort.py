@@ -14,7 +14,7 @@ from calib.cameras.undistortion import pinhole_of
 from calib.cameras.undistortion import undistort as undistort_pixels
 from calib.commands.undistort import undistort
 from calib.observe.images import read_colour
-from designer.base.answer import StoppedError
+from designer.base.answer import StoppedError, Summary
 from designer.base.errors import InputError
 from tests.support.command_line import PAGE
 
@@ -42,9 +42,11 @@ def photo(path: Path, channels: int = 1, kind: type[np.generic] = np.uint8, size
     cv2.imwrite(str(path), (cv2.GaussianBlur(noise, (0, 0), 4).reshape(noise.shape) * top).astype(kind))
 
 
-def run(*photos: str, out: str = "out", alpha: float | None = None, focal_px: float | None = None) -> None:
+def run(
+    *photos: str, out: str = "out", alpha: float | None = None, focal_px: float | None = None, **angles: str
+) -> Summary:
     """The command."""
-    undistort("camera.json", list(photos), out=Path(out), alpha=alpha, focal_px=focal_px)
+    return undistort("camera.json", list(photos), out=Path(out), alpha=alpha, focal_px=focal_px, **angles)
 
 
 @pytest.mark.parametrize(
@@ -82,6 +84,23 @@ def test_the_new_camera_belongs_to_the_new_photos(folder: Path, capsys: pytest.C
     assert load_camera(Path("out/camera.json")).params[0] == pytest.approx(pinhole_of(CAMERA, alpha=0).params[0])
 
 
+def test_pictures_by_angles_and_to_the_side_say_what_they_are(folder: Path) -> None:
+    """The new camera's file, equation and direction are in the answer; other photos of it are not mixed in."""
+    said = run("photos", to="cylinder").answer
+    made = load_camera(Path("out/camera.json"))
+    assert made.model == "cylinder"
+    assert said["equation"] == "u = fx atan2(X, Z) + cx, v = fy Y / sqrt(X^2 + Z^2) + cy"
+    picture = cv2.imread("out/a.undistorted.png", cv2.IMREAD_UNCHANGED)
+    assert picture is not None
+    assert picture.shape[::-1] == made.image_size
+    aside = run("photos", out="side", field="50deg", yaw="20deg").answer
+    assert np.array(aside["cam_from_new"])[:, 2] == pytest.approx([np.sin(np.radians(20)), 0, np.cos(np.radians(20))])
+    photo(Path("photos/b.png"))
+    with pytest.raises(InputError, match="of another camera or direction, and photos of it are in the folder"):
+        run("photos/b.png", out="side", field="50deg", yaw="25deg")
+    run("photos/b.png", out="side", field="50deg", yaw="20deg")
+
+
 def test_bad_photos_are_named_and_the_others_done(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What cannot be read or is of another size is one line each; if nothing is left, that is an error and no file."""
     photo(Path("photos/large.png"), size=(320, 240))
@@ -117,7 +136,7 @@ def test_a_camera_that_sees_nothing_makes_no_black_photos(folder: Path) -> None:
 def test_another_camera_is_not_overwritten(folder: Path) -> None:
     """The calibrated camera's own folder is refused as output; an earlier run's is not."""
     before = Path("camera.json").read_bytes()
-    with pytest.raises(InputError, match=r"camera\.json: exists and is no pinhole camera of an earlier run"):
+    with pytest.raises(InputError, match=r"camera\.json: exists and is no camera of undistorted photos"):
         run("photos", out=".")
     assert Path("camera.json").read_bytes() == before
     run("photos")
@@ -176,6 +195,14 @@ def test_a_stopped_run_keeps_what_is_whole(folder: Path, monkeypatch: pytest.Mon
         ({"alpha": float("nan")}, "--alpha nan"),
         ({"focal_px": 0.0}, "--focal-px 0"),
         ({"focal_px": float("nan")}, "--focal-px nan"),
+        ({"to": "sphere"}, "--to 'sphere' is unknown; use pinhole, cylinder, equirectangular"),
+        ({"field": "400deg"}, "--field '400deg': must be from 1deg to 360deg"),
+        ({"field": "175deg"}, "a pinhole shows less than 180 degrees"),
+        ({"field": "90deg", "focal_px": 90.0}, "--focal-px and --field both set"),
+        ({"alpha": 0.0, "yaw": "10deg"}, "--alpha 0: is for a pinhole that looks along the axis"),
+        ({"pitch": "up"}, "--pitch"),
+        ({"to": "cylinder", "focal_px": 1e6}, "is too large or empty; give --focal-px or --field"),
+        ({"yaw": "180deg"}, "all of the undistorted photo would be black"),
     ],
 )
 def test_bad_options_are_refused(folder: Path, options: dict[str, float], rule: str) -> None:

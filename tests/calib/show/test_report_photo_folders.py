@@ -191,7 +191,7 @@ def test_of_a_great_many_cameras_some_are_drawn() -> None:
     """So that the page stays quick; it is said, and no more than the most are drawn."""
     pose = np.tile(np.eye(4), (2 * MOST_VIEWS + 1, 1, 1))
     pose[:, 2, 3] = 100
-    view = place_view(None, CAMERA, pose, tuple(map(str, range(len(pose)))), "Cameras.")
+    view = place_view(None, CAMERA, pose, tuple(map(str, range(len(pose)))))
     drawn = [len(s.names) for layer in view.scene.layers for s in layer.shapes if isinstance(s, Cameras)]
     assert drawn == [-(-len(pose) // 3)]
     assert "One of 3" in view.caption
