@@ -74,6 +74,8 @@ COMMON = "opencv"
 """The model that most other tools share: what their files hold, what is solved where others' cameras are compared."""
 LINEAR = "pinhole"
 """The model without a lens: that of photos without distortion."""
+WIDE = "fisheye"
+"""The model that is taken for wide lenses if none is asked for, and that solutions of others start from."""
 
 
 class CameraModel(Protocol):

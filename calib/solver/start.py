@@ -1,30 +1,36 @@
 """Where the solution starts, without prior knowledge: a first camera, first poses, and poses of a known camera."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import ABILITIES, neutral, rays
+from calib.cameras import ABILITIES, WIDE, neutral, rays
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import slopes
 from calib.cameras.refit import fit_rays, image_grid
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import compose, invert, make_pose, rotation_between
 from calib.core.types import Observations
-from calib.solver.blocks import RobustLoss, view_misfit
-from calib.solver.levenberg import Minimum, minimise, minimise_poses
+from calib.solver.blocks import KNEE, RobustLoss, view_misfit
+from calib.solver.levenberg import minimise, minimise_poses
 from calib.solver.linear_pose import focal_of, linear_views, poses_of, principal_frames, weak_perspective_poses
-from calib.solver.outliers import forgetful
+from calib.solver.outliers import MEDIAN_LENGTH, forgetful
 from calib.solver.problem import MANY, Problem, few_per_view, pack, select, target_covariance, target_poses
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 
 FEW_VIEWS = 16
 WIDE_GRID = 24
-FIELDS_DEG = (180.0, 120.0, 220.0, 80.0)
-"""First guesses of a wide lens's field of view, from corner to corner."""
+FIELDS_DEG = (80.0, 120.0, 180.0, 270.0, 400.0)
+"""First guesses of a wide lens's field of view, from corner to corner, were there light all the way: where the image
+is a circle within a wide frame, 200 degrees across are 400 from corner to corner."""
+WIDEST_RAD = 2.4
+"""Of the angle off the axis, for such a guess."""
 FAR_COSINE = 0.5
 """Of the angle off the axis from which on a plane z = 1 is no place for rays."""
 STEEPEST = 4.0
@@ -42,6 +48,8 @@ SCARCE = 12
 """Points with which a first pose is unsure."""
 HOPELESS = 300.0
 """A start this many times worse than what is known leads nowhere better."""
+FAR_OFF = 0.1
+"""Of the image's longer side: farther off than that is no worse."""
 STEPS = 15
 MOST_STEPS = 50
 
@@ -63,6 +71,7 @@ def wide_camera(model: str, image_size: tuple[int, int], field_rad: float) -> Ca
     per_px = field_rad / np.hypot(*image_size)
     angle = per_px * np.linalg.norm(offset, axis=1)
     ray = np.column_stack([per_px * np.sinc(angle / np.pi)[:, None] * offset, np.cos(angle)])
+    ray[angle > WIDEST_RAD] = np.nan
     return fit_rays(pixel, ray, image_size, model).camera
 
 
@@ -74,25 +83,37 @@ def coarse_camera(
     Parameters follow their free ones (`tie`; -1: fixed) and have the values in `fixed` from the start (nan: any).
     Robust is what most observations of a view agree on.
     """
-    views = _spread_views(problem)
-    few = select(problem, views, few_per_view(len(views)))
+    few = select(problem, views := _spread_views(problem), few_per_view(len(views)))
     side = max(problem.image_size)
-    best: Minimum | None = None
-    best_cost = np.inf
-    for first in _first_cameras(few, model, focal_px, is_robust=is_robust):
-        camera = _with_fixed(first, tie, fixed)
-        found = _solve_few(few, camera, tie, is_robust=is_robust)
-        if found is None:
-            continue
-        square = (found.blocks.residual_px**2).sum(axis=0)
-        cost = float(np.nanmedian(square) if is_robust else square.mean())  # in pixels, whatever the weights
-        if cost < best_cost:
-            best, best_cost = found, cost
-        if cost < (GOOD_FIT * side) ** 2:
+    tried: list[_Tried] = []
+    for batch in _first_cameras(few, model, focal_px, is_robust=is_robust):
+        for first in batch:
+            tried += _solve_few(few, _with_fixed(first, tie, fixed), tie, is_robust=is_robust)
+        if any(one.typical_px2(is_robust=is_robust) < (GOOD_FIT * side) ** 2 for one in tried):
             break
-    if best is None:
+    if not tried:
         return _with_fixed(first_camera(model, problem.image_size, focal_px or float(side)), tie, fixed)
-    return best.camera
+    best = min(one.typical_px2(is_robust=is_robust) for one in tried)
+    return min(tried, key=lambda one: one.cost_px2(best, is_robust=is_robust)).camera
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A camera, and how far off it shows the observations, in pixels whatever their weights."""
+
+    camera: Camera
+    square_px2: Array  # (M,) of all views, those without a pose far off
+
+    def typical_px2(self, *, is_robust: bool) -> float:
+        """Of an observation."""
+        return float(np.median(self.square_px2) if is_robust else self.square_px2.mean())
+
+    def cost_px2(self, best_px2: float, *, is_robust: bool) -> float:
+        """To compare with others, of the best of which this is typical."""
+        if not is_robust:
+            return float(self.square_px2.mean())
+        knee_px2 = (KNEE["cauchy"] / MEDIAN_LENGTH) ** 2 * max(best_px2, np.finfo(float).tiny)
+        return float(np.log1p(self.square_px2 / knee_px2).mean())
 
 
 def _spread_views(problem: Problem) -> NDArray[np.int64]:
@@ -104,14 +125,27 @@ def _spread_views(problem: Problem) -> NDArray[np.int64]:
     return views[((np.arange(FEW_VIEWS) + 0.5) * len(views) / FEW_VIEWS).astype(np.int64)]
 
 
-def _first_cameras(few: Problem, model: str, focal_px: float | None, *, is_robust: bool) -> Iterator[Camera]:
-    """First guesses: of wide models with even angles, then without distortion."""
+def _first_cameras(few: Problem, model: str, focal_px: float | None, *, is_robust: bool) -> Iterator[Iterable[Camera]]:
+    """First guesses, those together of which the best is to be known: of wide models first, then without distortion."""
     if ABILITIES[model].is_wide:
-        for field in FIELDS_DEG:
-            yield wide_camera(model, few.image_size, np.radians(field))
+        even = (wide_camera(model, few.image_size, np.radians(field)) for field in FIELDS_DEG)
+        yield chain(even, _as_wide(few, model, is_robust=is_robust))
     side = max(few.image_size)
     for focal in _focals(few, focal_px, side, is_robust=is_robust):
-        yield first_camera(model, few.image_size, focal)
+        yield (first_camera(model, few.image_size, focal),)
+
+
+def _as_wide(few: Problem, model: str, *, is_robust: bool) -> Iterator[Camera]:
+    """The camera of the model that takes any lens, in the words of another, which has minima beside the best one."""
+    if model == WIDE:
+        return
+    free = np.arange(len(neutral(WIDE)))
+    camera = coarse_camera(few, WIDE, free, np.full(len(free), np.nan), None, is_robust=is_robust)
+    pixel = image_grid(few.image_size, WIDE_GRID).reshape(-1, 2)
+    off_centre = [np.linalg.norm(u - camera.params[2:4], axis=1) for u in (pixel, few.measured_px.T)]
+    pixel = pixel[off_centre[0] <= off_centre[1].max()]  # farther out it is anything
+    with suppress(InputError):
+        yield fit_rays(pixel, rays(camera, pixel), few.image_size, model).camera
 
 
 def _focals(few: Problem, focal_px: float | None, side: int, *, is_robust: bool) -> list[float]:
@@ -132,25 +166,30 @@ def _with_fixed(camera: Camera, tie: NDArray[np.int64], fixed: Array) -> Camera:
     return replace(camera, params=params)
 
 
-def _solve_few(few: Problem, camera: Camera, tie: NDArray[np.int64], *, is_robust: bool) -> Minimum | None:
-    """Poses from linear equations, then all unknowns together, the distortion last."""
+def _solve_few(few: Problem, camera: Camera, tie: NDArray[np.int64], *, is_robust: bool) -> list[_Tried]:
+    """Poses from linear equations, then all unknowns together; nothing if that leads nowhere."""
     poses = linear_poses(few, camera, is_robust=is_robust)
     ok: NDArray[np.bool_] = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     if not ok.any():
-        return None
-    few = select(few, np.flatnonzero(ok), MANY)
+        return []
+    part = select(few, np.flatnonzero(ok), MANY)
     loss = RobustLoss()
     if is_robust:
-        loss = forgetful(view_misfit(few, camera, poses[ok], loss).residual_px)
-    found = minimise_poses(few, camera, poses[ok], loss, max_iterations=3, small_decrease=1e-2)
+        loss = forgetful(view_misfit(part, camera, poses[ok], loss).residual_px)
+    found = minimise_poses(part, camera, poses[ok], loss, max_iterations=3, small_decrease=1e-2)
     seen = np.isfinite(found.blocks.cost)
     if not seen.any():
-        return None
-    few = select(few, np.flatnonzero(seen), MANY)
+        return []
+    part = select(part, np.flatnonzero(seen), MANY)
     found = minimise(
-        few, camera, found.cam_from_target[seen], tie, loss, max_iterations=COARSE_STEPS, small_decrease=1e-4
+        part, camera, found.cam_from_target[seen], tie, loss, max_iterations=COARSE_STEPS, small_decrease=1e-4
     )
-    return found if np.isfinite(found.blocks.cost.sum()) else None
+    if not np.isfinite(found.blocks.cost.sum()):
+        return []
+    square = np.full(len(few.is_used), (FAR_OFF * max(few.image_size)) ** 2)
+    shown = (found.blocks.residual_px**2).sum(axis=0)
+    square[: len(shown)] = np.where(shown < square[0], shown, square[0])  # also where nothing is shown
+    return [_Tried(found.camera, square)]
 
 
 def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes: bool = False) -> Array:
