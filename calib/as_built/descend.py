@@ -9,6 +9,7 @@ from calib.as_built.blocks import Normal, normal_equations
 from calib.as_built.eliminate import TargetStep, damped_step
 from calib.as_built.problem import Joint, State
 from calib.as_built.unknowns import moved_shape
+from calib.cameras import is_allowed
 from calib.solver.levenberg import (
     FIRST_DAMPING,
     LARGEST_DAMPING,
@@ -16,7 +17,6 @@ from calib.solver.levenberg import (
     ROUNDING,
     SMALL_DECREASE,
     SMALLEST_DAMPING,
-    is_allowed,
     move_poses,
     turn_of_centre,
 )

@@ -154,6 +154,12 @@ def neutral(model: str) -> "Array":
     return np.array([parameter.neutral for parameter in MODELS[model].parameters])
 
 
+def is_allowed(camera: "Camera") -> bool:
+    """Whether each parameter is within its bounds."""
+    bounds = MODELS[camera.model].parameters
+    return all(bound.lower < x < bound.upper for bound, x in zip(bounds, camera.params.tolist(), strict=True))
+
+
 def rays(camera: "Camera", pixel: "Array") -> "Array":
     """Unit directions (..., 3) of the light that reaches pixels (..., 2); nan where there is none."""
     ray = MODELS[camera.model].rays(camera, pixel)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import ABILITIES, LINEAR, MODELS, linearise, neutral, parameter_names, project, rays
+from calib.cameras import ABILITIES, LINEAR, MODELS, is_allowed, linearise, neutral, parameter_names, project, rays
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import exp_rotation, log_rotation
@@ -229,7 +229,7 @@ def _adjust(
 
 def _cost(camera: Camera, rotation: Array, pixel: Array, ray: Array) -> float:
     """Sum of squares in px^2; infinite where a ray cannot be projected, so that no step leads there."""
-    if not (camera.params[:2] > 0).all():
+    if not is_allowed(camera):
         return np.inf
     total = float(np.sum((project(camera, ray @ rotation.T) - pixel) ** 2))
     return total if np.isfinite(total) else np.inf

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import MODELS
+from calib.cameras import is_allowed
 from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.core.small_solve import cholesky_factor, substitute
@@ -220,12 +220,6 @@ def _moved(camera: Camera, tie: NDArray[np.int64], free: Array) -> Camera:
     if not len(free):
         return camera
     return replace(camera, params=camera.params + np.where(tie >= 0, free[tie], 0.0))
-
-
-def is_allowed(camera: Camera) -> bool:
-    """Whether each parameter is within its bounds."""
-    bounds = MODELS[camera.model].parameters
-    return all(bound.lower < x < bound.upper for bound, x in zip(bounds, camera.params.tolist(), strict=True))
 
 
 @jit

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,13 +65,15 @@ def wide_camera(model: str, image_size: tuple[int, int], field_rad: float) -> Ca
 
     Nearly all wide lenses are made so that the distance from the centre grows in proportion to the angle.
     """
-    pixel = image_grid(image_size, WIDE_GRID).reshape(-1, 2)
-    offset = pixel - 0.5 * (np.array(image_size) - 1)
-    per_px = field_rad / np.hypot(*image_size)
-    angle = per_px * np.linalg.norm(offset, axis=1)
-    ray = np.column_stack([per_px * np.sinc(angle / np.pi)[:, None] * offset, np.cos(angle)])
-    ray[angle > WIDEST_RAD] = np.nan
-    return fit_rays(pixel, ray, image_size, model).camera
+    even = first_camera(WIDE, image_size, float(np.hypot(*image_size)) / field_rad)
+    return even if model == WIDE else _in_words_of(even, model, image_grid(image_size, WIDE_GRID).reshape(-1, 2))
+
+
+def _in_words_of(camera: Camera, model: str, pixel: Array) -> Camera:
+    """The camera of another model with the same rays at pixels (N, 2), but for those from far behind."""
+    ray = rays(camera, pixel)
+    ray[~(ray[:, 2] > np.cos(WIDEST_RAD))] = np.nan
+    return fit_rays(pixel, ray, camera.image_size, model).camera
 
 
 def coarse_camera(
@@ -128,8 +129,9 @@ def _spread_views(problem: Problem) -> NDArray[np.int64]:
 def _first_cameras(few: Problem, model: str, focal_px: float | None, *, is_robust: bool) -> Iterator[Iterable[Camera]]:
     """First guesses, those together of which the best is to be known: of wide models first, then without distortion."""
     if ABILITIES[model].is_wide:
-        even = (wide_camera(model, few.image_size, np.radians(field)) for field in FIELDS_DEG)
-        yield chain(even, _as_wide(few, model, is_robust=is_robust))
+        if model != WIDE:
+            yield _as_wide(few, model, is_robust=is_robust)
+        yield (wide_camera(model, few.image_size, np.radians(field)) for field in FIELDS_DEG)
     side = max(few.image_size)
     for focal in _focals(few, focal_px, side, is_robust=is_robust):
         yield (first_camera(model, few.image_size, focal),)
@@ -137,15 +139,12 @@ def _first_cameras(few: Problem, model: str, focal_px: float | None, *, is_robus
 
 def _as_wide(few: Problem, model: str, *, is_robust: bool) -> Iterator[Camera]:
     """The camera of the model that takes any lens, in the words of another, which has minima beside the best one."""
-    if model == WIDE:
-        return
     free = np.arange(len(neutral(WIDE)))
     camera = coarse_camera(few, WIDE, free, np.full(len(free), np.nan), None, is_robust=is_robust)
     pixel = image_grid(few.image_size, WIDE_GRID).reshape(-1, 2)
     off_centre = [np.linalg.norm(u - camera.params[2:4], axis=1) for u in (pixel, few.measured_px.T)]
-    pixel = pixel[off_centre[0] <= off_centre[1].max()]  # farther out it is anything
     with suppress(InputError):
-        yield fit_rays(pixel, rays(camera, pixel), few.image_size, model).camera
+        yield _in_words_of(camera, model, pixel[off_centre[0] <= off_centre[1].max()])  # farther out it is anything
 
 
 def _focals(few: Problem, focal_px: float | None, side: int, *, is_robust: bool) -> list[float]:

@@ -16,13 +16,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import is_allowed
 from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.core.linear_algebra import solve_square, symmetric_inverse
 from calib.solver.accuracy import SINGULAR, UNSURE_FOCAL, accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
-from calib.solver.levenberg import is_allowed, move_poses, turn_of_centre
+from calib.solver.levenberg import move_poses, turn_of_centre
 from calib.solver.options import Tie
 from calib.solver.problem import MANY, Problem, select
 from calib.solver.schur import damped_step, reduced_normal

@@ -1,12 +1,13 @@
 """Wide lenses from nothing: how often the optimum is found, what is dropped, and how long it takes.
 
-Run from the repository's root: `python -m tests.benchmarks.bench_wide_solve [--cases N] [--models a,b]`. Cases are drawn
-at random: lenses of 90 to 280 degrees of the projections that makers aim at (equidistant, equisolid, stereographic,
-orthographic), of the unified model as lens and as mirror (whose picture is mirrored and blind in the middle), and of the
-double sphere; image circles inside the frame or cut by it, the axis off the middle; boards and icosahedra, one photo
-to forty, near and far off the axis, noise .1 to 1 px, none to 5 % outliers. Every model is solved from
-nothing, and again from the truth (the model fitted to the true rays, the true poses): the optimum is found where no
-view is lost and the root mean square distance is no more than a thousandth above that.
+Run from the repository's root: `python -m tests.benchmarks.bench_wide_solve [--cases N] [--models a,b]`. Cases are
+drawn at random: lenses of 90 to 280 degrees of the projections that makers aim at (equidistant, equisolid,
+stereographic, orthographic), of the unified model as lens and as mirror (whose picture is mirrored and blind in the
+middle), and of the double sphere; image circles inside the frame or cut by it, the axis off the middle, pixels that
+are not square; boards and icosahedra, one photo to forty, near and far off the axis, noise .1 to 1 px, none to 5 %
+outliers. Every model is solved from nothing, and again from the truth (the model fitted to the true rays, the true
+poses): the optimum is found where no view is lost and the root mean square distance is no more than a thousandth above
+that.
 """
 
 import argparse
@@ -151,14 +152,20 @@ def _draw(rng: np.random.Generator) -> Case | None:
         np.concatenate(rows), measured, None, points,
     )  # fmt: skip
     words = (
-        ("lens", kind), ("field", f"{60 * round(np.degrees(2 * half) / 60)} deg"), ("target", name),
-        ("photos", str(photos)), ("outliers", f"{100 * outliers:g} %"), ("poses", "far off the axis" if is_far else "anywhere"),
-        ("picture", "mirrored" if flip < 0 else "as it is"), ("circle", "cut by the frame" if is_cut else "inside the frame"), ("noise", "> .3 px" if noise > 0.3 else "<= .3 px"),
-    )  # fmt: skip
-    grid = image_grid(size, SCREEN).reshape(-1, 2)
+        ("lens", kind),
+        ("field", f"{60 * round(np.degrees(2 * half) / 60)} deg"),
+        ("target", name),
+        ("photos", str(photos)),
+        ("outliers", f"{100 * outliers:g} %"),
+        ("poses", "far off the axis" if is_far else "anywhere"),
+        ("picture", "mirrored" if flip < 0 else "as it is"),
+        ("circle", "cut by the frame" if is_cut else "inside the frame"),
+        ("noise", "> .3 px" if noise > 0.3 else "<= .3 px"),
+    )
     truth = np.array(poses)
     if flip < 0:  # in the mirrored scene a board is seen from behind
         truth = np.diag([1.0, -1, 1, 1]) @ truth @ np.diag([1.0, 1, -1, 1])
+    grid = image_grid(size, SCREEN).reshape(-1, 2)
     options = SolveOptions(reject_sigma=REJECT_SIGMA if outliers else None)
     return Case(words, seen, grid, lens.rays(grid), truth, options)
 
@@ -204,7 +211,9 @@ def _pose(points: KnownPoints, half_rad: float, least_rad: float, rng: np.random
     sight = np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
     is_solid = bool(np.ptp(points.position_mm, axis=0).min() > 0.1 * span)
     away = span * np.exp(rng.uniform(np.log(0.4), np.log(4.0))) + (0.5 * span if is_solid else 0)
-    tilt = exp_rotation(rng.uniform(0, np.radians(50)) * np.array([np.cos(a := rng.uniform(0, 2 * np.pi)), np.sin(a), 0]))
+    tilt = exp_rotation(
+        rng.uniform(0, np.radians(50)) * np.array([np.cos(a := rng.uniform(0, 2 * np.pi)), np.sin(a), 0])
+    )
     turn = exp_rotation(np.array([0, 0, rng.uniform(-np.pi, np.pi)]))
     facing = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])
     look = rotation_between(np.array([[0.0, 0, 1]]), sight[None])[0]

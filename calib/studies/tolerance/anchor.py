@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import is_allowed
 from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.solver.blocks import RobustLoss, view_blocks
-from calib.solver.levenberg import is_allowed, minimise, move_poses, turn_of_centre
+from calib.solver.levenberg import minimise, move_poses, turn_of_centre
 from calib.solver.options import Tie
 from calib.solver.problem import Problem
 from calib.solver.schur import reduced_normal
