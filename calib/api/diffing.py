@@ -28,6 +28,7 @@ class ZoneDifference:
     median_px: Gap
     percentile_95_px: Gap
     max_px: Gap
+    rms_rad: Gap  # of the angles between the directions that both see in one pixel
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +43,14 @@ class ComparedCameras:
     def zones(self) -> dict[str, ZoneDifference]:
         """The whole image, and from its centre to its corners."""
         part = self.difference.off_centre_px / (np.hypot(*self.difference.image_size) / 2)
-        length = self.difference.length_px
-        return {
-            "whole image": _zone(length),
-            "centre": _zone(length[part < 1 / 3]),
-            "between": _zone(length[(part >= 1 / 3) & (part < 2 / 3)]),
-            "corners": _zone(length[part >= 2 / 3]),
+        inside = {
+            "whole image": part >= 0,
+            "centre": part < 1 / 3,
+            "between": (part >= 1 / 3) & (part < 2 / 3),
+            "corners": part >= 2 / 3,
         }
+        length, angle = self.difference.length_px, self.difference.angle_rad
+        return {name: _zone(length[zone], angle[zone]) for name, zone in inside.items()}
 
     @property
     def rotation_words(self) -> str:
@@ -82,7 +84,7 @@ class ComparedCameras:
         place, whole = Path(path), self.zones["whole image"]
         check_picture(place, self.opened)
         title = f"from {self.names[0]} to {self.names[1]}; {self.rotation_words}"
-        note = f"RMS {whole.rms_px:.4f} px, max {whole.max_px:.4f} px"
+        note = f"RMS {whole.rms_px:.4f} px ({np.degrees(whole.rms_rad):.5f} deg), max {whole.max_px:.4f} px"
         write_files({place: difference_picture(self.difference, title, note)})
         return place
 
@@ -126,10 +128,13 @@ def check_picture(picture: Path, opened: tuple[OpenedCamera, ...]) -> None:
     require_ours(picture)
 
 
-def _zone(length_px: NDArray[np.float64]) -> ZoneDifference:
-    """Of lengths that may not be known."""
-    known = length_px[np.isfinite(length_px)]
+def _zone(length_px: NDArray[np.float64], angle_rad: NDArray[np.float64]) -> ZoneDifference:
+    """Of lengths and angles that may not be known."""
+    known, angle = length_px[np.isfinite(length_px)], angle_rad[np.isfinite(angle_rad)]
     if not len(known):
-        return ZoneDifference(0.0, *[np.nan] * 4)
+        return ZoneDifference(0.0, *[np.nan] * 5)
     rms, (median, most) = np.sqrt(np.mean(known**2)), np.percentile(known, [50, 95])
-    return ZoneDifference(len(known) / length_px.size, float(rms), float(median), float(most), float(known.max()))
+    rms_rad = float(np.sqrt(np.mean(angle**2))) if len(angle) else np.nan
+    return ZoneDifference(
+        len(known) / length_px.size, float(rms), float(median), float(most), float(known.max()), rms_rad
+    )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
+from calib.core.se3 import angles_between
 
 Array = NDArray[np.float64]
 
@@ -62,13 +63,6 @@ def _last_ray(camera: Camera, known: Array, unknown: Array) -> Array:
         middle = (known + unknown) / 2
         known, unknown = (middle, unknown) if np.isfinite(rays(camera, middle)).all() else (known, middle)
     return rays(camera, known)
-
-
-def angles_between(first: Array, second: Array) -> Array:
-    """The angles (...) between unit directions (..., 3), exact for small ones, too."""
-    chord, sum_ = (np.linalg.norm(one, axis=-1) for one in (first - second, first + second))
-    angle: Array = 2 * np.arctan2(chord, sum_)
-    return angle
 
 
 def spokes(camera: Camera, count: int, steps: int) -> Array:

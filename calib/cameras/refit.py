@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from calib.cameras import ABILITIES, LINEAR, MODELS, is_allowed, linearise, neutral, parameter_names, project, rays
 from calib.cameras.camera import Camera
 from calib.core.linear_algebra import least_squares
-from calib.core.se3 import exp_rotation, log_rotation
+from calib.core.se3 import angles_between, exp_rotation, log_rotation
 from calib.core.types import freeze
 from designer.base.errors import InputError
 
@@ -255,11 +255,12 @@ class CameraDifference:
     image_size: tuple[int, int]
     pixel: Array  # (R, C, 2) in A
     difference_px: Array  # (R, C, 2) where B sees the same direction, less where A does; nan where either does not
+    angle_rad: Array  # (R, C) between the directions that both see in the same pixel; nan where either does not
     b_from_a: Array  # (3, 3) the rotation removed
     radius_px: float  # about the image's centre, of the pixels that the rotation was fitted to; 0: none was
 
     def __post_init__(self) -> None:
-        freeze(self, "pixel", "difference_px", "b_from_a")
+        freeze(self, "pixel", "difference_px", "angle_rad", "b_from_a")
 
     @property
     def length_px(self) -> Array:
@@ -313,10 +314,19 @@ def camera_difference(a: Camera, b: Camera, *, radius_px: float | None = None, c
                 "use a larger radius, or 0 for no rotation"
             )
         rotation = _least_squares_turn(b, flat[near], ray_a[near], _nearest_turn(ray_a[near], ray_b[near]))
-    difference = project(b, ray_a @ rotation.T) - flat
+    difference = _near_image(project(b, ray_a @ rotation.T), b) - flat
     if not np.isfinite(difference).all(axis=1).any():
         raise InputError("the cameras share no pixel that both know the light of; check that they are of one lens")
-    return CameraDifference(a.image_size, pixel, difference.reshape(pixel.shape), rotation, radius)
+    angle = np.where(np.isfinite(difference[:, 0]), angles_between(ray_a @ rotation.T, ray_b), np.nan)
+    angle = angle.reshape(pixel.shape[:2])
+    return CameraDifference(a.image_size, pixel, difference.reshape(pixel.shape), angle, rotation, radius)
+
+
+def _near_image(pixel: Array, camera: Camera) -> Array:
+    """Pixels (N, 2), nan of those farther from the image than half its sides: there a formula goes on, and no lens."""
+    size = np.array(camera.image_size)
+    is_near = (np.abs(pixel - (size - 1) / 2) < size).all(axis=1, keepdims=True)
+    return np.where(is_near, pixel, np.nan)
 
 
 def _nearest_turn(ray_a: Array, ray_b: Array) -> Array:
@@ -333,7 +343,7 @@ def _least_squares_turn(camera: Camera, pixel: Array, ray: Array, rotation: Arra
         linear = linearise(camera, point)
         # A turn by w moves a point y by w x y, so a gradient g by y has the gradient y x g by w.
         jacobian = np.vstack([np.cross(point, gradient, axis=0).T for gradient in linear.by_point])
-        residual = (linear.pixel - pixel.T).reshape(-1)
+        residual = (_near_image(linear.pixel.T, camera).T - pixel.T).reshape(-1)
         seen = np.isfinite(residual)
         step = least_squares(jacobian[seen], -residual[seen])
         rotation = exp_rotation(step) @ rotation

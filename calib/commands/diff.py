@@ -1,5 +1,6 @@
 """The command `calib diff`."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -30,7 +31,7 @@ def diff(
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="draw the map of differences", metavar="FILE.png")] = None,
 ) -> Summary:
-    """Compare two cameras: how far apart they see the same light, in px over the image.
+    """Compare two cameras: how far apart they see the same light, in px over the image, and as angles.
 
     The frames of two calibrations are never quite parallel, so the best rotation between them is removed first.
     """
@@ -72,15 +73,15 @@ def diff(
 
 
 def _table(compared: "ComparedCameras") -> "Table":
-    """RMS, median and max of the whole image, and from its centre to its corners."""
+    """RMS, median and max of the whole image, and from its centre to its corners, and the angle between directions."""
     from designer.page.blocks import Cell, Column, Table
 
     rows = []
     for name, zone in compared.zones.items():
-        numbers = (zone.rms_px, zone.median_px, zone.max_px)
-        texts = [f"{number:.4f}" for number in numbers] if zone.share else ["not known", "", ""]
+        texts = [f"{number:.4f}" for number in (zone.rms_px, zone.median_px, zone.max_px)]
+        texts = [*texts, f"{math.degrees(zone.rms_rad):.5f}"] if zone.share else ["not known", "", "", ""]
         rows.append((Cell(_label(name, zone.share)), *map(Cell, texts)))
-    head = (Column("difference (px)", is_number=False), *map(Column, ("RMS", "median", "max")))
+    head = (Column("difference (px)", is_number=False), *map(Column, ("RMS", "median", "max", "RMS (deg)")))
     return Table("", head, tuple(rows))
 
 

@@ -28,6 +28,13 @@ def exp_rotation(vector_rad: Array) -> Array:
     return result
 
 
+def angles_between(first: Array, second: Array) -> Array:
+    """The angles (...) between unit directions (..., 3), exact for small ones, too."""
+    chord, sum_ = (np.linalg.norm(one, axis=-1) for one in (first - second, first + second))
+    angle: Array = 2 * np.arctan2(chord, sum_)
+    return angle
+
+
 def rotation_between(first: Array, second: Array) -> Array:
     """The smallest rotations (..., 3, 3) that turn unit vectors (..., 3) into others."""
     axis = np.cross(first, second)

@@ -131,7 +131,8 @@ def field_of_view_words(camera: Camera) -> str:
     )
     words = f"{across:.1f}° x {down:.1f}°"
     if found.ends_inside:
-        return f"{words}; the model ends {off_axis:.1f}° off the axis, inside the image"
+        what = "model" if camera.field_rad is None else "image circle"
+        return f"{words}; the {what} ends {off_axis:.1f}° off the axis, inside the image"
     return f"{words}, diagonal {diagonal:.1f}°" if diagonal > max(across, down) > WIDE_DEG else words
 
 

@@ -76,7 +76,8 @@ def seen_in(
     center = transform(cam_from_target, target.center_mm)
     frame = cam_from_target[:3, :3] @ target.target_from_face[target.ring_face, :3, :3]
     cosine = -(frame[:, :, 2] * center).sum(axis=1) / np.linalg.norm(center, axis=1)
-    front = np.flatnonzero((cosine >= math.cos(MAX_INCIDENCE_RAD)) & (center[:, 2] > 0))
+    has_image = np.isfinite(project(camera, center)).all(axis=1)
+    front = np.flatnonzero((cosine >= math.cos(MAX_INCIDENCE_RAD)) & has_image)
     linear = linearise(camera, np.ascontiguousarray(center[front].T))
     on_face = linear.by_point.transpose(2, 0, 1) @ frame[front, :, :2]  # (N, 2, 2) px per mm
     circle = on_face * target.radius_outer_mm[front, None, None]

@@ -138,3 +138,23 @@ def test_the_picture_can_be_drawn(b: Camera, tmp_path: Path) -> None:
     assert picture.shape[1] == WIDTH_PX
     assert 0.6 < picture.shape[0] / picture.shape[1] < 1
     assert picture.std() > 10
+
+
+def test_wide_cameras_are_compared_by_angles_to_the_border() -> None:
+    """Of equidistant lenses light at r px comes from r / f: the angle is its difference, also beyond 90 degrees."""
+    size, focal = (801, 601), (230.0, 231.0)
+    a, b = (Camera("fisheye", np.array([f, f, 400.0, 300.0, 0, 0, 0, 0]), size) for f in focal)
+    found = camera_difference(a, b, radius_px=0)
+    radius = np.linalg.norm(found.pixel - np.array([400.0, 300.0]), axis=-1)
+    assert radius.max() / focal[0] > np.radians(120)
+    assert found.angle_rad == pytest.approx(radius / focal[0] - radius / focal[1], abs=1e-12)
+    assert found.length_px == pytest.approx(radius * (focal[1] / focal[0] - 1), abs=1e-9)
+
+
+def test_what_only_a_formula_shows_is_not_compared() -> None:
+    """A polynomial sends light from 80 degrees far out of its image: no camera, so nothing to compare there."""
+    wide = Camera("fisheye", np.array([190.0, 190.0, 319.5, 239.5, 0.0, 0.0, 0.0, 0.0]), (640, 480))
+    grows = Camera("opencv", np.array([190.0, 190.0, 319.5, 239.5, -0.3, 0.1, 0.0, 0.0, 0.0]), (640, 480))
+    length = camera_difference(wide, grows, radius_px=0).length_px
+    assert np.nanmax(length) < 1500
+    assert np.isnan(length).mean() > 0.3

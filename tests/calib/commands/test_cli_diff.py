@@ -39,7 +39,8 @@ def test_the_difference_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     diff("a", "b.cameramodel")
     said = capsys.readouterr().out
     true = camera_difference(BARREL, MOVED)
-    expected = [np.sqrt(np.mean(true.length_px**2)), np.median(true.length_px), true.length_px.max()]
+    expected = [np.sqrt(np.mean(true.length_px**2)), np.median(true.length_px), true.length_px.max(),
+                np.degrees(np.sqrt(np.mean(true.angle_rad**2)))]  # fmt: skip
     assert stated(said, "whole image") == pytest.approx(expected, abs=1e-4)
     assert stated(said, "centre")[2] < stated(said, "corners")[2] == stated(said, "whole image")[2]
     assert f"rotation removed: {np.degrees(true.turn_rad):.4f} deg, fitted to the whole image" in said
