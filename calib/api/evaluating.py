@@ -2,14 +2,16 @@
 
 from dataclasses import dataclass
 from numbers import Integral
+from os import PathLike
 from pathlib import Path
 
-from calib.api.loading import Place, folder_of, truth_from
+from calib.api.loading import Observed, Place, folder_of, load_observations, observations_of, truth_from
 from calib.api.run_result import RunResult
 from calib.core.files import check_folder, write_files
 from calib.core.types import Observations
-from calib.metrics.evaluation import LEAST_FOLDS, Evaluation, evaluate_held_out
+from calib.metrics.evaluation import LEAST_FOLDS, Evaluation, evaluate_held_out, evaluate_on
 from calib.metrics.evaluation import evaluate as evaluate_all
+from calib.observe.corners_vnl import PointGrid
 from calib.records.calibration_file import CALIBRATION_FILE, read_calibration
 from calib.records.evaluation_files import METRICS, METRICS_FILE, evaluation_files
 from calib.renderer.truth import Truth
@@ -19,6 +21,7 @@ from calib.virtual.calibrate import calibrate
 from designer.base.errors import InputError
 from designer.base.own_files import require_ours
 from designer.base.small_file import place_of
+from designer.target import TargetGeometry
 
 REFERENCE = "reference"
 """The setting that names the photo a map is learned from."""
@@ -30,11 +33,12 @@ class EvaluationResult:
 
     solved_from: Evaluation  # on the photos that the camera was solved from
     held_out: Evaluation | None  # on each photo with a camera solved from others; None: that was not asked for
+    on: Evaluation | None = None  # on sightings that the camera was not solved from; likewise
 
     @property
     def asked(self) -> Evaluation:
-        """The errors that were asked for: on photos held out, or else on those it was solved from."""
-        return self.solved_from if self.held_out is None else self.held_out
+        """The errors that were asked for: on other photos, on photos held out, or else on those it was solved from."""
+        return self.on or self.held_out or self.solved_from
 
     @property
     def calibration(self) -> Calibration:
@@ -69,18 +73,33 @@ def check_metrics_folder(folder: Path) -> None:
 
 
 def evaluate(
-    calibration: RunResult | Place, *, truth: Truth | Place | None = None, held_out: int = 0
+    calibration: RunResult | Place,
+    *,
+    truth: Truth | Place | None = None,
+    held_out: int = 0,
+    on: Observed | None = None,
+    target: TargetGeometry | Place | None = None,
+    image_size: tuple[int, int] | None = None,
+    grid: PointGrid | None = None,
 ) -> EvaluationResult:
     """Measure a camera's reprojection, intersection, reconstruction and pose errors: `evaluate("camera", held_out=5)`.
+
+    >>> evaluate("camera", on="test.csv").on  # poses only: the camera stays as it was solved from other photos
 
     Args:
         calibration: a run, whose best camera is meant, a `calibration.json`, or the folder it lies in.
         truth: of rendered photos, which adds the errors of poses; None: what a run knows.
         held_out: hold every N-th photo out in turn, solve from the others, and evaluate those; 0: do not.
+        on: find the poses of these sightings, which the camera was not solved from, and evaluate them; None: do not.
+        target: that detections in `on` show.
+        image_size: width and height in px of a file `on` that does not say it.
+        grid: of a corners.vnl in `on`.
 
     Raises:
-        InputError: a file that cannot be read, a truth of other photos, or photos too few to hold some out.
+        InputError: a file that cannot be read, a truth of other photos, photos too few to hold some out, or sightings
+            of another camera.
     """
+    _check(held_out, on, target, truth)
     known = truth_from(truth)
     if isinstance(calibration, RunResult):
         best = calibration.best
@@ -93,7 +112,29 @@ def evaluate(
         options, has_reference = provenance.options, bool(dict(provenance.settings).get(REFERENCE))
     every = evaluate_all(solved, known)
     held = _held_out(solved, options, held_out, known, has_reference=has_reference) if held_out else None
-    return EvaluationResult(every, held)
+    if on is None:
+        return EvaluationResult(every, held)
+    if isinstance(on, str | PathLike):
+        seen, name = load_observations(on, target, image_size=image_size, grid=grid), Path(on).name
+    else:
+        seen, name = observations_of(on, target), "other photos"
+    return EvaluationResult(every, held, evaluate_on(solved, seen, name))
+
+
+def _check(
+    held_out: int, on: Observed | None, target: TargetGeometry | Place | None, truth: Truth | Place | None
+) -> None:
+    """Refuse what does not go together."""
+    if on is None:
+        if target is not None:
+            raise InputError("--target: is of the detections that --on names; give both, or leave it out")
+        return
+    if held_out:
+        raise InputError(
+            f"--held-out {held_out}: holds out photos that the camera was solved from, --on names others; choose one"
+        )
+    if truth is not None:
+        raise InputError("--truth: is of the photos that the camera was solved from; leave it out with --on")
 
 
 def calibration_in(place: Path) -> Path:

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.commands import options
 from calib.commands.folder_page import with_page_again
-from calib.commands.options import VerboseOption
 from calib.commands.running import evaluation_answer
+from calib.commands.solve import grid_of, image_size_of
 from designer.base.answer import Summary
 from designer.page.terminal import quoted
 
@@ -27,8 +28,16 @@ def evaluate(
     held_out: Annotated[
         int, typer.Option(min=0, help="hold every N-th photo out in turn and evaluate those; 0: do not", metavar="N")
     ] = 0,
+    on: Annotated[
+        Path | None,
+        typer.Option(help="sightings that it was not solved from, in a file that calib solve takes: poses only"),
+    ] = None,
+    target: Annotated[Path | None, typer.Option(help="the target file of --on detections.csv")] = None,
+    image_size: options.ImageSizeOption = None,
+    grid: options.GridOption = None,
+    pitch: options.PitchOption = None,
     figures: Annotated[bool, typer.Option(help="draw residuals, coverage and uncertainty")] = True,
-    verbose: VerboseOption = False,
+    verbose: options.VerboseOption = False,
 ) -> Summary:
     """Measure a calibration: reprojection, intersection, reconstruction and pose error.
 
@@ -42,7 +51,10 @@ def evaluate(
     path = calibration_in(calibration)
     folder = path.parent if out is None else out
     check_metrics_folder(folder)
-    found = evaluate_one(path, truth=truth, held_out=held_out)
+    found = evaluate_one(
+        path, truth=truth, held_out=held_out, on=on, target=target, image_size=image_size_of(image_size),
+        grid=grid_of(grid, pitch),
+    )  # fmt: skip
     files = found.save(folder, figures=figures)
     say_evaluation(path, found.asked, verbose=verbose)
     print(f"wrote {folder / 'metrics.json'} and metrics_*.csv: by photo, ring, face and observation")
@@ -68,7 +80,7 @@ def _next_steps(path: Path, evaluation: "Evaluation") -> tuple[str, ...]:
     if evaluation.calibration.status == "degenerate":
         return ()
     views = evaluation.calibration.observations.view_count
-    if not evaluation.folds and views >= LEAST_VIEWS_HELD_OUT:
+    if not (evaluation.folds or evaluation.on) and views >= LEAST_VIEWS_HELD_OUT:
         return (f"calib evaluate {quoted(path)} --held-out 5   # on photos that it was not solved from",)
     camera = quoted(path.parent / "camera.json")
     return (f"calib convert {camera} --to colmap -o cameras.txt   # or opencv, ros, kalibr, ...",)

@@ -154,9 +154,10 @@ def say_evaluation(path: Path, evaluation: Evaluation, *, verbose: bool) -> None
     say_table(errors_table(metrics))
     if verbose:
         say_table(parameters_table(metrics))
+    if verbose or evaluation.on:
         say_table(few_rows(views_table(photo_rows(evaluation, None), is_flat=len(seen.points.plane) == 1)))
-        if len(seen.points.plane) > 1:
-            say_table(faces_table(evaluation, None))
+    if verbose and len(seen.points.plane) > 1:
+        say_table(faces_table(evaluation, None))
 
 
 def _errors_headline(evaluation: Evaluation) -> Headline:
@@ -166,11 +167,15 @@ def _errors_headline(evaluation: Evaluation) -> Headline:
     found = metrics_of(evaluation).metrics.items()
     rms = (f"{name} {figure(one.errors.rmse)} {one.unit}" for name, one in found if one.errors.count)
     photos = "held out" if evaluation.folds else "that the camera was solved from"
+    if evaluation.on:
+        photos = "that the camera was not solved from"
     return Headline("note", "evaluated", f"Root mean square errors of photos {photos}: {', '.join(rms)}.")
 
 
 def _sample(evaluation: Evaluation) -> str:
     """What the errors are worth."""
+    if evaluation.on:
+        return f"poses were found from {evaluation.on} itself, the camera from other photos"
     if not evaluation.folds:
         return "errors of the photos that the camera was solved from; those of other photos are larger as a rule"
     return "a photo's own pose is found from itself, the camera from others; reconstruction uses the photos of one part"

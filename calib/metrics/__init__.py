@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from calib.metrics import intersection, pose, reconstruction, reprojection, rotation
+from calib.metrics import intersection, pose, reconstruction, reprojection, rotation, weighted
 from calib.metrics.errors import ErrorMetric
 
 METRICS: Mapping[str, ErrorMetric] = MappingProxyType(
-    {file.METRIC.name: file.METRIC for file in (reprojection, intersection, reconstruction, pose, rotation)}
+    {file.METRIC.name: file.METRIC for file in (reprojection, weighted, intersection, reconstruction, pose, rotation)}
 )
 OF_TRUTH = tuple(name for name, metric in METRICS.items() if metric.needs_truth)

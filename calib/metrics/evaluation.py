@@ -16,6 +16,8 @@ from calib.solver.start import solve_poses
 from designer.base.errors import InputError
 
 LEAST_FOLDS = 2
+LEAST_POINTS = 4
+"""Of a view, for a pose."""
 Solve = Callable[[Observations], Calibration]
 
 
@@ -29,6 +31,7 @@ class Evaluation:
     folds: int = 0
     """In how many parts the views were held out of the solution in turn; 0: they are those it was solved from."""
     remarks: tuple[str, ...] = ()  # what to know of the errors, one line each
+    on: str = ""  # what the sightings are called if they are others than those it was solved from
 
     def of(self, metric: str) -> Errors | None:
         """The errors of one metric; None if it does not apply."""
@@ -176,29 +179,85 @@ def evaluate_held_out(calibration: Calibration, solve: Solve, folds: int, truth:
     return Evaluation(calibration, errors, truth, folds, tuple(remarks))
 
 
+def evaluate_on(calibration: Calibration, observations: Observations, name: str) -> Evaluation:
+    """Find the poses of sightings that a camera was not solved from, and apply all metrics; the camera stays as it is.
+
+    Args:
+        calibration: whose camera it is.
+        observations: of the same camera.
+        name: what they are called.
+
+    Raises:
+        InputError: images of another size, or no view has a pose that shows its points.
+    """
+    if observations.image_size != calibration.camera.image_size:
+        sizes = [f"{width} x {height}" for width, height in (observations.image_size, calibration.camera.image_size)]
+        raise InputError(
+            f"{name}: photos of {sizes[0]} px, but the camera's have {sizes[1]}; give photos of the camera"
+        )
+    is_outlier = np.zeros(len(observations.view), dtype=bool)
+    one, has_pose = _posed(calibration, observations, is_outlier)
+    if not has_pose.any():
+        raise InputError(f"{name}: no photo has a pose that shows its points; check that they are of this camera")
+    remarks = [
+        f"{observations.view_names[view]}: not evaluated: no pose shows its points where they were seen"
+        for view in np.flatnonzero(~has_pose).tolist()
+    ]
+    remarks = [*observations.remarks, *remarks, *_again(calibration, one)]
+    return Evaluation(one, errors_of(one, None), on=name, remarks=tuple(remarks))
+
+
+def _again(calibration: Calibration, other: Calibration) -> tuple[str, ...]:
+    """A word on sightings that the camera was solved from after all."""
+    known, these = (
+        {
+            (seen.view_names[view], *pixel)
+            for view, pixel in zip(seen.view.tolist(), seen.center_px.tolist(), strict=True)
+        }
+        for seen in (calibration.observations, other.observations)
+    )
+    again = len(known & these)
+    return (f"the camera was solved from {again} of these {len(these)} observations",) if again else ()
+
+
+def _posed(
+    calibration: Calibration, observations: Observations, is_outlier: NDArray[np.bool_]
+) -> tuple[Calibration, NDArray[np.bool_]]:
+    """The calibration's camera with the poses of other views, and which of these have one (V,).
+
+    Outliers (M,) take no part in the poses, nor what the camera has no ray for, as outside of a learned map: it says
+    nothing of the pose.
+    """
+    rows = ~is_outlier & is_known(rays(calibration.camera, observations.center_px))
+    is_told = np.bincount(observations.view[rows], minlength=observations.view_count) >= LEAST_POINTS
+    poses = np.full((observations.view_count, 4, 4), np.nan)
+    if is_told.any():
+        shown = keep_views(keep_sightings(observations, rows), is_told)
+        poses[is_told] = solve_poses(calibration.camera, shown, weighted=calibration.weighted).cam_from_target
+    has_pose: NDArray[np.bool_] = np.isfinite(poses.sum(axis=(1, 2)))
+    kept = has_pose[observations.view]
+    one = replace(
+        calibration,
+        observations=keep_views(observations, has_pose),
+        cam_from_target=poses[has_pose],
+        residual_px=np.full((int(kept.sum()), 2), np.nan),
+        is_outlier=is_outlier[kept],
+        pose_covariance=np.full((int(has_pose.sum()), 6, 6), np.nan),
+        remarks=() if calibration.status == "converged" else calibration.remarks,
+    )
+    return one, has_pose
+
+
 def _fold(
     calibration: Calibration, held: NDArray[np.bool_], solve: Solve
 ) -> tuple[Calibration, NDArray[np.bool_], list[str]]:
     """The camera of the other views with the poses of those held out, which of all views have one, and remarks."""
-    used = keep_sightings(calibration.observations, ~calibration.is_outlier)
-    others = solve(keep_views(used, ~held))
-    remarks = list(others.remarks) if others.status != "converged" else []
-    shown = keep_views(used, held)
-    # Where the camera has no ray, as outside of a learned map, it says nothing of the pose.
-    shown = keep_sightings(shown, is_known(rays(others.camera, shown.center_px)))
-    poses = solve_poses(others.camera, shown, weighted=calibration.weighted).cam_from_target
-    has_pose = np.isfinite(poses.sum(axis=(1, 2)))
+    others = solve(keep_views(keep_sightings(calibration.observations, ~calibration.is_outlier), ~held))
+    rows = held[calibration.observations.view]
+    one, has_pose = _posed(others, keep_views(calibration.observations, held), calibration.is_outlier[rows])
     found = held.copy()
     found[held] = has_pose
+    remarks = list(others.remarks) if others.status != "converged" else []
     if lost := int(held.sum() - found.sum()):
         remarks.append(f"{lost} views have no pose that shows their points")
-    rows = found[calibration.observations.view]
-    one = replace(
-        others,
-        observations=keep_views(calibration.observations, found),
-        cam_from_target=poses[has_pose],
-        residual_px=np.full((int(rows.sum()), 2), np.nan),
-        is_outlier=calibration.is_outlier[rows],
-        pose_covariance=np.full((int(has_pose.sum()), 6, 6), np.nan),
-    )
     return one, found, remarks

@@ -1,6 +1,7 @@
 """Correspondences from elsewhere, and what kind of file they are in.
 
-A CSV holds image,u,v,X,Y,Z in any order, and may hold a face (a plane that points lie in), and sigma or suu,suv,svv.
+A CSV holds image,u,v,X,Y,Z in any order, and may hold a face (a plane that points lie in), and sigma, suu,suv,svv or a
+weight, which is 1/sigma in units that nobody knows, as of mrcal's corners.
 Points are told apart by X, Y, Z. With a target file its points are meant: those with the ids of a column id, or those
 that are nearest to X, Y, Z. The image size stands in a comment, `# image_size 2448 x 2048`, or is given.
 """
@@ -30,7 +31,7 @@ Size = tuple[int, int]
 
 SEEN, ID = ("image", "u", "v"), "id"
 REQUIRED = (*SEEN, "X", "Y", "Z")
-OPTIONAL = ("face", "sigma", *COVARIANCE)
+OPTIONAL = ("face", "sigma", "weight", *COVARIANCE)
 MAX_FILE_BYTES = 128 * 2**20
 """As text in memory a table takes about ten times as much."""
 MAX_LENGTH_MM = 1e7
@@ -38,7 +39,7 @@ OUTSIDE = 0.1
 """Share of a side that a point may lie outside the image; beyond, the size is not that of the photos."""
 SAME_POINT = 0.25
 """A point that is farther off, of the distance between the target's points, may be another one."""
-MAX_SIGMA_PX = 1e4
+MAX_SIGMA_PX = MAX_WEIGHT = 1e4
 MAX_GRID = 1000
 """Columns or rows of a corners.vnl."""
 
@@ -177,17 +178,17 @@ def _read_comments(path: Path, stream: io.StringIO) -> tuple[Size | None, int]:
 
 def _column_fault(columns: tuple[str, ...], *, of_target: bool) -> str:
     """What is wrong with the names of the columns."""
-    wanted = f"the columns must be {','.join(REQUIRED)}, and may be face, sigma or {','.join(COVARIANCE)}"
+    wanted = f"the columns must be {','.join(REQUIRED)}, and may be face, sigma, weight or {','.join(COVARIANCE)}"
     if of_target and ID in columns:
-        wanted = f"the columns must be {','.join(SEEN)},{ID}, and may be sigma or {','.join(COVARIANCE)}"
+        wanted = f"the columns must be {','.join(SEEN)},{ID}, and may be sigma, weight or {','.join(COVARIANCE)}"
     if len(columns) == 1 and re.search(r"[;\t]", columns[0]):
         return "values must be separated by commas"
     required = SEEN if of_target and ID in columns else REQUIRED
     if fault := column_fault(columns, required, wanted):
         return fault
     some = [name for name in COVARIANCE if name in columns]
-    if some and (len(some) < len(COVARIANCE) or "sigma" in columns):
-        return "the accuracy is sigma, or suu,suv,svv, and not a part or both of them"
+    if len(some) % len(COVARIANCE) or bool(some) + ("sigma" in columns) + ("weight" in columns) > 1:
+        return "the accuracy is sigma, weight, or suu,suv,svv: one of them, and not a part"
     return ""
 
 
@@ -258,6 +259,13 @@ def _covariance(table: CsvTable) -> Array | None:
             (sigma >= least) & (sigma <= MAX_SIGMA_PX), f"sigma must be from {least:g} to {MAX_SIGMA_PX:g} px"
         )
         return np.asarray(sigma[:, None, None] ** 2 * np.eye(2))
+    if "weight" in table.cells:
+        weight = table.reals("weight")
+        table.require(
+            (weight >= 1 / MAX_WEIGHT) & (weight <= MAX_WEIGHT),
+            f"weight must be from {1 / MAX_WEIGHT:g} to {MAX_WEIGHT:g}; leave out lines that are not to count",
+        )
+        return np.asarray(weight[:, None, None] ** -2.0 * np.eye(2))
     if COVARIANCE[0] not in table.cells:
         return None
     return table.covariances()

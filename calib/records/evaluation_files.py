@@ -51,10 +51,16 @@ class Metrics:
     observations: Count
     outliers: Count
     of: str
-    parts: Count  # in how many the views were held out in turn; 0: the errors are of the views solved from
+    parts: Count  # in how many the views were held out in turn; 0: they were not
     remarks: tuple[str, ...]
     parameters: Mapping[str, FoundParameter]
     metrics: Mapping[str, MetricSummary]
+    on: Annotated[str, LEFT_OUT] = ""  # what the sightings are called if they are others than those solved from
+
+    @property
+    def is_of_others(self) -> bool:
+        """Whether the errors are of views that the camera was not solved from."""
+        return bool(self.parts or self.on)
 
 
 METRICS = FileKind(Metrics, "metrics", "a metrics file", "calib evaluate writes it again", largest_bytes=2**20)
@@ -102,12 +108,20 @@ def metrics_of(evaluation: Evaluation) -> Metrics:
         views=calibration.observations.view_count,
         observations=len(calibration.observations.view),
         outliers=int(calibration.is_outlier.sum()),
-        of="the views the camera was solved from" if not evaluation.folds else "views held out of the solution",
+        of=_of(evaluation),
         parts=evaluation.folds,
         remarks=(*calibration.remarks, *evaluation.remarks),
         parameters=_parameters(evaluation),
         metrics={one.metric: MetricSummary(one.unit, summarise(one), dict(one.left_out)) for one in evaluation.errors},
+        on=evaluation.on,
     )
+
+
+def _of(evaluation: Evaluation) -> str:
+    """Which views the errors are of."""
+    if evaluation.on:
+        return "views the camera was not solved from"
+    return "views held out of the solution" if evaluation.folds else "the views the camera was solved from"
 
 
 def _parameters(evaluation: Evaluation) -> dict[str, FoundParameter]:

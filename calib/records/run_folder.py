@@ -62,13 +62,13 @@ class Solved:
     @cached_property
     def metrics(self) -> Metrics:
         """The errors of the photos that it was solved from, with what only a truth tells if that is known."""
-        is_of_these = self.stored is not None and not self.stored.parts
+        is_of_these = self.stored is not None and not self.stored.is_of_others
         return self.stored if is_of_these and self.stored else metrics_of(self.evaluation)
 
     @property
     def held_out(self) -> Metrics | None:
-        """The errors by cross-validation, as `calib evaluate --held-out` left them."""
-        return self.stored if self.stored is not None and self.stored.parts else None
+        """The errors of other photos, as `calib evaluate` left them with `--held-out` or `--on`."""
+        return self.stored if self.stored is not None and self.stored.is_of_others else None
 
     @cached_property
     def coverage(self) -> Coverage:

@@ -65,11 +65,11 @@ def errors_table(metrics: Metrics) -> Table:
         Column("95 %", note="so many are below"),
         Column("largest"),
     )
-    title = (
-        f"Errors by cross-validation: each photo with a camera solved from the others, in {metrics.parts} parts"
-        if metrics.parts
-        else "Errors, of the photos that the camera was solved from"
-    )
+    title = "Errors, of the photos that the camera was solved from"
+    if metrics.parts:
+        title = f"Errors by cross-validation: each photo with a camera solved from the others, in {metrics.parts} parts"
+    if metrics.on:
+        title = f"Errors of {printable(metrics.on)}, which the camera was not solved from: of these, poses only"
     rows = []
     for name, one in metrics.metrics.items():
         found = one.errors

@@ -13,13 +13,15 @@ import pytest
 import typer
 from typer.testing import CliRunner, Result
 
+import calib
 from calib.commands.evaluate import evaluate as command
 from calib.core.number_text import figure, with_digits
+from calib.core.types import Observations
 from calib.metrics.errors import summarise
 from calib.metrics.evaluation import by_point, by_view, evaluate
 from calib.records.calibration_file import Provenance, write_calibration
 from calib.records.evaluation_files import evaluation_files
-from calib.records.run_folder import Solved
+from calib.records.run_folder import Solved, read_run
 from calib.renderer.job import RenderJob, truth_text
 from calib.renderer.options import RenderOptions
 from calib.show.run.tables import models_table
@@ -138,6 +140,37 @@ def test_held_out_solves_as_it_was_solved(tmp_path: Path) -> None:
     assert document["metrics"]["reprojection"]["rmse"] > summarise(evaluate(solved()).errors[0]).rmse
 
 
+def table_of(seen: Observations, path: Path) -> Path:
+    """Sightings as a table that says its image size."""
+    place = seen.points.position_mm[seen.point]
+    rows = zip(
+        np.array(seen.view_names)[seen.view].tolist(), *seen.center_px.T.tolist(), *place.T.tolist(), strict=True
+    )
+    lines = (",".join(map(str, row)) for row in rows)
+    path.write_text("\n".join(["# image_size {} x {}".format(*seen.image_size), "image,u,v,X,Y,Z", *lines]) + "\n")
+    return path
+
+
+def test_sightings_that_were_not_solved_from(tmp_path: Path) -> None:
+    """--on says what the errors are of on screen and in its files, which the folder's page tells apart from its own."""
+    folder = folder_of(solved(), tmp_path / "cal")
+    other = table_of(example(ICO, np.random.default_rng(2), views=3, noise_px=0.1).observations, tmp_path / "b.csv")
+    result = run(folder, "--on", other, "--no-figures")
+    assert result.exit_code == 0, result.output
+    assert "Errors of b.csv, which the camera was not solved from: of these, poses only" in result.output
+    assert "view_0002.png" in result.output
+    document = json.loads((folder / "metrics.json").read_text())
+    assert (document["of"], document["on"]) == ("views the camera was not solved from", "b.csv")
+    assert document["views"] == 3
+    found = calib.evaluate(folder, on=other)
+    assert found.on is found.asked
+    assert summarise(found.asked.errors[0]).rmse == document["metrics"]["reprojection"]["rmse"]
+    told = read_run(folder).best
+    assert told.held_out is not None
+    assert told.held_out.on == "b.csv"
+    assert told.metrics.views == 8
+
+
 @pytest.mark.parametrize("parts", ["1", "9"])
 def test_parts_that_do_not_fit_are_refused(parts: str, tmp_path: Path) -> None:
     """One line, before anything is written."""
@@ -164,13 +197,18 @@ def test_bad_input_is_one_line(tmp_path: Path) -> None:
     folder = folder_of(solved(), tmp_path / "cal")
     other = tmp_path / "other"
     other.mkdir()
-    truth = truth_file(other)
+    truth, seen = truth_file(other), table_of(TRUE.observations, other / "seen.csv")
     truth.write_text(truth.read_text().replace("view_", "photo_"))
     for arguments, words in (
         ([tmp_path / "nothing.json"], "cannot be read"),
         ([tmp_path], f"name the folder of one: {folder}"),
         ([folder, "--truth", truth], "none of which was calibrated with"),
         ([folder, "-o", truth], "is a file, not a folder"),
+        ([folder, "--on", other / "no.csv"], "no.csv: no such file"),
+        ([folder, "--on", seen, "--held-out", 4], "choose one"),
+        ([folder, "--on", seen, "--truth", truth], "leave it out with --on"),
+        ([folder, "--on", seen, "--image-size", "10x20"], "leave one out"),
+        ([folder, "--target", truth], "--target: is of the detections that --on names"),
     ):
         result = run(*arguments)
         assert isinstance(result.exception, InputError), result.output

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from calib.cameras import rays
+from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.core.se3 import compose, exp_rotation, invert, look_at, make_pose, transform
 from calib.core.types import KnownPoints, Observations
 from calib.metrics import METRICS
 from calib.metrics.errors import Errors, ErrorSummary, centers_mm, predict, summarise, summarise_groups
-from calib.metrics.evaluation import Evaluation, by_face, by_point, by_view, evaluate, evaluate_held_out
+from calib.metrics.evaluation import Evaluation, by_face, by_point, by_view, evaluate, evaluate_held_out, evaluate_on
 from calib.observe.observations import known_points
 from calib.renderer.truth import Truth, true_views
 from calib.solver.calibration import Calibration
@@ -60,11 +60,18 @@ def truth_of(calibration: Calibration, poses: NDArray[np.float64]) -> Truth:
     return Truth(seen.points.geometry_id, calibration.camera, true_views(seen.view_names, poses))
 
 
+def with_accuracies(calibration: Calibration) -> Calibration:
+    """The calibration with covariances of its sightings, none round and no two alike, which count."""
+    factor = np.random.default_rng(2).uniform(0.5, 2, (len(calibration.observations.view), 2, 2))
+    seen = replace(calibration.observations, cov_px2=factor @ factor.transpose(0, 2, 1) + 0.1 * np.eye(2))
+    return replace(calibration, observations=seen, weighted=True)
+
+
 @pytest.mark.parametrize("model", ["opencv", "luhmann", "pinhole"])
 @pytest.mark.parametrize("target", [BOARD, ICO, UNEVEN], ids=["board", "icosahedron", "rings off their faces' planes"])
 def test_perfect_data_has_no_errors(model: str, target: TargetGeometry) -> None:
     """The true camera and poses leave nothing over of exact sightings, by any metric, also of a measured target."""
-    calibration = example(target, np.random.default_rng(1), model=model, views=12)
+    calibration = with_accuracies(example(target, np.random.default_rng(1), model=model, views=12))
     found = evaluate(calibration, truth_of(calibration, calibration.cam_from_target))
     assert [errors.metric for errors in found.errors] == list(METRICS)
     for errors in found.errors:
@@ -293,6 +300,56 @@ def test_a_point_behind_the_camera_has_no_pixel() -> None:
     errors = errors_of(calibration_of(PLAIN, sightings((0, 0, 0.0, 0.0)), away[None]), "reprojection")
     assert left_out(errors) == {"the camera model has no pixel there": 1}
     assert math.isnan(summarise(errors).rmse)
+
+
+def test_weighted_errors_are_mahalanobis_lengths() -> None:
+    """The squared length of a weighted error is e' cov^-1 e; there is none where all sightings are to count alike."""
+    calibration = with_accuracies(example(BOARD, np.random.default_rng(3), views=3, noise_px=0.3))
+    covariance, plain = calibration.observations.cov_px2, errors_of(calibration, "reprojection").vector
+    assert covariance is not None
+    expected = np.einsum("mi,mij,mj->m", plain, np.linalg.inv(covariance), plain)
+    assert errors_of(calibration, "weighted").size ** 2 == pytest.approx(expected)
+    assert evaluate(replace(calibration, weighted=False)).of("weighted") is None
+
+
+def test_other_sightings_are_told_by_poses_alone() -> None:
+    """The camera stays as it is, whatever it is; poses have the least squares that SciPy finds from the true ones."""
+    solved = example(BOARD, np.random.default_rng(4), views=4)
+    camera = replace(solved.camera, params=1.01 * solved.camera.params)
+    other = example(BOARD, np.random.default_rng(5), views=3, noise_px=0.2)
+    found = evaluate_on(replace(solved, camera=camera), other.observations, "others.csv")
+    assert found.calibration.camera is camera
+    assert (found.calibration.observations.view_count, found.on, found.remarks) == (3, "others.csv", ())
+    seen, errors = other.observations, errors_of(found.calibration, "reprojection")
+    for view, pose in enumerate(other.cam_from_target):
+        rows = seen.view == view
+
+        def residual(step: NDArray[np.float64]) -> NDArray[np.float64]:
+            place = transform(compose(make_pose(exp_rotation(step[:3]), step[3:]), pose), position)  # noqa: B023
+            return (project(camera, place) - seen.center_px[rows]).reshape(-1)  # noqa: B023
+
+        position = seen.points.position_mm[seen.point[rows]]
+        least = least_squares(residual, np.zeros(6), x_scale=[1e-3] * 3 + [1.0] * 3, xtol=1e-12, ftol=1e-12)
+        assert (errors.size[errors.view == view] ** 2).sum() == pytest.approx(2 * least.cost, rel=1e-6)
+
+
+def test_views_that_are_not_evaluated_and_sightings_that_are_known_are_told() -> None:
+    """A view whose points do not fit any pose, by name; sightings that the camera was solved from, by number."""
+    solved = example(BOARD, np.random.default_rng(6), views=4)
+    seen = solved.observations
+    lost = seen.view == 2
+    away = replace(seen, center_px=np.where(lost[:, None], [[-1e5, 0.0]], seen.center_px))
+    found = evaluate_on(
+        replace(solved, camera=Camera("fisheye", np.array([400.0, 400, 600, 450, -0.2, 0, 0, 0]), seen.image_size)),
+        away,
+        "b",
+    )
+    assert found.calibration.observations.view_count == 3
+    assert found.remarks[0].startswith(f"{seen.view_names[2]}: not evaluated: ")
+    count = int((~lost).sum())
+    assert found.remarks[1] == f"the camera was solved from {count} of these {count} observations"
+    with pytest.raises(InputError, match="photos of 10 x 20 px, but the camera's have 1200 x 900"):
+        evaluate_on(solved, replace(seen, image_size=(10, 20)), "b")
 
 
 def test_views_without_truth_have_no_pose_error() -> None:

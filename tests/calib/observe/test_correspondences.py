@@ -213,7 +213,8 @@ CHANGES: dict[str, tuple[Callable[[list[str]], list[str]], str]] = {
     "misspelt": (header("images,u,v,X,Y,Z"), "line 2: column 'image' is missing; did you mean 'images'?"),
     "capitals": (header("image,u,v,x,y,z"), "line 2: column 'X' is missing"),
     "twice": (header("image,u,v,X,Y,Z,u"), "line 2: column 'u' a second time"),
-    "half covariance": (header("image,u,v,X,Y,Z,suu"), "line 2: the accuracy is sigma, or suu,suv,svv"),
+    "half covariance": (header("image,u,v,X,Y,Z,suu"), "line 2: the accuracy is sigma, weight, or suu,suv,svv"),
+    "two accuracies": (header("image,u,v,X,Y,Z,sigma,weight"), "line 2: the accuracy is sigma, weight, or suu,suv,svv"),
     "semicolons": (
         lambda lines: [line.replace(",", ";") for line in lines],
         "line 2: values must be separated by commas",
@@ -254,6 +255,9 @@ def test_a_line_that_breaks_a_rule_is_named(name: str, tmp_path: Path) -> None:
     [
         ("sigma", "0", "sigma must be from"),
         ("sigma", "1e9", "sigma must be from"),
+        ("weight", "0", "weight must be from 0.0001 to 10000; leave out lines that are not to count"),
+        ("weight", "-1", "weight must be from"),
+        ("weight", "nan", "weight must be a finite number"),
         ("face", "1.5", "face must be a whole number"),
         ("face", "100000", "face must be from 0 to 9999"),
         ("face", "3", "the point has another face on an earlier line"),
@@ -263,7 +267,7 @@ def test_a_line_that_breaks_a_rule_is_named(name: str, tmp_path: Path) -> None:
 def test_optional_columns_have_rules_too(column: str, value: str, rule: str, tmp_path: Path) -> None:
     """Accuracies must be possible, and a point lies on one face."""
     cells = as_rows(sightings(known_points(BOARD)))
-    cells["sigma"] = ["0.1"] * len(cells["u"])
+    cells["sigma"] = cells["weight"] = ["0.1"] * len(cells["u"])
     names = f"{USUAL},{column}" if column != "suv" else f"{USUAL},suu,suv,svv"
     path = write_csv(tmp_path / "c.csv", cells, names, head=SIZE_LINE)
     assert read_correspondences(path).view_count == 4
@@ -285,6 +289,19 @@ def test_a_sigma_is_a_round_covariance_and_other_columns_are_said(tmp_path: Path
     given = np.lexsort((np.array(cells["u"], dtype=float), sightings(known_points(BOARD)).view))
     assert done.cov_px2[order] == pytest.approx(expected[given])
     assert "columns that are not used: 'Sigma '" in done.remarks
+
+
+def test_a_weight_is_one_over_sigma(tmp_path: Path) -> None:
+    """A column `weight` says of each sighting what `sigma` does with 1 / weight."""
+    cells = as_rows(sightings(known_points(BOARD)))
+    cells["weight"] = [("1", ".5", "0.25")[k % 3] for k in range(len(cells["u"]))]
+    cells["sigma"] = [{"1": "1", ".5": "2", "0.25": "4"}[weight] for weight in cells["weight"]]
+    weighted, stated = (
+        read_correspondences(write_csv(tmp_path / "c.csv", cells, f"{USUAL},{name}", head=SIZE_LINE)).cov_px2
+        for name in ("weight", "sigma")
+    )
+    assert weighted is not None
+    assert weighted == pytest.approx(stated)
 
 
 def test_spaces_after_commas_do_not_count(tmp_path: Path) -> None:
