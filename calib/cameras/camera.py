@@ -213,10 +213,12 @@ def _require_plausible(camera: Camera, origin: str) -> None:
     u, v = np.meshgrid(np.linspace(0, width - 1, GRID), np.linspace(0, height - 1, GRID))
     with np.errstate(all="ignore"):
         ray = rays(camera, np.stack([u, v], axis=-1))
-        is_seen = ray[..., 2] >= LEAST_FORWARD  # false where there is none
+        is_wide = ABILITIES[camera.model].is_wide
+        is_seen = np.isfinite(ray[..., 2]) if is_wide else ray[..., 2] >= LEAST_FORWARD  # false where there is none
     if is_seen.mean() < LEAST_SEEN:
+        what = "anything" if is_wide else "what is in front of the camera"
         raise InputError(
-            f"{origin}: by these numbers {100 * is_seen.mean():.1f} % of the image see what is in front of the camera; "
+            f"{origin}: by these numbers {100 * is_seen.mean():.1f} % of the image see {what}; "
             "check the parameters, their order and units"
         )
 

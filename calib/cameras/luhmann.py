@@ -107,7 +107,7 @@ def _fill(
 
 MODEL = CompiledModel(
     name="luhmann",
-    remedy="virtual needs no lens formula",
+    remedy="fisheye, ds and eucm reach any angle; virtual needs no lens formula",
     parameters=(*FOCAL_AND_CENTRE, *(Parameter(name, "1") for name in ("k1", "k2", "k3", "p1", "p2"))),
     lens=_lens,
     fill_rays=_rays,

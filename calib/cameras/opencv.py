@@ -92,7 +92,7 @@ def _fill(
 
 MODEL = CompiledModel(
     name="opencv",
-    remedy="luhmann and virtual reach farther off the axis",
+    remedy="fisheye, ds and eucm reach any angle off the axis",
     parameters=(*FOCAL_AND_CENTRE, *(Parameter(name, "1") for name in ("k1", "k2", "p1", "p2", "k3"))),
     opencv_lens=("k1", "k2", "p1", "p2", "k3"),
     lens=_fold,
