@@ -141,7 +141,7 @@ def tolerance(
         views: how many photos.
         distance_mm: of the cameras from the target's origin.
         camera: a camera, a file, or a template.
-        model: that is solved: `luhmann`, `opencv` or `pinhole`.
+        model: that is solved, one of `calib.cameras.fitted_models()`.
         weighted: weigh observations by their covariances, or all alike.
         draws: how many made targets to draw.
         full: render and detect real images in each draw, which takes minutes a draw.

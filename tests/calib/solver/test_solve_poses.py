@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from calib.cameras import project
 from calib.cameras.camera import Camera
-from calib.core.se3 import exp_rotation, log_rotation, look_at, transform
+from calib.core.se3 import exp_rotation, log_rotation, look_at, rotation_between, transform
 from calib.solver.solve import solve
 from calib.solver.start import solve_poses
 from tests.support.solver_scenes import (
@@ -52,6 +52,31 @@ def test_true_poses_are_found_without_noise(model: str, target: str) -> None:
     assert error[:, :3].max() < 1e-9
     assert error[:, 3:].max() < 1e-6
     assert np.abs(found.residual_px).max() < 1e-8
+
+
+WIDE = {
+    "fisheye": Camera("fisheye", np.array([300.0, 300.0, 641.5, 478.5, 0.01, -0.004, 0.001, 0.0]), (1280, 960)),
+    "ds": Camera("ds", np.array([260.0, 261.0, 645.0, 482.0, -0.25, 0.57]), (1280, 960)),
+    "equirectangular": Camera("equirectangular", np.array([250.0, 250.0, 799.5, 399.5]), (1600, 800)),
+}
+
+
+@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("camera", WIDE.values(), ids=WIDE)
+def test_poses_beside_and_behind_a_wide_camera_are_found(camera: Camera, target: str) -> None:
+    """The true poses come back from 40 to 120 degrees off the axis, without a first guess."""
+    rng = np.random.default_rng(1)
+    poses = poses_around(24, rng, half_angle_deg=HALF_ANGLE_DEG[target])
+    angle, side = np.radians(np.linspace(40, 120, 24)), rng.uniform(0, 2 * np.pi, 24)
+    ahead = np.stack([np.sin(angle) * np.cos(side), np.sin(angle) * np.sin(side), np.cos(angle)], axis=1)
+    place = poses[:, :3, 3] / np.linalg.norm(poses[:, :3, 3], axis=1, keepdims=True)
+    poses[:, :3] = rotation_between(place, ahead) @ poses[:, :3]
+    poses = poses[[len(observe(camera, TARGETS[target], pose[None], rng).point) >= 12 for pose in poses]]
+    assert (poses[:, 2, 3] < 0).sum() >= 5
+    found = solve_poses(camera, observe(camera, TARGETS[target], poses, rng))
+    error = np.abs(errors(found.cam_from_target, poses))
+    assert error[:, :3].max() < 1e-7
+    assert error[:, 3:].max() < 1e-4
 
 
 @pytest.mark.parametrize("target", TARGETS)
