@@ -27,7 +27,7 @@ from calib.core.se3 import rigid_fault
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.faces import ring_truth, target_fits
 from calib.renderer.job import Rendered, RenderJob, run_job
-from calib.renderer.light import Levels, has_dark_corners
+from calib.renderer.light import Levels
 from calib.renderer.options import LIMITS, Bits, RenderOptions, Sampling
 from calib.renderer.poses import MAX_VIEWS, PoseGrid, Region, directions_over_image, grid_poses, load_poses
 from calib.renderer.quantities import choice, real, whole
@@ -163,7 +163,7 @@ def render(
 def _aside(camera: Camera, aside_rad: float | None) -> float:
     """How far off the axis targets are to stand: anywhere in a wide lens's image if it is not said."""
     if aside_rad is None:
-        return math.pi if has_dark_corners(camera) else 0.0
+        return math.pi if camera.has_dark_corners else 0.0
     return real("--aside", aside_rad, 0, math.pi, " rad")
 
 

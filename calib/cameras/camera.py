@@ -79,6 +79,11 @@ class Camera:
         return MappingProxyType(dict(zip(parameter_names(self.model), self.params.tolist(), strict=True)))
 
     @property
+    def has_dark_corners(self) -> bool:
+        """Whether light may reach a part of the image only."""
+        return ABILITIES[self.model].is_wide or self.field_rad is not None
+
+    @property
     def matrix(self) -> NDArray[np.float64]:
         """The linear part as OpenCV has it: `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]` in px.  # (3, 3)"""
         fx, fy, cx, cy = self.params[:4]

@@ -181,13 +181,18 @@ def _thinned(levels: list[float]) -> list[float]:
 
 
 def _draw_coverage(axes: "Axes", coverage: Coverage) -> None:
-    """How many photos cover each cell of the image; what none covers is hatched."""
+    """How many photos cover each cell of the image; what none covers is hatched, what is not asked for is dark."""
+    from matplotlib.colors import ListedColormap
+
     image_axes(axes, coverage.image_size)
     (width, height), views = coverage.image_size, coverage.views
     axes.fill_between([-0.5, width - 0.5], -0.5, height - 0.5, facecolor=EMPTY, hatch="///", linewidth=0)
+    rows, columns = views.shape
+    edge_u, edge_v = np.linspace(-0.5, width - 0.5, columns + 1), np.linspace(-0.5, height - 0.5, rows + 1)
+    if not coverage.is_lit.all():
+        dark = np.where(coverage.is_lit, np.nan, 0.0)
+        axes.pcolormesh(edge_u, edge_v, dark, cmap=ListedColormap([INK]), rasterized=True)
     if (views > 0).any():
-        rows, columns = views.shape
-        edge_u, edge_v = np.linspace(-0.5, width - 0.5, columns + 1), np.linspace(-0.5, height - 0.5, rows + 1)
         count = np.where(views > 0, views.astype(np.float64), np.nan)
         shown = axes.pcolormesh(edge_u, edge_v, count, cmap=SEQUENTIAL, vmin=0, rasterized=True)
         bar_beside(
@@ -200,7 +205,7 @@ def _draw_coverage(axes: "Axes", coverage: Coverage) -> None:
 
 def coverage_drawing(coverage: Coverage, checked: str = "") -> AxesDrawing:
     """How many photos cover the image, and what the verdict's check says of it; "" where nobody judged."""
-    words = capital(checked) or f"The observations surround {100 * coverage.share:.0f} % of the image"
+    words = capital(checked) or f"The observations surround {100 * coverage.share:.0f} % of the {coverage.area}"
     return AxesDrawing(
         "Coverage of the sensor", words, lambda axes: _draw_coverage(axes, coverage), coverage.image_size, has_bar=True
     )

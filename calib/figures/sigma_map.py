@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from calib.cameras import rays
 from calib.cameras.refit import image_grid
 from calib.core.number_text import figure as digits
-from calib.solver.accuracy import projected_sigma_px, sigma_over_image_px
+from calib.solver.accuracy import projected_sigma_px
 from calib.solver.calibration import Calibration
+from calib.verdict.lit_part import lit_part, sigma_over_lit_px
 from designer.base.words import capital
 
 Array = NDArray[np.float64]
@@ -33,6 +34,8 @@ class SigmaMap:
     most_px: float  # what 95 % of the image do not exceed; infinite if less is known
     known_share: float  # the part of the image where the camera has rays, 0 to 1
     is_map_exact: bool  # the error of a learned map is not in it
+    area: str = "image"  # what is asked for, in words
+    end: str = ""  # where that ends off the axis; "": at the image's border
 
     @property
     def known_px(self) -> Array:
@@ -68,7 +71,7 @@ class SigmaMap:
             return "No parameter was estimated" if len(self.known_px) else "The photos do not determine it"
         middle = f"{digits(self.centre_px, 2)} px in the middle, " if math.isfinite(self.centre_px) else ""
         most = (
-            f"95 % of the image is within {digits(self.most_px, 2)} px"
+            f"95 % of the {self.area} is within {digits(self.most_px, 2)} px"
             if math.isfinite(self.most_px)
             else f"{100 * (1 - self.known_share):.0f} % of the image has no directions"
         )
@@ -78,13 +81,13 @@ class SigmaMap:
 
 def sigma_map(calibration: Calibration) -> SigmaMap:
     """The map of a calibration's camera."""
-    size = calibration.camera.image_size
-    pixel = image_grid(size, *MAP)
-    sigma = projected_sigma_px(calibration.camera, calibration.stated_covariance, pixel.reshape(-1, 2))
-    most_px = sigma_over_image_px(calibration.camera, calibration.stated_covariance)
+    size, lit, is_exact = calibration.camera.image_size, lit_part(calibration), calibration.camera.learned is not None
+    pixel, every = image_grid(size, *MAP), image_grid(size).reshape(-1, 2)
+    sigma = projected_sigma_px(lit.camera, calibration.stated_covariance, pixel.reshape(-1, 2))
+    most_px = sigma_over_lit_px(lit, calibration.stated_covariance)
     # Of the same pixels as the verdict's share, so that both are one number.
-    known = float(np.isfinite(rays(calibration.camera, image_grid(size).reshape(-1, 2))).all(axis=1).mean())
-    return SigmaMap(size, pixel, sigma.reshape(pixel.shape[:2]), most_px, known, calibration.camera.learned is not None)
+    known = float(np.isfinite(rays(lit.camera, every[lit.is_lit(every)])).all(axis=1).mean())
+    return SigmaMap(size, pixel, sigma.reshape(pixel.shape[:2]), most_px, known, is_exact, lit.name, lit.end_words)
 
 
 def scale_end(values: Array) -> tuple[float, bool]:

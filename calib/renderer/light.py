@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import ABILITIES, project
+from calib.cameras import project
 from calib.cameras.camera import Camera
 from calib.core.jit import jit
 from calib.core.se3 import transform
@@ -108,11 +108,6 @@ def in_full_light(camera: Camera) -> Camera:
     if camera.field_rad is None:
         return camera
     return replace(camera, field_rad=max(camera.field_rad - 2 * FADE_RAD, FADE_RAD))
-
-
-def has_dark_corners(camera: Camera) -> bool:
-    """Whether light may reach a part of the image only."""
-    return ABILITIES[camera.model].is_wide or camera.field_rad is not None
 
 
 def circle_light(camera: Camera, ray: Array) -> Array:

@@ -17,7 +17,6 @@ from calib.renderer.light import (
     circle_light,
     defocus_sigma_px,
     gradient_at,
-    has_dark_corners,
     quantised,
     to_face,
     vignette,
@@ -81,7 +80,7 @@ def _light(faces: list[SeenFace], camera: Camera, setting: Surroundings, options
     light = np.full((height, width), background, dtype=np.float32)
     if setting.background is not None:
         np.multiply(setting.background, np.float32(1 / 255), out=light)
-    around, is_partly_dark = union([face.box for face in faces]), has_dark_corners(camera)
+    around, is_partly_dark = union([face.box for face in faces]), camera.has_dark_corners
     for top in range(0, height, BLOCK_ROWS):
         bottom = min(top + BLOCK_ROWS, height)
         block = light[top:bottom]

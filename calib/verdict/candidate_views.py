@@ -13,7 +13,8 @@ from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation, make_pose, rotation_between, transform
 from calib.solver.calibration import Calibration
-from calib.verdict.views import Habits, TargetShape, facing, pitch_px
+from calib.verdict.lit_part import LitPart, lit_part
+from calib.verdict.views import Habits, TargetShape, facing, pitch_px, px_per_mm
 
 Array = NDArray[np.float64]
 
@@ -92,7 +93,7 @@ def candidates_of(calibration: Calibration, shape: TargetShape, habits: Habits) 
     overshoots = (0.0, OVERSHOOT) if not shape.is_flat else tuple({0.0, round(0.7 * (1 - habits.face_share), 2)})
     places = np.array([(*place, over) for over in overshoots for place in PLACES if not over or 1 in np.abs(place)])
     t, d, p = (x.ravel() for x in np.indices((len(turns.rotation), DISTANCES, len(places))))
-    pose, ok = _placed(calibration.camera, shape, turns.rotation[t], turns.sight[t], places[p], distances[d])
+    pose, ok = _placed(lit_part(calibration), shape, turns.rotation[t], turns.sight[t], places[p], distances[d])
     t, d, p = t[ok], d[ok], p[ok]
     return CandidateViews(
         pose[ok], places[p, :2], distances[d], turns.tilt_deg[t], turns.away[t], turns.is_upright[t],
@@ -136,17 +137,17 @@ def _turns_of_views(calibration: Calibration, shape: TargetShape) -> _Turns:
 
 
 def _placed(
-    camera: Camera, shape: TargetShape, rotation: Array, sight: Array, wanted: Array, distance_mm: Array
+    lit: LitPart, shape: TargetShape, rotation: Array, sight: Array, wanted: Array, distance_mm: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Poses whose box in the image is where it is wanted, and which of them there are.
 
     The target is aimed at, its box looked at and the aim moved by what is missing, a few times. What is wanted are a
     place and an overshoot, (C, 3).
     """
-    place, overshoot = wanted[:, :2], wanted[:, 2:]
-    width, height = camera.image_size
-    size = np.array([width, height], dtype=np.float64)
-    aim = np.tile(0.5 * (size - 1), (len(rotation), 1))
+    camera, (first, last) = lit.camera, lit.box_px
+    place, overshoot = _within_rim(lit, wanted[:, :2]), wanted[:, 2:]
+    size = last - first + 1
+    aim = np.tile(0.5 * (first + last), (len(rotation), 1))
     pose = np.tile(np.eye(4), (len(rotation), 1, 1))
     ok = np.ones(len(rotation), dtype=bool)
     span = np.zeros_like(aim)
@@ -163,11 +164,23 @@ def _placed(
         ok &= np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
         low, high = (np.where(ok[:, None], x, aim) for x in (low, high))
         span = high - low
-        margin = MARGIN_PITCHES * shape.pitch_mm * camera.params[0] / np.maximum(middle[:, 2], 1e-9)
+        margin = np.nan_to_num(MARGIN_PITCHES * shape.pitch_mm * px_per_mm(camera, middle))
         room = 0.5 * np.maximum(size - 1 - span - 2 * margin[:, None], 0.0) + overshoot * span
-        aim += 0.5 * (size - 1) + place * room - 0.5 * (low + high)
+        aim += 0.5 * (first + last) + place * room - 0.5 * (low + high)
     has_room = (size - span > LITTLE_ROOM * size) | (overshoot > 0) | (place == 0)
-    return pose, ok & has_room.all(axis=1) & (pose[:, 2, 3] > 0)
+    is_in_front = np.isfinite(project(camera, pose[:, :3, 3])).all(axis=1)
+    return pose, ok & has_room.all(axis=1) & is_in_front
+
+
+def _within_rim(lit: LitPart, place: Array) -> Array:
+    """Places (C, 2) in the box around what is lit; corners that are dark are moved in to the rim of its ellipse."""
+    first, last = lit.box_px
+    corner = np.where(np.array(CORNERS) > 0, last, first)
+    if lit.is_lit(corner).all():
+        return place
+    length = np.linalg.norm(place, axis=1, keepdims=True)
+    moved: Array = place / np.maximum(length, 1.0)
+    return moved
 
 
 def faces_seen(shape: TargetShape, pose: Array) -> tuple[NDArray[np.bool_], Array, Array]:
@@ -213,10 +226,9 @@ def shown_in(camera: Camera, shape: TargetShape, habits: Habits, pose: Array, ro
         rows: the points asked for (N,); the share of a face is that of its rows.
     """
     turned, place, normal = faces_seen(shape, pose)
-    focal = float(camera.params[0])
     with np.errstate(invalid="ignore"):
-        turned &= pitch_px(focal, shape, place, normal) >= habits.pitch_px * (1 - 1e-9)
-        margin = PLACED_WITHIN * MARGIN_PITCHES * shape.pitch_mm * focal / np.maximum(place[..., 2], 1e-9)
+        turned &= pitch_px(camera, shape, place, normal) >= habits.pitch_px * (1 - 1e-9)
+        margin = PLACED_WITHIN * MARGIN_PITCHES * shape.pitch_mm * px_per_mm(camera, place)
     face = shape.face[rows]
     pixel = project(camera, transform(pose[:, None], shape.position_mm[rows]))
     last = np.array(camera.image_size, dtype=np.float64) - 1

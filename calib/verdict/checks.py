@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 from calib.core.number_text import figure
 from calib.solver.calibration import TargetError
-from calib.verdict.coverage import region_words
 from calib.verdict.evidence import FAR_OFF, CameraEvidence, ModelApart
 from calib.verdict.halves import HalvesApart, NoHalves
 from calib.verdict.target_shape import ShapeEffect
@@ -95,7 +94,7 @@ def _solution(evidence: CameraEvidence, _: Criteria) -> Found | None:
 
 
 def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Found:
-    found, limits = evidence.uncertainty, criteria["uncertainty"]
+    found, limits, area = evidence.uncertainty, criteria["uncertainty"], evidence.coverage.area
     if not found.is_estimated:
         return Found("unknown", None, "no parameter was estimated, so none is uncertain")
     inside = ""
@@ -122,10 +121,10 @@ def _uncertainty(evidence: CameraEvidence, criteria: Criteria) -> Found:
             if found.known < 1
             else "the photos do not determine the camera in"
         )
-        sentence = f"{what} {100 * max(1 - found.known, 0.05):.0f} % of the image{inside}"
+        sentence = f"{what} {100 * max(1 - found.known, 0.05):.0f} % of the {area}{inside}"
         return Found("bad", None, sentence)
     value = found.image_px
-    sentence = f"the camera is uncertain by up to {px(value)} in 95 % of the image (1 sigma){inside}"
+    sentence = f"the camera is uncertain by up to {px(value)} in 95 % of the {area} (1 sigma){inside}"
     return Found(_at_most(value, limits), value, sentence)
 
 
@@ -133,11 +132,13 @@ def _coverage(evidence: CameraEvidence, criteria: Criteria) -> Found:
     limits = criteria["coverage"]
     percent = 100 * evidence.coverage.share
     grade: Grade = "good" if percent >= limits.good else "usable" if percent >= limits.usable else "bad"
-    names = tuple(region.name for region in evidence.coverage.not_covered)
+    covered = evidence.coverage
     text = measured_text(percent, "%", (limits.good, limits.usable))
-    sentence = f"the observations surround {text} % of the image"
-    if names:
-        sentence += f"; mostly without: {region_words(names)}"
+    sentence = f"the observations surround {text} % of the {covered.area}"
+    if covered.missing_words:
+        sentence += f"; mostly without: {covered.missing_words}"
+    if covered.remark:
+        sentence += f"; {covered.remark}"
     return Found(grade, percent, sentence)
 
 

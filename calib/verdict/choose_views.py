@@ -25,6 +25,7 @@ from calib.verdict.information import (
     stated_error,
     view_information,
 )
+from calib.verdict.lit_part import lit_part
 from calib.verdict.views import Habits, TargetShape, habits_of, shape_of
 from designer.tolerance.prior import ShapePrior
 
@@ -71,12 +72,13 @@ class SoFar:
 
     told: Array  # (Q + S, Q + S) information of the photos chosen so far, beside what was known
     is_covered: NDArray[np.bool_]  # (R, C) cells of a coverage
+    is_lit: NDArray[np.bool_]  # (R, C) cells that are asked for
     chosen: tuple[int, ...]  # rows of the candidates
 
     @property
     def covered(self) -> float:
-        """Of the image, 0 to 1."""
-        return float(self.is_covered.mean())
+        """Of what is asked for, 0 to 1."""
+        return float(self.is_covered[self.is_lit].mean())
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,9 +107,9 @@ def scene_of(
     habits = habits_of(calibration, shape)
     if face_share is not None:
         habits = replace(habits, face_share=face_share)
-    known = knowledge_of(calibration)
+    known, lit = knowledge_of(calibration), lit_part(calibration)
     candidates = candidates_of(calibration, shape, habits)
-    is_read, covers = _read(calibration.camera, shape, habits, candidates)
+    is_read, covers = _read(lit.camera, shape, habits, candidates)
     ok = is_read.sum(axis=1) >= min(LEAST_RINGS, habits.rings)
     rows, faces = _some_points(shape), len(shape.normal)
     stands_for = np.bincount(shape.face, minlength=faces) / np.bincount(shape.face[rows], minlength=faces).clip(min=1)
@@ -125,17 +127,20 @@ def scene_of(
 def start_of(scene: ViewChoice, calibration: Calibration) -> SoFar:
     """Before the first choice."""
     size = scene.known.basis.shape[1] + len(scene.modes_mm)
-    return SoFar(np.zeros((size, size)), coverage_of(calibration).is_covered, ())
+    found = coverage_of(calibration)
+    return SoFar(np.zeros((size, size)), found.is_covered, found.is_lit, ())
 
 
 def with_photo(so_far: SoFar, photo: CandidatePhoto) -> SoFar:
     """After a choice."""
-    return SoFar(so_far.told + photo.information, so_far.is_covered | photo.area, (*so_far.chosen, photo.row))
+    return SoFar(
+        so_far.told + photo.information, so_far.is_covered | photo.area, so_far.is_lit, (*so_far.chosen, photo.row)
+    )
 
 
 def new_area(so_far: SoFar, area: NDArray[np.bool_]) -> float:
-    """Of the image, what a photo's area adds to what is covered."""
-    return float((area & ~so_far.is_covered).mean())
+    """Of what is asked for, what a photo's area adds to what is covered."""
+    return float((area & ~so_far.is_covered)[so_far.is_lit].mean())
 
 
 def for_accuracy(scene: ViewChoice, so_far: SoFar) -> Iterator[CandidatePhoto]:

@@ -13,12 +13,13 @@ from calib.core.linear_algebra import sums_by
 from calib.metrics.errors import Errors, summarise
 from calib.metrics.evaluation import Evaluation, evaluate
 from calib.metrics.residual_cells import LEAST_PER_CELL, cells_of_residuals, residuals_of
-from calib.solver.accuracy import share_px, sigma_over_image_px
+from calib.solver.accuracy import share_px
 from calib.solver.calibration import Calibration, ImageField, Status, TargetError
 from calib.solver.outliers import deviations
 from calib.verdict.apart import Known, apart, sigma_over
 from calib.verdict.coverage import Coverage, coverage_of
 from calib.verdict.halves import HalfSplit, HalvesApart, NoHalves, halves_apart
+from calib.verdict.lit_part import lit_part, sigma_over_lit_px
 from calib.verdict.target_shape import ShapeEffect, shape_effect
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ FAR_OFF = 4.0
 class Uncertainty:
     """Standard deviation of the camera's pixels, along its worse axis: by noise, target, and a field over the image."""
 
-    image_px: float | None  # 95 % of the image is at most so uncertain; None: of less is anything known
+    image_px: float | None  # 95 % of the image's lit part is at most so uncertain; None: of less is anything known
     covered_px: float | None  # 95 % of what the sightings cover
     noise_px: float | None  # of the image, by noise alone as the solution states it
     target_px: float  # of the image, by the target alone
@@ -140,9 +141,10 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
         covered: by its sightings.
         factor: that halves of the photos enlarge the standard deviations of the noise by.
     """
+    lit = lit_part(calibration)
     pixel = image_grid(calibration.camera.image_size).reshape(-1, 2)
     is_estimated = bool((np.diagonal(calibration.param_covariance) > 0).any())
-    known = float(np.isfinite(rays(calibration.camera, pixel)).all(axis=1).mean())
+    known = float(np.isfinite(rays(lit.camera, pixel[lit.is_lit(pixel)])).all(axis=1).mean())
     image = inside = noise = math.nan
     camera, error, field = calibration.camera, calibration.target_error, calibration.image_field
     by_target = by_field = 0.0
@@ -151,11 +153,11 @@ def uncertainty_of(calibration: Calibration, covered: Coverage, factor: float) -
         covariance = factor**2 * calibration.param_covariance
         if error is not None:
             covariance = covariance + error.param_covariance
-            by_target = _if_known(sigma_over_image_px(camera, error.param_covariance)) or 0.0
+            by_target = _if_known(sigma_over_lit_px(lit, error.param_covariance)) or 0.0
         if field is not None:
             covariance = covariance + field.param_covariance
-            by_field = _if_known(sigma_over_image_px(camera, field.param_covariance)) or 0.0
-        image, noise = (sigma_over_image_px(camera, one) for one in (covariance, calibration.param_covariance))
+            by_field = _if_known(sigma_over_lit_px(lit, field.param_covariance)) or 0.0
+        image, noise = (sigma_over_lit_px(lit, one) for one in (covariance, calibration.param_covariance))
         inside = share_px(sigma_over(Known(camera, covariance), covered))
     is_exact = camera.learned is not None
     return Uncertainty(

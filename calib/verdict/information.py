@@ -33,6 +33,7 @@ from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.problem import pack
 from calib.solver.schur import reduced_normal
 from calib.solver.target_error import left_open
+from calib.verdict.lit_part import lit_part
 from designer.tolerance.prior import ShapePrior
 
 Array = NDArray[np.float64]
@@ -51,7 +52,7 @@ LENS_UNSURE = 1.0
 class Knowledge:
     """What is known of a camera from the photos that were taken."""
 
-    camera: Camera
+    camera: Camera  # without rays where nothing is asked of it
     basis: Array  # (P, Q) `basis @ basis.T` is the covariance of the parameters
     noise_px: float  # standard deviation of a coordinate of an observation
     is_determined: bool  # without: the covariance holds a guess of what a camera is like
@@ -69,7 +70,7 @@ def knowledge_of(calibration: Calibration) -> Knowledge:
     value, vector = np.linalg.eigh(covariance / (scale[:, None] * scale))
     free = value > TIED * max(float(value[-1]), 1e-300)
     basis = scale[:, None] * vector[:, free] * np.sqrt(value[free])
-    return Knowledge(calibration.camera, basis, noise_px, is_determined)
+    return Knowledge(lit_part(calibration).camera, basis, noise_px, is_determined)
 
 
 def _noise_px(calibration: Calibration) -> float:

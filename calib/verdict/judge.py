@@ -63,7 +63,8 @@ def _good_inside(evidence: CameraEvidence, faults: Sequence[Check]) -> str:
     limit = next((check.usable for check in faults if check.name == "uncertainty"), math.inf)
     if inside is None or inside > limit or evidence.uncertainty.is_map_exact:
         return ""
-    covered = f"the observations surround only {100 * evidence.coverage.share:.0f} % of the image, where it is known to"
+    seen = f"{100 * evidence.coverage.share:.0f} % of the {evidence.coverage.area}"
+    covered = f"the observations surround only {seen}, where it is known to"
     if math.isinf(limit):
         elsewhere = "the lens model only continues what it learned there"
     elif outside is None:
@@ -74,10 +75,10 @@ def _good_inside(evidence: CameraEvidence, faults: Sequence[Check]) -> str:
 
 
 def _why_good(evidence: CameraEvidence) -> str:
-    uncertain, halves = evidence.uncertainty.image_px, evidence.halves
-    parts = [f"{100 * evidence.coverage.share:.0f} % of the image is covered"]
+    uncertain, halves, area = evidence.uncertainty.image_px, evidence.halves, evidence.coverage.area
+    parts = [f"{100 * evidence.coverage.share:.0f} % of the {area} is covered"]
     if uncertain is not None:
-        parts.insert(0, f"the camera is uncertain by at most {px(uncertain)} in 95 % of the image")
+        parts.insert(0, f"the camera is uncertain by at most {px(uncertain)} in 95 % of the {area}")
     if not isinstance(halves, NoHalves):
         parts.append("two halves of the photos agree")
     return f"{', '.join(parts[:-1])}, and {parts[-1]}"

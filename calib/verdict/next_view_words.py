@@ -38,6 +38,7 @@ class Hold:
     long_side: LongSide  # "": about as long as wide
     like_photo: str  # a solid must show the same side as there; "": any side
     is_flat: bool
+    off_axis_deg: float | None = None  # of the target's middle, where the image ends before its border
     usual_distance_mm: float | None = None  # in the photos so far, where only the ratio of distances is known
 
 
@@ -58,6 +59,8 @@ def sentence_of(hold: Hold, gain: ViewGain) -> str:
     """What to do and what it gives."""
     thing = "board" if hold.is_flat else "target"
     parts = [f"hold the {thing} {place_words(hold.place)}"]
+    if hold.off_axis_deg is not None and any(hold.place):
+        parts.append(f"{hold.off_axis_deg:.0f} deg off the axis")
     if hold.long_side:
         parts.append(f"its long side {hold.long_side}")
     if hold.is_flat:
@@ -87,8 +90,10 @@ def after_words(gain: ViewGain) -> str:
     return f"{figure(gain.after_px, 2)} px"
 
 
-def place_of(outline_px: Sequence[Array], image_size: tuple[int, int]) -> tuple[float, float]:
-    """Where outlines lie in an image, to the right and down, -1 to 1.
+def place_of(
+    outline_px: Sequence[Array], image_size: tuple[float, float], first_px: tuple[float, float] = (0.0, 0.0)
+) -> tuple[float, float]:
+    """Where outlines lie in an image, or a part of it from some pixel on, to the right and down, -1 to 1.
 
     0 is in the middle, 0.25 a little off it, 0.5 half way to a side, 1 at it. By what is left free at both sides: at
     a side is what leaves little free there and much less than at the other.
@@ -96,10 +101,10 @@ def place_of(outline_px: Sequence[Array], image_size: tuple[int, int]) -> tuple[
     if not outline_px:
         return 0.0, 0.0
     points = np.concatenate(list(outline_px))
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = points.min(axis=0) - first_px, points.max(axis=0) - first_px
     place = [
-        _along(first / size, (size - last) / size)
-        for first, last, size in zip((low + 0.5).tolist(), (high + 0.5).tolist(), image_size, strict=True)
+        _along(first / side, (side - last) / side)
+        for first, last, side in zip((low + 0.5).tolist(), (high + 0.5).tolist(), image_size, strict=True)
     ]
     return place[0], place[1]
 

@@ -35,6 +35,7 @@ from calib.verdict.choose_views import (
     with_photo,
 )
 from calib.verdict.information import image_change, sigma_px
+from calib.verdict.lit_part import LitPart, lit_part
 from calib.verdict.next_view_words import Hold, ViewGain, place_of, sentence_of
 from calib.verdict.views import TargetShape, shape_of
 from designer.base.file_kind import FileKind
@@ -137,7 +138,8 @@ def next_views(
     change = image_change(scene.known)
     if not len(change) or not len(scene.candidates.distance_mm):
         return ()
-    everywhere = image_grid(calibration.camera.image_size)[..., 0].size
+    lit = lit_part(calibration)
+    everywhere = int(lit.is_lit(image_grid(calibration.camera.image_size)).sum())
     is_known = scene.known.is_determined and len(change) >= SHARE_PERCENT / 100 * everywhere
     # Where the lens model breaks down in more than the rest, numbers can only be of what it reaches.
     pixels = everywhere if is_known else len(change)
@@ -166,7 +168,7 @@ def next_views(
             tells_sigma=wants_accuracy and after <= LITTLE_GAIN * shown,
             tells_area=wants_area and new_area(so_far, photo.area) > LITTLE_AREA,
         )  # fmt: skip
-        chosen.append(_view(scene, calibration, photo, gain))
+        chosen.append(_view(scene, calibration, lit, photo, gain))
         so_far, before, is_known = then, after, True
     return tuple(chosen)
 
@@ -179,11 +181,11 @@ def _more_accurate(
     return next((photo for photo in photos if within_px(so_far.told + photo.information) <= worth_px), None)
 
 
-def _view(scene: ViewChoice, calibration: Calibration, photo: CandidatePhoto, gain: ViewGain) -> NextView:
+def _view(scene: ViewChoice, calibration: Calibration, lit: LitPart, photo: CandidatePhoto, gain: ViewGain) -> NextView:
     one = scene.candidates[np.array([photo.row])]
     pose = one.cam_from_target[0]
     outline = outline_px(calibration.camera, scene.shape, pose)
-    sentence = sentence_of(_hold(scene, one, calibration, outline), gain)
+    sentence = sentence_of(_hold(scene, one, calibration, lit, outline), gain)
     before, after = round(gain.covered_before, 6), round(gain.covered_after, 6)
     lines = tuple(np.array([[round(u, 2), round(v, 2)] for u, v in line.tolist()]) for line in outline)
     return NextView(pose, sentence, gain.before_px, gain.after_px, before, after, lines)
@@ -199,13 +201,17 @@ def photos_needed(photos: int, sigma_px_now: float, limit_px: float) -> int:
     return max(photos, math.ceil(photos * (sigma_px_now / limit_px) ** 2 - 1e-9))
 
 
-def _hold(scene: ViewChoice, one: CandidateViews, calibration: Calibration, outline: tuple[Array, ...]) -> Hold:
+def _hold(
+    scene: ViewChoice, one: CandidateViews, calibration: Calibration, lit: LitPart, outline: tuple[Array, ...]
+) -> Hold:
     """How a candidate is to be held, as plain numbers."""
     like = int(one.like_view[0])
+    (left, top), (width, height) = (part.tolist() for part in (lit.box_px[0], lit.box_px[1] - lit.box_px[0] + 1))
     usual_mm = float(np.median(np.linalg.norm(transform(calibration.cam_from_target, scene.shape.center_mm), axis=1)))
     any_side = like < 0 or _is_same_from_any_side(scene, one)
     return Hold(
-        place=place_of(outline, calibration.camera.image_size),
+        place=place_of(outline, (width, height), (left, top)),
+        off_axis_deg=_off_axis_deg(scene, one) if lit.off_axis_rad is not None else None,
         distance_mm=float(one.distance_mm[0]),
         usual_distance_mm=None if scene.known.is_determined else usual_mm,
         tilt_deg=float(one.tilt_deg[0]),
@@ -214,6 +220,12 @@ def _hold(scene: ViewChoice, one: CandidateViews, calibration: Calibration, outl
         like_photo="" if any_side else calibration.observations.view_names[like],
         is_flat=scene.shape.is_flat,
     )
+
+
+def _off_axis_deg(scene: ViewChoice, one: CandidateViews) -> float:
+    """The angle between the axis and the target's middle."""
+    x, y, z = transform(one.cam_from_target[0], scene.shape.center_mm).tolist()
+    return math.degrees(math.atan2(math.hypot(x, y), z))
 
 
 def _is_same_from_any_side(scene: ViewChoice, one: CandidateViews) -> bool:

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from calib.core.number_text import figure
 from calib.solver.calibration import Calibration
 from calib.verdict.checks import SURE, px
-from calib.verdict.coverage import region_words
 from calib.verdict.evidence import CameraEvidence
 from calib.verdict.next_views import NextView, photos_needed, why_no_next_views
 from calib.verdict.verdict import Criteria
@@ -110,15 +109,15 @@ def _round_up(count: int) -> str:
 def _uncovered(evidence: CameraEvidence, criteria: Criteria, views: Sequence[NextView] | None) -> tuple[str, ...]:
     """Parts of the image without the target, if the next photos do not show it there."""
     percent, wanted = 100 * evidence.coverage.share, criteria["coverage"].good
-    names = tuple(region.name for region in evidence.coverage.not_covered)
+    missing = evidence.coverage.missing_words
     last = 100 * views[-1].covered_after if views else percent
     if views and last > percent + LITTLE_PERCENT:
         return _again(views[-1], criteria)
-    if percent >= wanted or not names:
+    if percent >= wanted or not missing:
         return ()
     beyond = "the map is not known" if evidence.uncertainty.is_map_exact else "the lens is a guess of its model"
     return (
-        f"show the target in {region_words(names)} too: the observations surround {percent:.0f} % of the image, "
+        f"show the target in {missing} too: the observations surround {percent:.0f} % of the {evidence.coverage.area}, "
         f"{wanted:.0f} % is wanted, and beyond them {beyond}",
     )
 

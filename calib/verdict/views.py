@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import linearise
+from calib.cameras.camera import Camera
 from calib.core.linear_algebra import sums_by
 from calib.core.se3 import invert, transform
 from calib.core.types import KnownPoints
@@ -173,7 +175,7 @@ def habits_of(calibration: Calibration, shape: TargetShape) -> Habits:
     share = number / np.bincount(shape.face, minlength=faces)[met_face]
     place = transform(pose[view], shape.middle_mm[met_face])
     normal = (pose[view, :3, :3] @ shape.normal[met_face][:, :, None])[:, :, 0]
-    pitch = pitch_px(float(calibration.camera.params[0]), shape, place, normal)
+    pitch = pitch_px(calibration.camera, shape, place, normal)
     per_view = np.bincount(seen.view, minlength=seen.view_count)
     return Habits(
         (float(distance.min()), float(distance.max())),
@@ -183,16 +185,29 @@ def habits_of(calibration: Calibration, shape: TargetShape) -> Habits:
     )
 
 
-def pitch_px(focal_px: float, shape: TargetShape, place: Array, normal: Array) -> Array:
+def px_per_mm(camera: Camera, place: Array) -> Array:
+    """How large a millimetre across the line of sight is shown at places (..., 3), the way it is least; nan unseen.
+
+    The smaller singular value of a pixel's derivative by the place, f/z of a pinhole anywhere.
+    """
+    flat = np.ascontiguousarray(place.reshape(-1, 3).T)
+    by_place = linearise(camera, flat).by_point.transpose(2, 0, 1)  # (N, 2, 3)
+    square = by_place @ by_place.transpose(0, 2, 1)
+    trace, apart = square[:, 0, 0] + square[:, 1, 1], square[:, 0, 0] - square[:, 1, 1]
+    least = 0.5 * (trace - np.hypot(apart, 2 * square[:, 0, 1]))
+    return np.sqrt(np.maximum(least, 0.0)).reshape(place.shape[:-1])
+
+
+def pitch_px(camera: Camera, shape: TargetShape, place: Array, normal: Array) -> Array:
     """Distances in the image of neighbours on faces, the way they are foreshortened.
 
     Args:
-        focal_px: of the camera.
+        camera: that shows them.
         shape: with the distance on the face.
         place: of faces in the camera frame (..., 3).
         normal: of the faces in the camera frame (..., 3).
     """
-    shown: Array = shape.pitch_mm * focal_px * facing(place, normal) / np.maximum(place[..., 2], 1e-9)
+    shown: Array = shape.pitch_mm * px_per_mm(camera, place) * facing(place, normal)
     return shown
 
 

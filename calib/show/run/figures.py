@@ -80,7 +80,9 @@ def uncertainty_figure(
     if found.is_map_exact:
         caption += "; the learned map is taken as exact, so the truth is larger"
     caption += f". {inside}" if inside else ""
-    if found.known_share < 1:
+    if found.end:
+        caption += f". Grey: beyond {found.end}, where nothing is asked of the camera"
+    elif found.known_share < 1:
         share = f", in {100 * (1 - found.known_share):.0f} % of the image" if math.isfinite(found.most_px) else ""
         caption += f". Grey: the model has no directions there{share}"
     return figure_of(drawing, f"{caption}. {halves_words(halves)}", f"{drawing.title}: {drawing.words}")
@@ -110,7 +112,10 @@ def halves_words(halves: HalvesApart | NoHalves) -> str:
 def coverage_figure(coverage: Coverage, checked: str = "") -> Figure:
     """Where observations are, and what the verdict's check says of it; "" where nobody judged."""
     hatched = "Where it is hatched, no photo shows the target: the lens is only extrapolated there."
-    return figure_of(coverage_drawing(coverage, checked), "" if coverage.is_covered.all() else hatched)
+    said = "" if coverage.share == 1 else hatched
+    if not coverage.is_lit.all():
+        said = f"{said} Black: not asked for, {coverage.remark}.".lstrip()
+    return figure_of(coverage_drawing(coverage, checked), said)
 
 
 def residuals_figure(residuals: Residuals, rmse_px: float) -> Figure:

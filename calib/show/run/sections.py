@@ -90,7 +90,7 @@ def key_facts(run: Run) -> Facts:
         ("lens", f"{focal_title(camera)} {focal_length(calibration)} px, field of view {field_of_view_words(camera)}"),
         ("residual", f"{digits(best.rms_px, 3)} px RMS, of {counted} observations in {photos}{scale}"),
         *((("photos", photo_words(run.records.images)),) if run.records is not None else ()),
-        ("covered", f"{100 * best.coverage.share:.0f} % of the image"),
+        ("covered", f"{100 * best.coverage.share:.0f} % of the {best.coverage.area}"),
         *((("checks", _checks_words(run)),) if run.judged is not None else ()),
     ))  # fmt: skip
 

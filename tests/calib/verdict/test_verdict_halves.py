@@ -123,7 +123,7 @@ def test_a_shift_of_the_principal_point_is_hardly_a_difference() -> None:
     """A camera whose principal point is off by a pixel shows the same after a turn: what remains is far below it."""
     plain = Camera("pinhole", np.array([2500.0, 2500, 1223.5, 1023.5]), TRUE.image_size)
     moved = replace(plain, params=plain.params + np.array([0, 0, 1.0, 0]))
-    whole = Coverage(TRUE.image_size, np.ones((134, 160), dtype=np.int64), ())
+    whole = Coverage(TRUE.image_size, np.ones((134, 160), dtype=np.int64), (), np.ones((134, 160), dtype=bool))
     nothing = np.zeros((4, 4))
     found = apart(Known(plain, nothing), Known(moved, nothing), whole)
     assert found is not None
