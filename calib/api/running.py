@@ -136,7 +136,8 @@ def run(
     table = () if writer is None else (("detections", named_in_files(writer.folder / DETECTIONS_FILE)),)
     file = "NAME.target.json" if isinstance(target, TargetGeometry) else named_in_files(Path(target))
     kept = (("target", file), *table, ("photos", str(len(asked.paths))), *settings)
-    task = SolveTask(observations, plan, geometry.layout_id, kept, reference, known, way)
+    shown = tuple(one.photo.path for one in search.results if one.seen is not None)
+    task = SolveTask(observations, plan, geometry.layout_id, kept, reference, known, way, shown)
     return _solved(task, geometry, search, limits, progress, writer, is_whole=not isinstance(out, RunWriter))
 
 

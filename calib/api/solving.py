@@ -4,11 +4,17 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from calib.cameras import MODELS, models_of_all, parameter_names, solved_models
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.metrics.evaluation import Evaluation, evaluate
+from calib.observe.image_circle import brightest_of, with_image_circle
 from calib.renderer.quantities import number
 from calib.renderer.truth import Truth
 from calib.solver.accuracy import UndeterminedError
@@ -197,6 +203,12 @@ class SolveTask:
     reference: Reference | None = None  # the photo that a learned map is of
     truth: Truth | None = None  # of rendered photos
     made: Made | None = None  # how the target was; None: nobody knows
+    photos: tuple[Path, ...] = ()  # that show where the light of a wide lens ends; none: nobody knows
+
+    @cached_property
+    def brightest(self) -> NDArray[np.float64] | None:
+        """The most light of each part of the image in the photos; None without any."""
+        return brightest_of(self.photos, self.observations.image_size) if self.photos else None
 
 
 def solve_models(task: SolveTask) -> Iterator[Solution]:
@@ -205,7 +217,17 @@ def solve_models(task: SolveTask) -> Iterator[Solution]:
         try:
             solved = calibrate(task.observations, model, task.plan.options_of(model), task.reference)
             calibration = with_image_field(with_target_error(solved, task.made))
+            calibration = _with_image_circle(calibration, task)
             calibration = replace(calibration, remarks=(*calibration.remarks, *task.observations.remarks))
             yield Solution(model, evaluate(calibration, task.truth))
         except InputError as error:
             yield Solution(model, None, str(error), isinstance(error, UndeterminedError))
+
+
+def _with_image_circle(calibration: Calibration, task: SolveTask) -> Calibration:
+    """With the end of a wide lens's light, if there are photos that show it."""
+    if not calibration.camera.has_dark_corners or task.brightest is None:
+        return calibration
+    found = with_image_circle(calibration.camera, task.brightest)
+    remarks = (*calibration.remarks, found.remark) if found.remark else calibration.remarks
+    return replace(calibration, camera=found.camera, remarks=remarks)
