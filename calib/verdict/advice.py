@@ -122,7 +122,7 @@ def advice_of(
         _Step(photo_advice(calibration, evidence, criteria, views), ("solution", "uncertainty", "coverage")),
         _step(_lens(evidence, criteria, calibration.camera.model, inputs), "systematic", "models"),
         _step("" if is_to_measure else _target_share(evidence, criteria, inputs)),
-        _step(_small(facts)),
+        _step("" if calibration.camera.has_dark_corners else _small(facts)),  # a quarter of 190 degrees is much
         _step(_few_rings(facts)),
         _step(_one_distance(facts)),
         _step(_map(evidence)),

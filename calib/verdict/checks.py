@@ -137,8 +137,6 @@ def _coverage(evidence: CameraEvidence, criteria: Criteria) -> Found:
     sentence = f"the observations surround {text} % of the {covered.area}"
     if covered.missing_words:
         sentence += f"; mostly without: {covered.missing_words}"
-    if covered.remark:
-        sentence += f"; {covered.remark}"
     return Found(grade, percent, sentence)
 
 

@@ -49,14 +49,14 @@ class LitPart:
 
     @property
     def remark(self) -> str:
-        """Why it ends there, in a clause; "" if it is all of the image."""
+        """Why it ends there, as a sentence; "" if it is all of the image."""
         if self.off_axis_rad is None:
             return ""
         if self.is_measured:
-            return f"the light ends {self.end_words}, and nothing is asked beyond"
+            return f"The light ends {self.end_words}, and nothing is asked of the camera beyond."
         return (
-            f"nothing is asked beyond {self.end_words}, where the farthest observation is: whether light arrives there "
-            "only photos tell"
+            f"The farthest observation is {self.end_words}; nothing is asked of the camera beyond, as only photos tell "
+            "whether light arrives there."
         )
 
     @property

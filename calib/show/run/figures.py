@@ -81,7 +81,7 @@ def uncertainty_figure(
         caption += "; the learned map is taken as exact, so the truth is larger"
     caption += f". {inside}" if inside else ""
     if found.end:
-        caption += f". Grey: beyond {found.end}, where nothing is asked of the camera"
+        caption += f". Grey: beyond {found.end}, where nothing is asked of it"
     elif found.known_share < 1:
         share = f", in {100 * (1 - found.known_share):.0f} % of the image" if math.isfinite(found.most_px) else ""
         caption += f". Grey: the model has no directions there{share}"
@@ -114,7 +114,7 @@ def coverage_figure(coverage: Coverage, checked: str = "") -> Figure:
     hatched = "Where it is hatched, no photo shows the target: the lens is only extrapolated there."
     said = "" if coverage.share == 1 else hatched
     if not coverage.is_lit.all():
-        said = f"{said} Black: not asked for, {coverage.remark}.".lstrip()
+        said = f"{said} Black: not asked for. {coverage.remark}".lstrip()
     return figure_of(coverage_drawing(coverage, checked), said)
 
 

@@ -30,6 +30,7 @@ from calib.show.run.tables import errors_table, focal_length, models_table, para
 from calib.verdict.apart import Known, apart
 from calib.verdict.checks import LEAST_PX, px
 from calib.verdict.halves import HalvesApart, NoHalves, half_split, halves_apart
+from calib.verdict.lit_part import lit_part
 from calib.verdict.next_views import why_no_next_views
 from calib.verdict.verdict import Check, Grade, Verdict
 from designer.base.words import capital, printable
@@ -84,10 +85,12 @@ def key_facts(run: Run) -> Facts:
     width, height = camera.image_size
     counted = int((~calibration.is_outlier).sum())
     photos = f"{seen.view_count} photo{'s' if seen.view_count > 1 else ''}"
+    lit = lit_part(calibration)
+    field = field_of_view_words(lit.camera, "" if lit.is_measured else "observations end")
     scale = f", {calibration.scale:.3g} times the stated sigma" if calibration.weighted else ""
     return Facts((
         ("camera", f"{best.model}, {width} x {height} px, {calibration.status}"),
-        ("lens", f"{focal_title(camera)} {focal_length(calibration)} px, field of view {field_of_view_words(camera)}"),
+        ("lens", f"{focal_title(camera)} {focal_length(calibration)} px, field of view {field}"),
         ("residual", f"{digits(best.rms_px, 3)} px RMS, of {counted} observations in {photos}{scale}"),
         *((("photos", photo_words(run.records.images)),) if run.records is not None else ()),
         ("covered", f"{100 * best.coverage.share:.0f} % of the {best.coverage.area}"),
@@ -121,9 +124,15 @@ def focal_title(camera: Camera) -> str:
     return "focal length" if camera.learned is None else "focal length of the virtual sensor"
 
 
-def field_of_view_words(camera: Camera) -> str:
-    """Angles between the light at opposite sides, and where the model ends if that is inside the image."""
+def field_of_view_words(camera: Camera, end: str = "") -> str:
+    """Angles between the light at opposite sides, and where model or image circle end if that is inside the image.
+
+    Args:
+        camera: that sees.
+        end: what ends there, in words; "": the image circle if the camera says where that is, else the model.
+    """
     found = field_of_view(camera)
+    end = end or ("the model ends" if camera.field_rad is None else "the image circle ends")
     if not math.isfinite(found.across_rad + found.down_rad):
         return "not known"
     across, down, diagonal, off_axis = (
@@ -131,8 +140,7 @@ def field_of_view_words(camera: Camera) -> str:
     )
     words = f"{across:.1f}° x {down:.1f}°"
     if found.ends_inside:
-        what = "model" if camera.field_rad is None else "image circle"
-        return f"{words}; the {what} ends {off_axis:.1f}° off the axis, inside the image"
+        return f"{words}; {end} {off_axis:.1f}° off the axis, inside the image"
     return f"{words}, diagonal {diagonal:.1f}°" if diagonal > max(across, down) > WIDE_DEG else words
 
 
