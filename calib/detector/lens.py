@@ -1,6 +1,7 @@
 """Straightening: a map from pixels to an image in which straight lines stay straight, and its local form at a ring."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -10,6 +11,7 @@ from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import slopes
 from calib.core.jit import jit
+from calib.core.se3 import rotation_between
 from calib.core.small_solve import cholesky_factor, substitute
 from calib.detector import homography
 from calib.detector.homography import determines, equations, fit_entries
@@ -22,6 +24,8 @@ STEPS = 5
 DAMPING = 1e-10
 FLOOR_PX = 0.05
 """Points nearer than this to where they belong are never left out."""
+FAR_COSINE = 0.5
+"""Of the angle off the axis from which on a plane across it is no place for rays."""
 MIN_POINTS = 20
 MAX_POINTS = 300
 SIGNIFICANCE = 15.0
@@ -137,6 +141,10 @@ class Lens(Protocol):
         """Back to pixels."""
         ...
 
+    def facing(self, pixel: Floats) -> "Lens":
+        """The lens whose straight image shows what is seen at pixels (N, 2), also far off the axis."""
+        ...
+
 
 @dataclass(frozen=True)
 class NoLens:
@@ -149,6 +157,10 @@ class NoLens:
     def distort(self, straight: Floats) -> Floats:
         """The same points."""
         return straight
+
+    def facing(self, pixel: Floats) -> "NoLens":
+        """The same: it shows all."""
+        return self
 
 
 @dataclass(frozen=True)
@@ -178,18 +190,27 @@ class RadialLens:
                 radius = radius - (radius * (1 + self.k1 * r2 + self.k2 * r2 * r2) - target) / np.maximum(slope, 0.1)
         return np.asarray(np.array(self.middle_px) + offset * radius / np.maximum(target, 1e-12))
 
+    def facing(self, pixel: Floats) -> "RadialLens":
+        """The same: it shows all."""
+        return self
+
 
 @dataclass(frozen=True, eq=False)
 class CameraLens:
-    """The straight image of a known camera: its rays cut with a plane, at the scale of its middle."""
+    """The straight image of a known camera: its rays cut with a plane, at the scale of its middle.
+
+    The plane lies across the camera's axis. A wide lens sees what no such plane shows, or shows far too large: of a
+    target that lies there, the plane lies across the way to it.
+    """
 
     camera: Camera
+    straight_from_cam: Floats = field(default_factory=lambda: np.eye(3))  # (3, 3) rotation
 
     def __post_init__(self) -> None:
         if not 1e-3 < self._scale < 1e9:
             raise InputError("the camera has no usable rays in the middle of the image; check its parameters")
 
-    @property
+    @cached_property
     def _scale(self) -> float:
         width, height = self.camera.image_size
         middle = np.array([[0.5 * width, 0.5 * height], [0.5 * width + 1, 0.5 * height]])
@@ -198,12 +219,22 @@ class CameraLens:
 
     def straighten(self, pixel: Floats) -> Floats:
         """Pixels to the straight image."""
-        return np.asarray(self._scale * slopes(rays(self.camera, pixel)))
+        return np.asarray(self._scale * slopes(rays(self.camera, pixel) @ self.straight_from_cam.T))
 
     def distort(self, straight: Floats) -> Floats:
         """Back to pixels."""
         point = np.concatenate([straight / self._scale, np.ones((*straight.shape[:-1], 1))], axis=-1)
-        return project(self.camera, point)
+        return project(self.camera, point @ self.straight_from_cam)
+
+    def facing(self, pixel: Floats) -> "CameraLens":
+        """The plane turned to where pixels (N, 2) look, if any of them looks far off the axis."""
+        ray = rays(self.camera, pixel)
+        ray = ray[np.isfinite(ray).all(axis=1)]
+        middle = ray.sum(axis=0)
+        length = float(np.linalg.norm(middle))
+        if not length > 0 or ray[:, 2].min() > FAR_COSINE:
+            return replace(self, straight_from_cam=np.eye(3))
+        return replace(self, straight_from_cam=rotation_between(middle / length, np.array([0.0, 0.0, 1.0])))
 
 
 def local_form(lens: Lens, pixel: Floats, step_px: float = 2.0) -> tuple[Floats, Floats]:

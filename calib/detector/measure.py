@@ -167,7 +167,7 @@ def _fit_with_lines(
     is_dot = plan.target.is_dot[places.ring]
 
     def lines(seen: Seen) -> tuple[Lens, Lines]:
-        lens = camera_lens if camera_lens is not None else fit_lens(plan, places.ring, seen, image_size)
+        lens = placement.lens if camera_lens is not None else fit_lens(plan, places.ring, seen, image_size)
         return lens, fit_lines(plan, places.ring, seen, lens, placement)
 
     softened = len(start) > 0 and float(np.median(start[:, BLUR])) < UNDERSAMPLED_BLUR_PX

@@ -167,6 +167,7 @@ def _camera_remarks(
 ) -> list[str]:
     """A warning if the grids are straighter without the camera that was given than with it."""
     groups = plan.by_face(naming.ring, candidates.ellipse[naming.candidate, :2])
+    lens = lens.facing(candidates.ellipse[naming.candidate, :2])
     given, guessed = misfit_px(lens, groups), misfit_px(estimate_lens(groups, image_size), groups)
     if given <= 2 * guessed + 0.1:
         return []

@@ -127,9 +127,10 @@ def _lens(
     plan: TargetPlan, candidates: Candidates, naming: Naming, image_size: tuple[int, int], camera_lens: Lens | None
 ) -> Lens:
     """The known lens, or what the named grids show of it."""
+    pixel = candidates.ellipse[naming.candidate, :2]
     if camera_lens is not None:
-        return camera_lens
-    return estimate_lens(plan.by_face(naming.ring, candidates.ellipse[naming.candidate, :2]), image_size)
+        return camera_lens.facing(pixel)
+    return estimate_lens(plan.by_face(naming.ring, pixel), image_size)
 
 
 def fixes_projection(plane: Floats, face: Integers) -> bool:
