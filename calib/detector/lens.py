@@ -226,6 +226,10 @@ class CameraLens:
         point = np.concatenate([straight / self._scale, np.ones((*straight.shape[:-1], 1))], axis=-1)
         return project(self.camera, point @ self.straight_from_cam)
 
+    def directions(self, straight_from_plane: Floats) -> Floats:
+        """The map to directions in the camera's frame of a map to the straight image.  # (3, 3) -> (3, 3)"""
+        return np.asarray(self.straight_from_cam.T @ np.diag([1, 1, self._scale]) @ straight_from_plane / self._scale)
+
     def facing(self, pixel: Floats) -> "CameraLens":
         """The plane turned to where pixels (N, 2) look, if any of them looks far off the axis."""
         ray = rays(self.camera, pixel)
@@ -260,6 +264,19 @@ def local_form(lens: Lens, pixel: Floats, step_px: float = 2.0) -> tuple[Floats,
     return jacobian, np.asarray(bend.reshape(-1, 6), dtype=np.float64)
 
 
+def local_scale(lens: Lens, pixel: Floats) -> Floats:
+    """Straight pixels over pixels at each pixel, as far as areas tell it.  # (N, 2) -> (N,)"""
+    if isinstance(lens, NoLens):
+        return np.ones(len(pixel))
+    (a, b), (c, d) = np.moveaxis(local_form(lens, pixel)[0], 0, -1)
+    return np.asarray(np.sqrt(np.abs(a * d - b * c)))
+
+
+def usable_groups(groups: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Floats]]:
+    """Those that fix a homography, and of large ones an even share."""
+    return [_thinned(*group) for group in groups if len(group[0]) >= 6 and homography.is_determined(group[0])]
+
+
 def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, int]) -> Lens:
     """The radial lens that best turns planes' grids into homographies, if it explains more than chance would.
 
@@ -267,7 +284,7 @@ def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, in
     """
     middle = (0.5 * (image_size[0] - 1), 0.5 * (image_size[1] - 1))
     half_diagonal = 0.5 * float(np.hypot(*image_size))
-    groups = [_thinned(*group) for group in groups if len(group[0]) >= 6 and homography.is_determined(group[0])]
+    groups = usable_groups(groups)
     count = sum(len(plane) for plane, _ in groups)
     freedom = 2 * count - 8 * len(groups) - 2
     if count < MIN_POINTS or freedom < 10:
@@ -294,10 +311,12 @@ def misfit_px(lens: Lens, groups: list[tuple[Floats, Floats]]) -> float:
     for plane, pixel in groups:
         if len(plane) < MIN_POINTS or not homography.is_determined(plane):
             continue
-        straight = lens.straighten(pixel)
+        facing = lens.facing(pixel)
+        straight = facing.straighten(pixel)
         if not np.isfinite(straight).all():
             return np.inf
-        off.append(np.linalg.norm(homography.fit(plane, straight, np.ones(len(plane)))[2], axis=1))
+        scale = local_scale(facing, pixel)
+        off.append(np.linalg.norm(homography.fit(plane, straight, 1 / scale**2)[2], axis=1) / scale)
     every = np.concatenate(off)
     return float(np.median(every)) if len(every) else 0.0
 

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from calib.core.linear_algebra import least_squares
 from calib.detector import homography
 from calib.detector.candidates import semi_axes_px
-from calib.detector.lens import Lens, estimate_lens, local_form
+from calib.detector.lens import Lens, local_form, local_scale
 from calib.detector.place import Placement
 from calib.detector.plan import TargetPlan
+from calib.detector.wide_guess import guess_lens
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -119,7 +120,8 @@ class Lines:
 
 def fit_lens(plan: TargetPlan, ring: Integers, seen: Seen, image_size: tuple[int, int]) -> Lens:
     """The lens from the centres so far."""
-    return estimate_lens(plan.by_face(ring[seen.use], seen.center_px[seen.use]), image_size)
+    pixel = seen.center_px[seen.use]
+    return guess_lens(plan.by_face(ring[seen.use], pixel), image_size).facing(pixel)
 
 
 def fit_lines(plan: TargetPlan, ring: Integers, seen: Seen, lens: Lens, placement: Placement) -> Lines:
@@ -134,12 +136,13 @@ def fit_lines(plan: TargetPlan, ring: Integers, seen: Seen, lens: Lens, placemen
     plane = plan.target.center_in_face_mm[ring, :2]
     straight = lens.straighten(seen.center_px)
     jacobian, _ = local_form(lens, seen.center_px)
+    sigma = seen.sigma_px * local_scale(lens, seen.center_px)
     for f in np.unique(face):
         mine = np.flatnonzero(face == f)
         rows = mine[seen.use[mine] & np.isfinite(straight[mine]).all(axis=1)]
         matrix, covariance, base = placement.by_solid[f], np.zeros((8, 8)), plane[mine]
         if len(rows) >= MIN_FOR_LINE and _spans_plane(plan.target.ring_index[ring[rows]], plan):
-            own, spread, kept = _weighted_homography(plane[rows], straight[rows], seen.sigma_px[rows])
+            own, spread, kept = _weighted_homography(plane[rows], straight[rows], sigma[rows])
             if np.isfinite(own).all():
                 matrix, covariance, base = own, spread, plane[rows][kept]
         if not np.isfinite(matrix).all():

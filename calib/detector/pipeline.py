@@ -12,12 +12,13 @@ from calib.core.types import Detections, FaceRecord, Mark
 from calib.detector.borders import reduced, reduction, thresholds
 from calib.detector.candidates import Candidates, find_candidates, merged, semi_axes_px
 from calib.detector.grid import Grid, grow_grids
-from calib.detector.lens import CameraLens, Lens, estimate_lens, misfit_px
+from calib.detector.lens import CameraLens, Lens, misfit_px
 from calib.detector.marks import DOT, RING
 from calib.detector.measure import Measured, measure
 from calib.detector.naming import BoardName, NamedGrid, StrangeCode, name_board, name_faces
 from calib.detector.place import Naming, Placement, complete, predict, without_strangers
 from calib.detector.plan import TargetPlan, plan_for
+from calib.detector.wide_guess import guess_lens
 from calib.detector.verify import gather, proportion_remark, refusal
 from designer.target import TargetGeometry
 
@@ -167,8 +168,7 @@ def _camera_remarks(
 ) -> list[str]:
     """A warning if the grids are straighter without the camera that was given than with it."""
     groups = plan.by_face(naming.ring, candidates.ellipse[naming.candidate, :2])
-    lens = lens.facing(candidates.ellipse[naming.candidate, :2])
-    given, guessed = misfit_px(lens, groups), misfit_px(estimate_lens(groups, image_size), groups)
+    given, guessed = misfit_px(lens, groups), misfit_px(guess_lens(groups, image_size), groups)
     if given <= 2 * guessed + 0.1:
         return []
     return [

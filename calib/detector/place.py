@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from calib.core.linear_algebra import solve_square
 from calib.detector import homography
 from calib.detector.candidates import Candidates, nearest_candidates
-from calib.detector.lens import Lens, estimate_lens, local_form
+from calib.detector.lens import Lens, local_form, local_scale
 from calib.detector.plan import TargetPlan
+from calib.detector.wide_guess import guess_lens
 
 Floats: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
@@ -97,6 +98,7 @@ def place_faces(
     # Beyond a lens's fold there are no rays.
     has_ray = np.isfinite(straight).all(axis=1)
     ring, straight = naming.ring[has_ray], straight[has_ray]
+    scale = local_scale(lens, candidates.ellipse[naming.candidate[has_ray], :2])
     face = target.ring_face[ring]
     plane = target.center_in_face_mm[ring, :2]
     faces = np.unique(face)
@@ -118,7 +120,7 @@ def place_faces(
         mine = face == f
         is_enough = mine.sum() >= OWN_HOMOGRAPHY or len(faces) == 1
         if is_enough and homography.is_determined(plane[mine]):
-            own = _robust_homography(plane[mine], straight[mine])
+            own = _robust_homography(plane[mine], straight[mine], scale[mine])
             mapped[f] = own if np.isfinite(own).all() else mapped[f]
     return Placement(lens, mapped, by_solid, mirrored)
 
@@ -128,9 +130,8 @@ def _lens(
 ) -> Lens:
     """The known lens, or what the named grids show of it."""
     pixel = candidates.ellipse[naming.candidate, :2]
-    if camera_lens is not None:
-        return camera_lens.facing(pixel)
-    return estimate_lens(plan.by_face(naming.ring, pixel), image_size)
+    lens = guess_lens(plan.by_face(naming.ring, pixel), image_size) if camera_lens is None else camera_lens
+    return lens.facing(pixel)
 
 
 def fixes_projection(plane: Floats, face: Integers) -> bool:
@@ -179,9 +180,9 @@ def _width_over_length(mapped: Floats) -> Floats:
     return np.asarray(length[:, 1] / length[:, 0])
 
 
-def _robust_homography(plane: Floats, straight: Floats) -> Floats:
+def _robust_homography(plane: Floats, straight: Floats, scale: Floats) -> Floats:
     """A homography refitted without the points that lie far off."""
-    return homography.fit_near(plane, straight, np.ones(len(plane)), slack=0.2, least=5)[0]
+    return homography.fit_near(plane, straight, 1 / scale**2, slack=0.2, least=5)[0]
 
 
 def predict(plan: TargetPlan, placement: Placement, image_size: tuple[int, int]) -> Places:
