@@ -5,12 +5,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from calib.api.detecting import Detector
 from calib.api.loading import Progress, processes_of, unheard
 from calib.api.solving import SolvePlan
-from calib.cameras import COMMON
+from calib.cameras import COMMON, WIDE
 from calib.cameras.camera import Camera
-from calib.core.types import Detections
+from calib.core.types import Detections, Observations
 from calib.detector import pipeline
 from calib.detector.pipeline import NamedRings
 from calib.observe.image_headers import exif_focal_px
@@ -30,10 +32,16 @@ from calib.observe.photos import (
 )
 from calib.renderer.truth import TRUTH, TRUTH_FILE, Truth
 from calib.show.photos.why_nothing import explained
+from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
 from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
+LOOSE_PX, MUCH_LESS = 0.3, 0.5
+"""Rings are measured to hundredths of a pixel: a lens that leaves most of them farther off than this is not theirs, and
+another is that leaves less than half of it ..."""
+MOST = 0.98
+"""... of this share of the rings."""
 NOTHING_LEFT = "no photos left to search"
 
 
@@ -148,21 +156,44 @@ def _with_stated_focal(plan: SolvePlan, results: Sequence[PhotoResult]) -> tuple
 
 
 def _first_camera(results: Sequence[PhotoResult], target: TargetGeometry, plan: SolvePlan) -> tuple[Camera | None, str]:
-    """A camera good enough to see rings through its lens, or why the photos do not determine one."""
+    """A camera good enough to see rings through its lens, or why the photos do not determine one.
+
+    The common model first; where that leaves much, that of wide lenses, if it leaves much less.
+    """
     seen = [result.seen for result in results if result.seen is not None and len(result.seen.ring)]
     if not seen:
         return None, ""
-    options = replace(plan.options_of(COMMON), weighted=False)
-    if COMMON not in plan.models:  # another model's parameters are other numbers
-        options = replace(options, fixed=(), shared=())
     try:
         observations = observations_from_detections(seen, target, origin="the photos")
-        calibration = solve(observations, COMMON, options)
     except InputError as error:
         return None, str(error)
-    if calibration.status != "converged":
-        return None, calibration.remarks[0]
-    return calibration.camera, ""
+    common, why = _first_solution(observations, COMMON, plan)
+    left_px = _left_px(common, observations)
+    if left_px > LOOSE_PX:
+        wide, _ = _first_solution(observations, WIDE, plan)
+        if _left_px(wide, observations) < MUCH_LESS * left_px:
+            common = wide
+    return (None, why) if common is None else (common.camera, "")
+
+
+def _first_solution(observations: Observations, model: str, plan: SolvePlan) -> tuple[Calibration | None, str]:
+    """A model's solution, or why there is none."""
+    options = replace(plan.options_of(model), weighted=False)
+    if model not in plan.models:  # another model's parameters are other numbers
+        options = replace(options, fixed=(), shared=())
+    try:
+        calibration = solve(observations, model, options)
+    except InputError as error:
+        return None, str(error)
+    return (calibration, "") if calibration.status == "converged" else (None, calibration.remarks[0])
+
+
+def _left_px(solved: Calibration | None, observations: Observations) -> float:
+    """The distance from where a camera shows them that most rings keep to; infinite of those it does not show."""
+    off = np.full(len(observations.view), np.inf)
+    if solved is not None:
+        off[: len(solved.residual_px)] = np.linalg.norm(solved.residual_px, axis=1)
+    return float(np.quantile(np.where(np.isfinite(off), off, np.inf), MOST, method="higher"))
 
 
 def truth_beside(paths: Iterable[Path]) -> Path | None:

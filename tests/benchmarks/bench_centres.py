@@ -92,24 +92,26 @@ def random_rings(count: int, gradient: float, rng: np.random.Generator) -> Rings
 
 def numeric_bound(gradient: float, *, line_known: bool, rng: np.random.Generator, rings: int = 6) -> float:
     """Cramér-Rao bound of a centre, RMS of both axes, from central differences of the pictures of some rings."""
-    variance = []
-    for _ in range(rings):
-        ring = random_ring(rng, (0, 0), gradient)
-        box = Box(0, 0, CELL, CELL)
-        start = _parameters(ring, gradient)
-        step = np.array([0.05, 0.05, 0.05, 0.05, 0.05, 0.003, 0.01, 0.02, 0.02, 3e-4, 3e-4, 2e-4, 2e-4])[: len(start)]
-        columns = []
-        for n, size in enumerate(step):
-            if line_known and n in (9, 10):
-                continue
-            shift = np.zeros(len(start))
-            shift[n] = size
-            high, low = (_from_parameters(start + s * shift, ring).picture(box) for s in (1, -1))
-            columns.append(((high - low) / (2 * size)).ravel())
-        jacobian = np.array(columns).T
-        covariance = NOISE**2 * np.linalg.inv(jacobian.T @ jacobian)
-        variance += [covariance[0, 0], covariance[1, 1]]
+    variance = [bound_px2(random_ring(rng, (0, 0), gradient), gradient, line_known=line_known) for _ in range(rings)]
     return math.sqrt(float(np.mean(variance)))
+
+
+def bound_px2(ring: Ring, gradient: float = 0.0, *, line_known: bool, side: int = CELL) -> float:
+    """Cramér-Rao bound of the variance of a centre, mean of both axes, in a square picture of so many pixels."""
+    box = Box(0, 0, side, side)
+    start = _parameters(ring, gradient)
+    step = np.array([0.05, 0.05, 0.05, 0.05, 0.05, 0.003, 0.01, 0.02, 0.02, 3e-4, 3e-4, 2e-4, 2e-4])[: len(start)]
+    columns = []
+    for n, size in enumerate(step):
+        if line_known and n in (9, 10):
+            continue
+        shift = np.zeros(len(start))
+        shift[n] = size
+        high, low = (_from_parameters(start + s * shift, ring).picture(box) for s in (1, -1))
+        columns.append(((high - low) / (2 * size)).ravel())
+    jacobian = np.array(columns).T
+    covariance = NOISE**2 * np.linalg.inv(jacobian.T @ jacobian)
+    return float(np.trace(covariance[:2, :2])) / 2
 
 
 def _parameters(ring: Ring, gradient: float) -> Array:
