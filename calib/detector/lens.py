@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol, TypeAlias
+from typing import ClassVar, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,6 +141,11 @@ class Lens(Protocol):
         """Back to pixels."""
         ...
 
+    @property
+    def is_turned(self) -> bool:
+        """Whether the straight image looks aside, so that its scale is uneven."""
+        ...
+
     def facing(self, pixel: Floats) -> "Lens":
         """The lens whose straight image shows what is seen at pixels (N, 2), also far off the axis."""
         ...
@@ -149,6 +154,8 @@ class Lens(Protocol):
 @dataclass(frozen=True)
 class NoLens:
     """A pinhole image as it is."""
+
+    is_turned: ClassVar[bool] = False
 
     def straighten(self, pixel: Floats) -> Floats:
         """The same points."""
@@ -171,6 +178,7 @@ class RadialLens:
     k2: float
     middle_px: tuple[float, float]
     half_diagonal_px: float
+    is_turned: ClassVar[bool] = False
 
     def straighten(self, pixel: Floats) -> Floats:
         """Pixels to the straight image."""
@@ -211,6 +219,11 @@ class CameraLens:
             raise InputError("the camera has no usable rays in the middle of the image; check its parameters")
 
     @cached_property
+    def is_turned(self) -> bool:
+        """Whether the plane lies across another way than the axis."""
+        return not np.array_equal(self.straight_from_cam, np.eye(3))
+
+    @cached_property
     def _scale(self) -> float:
         width, height = self.camera.image_size
         middle = np.array([[0.5 * width, 0.5 * height], [0.5 * width + 1, 0.5 * height]])
@@ -219,7 +232,8 @@ class CameraLens:
 
     def straighten(self, pixel: Floats) -> Floats:
         """Pixels to the straight image."""
-        return np.asarray(self._scale * slopes(rays(self.camera, pixel) @ self.straight_from_cam.T))
+        ray = rays(self.camera, pixel)
+        return np.asarray(self._scale * slopes(ray @ self.straight_from_cam.T if self.is_turned else ray))
 
     def distort(self, straight: Floats) -> Floats:
         """Back to pixels."""
@@ -265,11 +279,14 @@ def local_form(lens: Lens, pixel: Floats, step_px: float = 2.0) -> tuple[Floats,
 
 
 def local_scale(lens: Lens, pixel: Floats) -> Floats:
-    """Straight pixels over pixels at each pixel, as far as areas tell it.  # (N, 2) -> (N,)"""
-    if isinstance(lens, NoLens):
-        return np.ones(len(pixel))
+    """Straight pixels over pixels at each pixel, as areas tell it.  # (N, 2) -> (N,)"""
     (a, b), (c, d) = np.moveaxis(local_form(lens, pixel)[0], 0, -1)
     return np.asarray(np.sqrt(np.abs(a * d - b * c)))
+
+
+def scale_to_weigh_with(lens: Lens, pixel: Floats) -> Floats:
+    """`local_scale`, and one where that is nearly even all over the target.  # (N, 2) -> (N,)"""
+    return local_scale(lens, pixel) if lens.is_turned else np.ones(len(pixel))
 
 
 def usable_groups(groups: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Floats]]:
@@ -282,13 +299,20 @@ def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, in
 
     Each group is the points in a plane (N, 2) and their pixels (N, 2).
     """
+    return radial_lens(usable_groups(groups), image_size)[0]
+
+
+def radial_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, int]) -> tuple[Lens, float]:
+    """`estimate_lens` of usable groups, and the root mean square in px that is left, without what lies far off.
+
+    Nothing is left of points that are too few to tell a lens.
+    """
     middle = (0.5 * (image_size[0] - 1), 0.5 * (image_size[1] - 1))
     half_diagonal = 0.5 * float(np.hypot(*image_size))
-    groups = usable_groups(groups)
     count = sum(len(plane) for plane, _ in groups)
     freedom = 2 * count - 8 * len(groups) - 2
     if count < MIN_POINTS or freedom < 10:
-        return NoLens()
+        return NoLens(), 0.0
     first = np.cumsum([0] + [len(plane) for plane, _ in groups])
     # The pixels in half diagonals from the middle, so that each group's homography leads there.
     offset = (np.concatenate([pixel for _, pixel in groups]) - np.array(middle)) / half_diagonal
@@ -299,7 +323,8 @@ def estimate_lens(groups: list[tuple[Floats, Floats]], image_size: tuple[int, in
     folds = (1 + 3 * k1 * r2 + 5 * k2 * r2**2).min() <= 0.1
     explained = (straight_cost - cost) / 2 / max(cost / freedom, 1e-12 / half_diagonal**2)
     is_sure = np.isfinite(k1 + k2) and not folds and explained >= SIGNIFICANCE
-    return RadialLens(k1, k2, middle, half_diagonal) if is_sure else NoLens()
+    left_px = half_diagonal * float(np.sqrt((cost if is_sure else straight_cost) / count))
+    return RadialLens(k1, k2, middle, half_diagonal) if is_sure else NoLens(), left_px
 
 
 def misfit_px(lens: Lens, groups: list[tuple[Floats, Floats]]) -> float:
@@ -315,7 +340,7 @@ def misfit_px(lens: Lens, groups: list[tuple[Floats, Floats]]) -> float:
         straight = facing.straighten(pixel)
         if not np.isfinite(straight).all():
             return np.inf
-        scale = local_scale(facing, pixel)
+        scale = scale_to_weigh_with(facing, pixel)
         off.append(np.linalg.norm(homography.fit(plane, straight, 1 / scale**2)[2], axis=1) / scale)
     every = np.concatenate(off)
     return float(np.median(every)) if len(every) else 0.0

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from calib.core.linear_algebra import least_squares
 from calib.detector import homography
 from calib.detector.candidates import semi_axes_px
-from calib.detector.lens import Lens, local_form, local_scale
+from calib.detector.lens import Lens, local_form, scale_to_weigh_with
 from calib.detector.place import Placement
 from calib.detector.plan import TargetPlan
 from calib.detector.wide_guess import guess_lens
@@ -136,7 +136,7 @@ def fit_lines(plan: TargetPlan, ring: Integers, seen: Seen, lens: Lens, placemen
     plane = plan.target.center_in_face_mm[ring, :2]
     straight = lens.straighten(seen.center_px)
     jacobian, _ = local_form(lens, seen.center_px)
-    sigma = seen.sigma_px * local_scale(lens, seen.center_px)
+    sigma = seen.sigma_px * scale_to_weigh_with(lens, seen.center_px)
     for f in np.unique(face):
         mine = np.flatnonzero(face == f)
         rows = mine[seen.use[mine] & np.isfinite(straight[mine]).all(axis=1)]

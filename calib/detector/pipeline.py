@@ -18,8 +18,8 @@ from calib.detector.measure import Measured, measure
 from calib.detector.naming import BoardName, NamedGrid, StrangeCode, name_board, name_faces
 from calib.detector.place import Naming, Placement, complete, predict, without_strangers
 from calib.detector.plan import TargetPlan, plan_for
-from calib.detector.wide_guess import guess_lens
 from calib.detector.verify import gather, proportion_remark, refusal
+from calib.detector.wide_guess import guess_lens
 from designer.target import TargetGeometry
 
 _WORDS: dict[int, Mark] = {DOT: "dot", RING: "ring"}

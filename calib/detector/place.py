@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.core.linear_algebra import solve_square
 from calib.detector import homography
 from calib.detector.candidates import Candidates, nearest_candidates
-from calib.detector.lens import Lens, local_form, local_scale
+from calib.detector.lens import Lens, local_form, scale_to_weigh_with
 from calib.detector.plan import TargetPlan
 from calib.detector.wide_guess import guess_lens
 
@@ -98,7 +98,7 @@ def place_faces(
     # Beyond a lens's fold there are no rays.
     has_ray = np.isfinite(straight).all(axis=1)
     ring, straight = naming.ring[has_ray], straight[has_ray]
-    scale = local_scale(lens, candidates.ellipse[naming.candidate[has_ray], :2])
+    scale = scale_to_weigh_with(lens, candidates.ellipse[naming.candidate[has_ray], :2])
     face = target.ring_face[ring]
     plane = target.center_in_face_mm[ring, :2]
     faces = np.unique(face)

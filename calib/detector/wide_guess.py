@@ -1,49 +1,48 @@
-"""The lens of a photo as its grids show it, however wide: radial where that is enough, else the rays of a wide model.
+"""The lens of a photo as its grids show it, however wide: radial where that is enough, else the rays of a wide camera.
 
-A plane's points X = (x, y, 1) are seen in directions H X. Of the model in `calib.cameras.GUESSED` the focal length is a
-factor of H's last row, so that grids tell all the rest of it and not that: any will do, and one is taken with which the
-angle grows evenly. H, the centre and the lens's numbers are fitted together to distances in the image, where no angle
-is special.
+A plane's points X = (x, y, 1) are seen in directions H X. The maps H of all planes and the parameters of the camera
+`calib.cameras.WIDE` are fitted together to distances in the image, where no angle off the axis is special, from a
+camera whose angle grows evenly. What H does not leave to the lens (of a narrow one its focal length) hardly moves.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.cameras import GUESSED, linearise, neutral, project
+from calib.cameras import WIDE, linearise, neutral, project
 from calib.cameras.camera import Camera
-from calib.core.linear_algebra import symmetric_inverse
+from calib.core.linear_algebra import least_squares, symmetric_inverse
 from calib.detector import homography
 from calib.detector.lens import (
     FLOOR_PX,
-    MIN_POINTS,
     CameraLens,
     Floats,
     Integers,
     Lens,
-    estimate_lens,
-    local_scale,
+    radial_lens,
+    scale_to_weigh_with,
     usable_groups,
 )
 
-FIXED = 2
-"""Parameters before those that grids tell: the focal lengths."""
+FIRST = 1
+"""The parameters from here on are told; the first focal length is as the second."""
 Groups = list[tuple[Floats, Floats]]
 
 FITS_PX = 0.15
-"""A lens that leaves most points nearer than this to where they belong needs no other."""
+"""A lens that leaves less (root mean square) needs no other."""
 MOST = 0.8
+LEAST_FOR_CUBIC = 14
+SMOOTH = 4.0
+"""F statistic of what noise does not do in one of a thousand grids."""
 BETTER = 0.5
 """A wide lens must leave no more than this part of the distances."""
 HALF_FIELDS_RAD = np.radians([30.0, 45.0, 65.0, 90.0, 120.0, 150.0])
 """From the middle of the image to its corners: where the fit starts."""
-EVEN = np.array([-1 / 3, -1 / 45, -2 / 945])
-"""Of `theta cot theta`, in powers of theta squared: angles that grow evenly."""
-SPREAD = np.array([0.3, 0.1, 0.05])
-CENTRE_SHARE = 0.02
-"""What is known beforehand of these numbers, and of the centre in half diagonals, so that few points do not run off."""
+FOCAL_SHARE, CENTRE_SHARE, LENS_SPREAD = 0.3, 0.02, 0.05
+"""What is known beforehand of the focal length, as its part, of the centre, in half diagonals, and of the lens's
+numbers, so that few points do not run off."""
 USUAL_PX = 0.1
-STEPS = 20
+STEPS = 30
 CONVERGED = 1e-4
 FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e6
 TRIMMED = 6.0
@@ -54,33 +53,55 @@ def guess_lens(groups: Groups, image_size: tuple[int, int]) -> Lens:
 
     Each group is the points in a plane (N, 2) and their pixels (N, 2).
     """
-    radial = estimate_lens(groups, image_size)
     groups = usable_groups(groups)
-    if sum(len(plane) for plane, _ in groups) < MIN_POINTS:
+    radial, left_px = radial_lens(groups, image_size)
+    if left_px <= FITS_PX:
         return radial
-    before = _distances(radial, groups)
-    if np.quantile(before, MOST) <= FITS_PX:
+    off = [_off(radial, *group) for group in groups]
+    if not _is_smooth(groups, off):
         return radial
     wide = _wide_lens(groups, image_size)
-    if wide is None:
+    if wide is None or not _most([_off(wide, *group) for group in groups]) < BETTER * _most(off):
         return radial
-    after = _distances(wide, groups)
-    return wide if np.quantile(after, MOST) < BETTER * np.quantile(before, MOST) else radial
+    return wide
 
 
-def _distances(lens: Lens, groups: Groups) -> Floats:
-    """How far pixels are from where the homography puts them that fits each group best; infinite: nowhere.  # (N,)"""
-    off = []
-    for plane, pixel in groups:
-        straight = lens.facing(pixel).straighten(pixel)
-        if not np.isfinite(straight).all():
-            off.append(np.full(len(plane), np.inf))
+def _off(lens: Lens, plane: Floats, pixel: Floats) -> Floats:
+    """From where the homography puts pixels that fits a grid best, in px; infinite: no homography.  # (N, 2)"""
+    facing = lens.facing(pixel)
+    straight = facing.straighten(pixel)
+    if not np.isfinite(straight).all():
+        return np.full_like(pixel, np.inf)
+    scale = scale_to_weigh_with(facing, pixel)
+    residual = homography.fit(plane, straight, 1 / scale**2)[2] / scale[:, None]
+    return np.where(np.isfinite(residual), residual, np.inf)
+
+
+def _most(off: list[Floats]) -> float:
+    """The distance that most points keep to."""
+    return float(np.quantile(np.linalg.norm(np.concatenate(off), axis=1), MOST, method="higher"))
+
+
+def _is_smooth(groups: Groups, off: list[Floats]) -> bool:
+    """Whether what is left goes evenly over the grids, as of a lens, and not up and down as noise does (F statistic).
+
+    Of the cubics on a plane a homography takes up eight terms of twenty.
+    """
+    explained = left = freedom = terms = 0.0
+    for (plane, _), residual in zip(groups, off, strict=True):
+        if not np.isfinite(residual).all():
+            return True
+        size = np.linalg.norm(residual, axis=1)
+        near = size <= TRIMMED * np.median(size)
+        x, y = homography.moved_to_mean(np.ascontiguousarray(plane[near]))[0].T
+        if len(x) < LEAST_FOR_CUBIC:
             continue
-        scale = local_scale(lens.facing(pixel), pixel)
-        residual = homography.fit(plane, straight, 1 / scale**2)[2]
-        off.append(np.linalg.norm(residual, axis=1) / scale)
-    every = np.concatenate(off)
-    return np.where(np.isfinite(every), every, np.inf)
+        cubics = np.stack([x**i * y**j for i in range(4) for j in range(4 - i)], axis=1)
+        rest = residual[near] - cubics @ least_squares(cubics, residual[near])
+        explained += float((residual[near] ** 2).sum() - (rest**2).sum())
+        left += float((rest**2).sum())
+        terms, freedom = terms + 12, freedom + 2 * len(x) - 20
+    return terms > 0 and explained / terms > SMOOTH * left / freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +124,8 @@ class _Guess:
     def moved(self, lens: Floats, maps: Floats) -> "_Guess":
         """The guess a step away; the scale of an H is free."""
         params = self.camera.params.copy()
-        params[FIXED:] += lens
+        params[0] += lens[0]
+        params[FIRST:] += lens
         h = self.cam_from_plane + maps.reshape(-1, 3, 3)
         return _Guess(replace(self.camera, params=params), h / np.linalg.norm(h, axis=(1, 2), keepdims=True))
 
@@ -128,17 +150,17 @@ def _wide_lens(groups: Groups, image_size: tuple[int, int]) -> CameraLens | None
 
 def _even_camera(image_size: tuple[int, int], half_field_rad: float) -> Camera:
     """The camera whose angle off the axis grows evenly from the middle of the image to its corners."""
-    params = neutral(GUESSED)
+    params = neutral(WIDE)
     params[:2] = 0.5 * np.hypot(*image_size) / half_field_rad
     params[2:4] = 0.5 * (np.array(image_size) - 1)
-    params[4:] = EVEN[: len(params) - 4]
-    return Camera(GUESSED, params, image_size)
+    return Camera(WIDE, params, image_size)
 
 
 def _start(planes: _Planes, camera: Camera) -> _Guess | None:
     """The planes before a camera; None: it has no rays there."""
     maps = []
-    for plane, pixel in zip(np.split(planes.plane, planes.first[1:]), np.split(planes.pixel, planes.first[1:])):
+    ends = planes.first[1:]
+    for plane, pixel in zip(np.split(planes.plane, ends), np.split(planes.pixel, ends), strict=True):
         lens = CameraLens(camera).facing(pixel)
         straight = lens.straighten(pixel)
         if not np.isfinite(straight).all():
@@ -151,21 +173,23 @@ def _start(planes: _Planes, camera: Camera) -> _Guess | None:
 def _residual(planes: _Planes, guess: _Guess) -> Floats:
     """Distances in the image.  # (N,)"""
     seen = project(guess.camera, np.einsum("nij,nj->ni", guess.cam_from_plane[planes.group], planes.plane))
-    return np.linalg.norm(planes.pixel - seen, axis=1)
+    return np.asarray(np.linalg.norm(planes.pixel - seen, axis=1))
 
 
 def _descended(planes: _Planes, guess: _Guess) -> _Guess:
     """Levenberg-Marquardt on the distances, robust (Huber), the numbers of the lens held by what is known of them."""
-    start = guess.camera.params[FIXED:]
+    start = guess.camera.params[FIRST:]
     half_diagonal_px = 0.5 * float(np.hypot(*guess.camera.image_size))
-    sigma = np.concatenate([np.full(2, CENTRE_SHARE * half_diagonal_px), SPREAD[: len(start) - 2]])
+    sigma = np.array(
+        [FOCAL_SHARE * start[0], *[CENTRE_SHARE * half_diagonal_px] * 2, *[LENS_SPREAD] * (len(start) - 3)]
+    )
     prior = (USUAL_PX / sigma) ** 2
     off = _residual(planes, guess)
     damping = FIRST_DAMPING
     for _ in range(STEPS):
         reach = TRIMMED * float(np.median(off)) + FLOOR_PX
         products = _products(planes, guess, np.minimum(1.0, reach / np.maximum(off, 1e-12)))
-        from_start = guess.camera.params[FIXED:] - start
+        from_start = guess.camera.params[FIRST:] - start
         while damping < MOST_DAMPING:
             lens, maps = _step(products, prior, from_start, damping)
             trial = guess.moved(lens, maps)
@@ -195,9 +219,11 @@ def _products(planes: _Planes, guess: _Guess, weight: Floats) -> Floats:
     linear = linearise(guess.camera, point)
     by_map = (linear.by_point[:, :, None] * planes.plane.T).reshape(2, 9, -1)
     residual = planes.pixel.T - linear.pixel
-    rows = np.concatenate([by_map, linear.by_params[:, FIXED:], residual[:, None]], axis=1)
-    products = np.einsum("can,cbn,n->nab", rows, rows, weight, optimize=True)
-    return np.add.reduceat(products, planes.first, axis=0)
+    by_focal = linear.by_params[:, :1] + linear.by_params[:, 1:2]
+    rows = np.concatenate([by_map, by_focal, linear.by_params[:, 2:], residual[:, None]], axis=1)
+    weighted = rows.swapaxes(0, 1) * np.sqrt(weight)
+    parts = [part.reshape(len(weighted), -1) for part in np.split(weighted, planes.first[1:], axis=2)]
+    return np.stack([part @ part.T for part in parts])
 
 
 def _step(products: Floats, prior: Floats, from_start: Floats, damping: float) -> tuple[Floats, Floats]:
