@@ -38,10 +38,10 @@ from designer.base.errors import InputError
 from designer.target import TargetGeometry
 
 LOOSE_PX, MUCH_LESS = 0.3, 0.5
-"""Rings are measured to hundredths of a pixel: a lens that leaves most of them farther off than this is not theirs, and
-another is that leaves less than half of it ..."""
-MOST = 0.98
-"""... of this share of the rings."""
+"""Rings are measured to hundredths of a pixel: a lens that leaves more (root mean square) is not theirs, and another
+is that leaves less than half of it."""
+MOST_OFF_PX = 5.0
+"""Rings that lie farther off, or that a lens does not show, count as so far."""
 NOTHING_LEFT = "no photos left to search"
 
 
@@ -189,11 +189,11 @@ def _first_solution(observations: Observations, model: str, plan: SolvePlan) -> 
 
 
 def _left_px(solved: Calibration | None, observations: Observations) -> float:
-    """The distance from where a camera shows them that most rings keep to; infinite of those it does not show."""
-    off = np.full(len(observations.view), np.inf)
+    """How far rings lie from where a camera shows them (root mean square)."""
+    off = np.full(len(observations.view), MOST_OFF_PX)
     if solved is not None:
         off[: len(solved.residual_px)] = np.linalg.norm(solved.residual_px, axis=1)
-    return float(np.quantile(np.where(np.isfinite(off), off, np.inf), MOST, method="higher"))
+    return float(np.sqrt(np.mean(np.fmin(off, MOST_OFF_PX) ** 2)))
 
 
 def truth_beside(paths: Iterable[Path]) -> Path | None:

@@ -96,7 +96,7 @@ def by_calib_run(target: TargetGeometry, photos: list[Photo]) -> list[Detections
     """What the two searches of `calib.run` find."""
     with tempfile.TemporaryDirectory() as folder:
         for n, photo in enumerate(photos):
-            cv2.imwrite(str(Path(folder) / f"{n:04d}.png"), photo.view.image)
+            cv2.imwrite(str(Path(folder) / f"{n:04d}.png"), np.asarray(photo.view.image))
         search = calib.run(target, folder, model=MODEL).search
     found = {} if search is None else {one.image: one for one in search.detections}
     return [found[f"{n:04d}.png"] for n in range(len(photos))]
@@ -108,12 +108,15 @@ def report(target: TargetGeometry, camera: Camera, photos: list[Photo], found: l
     off = np.concatenate([photo.off_axis_deg(target) for photo in photos])
     due = np.concatenate([due_rings(photo.view) for photo in photos])
     error, wrong = np.full((len(photos), target.ring_count), np.nan), 0
+    chi = np.full_like(error, np.nan)
     named = 0
     for n, (photo, seen) in enumerate(zip(photos, found, strict=True)):
         is_wrong = wrong_names(seen, target, photo.view.center_px, photo.view.visible)
         wrong, named = wrong + int(is_wrong.sum()), named + len(is_wrong)
         right = seen.ring[~is_wrong]
-        error[n, right] = ((seen.center_px[~is_wrong] - photo.view.center_px[right]) ** 2).sum(axis=1) / 2
+        off_px = seen.center_px[~is_wrong] - photo.view.center_px[right]
+        error[n, right] = (off_px**2).sum(axis=1) / 2
+        chi[n, right] = np.einsum("ni,nij,nj->n", off_px, np.linalg.inv(seen.cov_px2[~is_wrong]), off_px) / 2
     row("wrong names", "0", f"{wrong}", f"of {named}")
     flat = error.ravel()
     for low, high in BANDS_DEG:
