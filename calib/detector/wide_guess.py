@@ -115,19 +115,19 @@ class _Planes:
 
 
 @dataclass(frozen=True, eq=False)
-class _Guess:
+class _WideGuess:
     """A camera, and directions from planes: H (G, 3, 3)."""
 
     camera: Camera
     cam_from_plane: Floats
 
-    def moved(self, lens: Floats, maps: Floats) -> "_Guess":
+    def moved(self, lens: Floats, maps: Floats) -> "_WideGuess":
         """The guess a step away; the scale of an H is free."""
         params = self.camera.params.copy()
         params[0] += lens[0]
         params[FIRST:] += lens
         h = self.cam_from_plane + maps.reshape(-1, 3, 3)
-        return _Guess(replace(self.camera, params=params), h / np.linalg.norm(h, axis=(1, 2), keepdims=True))
+        return _WideGuess(replace(self.camera, params=params), h / np.linalg.norm(h, axis=(1, 2), keepdims=True))
 
 
 def _wide_lens(groups: Groups, image_size: tuple[int, int]) -> CameraLens | None:
@@ -156,7 +156,7 @@ def _even_camera(image_size: tuple[int, int], half_field_rad: float) -> Camera:
     return Camera(WIDE, params, image_size)
 
 
-def _start(planes: _Planes, camera: Camera) -> _Guess | None:
+def _start(planes: _Planes, camera: Camera) -> _WideGuess | None:
     """The planes before a camera; None: it has no rays there."""
     maps = []
     ends = planes.first[1:]
@@ -167,16 +167,16 @@ def _start(planes: _Planes, camera: Camera) -> _Guess | None:
             return None
         h = lens.directions(homography.direct(plane[:, :2], straight))
         maps.append(h / np.linalg.norm(h))
-    return _Guess(camera, np.stack(maps))
+    return _WideGuess(camera, np.stack(maps))
 
 
-def _residual(planes: _Planes, guess: _Guess) -> Floats:
+def _residual(planes: _Planes, guess: _WideGuess) -> Floats:
     """Distances in the image.  # (N,)"""
     seen = project(guess.camera, np.einsum("nij,nj->ni", guess.cam_from_plane[planes.group], planes.plane))
     return np.asarray(np.linalg.norm(planes.pixel - seen, axis=1))
 
 
-def _descended(planes: _Planes, guess: _Guess) -> _Guess:
+def _descended(planes: _Planes, guess: _WideGuess) -> _WideGuess:
     """Levenberg-Marquardt on the distances, robust (Huber), the numbers of the lens held by what is known of them."""
     start = guess.camera.params[FIRST:]
     half_diagonal_px = 0.5 * float(np.hypot(*guess.camera.image_size))
@@ -213,7 +213,7 @@ def _cost(off: Floats, reach: float) -> float:
     return float(np.where(off <= reach, off**2, reach * (2 * off - reach)).sum())
 
 
-def _products(planes: _Planes, guess: _Guess, weight: Floats) -> Floats:
+def _products(planes: _Planes, guess: _WideGuess, weight: Floats) -> Floats:
     """J'J of each plane, with the derivatives by H, by the lens's numbers, and residuals.  # (G, 9 + L + 1, same)"""
     point = np.einsum("nij,nj->in", guess.cam_from_plane[planes.group], planes.plane)
     linear = linearise(guess.camera, point)
