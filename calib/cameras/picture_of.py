@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from calib.cameras import LINEAR, pictures, rays
 from calib.cameras.camera import MAX_SIDE_PX, Camera
+from calib.cameras.linear_part import linear_part
 from calib.cameras.refit import image_grid
-from calib.cameras.undistortion import linear_part, pinhole_of
+from calib.cameras.undistortion import pinhole_of
 from calib.core.se3 import exp_rotation
 from designer.base.errors import InputError
 

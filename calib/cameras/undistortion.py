@@ -11,8 +11,9 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import ABILITIES, LINEAR, linearise, pictures, project, rays
+from calib.cameras import LINEAR, pictures, project, rays
 from calib.cameras.camera import Camera
+from calib.cameras.linear_part import linear_part
 from calib.cameras.parameters import slopes
 from calib.core.jit import jit
 from calib.core.parallel import in_chunks
@@ -26,7 +27,6 @@ STRIP_PIXELS = 1_000_000
 """Of the result whose places are in memory at a time."""
 ZOOM_RANGE = (0.02, 50.0)
 _INNER_POINTS = 48
-AXIS = np.array([[0.0], [0.0], [1.0]])
 
 
 @jit
@@ -112,18 +112,6 @@ def pinhole_of(camera: Camera, *, alpha: float | None = None, focal_px: float | 
     wide = _zoom_that_shows_all(camera, same) if alpha > 0 else 1.0
     full = _zoom_without_black(camera, same) if alpha < 1 else 1.0
     return _zoomed(same, alpha * wide + (1 - alpha) * full)
-
-
-def linear_part(camera: Camera) -> Camera:
-    """The pinhole that shows the middle of the photos in their size.
-
-    The focal parameter of a wide model need not tell it: where a lens has a `xi`, light off the axis moves by less.
-    """
-    params = camera.params[:4].copy()
-    if ABILITIES[camera.model].is_wide:
-        scale = np.diagonal(linearise(camera, AXIS).by_point[:, :2, 0])
-        params[:2] = np.where(scale > 0, scale, params[:2])
-    return Camera(LINEAR, params, camera.image_size)
 
 
 def _zoomed(pinhole: Camera, zoom: float) -> Camera:

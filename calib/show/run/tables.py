@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib.cameras.linear_part import focal_px
 from calib.core.number_text import figure as digits
 from calib.core.number_text import with_digits
 from calib.core.types import UNMEASURABLE_WORDS
@@ -96,7 +97,7 @@ def _model_row(one: Solved, names: Sequence[str]) -> tuple[Cell, ...]:
     focal = (
         Cell("")
         if calibration.camera.learned is not None
-        else Cell(focal_length(calibration), float(calibration.camera.params[0]))
+        else Cell(focal_length(calibration), focal_px(calibration.camera, calibration.stated_covariance)[0])
     )
     return (
         Cell(one.model), whole(int((~calibration.is_outlier).sum())),
@@ -106,12 +107,9 @@ def _model_row(one: Solved, names: Sequence[str]) -> tuple[Cell, ...]:
 
 
 def focal_length(calibration: Calibration) -> str:
-    """`fx` with its standard deviation."""
-    value, variance = float(calibration.camera.params[0]), float(calibration.stated_covariance[0, 0])
-    if not variance > 0:
-        return f"{value:.2f}"
-    sigma = math.sqrt(variance)
-    return f"{with_digits(value, sigma)} ± {digits(sigma, 2)}"
+    """Along u, in the middle of the image, with its standard deviation."""
+    value, sigma = focal_px(calibration.camera, calibration.stated_covariance)
+    return f"{with_digits(value, sigma)} ± {digits(sigma, 2)}" if math.isfinite(sigma) else f"{value:.2f}"
 
 
 def checks_table(verdict: Verdict) -> Table:

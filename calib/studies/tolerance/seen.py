@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import linearise, project
 from calib.cameras.camera import Camera
+from calib.cameras.linear_part import linear_part
 from calib.core.se3 import transform
 from calib.core.types import LEAST_RADIUS_PX
 from calib.renderer.poses import PoseGrid, grid_poses
@@ -159,7 +160,7 @@ def view_fit(target: TargetGeometry, camera: Camera, distance_mm: float) -> View
     """
     poses = views_from(target, distance_mm, CHECKED_VIEWS, 0)
     nearest = float(np.linalg.norm(target.center_mm, axis=1).min())
-    focal_px = float(camera.params[0])
+    focal_px = float(linear_part(camera).params[0])
     largest = float(target.radius_outer_mm.max())
     return ViewFit(
         distance_mm,

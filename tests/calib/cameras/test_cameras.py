@@ -9,6 +9,7 @@ import pytest
 
 from calib.cameras import MODELS, parameter_names, project, rays
 from calib.cameras.camera import Camera, camera_from_mapping, camera_or_preset, camera_to_json, load_camera
+from calib.cameras.linear_part import focal_px
 from calib.cameras.parameters import slopes
 from designer.base.errors import InputError
 from designer.kinds.presets import preset_names
@@ -127,3 +128,16 @@ def test_registry_names_are_the_models_own() -> None:
     for name, model in MODELS.items():
         assert model.name == name
         assert parameter_names(name)[:4] == ("fx_px", "fy_px", "cx_px", "cy_px")
+
+
+def test_the_focal_length_is_that_of_the_middle_of_the_image() -> None:
+    """`fx / (1 + xi)` of a sphere, with the standard deviation that both give it; `fx` of other models."""
+    params, covariance = np.array([900.0, 890.0, 500.0, 400.0, 1.4]), np.diag([4.0, 4.0, 1.0, 1.0, 1e-4])
+    covariance[0, 4] = covariance[4, 0] = 0.015
+    found, sigma = focal_px(Camera("omni", params, (1000, 800)), covariance)
+    assert found == pytest.approx(900 / 2.4, rel=1e-12)
+    slope = np.array([1 / 2.4, -900 / 2.4**2])
+    assert sigma == pytest.approx(np.sqrt(slope @ covariance[np.ix_([0, 4], [0, 4])] @ slope), rel=1e-6)
+    plain = Camera("opencv", np.array([900.0, 890.0, 500.0, 400.0, -0.2, 0.1, 0.0, 0.0, 0.0]), (1000, 800))
+    assert focal_px(plain, np.diag([4.0, *[0.0] * 8])) == (900.0, 2.0)
+    assert np.isnan(focal_px(plain, np.zeros((9, 9)))[1])
