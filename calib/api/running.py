@@ -67,6 +67,7 @@ def run(
     reject_sigma: float | None = None,
     weighted: bool = True,
     minimise: str = IMAGE,
+    free_bend: bool = False,
     reference: Reference | None = None,
     made: str | None = None,
     truth: Place | None = None,
@@ -95,6 +96,7 @@ def run(
         weighted: weigh observations by their covariances, or all alike.
         minimise: distances in the `image`, in space between `ray` and ring, or where the ray meets its plane
             (`intersection`); `ray-by-range`, `intersection-by-range`, `whitened`.
+        free_bend: the bend of a flat target is an unknown, too: two curvatures, along its sides.
         reference: of model `virtual`: the photo that its map is learned from, or `all`.
         made: how the target was made: an error template, a file of errors, or `exact`; None: assumed from its build.
         truth: the `truth.json` of rendered photos; None: the one beside them, if there is one.
@@ -118,6 +120,7 @@ def run(
         reject=reject_sigma,
         weighted=weighted,
         minimise=minimise,
+        free_bend=free_bend,
     )
     writer = _writer(out, plan)
     asked = photos_of(photos)
@@ -153,6 +156,7 @@ def solve(
     reject_sigma: float | None = None,
     weighted: bool = True,
     minimise: str = IMAGE,
+    free_bend: bool = False,
     reference: Reference | None = None,
     made: str | None = None,
     truth: Truth | Place | None = None,
@@ -178,6 +182,7 @@ def solve(
         reject_sigma: leave out what is farther off.
         weighted: by covariances, or all alike.
         minimise: distances in the image, or in space.
+        free_bend: the bend of a flat target is an unknown.
         reference: of model `virtual`.
         made: how the target was made.
         truth: of rendered photos, or its `truth.json`.
@@ -200,6 +205,7 @@ def solve(
         reject=reject_sigma,
         weighted=weighted,
         minimise=minimise,
+        free_bend=free_bend,
     )
     writer = _writer(out, plan)
     observations = observations_of(observed, target)

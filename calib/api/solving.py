@@ -62,6 +62,7 @@ def plan_from_words(
     reject: float | None,
     weighted: bool,
     minimise: str = IMAGE,
+    free_bend: bool = False,
 ) -> SolvePlan:
     """What to solve, and how.
 
@@ -74,6 +75,7 @@ def plan_from_words(
         reject: leave out what is farther off than so many robust standard deviations.
         weighted: by the covariances of the observations.
         minimise: distances in the image, or others of `calib.solver.costs.COSTS`.
+        free_bend: of a flat target, as an unknown.
 
     Raises:
         InputError: a word that means nothing; the message says what may stand there.
@@ -106,6 +108,7 @@ def plan_from_words(
         shared=shared,
         focal_px=None if focal_px is None else _focal_px(number("--focal", focal_px)),
         minimise=minimise,
+        free_bend=bool(free_bend),
     )
     plan = SolvePlan(models, options)
     for name in models:

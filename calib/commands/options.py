@@ -59,6 +59,7 @@ MinimiseOption = Annotated[
         autocompletion=one_of(tuple(COSTS)),
     ),
 ]
+FreeBendOption = Annotated[bool, typer.Option("--free-bend", help="the bend of a flat target is an unknown, too")]
 MadeOption = Annotated[
     str | None,
     typer.Option(

@@ -36,6 +36,7 @@ def run(
     reject: options.RejectOption = None,
     weighted: options.WeightedOption = True,
     minimise: options.MinimiseOption = IMAGE,
+    free_bend: options.FreeBendOption = False,
     reference: options.ReferenceOption = None,
     reference_target: options.ReferenceTargetOption = None,
     made: options.MadeOption = None,
@@ -64,7 +65,7 @@ def run(
         with progress_bars() as progress:
             found = run_all(
                 target, photos, model=model, fix=fix or (), share=share or (), focal_px=focal_of(focal), loss=loss,
-                reject_sigma=reject, weighted=weighted, minimise=minimise,
+                reject_sigma=reject, weighted=weighted, minimise=minimise, free_bend=free_bend,
                 reference=reference_of(reference, reference_target), made=made,
                 truth=truth, criteria=criteria, jobs=jobs, progress=progress, out=writer,
                 settings=(*made_settings(made), *reference_settings(reference, reference_target)),

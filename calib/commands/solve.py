@@ -33,6 +33,7 @@ def solve(
     reject: options.RejectOption = None,
     weighted: options.WeightedOption = True,
     minimise: options.MinimiseOption = IMAGE,
+    free_bend: options.FreeBendOption = False,
     reference: options.ReferenceOption = None,
     reference_target: options.ReferenceTargetOption = None,
     image_size: options.ImageSizeOption = None,
@@ -65,7 +66,7 @@ def solve(
         with progress_bars() as progress:
             found = solve_all(
                 observations, target, model=model, fix=fix or (), share=share or (), focal_px=focal_of(focal),
-                loss=loss, reject_sigma=reject, weighted=weighted, minimise=minimise,
+                loss=loss, reject_sigma=reject, weighted=weighted, minimise=minimise, free_bend=free_bend,
                 reference=reference_of(reference, reference_target), made=made,
                 rendered_id=rendered_id_of(detections), criteria=criteria, progress=progress, out=writer,
                 settings=settings,

@@ -228,6 +228,8 @@ def _posed(
     Outliers (M,) take no part in the poses, nor what the camera has no ray for, as outside of a learned map: it says
     nothing of the pose.
     """
+    if calibration.target_bend is not None:
+        observations = calibration.target_bend.bent(observations)
     rows = ~is_outlier & is_known(rays(calibration.camera, observations.center_px))
     is_told = np.bincount(observations.view[rows], minlength=observations.view_count) >= LEAST_POINTS
     poses = np.full((observations.view_count, 4, 4), np.nan)
@@ -252,9 +254,11 @@ def _fold(
     calibration: Calibration, held: NDArray[np.bool_], solve: Solve
 ) -> tuple[Calibration, NDArray[np.bool_], list[str]]:
     """The camera of the other views with the poses of those held out, which of all views have one, and remarks."""
-    others = solve(keep_views(keep_sightings(calibration.observations, ~calibration.is_outlier), ~held))
-    rows = held[calibration.observations.view]
-    one, has_pose = _posed(others, keep_views(calibration.observations, held), calibration.is_outlier[rows])
+    seen, bend = calibration.observations, calibration.target_bend
+    if bend is not None:  # what the others tell of it counts
+        seen = bend.flattened(seen)
+    others = solve(keep_views(keep_sightings(seen, ~calibration.is_outlier), ~held))
+    one, has_pose = _posed(others, keep_views(seen, held), calibration.is_outlier[held[seen.view]])
     found = held.copy()
     found[held] = has_pose
     remarks = list(others.remarks) if others.status != "converged" else []

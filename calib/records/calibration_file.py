@@ -21,6 +21,7 @@ from calib.core.types import KnownPoints, Observations
 from calib.records.observation_table import MAX_RESIDUAL_PX, observations_to_csv, read_sightings
 from calib.solver.calibration import Calibration, ImageField, Status, TargetError
 from calib.solver.options import SolveOptions
+from calib.solver.plane_bend import PlaneBend
 from designer.base.codec import decode, encode
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
@@ -77,6 +78,7 @@ class CalibrationRecord:
     param_covariance: Annotated[_Covariance, OR_NULL]
     target_error: TargetError | None = None
     image_field: ImageField | None = None
+    target_bend: Annotated[PlaneBend | None, LEFT_OUT] = None
     geometry_id: str
     observations_sha256: str
     planes: Annotated[Array, Shape("F", 4)]
@@ -185,6 +187,7 @@ def record_of(calibration: Calibration, provenance: Provenance, digest: str) -> 
         param_covariance=calibration.param_covariance,
         target_error=calibration.target_error,
         image_field=calibration.image_field,
+        target_bend=calibration.target_bend,
         geometry_id=points.geometry_id,
         observations_sha256=digest,
         planes=points.plane,
@@ -231,5 +234,6 @@ def read_calibration(path: Path) -> tuple[Calibration, Provenance]:
         seconds=file.seconds,
         target_error=file.target_error,
         image_field=file.image_field,
+        target_bend=file.target_bend,
     )
     return calibration, replace(file.provenance, observations_sha256=file.observations_sha256)

@@ -350,6 +350,7 @@ def view_blocks(
     *,
     of_poses: bool = False,
     near: Array | None = None,
+    modes_mm: Array | None = None,
 ) -> Blocks:
     """The normal equations of all views.
 
@@ -360,9 +361,11 @@ def view_blocks(
         loss: of the whitened residuals.
         of_poses: those of the poses alone.
         near: products (V, P + 7, P + 7) so near that only the gradients differ; takes half the time.
+        modes_mm: displacements (S, 3, M) of the observations' points on the target by S more unknowns, which come
+            before the camera's parameters.
     """
     views, count = problem.view_count, problem.measured_px.shape[1]
-    size = (0 if of_poses else len(camera.params)) + 7
+    size = (0 if of_poses else len(camera.params)) + 7 + (0 if modes_mm is None else len(modes_mm))
     products = np.empty((views, size, size)) if near is None else near.copy()
     blocks = Blocks(np.empty(views), np.empty((2, count)), products)
     pose = np.ascontiguousarray(cam_from_target)
@@ -371,12 +374,23 @@ def view_blocks(
         turned, point = np.empty((3, width)), np.empty((3, width))
         _to_camera(problem.view_start, first, last, pose, problem.position_mm, turned, point)
         rows, lever, measured = _linearised(problem, camera, pose, (first, last), turned, point)
+        if modes_mm is not None:
+            among = slice(problem.view_start[first], problem.view_start[last])
+            rows = _with_modes(rows, pose[problem.view[among], :3, :3], modes_mm[:, :, among])
         _view_products(
             problem.view_start, first, last, lever, rows, measured, problem.whitener,
             problem.is_used, LOSSES[loss.kind], loss.knee, blocks.residual_px, products, blocks.cost,
             near is None,
         )  # fmt: skip
     return blocks
+
+
+def _with_modes(rows: Array, rotation: Array, modes_mm: Array) -> Array:
+    """The rows (8 + 2 P, N) with derivatives by displacements (S, 3, N) of the points before those by parameters."""
+    by_point, by_params = rows[2:8].reshape(2, 3, -1), rows[8:].reshape(2, -1, rows.shape[1])
+    by_modes = np.einsum("kin,nij,sjn->ksn", by_point, rotation, modes_mm)
+    both = np.concatenate([by_modes, by_params], axis=1)
+    return np.concatenate([rows[:8], both.reshape(-1, rows.shape[1])])
 
 
 def view_misfit(problem: Problem, camera: Camera, cam_from_target: Array, loss: RobustLoss) -> Misfit:

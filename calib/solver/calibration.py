@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core.types import Observations, freeze
+from calib.solver.plane_bend import PlaneBend
 from designer.base.marks import AtLeast, AtMost, Length, Shape
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount, Kind
@@ -93,6 +94,7 @@ class Calibration:
     seconds: float
     target_error: TargetError | None = None  # None: nothing is known of how the target was made
     image_field: ImageField | None = None  # None: nothing shows that there is one
+    target_bend: PlaneBend | None = None  # by which the points were moved; None: it was no unknown
 
     @property
     def stated_covariance(self) -> NDArray[np.float64]:

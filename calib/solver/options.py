@@ -25,6 +25,7 @@ class SolveOptions:
     focal_px: float | None = None  # first guess
     max_iterations: int = 100
     minimise: str = IMAGE  # of `calib.solver.costs.COSTS`
+    free_bend: bool = False  # of a flat target, which is then an unknown
 
 
 AS_THE_PAPER = SolveOptions(weighted=False)

@@ -1,6 +1,7 @@
 """The solution: from observations, without prior knowledge, to a calibration."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from calib.solver.accuracy import UndeterminedError, accuracy_of, why_degenerate
 from calib.solver.calibration import Calibration, Status
 from calib.solver.costs import COSTS
 from calib.solver.descend import Descended, descend, is_robust, without_lens
+from calib.solver.free_bend import solve_bent
 from calib.solver.in_space import SolvedInSpace, descend_in_space, require_planes
 from calib.solver.options import SolveOptions, Tie, tie_parameters
 from calib.solver.outliers import shifted_photo
@@ -47,6 +49,9 @@ def solve(
     begin = time.perf_counter()
     options = options or SolveOptions()
     _check(options)
+    if options.free_bend:
+        flat = replace(options, free_bend=False)
+        return solve_bent(observations, lambda seen: solve(seen, model, flat, noise_px2=noise_px2), options)
     require_planes(options.minimise, observations.points, observations.point)
     tie = tie_parameters(model, options)
     noise = observations.cov_px2 if noise_px2 is None else noise_px2

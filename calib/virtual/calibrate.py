@@ -28,6 +28,8 @@ def calibrate(
     """
     if model not in learned_models():
         return solve(observations, model, options)
+    if options.free_bend:
+        raise InputError(f"--free-bend: model {model} is learned from a target as it is given; solve another with it")
     if reference == ALL_VIEWS:
         return solve_virtual(observations, options, all_views=True)
     if options.fixed and (reference is not None or on_plane_mm(observations.points, observations.point) is not None):

@@ -27,6 +27,7 @@ from calib.show.parts.origin import Origin
 from calib.show.photos.photos_file import ToldPhoto, ToldPhotos, ToldSection
 from calib.solver.calibration import ImageField, MadeWith, TargetError
 from calib.solver.options import SolveOptions
+from calib.solver.plane_bend import PlaneBend
 from calib.studies.compare.cases import Plan
 from calib.studies.compare.results import CaseRow, ComparisonTable, Explanation
 from calib.studies.findings import Fall, HeldClaim, Ratio
@@ -183,6 +184,7 @@ def _calibration() -> CalibrationRecord:
         status="converged", remarks=("a remark",), iterations=5, seconds=0.1, scale=math.nan, weighted=True,
         fixed=("cx_px",), camera=PINHOLE, param_covariance=gaps,
         target_error=TargetError("pla", "", np.eye(4), made), image_field=ImageField(0.1, np.eye(4) / 3),
+        target_bend=PlaneBend(np.eye(3), (0.1, 1 / 3, -0.0), (1.0, 2.0), (-0.1, 1e-9), (math.nan, 0.0, 1 / 3)),
         geometry_id="g1", observations_sha256="abc", planes=plane, points=((0.1, 1e-300, -0.0, 0), (1.0, 2.0, 3.0, -1)),
         views=(SolvedView("a b.png", POSE, np.full((6, 6), math.nan)),),
     )  # fmt: skip

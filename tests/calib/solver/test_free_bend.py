@@ -1,0 +1,168 @@
+"""A flat target whose bend is an unknown: the truth, the optimum, the covariances, and what others make of it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import calib
+from calib.cameras import project
+from calib.core.se3 import exp_rotation
+from calib.core.types import KnownPoints, Observations
+from calib.metrics.errors import summarise
+from calib.metrics.evaluation import evaluate_held_out, evaluate_on
+from calib.records.calibration_file import Provenance, read_calibration, write_calibration
+from calib.solver.accuracy import UndeterminedError
+from calib.solver.calibration import Calibration
+from calib.solver.options import SolveOptions
+from calib.solver.plane_bend import plane_bend
+from calib.solver.solve import solve
+from designer.base.errors import InputError
+from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, pose_from, poses_around
+
+Array = NDArray[np.float64]
+
+BOARD = board(9, 7)
+HEIGHT = (-1.1, 0.4)
+FREE = SolveOptions(free_bend=True)
+
+
+def bent_board() -> KnownPoints:
+    """The board as it is, by the formula."""
+    x, y = (BOARD.position_mm[:, :2] / np.abs(BOARD.position_mm[:, :2]).max(axis=0)).T
+    step = HEIGHT[0] * (1 - x**2) + HEIGHT[1] * (1 - y**2)
+    return replace(BOARD, position_mm=BOARD.position_mm + step[:, None] * [0.0, 0, 1])
+
+
+def seen(seed: int, noise_px: float, views: int = 9) -> Observations:
+    """Photos of the bent board, which is taken to be flat."""
+    rng = np.random.default_rng(seed)
+    found = observe(CAMERAS["opencv"], bent_board(), poses_around(views, rng), rng, noise_px=noise_px)
+    return replace(found, points=BOARD)
+
+
+def test_the_bend_and_the_camera_are_found() -> None:
+    """Within 4.5 sigma of the truth, all of them; flat, the same photos are left off by more than a pixel."""
+    found = solve(seen(0, 0.1), "opencv", FREE)
+    bend = found.target_bend
+    assert bend is not None
+    assert found.status == "converged"
+    assert (np.abs(np.subtract(bend.height_mm, HEIGHT)) < 4.5 * np.array(bend.sigma_mm)).all()
+    assert max(bend.sigma_mm) < 0.02
+    off = np.abs(found.camera.params - CAMERAS["opencv"].params)
+    assert (off < 4.5 * np.sqrt(np.diagonal(found.param_covariance))).all()
+    assert found.scale == pytest.approx(0.1, rel=0.1)
+    assert solve(found.observations, "opencv").scale == pytest.approx(found.scale, rel=1e-3)
+    assert solve(seen(0, 0.1), "opencv").scale > 5 * found.scale
+    assert found.remarks[0].startswith(f"the target is bent: its middle stands {bend.height_mm[0]:.3g} ± ")
+
+
+def test_it_is_the_optimum_of_all_unknowns_and_so_are_the_covariances() -> None:
+    """By differences of the residuals: their gradient is zero, and J'J's inverse times the scale is what is stated."""
+    found = solve(seen(1, 0.1, views=4), "opencv", FREE)
+    jacobian, residual = _by_differences(found)
+    scale = np.linalg.norm(jacobian, axis=0)
+    assert np.abs(jacobian.T @ residual / scale).max() < 1e-3 * np.linalg.norm(residual)
+    unit = jacobian / scale
+    covariance = found.scale**2 * np.linalg.inv(unit.T @ unit) / np.outer(scale, scale)
+    bend = found.target_bend
+    assert bend is not None
+    assert np.array(bend.covariance_mm2) == pytest.approx(covariance[[0, 0, 1], [0, 1, 1]], rel=1e-4)
+    count = len(found.camera.params)
+    assert np.allclose(found.param_covariance / covariance[2 : 2 + count, 2 : 2 + count], 1, rtol=1e-3)
+    of_first = slice(2 + count, 8 + count)
+    expected = np.sqrt(np.diagonal(covariance[of_first, of_first]))
+    assert np.sqrt(np.diagonal(found.pose_covariance[0])) == pytest.approx(expected, rel=1e-3)
+
+
+def _by_differences(found: Calibration) -> tuple[Array, Array]:
+    """Derivatives of all residuals by the bend, the camera and the poses, and the residuals."""
+    bend = found.target_bend
+    assert bend is not None
+    flat, count, views = bend.flattened(found.observations), len(found.camera.params), len(found.cam_from_target)
+
+    def residual(step: Array) -> Array:
+        first, second = np.add(bend.height_mm, step[:2]).tolist()
+        place = replace(bend, height_mm=(first, second)).bent(flat).points.position_mm[flat.point]
+        pose = step[2 + count :].reshape(views, 6)
+        turned = np.stack(
+            [exp_rotation(one[:3]) @ old[:3, :3] for one, old in zip(pose, found.cam_from_target, strict=True)]
+        )
+        shift = found.cam_from_target[:, :3, 3] + pose[:, 3:]
+        point = np.einsum("mij,mj->mi", turned[flat.view], place) + shift[flat.view]
+        camera = replace(found.camera, params=found.camera.params + step[2 : 2 + count])
+        return (project(camera, point) - flat.center_px).reshape(-1)
+
+    size = np.concatenate([[1e-3] * 2, [1e-2] * 4, [1e-5] * (count - 4), np.tile([1e-6] * 3 + [1e-3] * 3, views)])
+    columns = [(residual(step) - residual(-step)) / (2 * step.max()) for step in np.diag(size)]
+    return np.stack(columns, axis=1), residual(np.zeros(len(size)))
+
+
+def test_other_photos_show_the_bent_target_too() -> None:
+    """Without noise nothing is left of other photos, of photos held out, nor of a flat board."""
+    found = solve(seen(2, 0.0), "opencv", FREE)
+    for told in (
+        evaluate_on(found, seen(3, 0.0), "others"),
+        evaluate_held_out(found, lambda part: solve(part, "opencv", FREE), 3),
+    ):
+        assert told.remarks == ()
+        assert max(summarise(errors).largest for errors in told.errors if errors.metric != "rotation") < 1e-5
+    flat = observe(CAMERAS["opencv"], BOARD, poses_around(5, np.random.default_rng(4)), np.random.default_rng(4))
+    bend = solve(flat, "opencv", FREE).target_bend
+    assert bend is not None
+    assert np.abs(bend.height_mm).max() < 1e-6
+
+
+def test_outliers_are_weighed_down_in_the_bend_too() -> None:
+    """With a loss that forgives, 2 % of gross errors move the bend by less than four sigma."""
+    wild = seen(5, 0.1)
+    rows = np.random.default_rng(6).random(len(wild.view)) < 0.02
+    wild = replace(wild, center_px=wild.center_px + np.where(rows[:, None], [[20.0, -15.0]], 0.0))
+    bend = solve(wild, "opencv", replace(FREE, loss="cauchy")).target_bend
+    assert bend is not None
+    assert (np.abs(np.subtract(bend.height_mm, HEIGHT)) < 4 * np.array(bend.sigma_mm)).all()
+
+
+def test_a_bend_is_kept_in_files(tmp_path: Path) -> None:
+    """It reads back bit for bit, with the bent points, and the camera judges other photos as before."""
+    found = solve(seen(7, 0.1, views=5), "opencv", FREE)
+    write_calibration(tmp_path, found, Provenance("test 1", options=FREE))
+    back, _ = read_calibration(tmp_path / "calibration.json")
+    assert back.target_bend is not None
+    assert found.target_bend is not None
+    assert np.array_equal(back.target_bend.axes, found.target_bend.axes)
+    for name in ("middle_mm", "half_mm", "height_mm", "covariance_mm2"):
+        assert getattr(back.target_bend, name) == getattr(found.target_bend, name)
+    assert np.array_equal(back.observations.points.position_mm, found.observations.points.position_mm)
+    other = seen(8, 0.1)
+    told, again = evaluate_on(found, other, "b"), calib.evaluate(tmp_path, on=other).asked
+    assert [summarise(one) for one in told.errors] == [summarise(one) for one in again.errors]
+
+
+def test_the_axes_are_those_of_the_target_wherever_its_plane_lies() -> None:
+    """Along x lies the first axis of the target that lies in the plane, along z the side that is seen."""
+    turn = exp_rotation(np.array([np.pi / 2, 0, 0]))
+    points = replace(BOARD, position_mm=BOARD.position_mm @ turn.T + [5, 6, 7], plane=np.array([[0.0, -1, 0, -6]]))
+    bend = plane_bend(points)
+    assert np.abs(bend.axes - [[1, 0, 0], [0, 0, 1], [0, -1, 0]]).max() < 1e-12
+    assert bend.middle_mm == pytest.approx((5, 6, 7))
+    assert bend.half_mm == pytest.approx(np.abs(BOARD.position_mm[:, :2]).max(axis=0))
+    assert bend.modes_mm(np.array([[5.0, 6, 7]])) == pytest.approx(np.array([[[0, -1, 0]], [[0, -1, 0]]]))
+
+
+def test_what_cannot_be_is_refused_in_a_line() -> None:
+    """A solid, distances in space, a learned map, photos that do not tell."""
+    rng = np.random.default_rng(9)
+    solid = observe(CAMERAS["opencv"], icosahedron(), poses_around(5, rng), rng, noise_px=0.1)
+    with pytest.raises(InputError, match="lie in no plane; it is for boards"):
+        solve(solid, "opencv", FREE)
+    with pytest.raises(InputError, match="leave --minimise ray out"):
+        solve(seen(0, 0.1), "opencv", replace(FREE, minimise="ray"))
+    with pytest.raises(InputError, match="model virtual is learned from a target as it is given"):
+        calib.solve(seen(0, 0.1), model="virtual", free_bend=True)
+    one = observe(CAMERAS["pinhole"], BOARD, pose_from((0.0, 0.0, 1e5)), np.random.default_rng(0), noise_px=0.1)
+    fixed = tuple((name, value) for name, value in CAMERAS["pinhole"].parameters.items())
+    with pytest.raises(UndeterminedError, match="do not tell how the target is bent"):
+        solve(one, "pinhole", replace(FREE, fixed=fixed))
