@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from calib.api.bootstrapping import BootstrapResult, bootstrap
     from calib.api.converting import Conversion, convert
+    from calib.api.costing import CostResult, study_cost
     from calib.api.coupon import CouponResult, coupon
     from calib.api.detecting import Detector, detect
     from calib.api.evaluating import EvaluationResult, evaluate
@@ -37,6 +38,7 @@ __all__ = [
     "Calibration",
     "Camera",
     "Conversion",
+    "CostResult",
     "CouponResult",
     "Detections",
     "Detector",
@@ -67,6 +69,7 @@ __all__ = [
     "rescale",
     "run",
     "solve",
+    "study_cost",
     "tolerance",
     "undistort",
     "ways",
@@ -80,6 +83,10 @@ _HOMES = {
     "calib.api.converting": (
         "Conversion",
         "convert",
+    ),
+    "calib.api.costing": (
+        "CostResult",
+        "study_cost",
     ),
     "calib.api.coupon": (
         "CouponResult",

@@ -1,14 +1,11 @@
 """How sure a camera is, by thousands of samples of its photos: what `calib study bootstrap` does."""
 
-import hashlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-
-import numpy as np
 
 from calib.api.loading import (
     MAX_SEED,
@@ -34,7 +31,7 @@ from calib.renderer.quantities import whole
 from calib.renderer.truth import Truth
 from calib.show.studies.study_folder import STUDY_FILE
 from calib.studies import bootstrap as pools
-from calib.studies.identity import StudyIdentity, identity_of
+from calib.studies.identity import StudyIdentity, digest_of, identity_of
 from calib.studies.paper_table import TARGETS
 from calib.studies.progress import DrawCount
 from calib.studies.runner import StudyStoppedError, run_cases
@@ -255,12 +252,7 @@ def _identity(
     identity = identity_of(seed, settings, files)
     if "detections" in files:
         return identity
-    content = hashlib.sha256()
-    covariance = np.zeros(0) if observations.cov_px2 is None else observations.cov_px2
-    size, place = np.array(observations.image_size), observations.points.position_mm[observations.point]
-    for array in (size, observations.view, observations.center_px, covariance, place):
-        content.update(array.tobytes())
-    return StudyIdentity(seed, identity.settings, (("detections", content.hexdigest()), *identity.inputs))
+    return StudyIdentity(seed, identity.settings, (("detections", digest_of(observations)), *identity.inputs))
 
 
 def _settings(plan: SolvePlan, image_size: tuple[int, int] | None, grid: PointGrid | None) -> dict[str, str]:

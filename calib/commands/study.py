@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar, cast
 
 import typer
 
-from calib.cameras import DEFAULT, learned_models, solved_models
+from calib.cameras import DEFAULT, fitted_models, learned_models, solved_models
 from calib.commands import options
 from calib.commands.folder_page import say_next, with_page, with_page_again
 from calib.commands.solve import grid_of, image_size_of
@@ -159,6 +159,58 @@ def compare(
         step = f"calib study compare -o {quoted(out)} --resume --prints {2 * table.plan.prints}   # adds prints"
         summary = Summary(answer_of(type(table), table), files, (step,))
         return say_next(with_page(summary, out, "compare"), out)
+
+
+@command(app)
+def cost(
+    *,
+    detections: Annotated[
+        Path | None, typer.Option(help="photos of your own too: detections.csv, or a CSV with image,u,v,X,Y,Z")
+    ] = None,
+    target: Annotated[Path | None, typer.Option(help="the target file of detections.csv")] = None,
+    model: Annotated[
+        str, typer.Option(help=f"of your photos: {', '.join(fitted_models())}", autocompletion=one_of(fitted_models()))
+    ] = DEFAULT,
+    out: OutOption,
+    quick: Annotated[bool, typer.Option("--quick", help="8 sets and 20 starts: which way it goes")] = False,
+    sets: Annotated[int, typer.Option(help="of simulated photos of each scene and condition")] = 30,
+    starts: Annotated[int, typer.Option(help="bad ones of each scene")] = 60,
+    image_size: options.ImageSizeOption = None,
+    grid: options.GridOption = None,
+    pitch: options.PitchOption = None,
+    seed: options.SeedOption = 1,
+    jobs: options.JobsOption = None,
+    resume: options.ResumeOption = False,
+) -> Summary:
+    """Measure what to minimise: distances in the image, or in space between rays and rings (--minimise).
+
+    Boards and icosahedra, as drawn, as made and with outliers, and photos of your own: errors of camera, poses and
+    photos held out, each cost against the image's on the same sightings; and from how bad starts each comes back.
+    """
+    from calib.api.costing import study_cost
+    from calib.show.studies.cost_page import cost_headline
+    from calib.show.studies.cost_tables import costs_table, starts_table
+    from calib.show.studies.study_folder import STUDY_FILE
+
+    with kept_when_stopped():
+        with progress_bars() as progress:
+            found = study_cost(
+                out, detections, target, model=model, sets=sets, starts=starts, quick=quick,
+                image_size=image_size_of(image_size), grid=grid_of(grid, pitch), seed=seed, jobs=jobs, resume=resume,
+                progress=progress,
+            )  # fmt: skip
+        with waiting("drawing"):
+            files = (*found.save(out), out / STUDY_FILE)
+        table = found.table
+        say_headline(cost_headline(table))
+        print()
+        for one in (costs_table(table), starts_table(table)):
+            say_table(one)
+        say_sampled(found.sampled, jobs)
+        say_written(out, files)
+        more = f"calib study cost -o {quoted(out)} --resume --sets {2 * table.plan.sets}   # adds sets"
+        summary = Summary(answer_of(type(table), table), files, (more,))
+        return say_next(with_page(summary, out, "cost"), out)
 
 
 @command(app)

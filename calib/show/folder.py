@@ -32,6 +32,7 @@ KINDS: Mapping[str, str] = {
     "tolerance": "studies.tolerance_page.tolerance_page",
     "ways": "studies.tolerance_page.ways_page",
     "compare": "studies.compare_page.compare_page",
+    "cost": "studies.cost_page.cost_page",
     "measure": "measured.page.measure_page",
     "coupon": "coupon.page.coupon_page",
     "photos": "photos.photos_page.photos_page",
@@ -44,6 +45,7 @@ REPLACED = (("detections", "calibration"),)
 """Kinds that give way to another in the same folder: a run that found nothing, to one that found a camera."""
 BY_FORMAT: Mapping[str, str] = {
     "ringsolid.study_table": "bootstrap", "ringsolid.tolerance_table": "tolerance", "ringsolid.comparison": "compare",
+    "ringsolid.cost_table": "cost",
 }  # fmt: skip
 """Formats of table.json and what the folder then is."""
 OF_PAPER = "targets"

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import numpy as np
+
+from calib.core.types import Observations
 from designer.base.errors import InputError
 from designer.base.words import shown
 
@@ -88,6 +91,16 @@ def sha256_of(path: Path) -> str:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+
+
+def digest_of(observations: Observations) -> str:
+    """The same of what such a file would hold."""
+    content = hashlib.sha256()
+    covariance = np.zeros(0) if observations.cov_px2 is None else observations.cov_px2
+    size, place = np.array(observations.image_size), observations.points.position_mm[observations.point]
+    for array in (size, observations.view, observations.center_px, covariance, place):
+        content.update(array.tobytes())
+    return content.hexdigest()
 
 
 def program_versions() -> Pairs:

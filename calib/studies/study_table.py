@@ -26,7 +26,7 @@ from designer.base.file_kind import FileKind
 from designer.base.marks import AGAIN, INLINE, Count, Gap, Length, Word
 from designer.base.words import shown
 
-DRAWN_BY = {"tolerance": "design tolerance", "compare": "calib study compare"}
+DRAWN_BY = {"tolerance": "design tolerance", "compare": "calib study compare", "cost": "calib study cost"}
 """Studies of other values than a camera's parameters, by the name of these."""
 FEWEST = 3
 """Converged samples that have a spread."""

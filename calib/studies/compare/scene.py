@@ -39,6 +39,7 @@ class ComparedScene:
     distance_mm: float
     views: int  # photos of a set
     contrast_to_noise: float = CONTRAST_TO_NOISE
+    farthest: float = 1.0  # of the distances that photos are taken from, in units of the nearest
 
 
 def fitting_distance_mm(target: TargetGeometry, camera: Camera) -> float:
@@ -88,19 +89,21 @@ def take_photos(
         views: how many.
         noise: the detector's, in units of what it is.
     """
+    return photograph(scene, made_mm, rng, views, noise)[0]
+
+
+def photograph(
+    scene: ComparedScene, made_mm: Array, rng: np.random.Generator, views: int, noise: float = 1.0
+) -> tuple[Observations, Array]:
+    """As `take_photos`, with the poses of the photos that show enough (V, 4, 4)."""
     poses = _poses(scene, rng, views)
     seen = [seen_in(scene.target, scene.camera, pose, scene.contrast_to_noise) for pose in poses]
     kept = [number for number, (ring, _, _) in enumerate(seen) if len(ring) >= LEAST_RINGS]
     if not kept:
-        return Observations(
-            scene.camera.image_size,
-            (),
-            np.zeros(0, np.int64),
-            np.zeros(0, np.int64),
-            np.zeros((0, 2)),
-            None,
-            known_points(scene.target),
-        )
+        nothing = np.zeros(0, np.int64)
+        points = known_points(scene.target)
+        empty = Observations(scene.camera.image_size, (), nothing, nothing, np.zeros((0, 2)), None, points)
+        return empty, np.zeros((0, 4, 4))
     ring = np.concatenate([seen[number][0] for number in kept])
     covariance = np.concatenate([seen[number][2] for number in kept])
     view = np.repeat(np.arange(len(kept)), [len(seen[number][0]) for number in kept])
@@ -109,17 +112,19 @@ def take_photos(
     pixel = project(scene.camera, point) + noise * off
     known = np.isfinite(pixel).all(axis=1)
     names = tuple(f"view {number}" for number in kept)
-    return Observations(
+    taken = Observations(
         scene.camera.image_size, names, view[known], ring[known], pixel[known], covariance[known],
         known_points(scene.target),
     )  # fmt: skip
+    return taken, poses[kept]
 
 
 def _poses(scene: ComparedScene, rng: np.random.Generator, views: int) -> Array:
     """Poses of a set: a Fibonacci grid as `calib render` has it, turned at random as a whole.  # (views, 4, 4)"""
     is_board = scene.target.is_planar
     where = CAP_RAD if is_board else math.pi
-    grid = PoseGrid(views, where, (scene.distance_mm, scene.distance_mm), random_roll=True, aim_offset_mm=0.0)
+    far_mm = scene.farthest * scene.distance_mm
+    grid = PoseGrid(views, where, (scene.distance_mm, far_mm), random_roll=True, aim_offset_mm=0.0)
     poses = grid_poses(grid, rng)
     turn = np.eye(4)
     if is_board:
