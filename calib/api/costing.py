@@ -106,7 +106,7 @@ def study_cost(
         digests = _digests(observed, target, real.observations)
     elif target is not None:
         raise InputError(f"--target {shown(str(target))} says nothing without photos; give --detections too")
-    plan = cases.Plan(sets, starts, seed, "" if real is None else real.name, "" if real is None else model)
+    plan = cases.CostPlan(sets, starts, seed, "" if real is None else real.name, "" if real is None else model)
     plan = cases.quick(plan) if quick else plan
     identity = cases.identity(plan, digests)
     sampling = Sampling(Path(folder) / STUDY_FILE, processes, None, resume, progress)

@@ -33,7 +33,7 @@ class PixelRays:
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class SightedPoints:
     """The points that these pixels show, in the camera's frame."""
 
     point: Array  # (3, N) mm
@@ -91,7 +91,7 @@ class Distance(Protocol):
         """Whether the points' faces have to be known."""
         ...
 
-    def measure(self, camera: Camera, seen: PixelRays, places: Places) -> Distances:
+    def measure(self, camera: Camera, seen: PixelRays, places: SightedPoints) -> Distances:
         """All distances; nan where the ray does not lead to the point."""
         ...
 
@@ -112,7 +112,7 @@ def pixel_rays(camera: Camera, pixel: Array) -> PixelRays:
     return PixelRays(direction, axes, -np.einsum("ijn,jpn->ipn", by_pixel, linear.by_params))
 
 
-def along_rays(seen: PixelRays, places: Places) -> Range:
+def along_rays(seen: PixelRays, places: SightedPoints) -> Range:
     """How far along the rays the points are; nan of those behind the camera as the rays have it."""
     along = np.einsum("in,in->n", seen.direction, places.point)
     by_ray = np.einsum("ain,in->an", seen.axes, places.point)
@@ -149,6 +149,6 @@ class InSpace:
         if self.plane_axes is not None:
             axes = np.einsum("nij,ajn->ain", rotation, self.plane_axes[:, :, span])
         seen = pixel_rays(camera, self.pixel[:, span])
-        found = self.distance.measure(camera, seen, Places(point, lever, axes))
+        found = self.distance.measure(camera, seen, SightedPoints(point, lever, axes))
         rows = (found.over_range() if self.is_over_range else found).rows(seen)
         return rows, np.ascontiguousarray(found.lever)

@@ -103,6 +103,7 @@ CALIB = (
     Case(("study", "plot", "photos"), 2),
     Case(("study", "paper", "-o", "camera.json"), 2),
     Case(("study", "compare", "--prints", "0", "-o", "out"), 2),
+    Case(("study", "cost", "--sets", "0", "-o", "out"), 2),
     Case(("study", "no-command"), 2),
 )
 CASES = [pytest.param(design, case, id=f"design {' '.join(case.words[:2])} {case.code}") for case in DESIGN]
@@ -177,6 +178,7 @@ def test_the_table_is_of_all_commands_and_each_has_the_option(
         ((*SOLVE, "detections.csv"), "calib.api.solving.calibrate"),
         (("study", "paper", "--quick", "-o", "out"), "calib.studies.paper_study.missing_targets"),
         (("study", "compare", "--quick", "-o", "out"), "calib.studies.compare.cases.comparison"),
+        (("study", "cost", "--quick", "-o", "out"), "calib.studies.cost.cases.groups_of"),
         (BOOTSTRAP, "calib.studies.bootstrap.make_pool"),
         (("convert", "camera.json", "--to", "ros", "-o", "c.yaml"), "calib.api.converting.fit_to_format"),
     ],

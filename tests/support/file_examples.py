@@ -30,6 +30,8 @@ from calib.solver.options import SolveOptions
 from calib.solver.plane_bend import PlaneBend
 from calib.studies.compare.cases import Plan
 from calib.studies.compare.results import CaseRow, ComparisonTable, Explanation
+from calib.studies.cost.cases import CostPlan
+from calib.studies.cost.results import CostRatio, CostTable, StartRow
 from calib.studies.findings import Fall, HeldClaim, Ratio
 from calib.studies.statistics import Case, CaseSummary, Distribution
 from calib.studies.study_table import CameraSpread, SpreadParameter, StrongestTie, StudyTable
@@ -126,6 +128,13 @@ def _comparison() -> ComparisonTable:
     case = CaseRow("ico", "figure", "opencv", "pose", "mm", 0.5, gap, 0.7, 3, 30, 0, 1, gap)
     alone = Explanation("ico", "scale", 2.0, gap, gap, "0.1%", 0.2, 0.3, gap, 3, 0, "")
     return ComparisonTable(Plan("a camera", 3, 10, 2, 1, 0), {"ico": 500.0}, (case,), (alone,))
+
+
+def _costs() -> CostTable:
+    gap = math.nan
+    ratio = CostRatio("board", "as made", "ray", "held_out_mm", "mm", 0.5, 0.9, gap, 1.1, 30, 1)
+    starts = StartRow("board", "ray", 60, 50, 2, 3, gap)
+    return CostTable(CostPlan(30, 60, 1, "own.csv", "opencv"), (ratio,), (starts,))
 
 
 def _tolerance() -> ToleranceStudy:
@@ -238,6 +247,7 @@ EXAMPLES: Mapping[str, Callable[[], object]] = {
     "ringsolid.metrics": _metrics,
     "ringsolid.study_table": _study,
     "ringsolid.comparison": _comparison,
+    "ringsolid.cost_table": _costs,
     "ringsolid.tolerance_table": _tolerance,
     "ringsolid.as_built": _as_built,
     "ringsolid.calibration": _calibration,

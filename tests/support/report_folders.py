@@ -17,10 +17,13 @@ from calib.show.folder import build_page
 from calib.show.measured.files import measured_files, places_of
 from calib.show.parts.origin import Origin
 from calib.show.studies.compare_page import table_files_of
+from calib.show.studies.cost_page import table_files_of as cost_table_files
 from calib.show.studies.study_figures import convergence_files
 from calib.show.studies.study_page import table_files
 from calib.studies.compare.cases import FIGURE, LENS_DRAWN, Plan
 from calib.studies.compare.results import METRICS, CaseResult, Explanation, tabulated
+from calib.studies.cost.cases import CostPlan
+from calib.studies.cost.results import CostRatio, CostTable, StartRow
 from calib.studies.identity import StudyIdentity
 from calib.studies.sample import SampleResult
 from calib.studies.statistics import Case
@@ -176,8 +179,24 @@ def measure_files() -> Files:
     return _relative(measured_files(places, record, found.target, solid()), Path("x"))
 
 
+@cache
+def cost_files() -> Files:
+    """A study of costs with made-up errors: rays are surely worse but in one place, and stand bad starts better."""
+    ratios = (
+        CostRatio("board", "as drawn", "image", "held_out_mm", "mm", 0.5, 1.0, 1.0, 1.0, 30, 0),
+        CostRatio("board", "as drawn", "ray", "held_out_mm", "mm", 0.6, 1.2, 1.1, 1.3, 30, 0),
+        CostRatio("board", "as drawn", "image", "camera_px", "px", 0.01, 1.0, 1.0, 1.0, 30, 0),
+        CostRatio("board", "as drawn", "ray", "camera_px", "px", 0.02, 2.0, 1.9, 2.1, 29, 1),
+        CostRatio("board", "as made", "image", "camera_px", "px", 0.01, 1.0, 1.0, 1.0, 30, 0),
+        CostRatio("board", "as made", "ray", "camera_px", "px", 0.009, 0.9, 0.85, 0.95, 30, 0),
+    )
+    starts = (StartRow("board", "image", 60, 45, 0, 0, 9.0), StartRow("board", "ray", 60, 54, 10, 1, 8.0))
+    table = CostTable(CostPlan(30, 60, 1, "own.csv", "opencv"), ratios, starts)
+    return _relative(cost_table_files(table, Path("x")), Path("x")) | {"figures/costs.svg": SVG}
+
+
 FOLDERS: Mapping[str, Callable[[], Files]] = {
     "bootstrap": bootstrap_files, "paper": paper_files, "tolerance": tolerance_files, "compare": compare_files,
-    "measure": measure_files,
+    "measure": measure_files, "cost": cost_files,
 }  # fmt: skip
-STUDIES = ("bootstrap", "paper", "tolerance", "compare")
+STUDIES = ("bootstrap", "paper", "tolerance", "compare", "cost")

@@ -26,7 +26,7 @@ from calib.show.studies.study_folder import (
 from calib.solver.costs import IMAGE
 from calib.studies.cost.cases import CONTRAST_TO_NOISE, FARTHEST, SETTINGS, VIEWS
 from calib.studies.cost.photographed import OUTLIER_PX, OUTLIER_SHARE
-from calib.studies.cost.results import COST_TABLE, CostRow, CostTable, StartRow
+from calib.studies.cost.results import COST_TABLE, CostRatio, CostTable, StartRow
 from designer.page.blocks import Block, Command, Finding, Findings, Headline, Page, Section
 
 QUESTION = (
@@ -85,7 +85,7 @@ def table_files_of(table: CostTable, folder: Path) -> dict[Path, bytes]:
     told = markdown(TITLE, (asked, *cost_sections(table)), cost_headline(table).sentence)
     return {
         folder / MARKDOWN_FILE: told.encode("utf-8", ANY_NAME),
-        folder / CSV_FILE: rows_to_csv(CostRow, table.cases),
+        folder / CSV_FILE: rows_to_csv(CostRatio, table.cases),
         folder / JSON_FILE: COST_TABLE.text(table),
     }
 
@@ -164,7 +164,7 @@ def wins_sentence(table: CostTable) -> str:
     return f"Surely better than the distances in the image: {'; '.join(told)}{more}."
 
 
-def _ratio(one: CostRow) -> float:
+def _ratio(one: CostRatio) -> float:
     return one.ratio
 
 

@@ -10,7 +10,7 @@ from calib.show.studies.study_tables import NOT_KNOWN, text_cell
 from calib.solver.costs import COSTS
 from calib.studies.cost.cases import REAL
 from calib.studies.cost.photographed import MEASURES
-from calib.studies.cost.results import SHARE, CostRow, CostTable, StartRow
+from calib.studies.cost.results import SHARE, CostRatio, CostTable, StartRow
 from designer.page.blocks import Cell, Column, Level, Table
 
 TITLES = {
@@ -44,7 +44,7 @@ def costs_table(table: CostTable) -> Table:
     return Table("Costs against the distances in the image", columns, tuple(rows), note)
 
 
-def _median_ratio(rows: Sequence[CostRow]) -> Cell:
+def _median_ratio(rows: Sequence[CostRatio]) -> Cell:
     value = float(np.median([one.ratio for one in rows])) if rows else math.nan
     return text_cell(value, f"{value:.3f}")
 
@@ -73,7 +73,7 @@ def ratios_table(table: CostTable) -> Table:
     return Table("Errors over the image's", columns, tuple(rows), note, visible_rows=20)
 
 
-def _ratio_cell(one: CostRow | None) -> Cell:
+def _ratio_cell(one: CostRatio | None) -> Cell:
     if one is None or not math.isfinite(one.ratio):
         return NOT_KNOWN
     level: Level | None = "good" if one.is_better else "bad" if one.is_worse else None

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Cost:
+class Minimised:
     """Something to minimise."""
 
     title: str
@@ -26,15 +26,15 @@ class Cost:
 
 
 IMAGE = "image"
-COSTS: dict[str, Cost] = {
-    IMAGE: Cost("distances in the image", "px"),
-    "ray": Cost("distances of rings from rays", "mm", "ray"),
-    "ray-by-range": Cost("distances of rings from rays, over the range", "mm/mm", "ray", over_range=True),
-    "intersection": Cost("distances in the faces' planes", "mm", "intersection"),
-    "intersection-by-range": Cost(
+COSTS: dict[str, Minimised] = {
+    IMAGE: Minimised("distances in the image", "px"),
+    "ray": Minimised("distances of rings from rays", "mm", "ray"),
+    "ray-by-range": Minimised("distances of rings from rays, over the range", "mm/mm", "ray", over_range=True),
+    "intersection": Minimised("distances in the faces' planes", "mm", "intersection"),
+    "intersection-by-range": Minimised(
         "distances in the faces' planes, over the range", "mm/mm", "intersection", over_range=True
     ),
-    "whitened": Cost("distances of rings from rays, by the covariance of the rays", "px", "whitened"),
+    "whitened": Minimised("distances of rings from rays, by the covariance of the rays", "px", "whitened"),
 }
 
 DISTANCES: "Registry[Distance]" = Registry(__name__, "DISTANCE", ("ray", "intersection", "whitened"))

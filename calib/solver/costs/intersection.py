@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.solver.distance import Distances, PixelRays, Places, Range
+from calib.solver.distance import Distances, PixelRays, Range, SightedPoints
 
 LEAST_SINE = 1e-6
 """Between ray and plane, as the metric has it."""
@@ -20,7 +20,7 @@ LEAST_SINE = 1e-6
 class _Intersection:
     needs_planes: bool = True
 
-    def measure(self, camera: Camera, seen: PixelRays, places: Places) -> Distances:
+    def measure(self, camera: Camera, seen: PixelRays, places: SightedPoints) -> Distances:
         """All distances; nan where the ray does not meet the plane."""
         del camera
         axes, ray = places.plane_axes, seen.direction

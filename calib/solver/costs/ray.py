@@ -10,14 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.solver.distance import BACKWARDS, Distances, PixelRays, Places, along_rays
+from calib.solver.distance import BACKWARDS, Distances, PixelRays, SightedPoints, along_rays
 
 
 @dataclass(frozen=True)
 class _Ray:
     needs_planes: bool = False
 
-    def measure(self, camera: Camera, seen: PixelRays, places: Places) -> Distances:
+    def measure(self, camera: Camera, seen: PixelRays, places: SightedPoints) -> Distances:
         """All distances; nan of points behind the camera as the ray has it."""
         del camera
         along, (x, y, z) = along_rays(seen, places), seen.direction

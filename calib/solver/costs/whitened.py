@@ -15,7 +15,7 @@ import numpy as np
 
 from calib.cameras import linearise
 from calib.cameras.camera import Camera
-from calib.solver.distance import Distances, PixelRays, Places, along_rays
+from calib.solver.distance import Distances, PixelRays, SightedPoints, along_rays
 
 WIDEST = 1e-3
 """Of a step (rad); larger angles are taken in part."""
@@ -25,7 +25,7 @@ WIDEST = 1e-3
 class _Whitened:
     needs_planes: bool = False
 
-    def measure(self, camera: Camera, seen: PixelRays, places: Places) -> Distances:
+    def measure(self, camera: Camera, seen: PixelRays, places: SightedPoints) -> Distances:
         """All distances; nan of points behind the camera as the ray has it, and where the lens ends."""
         along, ray = along_rays(seen, places), seen.direction
         ahead = places.point / along.value

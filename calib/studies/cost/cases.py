@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from calib.cameras.camera import camera_or_preset
 from calib.core.types import Observations
 from calib.solver.options import Loss
+from calib.studies.compare.cases import Group
 from calib.studies.compare.objects import make_target
 from calib.studies.compare.scene import ComparedScene, scene_of
 from calib.studies.cost.photographed import CONDITIONS, CostPool, RealPool, StartPool
@@ -28,7 +29,7 @@ REAL = "photos held out"
 
 
 @dataclass(frozen=True)
-class Setting:
+class CostScene:
     """A target before a camera, by the names of their templates."""
 
     name: str
@@ -37,15 +38,15 @@ class Setting:
     camera: str
 
 
-SETTINGS: tuple[Setting, ...] = (
-    Setting("board", "3d-board", "fdm-board", "machine-vision"),
-    Setting("icosahedron", "shiny-ico", "fdm-dual", "machine-vision"),
-    Setting("board, wide lens", "3d-board", "fdm-board", "action-camera"),
+SETTINGS: tuple[CostScene, ...] = (
+    CostScene("board", "3d-board", "fdm-board", "machine-vision"),
+    CostScene("icosahedron", "shiny-ico", "fdm-dual", "machine-vision"),
+    CostScene("board, wide lens", "3d-board", "fdm-board", "action-camera"),
 )
 
 
 @dataclass(frozen=True)
-class Plan:
+class CostPlan:
     """How much of the study."""
 
     sets: Count  # of photos of each scene and condition
@@ -64,20 +65,12 @@ class RealPhotos:
     model: str
 
 
-@dataclass(frozen=True, eq=False)
-class Group:
-    """Cases of which as many samples are wanted."""
-
-    specs: tuple[CaseSpec, ...]
-    samples: int
-
-
-def quick(plan: Plan) -> Plan:
+def quick(plan: CostPlan) -> CostPlan:
     """Enough to see which way it goes."""
     return replace(plan, sets=min(plan.sets, 8), starts=min(plan.starts, 20))
 
 
-def identity(plan: Plan, digests: tuple[tuple[str, str], ...] = ()) -> StudyIdentity:
+def identity(plan: CostPlan, digests: tuple[tuple[str, str], ...] = ()) -> StudyIdentity:
     """All that a sample depends on beside its case and number; sets and starts may be added later.
 
     Args:
@@ -93,13 +86,13 @@ def identity(plan: Plan, digests: tuple[tuple[str, str], ...] = ()) -> StudyIden
     return replace(found, inputs=tuple(sorted((*found.inputs, *digests))))
 
 
-def scene_named(setting: Setting) -> ComparedScene:
+def scene_named(setting: CostScene) -> ComparedScene:
     """The scene of a setting."""
     scene = scene_of(setting.name, make_target(setting.template), camera_or_preset(setting.camera), VIEWS)
     return replace(scene, contrast_to_noise=CONTRAST_TO_NOISE, farthest=FARTHEST)
 
 
-def groups_of(plan: Plan, real: RealPhotos | None) -> tuple[Group, ...]:
+def groups_of(plan: CostPlan, real: RealPhotos | None) -> tuple[Group, ...]:
     """The cases of a plan.
 
     Raises:

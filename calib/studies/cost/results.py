@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.solver.costs import COSTS, IMAGE
-from calib.studies.cost.cases import STARTS, Group, Plan
+from calib.studies.compare.cases import Group
+from calib.studies.cost.cases import STARTS, CostPlan
 from calib.studies.cost.errors import ESTIMATORS
 from calib.studies.cost.photographed import MEASURES
 from calib.studies.store import Study
@@ -33,7 +34,7 @@ FEWEST = 3
 
 
 @dataclass(frozen=True)
-class CostRow:
+class CostRatio:
     """One measure of one cost in a scene, against the distances in the image."""
 
     scene: Word
@@ -81,11 +82,11 @@ class StartRow:
 class CostTable:
     """All that the study says."""
 
-    plan: Plan
-    cases: Annotated[tuple[CostRow, ...], Length(0, MOST_ROWS)]
+    plan: CostPlan
+    cases: Annotated[tuple[CostRatio, ...], Length(0, MOST_ROWS)]
     starts: Annotated[tuple[StartRow, ...], Length(0, 1000)]
 
-    def compared(self, cost: str) -> tuple[CostRow, ...]:
+    def compared(self, cost: str) -> tuple[CostRatio, ...]:
         """The rows of a cost that can be compared."""
         return tuple(one for one in self.cases if one.cost == cost and math.isfinite(one.high - one.low))
 
@@ -99,7 +100,7 @@ class CostTable:
         """Scenes and conditions, in their order."""
         return tuple(dict.fromkeys((one.scene, one.condition) for one in self.cases))
 
-    def of(self, scene: str, condition: str, cost: str, measure: str) -> CostRow | None:
+    def of(self, scene: str, condition: str, cost: str, measure: str) -> CostRatio | None:
         """A row that has a number; None if there is none."""
         key = (scene, condition, cost, measure)
         found = (one for one in self.cases if (one.scene, one.condition, one.cost, one.measure) == key)
@@ -109,10 +110,10 @@ class CostTable:
 COST_TABLE = FileKind(CostTable, "cost_table", "the table of a study of costs", AGAIN)
 
 
-def table_of(study: Study, plan: Plan, groups: Sequence[Group]) -> CostTable:
+def table_of(study: Study, plan: CostPlan, groups: Sequence[Group]) -> CostTable:
     """The table of all samples that a study has."""
     known = {one.case.name for one in study.cases()}
-    cases: list[CostRow] = []
+    cases: list[CostRatio] = []
     starts: list[StartRow] = []
     for spec in (spec for group in groups for spec in group.specs):
         if spec.name not in known or not len((samples := study.load(spec.name)).number):
@@ -124,7 +125,7 @@ def table_of(study: Study, plan: Plan, groups: Sequence[Group]) -> CostTable:
     return CostTable(plan, tuple(cases), tuple(starts))
 
 
-def cost_rows(samples: Samples, scene: str, condition: str) -> list[CostRow]:
+def cost_rows(samples: Samples, scene: str, condition: str) -> list[CostRatio]:
     """The rows of a case; without the measures that it does not have."""
     values = samples.params.reshape(len(samples.number), len(ESTIMATORS), len(MEASURES))
     return [
@@ -135,7 +136,7 @@ def cost_rows(samples: Samples, scene: str, condition: str) -> list[CostRow]:
     ]
 
 
-def _cost_row(image: Array, values: Array, key: tuple[str, str, str, str]) -> CostRow:
+def _cost_row(image: Array, values: Array, key: tuple[str, str, str, str]) -> CostRatio:
     from scipy.stats import t as student
 
     both = np.isfinite(image) & np.isfinite(values)
@@ -147,7 +148,7 @@ def _cost_row(image: Array, values: Array, key: tuple[str, str, str, str]) -> Co
         mean = float(difference.mean())
         half = float(student.ppf(0.5 + 0.5 * SHARE, count - 1) * difference.std(ddof=1) / math.sqrt(count))
         ratio, low, high = math.exp(mean), math.exp(mean - half), math.exp(mean + half)
-    return CostRow(*key, UNITS[key[3]], median, ratio, low, high, count, failed)
+    return CostRatio(*key, UNITS[key[3]], median, ratio, low, high, count, failed)
 
 
 def start_rows(samples: Samples, scene: str) -> list[StartRow]:

@@ -100,7 +100,7 @@ def test_an_empty_folder_has_a_short_page(kind: str, tmp_path: Path) -> None:
         lambda text: text[: len(text) // 2],
         lambda text: re.sub('"version": [12]', '"version": 9', text),
         lambda text: text.replace('"format": "ringsolid.', '"format": "other.'),
-        lambda text: re.sub('"(notes|remarks|cameras|alone)": \\[', r'"\1": [1, ', text),
+        lambda text: re.sub('"(notes|remarks|cameras|alone|starts)": \\[', r'"\1": [1, ', text),
         lambda text: text.replace('"unit": "mm"', '"unit": ["mm"]').replace('"status": "', '"status": "un'),
         lambda text: "[" * 100_000,
         lambda text: "",
@@ -137,7 +137,7 @@ def test_texts_stay_texts(kind: str, tmp_path: Path) -> None:
     """Names and remarks with markup in them are shown as they are, and do nothing."""
     names = frozenset((
         "target", "notes", "reasons", "claim", "evidence", "elsewhere", "setting", "sentences", "amount", "why",
-        "sources_of_amounts", "settings", "remarks", "program", "camera", "sampling",
+        "sources_of_amounts", "settings", "remarks", "program", "camera", "sampling", "photos",
     ))  # fmt: skip
     files = dict(FOLDERS[kind]())
     files[TABLES[kind]] = json.dumps(with_markup(json.loads(files[TABLES[kind]]), names)).encode()

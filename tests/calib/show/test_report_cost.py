@@ -1,0 +1,43 @@
+"""The page of a study of costs: ratios are the table's, and the answer follows from them."""
+
+from pathlib import Path
+
+import pytest
+
+from designer.page.blocks import Page
+from tests.support.report_folders import cost_files, page_of, table_of, written
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Page:
+    """The page of a made-up study."""
+    return page_of("cost", written(cost_files(), tmp_path))
+
+
+def test_the_answer_counts_what_is_sure(page: Page) -> None:
+    """A cost that is worse more often than better is not the one to minimise; where it is better is told."""
+    assert page.headline is not None
+    assert page.headline.word == "minimise in the image"
+    assert "of 3 comparisons: ray 1 better, 2 worse" in page.headline.sentence
+    (row,) = table_of(page, "Costs against").rows
+    assert [cell.text for cell in row[2:5]] == ["1", "2", "3"]
+    assert (row[2].level, row[3].level) == ("good", "bad")
+    lead = next(section.lead for section in page.sections if section.title == "Every comparison")
+    assert lead.endswith("ray (board, as made: camera against truth, px, 0.900 times).")
+
+
+def test_ratios_stand_with_their_intervals(page: Page) -> None:
+    """Of each scene, condition and measure; marked if sure, and with how many sets have none."""
+    rows = {(row[1].text, row[2].text): row for row in table_of(page, "Errors over").rows}
+    worse = rows["as drawn", "camera against truth, px"]
+    assert (worse[3].text, worse[4].text, worse[4].level) == ("0.0100", "2.000 [1.900, 2.100]; 1 without", "bad")
+    assert rows["as made", "camera against truth, px"][4].level == "good"
+
+
+def test_starts_are_told_with_their_shares(page: Page) -> None:
+    """By cost over all scenes, the one that stands most first; shares have Wilson's interval."""
+    lead = next(section.lead for section in page.sections if section.title == "Bad starts")
+    assert "ray 90 %, image 75 %" in lead
+    rows = {row[1].text: row for row in table_of(page, "Bad starts").rows}
+    assert rows["image"][3].text == "75 % [59, 86]"  # (45 + z² / 2) / (60 + z²) ± 2.3195 × 0.0599
+    assert [cell.text for cell in rows["ray"][4:]] == ["10", "1", "8"]
