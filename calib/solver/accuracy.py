@@ -100,13 +100,14 @@ def accuracy_of(
     return Accuracy(scale, factor * spread @ inverse @ spread.T, factor * pose, weakest, weakest_eigenvalue)
 
 
-def projected_change(camera: Camera, pixel: Array) -> Array:
+def projected_change(camera: Camera, pixel: Array, over: Array | None = None) -> Array:
     """How each parameter moves where the camera shows the directions it has at pixels (N, 2, P); nan where it has none.
 
-    With G = du/dparams and R = du/drotation at a pixel, and W the least-squares rotation over the image for each
-    parameter, that is `G + R W`.
+    With G = du/dparams and R = du/drotation at a pixel, and W the least-squares rotation over the image (or over pixels
+    `over`) for each parameter, that is `G + R W`.
     """
-    by_params, by_rotation = _derivatives(camera, image_grid(camera.image_size, *GRID).reshape(-1, 2))
+    everywhere = image_grid(camera.image_size, *GRID).reshape(-1, 2) if over is None else over
+    by_params, by_rotation = _derivatives(camera, everywhere)
     seen: NDArray[np.bool_] = np.asarray(np.isfinite(by_params).all(axis=(1, 2)))
     turn = least_squares(by_rotation[seen].reshape(-1, 3), -by_params[seen].reshape(-1, by_params.shape[2]))
     here_params, here_rotation = _derivatives(camera, pixel)

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
-from calib.cameras.refit import image_grid
+from calib.core.linear_algebra import worse_sigma
 from calib.core.se3 import log_rotation
 from calib.core.types import KnownPoints
-from calib.solver.accuracy import Accuracy, accuracy_of, projected_change, share_px, sigma_over_image_px
+from calib.solver.accuracy import Accuracy, accuracy_of, projected_change, share_px
 from calib.solver.blocks import RobustLoss, view_blocks, view_misfit
 from calib.solver.costs import COSTS, DISTANCES, IMAGE
 from calib.solver.descend import Descended, Shown, lost_views, minimise_shown
@@ -21,6 +21,8 @@ from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 
+ENOUGH = 1000
+"""Pixels to tell from where cameras differ."""
 ROUNDS = 6
 """Of weighing outliers and solving again, as in the image."""
 
@@ -122,14 +124,18 @@ def descend_in_space(
         param_covariance=sure.param_covariance + np.outer(step, step),
         pose_covariance=sure.pose_covariance + moved[:, :, None] * moved[:, None, :],
     )  # fmt: skip
-    return SolvedInSpace(descended, accuracy, _remark(options.minimise, minimum.camera, step, sure))
+    pixel = problem.measured_px.T[is_used]
+    return SolvedInSpace(descended, accuracy, _remark(options.minimise, minimum.camera, step, sure, pixel))
 
 
-def _remark(minimise: str, camera: Camera, step: Array, sure: Accuracy) -> str:
-    """By how much the camera is another one."""
-    change = projected_change(camera, image_grid(camera.image_size).reshape(-1, 2)) @ step
-    off_px, sigma_px = share_px(np.hypot(*change.T)), sigma_over_image_px(camera, sure.param_covariance)
+def _remark(minimise: str, camera: Camera, step: Array, sure: Accuracy, pixel: Array) -> str:
+    """By how much the camera is another one, at pixels where something was seen (M, 2)."""
+    some = pixel[:: max(len(pixel) // ENOUGH, 1)]
+    change = projected_change(camera, some, some)
+    off_px = share_px(np.hypot(*(change @ step).T))
+    sigma_px = share_px(worse_sigma(change @ np.nan_to_num(sure.param_covariance) @ change.transpose(0, 2, 1)))
     return (
-        f"minimised: {COSTS[minimise].title}; 95 % of the image are within {off_px:.2g} px of the camera that the "
-        f"distances in the image give, itself sure to {sigma_px:.2g} px there; what is stated has the difference in it"
+        f"minimised: {COSTS[minimise].title}; where points were seen, 95 % are within {off_px:.2g} px of the camera "
+        f"that the distances in the image give, itself sure to {sigma_px:.2g} px there; what is stated has the "
+        "difference in it"
     )

@@ -19,8 +19,10 @@ MARKS = ("o", "s", "D", "^", "v", "x")
 ROW_PX, ABOVE_PX = 52, 260
 SPREAD = 0.72
 """Of a row's height, what its marks take."""
-LEAST, MOST = 0.5, 4.0
+FAR, NEAR = (0.5, 4.0), (0.8, 1.25)
+LIMITS = {"camera_px": FAR, "pose_mm": FAR, "held_out_px": NEAR, "held_out_mm": NEAR}
 """Of the ratios that are drawn in full; those beyond lie at the edge."""
+TICKS, FINE = (0.5, 0.7, 0.8, 0.9, 1, 1.1, 1.2, 1.5, 2, 3, 4), (0.8, 0.9, 1.1, 1.2)
 
 
 def cost_figures(table: CostTable, folder: Path) -> dict[Path, bytes]:
@@ -50,7 +52,7 @@ def _panel(axes: "Axes", table: CostTable, measure: str) -> None:
     """Ratios on a logarithmic scale, left of the line better than the image."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 
-    drawn = False
+    drawn, (least, most) = False, LIMITS[measure]
     names = table.costs
     for number, name in enumerate(names):
         rows = [(place, table.of(*key, name, measure)) for place, key in enumerate(table.keys)]
@@ -59,9 +61,9 @@ def _panel(axes: "Axes", table: CostTable, measure: str) -> None:
             continue
         drawn = True
         shift = SPREAD * ((number + 0.5) / len(names) - 0.5)
-        x = [min(max(one.ratio, LEAST), MOST) for _, one in known]
-        low = [at - min(max(one.low, LEAST), at) for at, (_, one) in zip(x, known, strict=True)]
-        high = [max(min(one.high, MOST), at) - at for at, (_, one) in zip(x, known, strict=True)]
+        x = [min(max(one.ratio, least), most) for _, one in known]
+        low = [at - min(max(one.low, least), at) for at, (_, one) in zip(x, known, strict=True)]
+        high = [max(min(one.high, most), at) - at for at, (_, one) in zip(x, known, strict=True)]
         axes.errorbar(
             x, [place + shift for place, _ in known], xerr=[low, high], fmt=MARKS[number % len(MARKS)],
             color=COLOURS[number % len(COLOURS)], markersize=5, linewidth=1.2, label=name,
@@ -76,8 +78,10 @@ def _panel(axes: "Axes", table: CostTable, measure: str) -> None:
     for place in range(1, len(table.keys)):
         axes.axhline(place - 0.5, color=EMPTY, linewidth=0.8)
     axes.set_xscale("log")
-    axes.set_xlim(0.95 * LEAST, 1.05 * MOST)
-    axes.xaxis.set_major_locator(FixedLocator([0.5, 0.7, 1, 1.5, 2, 3, 4]))
+    margin = (most / least) ** 0.03
+    axes.set_xlim(least / margin, most * margin)
+    shown = [tick for tick in TICKS if LIMITS[measure] == NEAR or tick not in FINE]
+    axes.xaxis.set_major_locator(FixedLocator(shown))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_minor_formatter(NullFormatter())

@@ -25,6 +25,7 @@ from calib.show.studies.study_folder import (
 )
 from calib.solver.costs import IMAGE
 from calib.studies.cost.cases import CONTRAST_TO_NOISE, FARTHEST, SETTINGS, VIEWS
+from calib.studies.cost.errors import WEIGHTED
 from calib.studies.cost.photographed import OUTLIER_PX, OUTLIER_SHARE
 from calib.studies.cost.results import COST_TABLE, CostRatio, CostTable, StartRow
 from designer.page.blocks import Block, Command, Finding, Findings, Headline, Page, Section
@@ -64,9 +65,9 @@ def cost_page(folder: Path, origin: Origin) -> Page:
 
 def cost_sections(table: CostTable, drawn: Drawn = lambda texts: ()) -> tuple[Section, ...]:
     """All that is told of a study."""
-    text = FigureText(FIGURE, "Errors over the image's, by cost", answer(table))
+    text = FigureText(FIGURE, "Errors over the image's, by cost", counts_sentence(table))
     parts: list[Section] = [
-        Section("Answer", (costs_table(table), *drawn([text])), lead=answer(table)),
+        Section("Answer", (costs_table(table), *drawn([text])), lead=counts_sentence(table)),
         Section("Every comparison", (ratios_table(table),), lead=wins_sentence(table)),
     ]
     if table.starts:
@@ -125,43 +126,66 @@ def _notes() -> Findings:
 
 def cost_headline(table: CostTable) -> Headline:
     """Whether the image's distances are the ones to minimise."""
-    winners = [name for name in table.costs if _balance(table, name) > 0]
     if not any(table.compared(name) for name in table.costs):
-        return Headline("note", "answered", "No comparison has three sets yet.")
-    word = f"minimise {' or '.join(winners)}" if winners else "minimise in the image"
-    return Headline("note", word, answer(table))
+        return Headline("note", "answered", answer(table))
+    is_image = all(not _winners(table, condition) for condition in _conditions(table))
+    return Headline("note", "minimise in the image" if is_image else "it depends", answer(table))
 
 
-def _balance(table: CostTable, name: str) -> int:
-    """Comparisons in which a cost is better than the image, less those in which it is worse."""
-    found = table.compared(name)
-    return sum(one.is_better for one in found) - sum(one.is_worse for one in found)
+def _conditions(table: CostTable) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(condition for _, condition in table.keys))
+
+
+def _counts(rows: Sequence[CostRatio]) -> tuple[int, int]:
+    """How many are surely better than the image, and surely worse."""
+    return sum(one.is_better for one in rows), sum(one.is_worse for one in rows)
+
+
+def _winners(table: CostTable, condition: str) -> list[str]:
+    """Other costs that are better more often than worse, the best first, in words."""
+    found = []
+    for name in table.costs:
+        rows = [one for one in table.compared(name) if one.condition == condition]
+        better, worse = _counts(rows)
+        if better > worse and name != WEIGHTED:
+            found.append((worse - better, f"{name} ({better} better, {worse} worse of {len(rows)})"))
+    return [text for _, text in sorted(found)]
 
 
 def answer(table: CostTable) -> str:
+    """What is best minimised under each condition."""
+    told = {condition: _winners(table, condition) for condition in _conditions(table)}
+    if not any(table.compared(name) for name in table.costs):
+        return "No comparison has three sets yet."
+    image = [condition for condition, winners in told.items() if not winners]
+    parts = [f"{condition}: {', '.join(winners)}" for condition, winners in told.items() if winners]
+    rest = f"Distances in the image are not beaten for {', '.join(f'{name!r}' for name in image)}." if image else ""
+    more = f" Comparisons with them that another cost wins on balance: {'; '.join(parts)}." if parts else ""
+    return f"{rest}{more}".strip()
+
+
+def counts_sentence(table: CostTable) -> str:
     """In how many comparisons each cost is better or worse."""
     parts = []
     for name in table.costs:
-        found = table.compared(name)
-        better, worse = sum(one.is_better for one in found), sum(one.is_worse for one in found)
+        better, worse = _counts(table.compared(name))
         parts.append(f"{name} {better} better, {worse} worse" if better or worse else f"{name} the same in all")
     count = max((len(table.compared(name)) for name in table.costs), default=0)
-    if not count:
-        return "No comparison has three sets yet."
-    return f"Against the distances in the image, of {count} comparisons: {'; '.join(parts)}."
+    return f"Against the distances in the image, of {count} comparisons: {'; '.join(parts) or 'none'}."
 
 
 def wins_sentence(table: CostTable) -> str:
-    """Where something else is better than the distances in the image."""
-    wins = sorted((one for name in table.costs for one in table.compared(name) if one.is_better), key=_ratio)
+    """Where distances in space are better than those in the image."""
+    others = [one for name in table.costs if name != WEIGHTED for one in table.compared(name)]
+    wins = sorted((one for one in others if one.is_better), key=_ratio)
     if not wins:
-        return "Nothing is surely better than the distances in the image."
+        return "No distances in space are surely better than those in the image."
     told = [
         f"{one.cost} ({one.scene}, {one.condition}: {TITLES[one.measure]}, {figure(one.ratio, 3)} times)"
         for one in wins[:MOST_WINS]
     ]
     more = f"; and {len(wins) - MOST_WINS} smaller ones" if len(wins) > MOST_WINS else ""
-    return f"Surely better than the distances in the image: {'; '.join(told)}{more}."
+    return f"Surely better than the distances in the image are: {'; '.join(told)}{more}."
 
 
 def _ratio(one: CostRatio) -> float:
