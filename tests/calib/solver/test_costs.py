@@ -126,13 +126,13 @@ def test_what_a_cost_does_to_the_camera_is_stated() -> None:
 
 def test_outliers_of_the_image_stay_out_of_space() -> None:
     """What is rejected in pixels is not minimised in mm."""
-    seen, _ = scene(WIDE, noise_px=0.1, views=6)
+    seen, _ = scene(CAMERAS["opencv"], noise_px=0.1, views=8)
     wrong = np.arange(0, len(seen.view), 37)
     pixel = np.array(seen.center_px)
     pixel[wrong] += 30.0
-    found = solve(replace(seen, center_px=pixel), "ds", SolveOptions(minimise="ray", reject_sigma=5.0))
+    found = solve(replace(seen, center_px=pixel), "opencv", SolveOptions(minimise="ray", reject_sigma=5.0))
     assert set(np.flatnonzero(found.is_outlier)) >= set(wrong)
-    clean = solve(seen, "ds", SolveOptions(minimise="ray"))
+    clean = solve(seen, "opencv", SolveOptions(minimise="ray"))
     sigma = np.sqrt(np.diagonal(clean.param_covariance))
     assert (np.abs(found.camera.params - clean.camera.params) < sigma).all()
 

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -31,12 +32,13 @@ from calib.studies.statistics import Case
 from calib.studies.stored_samples import Samples, StoredCase
 from designer.base.errors import InputError
 
-CAMERA = Camera("ds", np.array([790.0, 790.0, 979.0, 546.0, -0.1, 0.53]), (1920, 1080))
+CAMERA = Camera("opencv", np.array([790.0, 790.0, 979.0, 546.0, -0.1, 0.01, 0.0, 0.0, 0.0]), (1920, 1080))
 NAMES = [one.name for one in ESTIMATORS]
 
 
+@cache
 def scene() -> ComparedScene:
-    """A board before a wide lens, from near and from farther away; few photos."""
+    """A board before a camera, from near and from farther away; few photos."""
     return replace(scene_of("board", make_target("3d-board"), CAMERA, 8), farthest=2.0)
 
 
@@ -90,7 +92,7 @@ def test_all_costs_see_the_same_photos() -> None:
 def test_real_photos_are_held_out_in_turn() -> None:
     """Every photo once; without covariances those of the image change nothing, and no truth is made up."""
     seen, _ = photograph(scene(), scene().target.center_mm, stream(1, "x"), 6)
-    pool = RealPool(replace(seen, cov_px2=None), "ds", 3)
+    pool = RealPool(replace(seen, cov_px2=None), "opencv", 3)
     (found,) = pool.run("", 6, 1, range(1))
     values = np.array(found.params).reshape(-1, len(MEASURES))
     assert found.distinct_views == 4
@@ -176,5 +178,5 @@ def test_numbers_and_photos_that_do_not_do_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="give --detections too"):
         study_cost(tmp_path, target="board.target.json")
     with pytest.raises(InputError, match="3 photos, of which some are held out; give 4 or more"):
-        study_cost(tmp_path, seen, model="ds")
+        study_cost(tmp_path, seen, model="opencv")
     assert json.dumps(sorted(path.name for path in tmp_path.iterdir())) == "[]"
