@@ -100,7 +100,11 @@ def best_of(solutions: Sequence[Solution]) -> Solution:
     Raises:
         ValueError: none was.
     """
-    ranks = {row: one.evaluation.preference for row, one in enumerate(solutions) if one.evaluation is not None}
+    ranks = {
+        row: (*one.evaluation.preference[:2], one.held_out_px or 0.0, one.evaluation.preference)
+        for row, one in enumerate(solutions)
+        if one.evaluation is not None
+    }
     if not ranks:
         raise ValueError("no model was solved")
     return solutions[min(ranks, key=lambda row: ranks[row])]

@@ -135,7 +135,8 @@ def run(
             writer.write_search(search, staging)
     if not search.with_target:
         raise NothingFoundError(f"none of {len(search.results)} photos shows the target", search)
-    observations = observations_from_detections(search.with_target, geometry, origin="the photos")
+    found = observations_from_detections(search.with_target, geometry, origin="the photos")
+    plan, observations = plan.suited(found)
     table = () if writer is None else (("detections", named_in_files(writer.folder / DETECTIONS_FILE)),)
     file = "NAME.target.json" if isinstance(target, TargetGeometry) else named_in_files(Path(target))
     kept = (("target", file), *table, ("photos", str(len(asked.paths))), *settings)
@@ -211,6 +212,7 @@ def solve(
     observations = observations_of(observed, target)
     way = how_made(geometry, made, rendered_id=rendered_id or rendered_id_of(observed))
     reference = _checked_reference(reference, plan, observations.view_names)
+    plan, observations = plan.suited(observations)
     layout_id = "" if geometry is None else geometry.layout_id
     known = truth_from(truth)
     task = SolveTask(observations, plan, layout_id, tuple(settings), reference, known, way)
@@ -278,7 +280,7 @@ def _criteria(criteria: Criteria | Place) -> Criteria:
 def _writer(out: RunWriter | Place | None, plan: SolvePlan) -> RunWriter | None:
     if out is None or isinstance(out, RunWriter):
         return out
-    return RunWriter(folder_of(out), plan.models)
+    return RunWriter(folder_of(out), (*plan.models, *plan.wide_models))
 
 
 def _checked_reference(reference: Reference | None, plan: SolvePlan, photos: Sequence[str]) -> Reference | None:

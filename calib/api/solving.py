@@ -4,16 +4,16 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import MODELS, models_of_all, parameter_names, solved_models
+from calib.cameras import MODELS, models_of_all, models_of_all_wide, parameter_names, solved_models
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
-from calib.metrics.evaluation import Evaluation, evaluate
+from calib.metrics.evaluation import Evaluation, evaluate, held_out_px
 from calib.observe.image_circle import brightest_of, with_image_circle
 from calib.renderer.quantities import number
 from calib.renderer.truth import Truth
@@ -22,6 +22,7 @@ from calib.solver.calibration import Calibration
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.image_field import with_image_field
 from calib.solver.options import SolveOptions, tie_parameters
+from calib.solver.suited import lens_kind, ruled_out
 from calib.solver.target_error import with_target_error
 from calib.virtual.calibrate import calibrate
 from calib.virtual.solve_virtual import Reference
@@ -31,6 +32,7 @@ from designer.tolerance.made import Made
 
 ALL = "all"
 MAX_FOCAL_PX = 1e7
+LEAST_COMPARED = 2
 _ASSIGNMENT = re.compile(r"\s*([A-Za-z0-9_]+)\s*(?:=\s*(\S+)\s*)?")
 _FOCAL = re.compile(r"\s*([0-9.eE+]{1,30})\s*(px)?\s*")
 
@@ -41,6 +43,19 @@ class SolvePlan:
 
     models: tuple[str, ...]
     options: SolveOptions  # with the names of every model asked for
+    wide_models: tuple[str, ...] = ()  # that are solved instead where the lens is a wide one
+    is_compared: bool = False  # by photos held out
+
+    def suited(self, observations: Observations) -> tuple["SolvePlan", Observations]:
+        """The plan for the lens that was photographed, and the observations with a word on it if it is a wide one."""
+        if not self.wide_models:
+            return self, observations
+        kind = lens_kind(observations, self.options)
+        if not kind.is_wide:
+            return self, observations
+        said = f"{kind.sentence}: solved as {', '.join(self.wide_models)}, not as {', '.join(self.models)}"
+        plan = replace(self, models=self.wide_models, wide_models=(), is_compared=True)
+        return plan, replace(observations, remarks=(*observations.remarks, said))
 
     def options_of(self, model: str) -> SolveOptions:
         """The options without the parameters that this model does not have."""
@@ -81,7 +96,7 @@ def plan_from_words(
         InputError: a word that means nothing; the message says what may stand there.
     """
     fix, share = several("--fix", fix), several("--share", share)
-    models = models_of(str(model))
+    models, wide = (models_of_all(), models_of_all_wide()) if model == ALL else ((str(model),), ())
     choices = ", ".join(solved_models())
     for name in models:
         if name in MODELS and name not in solved_models():
@@ -97,7 +112,7 @@ def plan_from_words(
     if minimise not in COSTS:
         hint = suggestion(str(minimise), list(COSTS)) or f"; there are {', '.join(COSTS)}"
         raise InputError(f"--minimise {shown(str(minimise))}: nothing that is minimised{hint}")
-    known = {name for one in models for name in parameter_names(one)}
+    known = {name for one in (*models, *wide) for name in parameter_names(one)}
     fixed = tuple(_fixed(text, known) for text in fix)
     shared = tuple(_shared(text, known) for text in share)
     options = SolveOptions(
@@ -110,15 +125,15 @@ def plan_from_words(
         minimise=minimise,
         free_bend=bool(free_bend),
     )
-    plan = SolvePlan(models, options)
-    for name in models:
+    plan = SolvePlan(models, options, wide)
+    for name in (*models, *wide):
         tie_parameters(name, plan.options_of(name))  # refuses what cannot be together, before any work is done
     return plan
 
 
 def models_of(model: str) -> tuple[str, ...]:
-    """The models that a name asks for: itself, or of `all` the paper's."""
-    return models_of_all() if model == ALL else (model,)
+    """The models that may be solved for a name: itself, or of `all` those of ordinary lenses and of wide ones."""
+    return (*models_of_all(), *models_of_all_wide()) if model == ALL else (model,)
 
 
 def _fixed(text: str, known: set[str]) -> tuple[str, float | None]:
@@ -177,6 +192,14 @@ class Solution:
     evaluation: Evaluation | None
     failure: str = ""
     is_undetermined: bool = False  # what failed had too little to go on
+    held_out_px: float | None = None  # left over in photos that it was not solved from; None: not compared so
+
+    def with_held_out(self, left_px: float, said: str) -> "Solution":
+        """The solution with what it leaves over in photos held out, and a word on it."""
+        if self.evaluation is None:
+            return self
+        calibration = replace(self.calibration, remarks=(*self.calibration.remarks, said))
+        return replace(self, evaluation=replace(self.evaluation, calibration=calibration), held_out_px=left_px)
 
     @property
     def calibration(self) -> Calibration:
@@ -216,15 +239,45 @@ class SolveTask:
 
 def solve_models(task: SolveTask) -> Iterator[Solution]:
     """Solve each model and evaluate it. One that cannot be solved does not stop the others."""
-    for model in task.plan.models:
+    solutions = (_solution(task, model) for model in task.plan.models)
+    yield from compared(list(solutions), task.plan) if task.plan.is_compared else solutions
+
+
+def _solution(task: SolveTask, model: str) -> Solution:
+    """A model solved and evaluated, unless the field of view rules it out."""
+    options = task.plan.options_of(model)
+    try:
+        solved = calibrate(task.observations, model, options, task.reference)
+    except InputError as error:
+        why = ruled_out(model, None, task.observations, options)
+        return Solution(model, None, why or str(error), isinstance(error, UndeterminedError) and not why)
+    if why := ruled_out(model, solved, task.observations, options):
+        return Solution(model, None, why)
+    try:
+        calibration = with_image_field(with_target_error(solved, task.made))
+        calibration = _with_image_circle(calibration, task)
+        calibration = replace(calibration, remarks=(*calibration.remarks, *task.observations.remarks))
+        return Solution(model, evaluate(calibration, task.truth))
+    except InputError as error:
+        return Solution(model, None, str(error), isinstance(error, UndeterminedError))
+
+
+def compared(solutions: Sequence[Solution], plan: SolvePlan) -> Sequence[Solution]:
+    """The solutions with what each leaves over in photos that it was not solved from, and a word on it."""
+    solved = [one for one in solutions if one.evaluation is not None and one.camera.learned is None]
+    if len(solved) < LEAST_COMPARED:
+        return solutions
+    left_px: dict[str, float] = {}
+    for one in solved:
+        again = partial(calibrate, model=one.model, options=plan.options_of(one.model))
         try:
-            solved = calibrate(task.observations, model, task.plan.options_of(model), task.reference)
-            calibration = with_image_field(with_target_error(solved, task.made))
-            calibration = _with_image_circle(calibration, task)
-            calibration = replace(calibration, remarks=(*calibration.remarks, *task.observations.remarks))
-            yield Solution(model, evaluate(calibration, task.truth))
-        except InputError as error:
-            yield Solution(model, None, str(error), isinstance(error, UndeterminedError))
+            left_px[one.model] = held_out_px(one.calibration, again)
+        except InputError:
+            return solutions
+    kept = min(left_px, key=lambda name: left_px[name])
+    parts = ", ".join(f"{name} {px:.3g} px" for name, px in left_px.items())
+    said = f"in photos held out of the solution {kept} leaves the least over ({parts}, RMS)"
+    return [one.with_held_out(left_px[one.model], said) if one.model in left_px else one for one in solutions]
 
 
 def _with_image_circle(calibration: Calibration, task: SolveTask) -> Calibration:

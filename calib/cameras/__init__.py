@@ -36,6 +36,7 @@ class Abilities:
     is_learned: bool = False  # a map that is learned from photos, besides the parameters
     is_wide: bool = False  # light from the side and from behind has an image
     is_in_all: bool = False  # one of those that `--model all` solves and compares
+    is_in_all_wide: bool = False  # likewise, where the lens is a wide one
     picture: Picture | None = None  # photos are resampled to it: `calib undistort --to`
 
 
@@ -44,12 +45,12 @@ ABILITIES: dict[str, Abilities] = {
     "opencv": Abilities(is_in_all=True),
     "virtual": Abilities(is_in_all=True, is_learned=True),
     "pinhole": Abilities(picture=Picture("a pinhole", "u = fx X / Z + cx, v = fy Y / Z + cy")),
-    "opencv8": Abilities(),
+    "opencv8": Abilities(is_in_all_wide=True),
     "opencv12": Abilities(),
-    "fisheye": Abilities(is_wide=True),
+    "fisheye": Abilities(is_wide=True, is_in_all_wide=True),
     "thin_prism_fisheye": Abilities(is_wide=True),
-    "ds": Abilities(is_wide=True),
-    "eucm": Abilities(is_wide=True),
+    "ds": Abilities(is_wide=True, is_in_all_wide=True),
+    "eucm": Abilities(is_wide=True, is_in_all_wide=True),
     "omni": Abilities(is_wide=True),
     "division": Abilities(is_wide=True),
     "spline": Abilities(is_solved=False),
@@ -133,8 +134,18 @@ def fitted_models() -> tuple[str, ...]:
 
 
 def models_of_all() -> tuple[str, ...]:
-    """The models that `--model all` means."""
+    """The models that `--model all` means, of an ordinary lens."""
     return tuple(name for name, model in ABILITIES.items() if model.is_in_all)
+
+
+def models_of_all_wide() -> tuple[str, ...]:
+    """The models that `--model all` means, of a wide lens."""
+    return tuple(name for name, model in ABILITIES.items() if model.is_in_all_wide)
+
+
+def wide_models() -> tuple[str, ...]:
+    """The models to advise for a wide lens: of those that are compared, what shows light from behind, too."""
+    return tuple(name for name in models_of_all_wide() if ABILITIES[name].is_wide)
 
 
 def pictures() -> "dict[str, Picture]":

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from calib.cameras import learned_models, models_of_all, solved_models
+from calib.cameras import learned_models, models_of_all, models_of_all_wide, solved_models
 from calib.solver.costs import COSTS
 from designer.base.errors import InputError
 from designer.base.words import shown
@@ -31,10 +31,14 @@ ResumeOption = Annotated[bool, typer.Option("--resume", help="go on with the stu
 PhotoJobsOption = Annotated[
     int | None, typer.Option(min=1, max=1024, help="photos at a time, all in memory (default: one per core)")
 ]
-_SOLVED, _ALL, _LEARNED = (", ".join(names) for names in (solved_models(), models_of_all(), learned_models()))
+_SOLVED, _ALL, _ALL_WIDE, _LEARNED = (
+    ", ".join(names) for names in (solved_models(), models_of_all(), models_of_all_wide(), learned_models())
+)
 ModelOption = Annotated[
     str,
-    typer.Option(help=f"{_SOLVED}, or all: {_ALL}", autocompletion=one_of((*solved_models(), "all"))),
+    typer.Option(
+        help=f"{_SOLVED}, or all: {_ALL}; of a wide lens {_ALL_WIDE}", autocompletion=one_of((*solved_models(), "all"))
+    ),
 ]
 FixOption = Annotated[list[str] | None, typer.Option(help="keep a parameter as it starts, or at a value: k3, k3=0")]
 ShareOption = Annotated[list[str] | None, typer.Option(help="parameters that have one value: fx_px,fy_px")]

@@ -18,6 +18,7 @@ from designer.base.errors import InputError
 LEAST_FOLDS = 2
 LEAST_POINTS = 4
 """Of a view, for a pose."""
+USUAL_FOLDS = 5
 Solve = Callable[[Observations], Calibration]
 
 
@@ -248,6 +249,27 @@ def _posed(
         remarks=() if calibration.status == "converged" else calibration.remarks,
     )
     return one, has_pose
+
+
+def held_out_px(calibration: Calibration, solve: Solve, folds: int = USUAL_FOLDS) -> float:
+    """Root mean square distance in views held out, as `evaluate_held_out` does it: the one figure, without metrics.
+
+    Infinite where a view that was held out has no pose.
+
+    Raises:
+        InputError: fewer views than parts, or the others do not determine a camera.
+    """
+    used, views = keep_sightings(calibration.observations, ~calibration.is_outlier), calibration.observations.view_count
+    if views < LEAST_FOLDS:
+        raise InputError(f"{views} views: give {LEAST_FOLDS} or more to hold some out")
+    square = []
+    for fold in range(folds := min(folds, views)):
+        held = np.arange(views) % folds == fold
+        camera = solve(keep_views(used, ~held)).camera
+        residual = solve_poses(camera, keep_views(used, held), weighted=calibration.weighted).residual_px
+        square.append((residual**2).sum(axis=1))
+    left_px = float(np.sqrt(np.concatenate(square).mean()))
+    return left_px if np.isfinite(left_px) else np.inf
 
 
 def _fold(

@@ -107,15 +107,22 @@ def select(problem: Problem, views: NDArray[np.int64], per_view: int) -> Problem
     """Some views, with at most so many used observations of each, evenly spread over their order."""
     if len(views) == problem.view_count and per_view >= len(problem.is_used) and problem.is_used.all():
         return problem
-    start = np.zeros(len(views) + 1, dtype=np.int64)
-    rows = np.empty(min(len(problem.is_used), per_view * len(views)), dtype=np.int64)
-    _spread_rows(problem.view_start, problem.is_used, views, per_view, start, rows)
-    rows = rows[: start[-1]]
+    start, rows = select_rows(problem, views, per_view)
     return Problem(
         problem.image_size, start, problem.position_mm.take(rows, axis=1), problem.measured_px.take(rows, axis=1),
         problem.whitener.take(rows, axis=1), np.ones(len(rows), dtype=bool), problem.origin_mm,
         None if problem.space is None else problem.space.take(rows),
     )  # fmt: skip
+
+
+def select_rows(
+    problem: Problem, views: NDArray[np.int64], per_view: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where each view's begin among the observations of `select`, and which these are."""
+    start = np.zeros(len(views) + 1, dtype=np.int64)
+    rows = np.empty(min(len(problem.is_used), per_view * len(views)), dtype=np.int64)
+    _spread_rows(problem.view_start, problem.is_used, views, per_view, start, rows)
+    return start, rows[: start[-1]]
 
 
 @jit
