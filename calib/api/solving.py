@@ -112,7 +112,7 @@ def plan_from_words(
     if minimise not in COSTS:
         hint = suggestion(str(minimise), list(COSTS)) or f"; there are {', '.join(COSTS)}"
         raise InputError(f"--minimise {shown(str(minimise))}: nothing that is minimised{hint}")
-    known = {name for one in (*models, *wide) for name in parameter_names(one)}
+    known = {name for one in models for name in parameter_names(one)}
     fixed = tuple(_fixed(text, known) for text in fix)
     shared = tuple(_shared(text, known) for text in share)
     options = SolveOptions(
