@@ -7,9 +7,12 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from calib.cameras import MODELS, project
-from calib.core.se3 import look_at, transform
+import calib
+from calib.cameras import MODELS, models_of_all_wide, project, rays
+from calib.cameras.camera import Camera
+from calib.core.se3 import exp_rotation, look_at, make_pose, rotation_between, transform
 from calib.core.types import Observations
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
@@ -17,7 +20,9 @@ from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.problem import pack
 from calib.solver.schur import damped_step
 from calib.solver.solve import solve
-from tests.support.solver_scenes import board, rows_of
+from calib.solver.suited import lens_kind, ruled_out
+from tests.support.lenses import conventional
+from tests.support.solver_scenes import CAMERAS, board, observe, poses_around, rows_of
 
 Array = NDArray[np.float64]
 
@@ -134,3 +139,62 @@ def test_a_view_with_nothing_else_is_left_out_by_name() -> None:
     assert solved.status == "converged"
     assert solved.observations.view_count == VIEWS - 1
     assert any(".png: left out: " in remark for remark in solved.remarks)
+
+
+CIRCLES = ("half space", "beyond the half space", "wide ellipsoid", "wide sphere", "wide division")
+
+
+@cache
+def seen_all_around(lens: str) -> tuple[Camera, Observations]:
+    """Views of a board all over the field of a wide lens, to its edge, of which a quarter is near the axis."""
+    camera, rng = conventional(lens), np.random.default_rng(7)
+    edge = rays(camera, np.array([[0.0, 400.0]]))[0]
+    widest = 0.9 * np.arctan2(np.hypot(*edge[:2]), edge[2])
+    poses = []
+    for theta in np.linspace(0, widest, VIEWS):
+        phi = rng.uniform(0, 2 * np.pi)
+        sight = np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+        look = rotation_between(np.array([0.0, 0, 1]), sight)
+        tilt = exp_rotation(np.array([*rng.uniform(-0.6, 0.6, 2), 0.0]))
+        turn = np.diag([1.0, -1, -1]) @ exp_rotation(np.array([0, 0, rng.uniform(-3, 3)]))
+        poses.append(make_pose(look @ tilt @ turn, 180 * sight))
+    return camera, observe(camera, BOARD, np.array(poses), rng, noise_px=0.1)
+
+
+@pytest.mark.parametrize("lens", CIRCLES)
+def test_a_wide_lens_is_found_from_nothing(lens: str) -> None:
+    """Every photo is used, and the camera is the true one within what is stated (chi-square of all parameters)."""
+    truth, seen = seen_all_around(lens)
+    solved = solve(seen, truth.model)
+    assert solved.status == "converged"
+    assert solved.observations.view_count == VIEWS
+    assert not solved.is_outlier.any()
+    off = solved.camera.params - truth.params
+    assert off @ np.linalg.solve(solved.param_covariance, off) < chi2.ppf(0.9999, len(off))
+
+
+def test_a_wide_lens_is_told_from_an_ordinary_one() -> None:
+    """By how far off the axis points are seen; the ordinary model is ruled out in a line that names others."""
+    truth, seen = seen_all_around("beyond the half space")
+    sight = rays(truth, seen.center_px)
+    farthest = np.arctan2(np.hypot(sight[:, 0], sight[:, 1]), sight[:, 2]).max()
+    kind = lens_kind(seen)
+    assert kind.is_wide
+    assert kind.off_axis_rad == pytest.approx(farthest, abs=0.02)
+    line = ruled_out("opencv", None, seen, SolveOptions())
+    assert line == f"model opencv cannot show all that was seen: {kind.sentence}; give --model fisheye or ds or eucm"
+    assert not ruled_out("fisheye", None, seen, SolveOptions())
+    ordinary = observe(CAMERAS["opencv"], BOARD, poses_around(8, np.random.default_rng(2)), np.random.default_rng(2))
+    assert not lens_kind(ordinary).is_wide
+    assert not ruled_out("opencv", None, ordinary, SolveOptions())
+
+
+def test_all_models_are_those_that_suit_the_lens() -> None:
+    """Without an option a wide lens is solved by wide models, said in a line; the best has least in photos held out."""
+    truth, seen = seen_all_around("half space")
+    run = calib.solve(seen)
+    assert {one.model for one in run.solutions} == set(models_of_all_wide())
+    left_px = {one.model: one.held_out_px for one in run.solutions if one.held_out_px is not None}
+    assert run.best.model == truth.model == min(left_px, key=lambda name: left_px[name])
+    assert sum(remark.startswith("the lens is a wide one") for remark in run.remarks) == 1
+    assert any(f"{truth.model} leaves the least over" in remark for remark in run.remarks)
