@@ -26,7 +26,7 @@ TILTS_DEG = (20.0, 40.0)
 SIDES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 CORNERS = ((1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
 NEARER, FARTHER, DISTANCES = 0.7, 1.4, 4
-"""Of the distances that were used; much beyond them a fixed lens is not sharp."""
+"""Of the distances to a face that were used; much beyond them a fixed lens is not sharp."""
 LONG = 1.15
 """A target this much longer than wide is worth turning upright."""
 MOST_LIKE = 6
@@ -89,7 +89,8 @@ def candidates_of(calibration: Calibration, shape: TargetShape, habits: Habits) 
     """All photos that are tried: each turn at each place and distance, as far as it can be held there."""
     turns = _flat_turns(shape) if shape.is_flat else _turns_of_views(calibration, shape)
     near, far = habits.distance_mm
-    distances = np.geomspace(NEARER * near, FARTHER * far, DISTANCES)
+    depth = min(_depth_mm(shape), 0.9 * near)  # a solution may place the camera inside of a solid
+    distances = depth + np.geomspace(NEARER * (near - depth), FARTHER * (far - depth), DISTANCES)
     overshoots = (0.0, OVERSHOOT) if not shape.is_flat else tuple({0.0, round(0.7 * (1 - habits.face_share), 2)})
     places = np.array([(*place, over) for over in overshoots for place in PLACES if not over or 1 in np.abs(place)])
     t, d, p = (x.ravel() for x in np.indices((len(turns.rotation), DISTANCES, len(places))))
@@ -99,6 +100,12 @@ def candidates_of(calibration: Calibration, shape: TargetShape, habits: Habits) 
         pose[ok], places[p, :2], distances[d], turns.tilt_deg[t], turns.away[t], turns.is_upright[t],
         turns.like_view[t],
     )  # fmt: skip
+
+
+def _depth_mm(shape: TargetShape) -> float:
+    """How far the faces of a solid lie before its middle; 0 of a flat target."""
+    before = ((shape.middle_mm - shape.center_mm) * shape.normal).sum(axis=1)
+    return 0.0 if shape.is_flat else max(float(np.nanmax(before)), 0.0)
 
 
 def _flat_turns(shape: TargetShape) -> _Turns:

@@ -84,9 +84,12 @@ class Coverage:
     def missing_words(self) -> str:
         """Where it is mostly not covered: "the left edge", "all of the rim, and 75° to 95° off the axis"; "" if so."""
         regions = region_words(tuple(region.name for region in self.not_covered))
-        low = [band.name for band in self.bands if band.covered < NOT_COVERED]
-        angles = _angle_words(low)
-        return ", and ".join(part for part in (regions, angles) if part)
+        return ", and ".join(part for part in (regions, self.missing_angles) if part)
+
+    @property
+    def missing_angles(self) -> str:
+        """Angles at which it is mostly not covered: "75° to 95° off the axis"; "" if none, or all are asked for."""
+        return _angle_words([band.name for band in self.bands if band.covered < NOT_COVERED])
 
     @property
     def middle_px(self) -> Array:

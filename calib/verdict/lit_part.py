@@ -20,6 +20,9 @@ from calib.solver.calibration import Calibration
 
 Array = NDArray[np.float64]
 
+UNSEEN_RAD = math.radians(5)
+"""Where the light ends so far beyond the farthest sighting, the angle is a guess of the lens model."""
+
 
 @dataclass(frozen=True, eq=False)
 class LitPart:
@@ -28,6 +31,7 @@ class LitPart:
     camera: Camera  # without rays beyond
     off_axis_rad: float | None  # where it ends; None: all of the image is asked for
     is_measured: bool = True  # where the light ends; else that is where the farthest sighting is
+    farthest_rad: float = 0.0  # sighting off the axis
 
     def is_lit(self, pixel: Array) -> NDArray[np.bool_]:
         """Whether pixels (..., 2) are in it."""
@@ -53,7 +57,12 @@ class LitPart:
         if self.off_axis_rad is None:
             return ""
         if self.is_measured:
-            return f"The light ends {self.end_words}, and nothing is asked of the camera beyond."
+            known = ""
+            if self.farthest_rad < self.off_axis_rad - UNSEEN_RAD:
+                known = (
+                    f" by the lens model, which no observation beyond {math.degrees(self.farthest_rad):.0f}° confirms"
+                )
+            return f"The light ends {self.end_words}{known}; nothing is asked of the camera beyond."
         return (
             f"The farthest observation is {self.end_words}; nothing is asked of the camera beyond, as only photos tell "
             "whether light arrives there."
@@ -77,17 +86,18 @@ def lit_part(calibration: Calibration) -> LitPart:
         return LitPart(camera, None)
     seen, counted = calibration.observations, ~calibration.is_outlier
     is_measured = camera.field_rad is not None
-    reach = math.nan if camera.field_rad is None else camera.field_rad / 2
-    if not is_measured:
-        pose = calibration.cam_from_target[seen.view[counted]]
-        point = transform(pose, seen.points.position_mm[seen.point[counted]])
-        reach = float(np.arctan2(np.hypot(point[:, 0], point[:, 1]), point[:, 2]).max(initial=0.0))
+    pose = calibration.cam_from_target[seen.view[counted]]
+    point = transform(pose, seen.points.position_mm[seen.point[counted]])
+    farthest = float(np.arctan2(np.hypot(point[:, 0], point[:, 1]), point[:, 2]).max(initial=0.0))
+    reach = farthest if camera.field_rad is None else camera.field_rad / 2
     if not 0 < reach <= math.pi:  # nothing was seen, or nothing is known of poses
         return LitPart(camera, None)
     limited = replace(camera, field_rad=2 * reach)
     pixel = image_grid(camera.image_size)
     has_ray = np.isfinite(rays(limited, pixel)).all(axis=-1)
-    return LitPart(camera, None) if has_ray.all() or not has_ray.any() else LitPart(limited, reach, is_measured)
+    return (
+        LitPart(camera, None) if has_ray.all() or not has_ray.any() else LitPart(limited, reach, is_measured, farthest)
+    )
 
 
 def sigma_over_lit_px(lit: LitPart, param_covariance: Array) -> float:

@@ -112,7 +112,9 @@ def _uncovered(evidence: CameraEvidence, criteria: Criteria, views: Sequence[Nex
     missing = evidence.coverage.missing_words
     last = 100 * views[-1].covered_after if views else percent
     if views and last > percent + LITTLE_PERCENT:
-        return _again(views[-1], criteria)
+        angles = evidence.coverage.missing_angles
+        aside = (f"bring the target to the side: hardly a photo shows it {angles}",) if angles else ()
+        return *aside, *_again(views[-1], criteria)
     if percent >= wanted or not missing:
         return ()
     beyond = "the map is not known" if evidence.uncertainty.is_map_exact else "the lens is a guess of its model"

@@ -226,11 +226,11 @@ def _draw_one(axes: "Axes", number: int, view: NextView, labels: list[NDArray[np
     )  # fmt: skip
 
 
-def next_views_figure(seen: Observations, proposed: Sequence[NextView]) -> Figure:
+def next_views_figure(seen: Observations, proposed: Sequence[NextView], area: str = "image") -> Figure:
     """Where to hold the target in the next photos."""
     count = "One more photo" if len(proposed) == 1 else f"{len(proposed)} more photos"
     last = proposed[-1]
-    words = f"{count} would bring 95 % of the image within about {digits(last.sigma_px_after, 1)} px (1 sigma)"
+    words = f"{count} would bring 95 % of the {area} within about {digits(last.sigma_px_after, 1)} px (1 sigma)"
     if last.covered_after > proposed[0].covered_before:
         words += f" and the coverage to {100 * last.covered_after:.0f} %"
     words += ", if the lens is as estimated"

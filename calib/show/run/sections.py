@@ -187,7 +187,7 @@ def next_section(run: Run) -> Section | None:
     if steps := steps_of(run):
         blocks.append(Steps(tuple(as_sentence(line.replace("`", "")) for line in steps)))
     if run.next_views:
-        blocks.append(next_views_figure(run.best.calibration.observations, run.next_views))
+        blocks.append(next_views_figure(run.best.calibration.observations, run.next_views, run.best.coverage.area))
     elif why := why_no_next_views(run.best.calibration):
         blocks.append(Paragraph(f"No photos are proposed: {printable(why)}."))
     lead = "What would make the camera better, the most useful first."

@@ -10,13 +10,19 @@ from calib.cameras import project, rays
 from calib.cameras.camera import Camera
 from calib.core.se3 import look_at, make_pose, rotation_between, transform
 from calib.observe.image_circle import with_image_circle
+from calib.observe.observations import known_points
 from calib.solver.calibration import Calibration
 from calib.solver.solve import solve
+from calib.verdict.apart import in_sigmas
 from calib.verdict.candidate_views import candidates_of
 from calib.verdict.coverage import coverage_of
 from calib.verdict.evidence import uncertainty_of
 from calib.verdict.lit_part import lit_part
 from calib.verdict.views import habits_of, px_per_mm, shape_of
+from designer.kinds.layout import lay_out
+from designer.kinds.sizing import size_job
+from tests.benchmarks.bench_wide_sigmas import errors_of
+from tests.support.designs import asked_for
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around
 
 FISHEYE = Camera("fisheye", np.array([150.0, 150.0, 401.0, 298.0, 0.01, -0.004, 0.0004, 0.0]), (800, 600))
@@ -39,6 +45,18 @@ def seen_up_to(angle_deg: float) -> Calibration:
 def with_field(calibration: Calibration, field_deg: float) -> Calibration:
     """With the end of its light known."""
     return replace(calibration, camera=replace(calibration.camera, field_rad=np.radians(field_deg)))
+
+
+def test_sigmas_hold_to_the_rim() -> None:
+    """Errors of solved fisheyes are about as large as stated, on the axis and at 95 degrees off it."""
+    target = lay_out(size_job(asked_for("ico", {"edge": "120mm"})).job.target)
+    camera = replace(FISHEYE, field_rad=np.radians(190))
+    parts = [errors_of(target, known_points(target), camera, seed, 16) for seed in range(4)]
+    angle, error, covariance = (np.concatenate(part) for part in zip(*parts, strict=True))
+    assert angle.max() > 93
+    for low, high in ((0, 40), (40, 80), (80, 96)):
+        here = (angle >= low) & (angle < high)
+        assert 0.5 < in_sigmas(error[here], covariance[here]) < 1.5
 
 
 def test_all_of_the_image_is_asked_of_other_lenses() -> None:
