@@ -3,8 +3,10 @@
 Run from the repository's root: `python -m tests.benchmarks.bench_solve [--rounds N]`. Views of a board of 21 x 21
 rings, tilted up to 50 degrees, focal length 2500 px, k1 = -0.12, noise 0.05 px; pixels are rounded to 32 bits, because
 OpenCV rounds them. All start from scratch: ours and OpenCV without a guess, mrcal with the focal length within 5 %,
-which it asks for. OpenCV runs with its default stopping rule, which takes it to the same minimum. The shortest of
-several rounds is printed, the solvers taking turns, so that a busy machine slows all alike.
+which it asks for. OpenCV runs with its default stopping rule, which takes it to the same minimum. Then two more lenses,
+rational and fisheye (700 px, seen up to 89 degrees off the axis), against OpenCV's of the same formula; its fisheye is
+given a guess, without which it ends in an error. The shortest of several rounds is printed, the solvers taking turns,
+so that a busy machine slows all alike.
 """
 
 import argparse
@@ -40,6 +42,11 @@ Array = NDArray[np.float64]
 
 SIZE = (2448, 2048)
 CAMERA = Camera("opencv", np.array([2500.0, 2510, 1230, 1010, -0.12, 0.05, 4e-4, -3e-4, 0.01]), SIZE)
+RATIONAL = Camera(
+    "opencv8", np.array([2500.0, 2510, 1230, 1010, -0.12, 0.05, 4e-4, -3e-4, 0.01, 0.02, -0.01, 0.005]), SIZE
+)
+FISHEYE = Camera("fisheye", np.array([700.0, 702, 1230, 1010, -0.02, 0.01, -0.004, 0.0006]), SIZE)
+OTHER_VIEWS, OTHER_GOAL, NEAR_MM = 120, 8.0, 130.0
 SIDE, PITCH_MM, NOISE_PX = 21, 10.0, 0.05
 TILT_DEG, DISTANCE_MM = 50.0, 380.0
 VIEWS = (20, 50, 120, 200)
@@ -65,13 +72,15 @@ def grid(columns: int, rows: int, pitch_mm: float) -> KnownPoints:
     return KnownPoints(position, np.zeros(columns * rows, dtype=np.int64), np.array([[0.0, 0, 1, 0]]))
 
 
-def scene(points: KnownPoints, views: int, seed: int = 0) -> Observations:
+def scene(
+    points: KnownPoints, views: int, seed: int = 0, camera: Camera = CAMERA, distance_mm: float = DISTANCE_MM
+) -> Observations:
     """Views that show all points."""
     rng = np.random.default_rng(seed)
     poses, pixels = 0, []
-    candidates = poses_around(4 * views, rng, half_angle_deg=TILT_DEG, distance_mm=DISTANCE_MM, aim_mm=15)
+    candidates = poses_around(4 * views, rng, half_angle_deg=TILT_DEG, distance_mm=distance_mm, aim_mm=15)
     for pose in candidates[rng.permutation(len(candidates))]:
-        pixel = project(CAMERA, transform(pose, points.position_mm))
+        pixel = project(camera, transform(pose, points.position_mm))
         if poses < views and (pixel > 0).all() and (pixel < np.array(SIZE) - 1).all():
             pixels.append(pixel)
             poses += 1
@@ -173,6 +182,44 @@ def times(views: int, rounds: int, python: str) -> None:
         row(name, goal, f"{1e3 * one.seconds:.1f} ms", text)
 
 
+def other_lenses(rounds: int) -> None:
+    """Rows of lenses that OpenCV has by the same formula."""
+    for camera, distance_mm in ((RATIONAL, DISTANCE_MM), (FISHEYE, NEAR_MM)):
+        seen = scene(grid(SIDE, SIDE, PITCH_MM), OTHER_VIEWS, camera=camera, distance_mm=distance_mm)
+        ours(seen, camera.model)  # compile
+        found = [(ours(seen, camera.model)[0], opencv_as(camera, seen)) for _ in range(rounds)]
+        mine, theirs = (min(one, key=lambda solution: solution.seconds) for one in zip(*found, strict=True))
+        sigma = np.sqrt(np.diag(ours(seen, camera.model)[1].param_covariance))
+        off = np.abs((theirs.params - mine.params) / sigma).max()
+        text = f"x {theirs.seconds / mine.seconds:.1f}; RMS {theirs.rms_px:.8f} px, params {off:.1e} sigma (all)"
+        row(f"ours, {camera.model}", "", f"{1e3 * mine.seconds:.1f} ms", f"RMS {mine.rms_px:.8f} px")
+        row(f"cv2, {camera.model}", f">= x {OTHER_GOAL:g}", f"{1e3 * theirs.seconds:.1f} ms", text)
+
+
+def opencv_as(camera: Camera, seen: Observations) -> Solution:
+    """OpenCV's solution by the formula of a camera, its parameters in our order; its fisheye takes a guess."""
+    count = len(seen.points.position_mm)
+    pixel = list(seen.center_px.astype(np.float32).reshape(seen.view_count, count, 1, 2))
+    position = [seen.points.position_mm.astype(np.float32)[:, None]] * seen.view_count
+    begin = time.perf_counter()
+    if camera is FISHEYE:
+        flags = cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW | cv2.CALIB_USE_INTRINSIC_GUESS
+        width, height = seen.image_size
+        focal = max(seen.image_size) / np.pi
+        guess = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+        position = [one.transpose(1, 0, 2).astype(np.float64) for one in position]
+        pixel = [one.transpose(1, 0, 2).astype(np.float64) for one in pixel]
+        rms, matrix, lens, _, _ = cv2.fisheye.calibrate(
+            position, pixel, seen.image_size, guess, np.zeros((4, 1)), flags=flags
+        )
+    else:
+        flags = cv2.CALIB_RATIONAL_MODEL
+        rms, matrix, lens, _, _ = cv2.calibrateCamera(position, pixel, seen.image_size, None, None, flags=flags)
+    seconds = time.perf_counter() - begin
+    linear = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
+    return Solution(seconds, np.array([*linear, *lens.ravel()[: len(camera.params) - 4]]), float(rms))
+
+
 def memory() -> None:
     """The peak of a process that does nothing else, above what it holds after the imports."""
     rings = MEMORY_RINGS[0] * MEMORY_RINGS[1]
@@ -218,6 +265,7 @@ def main() -> None:
     )
     for views in VIEWS:
         times(views, rounds, python)
+    other_lenses(rounds)
     memory()
 
 
