@@ -24,6 +24,7 @@ from calib.solver.image_field import with_image_field
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.suited import lens_kind, ruled_out
 from calib.solver.target_error import with_target_error
+from calib.verdict.lit_part import lit_part
 from calib.virtual.calibrate import calibrate
 from calib.virtual.solve_virtual import Reference
 from designer.base.errors import InputError
@@ -285,5 +286,9 @@ def _with_image_circle(calibration: Calibration, task: SolveTask) -> Calibration
     if not calibration.camera.has_dark_corners or task.brightest is None:
         return calibration
     found = with_image_circle(calibration.camera, task.brightest)
+    camera = found.camera
+    if camera.field_rad is not None:  # an observation shows light, too
+        farthest_rad = lit_part(replace(calibration, camera=camera)).farthest_rad
+        camera = replace(camera, field_rad=min(max(camera.field_rad, 2.001 * farthest_rad), 2 * math.pi))
     remarks = (*calibration.remarks, found.remark) if found.remark else calibration.remarks
-    return replace(calibration, camera=found.camera, remarks=remarks)
+    return replace(calibration, camera=camera, remarks=remarks)

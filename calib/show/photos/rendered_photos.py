@@ -1,10 +1,12 @@
 """What `calib render` tells of its photos: what they show of the target, and what makes them less than ideal."""
 
+import math
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.core.number_text import figure as digits
 from calib.core.types import LEAST_RADIUS_PX
@@ -35,6 +37,7 @@ class RenderedPhoto:
 
     name: str
     distance_mm: float
+    off_axis_deg: float | None  # of the target's origin, where the lens is wide
     tilt_deg: float  # of a flat target; nan of others
     faces: int  # with a ring that can be measured
     rings: int  # that can be measured, nothing hiding them
@@ -58,7 +61,8 @@ def told_rendered(job: RenderJob, target: Path, folder: Path) -> ToldPhotos:
     photos, is_flat = _photos(job), job.target.is_plate
     too_small = _too_small(photos) if any(photo.is_too_small for photo in photos) else ""
     return ToldPhotos(
-        "photos", _headline(job, photos, too_small), _facts(job), _columns(is_flat=is_flat),
+        "photos", _headline(job, photos, too_small), _facts(job),
+        _columns(is_flat=is_flat, is_wide=job.camera.has_dark_corners),
         tuple(
             ToldPhoto(
                 photo.name, _cells(photo, is_flat=is_flat), photo.name, _caption(photo),
@@ -92,12 +96,19 @@ def _photos(job: RenderJob) -> list[RenderedPhoto]:
     for name, pose, tilt in zip(job.file_names, poses, tilt_deg, strict=True):
         rings = ring_truth(scene, job.camera, pose)
         clear = rings.whole & (rings.minor_radius_px >= MIN_RADIUS_PX)
+        off_axis_deg = _off_axis_deg(pose) if job.camera.has_dark_corners else None
         radius_px = float(np.median(rings.minor_radius_px[clear])) if clear.any() else np.nan
         photos.append(RenderedPhoto(
-            name, float(np.linalg.norm(pose[:3, 3])), tilt, len(np.unique(scene.ring_face[clear])), int(clear.sum()),
-            radius_px, float(rings.minor_radius_px[rings.visible].max(initial=0)),
+            name, float(np.linalg.norm(pose[:3, 3])), off_axis_deg, tilt, len(np.unique(scene.ring_face[clear])),
+            int(clear.sum()), radius_px, float(rings.minor_radius_px[rings.visible].max(initial=0)),
         ))  # fmt: skip
     return photos
+
+
+def _off_axis_deg(cam_from_target: NDArray[np.float64]) -> float:
+    """The angle between the camera's axis and the way to the target's origin."""
+    x, y, z = cam_from_target[:3, 3].tolist()
+    return math.degrees(math.atan2(math.hypot(x, y), z))
 
 
 def _headline(job: RenderJob, photos: list[RenderedPhoto], too_small: str) -> Headline:
@@ -188,14 +199,16 @@ def _rings_words(photos: list[RenderedPhoto]) -> str:
 
 def _caption(photo: RenderedPhoto) -> str:
     side = f"tilt {photo.tilt_deg:.0f}°" if np.isfinite(photo.tilt_deg) else f"{photo.faces} faces"
-    return f"{digits(photo.distance_mm, 3)} mm away, {side}, {photo.rings} rings"
+    aside = "" if photo.off_axis_deg is None else f", {photo.off_axis_deg:.0f}° off the axis"
+    return f"{digits(photo.distance_mm, 3)} mm away{aside}, {side}, {photo.rings} rings"
 
 
-def _columns(*, is_flat: bool) -> tuple[Column, ...]:
+def _columns(*, is_flat: bool, is_wide: bool) -> tuple[Column, ...]:
     size = f"with a semi-minor axis of at least {MIN_RADIUS_PX:g} px"
     tilt = Column("tilt °", note="between the target's normal and the line of sight; 0 is straight on")
     return (
         Column("distance mm", note="from the camera to the target's origin"),
+        *((Column("off axis °", note="of the target's origin"),) if is_wide else ()),
         tilt if is_flat else Column("faces", note=f"with a ring that is whole and {size}"),
         Column("rings", note=f"whole in the image, {size}; things in front are not counted off"),
         Column("ring size px", note="median of their semi-minor axes"),
@@ -204,4 +217,5 @@ def _columns(*, is_flat: bool) -> tuple[Column, ...]:
 
 def _cells(photo: RenderedPhoto, *, is_flat: bool) -> tuple[Cell, ...]:
     side = number(photo.tilt_deg, 2) if is_flat else whole(photo.faces)
-    return number(photo.distance_mm), side, whole(photo.rings), number(photo.radius_px, 3)
+    aside = () if photo.off_axis_deg is None else (number(photo.off_axis_deg, 2),)
+    return number(photo.distance_mm), *aside, side, whole(photo.rings), number(photo.radius_px, 3)
