@@ -20,7 +20,7 @@ from calib.solver.costs import IMAGE
 from calib.solver.options import SolveOptions, tie_parameters
 from calib.solver.outliers import robust_covariance_factor, robust_sigma, whitened
 from calib.solver.plane_bend import PlaneBend, plane_bend
-from calib.solver.problem import pack, target_covariance
+from calib.solver.problem import origin_poses, pack, target_covariance
 from calib.solver.schur import damped_step
 from designer.base.errors import InputError
 
@@ -91,8 +91,7 @@ def _step(found: Calibration, bend: PlaneBend, options: SolveOptions) -> _Step:
     """
     seen = found.observations
     problem = replace(pack(seen, weighted=found.weighted), is_used=~found.is_outlier)
-    poses = np.array(found.cam_from_target)
-    poses[:, :3, 3] += poses[:, :3, :3] @ problem.origin_mm
+    poses = origin_poses(problem, found.cam_from_target)
     loss, robust = RobustLoss(), None
     if options.loss != "squares":
         standard = whitened(problem.whitener, np.ascontiguousarray(found.residual_px.T))

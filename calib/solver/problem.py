@@ -75,6 +75,13 @@ def target_poses(problem: Problem, poses: Array) -> Array:
     return moved
 
 
+def origin_poses(problem: Problem, cam_from_target: Array) -> Array:
+    """The poses (V, 4, 4) from the problem's own origin, of those of the target."""
+    moved = np.array(cam_from_target)
+    moved[:, :3, 3] += moved[:, :3, :3] @ problem.origin_mm
+    return moved
+
+
 def target_covariance(problem: Problem, poses: Array, covariance: Array) -> Array:
     """Covariances (V, 6, 6) of `target_poses`, of the poses' own.
 

@@ -159,9 +159,10 @@ def answer(table: CostTable) -> str:
         return "No comparison has three sets yet."
     image = [condition for condition, winners in told.items() if not winners]
     parts = [f"{condition}: {', '.join(winners)}" for condition, winners in told.items() if winners]
-    rest = f"Distances in the image are not beaten for {', '.join(f'{name!r}' for name in image)}." if image else ""
-    more = f" Comparisons with them that another cost wins on balance: {'; '.join(parts)}." if parts else ""
-    return f"{rest}{more}".strip()
+    if not parts:
+        return f"Distances in the image are not beaten on balance under any condition: {'; '.join(image)}."
+    rest = f"Distances in the image are not beaten on balance: {'; '.join(image)}." if image else ""
+    return f"{rest} They are: {'; '.join(parts)}.".strip()
 
 
 def counts_sentence(table: CostTable) -> str:

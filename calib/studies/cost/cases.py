@@ -102,7 +102,7 @@ def groups_of(plan: CostPlan, real: RealPhotos | None) -> tuple[Group, ...]:
     for one in SETTINGS:
         scene = scene_named(one)
         for condition in CONDITIONS:
-            is_huber = condition == "outliers, Huber's loss"
+            is_huber = condition == "outliers, Huber"
             loss: Loss = "huber" if is_huber else "squares"
             errors = error_model(one.errors) if condition == "as made" else None
             pool = CostPool(scene, errors, is_huber or condition == "outliers", loss)

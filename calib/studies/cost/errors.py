@@ -15,7 +15,7 @@ from calib.solver.blocks import RobustLoss
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.in_space import in_space
 from calib.solver.levenberg import minimise_poses
-from calib.solver.problem import pack, target_poses
+from calib.solver.problem import origin_poses, pack, target_poses
 from calib.solver.start import solve_poses
 from designer.base.errors import InputError
 
@@ -75,9 +75,8 @@ def _poses(camera: Camera, estimator: Estimator, seen: Observations) -> Array:
     if estimator.minimise == IMAGE or not np.isfinite(poses).all():
         return poses
     problem = pack(seen, weighted=estimator.weighted)
-    poses[:, :3, 3] += poses[:, :3, :3] @ problem.origin_mm
     space = in_space(problem, estimator.minimise, seen.points, seen.point)
-    found = minimise_poses(space, camera, poses, RobustLoss(), max_iterations=MOST_STEPS)
+    found = minimise_poses(space, camera, origin_poses(problem, poses), RobustLoss(), max_iterations=MOST_STEPS)
     return target_poses(problem, found.cam_from_target)
 
 

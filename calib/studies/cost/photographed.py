@@ -16,10 +16,10 @@ from calib.core.types import Observations, keep_views
 from calib.solver.blocks import RobustLoss
 from calib.solver.calibration import Calibration
 from calib.solver.costs import COSTS, IMAGE
-from calib.solver.in_space import in_space
+from calib.solver.in_space import in_space, minimise_in_space
 from calib.solver.levenberg import Minimum, minimise
 from calib.solver.options import Loss, SolveOptions, Tie, tie_parameters
-from calib.solver.problem import Problem, pack
+from calib.solver.problem import Problem, origin_poses, pack, target_poses
 from calib.solver.solve import solve
 from calib.studies.compare.photographed import made_mm
 from calib.studies.compare.scene import ComparedScene, ScenePool, photograph, stream
@@ -31,8 +31,8 @@ from designer.tolerance.model import ErrorModel
 
 Array = NDArray[np.float64]
 
-Condition = Literal["as drawn", "as made", "outliers", "outliers, Huber's loss"]
-CONDITIONS: tuple[Condition, ...] = ("as drawn", "as made", "outliers", "outliers, Huber's loss")
+Condition = Literal["as drawn", "as made", "outliers", "outliers, Huber"]
+CONDITIONS: tuple[Condition, ...] = ("as drawn", "as made", "outliers", "outliers, Huber")
 OUTLIER_SHARE, OUTLIER_PX = 0.02, 2.0
 """Of the sightings, and the standard deviation of what is added to a coordinate: names stay right, centres do not."""
 HELD_VIEWS = 8
@@ -60,17 +60,52 @@ def _result(number: int, views: int, rows: list[Row], iterations: int, why: list
     )  # fmt: skip
 
 
-def _solved(seen: Observations, model: str, loss: Loss, why: list[str]) -> Iterator[tuple[Estimator, Calibration]]:
-    """The camera by each estimator that finds one, sure of it or not."""
+@dataclass(frozen=True, eq=False)
+class SolvedBy:
+    """The camera that an estimator gives, and the poses of the views that it was solved from."""
+
+    estimator: Estimator
+    camera: Camera
+    cam_from_target: Array  # (V, 4, 4)
+    view_names: tuple[str, ...]
+    iterations: int
+
+
+def solved_by_all(seen: Observations, model: str, loss: Loss, why: list[str]) -> Iterator[SolvedBy]:
+    """The camera by each estimator that finds one, sure of it or not; those in space from that of the image.
+
+    As `calib.solver.solve.solve` does it, without the accuracy, and the image's solution once for all.
+    """
+    images: dict[bool, Calibration] = {}
     for one in ESTIMATORS:
+        options = SolveOptions(weighted=one.weighted, loss=loss, minimise=one.minimise)
         try:
-            found = solve(seen, model, SolveOptions(weighted=one.weighted, loss=loss, minimise=one.minimise))
+            if one.weighted not in images:
+                images[one.weighted] = solve(seen, model, replace(options, minimise=IMAGE))
         except InputError as error:
             why.append(f"{one.name}: {error}")
             continue
-        if found.status != "converged":
-            why.append(f"{one.name}: {found.status}")
-        yield one, found
+        image = images[one.weighted]
+        found = _in_image(one, image) if one.minimise == IMAGE else _in_space(one, image, options, why)
+        if image.status != "converged":
+            why.append(f"{one.name}: {image.status}")
+        yield found
+
+
+def _in_image(one: Estimator, image: Calibration) -> SolvedBy:
+    names = image.observations.view_names
+    return SolvedBy(one, image.camera, image.cam_from_target, names, image.iterations)
+
+
+def _in_space(one: Estimator, image: Calibration, options: SolveOptions, why: list[str]) -> SolvedBy:
+    seen, tie = image.observations, tie_parameters(image.camera.model, options)
+    problem = replace(pack(seen, weighted=one.weighted), is_used=~image.is_outlier)
+    space = in_space(problem, one.minimise, seen.points, seen.point)
+    poses = origin_poses(problem, image.cam_from_target)
+    found = minimise_in_space(space, image.camera, poses, tie, options).minimum
+    if not found.converged:
+        why.append(f"{one.name}: stopped")
+    return SolvedBy(one, found.camera, target_poses(problem, found.cam_from_target), seen.view_names, found.iterations)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,11 +132,11 @@ class CostPool(ScenePool):
         grid = grid_of(scene.camera, seen.center_px)
         rows, steps = dict.fromkeys(ESTIMATORS, UNKNOWN), 0
         why: list[str] = []
-        for one, found in _solved(seen, scene.camera.model, self.loss, why):
-            true = poses[np.isin(seen.view_names, found.observations.view_names)]
-            rows[one] = (
+        for found in solved_by_all(seen, scene.camera.model, self.loss, why):
+            true = poses[np.isin(seen.view_names, found.view_names)]
+            rows[found.estimator] = (
                 map_error_px(grid, found.camera), pose_error_mm(found.cam_from_target, true),
-                *held_out(found.camera, one, held),
+                *held_out(found.camera, found.estimator, held),
             )  # fmt: skip
             steps += found.iterations
         return _result(number, seen.view_count, list(rows.values()), steps, why)
@@ -147,8 +182,8 @@ class RealPool:
         others, held = keep_views(self.observations, ~is_held), keep_views(self.observations, is_held)
         rows, steps = dict.fromkeys(ESTIMATORS, UNKNOWN), 0
         why: list[str] = []
-        for one, found in _solved(others, self.camera_model, "squares", why):
-            rows[one] = (math.nan, math.nan, *held_out(found.camera, one, held))
+        for found in solved_by_all(others, self.camera_model, "squares", why):
+            rows[found.estimator] = (math.nan, math.nan, *held_out(found.camera, found.estimator, held))
             steps += found.iterations
         return _result(number, others.view_count, list(rows.values()), steps, why)
 
@@ -170,8 +205,7 @@ class StartPool(ScenePool):
         scene = self.scene
         seen, true = photograph(scene, scene.target.center_mm, stream(seed, scene.name, "starts"), scene.views)
         problem = pack(seen, weighted=False)
-        poses = np.array(true)
-        poses[:, :3, 3] += poses[:, :3, :3] @ problem.origin_mm
+        poses = origin_poses(problem, true)
         tie = tie_parameters(scene.camera.model, SolveOptions())
         problems = {
             name: problem if name == IMAGE else in_space(problem, name, seen.points, seen.point) for name in COSTS

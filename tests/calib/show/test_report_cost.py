@@ -19,8 +19,7 @@ def test_the_answer_counts_what_is_sure(page: Page) -> None:
     assert page.headline is not None
     assert page.headline.word == "it depends"
     assert page.headline.sentence == (
-        "Distances in the image are not beaten for 'as drawn'. Comparisons with them that another cost wins on "
-        "balance: as made: ray (1 better, 0 worse of 1)."
+        "Distances in the image are not beaten on balance: as drawn. They are: as made: ray (1 better, 0 worse of 1)."
     )
     (row,) = table_of(page, "Costs against").rows
     assert [cell.text for cell in row[2:5]] == ["1", "2", "3"]

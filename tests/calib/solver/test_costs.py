@@ -18,7 +18,7 @@ from calib.solver.costs import COSTS, IMAGE
 from calib.solver.in_space import in_space
 from calib.solver.levenberg import move_poses
 from calib.solver.options import SolveOptions
-from calib.solver.problem import Problem, pack
+from calib.solver.problem import Problem, origin_poses, pack
 from calib.solver.solve import solve
 from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, SIZE, board, icosahedron, observe, poses_around
@@ -40,9 +40,7 @@ def scene(camera: Camera, *, noise_px: float, views: int = 4, seed: int = 0) -> 
 def spaced(seen: Observations, poses: Array, name: str) -> tuple[Problem, Array]:
     """The problem of a cost, and the poses from its own origin."""
     problem = pack(seen, weighted=False)
-    moved = np.array(poses)
-    moved[:, :3, 3] += moved[:, :3, :3] @ problem.origin_mm
-    return in_space(problem, name, seen.points, seen.point), moved
+    return in_space(problem, name, seen.points, seen.point), origin_poses(problem, poses)
 
 
 @pytest.mark.parametrize("name", IN_SPACE)

@@ -13,6 +13,8 @@ from calib.api.costing import study_cost
 from calib.cameras.camera import Camera
 from calib.core.se3 import exp_rotation
 from calib.solver.costs import COSTS, IMAGE
+from calib.solver.options import SolveOptions
+from calib.solver.solve import solve
 from calib.studies.compare.objects import make_target
 from calib.studies.compare.scene import ComparedScene, photograph, scene_of, stream
 from calib.studies.cost.cases import SETTINGS, CostPlan, groups_of, identity, quick, scene_named
@@ -26,6 +28,7 @@ from calib.studies.cost.photographed import (
     RealPool,
     StartPool,
     bad_start,
+    solved_by_all,
 )
 from calib.studies.cost.results import FEWEST, cost_rows, start_rows
 from calib.studies.statistics import Case
@@ -87,6 +90,16 @@ def test_all_costs_see_the_same_photos() -> None:
     np.testing.assert_allclose(plain[NAMES.index("whitened")], plain[0], rtol=5e-3)
     assert (outlying[:, 2] > 1.02 * plain[:, 2]).all()
     assert (robust[:, 2] < outlying[:, 2]).all()
+
+
+def test_the_study_solves_as_everybody() -> None:
+    """Its shorter way gives the cameras and poses of `solve`."""
+    seen, _ = photograph(scene(), scene().target.center_mm, stream(1, "x"), 6)
+    for found in solved_by_all(seen, "opencv", "squares", []):
+        one = found.estimator
+        same = solve(seen, "opencv", SolveOptions(weighted=one.weighted, minimise=one.minimise))
+        np.testing.assert_allclose(found.camera.params, same.camera.params, rtol=1e-7, atol=1e-7)
+        np.testing.assert_allclose(found.cam_from_target, same.cam_from_target, rtol=1e-6, atol=1e-6)
 
 
 def test_real_photos_are_held_out_in_turn() -> None:
