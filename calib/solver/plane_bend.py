@@ -61,6 +61,15 @@ def _moved(seen: Observations, step_mm: Array) -> Observations:
     return replace(seen, points=replace(seen.points, position_mm=seen.points.position_mm + step_mm))
 
 
+def is_flat(points: KnownPoints) -> bool:
+    """Whether points lie in a plane, nearly, and not on a line."""
+    position = points.position_mm
+    if len(position) < LEAST_POINTS:
+        return False
+    longest, across, off = np.linalg.svd(position - position.mean(axis=0), compute_uv=False).tolist()
+    return bool(off <= FLAT * longest and across > THIN * longest)
+
+
 def plane_bend(points: KnownPoints) -> PlaneBend:
     """The bend, still zero, of points in a plane; x lies along the first of the target's axes that does not cross it.
 
@@ -68,13 +77,12 @@ def plane_bend(points: KnownPoints) -> PlaneBend:
         InputError: they are in no plane, or on a line.
     """
     position = points.position_mm
-    extent = position - position.mean(axis=0)
-    _, singular, directions = np.linalg.svd(extent, full_matrices=False)
-    if len(position) < LEAST_POINTS or singular[2] > FLAT * singular[0] or singular[1] < THIN * singular[0]:
+    if not is_flat(points):
         raise InputError(
             "--free-bend: the target's points lie in no plane; it is for boards, so leave it out "
             "(calib measure tells the shape of other targets)"
         )
+    directions = np.linalg.svd(position - position.mean(axis=0), full_matrices=False)[2]
     normal = directions[2] * np.sign(directions[2][np.argmax(np.abs(directions[2]))])
     if len(points.plane) == 1 and points.plane[0, :3] @ normal < 0:
         normal = -normal

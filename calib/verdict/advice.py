@@ -16,6 +16,7 @@ from calib.cameras import learned_models
 from calib.core.number_text import figure
 from calib.solver.calibration import Calibration
 from calib.solver.outliers import deviations
+from calib.solver.plane_bend import is_flat
 from calib.verdict.checks import BY_CHANCE, SURE, checks_of, faults_of, made_words, missing_of, px
 from calib.verdict.evidence import FAR_OFF, CameraEvidence
 from calib.verdict.halves import HalvesApart
@@ -108,7 +109,7 @@ def advice_of(
         (_step(_undetermined(evidence), "solution"),)
         if evidence.status == "degenerate"
         else (
-            _target(evidence, criteria, inputs),
+            _target(calibration, evidence, criteria, inputs),
             _step(_odd_photos(facts, criteria), "residuals", "outliers"),
             _step(_far_off(calibration, criteria, facts, inputs), "outliers"),
             _step(_few_photos(facts), "halves"),
@@ -151,10 +152,13 @@ def _names(facts: ViewFacts, rows: NDArray[np.int64]) -> str:
     return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
 
 
-def _target(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _Step:
+def _target(calibration: Calibration, evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _Step:
     """A target that is not as its file says: its rings are off in all photos, or another shape explains them better."""
     on_target, shape, halves = evidence.leftover.target_px, evidence.shape, evidence.halves
     measure = f"measure the target, and solve with the measured one: {inputs.measure}"
+    if _may_bend(calibration):
+        free = f"{inputs.solve} --model {calibration.camera.model} --free-bend"
+        measure = f"solve with the bend of the board as an unknown: `{free}`; if that does not do, {measure}"
     if on_target is not None and on_target > criteria["systematic"].good:
         is_certain = shape is None or shape.ratio > SURE
         sentence = (
@@ -178,6 +182,12 @@ def _target(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> _St
         )
         return _step(sentence, "halves", measures=True)
     return _step("")
+
+
+def _may_bend(calibration: Calibration) -> bool:
+    """Whether the target's bend can be made an unknown, and was not."""
+    is_learned = calibration.camera.learned is not None
+    return calibration.target_bend is None and not is_learned and is_flat(calibration.observations.points)
 
 
 def _target_share(evidence: CameraEvidence, criteria: Criteria, inputs: Inputs) -> str:

@@ -132,6 +132,7 @@ def systematic_figure(drawing: AxesDrawing, checked: str = "") -> Figure:
 
 SUBJECTS = {
     "reprojection": "how far an observation is from where the camera predicts it",
+    "weighted": "how far an observation is from where the camera predicts it, in standard deviations that it states",
     "intersection": "how far the ray of an observation meets the target's plane from the ring's place",
     "reconstruction": "how far a ring is from where the rays of all photos that show it meet",
     "pose": "how far a photo's camera is from where it truly was",
