@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import ABILITIES, WIDE, neutral, rays
+from calib.cameras import ABILITIES, MODELS, WIDE, neutral, rays
 from calib.cameras.camera import Camera
 from calib.cameras.parameters import slopes
 from calib.cameras.refit import fit_rays, image_grid
@@ -38,6 +38,8 @@ FOCALS = (0.5, 0.8, 1.3, 2.2, 4.0, 8.0)
 """First guesses of the focal length where the views do not tell, in units of the image's longer side."""
 GOOD_FIT = 5e-4
 """Root mean square residual, as a part of the image's longer side, of a start that needs no other tried."""
+AT_BOUND = 0.02
+"""So near to a bound a parameter is taken to have run into it."""
 COARSE_STEPS = 25
 LEAST_POINTS = 4
 """Of a view, for a pose."""
@@ -90,7 +92,7 @@ def coarse_camera(
     for batch in _first_cameras(few, model, focal_px, is_robust=is_robust):
         for first in batch:
             tried += _solve_few(few, _with_fixed(first, tie, fixed), tie, is_robust=is_robust)
-        if any(one.typical_px2(is_robust=is_robust) < (GOOD_FIT * side) ** 2 for one in tried):
+        if any(one.typical_px2(is_robust=is_robust) < (GOOD_FIT * side) ** 2 and not one.is_at_bound for one in tried):
             break
     if not tried:
         return _with_fixed(first_camera(model, problem.image_size, focal_px or float(side)), tie, fixed)
@@ -104,6 +106,15 @@ class _Tried:
 
     camera: Camera
     square_px2: Array  # (M,) of all views, those without a pose far off
+
+    @property
+    def is_at_bound(self) -> bool:
+        """Whether a parameter has run into one of its bounds: there may be a minimum elsewhere."""
+        bounds = MODELS[self.camera.model].parameters
+        return any(
+            min(x - bound.lower, bound.upper - x) < AT_BOUND
+            for bound, x in zip(bounds, self.camera.params.tolist(), strict=True)
+        )
 
     def typical_px2(self, *, is_robust: bool) -> float:
         """Of an observation."""
