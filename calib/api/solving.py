@@ -54,8 +54,9 @@ class SolvePlan:
         kind = lens_kind(observations, self.options)
         if not kind.is_wide:
             return self, observations
-        said = f"{kind.sentence}: solved as {', '.join(self.wide_models)}, not as {', '.join(self.models)}"
-        plan = replace(self, models=self.wide_models, wide_models=(), is_compared=True)
+        models = tuple(model for model in self.wide_models if kind.may_show(model))
+        said = f"{kind.sentence}: solved as {', '.join(models)}, not as {', '.join(self.models)}"
+        plan = replace(self, models=models, wide_models=(), is_compared=True)
         return plan, replace(observations, remarks=(*observations.remarks, said))
 
     def options_of(self, model: str) -> SolveOptions:

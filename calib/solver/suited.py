@@ -26,6 +26,8 @@ CLEARLY = 1.3
 """Times that residuals are larger where a kind of model does not fit."""
 LOST_SHARE = 0.005
 """Of the observations, more of which a model that suits does not leave out."""
+FORWARD_RAD = np.radians(80.0)
+"""Off the axis, to which models of what is in front may reach: the tangent is 5.7 there, and grows without bounds."""
 FAR_OFF = 6.0
 """Robust standard deviations: farther off is not what it is taken for."""
 
@@ -43,6 +45,10 @@ class LensKind:
     def sentence(self) -> str:
         """Of a wide lens, how wide it is."""
         return f"the lens is a wide one: points are seen up to {np.degrees(self.off_axis_rad):.0f} degrees off its axis"
+
+    def may_show(self, model: str) -> bool:
+        """Whether a model reaches so far that it is worth a trial."""
+        return ABILITIES[model].is_wide or self.off_axis_rad < FORWARD_RAD
 
 
 def lens_kind(observations: Observations, options: SolveOptions | None = None) -> LensKind:

@@ -113,7 +113,7 @@ def _uncovered(evidence: CameraEvidence, criteria: Criteria, views: Sequence[Nex
     last = 100 * views[-1].covered_after if views else percent
     if views and last > percent + LITTLE_PERCENT:
         angles = evidence.coverage.missing_angles
-        aside = (f"bring the target to the side: hardly a photo shows it {angles}",) if angles else ()
+        aside = (f"show the target at other angles: hardly a photo has it {angles}",) if angles else ()
         return *aside, *_again(views[-1], criteria)
     if percent >= wanted or not missing:
         return ()
