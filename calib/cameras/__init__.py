@@ -35,6 +35,7 @@ class Abilities:
     is_solved: bool = True  # photos determine its parameters; False: photos can be simulated with it, no more
     is_learned: bool = False  # a map that is learned from photos, besides the parameters
     is_wide: bool = False  # light from the side and from behind has an image
+    is_surface: bool = False  # a base of few parameters, and hundreds that bend its image: `calib.cameras.surface`
     is_in_all: bool = False  # one of those that `--model all` solves and compares
     is_in_all_wide: bool = False  # likewise, where the lens is a wide one
     picture: Picture | None = None  # photos are resampled to it: `calib undistort --to`
@@ -53,7 +54,8 @@ ABILITIES: dict[str, Abilities] = {
     "eucm": Abilities(is_wide=True, is_in_all_wide=True),
     "omni": Abilities(is_wide=True),
     "division": Abilities(is_wide=True),
-    "spline": Abilities(is_solved=False),
+    "splined": Abilities(is_wide=True, is_surface=True),
+    "spline": Abilities(is_solved=False, is_surface=True),
     "cylinder": Abilities(
         is_solved=False,
         is_wide=True,
@@ -129,8 +131,10 @@ def learned_models() -> tuple[str, ...]:
 
 
 def fitted_models() -> tuple[str, ...]:
-    """The models that are parameters only, which can be fitted to another camera, and whose covariance tells all."""
-    return tuple(name for name, model in ABILITIES.items() if model.is_solved and not model.is_learned)
+    """The models of a few parameters, which can be fitted to another camera, and whose covariance tells all."""
+    return tuple(
+        name for name, model in ABILITIES.items() if model.is_solved and not (model.is_learned or model.is_surface)
+    )
 
 
 def models_of_all() -> tuple[str, ...]:
@@ -156,6 +160,11 @@ def pictures() -> "dict[str, Picture]":
 def parameter_names(model: str) -> tuple[str, ...]:
     """The parameters of a model in the order of `Camera.params`."""
     return tuple(parameter.name for parameter in MODELS[model].parameters)
+
+
+def told_parameters(model: str) -> "tuple[Parameter, ...]":
+    """The parameters of a model that have a meaning of their own: all but the control points of a surface."""
+    return tuple(parameter for parameter in MODELS[model].parameters if not parameter.is_control)
 
 
 def neutral(model: str) -> "Array":

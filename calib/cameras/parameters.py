@@ -24,6 +24,7 @@ class Parameter:
     lower: float = -inf  # not allowed below, nor at a lower bound of 0
     upper: float = inf
     neutral: float = 0.0  # of a lens that does nothing
+    is_control: bool = False  # one of the hundreds of a surface, which mean nothing one by one
 
 
 FOCAL_AND_CENTRE = (

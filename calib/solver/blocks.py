@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from calib.cameras import linearise, project
 from calib.cameras.camera import Camera
+from calib.cameras.surface import linearise_points
 from calib.core.jit import jit, jit_sums
 from calib.solver.options import Loss
 from calib.solver.problem import Problem
@@ -373,7 +374,7 @@ def view_blocks(
         width = int(problem.view_start[last] - problem.view_start[first])
         turned, point = np.empty((3, width)), np.empty((3, width))
         _to_camera(problem.view_start, first, last, pose, problem.position_mm, turned, point)
-        rows, lever, measured = _linearised(problem, camera, pose, (first, last), turned, point)
+        rows, lever, measured = _linearised(problem, camera, pose, (first, last), turned, point, of_poses=of_poses)
         if modes_mm is not None:
             among = slice(problem.view_start[first], problem.view_start[last])
             rows = _with_modes(rows, pose[problem.view[among], :3, :3], modes_mm[:, :, among])
@@ -414,7 +415,14 @@ def view_misfit(problem: Problem, camera: Camera, cam_from_target: Array, loss: 
 
 
 def _linearised(
-    problem: Problem, camera: Camera, pose: Array, views: tuple[int, int], turned: Array, point: Array
+    problem: Problem,
+    camera: Camera,
+    pose: Array,
+    views: tuple[int, int],
+    turned: Array,
+    point: Array,
+    *,
+    of_poses: bool = False,
 ) -> tuple[Array, Array, Array]:
     """What is compared with what, for a run of views.
 
@@ -423,7 +431,8 @@ def _linearised(
         what they are to be, for all observations (2, M).
     """
     if problem.space is None:
-        return linearise(camera, point).rows, turned, problem.measured_px
+        seen = linearise_points(camera, point) if of_poses else linearise(camera, point)
+        return seen.rows, turned, problem.measured_px
     first, last = views
     start = problem.view_start
     rotation = np.repeat(pose[first:last, :3, :3], np.diff(start[first : last + 1]), axis=0)

@@ -9,11 +9,12 @@ from calib.cameras import linearise, parameter_names, project, rays
 from calib.cameras.camera import Camera, camera_from_mapping, camera_or_preset
 from calib.cameras.parameters import slopes
 from calib.cameras.refit import refit
-from calib.cameras.spline import COLUMNS, FIRST, ROWS, _scale
+from calib.cameras.spline import COLUMNS, MODEL, ROWS
 from calib.solver.options import SolveOptions, tie_parameters
 from designer.base.errors import InputError
 from tests.support.lenses import SIZE, bent
 
+FIRST = MODEL.first_control
 PINHOLE = np.array([900.0, 880.0, 510.0, 390.0])
 
 
@@ -27,7 +28,7 @@ def test_the_surface_is_a_tensor_product_of_scipys_splines() -> None:
     camera = bent(5)
     point = rays(camera, pixels(500))
     pinhole = slopes(point) * PINHOLE[:2] + PINHOLE[2:]
-    (scale,) = _scale(camera)
+    scale = MODEL.scale(camera.image_size)
     across, down = (scale[k, 0] + (np.arange(count) - 1) / scale[k, 1] for k, count in enumerate((COLUMNS, ROWS)))
 
     def basis(where: np.ndarray, centers: np.ndarray) -> np.ndarray:

@@ -1,0 +1,276 @@
+"""A surface over the image of a solved camera: hundreds of control points, from the same sightings.
+
+The base, a model of few parameters, is solved first, from nothing; then all are solved together, Gauss-Newton on
+`sum loss(r) + d' Q d` with the precision Q of the control points d that makes the photos likeliest
+(`calib.solver.surface_prior`). What the base's parameters and a turn of the camera do as well is theirs: the surface has
+no part in those directions. Where nothing was seen the prior carries on, and the covariance, that of the parameters
+given the photos, grows to its amplitude.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.cameras.camera import Camera
+from calib.cameras.surface import SurfaceModel
+from calib.core.linear_algebra import symmetric_inverse
+from calib.core.parallel import one_thread_with_scipy
+from calib.solver.accuracy import Accuracy, UndeterminedError
+from calib.solver.blocks import Blocks, Misfit, RobustLoss, view_misfit
+from calib.solver.descend import Descended, is_robust, lost_views
+from calib.solver.levenberg import FIRST_DAMPING, Minimum, is_allowed, move_poses, turn_of_centre
+from calib.solver.options import Loss, SolveOptions, Tie
+from calib.solver.outliers import deviations, robust_covariance_factor, robust_sigma, whitened
+from calib.solver.problem import Problem
+from calib.solver.surface_equations import POSE, SurfaceEquations, eliminated, free_motions, surface_equations
+from calib.solver.surface_prior import Smoothness, SurfaceProblem, likeliest, precision, roughness
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LEAST_VIEWS = 3
+"""Of two, poses take up what the surface would be told by."""
+ROUNDS = 6
+"""Of weighing or leaving out outliers and solving again."""
+LEARN_IN_ROUNDS = 2
+"""The smoothness is that of the base's residuals first, then of the surface's own."""
+MOST_STEPS = 30
+SMALL_DECREASE = 1e-13
+LARGEST_DAMPING = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Bent:
+    """A minimum with a surface, and how sure it is."""
+
+    descended: Descended
+    accuracy: Accuracy
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Where the descent is."""
+
+    camera: Camera
+    cam_from_target: Array  # (V, 4, 4)
+    smoothness: Smoothness | None = None
+    iterations: int = 0
+    converged: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What stays the same during the descent."""
+
+    problem: Problem
+    model: SurfaceModel
+    spread: Array  # (P, Q) of the free parameters, control points among them
+    parts: Array  # see `roughness`
+
+    @property
+    def free(self) -> int:
+        """Free parameters of the base."""
+        return self.spread.shape[1] - 2 * len(self.parts[0])
+
+    def loss(self, kind: Loss, residual_px: Array) -> RobustLoss:
+        """A loss with its knee where these residuals bend."""
+        return RobustLoss(kind, robust_sigma(whitened(self.problem.whitener, residual_px)))
+
+    def misfit_of(self, state: _State, loss: RobustLoss) -> Misfit:
+        """Of all sightings."""
+        return view_misfit(self.problem, state.camera, state.cam_from_target, loss)
+
+
+def require_points(problem: Problem, model: SurfaceModel) -> None:
+    """Refuse fewer sightings than control points, or too few photos.
+
+    Raises:
+        UndeterminedError: so it is.
+    """
+    count, least = int(problem.is_used.sum()), model.control_rows * model.control_columns
+    if count < least or problem.view_count < LEAST_VIEWS:
+        views = f"{problem.view_count} view{'s' * (problem.view_count != 1)}"
+        raise UndeterminedError(
+            f"{count} observations in {views}: too few for the surface of the {model.name} model, which takes {least} "
+            f"in {LEAST_VIEWS} views or more; take more photos, or solve {model.base.name}"
+        )
+
+
+@one_thread_with_scipy
+def bend(
+    problem: Problem, base: Descended, model: SurfaceModel, tie: Tie, options: SolveOptions, cov_px2: Array | None
+) -> Bent:
+    """Solve all together, from a minimum of the base.
+
+    Args:
+        problem: what was seen.
+        base: where to start.
+        model: whose surface.
+        tie: of the base's parameters.
+        options: weights, losses, the limit of outliers.
+        cov_px2: by which it is told what is far off, as `solve` has it.
+    """
+    control, minimum = 2 * model.control_rows * model.control_columns, base.minimum
+    camera = Camera(model.name, np.concatenate([minimum.camera.params, np.zeros(control)]), problem.image_size)
+    state = _State(camera, minimum.cam_from_target, iterations=minimum.iterations)
+    free = int(tie.row.max(initial=-1)) + 1
+    spread = np.zeros((len(camera.params), free + control))
+    spread[: len(tie.row), :free] = tie.row[:, None] == np.arange(free)
+    spread[len(tie.row) :, free:] = np.eye(control)
+    parts = roughness(
+        model.scale(problem.image_size), (model.control_rows, model.control_columns),
+        0.5 * float(np.hypot(*problem.image_size)),
+    )  # fmt: skip
+    task = _Task(problem, model, spread, parts)
+    is_beyond = problem.is_used & ~np.isfinite(task.misfit_of(state, RobustLoss()).residual_px).all(axis=0)
+    task = replace(task, problem=replace(problem, is_used=problem.is_used & ~is_beyond))
+    return _forgiving(task, state, is_beyond, options, cov_px2)
+
+
+def _forgiving(task: _Task, state: _State, is_beyond: Flags, options: SolveOptions, cov_px2: Array | None) -> Bent:
+    """Descend, and weigh down or leave out what lies far off, until nothing changes."""
+    limit, is_used, loss = options.reject_sigma, task.problem.is_used, RobustLoss()
+    first: Loss = options.loss if limit is None else "cauchy"
+    kinds: list[Loss] = [first] * LEARN_IN_ROUNDS
+    kinds += [options.loss] * (ROUNDS if is_robust(options) else 0)
+    for count, kind in enumerate(kinds):
+        residual, before = task.misfit_of(state, RobustLoss()).residual_px, is_used
+        if limit is not None and count >= LEARN_IN_ROUNDS:
+            is_used = task.problem.is_used & (deviations(residual, cov_px2) <= limit)
+            if lost_views(task.problem, is_used).any():
+                break
+            if count > LEARN_IN_ROUNDS and np.array_equal(before, is_used):
+                break
+        loss = task.loss(kind, residual)
+        part = replace(task, problem=replace(task.problem, is_used=is_used))
+        state = _descended(part, state, loss, learns=count <= LEARN_IN_ROUNDS)
+    return _bent(replace(task, problem=replace(task.problem, is_used=is_used)), state, loss, is_beyond, options, cov_px2)
+
+
+def _weights(task: _Task, state: _State, loss: RobustLoss) -> Array:
+    """By which the squares of the residuals count (M,): the loss' derivative."""
+    if loss.kind == "squares":
+        return np.ones(len(task.problem.is_used))
+    length = np.hypot(*whitened(task.problem.whitener, task.misfit_of(state, loss).residual_px))
+    if loss.kind == "huber":
+        return np.minimum(1.0, loss.knee / np.maximum(length, 1e-300))
+    return np.asarray(1 / (1 + (length / loss.knee) ** 2))
+
+
+def _equations(task: _Task, state: _State, loss: RobustLoss) -> SurfaceEquations:
+    weight = _weights(task, state, loss)
+    return surface_equations(task.problem, task.model, state.camera, state.cam_from_target, weight)
+
+
+def _descended(task: _Task, state: _State, loss: RobustLoss, *, learns: bool) -> _State:
+    """Find how smooth the surface is, if it is to be learned, and go down from there."""
+    equations = _equations(task, state, loss)
+    surface = _surface_problem(task, state, equations)
+    smoothness = state.smoothness
+    if learns or smoothness is None:
+        smoothness = likeliest(surface, smoothness)
+    return _lowest(task, replace(state, smoothness=smoothness), loss, _prior(task, surface, smoothness))
+
+
+def _surface_problem(task: _Task, state: _State, equations: SurfaceEquations) -> SurfaceProblem:
+    """The problem of the control points alone, counted from zero."""
+    free, control = task.free, state.camera.params[task.model.first_control :]
+    found = eliminated(equations)
+    normal, gradient = task.spread.T @ found.normal @ task.spread, task.spread.T @ found.gradient
+    inverse, across = symmetric_inverse(normal[:free, :free]).inverse, normal[:free, free:]
+    pull = inverse @ gradient[:free]
+    inner = normal[free:, free:] - across.T @ inverse @ across
+    slope = gradient[free:] - across.T @ pull
+    at_zero = slope - inner @ control
+    square = found.square - float(gradient[:free] @ pull) - float((slope + at_zero) @ control)
+    freedom = 2 * int(task.problem.is_used.sum()) - POSE * task.problem.view_count - free
+    pinned = free_motions(equations, state.cam_from_target, task.spread[: task.model.first_control, :free])
+    return SurfaceProblem(inner, at_zero, square, freedom, pinned, task.parts)
+
+
+def _prior(task: _Task, surface: SurfaceProblem, smoothness: Smoothness) -> Array:
+    """The precision of all P parameters: that of the control points."""
+    first, size = task.model.first_control, len(task.spread)
+    prior = np.zeros((size, size))
+    prior[first:, first:] = surface.prior(precision(task.parts, smoothness))
+    return prior
+
+
+def _lowest(task: _Task, state: _State, loss: RobustLoss, prior: Array) -> _State:
+    """Levenberg-Marquardt: the sum of the losses, and the control points by their prior."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    def cost_of(there: _State) -> float:
+        return float(task.misfit_of(there, loss).cost.sum() + there.camera.params @ prior @ there.camera.params)
+
+    cost, damping = cost_of(state), 0.0
+    equations = _equations(task, state, loss)
+    for _ in range(MOST_STEPS):
+        found = eliminated(equations, damping)
+        normal = task.spread.T @ (found.normal + prior) @ task.spread
+        gradient = task.spread.T @ (found.gradient + prior @ state.camera.params)
+        normal[np.diag_indices(len(normal))] *= 1 + damping
+        free = -cho_solve(cho_factor(normal, lower=True), gradient)
+        step = task.spread @ free
+        trial = replace(state.camera, params=state.camera.params + step)
+        poses = move_poses(state.cam_from_target, found.pose_step(step), turn_of_centre(state.camera, trial))
+        there = replace(state, camera=trial, cam_from_target=poses, iterations=state.iterations + 1)
+        trial_cost = cost_of(there) if is_allowed(trial) else np.inf
+        promised = -float(gradient @ free)
+        state = replace(state, iterations=there.iterations, converged=promised <= SMALL_DECREASE * cost)
+        if trial_cost < cost:
+            state, cost, damping = replace(there, converged=state.converged), trial_cost, 0.1 * damping
+            equations = _equations(task, state, loss)
+        elif not state.converged:
+            damping = max(10 * damping, FIRST_DAMPING)
+        if state.converged or damping > LARGEST_DAMPING:
+            break
+    return state
+
+
+def _bent(
+    task: _Task, state: _State, loss: RobustLoss, is_beyond: Flags, options: SolveOptions, cov_px2: Array | None
+) -> Bent:
+    """What came of it."""
+    problem, misfit = task.problem, task.misfit_of(state, loss)
+    residual, equations = misfit.residual_px, _equations(task, state, loss)
+    robust = None
+    if options.loss != "squares":
+        length = np.hypot(*whitened(problem.whitener, residual))[problem.is_used]
+        robust = loss.sigma, robust_covariance_factor(length[np.isfinite(length)], loss)
+    accuracy = _accuracy(task, state, equations, robust)
+    minimum = Minimum(
+        state.camera, state.cam_from_target, Blocks(misfit.cost, residual, equations.pose), state.iterations,
+        state.converged,
+    )  # fmt: skip
+    sigma_px = robust_sigma(residual)
+    return Bent(
+        Descended(
+            minimum, problem.is_used, is_beyond, sigma_px, deviations(residual, cov_px2, sigma_px), robust,
+            lost_views(problem, problem.is_used),
+        ),
+        accuracy,
+    )  # fmt: skip
+
+
+def _accuracy(
+    task: _Task, state: _State, equations: SurfaceEquations, robust: tuple[float, float] | None
+) -> Accuracy:
+    """Covariances of all parameters and of the poses, given the photos and the prior.
+
+    With S the normal matrix without the poses, it is `(S + Q)^-1` times the noise's variance, which is the sum of
+    squares over the observations less the poses and what the photos told of the parameters, `tr (S + Q)^-1 S`.
+    """
+    if state.smoothness is None:
+        raise ValueError("the smoothness is not known yet")
+    surface, found = _surface_problem(task, state, equations), eliminated(equations)
+    prior, spread, used = _prior(task, surface, state.smoothness), task.spread, int(task.problem.is_used.sum())
+    inverse = spread @ symmetric_inverse(spread.T @ (found.normal + prior) @ spread).inverse @ spread.T
+    redundancy = 2 * used - POSE * task.problem.view_count - float((inverse * found.normal).sum())
+    scale = float(np.sqrt(equations.square / redundancy)) if redundancy > 0 else float("nan")
+    factor = scale**2
+    if robust is not None and redundancy > 0:
+        scale, factor = robust[0], robust[1] * 2 * used / redundancy
+    poses = found.pose_inverse + found.turn @ inverse @ found.turn.transpose(0, 2, 1)
+    return Accuracy(scale, factor * inverse, factor * poses, np.zeros(len(inverse)), 1.0)
