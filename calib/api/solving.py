@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import MODELS, models_of_all, models_of_all_wide, parameter_names, solved_models
+from calib.cameras import MODELS, models_of_all, models_of_all_wide, solved_models, told_parameters
 from calib.cameras.camera import Camera
 from calib.core.types import Observations
 from calib.metrics.evaluation import Evaluation, evaluate, held_out_px
@@ -61,7 +61,7 @@ class SolvePlan:
 
     def options_of(self, model: str) -> SolveOptions:
         """The options without the parameters that this model does not have."""
-        names = parameter_names(model)
+        names = {parameter.name for parameter in told_parameters(model)}
         return replace(
             self.options,
             fixed=tuple(pair for pair in self.options.fixed if pair[0] in names),
@@ -114,7 +114,7 @@ def plan_from_words(
     if minimise not in COSTS:
         hint = suggestion(str(minimise), list(COSTS)) or f"; there are {', '.join(COSTS)}"
         raise InputError(f"--minimise {shown(str(minimise))}: nothing that is minimised{hint}")
-    known = {name for one in models for name in parameter_names(one)}
+    known = {parameter.name for one in models for parameter in told_parameters(one)}
     fixed = tuple(_fixed(text, known) for text in fix)
     shared = tuple(_shared(text, known) for text in share)
     options = SolveOptions(

@@ -1,7 +1,8 @@
 """`calibration.json` with `observations.csv` beside it: a whole calibration, to evaluate without anything else.
 
-Both are plain text and read back bit for bit; what is not known (not finite) is null. `camera.json` is written with
-them: it is all that other programs need.
+Both are plain text and read back bit for bit; what is not known (not finite) is null. Only the covariances of hundreds
+of parameters are written short (`designer.base.packed`). `camera.json` is written with them: it is all that other
+programs need.
 """
 
 import hashlib
@@ -25,7 +26,7 @@ from calib.solver.plane_bend import PlaneBend
 from designer.base.codec import decode, encode
 from designer.base.errors import InputError
 from designer.base.file_kind import FileKind
-from designer.base.marks import LEFT_OUT, OR_NULL, AtLeast, AtMost, Count, Gap, Length, Shape
+from designer.base.marks import LEFT_OUT, OR_NULL, PACKED, AtLeast, AtMost, Count, Gap, Length, Shape
 from designer.base.words import shown
 
 Array = NDArray[np.float64]
@@ -35,7 +36,7 @@ LARGEST_COVARIANCE = 1e100
 """Squares of what is larger overflow further on."""
 CALIBRATION_FILE, OBSERVATIONS_FILE, CAMERA_FILE = "calibration.json", "observations.csv", "camera.json"
 
-_Covariance = Annotated[Array, Shape("P", "P")]
+_Covariance = Annotated[Array, Shape("P", "P"), PACKED]
 _Point = tuple[float, float, float, Annotated[int, AtLeast(-1)]]
 
 

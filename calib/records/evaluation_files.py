@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import MODELS
+from calib.cameras import told_parameters
 from calib.metrics.errors import Errors, ErrorSummary, summarise, summarise_groups
 from calib.metrics.evaluation import Evaluation
 from calib.observe.csv_table import ANY_NAME, csv_cell
@@ -134,7 +134,7 @@ def _parameters(evaluation: Evaluation) -> dict[str, FoundParameter]:
         one.name: FoundParameter(
             camera.parameters[one.name], sigma, one.unit, one.name in calibration.fixed, known.get(one.name)
         )
-        for one, sigma in zip(MODELS[camera.model].parameters, sigmas, strict=True)
+        for one, sigma in zip(told_parameters(camera.model), sigmas, strict=False)  # they come first
     }
 
 

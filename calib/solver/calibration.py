@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.cameras.camera import Camera
 from calib.core.types import Observations, freeze
 from calib.solver.plane_bend import PlaneBend
-from designer.base.marks import AtLeast, AtMost, Length, Shape
+from designer.base.marks import PACKED, AtLeast, AtMost, Length, Shape
 from designer.tolerance.model import ErrorModel
 from designer.tolerance.source import Amount, Kind
 from designer.tolerance.sources import SOURCES
@@ -55,7 +55,7 @@ class TargetError:
 
     made: _Text  # the way of making: an error template's name, a file's, "measured" or "exact"
     because: _Text  # why this one, as in "its file says the build 'solid'"; "" if it was asked for
-    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P")]  # to be added to that of the noise
+    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P"), PACKED]  # to be added to that of the noise
     errors: MadeWith | None = None  # of that way of making, as they were then; None: they are not told by one
 
     def __post_init__(self) -> None:
@@ -67,7 +67,7 @@ class ImageField:
     """Errors that are fixed in the image and that the lens model does not follow, as the residuals show them."""
 
     left_px: Annotated[float, AtLeast(0)]  # root mean square that it leaves in a coordinate of the residuals
-    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P")]  # of what the parameters took of it, to be added
+    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P"), PACKED]  # of what the parameters took of it, to be added
 
     def __post_init__(self) -> None:
         freeze(self, "param_covariance")

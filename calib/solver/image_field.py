@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.solver.calibration import Calibration, ImageField
@@ -47,8 +48,8 @@ def with_image_field(calibration: Calibration) -> Calibration:
     """
     without = replace(calibration, image_field=None)
     basis = free_directions(calibration.param_covariance)
-    if not basis.size or calibration.camera.learned is not None:
-        return without
+    if not basis.size or calibration.camera.learned is not None or surface_model(calibration.camera.model):
+        return without  # a map and a surface follow what is fixed in the image
     equations = _equations(calibration, basis)
     if not (equations.freedom > 0 and equations.square > 0):
         return without

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.cameras import MODELS, parameter_names, solved_models
+from calib.cameras import MODELS, solved_models, told_parameters
 from calib.solver.costs import IMAGE
 from designer.base.errors import InputError
 
@@ -36,7 +36,7 @@ AS_THE_PAPER = SolveOptions(weighted=False)
 
 @dataclass(frozen=True, eq=False)
 class Tie:
-    """The free parameter that each parameter of a model follows."""
+    """The free parameter that each parameter of a model follows; the control points of a surface are none of these."""
 
     row: NDArray[np.int64]  # (P,) -1: fixed
     value: NDArray[np.float64]  # (P,) where a parameter is to start, nan: anywhere
@@ -49,12 +49,13 @@ def tie_parameters(model: str, options: SolveOptions) -> Tie:
         raise InputError(
             f"model {model}: photos are simulated with it, not solved; choose one of {', '.join(solved_models())}"
         )
-    names = parameter_names(model)
+    parameters = told_parameters(model)
+    names = tuple(parameter.name for parameter in parameters)
     value = np.full(len(names), np.nan)
     fixed: list[str] = []
     for name, number in options.fixed:
         k = _index(name, model, names)
-        bounds = MODELS[model].parameters[k]
+        bounds = parameters[k]
         if number is not None and not bounds.lower < number < bounds.upper:
             raise InputError(f"{name}={number:g}: must be more than {bounds.lower:g} and less than {bounds.upper:g}")
         if name in fixed:

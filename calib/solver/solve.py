@@ -1,24 +1,26 @@
 """The solution: from observations, without prior knowledge, to a calibration."""
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.cameras import MODELS
 from calib.cameras.camera import Camera
+from calib.cameras.surface import SurfaceModel, surface_model
 from calib.core.types import Observations, keep_views
-from calib.solver.accuracy import UndeterminedError, accuracy_of, why_degenerate
+from calib.solver.accuracy import Accuracy, UndeterminedError, accuracy_of, why_degenerate
 from calib.solver.calibration import Calibration, Status
 from calib.solver.costs import COSTS
 from calib.solver.descend import Descended, descend, is_robust, without_lens
 from calib.solver.free_bend import solve_bent
-from calib.solver.in_space import SolvedInSpace, descend_in_space, require_planes
+from calib.solver.in_space import descend_in_space, require_planes
 from calib.solver.options import SolveOptions, Tie, tie_parameters
 from calib.solver.outliers import shifted_photo
 from calib.solver.problem import Problem, pack, target_covariance, target_poses
 from calib.solver.start import FirstPoses, coarse_camera, first_poses
+from calib.solver.surface import bend, require_image, require_points, without_rejection
 from designer.base.errors import InputError
 from designer.base.words import shown
 
@@ -53,11 +55,15 @@ def solve(
         flat = replace(options, free_bend=False)
         return solve_bent(observations, lambda seen: solve(seen, model, flat, noise_px2=noise_px2), options)
     require_planes(options.minimise, observations.points, observations.point)
+    surface = surface_model(model)
+    if surface is not None:
+        require_image(surface, options)
+    lens = model if surface is None else surface.base.name
     tie = tie_parameters(model, options)
     noise = observations.cov_px2 if noise_px2 is None else noise_px2
     problem = pack(observations, weighted=options.weighted)
     _require_equations(problem, tie)
-    camera = coarse_camera(problem, model, tie.row, tie.value, options.focal_px, is_robust=is_robust(options))
+    camera = coarse_camera(problem, lens, tie.row, tie.value, options.focal_px, is_robust=is_robust(options))
     first = _poses(problem, camera, tie, options)
     if not first.found.any():
         raise InputError("no view has a pose that shows its points; check that points and pixels belong together")
@@ -68,27 +74,46 @@ def solve(
         problem = pack(observations, weighted=options.weighted)
         _require_equations(problem, tie)
     poses = first.cam_from_target[first.found]
-    descended, told = _down(observations, problem, camera, poses, tie, options, noise)
-    while descended.is_lost.any() and not descended.is_lost.all():
-        remarks += _lost(observations, descended)
-        poses = poses[~descended.is_lost]
-        noise = None if noise is None else noise[~descended.is_lost[observations.view]]
-        observations = keep_views(observations, ~descended.is_lost)
+    down = _down(observations, problem, camera, poses, tie, options, noise, surface)
+    while (is_lost := down.descended.is_lost).any() and not is_lost.all():
+        remarks += _lost(observations, down.descended)
+        poses = poses[~is_lost]
+        noise = None if noise is None else noise[~is_lost[observations.view]]
+        observations = keep_views(observations, ~is_lost)
         problem = pack(observations, weighted=options.weighted)
         _require_equations(problem, tie)
-        descended, told = _down(observations, problem, camera, poses, tie, options, noise)
-    seconds = time.perf_counter() - begin
-    return _calibration(observations, problem, descended, told, tie, options, remarks, seconds)
+        down = _down(observations, problem, camera, poses, tie, options, noise, surface)
+    return _calibration(observations, problem, down, tie, options, remarks, time.perf_counter() - begin)
+
+
+@dataclass(frozen=True, eq=False)
+class _Down:
+    """A minimum, and the one by whose equations it is told whether the photos determine the camera."""
+
+    descended: Descended
+    lens: Descended  # the same, or that of the base of a surface
+    lens_accuracy: Accuracy | None = None  # None: by its equations
+    surface_accuracy: Accuracy | None = None
+    remarks: tuple[str, ...] = ()
 
 
 def _down(
     observations: Observations, problem: Problem, camera: Camera, poses: Array, tie: Tie, options: SolveOptions,
-    noise_px2: Array | None,
-) -> tuple[Descended, SolvedInSpace | None]:  # fmt: skip
-    """Down to the minimum in the image, and from there to that in space if this is asked for."""
-    descended = descend(problem, camera, poses, tie, options, noise_px2)
-    found = descend_in_space(problem, observations.points, observations.point, descended, tie, options, noise_px2)
-    return descended if found is None else found.descended, found
+    noise_px2: Array | None, surface: SurfaceModel | None,
+) -> _Down:  # fmt: skip
+    """Down to the minimum in the image, and from there to that in space or with a surface if this is asked for."""
+    if surface is not None:
+        lens = descend(problem, camera, poses, tie, without_rejection(options), noise_px2)
+        if lens.is_lost.any():
+            return _Down(lens, lens)
+        require_points(problem, surface)
+        bent, accuracy = bend(problem, lens, surface, tie, options, noise_px2)
+        return _Down(bent, lens, surface_accuracy=accuracy)
+    lens = descend(problem, camera, poses, tie, options, noise_px2)
+    found = descend_in_space(problem, observations.points, observations.point, lens, tie, options, noise_px2)
+    if found is None:
+        return _Down(lens, lens)
+    return _Down(found.descended, found.descended, found.accuracy, remarks=(found.remark,))
 
 
 def _check(options: SolveOptions) -> None:
@@ -114,26 +139,27 @@ def _poses(problem: Problem, camera: Camera, tie: Tie, options: SolveOptions) ->
 def _calibration(
     observations: Observations,
     problem: Problem,
-    descended: Descended,
-    in_space: SolvedInSpace | None,
+    down: _Down,
     tie: Tie,
     options: SolveOptions,
     remarks: list[str],
     seconds: float,
 ) -> Calibration:
-    found, is_used = descended.minimum, descended.is_used
-    if in_space is None:
-        accuracy = accuracy_of(found.blocks.products, tie.row, int(is_used.sum()), descended.robust)
-    else:
-        accuracy, remarks = in_space.accuracy, [in_space.remark, *remarks]
-    reason = why_degenerate(observations, found, descended.sigma_px, accuracy, tie)
+    descended, lens, remarks = down.descended, down.lens.minimum, [*down.remarks, *remarks]
+    found, is_used, accuracy = descended.minimum, descended.is_used, down.lens_accuracy
+    if accuracy is None:
+        accuracy = accuracy_of(lens.blocks.products, tie.row, int(down.lens.is_used.sum()), down.lens.robust)
+    reason = why_degenerate(observations, lens, down.lens.sigma_px, accuracy, tie)
     status: Status = "degenerate" if reason else "converged" if found.converged else "stopped"
     if reason:
         remarks = [reason, *remarks]
     elif not found.converged:
         remarks = [f"stopped after {found.iterations} steps, short of the minimum; allow more", *remarks]
     else:
-        remarks = [*remarks, *shifted_photo(found.blocks.products, tie, observations.view_names)]
+        remarks = [*remarks, *shifted_photo(lens.blocks.products, tie, observations.view_names)]
+    accuracy = down.surface_accuracy or accuracy
+    if reason and down.surface_accuracy is not None:
+        accuracy = replace(accuracy, param_covariance=np.full_like(accuracy.param_covariance, np.nan))
     beyond, left_out = descended.is_beyond, int((~is_used & ~descended.is_beyond).sum())
     remarks = [*remarks, *_beyond(observations, descended)]
     if not is_robust(options):

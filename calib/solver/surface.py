@@ -18,6 +18,7 @@ from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread_with_scipy
 from calib.solver.accuracy import Accuracy, UndeterminedError
 from calib.solver.blocks import Blocks, Misfit, RobustLoss, view_misfit
+from calib.solver.costs import IMAGE
 from calib.solver.descend import Descended, is_robust, lost_views
 from calib.solver.levenberg import FIRST_DAMPING, Minimum, is_allowed, move_poses, turn_of_centre
 from calib.solver.options import Loss, SolveOptions, Tie
@@ -25,6 +26,7 @@ from calib.solver.outliers import deviations, robust_covariance_factor, robust_s
 from calib.solver.problem import Problem
 from calib.solver.surface_equations import POSE, SurfaceEquations, eliminated, free_motions, surface_equations
 from calib.solver.surface_prior import Smoothness, SurfaceProblem, likeliest, precision, roughness
+from designer.base.errors import InputError
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -36,16 +38,9 @@ ROUNDS = 6
 LEARN_IN_ROUNDS = 2
 """The smoothness is that of the base's residuals first, then of the surface's own."""
 MOST_STEPS = 30
-SMALL_DECREASE = 1e-13
+SMALL_DECREASE = 1e-10
+"""Of the cost: with 100,000 observations the unknowns are then within a few thousandths of standard deviations."""
 LARGEST_DAMPING = 1e6
-
-
-@dataclass(frozen=True, eq=False)
-class Bent:
-    """A minimum with a surface, and how sure it is."""
-
-    descended: Descended
-    accuracy: Accuracy
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +60,31 @@ class _Task:
 
     problem: Problem
     model: SurfaceModel
-    spread: Array  # (P, Q) of the free parameters, control points among them
+    spread: Array  # (B, F) of the base's free parameters; control points are all free
     parts: Array  # see `roughness`
 
     @property
     def free(self) -> int:
         """Free parameters of the base."""
-        return self.spread.shape[1] - 2 * len(self.parts[0])
+        return self.spread.shape[1]
+
+    def normal_of_free(self, matrix: Array) -> Array:
+        """A symmetric matrix of all parameters (P, P) by the free ones (Q, Q)."""
+        base, free = self.spread.shape
+        part = np.empty((len(matrix) - base + free,) * 2)
+        part[:free, :free] = self.spread.T @ matrix[:base, :base] @ self.spread
+        part[:free, free:] = self.spread.T @ matrix[:base, base:]
+        part[free:, :free] = part[:free, free:].T
+        part[free:, free:] = matrix[base:, base:]
+        return part
+
+    def gradient_of_free(self, vector: Array) -> Array:
+        """The same of a gradient."""
+        return np.concatenate([self.spread.T @ vector[: len(self.spread)], vector[len(self.spread) :]])
+
+    def of_all(self, free: Array) -> Array:
+        """A step of the free parameters (Q, ...) as one of all (P, ...)."""
+        return np.concatenate([self.spread @ free[: self.free], free[self.free :]])
 
     def loss(self, kind: Loss, residual_px: Array) -> RobustLoss:
         """A loss with its knee where these residuals bend."""
@@ -80,6 +93,19 @@ class _Task:
     def misfit_of(self, state: _State, loss: RobustLoss) -> Misfit:
         """Of all sightings."""
         return view_misfit(self.problem, state.camera, state.cam_from_target, loss)
+
+
+def require_image(model: SurfaceModel, options: SolveOptions) -> None:
+    """Refuse what is not minimised with a surface.
+
+    Raises:
+        InputError: so it is.
+    """
+    if options.minimise != IMAGE:
+        raise InputError(
+            f"minimise {options.minimise}: with the {model.name} model distances in the image are minimised; leave it "
+            f"out, or solve another model, such as {model.base.name}"
+        )
 
 
 def require_points(problem: Problem, model: SurfaceModel) -> None:
@@ -97,11 +123,18 @@ def require_points(problem: Problem, model: SurfaceModel) -> None:
         )
 
 
+def without_rejection(options: SolveOptions) -> SolveOptions:
+    """For the base: what it does not follow may be no outlier, and is weighed down only."""
+    if options.reject_sigma is None:
+        return options
+    return replace(options, reject_sigma=None, loss="cauchy")
+
+
 @one_thread_with_scipy
 def bend(
     problem: Problem, base: Descended, model: SurfaceModel, tie: Tie, options: SolveOptions, cov_px2: Array | None
-) -> Bent:
-    """Solve all together, from a minimum of the base.
+) -> tuple[Descended, Accuracy]:
+    """Solve all together, from a minimum of the base: the minimum of both, and how sure it is.
 
     Args:
         problem: what was seen.
@@ -111,13 +144,10 @@ def bend(
         options: weights, losses, the limit of outliers.
         cov_px2: by which it is told what is far off, as `solve` has it.
     """
-    control, minimum = 2 * model.control_rows * model.control_columns, base.minimum
-    camera = Camera(model.name, np.concatenate([minimum.camera.params, np.zeros(control)]), problem.image_size)
+    minimum, straight = base.minimum, np.zeros(2 * model.control_rows * model.control_columns)
+    camera = Camera(model.name, np.concatenate([minimum.camera.params, straight]), problem.image_size)
     state = _State(camera, minimum.cam_from_target, iterations=minimum.iterations)
-    free = int(tie.row.max(initial=-1)) + 1
-    spread = np.zeros((len(camera.params), free + control))
-    spread[: len(tie.row), :free] = tie.row[:, None] == np.arange(free)
-    spread[len(tie.row) :, free:] = np.eye(control)
+    spread: Array = (tie.row[:, None] == np.arange(int(tie.row.max(initial=-1)) + 1)).astype(np.float64)
     parts = roughness(
         model.scale(problem.image_size), (model.control_rows, model.control_columns),
         0.5 * float(np.hypot(*problem.image_size)),
@@ -128,7 +158,7 @@ def bend(
     return _forgiving(task, state, is_beyond, options, cov_px2)
 
 
-def _forgiving(task: _Task, state: _State, is_beyond: Flags, options: SolveOptions, cov_px2: Array | None) -> Bent:
+def _forgiving(task: _Task, state: _State, is_beyond: Flags, options: SolveOptions, cov_px2: Array | None) -> tuple[Descended, Accuracy]:
     """Descend, and weigh down or leave out what lies far off, until nothing changes."""
     limit, is_used, loss = options.reject_sigma, task.problem.is_used, RobustLoss()
     first: Loss = options.loss if limit is None else "cauchy"
@@ -177,7 +207,7 @@ def _surface_problem(task: _Task, state: _State, equations: SurfaceEquations) ->
     """The problem of the control points alone, counted from zero."""
     free, control = task.free, state.camera.params[task.model.first_control :]
     found = eliminated(equations)
-    normal, gradient = task.spread.T @ found.normal @ task.spread, task.spread.T @ found.gradient
+    normal, gradient = task.normal_of_free(found.normal), task.gradient_of_free(found.gradient)
     inverse, across = symmetric_inverse(normal[:free, :free]).inverse, normal[:free, free:]
     pull = inverse @ gradient[:free]
     inner = normal[free:, free:] - across.T @ inverse @ across
@@ -185,13 +215,14 @@ def _surface_problem(task: _Task, state: _State, equations: SurfaceEquations) ->
     at_zero = slope - inner @ control
     square = found.square - float(gradient[:free] @ pull) - float((slope + at_zero) @ control)
     freedom = 2 * int(task.problem.is_used.sum()) - POSE * task.problem.view_count - free
-    pinned = free_motions(equations, state.cam_from_target, task.spread[: task.model.first_control, :free])
+    pinned = free_motions(equations, state.cam_from_target, task.spread)
     return SurfaceProblem(inner, at_zero, square, freedom, pinned, task.parts)
 
 
 def _prior(task: _Task, surface: SurfaceProblem, smoothness: Smoothness) -> Array:
     """The precision of all P parameters: that of the control points."""
-    first, size = task.model.first_control, len(task.spread)
+    first = task.model.first_control
+    size = len(task.model.parameters)
     prior = np.zeros((size, size))
     prior[first:, first:] = surface.prior(precision(task.parts, smoothness))
     return prior
@@ -199,7 +230,7 @@ def _prior(task: _Task, surface: SurfaceProblem, smoothness: Smoothness) -> Arra
 
 def _lowest(task: _Task, state: _State, loss: RobustLoss, prior: Array) -> _State:
     """Levenberg-Marquardt: the sum of the losses, and the control points by their prior."""
-    from scipy.linalg import cho_factor, cho_solve
+    from scipy.linalg.lapack import dpotrf, dpotrs
 
     def cost_of(there: _State) -> float:
         return float(task.misfit_of(there, loss).cost.sum() + there.camera.params @ prior @ there.camera.params)
@@ -208,11 +239,11 @@ def _lowest(task: _Task, state: _State, loss: RobustLoss, prior: Array) -> _Stat
     equations = _equations(task, state, loss)
     for _ in range(MOST_STEPS):
         found = eliminated(equations, damping)
-        normal = task.spread.T @ (found.normal + prior) @ task.spread
-        gradient = task.spread.T @ (found.gradient + prior @ state.camera.params)
+        normal = task.normal_of_free(found.normal + prior)
+        gradient = task.gradient_of_free(found.gradient + prior @ state.camera.params)
         normal[np.diag_indices(len(normal))] *= 1 + damping
-        free = -cho_solve(cho_factor(normal, lower=True), gradient)
-        step = task.spread @ free
+        free = -dpotrs(dpotrf(normal.T, lower=1, overwrite_a=1)[0], gradient, lower=1)[0]
+        step = task.of_all(free)
         trial = replace(state.camera, params=state.camera.params + step)
         poses = move_poses(state.cam_from_target, found.pose_step(step), turn_of_centre(state.camera, trial))
         there = replace(state, camera=trial, cam_from_target=poses, iterations=state.iterations + 1)
@@ -229,9 +260,18 @@ def _lowest(task: _Task, state: _State, loss: RobustLoss, prior: Array) -> _Stat
     return state
 
 
+def _inverse(normal: Array) -> Array:
+    """Of a positive definite matrix; nan if it is none."""
+    from scipy.linalg.lapack import dpotrf, dpotri
+
+    factor, failed = dpotrf(normal, lower=1)
+    inverse = np.tril(dpotri(factor, lower=1, overwrite_c=1)[0])
+    return np.full_like(normal, np.nan) if failed else inverse + np.tril(inverse, -1).T
+
+
 def _bent(
     task: _Task, state: _State, loss: RobustLoss, is_beyond: Flags, options: SolveOptions, cov_px2: Array | None
-) -> Bent:
+) -> tuple[Descended, Accuracy]:
     """What came of it."""
     problem, misfit = task.problem, task.misfit_of(state, loss)
     residual, equations = misfit.residual_px, _equations(task, state, loss)
@@ -245,13 +285,11 @@ def _bent(
         state.converged,
     )  # fmt: skip
     sigma_px = robust_sigma(residual)
-    return Bent(
-        Descended(
-            minimum, problem.is_used, is_beyond, sigma_px, deviations(residual, cov_px2, sigma_px), robust,
-            lost_views(problem, problem.is_used),
-        ),
-        accuracy,
+    descended = Descended(
+        minimum, problem.is_used, is_beyond, sigma_px, deviations(residual, cov_px2, sigma_px), robust,
+        lost_views(problem, problem.is_used),
     )  # fmt: skip
+    return descended, accuracy
 
 
 def _accuracy(
@@ -265,8 +303,9 @@ def _accuracy(
     if state.smoothness is None:
         raise ValueError("the smoothness is not known yet")
     surface, found = _surface_problem(task, state, equations), eliminated(equations)
-    prior, spread, used = _prior(task, surface, state.smoothness), task.spread, int(task.problem.is_used.sum())
-    inverse = spread @ symmetric_inverse(spread.T @ (found.normal + prior) @ spread).inverse @ spread.T
+    prior, used = _prior(task, surface, state.smoothness), int(task.problem.is_used.sum())
+    of_free = _inverse(task.normal_of_free(found.normal + prior))
+    inverse = task.of_all(task.of_all(of_free).T)
     redundancy = 2 * used - POSE * task.problem.view_count - float((inverse * found.normal).sum())
     scale = float(np.sqrt(equations.square / redundancy)) if redundancy > 0 else float("nan")
     factor = scale**2

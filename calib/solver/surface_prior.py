@@ -98,8 +98,8 @@ class SurfaceProblem:
 
 START = Smoothness(0.5, 30.0)
 BOUNDS = (0.05, 20.0), (1e-3, 1e7)
-FIRST_TRIALS, MORE_TRIALS = 40, 12
-CLOSE, ALIKE = 0.1, 0.3
+FIRST_TRIALS, MORE_TRIALS = 30, 8
+CLOSE, ALIKE = 0.2, 1.0
 """In logarithms of the two numbers, and of the likelihood: held-out photos hardly tell apart what is ten times closer."""
 
 

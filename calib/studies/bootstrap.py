@@ -105,7 +105,8 @@ def make_pool(observations: Observations, model: str, options: SolveOptions, tru
     poses[:, :3, 3] += poses[:, :3, :3] @ problem.origin_mm
     tie = tie_parameters(model, options)
     expansion = None
-    if calibration.camera.learned is None and not is_robust(options) and calibration.status == "converged":
+    is_few = model in fitted_models()  # of hundreds of parameters there is no expansion
+    if is_few and not is_robust(options) and calibration.status == "converged":
         expansion = expand(problem, calibration, poses, tie)
     return Pool(kept, model, options, calibration, problem, tie, poses, center, remarks, expansion)
 

@@ -299,10 +299,10 @@ def correlations(samples: SampleArrays, names: Sequence[str]) -> Correlations:
 
     Args:
         samples: of a case.
-        names: (P,) of the parameters.
+        names: of the parameters, or of the first of them.
     """
     is_good = (np.asarray(samples.status, dtype=np.str_) == "converged") & np.isfinite(samples.params).all(axis=1)
-    params = samples.params[is_good]
+    params = samples.params[is_good, : len(names)]
     if len(params) < 3:
         return Correlations(tuple(names), np.full((len(names), len(names)), np.nan), len(params))
     centred = params - params.mean(axis=0)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from calib.cameras import MODELS
+from calib.cameras import MODELS, told_parameters
 from calib.studies.findings import HeldClaim, findings
 from calib.studies.statistics import (
     METRICS,
@@ -119,7 +119,7 @@ class StudyCases:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the camera's parameters.  # (P,)"""
-        return tuple(one.name for one in MODELS[self.model].parameters)
+        return tuple(one.name for one in told_parameters(self.model))
 
     def together(self, case: Case) -> Correlations:
         """The correlations of the parameters in a case's samples."""
@@ -170,7 +170,7 @@ def _camera_spread(cases: StudyCases, case: Case) -> CameraSpread | None:
     columns: Sequence[Array] = (params.mean(axis=0), params.std(axis=0, ddof=1), stated)
     parameters = tuple(
         SpreadParameter(one.name, "" if one.unit == "1" else one.unit, *map(float, row))
-        for one, *row in zip(MODELS[cases.model].parameters, *columns, strict=True)
+        for one, *row in zip(told_parameters(cases.model), *columns, strict=False)  # they come first
     )
     strongest = cases.together(case).strongest
     return CameraSpread(case, len(params), parameters, None if strongest is None else StrongestTie(*strongest))

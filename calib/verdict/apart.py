@@ -18,7 +18,7 @@ from calib.core.types import frozen_array
 from calib.solver.accuracy import SHARE_PERCENT
 from calib.verdict.coverage import Coverage
 from designer.base.errors import InputError
-from designer.base.marks import Shape
+from designer.base.marks import PACKED, Shape
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class Known:
     """A camera with the covariance of its parameters."""
 
     camera: Camera
-    param_covariance: Annotated[Array, Shape("P", "P")]
+    param_covariance: Annotated[Array, Shape("P", "P"), PACKED]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "param_covariance", frozen_array(self.param_covariance))

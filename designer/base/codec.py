@@ -25,7 +25,7 @@ from typing import (
 )  # fmt: skip
 
 from designer.base.errors import InputError
-from designer.base.marks import INLINE, LEFT_OUT, ONE_LINE, OR_NULL, Bound, Key, Mark, NullIs, Shape
+from designer.base.marks import INLINE, LEFT_OUT, ONE_LINE, OR_NULL, PACKED, Bound, Key, Mark, NullIs, Shape
 from designer.base.small_file import JsonValue
 from designer.base.words import printable, shown, suggestion
 
@@ -107,7 +107,7 @@ def _encode(hint: object, value: object) -> JsonValue:
         return {key: _encode(inner[1], item) for key, item in value.items()}
     if isinstance(base, type) and dataclasses.is_dataclass(base):
         return _encode_fields(base, value) if _own_form(base) is None else cast(OwnForm, value).to_json()
-    return _encode_array(value, has_gaps=OR_NULL in marks)
+    return _encode_packed(value) if PACKED in marks else _encode_array(value, has_gaps=OR_NULL in marks)
 
 
 def _encode_fields(kind: type, value: object) -> dict[str, JsonValue]:
@@ -129,6 +129,15 @@ def _encode_array(value: object, *, has_gaps: bool) -> JsonValue:
     if has_gaps:
         array = np.where(np.isfinite(array), array.astype(object), np.array(None))
     return cast("JsonValue", array.tolist())
+
+
+def _encode_packed(value: object) -> JsonValue:
+    import numpy as np
+
+    from designer.base.packed import LARGE, pack_covariance
+
+    matrix = np.asarray(value, dtype=np.float64)
+    return pack_covariance(matrix) if len(matrix) > LARGE else _encode_array(matrix, has_gaps=True)
 
 
 @cache
@@ -318,6 +327,8 @@ def _decode_array(
     shape, has_gaps = _find(marks, Shape), OR_NULL in marks
     if shape is None:
         raise TypeError(f"{place}: an array without a shape")
+    if PACKED in marks and isinstance(value, dict):
+        return _decode_packed(shape, value, place, sizes)
     flat, counts = _flattened(value, shape, place, sizes)
     words, allowed = _LEAVES[np.dtype(dtype).kind]
     is_fine = [
@@ -338,6 +349,19 @@ def _decode_array(
     for wanted, count in zip(shape.sizes, counts, strict=True):
         _bind(wanted, count, place, sizes)
     return numbers.reshape(counts)
+
+
+def _decode_packed(shape: Shape, value: dict[str, JsonValue], place: str, sizes: dict[str, int]) -> object:
+    """The covariance of a short form."""
+    from designer.base.packed import unpack_covariance
+
+    try:
+        matrix = unpack_covariance(value)
+    except ValueError as error:
+        raise BadValueError(f"{place} {error}") from None
+    for wanted, count in zip(shape.sizes, matrix.shape, strict=True):
+        _bind(wanted, count, place, sizes)
+    return matrix
 
 
 _LEAVES: Mapping[str, tuple[str, tuple[type, ...]]] = {

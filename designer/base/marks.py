@@ -103,6 +103,8 @@ ONE_LINE: Final = Sign()
 """Text of which a page or a terminal shows one line, whatever a file holds."""
 LEFT_OUT: Final = Sign()
 """None and "" are not written."""
+PACKED: Final = Sign()
+"""A covariance; one of hundreds of parameters is written short, see `designer.base.packed`."""
 INLINE: Final = Sign()
 """A dataclass whose fields stand among those of the one around it."""
 
