@@ -67,7 +67,9 @@ class ImageField:
     """Errors that are fixed in the image and that the lens model does not follow, as the residuals show them."""
 
     left_px: Annotated[float, AtLeast(0)]  # root mean square that it leaves in a coordinate of the residuals
-    param_covariance: Annotated[NDArray[np.float64], Shape("P", "P"), PACKED]  # of what the parameters took of it, to be added
+    param_covariance: Annotated[
+        NDArray[np.float64], Shape("P", "P"), PACKED
+    ]  # of what the parameters took of it, to be added
 
     def __post_init__(self) -> None:
         freeze(self, "param_covariance")

@@ -2,9 +2,9 @@
 
 The base, a model of few parameters, is solved first, from nothing; then all are solved together, Gauss-Newton on
 `sum loss(r) + d' Q d` with the precision Q of the control points d that makes the photos likeliest
-(`calib.solver.surface_prior`). What the base's parameters and a turn of the camera do as well is theirs: the surface has
-no part in those directions. Where nothing was seen the prior carries on, and the covariance, that of the parameters
-given the photos, grows to its amplitude.
+(`calib.solver.surface_prior`). What the base's parameters and a turn of the camera do as well is theirs: the surface
+has no part in those directions. Where nothing was seen the prior carries on, and the covariance, that of the
+parameters given the photos, grows to its amplitude.
 """
 
 from dataclasses import dataclass, replace
@@ -66,7 +66,7 @@ class _Task:
     @property
     def free(self) -> int:
         """Free parameters of the base."""
-        return self.spread.shape[1]
+        return int(self.spread.shape[1])
 
     def normal_of_free(self, matrix: Array) -> Array:
         """A symmetric matrix of all parameters (P, P) by the free ones (Q, Q)."""
@@ -158,7 +158,9 @@ def bend(
     return _forgiving(task, state, is_beyond, options, cov_px2)
 
 
-def _forgiving(task: _Task, state: _State, is_beyond: Flags, options: SolveOptions, cov_px2: Array | None) -> tuple[Descended, Accuracy]:
+def _forgiving(
+    task: _Task, state: _State, is_beyond: Flags, options: SolveOptions, cov_px2: Array | None
+) -> tuple[Descended, Accuracy]:
     """Descend, and weigh down or leave out what lies far off, until nothing changes."""
     limit, is_used, loss = options.reject_sigma, task.problem.is_used, RobustLoss()
     first: Loss = options.loss if limit is None else "cauchy"
@@ -175,7 +177,9 @@ def _forgiving(task: _Task, state: _State, is_beyond: Flags, options: SolveOptio
         loss = task.loss(kind, residual)
         part = replace(task, problem=replace(task.problem, is_used=is_used))
         state = _descended(part, state, loss, learns=count <= LEARN_IN_ROUNDS)
-    return _bent(replace(task, problem=replace(task.problem, is_used=is_used)), state, loss, is_beyond, options, cov_px2)
+    return _bent(
+        replace(task, problem=replace(task.problem, is_used=is_used)), state, loss, is_beyond, options, cov_px2
+    )
 
 
 def _weights(task: _Task, state: _State, loss: RobustLoss) -> Array:
@@ -184,7 +188,7 @@ def _weights(task: _Task, state: _State, loss: RobustLoss) -> Array:
         return np.ones(len(task.problem.is_used))
     length = np.hypot(*whitened(task.problem.whitener, task.misfit_of(state, loss).residual_px))
     if loss.kind == "huber":
-        return np.minimum(1.0, loss.knee / np.maximum(length, 1e-300))
+        return np.asarray(np.minimum(1.0, loss.knee / np.maximum(length, 1e-300)))
     return np.asarray(1 / (1 + (length / loss.knee) ** 2))
 
 
@@ -292,9 +296,7 @@ def _bent(
     return descended, accuracy
 
 
-def _accuracy(
-    task: _Task, state: _State, equations: SurfaceEquations, robust: tuple[float, float] | None
-) -> Accuracy:
+def _accuracy(task: _Task, state: _State, equations: SurfaceEquations, robust: tuple[float, float] | None) -> Accuracy:
     """Covariances of all parameters and of the poses, given the photos and the prior.
 
     With S the normal matrix without the poses, it is `(S + Q)^-1` times the noise's variance, which is the sum of

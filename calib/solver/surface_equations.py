@@ -182,7 +182,6 @@ def eliminated(equations: SurfaceEquations, damping: float = 0.0) -> Eliminated:
     )  # fmt: skip
 
 
-
 def free_motions(equations: SurfaceEquations, cam_from_target: Array, spread: Array) -> Array:
     """Orthonormal directions (2 R C, F + 3) of control points that do what the base or a turn of the camera would do.
 

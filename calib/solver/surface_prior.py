@@ -29,7 +29,7 @@ class Smoothness:
 
 
 def roughness(scale: Array, counts: tuple[int, int], half_diagonal_px: float) -> Array:
-    """Integrals of the squared derivatives of orders 0 to 3 over the domain: matrices of one coordinate's control points.
+    """Integrals of the squared derivatives of orders 0 to 3 over the domain, of one coordinate's K points (4, K, K).
 
     Args:
         scale: see `SurfaceModel.scale`.
@@ -50,12 +50,14 @@ def _along(count: int, per_unit: float) -> Array:
     t, share = 0.5 * (node + 1), 0.5 * share
     s = 1 - t
     zero = np.ones_like(t)
-    pieces = np.array([
-        (s**3 / 6, (3 * t**3 - 6 * t**2 + 4) / 6, (3 * s**3 - 6 * s**2 + 4) / 6, t**3 / 6),
-        (-(s**2) / 2, 1.5 * t**2 - 2 * t, 2 * s - 1.5 * s**2, t**2 / 2),
-        (s, 3 * t - 2, 3 * s - 2, t),
-        (-zero, 3 * zero, -3 * zero, zero),
-    ])  # (order, piece, node)
+    pieces = np.array(
+        [
+            (s**3 / 6, (3 * t**3 - 6 * t**2 + 4) / 6, (3 * s**3 - 6 * s**2 + 4) / 6, t**3 / 6),
+            (-(s**2) / 2, 1.5 * t**2 - 2 * t, 2 * s - 1.5 * s**2, t**2 / 2),
+            (s, 3 * t - 2, 3 * s - 2, t),
+            (-zero, 3 * zero, -3 * zero, zero),
+        ]
+    )  # (order, piece, node)
     gram = np.zeros((ORDER + 1, count, count))
     for order in range(ORDER + 1):
         one = (pieces[order] * share) @ pieces[order].T * per_unit ** (2 * order - 1)
@@ -100,7 +102,7 @@ START = Smoothness(0.5, 30.0)
 BOUNDS = (0.05, 20.0), (1e-3, 1e7)
 FIRST_TRIALS, MORE_TRIALS = 30, 8
 CLOSE, ALIKE = 0.2, 1.0
-"""In logarithms of the two numbers, and of the likelihood: held-out photos hardly tell apart what is ten times closer."""
+"""Of the logarithms of the two numbers, and of the likelihood: held-out photos do not tell apart what is closer."""
 
 
 def likeliest(found: SurfaceProblem, start: Smoothness | None = None) -> Smoothness:

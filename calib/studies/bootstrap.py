@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cameras import fitted_models
 from calib.core.parallel import one_thread
 from calib.core.se3 import make_pose
 from calib.core.types import Observations, keep_sightings

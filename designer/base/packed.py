@@ -37,7 +37,7 @@ def _root(matrix: Array) -> Array:
         return np.asarray(np.linalg.cholesky(matrix))
     except np.linalg.LinAlgError:
         value, vector = np.linalg.eigh(matrix)
-        upper = np.linalg.qr((vector * np.sqrt(np.maximum(value, 0.0))).T, mode="r")
+        upper: Array = np.asarray(np.linalg.qr((vector * np.sqrt(np.maximum(value, 0.0))).T, mode="r"))
         return np.asarray(upper.T * np.where(np.diagonal(upper) < 0, -1.0, 1.0))
 
 
@@ -60,11 +60,13 @@ def unpack_covariance(value: dict[str, JsonValue]) -> Array:
         raise ValueError(f"{ROOT} must be a triangle of {len(sigma)} rows, of whole numbers up to {PARTS}")
     lower = np.zeros((len(sigma), len(sigma)))
     for n, row in enumerate(root):
-        lower[n, : n + 1] = row
+        lower[n, : n + 1] = np.array(row, dtype=np.float64)
     scaled = lower * (np.array(sigma, dtype=np.float64)[:, None] / PARTS)
     return np.asarray(scaled @ scaled.T)
 
 
 def _is_row(row: JsonValue, count: int) -> bool:
     """Whether these are the numbers of a row of the triangle."""
-    return isinstance(row, list) and len(row) == count and all(type(one) is int and abs(one) <= 2 * PARTS for one in row)
+    if not isinstance(row, list) or len(row) != count:
+        return False
+    return all(isinstance(one, int) and abs(one) <= 2 * PARTS for one in row)
